@@ -1,0 +1,71 @@
+//! Pinhole cameras: the one camera model behind the loaders (distorted photos are undistorted on load).
+//!
+//! View space follows COLMAP: x right, y down, z forward. Pixel centres lie at `+0.5`: the pixel with
+//! column index 0 covers `[0, 1)` and its centre projects to `u = 0.5` (method.md section 2).
+
+use glam::{DMat3, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A posed pinhole camera with its own image size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Focal lengths in pixels (x, y).
+    pub focal: DVec2,
+    /// Principal point in pixels, pixel centres at +0.5.
+    pub principal: DVec2,
+    /// Rotation that takes world directions to view directions.
+    pub view_from_world: DMat3,
+    /// `x_view = view_from_world * x_world + translation`.
+    pub translation: DVec3,
+}
+
+impl Camera {
+    /// Camera centre in world space.
+    pub fn center(&self) -> DVec3 {
+        -(self.view_from_world.transpose() * self.translation)
+    }
+
+    /// World point to view space.
+    pub fn to_view(&self, world: DVec3) -> DVec3 {
+        self.view_from_world * world + self.translation
+    }
+
+    /// World point to pixel coordinates and view depth.
+    pub fn project(&self, world: DVec3) -> (DVec2, f64) {
+        let p = self.to_view(world);
+        (self.focal * p.truncate() / p.z + self.principal, p.z)
+    }
+
+    /// Unit viewing direction in world space through pixel coordinates `uv` (pixel centres at +0.5).
+    pub fn ray(&self, uv: DVec2) -> DVec3 {
+        let r = (uv - self.principal) / self.focal;
+        (self.view_from_world.transpose() * r.extend(1.0)).normalize()
+    }
+
+    /// Unit optical axis in world space.
+    pub fn forward(&self) -> DVec3 {
+        self.view_from_world.transpose() * DVec3::Z
+    }
+
+    /// The same camera for a photo resized to `width` x `height`.
+    pub fn resized(&self, width: u32, height: u32) -> Camera {
+        let scale = DVec2::new(f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Camera { width, height, focal: self.focal * scale, principal: self.principal * scale, ..*self }
+    }
+
+    /// The same camera with the principal point moved to the image centre (the published code's setting).
+    pub fn centred(&self) -> Camera {
+        Camera { principal: DVec2::new(f64::from(self.width), f64::from(self.height)) / 2.0, ..*self }
+    }
+}
+
+/// Scene extent: 1.1 x the largest distance of a camera from the mean camera position (method.md section 1).
+pub fn scene_extent<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> f64 {
+    let count = cameras.clone().count().max(1) as f64;
+    let mean = cameras.clone().map(Camera::center).sum::<DVec3>() / count;
+    1.1 * cameras.map(|c| c.center().distance(mean)).fold(0.0, f64::max)
+}

@@ -1,0 +1,172 @@
+//! COLMAP's binary files, little endian. No count in them is trusted before it is compared with the file's length.
+
+use super::{CameraRecord, ImageRecord, model_by_id};
+use crate::dataset::Point;
+use crate::dataset::error::{DatasetError, read_bytes};
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Smallest sizes in bytes of a record: a camera of 3 parameters, an image with an empty name and no points, a
+/// point without track.
+const CAMERA_BYTES: u64 = 4 + 4 + 8 + 8 + 3 * 8;
+const IMAGE_BYTES: u64 = 4 + 7 * 8 + 4 + 1 + 8;
+const POINT_BYTES: u64 = 8 + 3 * 8 + 3 + 8 + 8;
+/// An observation in an image (x, y, point id) and an element of a point's track (image id, index).
+const OBSERVATION_BYTES: u64 = 24;
+const TRACK_BYTES: u64 = 8;
+
+/// Reads a byte slice front to back and knows where it is.
+struct Reader<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    offset: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, bytes: &'a [u8]) -> Reader<'a> {
+        Reader { path, bytes, offset: 0 }
+    }
+
+    fn rest(&self) -> &'a [u8] {
+        self.bytes.get(self.offset..).unwrap_or_default()
+    }
+
+    fn take<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N], DatasetError> {
+        match self.rest().first_chunk::<N>() {
+            Some(chunk) => {
+                self.offset += N;
+                Ok(*chunk)
+            }
+            None => Err(self.truncated(what)),
+        }
+    }
+
+    fn truncated(&self, what: &'static str) -> DatasetError {
+        DatasetError::Truncated { path: self.path.to_owned(), offset: self.bytes.len(), what }
+    }
+
+    fn u32(&mut self, what: &'static str) -> Result<u32, DatasetError> {
+        self.take(what).map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self, what: &'static str) -> Result<u64, DatasetError> {
+        self.take(what).map(u64::from_le_bytes)
+    }
+
+    fn f64s<const N: usize>(&mut self, what: &'static str) -> Result<[f64; N], DatasetError> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = f64::from_le_bytes(self.take(what)?);
+        }
+        Ok(values)
+    }
+
+    /// A count of records that take at least `bytes_each`, checked against what is left of the file.
+    fn count(&mut self, what: &'static str, bytes_each: u64) -> Result<usize, DatasetError> {
+        let offset = self.offset;
+        let claimed = self.u64(what)?;
+        let room = self.rest().len() as u64 / bytes_each;
+        if claimed > room {
+            let path = self.path.to_owned();
+            return Err(DatasetError::Count { path, offset, what, claimed, room });
+        }
+        Ok(claimed as usize)
+    }
+
+    /// Skips a counted list.
+    fn skip_list(&mut self, what: &'static str, bytes_each: u64) -> Result<(), DatasetError> {
+        let count = self.count(what, bytes_each)?;
+        self.offset += count * bytes_each as usize;
+        Ok(())
+    }
+
+    /// A name that ends with a zero byte.
+    fn name(&mut self) -> Result<String, DatasetError> {
+        let what = "an image name";
+        let length = self.rest().iter().position(|byte| *byte == 0);
+        let length = length.ok_or_else(|| self.truncated(what))?;
+        let name = std::str::from_utf8(&self.rest()[..length])
+            .map_err(|_| DatasetError::byte(self.path, self.offset, "the image name is not UTF-8"))?;
+        self.offset += length + 1;
+        Ok(name.to_owned())
+    }
+
+    fn finish(&self, what: &'static str, count: usize) -> Result<(), DatasetError> {
+        match self.rest().len() {
+            0 => Ok(()),
+            left => {
+                let (path, offset) = (self.path.to_owned(), self.offset);
+                Err(DatasetError::Trailing { path, offset, what, count, left })
+            }
+        }
+    }
+}
+
+/// Reads `cameras.bin`.
+pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
+    let bytes = read_bytes(path)?;
+    let mut reader = Reader::new(path, &bytes);
+    let count = reader.count("cameras", CAMERA_BYTES)?;
+    let mut cameras = BTreeMap::new();
+    for _ in 0..count {
+        let id = reader.u32("a camera id")?;
+        let at = reader.offset;
+        let number = reader.u32("a camera model")? as i32;
+        let Some((model, param_count)) = model_by_id(number) else {
+            return Err(DatasetError::CameraModel {
+                path: path.to_owned(),
+                camera: format!("camera {id} at byte {at}"),
+                model: format!("number {number}"),
+            });
+        };
+        let width = reader.u64("a camera width")?;
+        let height = reader.u64("a camera height")?;
+        let mut params = Vec::with_capacity(param_count);
+        for _ in 0..param_count {
+            params.extend(reader.f64s::<1>("the camera parameters")?);
+        }
+        if cameras.insert(id, CameraRecord { model, width, height, params }).is_some() {
+            return Err(DatasetError::byte(path, at, format!("camera {id} is listed twice")));
+        }
+    }
+    reader.finish("cameras", count)?;
+    Ok(cameras)
+}
+
+/// Reads `images.bin`; the observations are skipped.
+pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>, DatasetError> {
+    let bytes = read_bytes(path)?;
+    let mut reader = Reader::new(path, &bytes);
+    let count = reader.count("images", IMAGE_BYTES)?;
+    let mut images = Vec::with_capacity(count);
+    for _ in 0..count {
+        reader.u32("an image id")?;
+        let quaternion = reader.f64s("an image rotation")?;
+        let translation = reader.f64s("an image translation")?;
+        let camera = reader.u32("an image's camera id")?;
+        let name = reader.name()?;
+        reader.skip_list("observations", OBSERVATION_BYTES)?;
+        images.push(ImageRecord { name, camera, quaternion, translation });
+    }
+    reader.finish("images", count)?;
+    Ok(images)
+}
+
+/// Reads `points3D.bin`; errors and tracks are skipped.
+pub(super) fn points(path: &Path) -> Result<Vec<Point>, DatasetError> {
+    let bytes = read_bytes(path)?;
+    let mut reader = Reader::new(path, &bytes);
+    let count = reader.count("points", POINT_BYTES)?;
+    let mut points = Vec::with_capacity(count);
+    for _ in 0..count {
+        reader.u64("a point id")?;
+        let position = DVec3::from_array(reader.f64s("a point position")?);
+        let color = reader.take("a point colour")?;
+        reader.f64s::<1>("a point error")?;
+        reader.skip_list("track elements", TRACK_BYTES)?;
+        points.push(Point { position, color });
+    }
+    reader.finish("points", count)?;
+    Ok(points)
+}

@@ -1,0 +1,139 @@
+//! COLMAP's text files. Lines count from 1; blank lines and lines that start with `#` are comments.
+
+use super::{CameraRecord, ImageRecord, model_by_name};
+use crate::dataset::Point;
+use crate::dataset::error::{DatasetError, read_text};
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::{FromStr, SplitWhitespace};
+
+/// The fields of one line.
+struct Fields<'a> {
+    path: &'a Path,
+    line: usize,
+    rest: SplitWhitespace<'a>,
+}
+
+impl<'a> Fields<'a> {
+    fn new(path: &'a Path, line: usize, text: &'a str) -> Fields<'a> {
+        Fields { path, line, rest: text.split_whitespace() }
+    }
+
+    fn error(&self, problem: String) -> DatasetError {
+        DatasetError::line(self.path, self.line, problem)
+    }
+
+    fn text(&mut self, what: &str) -> Result<&'a str, DatasetError> {
+        self.rest.next().ok_or_else(|| self.error(format!("{what} is missing")))
+    }
+
+    fn number<T: FromStr>(&mut self, what: &str) -> Result<T, DatasetError> {
+        let text = self.text(what)?;
+        text.parse().map_err(|_| self.error(format!("{what} `{text}` is not a valid number")))
+    }
+
+    fn numbers<T: FromStr + Default + Copy, const N: usize>(&mut self, what: &str) -> Result<[T; N], DatasetError> {
+        let mut values = [T::default(); N];
+        for value in &mut values {
+            *value = self.number(what)?;
+        }
+        Ok(values)
+    }
+}
+
+fn is_comment(line: &str) -> bool {
+    let line = line.trim_start();
+    line.is_empty() || line.starts_with('#')
+}
+
+/// Numbered lines without comments.
+fn records(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    (1..).zip(text.lines()).filter(|(_, line)| !is_comment(line))
+}
+
+/// Reads `cameras.txt`: `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`.
+pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
+    let text = read_text(path)?;
+    let mut cameras = BTreeMap::new();
+    for (number, line) in records(&text) {
+        let mut fields = Fields::new(path, number, line);
+        let id: u32 = fields.number("the camera id")?;
+        let name = fields.text("the camera model")?;
+        let Some((model, param_count)) = model_by_name(name) else {
+            return Err(DatasetError::CameraModel {
+                path: path.to_owned(),
+                camera: format!("camera {id} in line {number}"),
+                model: name.to_owned(),
+            });
+        };
+        let width = fields.number("the camera width")?;
+        let height = fields.number("the camera height")?;
+        let mut params = Vec::with_capacity(param_count);
+        for index in 1..=param_count {
+            params.push(fields.number(&format!("{model} parameter {index} of {param_count}"))?);
+        }
+        if fields.rest.next().is_some() {
+            return Err(fields.error(format!("{model} has more than {param_count} parameters")));
+        }
+        if cameras.insert(id, CameraRecord { model, width, height, params }).is_some() {
+            return Err(DatasetError::line(path, number, format!("camera {id} is listed twice")));
+        }
+    }
+    Ok(cameras)
+}
+
+/// Reads `images.txt`, two lines an image: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then the observations,
+/// a line that may be blank.
+pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>, DatasetError> {
+    let text = read_text(path)?;
+    let mut images = Vec::new();
+    let mut lines = (1..).zip(text.lines());
+    while let Some((number, line)) = lines.next() {
+        if is_comment(line) {
+            continue;
+        }
+        let mut fields = Fields::new(path, number, line);
+        fields.number::<u32>("the image id")?;
+        let quaternion = fields.numbers("the image rotation")?;
+        let translation = fields.numbers("the image translation")?;
+        let camera = fields.number("the camera id")?;
+        let name = name_field(line);
+        if name.is_empty() {
+            return Err(DatasetError::line(path, number, "the image name is missing"));
+        }
+        images.push(ImageRecord { name: name.to_owned(), camera, quaternion, translation });
+        // Without this check a file that lacks the observation lines would lose every second image.
+        if let Some((number, line)) = lines.next()
+            && line.split_whitespace().count() % 3 != 0
+        {
+            let problem = "expected the observations of the image above, triples of X Y POINT3D_ID (the line may be \
+                           blank but not absent)";
+            return Err(DatasetError::line(path, number, problem));
+        }
+    }
+    Ok(images)
+}
+
+/// The image name: all that follows the ninth field, since names may hold spaces.
+fn name_field(line: &str) -> &str {
+    let mut rest = line.trim();
+    for _ in 0..9 {
+        rest = rest.split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim_start());
+    }
+    rest
+}
+
+/// Reads `points3D.txt`: `POINT3D_ID X Y Z R G B ERROR TRACK[]`; errors and tracks are skipped.
+pub(super) fn points(path: &Path) -> Result<Vec<Point>, DatasetError> {
+    let text = read_text(path)?;
+    let mut points = Vec::new();
+    for (number, line) in records(&text) {
+        let mut fields = Fields::new(path, number, line);
+        fields.number::<u64>("the point id")?;
+        let position = DVec3::from_array(fields.numbers("the point position")?);
+        let color = fields.numbers("the point colour")?;
+        points.push(Point { position, color });
+    }
+    Ok(points)
+}

@@ -1,0 +1,191 @@
+//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`).
+//!
+//! Only the photos are read back: poses and points follow from the options. Each file is written to a temporary name
+//! and renamed, so an interrupted run leaves whole files, which the next run keeps.
+
+use super::{DemoOptions, VERSION, view_name};
+use crate::camera::Camera;
+use crate::dataset::{Photo, Point};
+use glam::DVec3;
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use serde::Serialize;
+use std::io::{Error, Write};
+use std::path::{Path, PathBuf};
+
+/// What the cache holds for one photo.
+pub(super) enum Found {
+    /// The photo.
+    Photo(Photo),
+    /// Nothing readable.
+    Missing,
+    /// A file that is no photo of the right size.
+    Damaged,
+}
+
+/// The folder of one set of options, if the machine has a cache folder at all.
+pub(super) struct Cache {
+    folder: Option<PathBuf>,
+}
+
+impl Cache {
+    /// Touches nothing yet.
+    pub fn new(base: Option<PathBuf>, options: &DemoOptions) -> Self {
+        let DemoOptions { width, height, views, samples, points, seed } = options;
+        let key = format!("demo-v{VERSION}-{width}x{height}-{views}v-{samples}s-{points}p-{seed}");
+        Cache { folder: base.map(|base| base.join(key)) }
+    }
+
+    /// The scene folder.
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// Reads one photo.
+    pub fn read_photo(&self, name: &str, width: u32, height: u32) -> Found {
+        let Some(folder) = &self.folder else {
+            return Found::Missing;
+        };
+        let Ok(bytes) = std::fs::read(folder.join("images").join(name)) else {
+            return Found::Missing;
+        };
+        match image::load_from_memory_with_format(&bytes, ImageFormat::Png) {
+            Ok(image::DynamicImage::ImageRgb8(rgb)) if rgb.dimensions() == (width, height) => {
+                let rgba = image::DynamicImage::ImageRgb8(rgb).into_rgba8().into_raw();
+                Found::Photo(Photo { width, height, rgba })
+            }
+            _ => Found::Damaged,
+        }
+    }
+
+    /// Writes one photo; the error is a note for the user.
+    pub fn write_photo(&self, name: &str, photo: &Photo) -> Result<(), String> {
+        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let mut png = Vec::new();
+        image::codecs::png::PngEncoder::new(&mut png)
+            .write_image(&rgb, photo.width, photo.height, ExtendedColorType::Rgb8)
+            .map_err(|error| self.note(&Error::other(error)))?;
+        self.write(Path::new("images").join(name), &png)
+    }
+
+    /// Writes `transforms.json` and `points3D.ply` unless they are there already; the error is a note.
+    pub fn describe(&self, options: &DemoOptions, cameras: &[Camera], points: &[Point]) -> Result<(), String> {
+        let transforms = serde_json::to_vec_pretty(&Transforms::new(options, cameras))
+            .map_err(|error| self.note(&Error::other(error)))?;
+        self.write(PathBuf::from("points3D.ply"), &ply(points))?;
+        self.write(PathBuf::from("transforms.json"), &transforms)
+    }
+
+    fn write(&self, name: PathBuf, bytes: &[u8]) -> Result<(), String> {
+        let Some(folder) = &self.folder else {
+            return Err("this machine has no cache folder, so the demo scene is traced anew each \
+                time; name a folder to keep it in"
+                .into());
+        };
+        let path = folder.join(name);
+        if std::fs::read(&path).is_ok_and(|old| old == bytes) {
+            return Ok(());
+        }
+        replace(&path, bytes).map_err(|error| self.note(&error))
+    }
+
+    fn note(&self, error: &Error) -> String {
+        let folder = self.folder.as_deref().unwrap_or(Path::new("(none)")).display();
+        format!(
+            "the demo scene could not be cached in {folder} ({error}), so it will be traced again \
+             next time; make that folder writable or name another one"
+        )
+    }
+}
+
+/// Puts a whole file in place or leaves what was there.
+fn replace(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let parent = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(parent)?;
+    let mut file = tempfile::NamedTempFile::new_in(parent)?;
+    file.write_all(bytes)?;
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// nerfstudio's `transforms.json`: one pinhole for all frames, OpenGL axes (x right, y up, z backwards).
+#[derive(Serialize)]
+struct Transforms<'a> {
+    camera_model: &'static str,
+    w: u32,
+    h: u32,
+    fl_x: f64,
+    fl_y: f64,
+    cx: f64,
+    cy: f64,
+    k1: f64,
+    k2: f64,
+    p1: f64,
+    p2: f64,
+    ply_file_path: &'static str,
+    frames: Vec<Frame>,
+    ibgs_demo: Origin<'a>,
+}
+
+#[derive(Serialize)]
+struct Frame {
+    file_path: String,
+    transform_matrix: [[f64; 4]; 4],
+}
+
+#[derive(Serialize)]
+struct Origin<'a> {
+    version: u32,
+    options: &'a DemoOptions,
+}
+
+impl<'a> Transforms<'a> {
+    fn new(options: &'a DemoOptions, cameras: &[Camera]) -> Self {
+        let first = cameras[0];
+        let frame = |(index, camera): (usize, &Camera)| Frame {
+            file_path: format!("images/{}", view_name(index)),
+            transform_matrix: opengl_pose(camera),
+        };
+        Transforms {
+            camera_model: "OPENCV",
+            w: first.width,
+            h: first.height,
+            fl_x: first.focal.x,
+            fl_y: first.focal.y,
+            cx: first.principal.x,
+            cy: first.principal.y,
+            k1: 0.0,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+            ply_file_path: "points3D.ply",
+            frames: cameras.iter().enumerate().map(frame).collect(),
+            ibgs_demo: Origin { version: VERSION, options },
+        }
+    }
+}
+
+/// `world_from_camera` with OpenGL's camera axes, row by row.
+fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
+    let world_from_view = camera.view_from_world.transpose();
+    let columns = [world_from_view.x_axis, -world_from_view.y_axis, -world_from_view.z_axis, camera.center()];
+    let row = |pick: fn(DVec3) -> f64| columns.map(pick);
+    [row(|c| c.x), row(|c| c.y), row(|c| c.z), [0.0, 0.0, 0.0, 1.0]]
+}
+
+/// Points as a binary PLY: `x y z` float32 in metres, `red green blue` uint8.
+fn ply(points: &[Point]) -> Vec<u8> {
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n\
+         property float x\nproperty float y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        points.len()
+    )
+    .into_bytes();
+    for point in points {
+        for coordinate in point.position.as_vec3().to_array() {
+            bytes.extend_from_slice(&coordinate.to_le_bytes());
+        }
+        bytes.extend_from_slice(&point.color);
+    }
+    bytes
+}

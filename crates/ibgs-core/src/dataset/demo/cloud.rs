@@ -1,0 +1,53 @@
+//! The initial points: what structure from motion would find, with its noise and its outliers.
+
+use super::DemoOptions;
+use super::numeric::Stream;
+use super::scene::{LAMP, ROOM_CENTER, is_view_dependent};
+use super::texture::ROOM_HALF;
+use super::trace::hit_at;
+use crate::dataset::{Point, View};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Standard deviation of a point along each axis in metres.
+const NOISE: f64 = 0.01;
+/// Share of points that lie anywhere in the room.
+const OUTLIERS: f64 = 0.02;
+/// Share of the hits on glossy and mirror-like surfaces that become points: such surfaces match badly. Their points
+/// lie on the surface, never on the mirrored room behind it.
+const KEPT_ON_MIRRORS: f64 = 0.25;
+
+/// Points seen in random pixels of the training photos, with the colour of that pixel.
+pub(super) fn points(options: &DemoOptions, views: &[View], train: &[usize]) -> Vec<Point> {
+    (0..options.points)
+        .into_par_iter()
+        .map(|index| {
+            let mut random = Stream::new(options.seed, 2, index as u64);
+            if random.uniform() < OUTLIERS {
+                return outlier(&mut random);
+            }
+            (0..64).find_map(|_| surface_point(&mut random, views, train)).unwrap_or_else(|| outlier(&mut random))
+        })
+        .collect()
+}
+
+fn outlier(random: &mut Stream) -> Point {
+    let place = DVec3::new(random.signed(), random.signed(), random.signed());
+    let color = random.bits().to_le_bytes();
+    Point { position: ROOM_CENTER + place * ROOM_HALF, color: [color[0], color[1], color[2]] }
+}
+
+fn surface_point(random: &mut Stream, views: &[View], train: &[usize]) -> Option<Point> {
+    let view = &views[train[random.below(train.len())]];
+    let x = random.below(view.camera.width as usize);
+    let y = random.below(view.camera.height as usize);
+    let keep = random.uniform() < KEPT_ON_MIRRORS;
+    let (hit, ray) = hit_at(&view.camera, x as f64, y as f64);
+    if hit.id == LAMP || (is_view_dependent(hit.id) && !keep) {
+        return None;
+    }
+    let noise = DVec3::new(random.normal(), random.normal(), random.normal()) * NOISE;
+    let pixel = (y * view.camera.width as usize + x) * 4;
+    let rgba = &view.photo.rgba[pixel..pixel + 4];
+    Some(Point { position: ray.at(hit.t) + noise, color: [rgba[0], rgba[1], rgba[2]] })
+}

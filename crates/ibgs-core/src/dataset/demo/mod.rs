@@ -1,0 +1,189 @@
+//! The built-in demo scene: a furnished room with a lacquered sphere, a mirror and a golden ring, ray traced on the
+//! CPU when first needed and cached on disk as a nerfstudio scene folder.
+//!
+//! Everything is a pure function of [`DemoOptions`]: no clock, no thread order and no libm enters a pixel, so two
+//! machines trace the same bytes. World axes: z up, metres, floor at z = 0.
+
+mod cache;
+mod cloud;
+mod mesh;
+mod numeric;
+mod poses;
+mod scene;
+mod shape;
+mod texture;
+mod trace;
+
+use super::{Dataset, Photo, View};
+use crate::camera::Camera;
+use cache::{Cache, Found};
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+pub use mesh::{TriangleMesh, mesh};
+pub use poses::{cameras, look_at};
+pub use scene::{BALL, CUBE, FRAME, GLOSSY_SPHERE, LAMP, MIRROR, RING, ROOM, TABLE, is_view_dependent};
+pub use trace::{Truth, render_photo, truth};
+
+/// Version of the scene; any change to a traced pixel, a pose or a point raises it, and old caches are left behind.
+pub const VERSION: u32 = 1;
+
+/// Every view whose index by name is a multiple of this is held out.
+const TEST_EVERY: usize = 8;
+
+/// Size and richness of the demo scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DemoOptions {
+    /// Photo width in pixels.
+    pub width: u32,
+    /// Photo height in pixels.
+    pub height: u32,
+    /// Number of photos, held-out ones included.
+    pub views: usize,
+    /// Rays a pixel along each side of the pixel (4 means 16 rays).
+    pub samples: u32,
+    /// Number of initial points, outliers included.
+    pub points: usize,
+    /// Seed of the camera jitter and of the points; the scene itself is always the same.
+    pub seed: u64,
+}
+
+impl DemoOptions {
+    /// For a software adapter: 40 photos of 160 x 120 pixels and 6,000 points, traced in seconds.
+    pub fn small() -> Self {
+        DemoOptions { width: 160, height: 120, views: 40, samples: 4, points: 6_000, seed: 0 }
+    }
+
+    /// For a GPU: 120 photos of 640 x 480 pixels and 40,000 points, traced in minutes on two cores.
+    pub fn large() -> Self {
+        DemoOptions { width: 640, height: 480, views: 120, samples: 3, points: 40_000, seed: 0 }
+    }
+
+    fn validate(&self) -> Result<(), DemoError> {
+        let limits = [
+            ("width", u64::from(self.width), 8, 8_192),
+            ("height", u64::from(self.height), 8, 8_192),
+            ("views", self.views as u64, 2, 1_000),
+            ("samples", u64::from(self.samples), 1, 16),
+            ("points", self.points as u64, 1, 10_000_000),
+        ];
+        for (field, value, least, most) in limits {
+            if !(least..=most).contains(&value) {
+                return Err(DemoError::Option { field, value, least, most });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why the demo scene cannot be made. Trouble with the cache is no error: it ends up in `Dataset::notes`.
+#[derive(Debug, thiserror::Error)]
+pub enum DemoError {
+    /// A field of [`DemoOptions`] is out of range.
+    #[error("demo scene: option `{field}` is {value}; choose a number from {least} to {most}")]
+    Option {
+        /// Name of the field.
+        field: &'static str,
+        /// What it holds.
+        value: u64,
+        /// Smallest allowed value.
+        least: u64,
+        /// Largest allowed value.
+        most: u64,
+    },
+}
+
+/// Reads the demo scene from the cache and traces what is missing or damaged there.
+///
+/// The scene gets its own folder in `cache_dir` (`None`: `ibgs` in the user's cache folder), named after the options
+/// and [`VERSION`]. A cache that cannot be written only costs time and adds a note. `progress` shows a bar on
+/// standard error while photos are traced.
+pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: bool) -> Result<Dataset, DemoError> {
+    options.validate()?;
+    let base = match cache_dir {
+        Some(dir) => Some(dir.to_path_buf()),
+        None => dirs::cache_dir().map(|dir| dir.join("ibgs")),
+    };
+    let cache = Cache::new(base, options);
+    let cameras = cameras(options);
+    let mut notes = Vec::new();
+    let (photos, trouble) = load_photos(&cache, options, &cameras, progress, &mut notes);
+    let views: Vec<View> = cameras
+        .iter()
+        .zip(photos)
+        .enumerate()
+        .map(|(index, (&camera, photo))| View { name: view_name(index), camera, photo: Arc::new(photo) })
+        .collect();
+    let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);
+    let points = cloud::points(options, &views, &train);
+    notes.extend(trouble.or_else(|| cache.describe(options, &cameras, &points).err()));
+    let path = cache.folder().map_or_else(|| PathBuf::from("demo"), Path::to_path_buf);
+    Ok(Dataset { path, views, train, test, points, notes })
+}
+
+/// Distance in metres from a point inside the room to the nearest true surface (lamps included).
+pub fn distance_to_surface(point: DVec3) -> f64 {
+    scene::scene().distance(point)
+}
+
+/// File name of a photo.
+fn view_name(index: usize) -> String {
+    format!("view_{index:03}.png")
+}
+
+/// The photos, and a note if they could not be cached.
+fn load_photos(
+    cache: &Cache,
+    options: &DemoOptions,
+    cameras: &[Camera],
+    progress: bool,
+    notes: &mut Vec<String>,
+) -> (Vec<Photo>, Option<String>) {
+    let found: Vec<Found> = (0..cameras.len())
+        .into_par_iter()
+        .map(|index| cache.read_photo(&view_name(index), options.width, options.height))
+        .collect();
+    let damaged = found.iter().filter(|found| matches!(found, Found::Damaged)).count();
+    if damaged > 0 {
+        notes.push(format!("{damaged} cached photo(s) of the demo scene were damaged and traced again"));
+    }
+    let missing = found.iter().filter(|found| !matches!(found, Found::Photo(_))).count();
+    let bar = progress_bar(missing, progress);
+    let trouble: Mutex<Option<String>> = Mutex::new(None);
+    let note = || trouble.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let photos = found
+        .into_par_iter()
+        .enumerate()
+        .map(|(index, found)| {
+            if let Found::Photo(photo) = found {
+                return photo;
+            }
+            let photo = render_photo(&cameras[index], options.samples);
+            let given_up = note().is_some();
+            if !given_up && let Err(message) = cache.write_photo(&view_name(index), &photo) {
+                note().get_or_insert(message);
+            }
+            bar.inc(1);
+            photo
+        })
+        .collect();
+    bar.finish_and_clear();
+    let trouble = note().take();
+    (photos, trouble)
+}
+
+fn progress_bar(photos: usize, visible: bool) -> ProgressBar {
+    if !visible || photos == 0 {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(photos as u64);
+    let template = "ray tracing the demo scene {wide_bar} {pos}/{len} photos, {eta} left";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,286 @@
+//! The furniture of the demo room. World axes: z up, floor at z = 0, the mirror faces -y. Lengths in metres.
+
+use super::numeric::sin_cos;
+use super::shape::{Entry, Form, Ray, Solid, box_normal, box_span};
+use super::texture::{ROOM_HALF, Texture};
+use glam::{DMat3, DVec3};
+use std::sync::LazyLock;
+
+/// Object id of the room's walls, floor and ceiling.
+pub const ROOM: u8 = 0;
+/// Object id of the table (matt).
+pub const TABLE: u8 = 1;
+/// Object id of the lacquered sphere: a coloured surface under a sharp clear coat.
+pub const GLOSSY_SPHERE: u8 = 2;
+/// Object id of the tilted mirror.
+pub const MIRROR: u8 = 3;
+/// Object id of the wooden slab behind the mirror (matt).
+pub const FRAME: u8 = 4;
+/// Object id of the golden ring: a tinted mirror.
+pub const RING: u8 = 5;
+/// Object id of the cube with signs (matt).
+pub const CUBE: u8 = 6;
+/// Object id of the patched ball (matt).
+pub const BALL: u8 = 7;
+/// Object id of the lamps, which shine.
+pub const LAMP: u8 = 8;
+
+/// Whether the colour of an object depends on where it is seen from: the glossy and mirror-like ones.
+pub fn is_view_dependent(object: u8) -> bool {
+    matches!(object, GLOSSY_SPHERE | MIRROR | RING)
+}
+
+/// Centre of the room.
+pub(super) const ROOM_CENTER: DVec3 = DVec3::new(0.0, 0.0, ROOM_HALF.z);
+/// Height of the table top.
+pub(super) const TABLE_TOP: f64 = 0.42;
+
+/// How a surface answers to light.
+#[derive(Clone, Copy)]
+pub(super) struct Material {
+    /// Colour of the matt part.
+    pub texture: Texture,
+    /// Mirror reflectance seen from straight above; zero for matt surfaces.
+    pub reflectance: DVec3,
+    /// Strength of the blurred highlight around the mirror image of a lamp.
+    pub sheen: f64,
+}
+
+/// A solid with an id and a material.
+pub(super) struct Object {
+    /// One of the id constants.
+    pub id: u8,
+    /// Its shape and place.
+    pub solid: Solid,
+    /// Its surface.
+    pub material: Material,
+}
+
+/// A small round lamp.
+pub(super) struct Lamp {
+    /// Its ball.
+    pub solid: Solid,
+    /// Radius of the ball.
+    pub radius: f64,
+    /// Radiant intensity (linear, arbitrary unit).
+    pub intensity: DVec3,
+}
+
+/// Everything a ray can hit.
+pub(super) struct Scene {
+    /// Solids on and including the table.
+    pub objects: Vec<Object>,
+    /// The lights.
+    pub lamps: Vec<Lamp>,
+    /// Box around all objects: centre and half extents.
+    cluster: (DVec3, DVec3),
+}
+
+/// What a ray meets first.
+#[derive(Clone, Copy)]
+pub(super) struct Hit {
+    /// Object id.
+    pub id: u8,
+    /// Index into the lamps or the objects (0 for the room).
+    pub index: usize,
+    /// Distance along the ray.
+    pub t: f64,
+    /// Unit normal in world space, facing the ray's origin.
+    pub normal: DVec3,
+    /// Hit point and outward normal in the frame of the solid.
+    pub local: (DVec3, DVec3),
+}
+
+/// Radius of every lamp.
+const LAMP_RADIUS: f64 = 0.09;
+
+const MATT: DVec3 = DVec3::ZERO;
+
+/// The one scene.
+pub(super) fn scene() -> &'static Scene {
+    static SCENE: LazyLock<Scene> = LazyLock::new(Scene::build);
+    &SCENE
+}
+
+/// Rotation by `turn` about z after `tilt` about x, both in degrees.
+fn rotation(turn: f64, tilt: f64) -> DMat3 {
+    let ((s, c), (ts, tc)) = (sin_cos(turn.to_radians()), sin_cos(tilt.to_radians()));
+    let about_z = DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z);
+    let about_x = DMat3::from_cols(DVec3::X, DVec3::new(0.0, tc, ts), DVec3::new(0.0, -ts, tc));
+    about_z * about_x
+}
+
+fn object(
+    id: u8,
+    form: Form,
+    center: DVec3,
+    pose: (f64, f64),
+    texture: Texture,
+    reflectance: DVec3,
+    sheen: f64,
+) -> Object {
+    Object {
+        id,
+        solid: Solid { form, center, world_from_local: rotation(pose.0, pose.1) },
+        material: Material { texture, reflectance, sheen },
+    }
+}
+
+impl Scene {
+    fn build() -> Scene {
+        let objects = furniture();
+        let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
+        for Object { solid, .. } in &objects {
+            low = low.min(solid.center - solid.world_half());
+            high = high.max(solid.center + solid.world_half());
+        }
+        let lamp = |x: f64, y: f64, z: f64, r: f64, g: f64, b: f64| Lamp {
+            solid: Solid {
+                form: Form::Sphere(LAMP_RADIUS),
+                center: DVec3::new(x, y, z),
+                world_from_local: DMat3::IDENTITY,
+            },
+            radius: LAMP_RADIUS,
+            intensity: DVec3::new(r, g, b),
+        };
+        Scene {
+            objects,
+            lamps: vec![
+                lamp(-1.15, -1.05, 2.25, 1.95, 1.64, 1.25),
+                lamp(1.25, -0.75, 2.30, 1.56, 1.56, 1.64),
+                lamp(0.10, 1.20, 2.20, 1.69, 1.37, 1.04),
+            ],
+            cluster: ((low + high) / 2.0, (high - low) / 2.0 + DVec3::splat(1e-6)),
+        }
+    }
+
+    /// The first surface along a ray that starts inside the room.
+    pub fn nearest(&self, ray: &Ray) -> Hit {
+        let mut hit = room_hit(ray);
+        let mut offer = |id: u8, index: usize, solid: &Solid| {
+            if let Some(Entry { t, normal, local }) = solid.enter(ray, hit.t) {
+                let facing = solid.world_from_local * normal;
+                hit = Hit { id, index, t, normal: facing, local: (local, normal) };
+            }
+        };
+        if self.meets_cluster(ray) {
+            for (index, object) in self.objects.iter().enumerate() {
+                offer(object.id, index, &object.solid);
+            }
+        }
+        for (index, lamp) in self.lamps.iter().enumerate() {
+            offer(LAMP, index, &lamp.solid);
+        }
+        hit
+    }
+
+    /// Whether an object (not a lamp, not a wall) lies on the ray before distance `reach`.
+    pub fn blocked(&self, ray: &Ray, reach: f64) -> bool {
+        self.meets_cluster(ray) && self.objects.iter().any(|object| object.solid.enter(ray, reach).is_some())
+    }
+
+    /// Distance in metres from a point inside the room to the nearest surface, lamps included.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        let lamps = self.lamps.iter().map(|lamp| lamp.solid.distance(point).abs());
+        let objects = self.objects.iter().map(|object| object.solid.distance(point).abs());
+        lamps.chain(objects).fold(room_clearance(point).abs(), f64::min)
+    }
+
+    /// Signed distance to the walls and, near the table, to the objects: what dims ambient light.
+    pub fn clearance(&self, point: DVec3) -> f64 {
+        let mut nearest = room_clearance(point);
+        let margin = (point - self.cluster.0).abs() - self.cluster.1;
+        if margin.max_element() < nearest {
+            for object in &self.objects {
+                nearest = nearest.min(object.solid.distance(point));
+            }
+        }
+        nearest
+    }
+
+    fn meets_cluster(&self, ray: &Ray) -> bool {
+        let shifted = Ray { origin: ray.origin - self.cluster.0, ..*ray };
+        box_span(&shifted, self.cluster.1).is_some()
+    }
+}
+
+fn furniture() -> Vec<Object> {
+    let mut objects = matt_objects();
+    objects.extend(shiny_objects());
+    objects
+}
+
+/// A point above the table's centre, `z` from its top.
+fn on_table(x: f64, y: f64, z: f64) -> DVec3 {
+    DVec3::new(x, y, TABLE_TOP + z)
+}
+
+fn cuboid(x: f64, y: f64, z: f64) -> Form {
+    Form::Cuboid(DVec3::new(x, y, z))
+}
+
+/// Turn about z and tilt about x of the mirror, in degrees.
+const MIRROR_POSE: (f64, f64) = (-7.0, -9.0);
+
+/// Centre of the mirror, so high that its frame stands on the table.
+fn mirror_center() -> DVec3 {
+    on_table(0.06, 0.33, 0.402)
+}
+
+fn matt_objects() -> Vec<Object> {
+    let upright = (0.0, 0.0);
+    let behind = rotation(MIRROR_POSE.0, MIRROR_POSE.1) * DVec3::Y * 0.018;
+    vec![
+        object(TABLE, cuboid(0.66, 0.56, 0.21), on_table(0.0, 0.0, -0.21), upright, Texture::Table, MATT, 0.0),
+        object(FRAME, cuboid(0.48, 0.014, 0.40), mirror_center() + behind, MIRROR_POSE, Texture::Frame, MATT, 0.0),
+        object(CUBE, cuboid(0.1, 0.1, 0.1), on_table(0.46, -0.02, 0.1), (27.0, 0.0), Texture::Cube, MATT, 0.0),
+        object(BALL, Form::Sphere(0.085), on_table(-0.07, -0.36, 0.085), (20.0, 25.0), Texture::Ball, MATT, 0.0),
+    ]
+}
+
+fn shiny_objects() -> Vec<Object> {
+    let plain = Texture::Plain;
+    vec![
+        object(
+            GLOSSY_SPHERE,
+            Form::Sphere(0.21),
+            on_table(-0.30, -0.10, 0.21),
+            (0.0, 0.0),
+            plain(DVec3::new(0.40, 0.012, 0.016)),
+            DVec3::splat(0.085),
+            14.0,
+        ),
+        object(
+            MIRROR,
+            cuboid(0.44, 0.012, 0.36),
+            mirror_center(),
+            MIRROR_POSE,
+            plain(DVec3::splat(0.01)),
+            DVec3::new(0.86, 0.89, 0.90),
+            0.0,
+        ),
+        object(
+            RING,
+            Form::Torus { major: 0.125, minor: 0.042 },
+            on_table(0.17, -0.26, 0.167),
+            (38.0, 90.0),
+            plain(DVec3::new(0.02, 0.014, 0.004)),
+            DVec3::new(0.88, 0.62, 0.24),
+            3.0,
+        ),
+    ]
+}
+
+/// Distance of a point to the nearest wall, positive inside the room.
+fn room_clearance(point: DVec3) -> f64 {
+    (ROOM_HALF - (point - ROOM_CENTER).abs()).min_element()
+}
+
+/// The wall a ray from inside the room ends at.
+fn room_hit(ray: &Ray) -> Hit {
+    let shifted = Ray { origin: ray.origin - ROOM_CENTER, ..*ray };
+    let t = box_span(&shifted, ROOM_HALF).map_or(0.0, |(_, leave)| leave);
+    let local = shifted.at(t);
+    let outward = box_normal(local, ROOM_HALF);
+    Hit { id: ROOM, index: 0, t, normal: -outward, local: (local, outward) }
+}

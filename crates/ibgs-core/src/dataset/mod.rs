@@ -1,0 +1,238 @@
+//! Posed photos from disk or from the built-in demo scene. Uses no GPU code.
+
+mod colmap;
+pub mod demo;
+mod error;
+mod lens;
+mod nerf;
+mod options;
+mod photos;
+mod points;
+mod points_ply;
+mod split;
+mod undistort;
+
+pub use error::DatasetError;
+pub use options::{LoadOptions, PrincipalPoint, Resolution};
+
+use crate::camera::Camera;
+use glam::{DVec2, DVec3};
+use photos::Frame;
+use serde::Serialize;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// An 8-bit photo, RGBA, row by row, sRGB values as stored in the file. Alpha 255 where the photo is valid.
+#[derive(Clone, Debug)]
+pub struct Photo {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// `width * height * 4` bytes.
+    pub rgba: Vec<u8>,
+}
+
+/// One posed photo.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Image name as the scene file gives it, sub-folders and extension included, `/` as separator.
+    pub name: String,
+    /// Camera of the (undistorted, resized) photo.
+    pub camera: Camera,
+    /// The photo; its size equals the camera's.
+    pub photo: Arc<Photo>,
+}
+
+/// One point of the initial cloud.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// World position.
+    pub position: DVec3,
+    /// 8-bit colour.
+    pub color: [u8; 3],
+}
+
+/// A loaded scene: views sorted by name, split, initial points.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// Where it came from.
+    pub path: PathBuf,
+    /// All views, sorted by name.
+    pub views: Vec<View>,
+    /// Indices into `views` that train.
+    pub train: Vec<usize>,
+    /// Indices into `views` that are held out.
+    pub test: Vec<usize>,
+    /// Initial points (never empty: random points stand in, and `notes` says so).
+    pub points: Vec<Point>,
+    /// What the user should know: rescaled intrinsics, skipped photos, random points ...
+    pub notes: Vec<String>,
+}
+
+/// Format of a scene on disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SceneKind {
+    /// COLMAP model, binary.
+    ColmapBinary,
+    /// COLMAP model, text.
+    ColmapText,
+    /// `transforms.json` of nerfstudio or instant-ngp.
+    Transforms,
+    /// `transforms_train.json` and `transforms_test.json` of the Blender scenes.
+    Blender,
+}
+
+impl fmt::Display for SceneKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            SceneKind::ColmapBinary => "COLMAP, binary",
+            SceneKind::ColmapText => "COLMAP, text",
+            SceneKind::Transforms => "transforms.json",
+            SceneKind::Blender => "Blender transforms",
+        })
+    }
+}
+
+/// A camera as the scene file states it, before any resizing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraInfo {
+    /// The id in the file, or a running number where the format has none.
+    pub id: String,
+    /// Name of the camera model.
+    pub model: String,
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Focal lengths in pixels; none for a model that is not supported.
+    pub focal: Option<DVec2>,
+    /// Principal point in pixels; none for a model that is not supported.
+    pub principal: Option<DVec2>,
+    /// Whether photos are undistorted on load (or would have to be, for a model that is not supported).
+    pub distorted: bool,
+    /// Number of images that use it.
+    pub images: usize,
+}
+
+/// What a scene on disk holds, without decoding its photos.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneInfo {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Format.
+    pub kind: SceneKind,
+    /// Number of posed images listed, missing ones included.
+    pub images: usize,
+    /// Cameras.
+    pub cameras: Vec<CameraInfo>,
+    /// Number of initial points; 0 when random points would stand in.
+    pub points: usize,
+    /// Listed photos that do not exist.
+    pub missing: Vec<String>,
+}
+
+/// What the readers of the formats hand over: posed photos on disk, not decoded yet.
+pub(crate) struct Scene {
+    kind: SceneKind,
+    /// The file that lists the images, for messages.
+    listing: PathBuf,
+    frames: Vec<Frame>,
+    /// Listed photos that do not exist.
+    missing: Vec<PathBuf>,
+    points: Vec<Point>,
+    /// Files that may hold the points, best first.
+    point_files: Vec<PathBuf>,
+    /// Names of the test views where the format states them.
+    held_out: Option<Vec<String>>,
+    notes: Vec<String>,
+}
+
+/// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder or a
+/// `transforms.json`.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
+    options.check()?;
+    let mut scene = match format_of(path)? {
+        Format::Colmap => colmap::read(path, options)?,
+        Format::Transforms => nerf::read(path, options)?,
+    };
+    check_photos(path, &scene)?;
+    scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(pair) = scene.frames.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        let name = pair[0].name.clone();
+        return Err(DatasetError::DuplicateImage { path: scene.listing, name });
+    }
+    let mut dataset = Dataset {
+        path: path.to_owned(),
+        views: Vec::new(),
+        train: Vec::new(),
+        test: Vec::new(),
+        points: Vec::new(),
+        notes: scene.notes,
+    };
+    if !scene.missing.is_empty() {
+        dataset.notes.push(missing_note(&scene.missing, scene.frames.len()));
+    }
+    photos::load_views(&scene.frames, options, &mut dataset)?;
+    let root = root(path);
+    split::split(&mut dataset, scene.held_out, root, options)?;
+    points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;
+    Ok(dataset)
+}
+
+/// Reads a scene's metadata for `ibgs info`.
+pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
+    match format_of(path)? {
+        Format::Colmap => colmap::inspect(path),
+        Format::Transforms => nerf::inspect(path),
+    }
+}
+
+enum Format {
+    Colmap,
+    Transforms,
+}
+
+fn format_of(path: &Path) -> Result<Format, DatasetError> {
+    std::fs::metadata(path).map_err(|cause| DatasetError::read(path, &cause))?;
+    if colmap::is_scene(path) {
+        Ok(Format::Colmap)
+    } else if nerf::is_scene(path) {
+        Ok(Format::Transforms)
+    } else {
+        Err(DatasetError::NotAScene { path: path.to_owned() })
+    }
+}
+
+/// The scene folder, also where the path names a file in it.
+fn root(path: &Path) -> &Path {
+    if path.is_dir() { path } else { path.parent().unwrap_or(path) }
+}
+
+/// Some photos may be missing, but at least two have to be there.
+fn check_photos(path: &Path, scene: &Scene) -> Result<(), DatasetError> {
+    match (scene.frames.len(), scene.missing.first()) {
+        (0, None) => Err(DatasetError::NoImages { path: scene.listing.clone() }),
+        (0, Some(first)) => Err(DatasetError::NoPhotos {
+            path: scene.listing.clone(),
+            count: scene.missing.len(),
+            first: first.clone(),
+        }),
+        (1, _) => Err(DatasetError::TooFewViews { path: path.to_owned(), count: 1, what: "views" }),
+        _ => Ok(()),
+    }
+}
+
+fn missing_note(missing: &[PathBuf], found: usize) -> String {
+    const NAMED: usize = 3;
+    let names: Vec<String> = missing.iter().take(NAMED).map(|path| path.display().to_string()).collect();
+    let dots = if missing.len() > NAMED { ", ..." } else { "" };
+    format!(
+        "{} of {} photos do not exist and were skipped: {}{dots}",
+        missing.len(),
+        missing.len() + found,
+        names.join(", ")
+    )
+}

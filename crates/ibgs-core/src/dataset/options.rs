@@ -1,0 +1,187 @@
+//! How a scene is loaded: photo size, photo folder, split, principal point.
+
+use super::DatasetError;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// Photo size to train at, in the numbers of the published command line: 1, 2, 4, 8 divide, a larger number is
+/// the width in pixels, -1 caps the width at 1600.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "i64", into = "i64")]
+pub enum Resolution {
+    /// Divides width and height by 1, 2, 4 or 8, each rounded to the nearest pixel.
+    Factor(u32),
+    /// Width in pixels; the height keeps the shape. Narrower photos keep their size.
+    Width(u32),
+}
+
+/// The published rule for `-1`: photos wider than this are resampled to it.
+const PUBLISHED_WIDTH_CAP: u32 = 1600;
+
+impl Default for Resolution {
+    fn default() -> Self {
+        Resolution::Factor(1)
+    }
+}
+
+impl TryFrom<i64> for Resolution {
+    type Error = DatasetError;
+
+    fn try_from(number: i64) -> Result<Self, DatasetError> {
+        match (number, u32::try_from(number)) {
+            (-1, _) => Ok(Resolution::Width(PUBLISHED_WIDTH_CAP)),
+            (_, Ok(factor @ (1 | 2 | 4 | 8))) => Ok(Resolution::Factor(factor)),
+            (_, Ok(width)) if width > 8 => Ok(Resolution::Width(width)),
+            _ => Err(resolution_error(&number.to_string())),
+        }
+    }
+}
+
+impl From<Resolution> for i64 {
+    fn from(resolution: Resolution) -> i64 {
+        match resolution {
+            Resolution::Factor(number) | Resolution::Width(number) => i64::from(number),
+        }
+    }
+}
+
+impl FromStr for Resolution {
+    type Err = DatasetError;
+
+    fn from_str(text: &str) -> Result<Self, DatasetError> {
+        let number: i64 = text.trim().parse().map_err(|_| resolution_error(text))?;
+        Resolution::try_from(number)
+    }
+}
+
+impl fmt::Display for Resolution {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        i64::from(*self).fmt(f)
+    }
+}
+
+fn resolution_error(value: &str) -> DatasetError {
+    DatasetError::Option {
+        option: "--resolution",
+        value: value.to_owned(),
+        allowed: "1, 2, 4 or 8 to divide, a larger number for the width in pixels, or -1 to cap the width at 1600",
+    }
+}
+
+/// Which principal point the cameras get.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PrincipalPoint {
+    /// The calibrated one.
+    #[default]
+    True,
+    /// The image centre, as the published code assumes (method.md section 9): for like-for-like comparison only.
+    Centred,
+}
+
+impl FromStr for PrincipalPoint {
+    type Err = DatasetError;
+
+    fn from_str(text: &str) -> Result<Self, DatasetError> {
+        match text.trim() {
+            "true" => Ok(PrincipalPoint::True),
+            "centred" | "centered" => Ok(PrincipalPoint::Centred),
+            _ => Err(DatasetError::Option {
+                option: "--principal-point",
+                value: text.to_owned(),
+                allowed: "`true` or `centred`",
+            }),
+        }
+    }
+}
+
+impl fmt::Display for PrincipalPoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            PrincipalPoint::True => "true",
+            PrincipalPoint::Centred => "centred",
+        })
+    }
+}
+
+/// How to load a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LoadOptions {
+    /// Photo size.
+    pub resolution: Resolution,
+    /// Photo folder inside the scene; `images` when absent.
+    pub images: Option<String>,
+    /// Caps the longer side, in pixels, after `resolution`.
+    pub max_resolution: Option<u32>,
+    /// Holds out test views.
+    pub eval: bool,
+    /// With `eval`, every n-th view of the name-sorted list, from the first on, is held out (published: 8).
+    pub eval_split_every: usize,
+    /// Which principal point the cameras get.
+    pub principal_point: PrincipalPoint,
+    /// Seed of the random points.
+    pub seed: u64,
+    /// Number of random points where the scene has none.
+    pub random_points: usize,
+    /// Shows a progress bar on stderr.
+    #[serde(skip)]
+    pub progress: bool,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        LoadOptions {
+            resolution: Resolution::default(),
+            images: None,
+            max_resolution: None,
+            eval: false,
+            eval_split_every: 8,
+            principal_point: PrincipalPoint::True,
+            seed: 0,
+            random_points: 100_000,
+            progress: false,
+        }
+    }
+}
+
+impl LoadOptions {
+    /// Refuses values that no scene can be loaded with.
+    pub(crate) fn check(&self) -> Result<(), DatasetError> {
+        let refuse = |option, value: String, allowed| Err(DatasetError::Option { option, value, allowed });
+        match self {
+            LoadOptions { resolution: Resolution::Factor(0) | Resolution::Width(0), .. } => Err(resolution_error("0")),
+            LoadOptions { max_resolution: Some(0), .. } => refuse("--max-resolution", "0".into(), "at least 1 pixel"),
+            LoadOptions { eval_split_every: 0, .. } => refuse("--eval-split-every", "0".into(), "at least 2"),
+            LoadOptions { random_points: 0, .. } => refuse("random_points", "0".into(), "at least 1"),
+            LoadOptions { images: Some(folder), .. } if super::photos::clean_name(folder).is_none() => {
+                refuse("--images", folder.clone(), "the name of a folder inside the scene folder")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Size of a photo after `resolution` and `max_resolution`. `prescaled` photos come from a folder such as
+    /// `images_4` and have been divided already.
+    pub(crate) fn target_size(&self, width: u32, height: u32, prescaled: bool) -> (u32, u32) {
+        let scale_to = |(w, h): (u32, u32), scale: f64| {
+            // Ties go to the even number, as in the published code.
+            let scaled = |side: u32| ((f64::from(side) * scale).round_ties_even() as u32).max(1);
+            (scaled(w), scaled(h))
+        };
+        let mut size = (width, height);
+        match self.resolution {
+            Resolution::Factor(factor) if !prescaled => size = scale_to(size, 1.0 / f64::from(factor)),
+            Resolution::Width(target) if target < width => {
+                size = scale_to(size, f64::from(target) / f64::from(width));
+            }
+            _ => {}
+        }
+        let longer = size.0.max(size.1);
+        match self.max_resolution {
+            Some(cap) if cap < longer => scale_to(size, f64::from(cap) / f64::from(longer)),
+            _ => size,
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! Finding, decoding and resampling photos.
+
+use super::error::{DatasetError, read_bytes};
+use super::lens::{Lens, Pose};
+use super::undistort::undistort;
+use super::{Dataset, LoadOptions, Photo, PrincipalPoint, View};
+use image::imageops::{self, FilterType};
+use image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Rgba, RgbaImage};
+use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A posed photo that exists on disk but is not decoded yet.
+#[derive(Clone, Debug)]
+pub(crate) struct Frame {
+    pub name: String,
+    pub photo: PathBuf,
+    pub mask: Option<PathBuf>,
+    pub lens: Lens,
+    pub pose: Pose,
+    /// The photo comes from a folder such as `images_4`: the resolution factor is done already.
+    pub prescaled: bool,
+}
+
+/// Extensions that stand in for each other: reduced folders often hold PNG copies of JPEG names.
+const EXTENSIONS: [&str; 6] = ["jpg", "JPG", "jpeg", "JPEG", "png", "PNG"];
+
+/// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
+const MAX_BLANK: f64 = 0.9;
+
+/// The name with `/` as separator and without leading `./`, or none when it leaves its folder.
+pub(crate) fn clean_name(name: &str) -> Option<String> {
+    let name = name.trim().replace('\\', "/");
+    let drive = name.as_bytes().get(1) == Some(&b':');
+    let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | ".")).collect();
+    let leaves = name.starts_with('/') || drive || parts.is_empty() || parts.contains(&"..");
+    (!leaves && !name.contains('\0')).then(|| parts.join("/"))
+}
+
+/// The file behind an image name: as named, with an extension added, or with another extension.
+pub(crate) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
+    let exact = folder.join(name);
+    if exact.is_file() {
+        return Some(exact);
+    }
+    let stem =
+        name.rsplit_once('.').filter(|(_, extension)| EXTENSIONS.contains(extension)).map_or(name, |(stem, _)| stem);
+    EXTENSIONS.iter().map(|extension| folder.join(format!("{stem}.{extension}"))).find(|path| path.is_file())
+}
+
+/// The mask of an image: `masks/NAME`, `masks/NAME.png` (COLMAP) or `masks/STEM.png`.
+pub(crate) fn find_mask(scene: &Path, name: &str) -> Option<PathBuf> {
+    let folder = scene.join("masks");
+    let with_png = folder.join(format!("{name}.png"));
+    if with_png.is_file() {
+        return Some(with_png);
+    }
+    find_photo(&folder, name)
+}
+
+/// Width and height in the file's header.
+pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
+    ImageReader::open(path)
+        .and_then(ImageReader::with_guessed_format)
+        .map_err(|cause| DatasetError::read(path, &cause))?
+        .into_dimensions()
+        .map_err(|cause| DatasetError::Photo { path: path.to_owned(), cause: cause.to_string() })
+}
+
+/// Decodes a whole file.
+fn decode_any(path: &Path) -> Result<DynamicImage, DatasetError> {
+    let refuse = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
+    let bytes = read_bytes(path)?;
+    // The JPEG decoder fills what is missing with grey and says nothing.
+    if image::guess_format(&bytes).ok() == Some(ImageFormat::Jpeg) && !jpeg_is_whole(&bytes) {
+        return Err(refuse("the JPEG data ends early".to_owned()));
+    }
+    let image = image::load_from_memory(&bytes).map_err(|cause| refuse(cause.to_string()))?;
+    if image.width() == 0 || image.height() == 0 {
+        return Err(refuse("it has no pixels".to_owned()));
+    }
+    Ok(image)
+}
+
+/// Walks the segments of a JPEG file up to its end marker; what follows that is of no interest.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    const START: u8 = 0xd8;
+    const END: u8 = 0xd9;
+    let mut rest = bytes;
+    // In compressed data 0xff is followed by 0 or a restart marker, so looking for 0xff also skips a scan.
+    while let Some(at) = rest.iter().position(|byte| *byte == 0xff) {
+        rest = &rest[at + 1..];
+        match rest {
+            [END, ..] => return true,
+            [0x00 | 0x01 | 0xff | START | 0xd0..=0xd7, ..] => {}
+            [_, high, low, ..] => {
+                let length = usize::from(u16::from_be_bytes([*high, *low]));
+                rest = rest.get(1 + length..).unwrap_or_default();
+            }
+            _ => return false,
+        }
+    }
+    false
+}
+
+/// Decodes to 8-bit RGBA. EXIF orientation is ignored: poses and intrinsics refer to the pixels as stored.
+fn decode(path: &Path) -> Result<RgbaImage, DatasetError> {
+    decode_any(path).map(DynamicImage::into_rgba8)
+}
+
+/// Lanczos-3 (image crate, antialiased) on the 8-bit sRGB values, colours weighted by alpha. Where the kernel reaches
+/// transparent pixels its negative lobes would overshoot and shift the picture, so a triangle kernel stands in there.
+pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32) -> RgbaImage {
+    if photo.dimensions() == (width, height) {
+        return photo;
+    }
+    if photo.pixels().all(|pixel| pixel.0[3] == u8::MAX) {
+        return imageops::resize(&photo, width, height, FilterType::Lanczos3);
+    }
+    // The image crate clamps floats to 0..1: at half the range an overshoot of alpha stays visible.
+    let weighted: ImageBuffer<Rgba<f32>, Vec<f32>> = ImageBuffer::from_fn(photo.width(), photo.height(), |x, y| {
+        let [r, g, b, a] = photo.get_pixel(x, y).0.map(|v| f32::from(v) / 255.0);
+        Rgba([r * a, g * a, b * a, a].map(|v| v / 2.0))
+    });
+    let sharp = imageops::resize(&weighted, width, height, FilterType::Lanczos3);
+    let soft = imageops::resize(&weighted, width, height, FilterType::Triangle);
+    RgbaImage::from_fn(width, height, |x, y| {
+        let whole = (sharp.get_pixel(x, y).0[3] - 0.5).abs() < 0.25 / 255.0;
+        let [r, g, b, a] = if whole { sharp.get_pixel(x, y).0 } else { soft.get_pixel(x, y).0 };
+        if a < 0.25 / 255.0 {
+            return Rgba([0; 4]);
+        }
+        Rgba([r / a, g / a, b / a, a * 2.0].map(|v| (v * 255.0).round() as u8))
+    })
+}
+
+/// Lowers alpha to the mask's brightness (white keeps, black drops); masks of another size are resized.
+fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), DatasetError> {
+    let mask = decode_any(path)?.into_luma8();
+    let (width, height) = photo.dimensions();
+    let mask = if mask.dimensions() == (width, height) {
+        mask
+    } else {
+        imageops::resize(&mask, width, height, FilterType::Triangle)
+    };
+    for (pixel, keep) in photo.pixels_mut().zip(mask.pixels()) {
+        pixel.0[3] = pixel.0[3].min(keep.0[0]);
+    }
+    Ok(())
+}
+
+/// A loaded view and what happened to it on the way.
+struct Loaded {
+    view: View,
+    /// Size of the file and of the camera, where they differ.
+    rescaled: Option<([u32; 2], [u32; 2])>,
+    prescaled: bool,
+    masked: bool,
+    /// Share of blank pixels after undistortion, where the lens was distorted.
+    blank: Option<f64>,
+}
+
+fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError> {
+    let mut image = decode(&frame.photo)?;
+    if let Some(mask) = &frame.mask {
+        apply_mask(&mut image, mask)?;
+    }
+    let (width, height) = image.dimensions();
+    let camera_size = [frame.lens.width, frame.lens.height];
+    let rescaled = (camera_size != [width, height]).then_some(([width, height], camera_size));
+    let lens = frame.lens.resized(width, height);
+    let mut blank = None;
+    if !lens.distortion.is_none() {
+        let photo = Photo { width, height, rgba: image.into_raw() };
+        let undistorted = undistort(&photo, &lens);
+        if undistorted.blank > MAX_BLANK {
+            let problem =
+                format!("its distortion leaves {:.0} % of the undistorted photo blank", undistorted.blank * 100.0);
+            let camera = format!("camera of image `{}`", frame.name);
+            return Err(DatasetError::Intrinsics { path: frame.photo.clone(), camera, problem });
+        }
+        blank = Some(undistorted.blank);
+        image = to_image(undistorted.photo, &frame.photo)?;
+    }
+    let (width, height) = options.target_size(width, height, frame.prescaled);
+    let image = resample(image, width, height);
+    let mut camera = lens.pinhole(&frame.pose).resized(width, height);
+    if options.principal_point == PrincipalPoint::Centred {
+        camera = camera.centred();
+    }
+    let photo = Arc::new(Photo { width, height, rgba: image.into_raw() });
+    let view = View { name: frame.name.clone(), camera, photo };
+    Ok(Loaded { view, rescaled, prescaled: frame.prescaled, masked: frame.mask.is_some(), blank })
+}
+
+fn to_image(photo: Photo, path: &Path) -> Result<RgbaImage, DatasetError> {
+    RgbaImage::from_raw(photo.width, photo.height, photo.rgba).ok_or_else(|| {
+        let cause = "its pixels do not fill its size".to_owned();
+        DatasetError::Photo { path: path.to_owned(), cause }
+    })
+}
+
+/// Decodes, undistorts and resamples all photos, in parallel; adds views and notes to `dataset`.
+pub(crate) fn load_views(frames: &[Frame], options: &LoadOptions, dataset: &mut Dataset) -> Result<(), DatasetError> {
+    let bar = if options.progress { ProgressBar::new(frames.len() as u64) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:32}] {pos}/{len} {eta}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.set_message("Loading photos");
+    // The first bad photo in name order is reported, whichever thread meets one first.
+    let first_bad = AtomicUsize::new(usize::MAX);
+    let loaded: Vec<Option<Result<Loaded, DatasetError>>> = frames
+        .par_iter()
+        .enumerate()
+        .progress_with(bar.clone())
+        .map(|(index, frame)| {
+            if index > first_bad.load(Ordering::Relaxed) {
+                return None;
+            }
+            let loaded = load_one(frame, options);
+            if loaded.is_err() {
+                first_bad.fetch_min(index, Ordering::Relaxed);
+            }
+            Some(loaded)
+        })
+        .collect();
+    bar.finish_and_clear();
+    let loaded = loaded.into_iter().flatten().collect::<Result<Vec<Loaded>, _>>()?;
+    add_notes(&loaded, &mut dataset.notes);
+    dataset.views.extend(loaded.into_iter().map(|loaded| loaded.view));
+    Ok(())
+}
+
+/// `1 photo`, `2 photos`.
+pub(crate) fn photos(count: usize) -> String {
+    format!("{count} photo{}", if count == 1 { "" } else { "s" })
+}
+
+fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
+    let rescaled = || {
+        let all = loaded.iter().filter(|one| !one.prescaled);
+        all.filter_map(|one| one.rescaled.map(|sizes| (&one.view.name, sizes)))
+    };
+    if let Some((name, ([w, h], [cw, ch]))) = rescaled().next() {
+        notes.push(format!(
+            "{} of another size than the camera ({name}: {w} x {h}, camera {cw} x {ch}): intrinsics rescaled",
+            photos(rescaled().count())
+        ));
+    }
+    // One pixel of rounding moves the ratio by less than 2 % for any photo worth loading.
+    let mut odd = rescaled().filter(|(_, ([w, h], [cw, ch]))| {
+        let ratio = f64::from(*w) * f64::from(*ch) / (f64::from(*h) * f64::from(*cw));
+        (ratio - 1.0).abs() > 0.02
+    });
+    if let Some((name, _)) = odd.next() {
+        notes.push(format!(
+            "{} of another shape than the camera (first: {name}): check that the photos are the calibrated ones, not \
+             cropped or turned",
+            photos(1 + odd.count())
+        ));
+    }
+    let masked = loaded.iter().filter(|one| one.masked).count();
+    if masked > 0 {
+        notes.push(format!("{} masked", photos(masked)));
+    }
+    let undistorted: Vec<f64> = loaded.iter().filter_map(|one| one.blank).collect();
+    if !undistorted.is_empty() {
+        let worst = undistorted.iter().fold(0.0_f64, |worst, blank| worst.max(*blank));
+        notes.push(format!(
+            "{} undistorted to a pinhole of the same focal length and size; at most {:.1} % of the pixels of a photo \
+             are blank (alpha 0)",
+            photos(undistorted.len()),
+            worst * 100.0
+        ));
+    }
+}

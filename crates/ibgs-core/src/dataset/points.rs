@@ -1,0 +1,97 @@
+//! Initial points: from the model, from a PLY file, or random ones.
+
+use super::error::DatasetError;
+use super::points_ply;
+use super::{Dataset, LoadOptions, Point, View};
+use crate::camera::scene_extent;
+use glam::DVec2;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::path::{Path, PathBuf};
+
+/// A cloud and where it came from.
+pub(crate) struct Cloud {
+    pub path: PathBuf,
+    pub points: Vec<Point>,
+}
+
+/// The first of the files that exists and holds points.
+pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, DatasetError> {
+    for path in candidates.iter().filter(|path| path.is_file()) {
+        let points = points_ply::read(path)?;
+        if !points.is_empty() {
+            return Ok(Some(Cloud { path: path.clone(), points }));
+        }
+    }
+    Ok(None)
+}
+
+/// Fills `dataset.points`: `model` points, else those of a file, else random ones. Never leaves it empty.
+pub(crate) fn fill(
+    dataset: &mut Dataset,
+    model: Vec<Point>,
+    mut files: Vec<PathBuf>,
+    root: &Path,
+    options: &LoadOptions,
+) -> Result<(), DatasetError> {
+    files.extend(["points3D.ply", "init.ply"].map(|name| root.join(name)));
+    let mut points = model;
+    if points.is_empty()
+        && let Some(cloud) = from_files(&files)?
+    {
+        let count = cloud.points.len();
+        dataset.notes.push(format!("{count} initial points from {}", cloud.path.display()));
+        points = cloud.points;
+    }
+    let count = points.len();
+    points.retain(|point| point.position.is_finite());
+    if points.len() < count {
+        let dropped = count - points.len();
+        dataset.notes.push(format!("{dropped} initial points are not finite and were dropped"));
+    }
+    if points.is_empty() {
+        points = random(&dataset.views, options);
+        dataset.notes.push(format!(
+            "the scene has no initial points: {} random ones stand in (seed {})",
+            points.len(),
+            options.seed
+        ));
+    }
+    dataset.points = points;
+    Ok(())
+}
+
+/// Depths of random points, in scene extents: near enough for a camera ring that looks inward (its subject lies
+/// at about 1), far enough for a small forward-facing rig.
+const DEPTHS: [f64; 2] = [0.3, 30.0];
+/// Tries to hit a pixel that is not masked.
+const TRIES: usize = 8;
+
+/// Random points that some camera sees: a random view, a random pixel of it, a depth between [`DEPTHS`] whose
+/// logarithm is uniform, the colour of that pixel. The extent is that of the cameras, 1 where they coincide.
+fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
+    let extent = scene_extent(views.iter().map(|view| &view.camera));
+    let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    let mut point = || {
+        let view = &views[rng.random_range(0..views.len())];
+        let (width, height) = (view.photo.width, view.photo.height);
+        let mut pixel = || {
+            let (x, y) = (rng.random_range(0..width), rng.random_range(0..height));
+            let at = (y as usize * width as usize + x as usize) * 4;
+            (x, y, [0, 1, 2, 3].map(|c| view.photo.rgba.get(at + c).copied().unwrap_or_default()))
+        };
+        let mut drawn = pixel();
+        for _ in 1..TRIES {
+            if drawn.2[3] >= 128 {
+                break;
+            }
+            drawn = pixel();
+        }
+        let (x, y, [r, g, b, _]) = drawn;
+        let ray = view.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        let depth = extent * DEPTHS[0] * (DEPTHS[1] / DEPTHS[0]).powf(rng.random::<f64>());
+        Point { position: view.camera.center() + ray * depth, color: [r, g, b] }
+    };
+    if views.is_empty() { Vec::new() } else { (0..options.random_points).map(|_| point()).collect() }
+}

@@ -1,0 +1,231 @@
+//! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue`.
+
+use super::Point;
+use super::error::{DatasetError, read_bytes};
+use glam::DVec3;
+use std::path::Path;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A scalar type of the PLY format.
+#[derive(Clone, Copy, PartialEq)]
+enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Scalar> {
+        Some(match name {
+            "char" | "int8" => Scalar::I8,
+            "uchar" | "uint8" => Scalar::U8,
+            "short" | "int16" => Scalar::I16,
+            "ushort" | "uint16" => Scalar::U16,
+            "int" | "int32" => Scalar::I32,
+            "uint" | "uint32" => Scalar::U32,
+            "float" | "float32" => Scalar::F32,
+            "double" | "float64" => Scalar::F64,
+            _ => return None,
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Scalar::I8 | Scalar::U8 => 1,
+            Scalar::I16 | Scalar::U16 => 2,
+            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+
+    /// The value at the start of `bytes`; none where they end too early.
+    fn read(self, bytes: &[u8], format: Format) -> Option<f64> {
+        let mut raw = [0_u8; 8];
+        let size = self.size();
+        raw[..size].copy_from_slice(bytes.get(..size)?);
+        if format == Format::BigEndian {
+            raw[..size].reverse();
+        }
+        let [a, b, c, d, ..] = raw;
+        Some(match self {
+            Scalar::I8 => f64::from(a as i8),
+            Scalar::U8 => f64::from(a),
+            Scalar::I16 => f64::from(i16::from_le_bytes([a, b])),
+            Scalar::U16 => f64::from(u16::from_le_bytes([a, b])),
+            Scalar::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
+            Scalar::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+            Scalar::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
+            Scalar::F64 => f64::from_le_bytes(raw),
+        })
+    }
+}
+
+/// The header up to the end of the vertex element, which has to come first.
+struct Header {
+    format: Format,
+    count: u64,
+    properties: Vec<(String, Scalar)>,
+    /// Offset of the first byte of data, and the number of header lines.
+    data: usize,
+    lines: usize,
+}
+
+/// Where the wanted values are among the properties.
+struct Columns {
+    position: [usize; 3],
+    color: Option<[usize; 3]>,
+    /// Brings a colour to 0..255: 255 for float colours, 1 for integer ones.
+    color_scale: f64,
+}
+
+impl Header {
+    fn parse(bytes: &[u8]) -> Result<Header, String> {
+        let mut header = Header { format: Format::Ascii, count: 0, properties: Vec::new(), data: 0, lines: 0 };
+        let (mut element, mut format_seen) = (String::new(), false);
+        loop {
+            let rest = bytes.get(header.data..).unwrap_or_default();
+            let Some(length) = rest.iter().position(|byte| *byte == b'\n') else {
+                return Err("the header has no end_header line".to_owned());
+            };
+            header.data += length + 1;
+            header.lines += 1;
+            let number = header.lines;
+            let line = String::from_utf8_lossy(&rest[..length]);
+            let words: Vec<&str> = line.split_whitespace().collect();
+            match words.as_slice() {
+                ["ply"] if number == 1 => {}
+                _ if number == 1 => return Err("the first line is not `ply`".to_owned()),
+                ["end_header"] if format_seen && !header.properties.is_empty() => {
+                    return Ok(header);
+                }
+                ["end_header"] => {
+                    return Err("the header lacks its format or the vertex element".to_owned());
+                }
+                ["format", name, _] => {
+                    format_seen = true;
+                    header.format = format(name).ok_or(format!("line {number}: unknown format `{name}`"))?;
+                }
+                ["element", name, count] => {
+                    if *name != "vertex" && header.properties.is_empty() {
+                        return Err(format!("line {number}: `{name}` comes before the vertex element"));
+                    }
+                    if *name == "vertex" {
+                        header.count = count.parse().map_err(|_| format!("line {number}: `{count}` is no count"))?;
+                    }
+                    element = (*name).to_owned();
+                }
+                ["property", kind, name] if element == "vertex" => {
+                    let scalar = Scalar::parse(kind).ok_or(format!("line {number}: unknown type `{kind}`"))?;
+                    header.properties.push(((*name).to_owned(), scalar));
+                }
+                ["property", ..] if element == "vertex" => {
+                    return Err(format!("line {number}: list properties of vertices are not supported"));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn columns(&self) -> Result<Columns, String> {
+        let find = |name: &str| self.properties.iter().position(|property| property.0 == name);
+        let need = |name: &str| find(name).ok_or(format!("vertex property {name} is missing"));
+        let position = [need("x")?, need("y")?, need("z")?];
+        let color = match (find("red"), find("green"), find("blue")) {
+            (Some(red), Some(green), Some(blue)) => Some([red, green, blue]),
+            _ => None,
+        };
+        let float = color.is_some_and(|[red, ..]| matches!(self.properties[red].1, Scalar::F32 | Scalar::F64));
+        Ok(Columns { position, color, color_scale: if float { 255.0 } else { 1.0 } })
+    }
+}
+
+fn format(name: &str) -> Option<Format> {
+    match name {
+        "ascii" => Some(Format::Ascii),
+        "binary_little_endian" => Some(Format::LittleEndian),
+        "binary_big_endian" => Some(Format::BigEndian),
+        _ => None,
+    }
+}
+
+impl Columns {
+    /// Mid-grey where the file has no colours.
+    fn point(&self, values: &[f64]) -> Point {
+        let color = self
+            .color
+            .map_or([128; 3], |columns| columns.map(|column| (values[column] * self.color_scale).round() as u8));
+        Point { position: DVec3::from_array(self.position.map(|column| values[column])), color }
+    }
+}
+
+/// Reads the points of a PLY file.
+pub(crate) fn read(path: &Path) -> Result<Vec<Point>, DatasetError> {
+    let bytes = read_bytes(path)?;
+    parse(&bytes).map_err(|problem| DatasetError::Ply { path: path.to_owned(), problem })
+}
+
+fn parse(bytes: &[u8]) -> Result<Vec<Point>, String> {
+    let header = Header::parse(bytes)?;
+    let columns = header.columns()?;
+    let data = bytes.get(header.data..).unwrap_or_default();
+    match header.format {
+        Format::Ascii => parse_ascii(&header, &columns, data),
+        _ => parse_binary(&header, &columns, data),
+    }
+}
+
+fn parse_ascii(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Point>, String> {
+    let text = std::str::from_utf8(data).map_err(|_| "the text is not UTF-8".to_owned())?;
+    let mut lines = (header.lines + 1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+    let mut points = Vec::new();
+    let mut values = Vec::new();
+    for index in 0..header.count {
+        let Some((number, line)) = lines.next() else {
+            return Err(format!("the header claims {} vertices, the file has {index}", header.count));
+        };
+        values.clear();
+        for (word, (name, _)) in line.split_whitespace().zip(&header.properties) {
+            let value: f64 = word.parse().map_err(|_| format!("line {number}: {name} `{word}` is not a number"))?;
+            values.push(value);
+        }
+        if values.len() < header.properties.len() {
+            return Err(format!("line {number}: {} values where {} are needed", values.len(), header.properties.len()));
+        }
+        points.push(columns.point(&values));
+    }
+    Ok(points)
+}
+
+fn parse_binary(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Point>, String> {
+    let stride: usize = header.properties.iter().map(|(_, scalar)| scalar.size()).sum();
+    let room = data.len() / stride.max(1);
+    if header.count > room as u64 {
+        return Err(format!(
+            "the header claims {} vertices, the {} bytes after it hold {room}",
+            header.count,
+            data.len()
+        ));
+    }
+    let vertex = |bytes: &[u8]| -> Option<Point> {
+        let mut at = 0;
+        let mut values = Vec::with_capacity(header.properties.len());
+        for (_, scalar) in &header.properties {
+            values.push(scalar.read(bytes.get(at..)?, header.format)?);
+            at += scalar.size();
+        }
+        Some(columns.point(&values))
+    };
+    let points: Option<Vec<Point>> = data.chunks_exact(stride).take(header.count as usize).map(vertex).collect();
+    points.ok_or_else(|| "a vertex ends early".to_owned())
+}

@@ -1,0 +1,132 @@
+//! Image metrics and the evaluation of a model (method.md section 9).
+
+use crate::dataset::{Photo, View};
+use crate::gpu::{Gpu, GpuError};
+use crate::raster::{RasterView, Rasterizer};
+use crate::render::{Rendered, render_view};
+use crate::scene::Splats;
+use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// PSNR and SSIM of an image rounded to 8 bits against a photo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
+    pub psnr: f64,
+    /// Mean SSIM over pixels and channels, 11 x 11 Gaussian window, zero padding.
+    pub ssim: f64,
+}
+
+/// Compares an image with a photo of the same size. Pixels whose alpha is under one half do not count: the photo takes
+/// the image's value there.
+///
+/// # Panics
+/// When the sizes differ: a bug of ours.
+pub fn score(image: &Rendered, photo: &Photo) -> Score {
+    assert_eq!((image.width, image.height), (photo.width, photo.height), "image and photo differ in size");
+    let rendered = image.to_rgb8();
+    let (mut squares, mut valid) = (0.0, 0usize);
+    let mut planes = vec![[Vec::new(), Vec::new()], [Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
+    for (x, y) in rendered.chunks_exact(3).zip(photo.rgba.chunks_exact(4)) {
+        let counts = y[3] >= 128;
+        valid += usize::from(counts);
+        for c in 0..3 {
+            let a = f64::from(x[c]) / 255.0;
+            let b = if counts { f64::from(y[c]) / 255.0 } else { a };
+            squares += (a - b) * (a - b);
+            planes[c][0].push(a);
+            planes[c][1].push(b);
+        }
+    }
+    let (width, height) = (image.width as usize, image.height as usize);
+    let ssim: f64 = planes.par_iter().map(|[a, b]| ssim_plane(a, b, width, height)).sum();
+    Score { psnr: -10.0 * (squares / (3 * valid.max(1)) as f64).log10(), ssim: ssim / 3.0 }
+}
+
+/// Separable windowed mean with zero padding.
+fn blur(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
+    let window = ssim_window();
+    let tap = |at: usize, k: usize, length: usize| (at + k).checked_sub(SSIM_RADIUS).filter(|&i| i < length);
+    let mut rows = vec![0.0; plane.len()];
+    for y in 0..height {
+        for x in 0..width {
+            rows[y * width + x] =
+                (0..window.len()).filter_map(|k| tap(x, k, width).map(|i| window[k] * plane[y * width + i])).sum();
+        }
+    }
+    let mut out = vec![0.0; plane.len()];
+    for y in 0..height {
+        for k in 0..window.len() {
+            if let Some(i) = tap(y, k, height) {
+                for x in 0..width {
+                    out[y * width + x] += window[k] * rows[i * width + x];
+                }
+            }
+        }
+    }
+    out
+}
+
+fn ssim_plane(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
+    let product = |p: &[f64], q: &[f64]| p.iter().zip(q).map(|(x, y)| x * y).collect::<Vec<_>>();
+    let jobs = [a.to_vec(), b.to_vec(), product(a, a), product(b, b), product(a, b)];
+    let means: Vec<_> = jobs.par_iter().map(|p| blur(p, width, height)).collect();
+    let (c1, c2) = (f64::from(SSIM_C1), f64::from(SSIM_C2));
+    let sum: f64 = (0..a.len())
+        .map(|i| {
+            let [ma, mb, aa, bb, ab] = [0, 1, 2, 3, 4].map(|m| means[m][i]);
+            let (va, vb, cov) = (aa - ma * ma, bb - mb * mb, ab - ma * mb);
+            (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
+        })
+        .sum();
+    sum / a.len() as f64
+}
+
+/// Renders a view and compares it with its photo.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn score_view(
+    raster: &Rasterizer,
+    splats: &Splats,
+    view: &View,
+    background: [f32; 3],
+) -> Result<(Rendered, Score), GpuError> {
+    let image = render_view(raster, splats, &view.camera, background)?;
+    let score = score(&image, &view.photo);
+    Ok((image, score))
+}
+
+/// Frames per second over all views, `passes` times, the GPU finished before the clock stops.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn frames_per_second<'a>(
+    raster: &Rasterizer,
+    splats: &Splats,
+    views: impl Iterator<Item = &'a View> + Clone,
+    background: [f32; 3],
+    passes: u32,
+) -> Result<f64, GpuError> {
+    let gpu: &Gpu = raster.gpu();
+    let raster_view = |view: &View| {
+        let mut v = RasterView::new(view.camera, splats.sh_degree());
+        v.background = background;
+        v
+    };
+    for view in views.clone() {
+        raster.render(splats, &raster_view(view))?;
+    }
+    gpu.wait()?;
+    let start = Instant::now();
+    let mut frames = 0;
+    for _ in 0..passes {
+        for view in views.clone() {
+            raster.render_unchecked(splats, &raster_view(view))?;
+            frames += 1;
+        }
+    }
+    gpu.wait()?;
+    Ok(f64::from(frames) / start.elapsed().as_secs_f64())
+}

@@ -1,0 +1,136 @@
+//! Writing files so that a crash or a full disk never leaves half of one behind.
+
+use std::fs;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A file or folder could not be written; what was there before is untouched.
+#[derive(Debug, Error)]
+#[error("cannot write {}: {source}; {advice}", path.display())]
+pub struct WriteError {
+    /// The file or folder that was to be written.
+    pub path: PathBuf,
+    /// What the operating system said.
+    pub source: io::Error,
+    /// What the user can do about it.
+    pub advice: &'static str,
+}
+
+impl WriteError {
+    /// Wraps an error of the operating system with advice that fits its kind.
+    pub fn new(path: &Path, source: io::Error) -> Self {
+        let advice = match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                "free some disk space or choose another folder, no partial file was left"
+            }
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "choose a folder you may write to",
+            io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists | io::ErrorKind::IsADirectory => {
+                "a file stands where a folder is needed, or the reverse: choose another path"
+            }
+            _ => "check the path and the disk",
+        };
+        Self { path: path.to_owned(), source, advice }
+    }
+}
+
+/// Writes `path` in one step: `write` fills a temporary file in the same folder, which is synchronised to the disk
+/// and then renamed over `path`. Missing parent folders are made.
+///
+/// # Errors
+/// [`WriteError`] when any step fails; the temporary file is removed and an older file at `path` stays as it was.
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+    replace(path, write).map_err(|source| WriteError::new(path, source))
+}
+
+/// Makes a folder and its parents; an existing one is fine.
+///
+/// # Errors
+/// [`WriteError`] naming the folder.
+pub fn create_folder(path: &Path) -> Result<(), WriteError> {
+    fs::create_dir_all(path).map_err(|source| WriteError::new(path, source))
+}
+
+fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    // The rename below would only notice after all the work that a folder is in the way.
+    if path.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    fs::create_dir_all(folder)?;
+    let mut temporary = temporary_builder().tempfile_in(folder)?;
+    {
+        let mut buffered = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
+        let written = write(&mut buffered).and_then(|()| buffered.flush());
+        if let Err(error) = written {
+            // Dropping the buffer normally would try to write its rest once more.
+            let _ = buffered.into_parts();
+            return Err(error);
+        }
+    }
+    temporary.as_file().sync_all()?;
+    temporary.persist(path).map_err(|error| error.error)?;
+    // Without this the rename itself may be lost in a power cut. Folders cannot be opened as files everywhere.
+    #[cfg(unix)]
+    fs::File::open(folder)?.sync_all()?;
+    Ok(())
+}
+
+/// Temporary files are private by default; ours become the result, so the user's umask decides.
+fn temporary_builder() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".ibgs-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failed_write_keeps_the_old_file_and_leaves_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        write_atomically(&path, |w| w.write_all(b"old")).unwrap();
+        let error = write_atomically(&path, |w| {
+            w.write_all(&[0; 4 << 20])?;
+            Err(io::ErrorKind::StorageFull.into())
+        })
+        .unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("a.bin") && text.contains("free some disk space"), "{text}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn folders_in_the_way_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(write_atomically(folder.path(), |_| Ok(())).is_err());
+        let file = folder.path().join("file");
+        write_atomically(&file, |w| w.write_all(b"x")).unwrap();
+        let text = write_atomically(&file.join("below"), |_| Ok(())).unwrap_err().to_string();
+        assert!(text.contains("choose another path"), "{text}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn result_is_readable_like_any_other_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let ours = folder.path().join("ours");
+        let plain = folder.path().join("plain");
+        write_atomically(&ours, |w| w.write_all(b"x")).unwrap();
+        fs::write(&plain, b"x").unwrap();
+        let mode = |p: &Path| fs::metadata(p).unwrap().permissions().mode();
+        assert_eq!(mode(&ours), mode(&plain));
+    }
+}

@@ -1,0 +1,291 @@
+//! Choosing an adapter, creating the one device that burn and our kernels share.
+
+use super::profile::Profiler;
+use burn::tensor::Device;
+use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
+use ibgs_shaders::{KERNELS, Kernel};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+
+/// Storage buffers that the widest kernel binds.
+const STORAGE_BUFFERS: u32 = 17;
+/// Workgroup memory in bytes that the largest kernel declares.
+const WORKGROUP_MEMORY: u32 = 20 * 1024;
+/// Immediate data in bytes of the largest kernel.
+const IMMEDIATES: u32 = 128;
+
+/// What can go wrong between us and the GPU.
+#[derive(Debug, thiserror::Error)]
+pub enum GpuError {
+    /// No adapter at all.
+    #[error(
+        "no GPU adapter was found; install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers` gives a software one)"
+    )]
+    NoAdapter,
+    /// The requested adapter is not there.
+    #[error("no adapter matches `--adapter {wanted}`; this machine has: {available}")]
+    UnknownAdapter {
+        /// What the user asked for.
+        wanted: String,
+        /// Index and name of each adapter.
+        available: String,
+    },
+    /// The adapter lacks something that every run needs.
+    #[error("adapter `{adapter}` lacks {missing}; choose another one with `--adapter`")]
+    Lacking {
+        /// Adapter name.
+        adapter: String,
+        /// The limits or features, with the needed and the present value.
+        missing: String,
+    },
+    /// The driver refused the device.
+    #[error("adapter `{adapter}` refused to open a device: {reason}")]
+    Device {
+        /// Adapter name.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// A buffer would be larger than the device allows.
+    #[error(
+        "{what} needs {bytes} bytes, more than this device binds at once ({limit}); use fewer Gaussians (`--max-splats`) or a smaller image (`--resolution`)"
+    )]
+    TooLarge {
+        /// What the buffer holds.
+        what: &'static str,
+        /// Bytes asked for.
+        bytes: u64,
+        /// The device's limit.
+        limit: u64,
+    },
+    /// Results could not be read back.
+    #[error("the GPU stopped answering while results were read back: {0}")]
+    Readback(String),
+}
+
+/// Which adapter to use.
+#[derive(Clone, Debug, Default)]
+pub enum AdapterChoice {
+    /// The most capable one: discrete, integrated, virtual, then software.
+    #[default]
+    Best,
+    /// By index of [`list_adapters`] or by a part of its name.
+    Named(String),
+}
+
+/// The shared device with everything that outlives a single pass.
+pub struct Gpu {
+    /// burn's name of the device (without autodiff).
+    pub burn: Device,
+    /// The wgpu device that burn and our kernels share.
+    pub device: wgpu::Device,
+    /// Its only queue.
+    pub queue: wgpu::Queue,
+    /// What the adapter is.
+    pub info: wgpu::AdapterInfo,
+    /// Limits of the device: all that the adapter offers.
+    pub limits: wgpu::Limits,
+    pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
+    pub(super) profiler: Mutex<Option<Profiler>>,
+}
+
+/// A compiled kernel.
+pub(super) struct Pipeline {
+    pub layout: wgpu::BindGroupLayout,
+    pub pipeline: wgpu::ComputePipeline,
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Gpu({})", self.info.name)
+    }
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    wgpu::Instance::new(descriptor)
+}
+
+/// All adapters of this machine.
+pub fn list_adapters() -> Vec<wgpu::Adapter> {
+    pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()))
+}
+
+/// What an adapter lacks for a run; empty when it will do.
+pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
+    let limits = adapter.limits();
+    let mut missing = Vec::new();
+    let mut need = |name: &str, has: u64, wanted: u64| {
+        if has < wanted {
+            missing.push(format!("{name} {wanted} (it has {has})"));
+        }
+    };
+    need("storage buffers per stage", limits.max_storage_buffers_per_shader_stage.into(), STORAGE_BUFFERS.into());
+    need("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_MEMORY.into());
+    need("invocations per workgroup", limits.max_compute_invocations_per_workgroup.into(), 256);
+    need("bytes of immediate data", limits.max_immediate_size.into(), IMMEDIATES.into());
+    if !adapter.features().contains(wgpu::Features::IMMEDIATES) {
+        missing.push("the feature IMMEDIATES".to_owned());
+    }
+    missing
+}
+
+fn rank(info: &wgpu::AdapterInfo) -> u32 {
+    match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {
+    if adapters.is_empty() {
+        return Err(GpuError::NoAdapter);
+    }
+    match choice {
+        AdapterChoice::Best => {
+            let best = adapters.iter().map(|a| rank(&a.get_info())).enumerate().min_by_key(|&(i, r)| (r, i));
+            Ok(adapters.swap_remove(best.map_or(0, |(i, _)| i)))
+        }
+        AdapterChoice::Named(wanted) => {
+            let lower = wanted.to_lowercase();
+            let found = match wanted.parse::<usize>() {
+                Ok(index) => (index < adapters.len()).then_some(index),
+                Err(_) => adapters.iter().position(|a| a.get_info().name.to_lowercase().contains(&lower)),
+            };
+            let available = adapters
+                .iter()
+                .enumerate()
+                .map(|(i, a)| format!("{i}: {}", a.get_info().name))
+                .collect::<Vec<_>>()
+                .join(", ");
+            match found {
+                Some(index) => Ok(adapters.swap_remove(index)),
+                None => Err(GpuError::UnknownAdapter { wanted: wanted.clone(), available }),
+            }
+        }
+    }
+}
+
+impl Gpu {
+    /// Opens the chosen adapter with all its limits and registers it with burn.
+    ///
+    /// # Errors
+    /// No such adapter, one that lacks a needed limit, or a driver that refuses.
+    pub fn open(choice: &AdapterChoice) -> Result<Arc<Gpu>, GpuError> {
+        let instance = instance();
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        let adapter = choose(adapters, choice)?;
+        let info = adapter.get_info();
+        let missing = lacking(&adapter);
+        if !missing.is_empty() {
+            return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
+        }
+        let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
+        let wanted = wgpu::Features::IMMEDIATES
+            | (adapter.features()
+                & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP | wgpu::Features::SHADER_F16));
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("ibgs"),
+            required_features: wanted,
+            required_limits: adapter.limits(),
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..Default::default()
+        };
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| refused(e.to_string()))?;
+        let backend = info.backend;
+        let setup = WgpuSetup { instance, adapter, device: device.clone(), queue: queue.clone(), backend };
+        // Exclusive pages: every tensor is a wgpu buffer of its own, so that one dispatch may read one tensor and
+        // write another.
+        let burn = Device::wgpu_options()
+            .setup(setup)
+            .memory_config(MemoryConfiguration::ExclusivePages)
+            .init()
+            .map_err(|e| refused(e.to_string()))?;
+        Ok(Arc::new(Gpu {
+            burn,
+            limits: device.limits(),
+            device,
+            queue,
+            info,
+            pipelines: Mutex::default(),
+            profiler: Mutex::default(),
+        }))
+    }
+
+    /// True on a software adapter.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Name, backend and driver in one line, for reports.
+    pub fn describe(&self) -> String {
+        format!("{} ({:?}, {} {})", self.info.name, self.info.backend, self.info.driver, self.info.driver_info)
+    }
+
+    /// Compiles every kernel now, so that no frame waits for it later.
+    pub fn warm_up(&self) {
+        for kernel in KERNELS {
+            let _ = self.pipeline(kernel);
+        }
+    }
+
+    /// Waits until everything submitted so far is done.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn wait(&self) -> Result<(), GpuError> {
+        let poll = self.device.poll(wgpu::PollType::wait_indefinitely());
+        poll.map(|_| ()).map_err(|e| GpuError::Readback(e.to_string()))
+    }
+
+    pub(super) fn pipeline(&self, kernel: &'static Kernel) -> Arc<Pipeline> {
+        let mut pipelines = self.pipelines.lock().expect("pipeline cache");
+        let entry = pipelines.entry(kernel.name);
+        entry.or_insert_with(|| Arc::new(self.compile(kernel))).clone()
+    }
+
+    fn compile(&self, kernel: &'static Kernel) -> Pipeline {
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(kernel.name),
+            source: wgpu::ShaderSource::Wgsl(kernel.wgsl().into()),
+        });
+        let entries: Vec<_> = (0u32..)
+            .zip(kernel.bindings)
+            .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only: b.access == ibgs_shaders::Access::Read },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
+        let layout = self
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(kernel.name), entries: &entries });
+        let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(kernel.name),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: kernel.immediates,
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(kernel.name),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            },
+            cache: None,
+        });
+        Pipeline { layout, pipeline }
+    }
+}

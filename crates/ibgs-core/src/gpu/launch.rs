@@ -1,0 +1,107 @@
+//! The only place that dispatches: a [`Pass`] records kernels into one encoder and submits it once.
+
+use super::{Buffer, Gpu};
+use ibgs_shaders::Kernel;
+
+/// One encoder of kernel dispatches.
+pub struct Pass<'a> {
+    gpu: &'a Gpu,
+    encoder: wgpu::CommandEncoder,
+}
+
+impl<'a> Pass<'a> {
+    /// An empty pass.
+    pub fn new(gpu: &'a Gpu, label: &str) -> Self {
+        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
+        Self { gpu, encoder }
+    }
+
+    /// Dispatches enough workgroups for `items` threads in a row.
+    pub fn linear(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], items: usize) {
+        let groups = items.div_ceil(kernel.workgroup[0] as usize);
+        self.groups(kernel, buffers, immediates, groups);
+    }
+
+    /// Dispatches `groups` workgroups in a row, folded into two dimensions where the device's limit asks for it.
+    pub fn groups(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], groups: usize) {
+        let limit = self.gpu.limits.max_compute_workgroups_per_dimension as usize;
+        let rows = groups.div_ceil(limit).max(1);
+        let columns = groups.div_ceil(rows);
+        self.grid(kernel, buffers, immediates, [columns as u32, rows as u32, 1]);
+    }
+
+    /// Dispatches a grid of workgroups; nothing when it is empty.
+    ///
+    /// # Panics
+    /// When the buffers do not fit the kernel's table entry: a bug of ours.
+    pub fn grid(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], grid: [u32; 3]) {
+        assert_eq!(buffers.len(), kernel.bindings.len(), "{}: bindings", kernel.name);
+        assert_eq!(immediates.len(), kernel.immediates as usize, "{}: immediates", kernel.name);
+        if grid.contains(&0) {
+            return;
+        }
+        let pipeline = self.gpu.pipeline(kernel);
+        let entries: Vec<_> = (0u32..)
+            .zip(buffers)
+            .map(|(binding, b)| wgpu::BindGroupEntry {
+                binding,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &b.buffer,
+                    offset: b.offset,
+                    size: std::num::NonZeroU64::new(b.size),
+                }),
+            })
+            .collect();
+        let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.name),
+            layout: &pipeline.layout,
+            entries: &entries,
+        });
+        let mut profiler = self.gpu.profiler.lock().expect("profiler");
+        let query = profiler.as_mut().and_then(|p| p.begin(kernel.name));
+        let timestamp_writes = match (&*profiler, query) {
+            (Some(p), Some(index)) => Some(wgpu::ComputePassTimestampWrites {
+                query_set: &p.set,
+                beginning_of_pass_write_index: Some(index),
+                end_of_pass_write_index: Some(index + 1),
+            }),
+            _ => None,
+        };
+        let mut pass = self
+            .encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(kernel.name), timestamp_writes });
+        pass.set_pipeline(&pipeline.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        if !immediates.is_empty() {
+            pass.set_immediates(0, immediates);
+        }
+        pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+    }
+
+    /// Sets a buffer to zero.
+    pub fn clear(&mut self, buffer: &Buffer) {
+        self.encoder.clear_buffer(&buffer.buffer, buffer.offset, Some(buffer.size));
+    }
+
+    /// Copies the first `bytes` to byte `at` of another buffer.
+    pub(crate) fn copy(&mut self, source: &Buffer, target: &Buffer, at: u64, bytes: u64) {
+        self.copy_out(source, &target.buffer, target.offset + at, bytes);
+    }
+
+    /// Copies the first `bytes` into a mappable buffer.
+    pub(crate) fn copy_out(&mut self, source: &Buffer, target: &wgpu::Buffer, at: u64, bytes: u64) {
+        self.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
+    }
+
+    /// Submits everything recorded.
+    pub fn submit(mut self) {
+        if let Some(profiler) = &*self.gpu.profiler.lock().expect("profiler") {
+            profiler.resolve(&mut self.encoder);
+        }
+        self.gpu.queue.submit([self.encoder.finish()]);
+        if let Err(error) = self.gpu.collect_profile() {
+            // Only measurements are lost.
+            eprintln!("warning: {error}");
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! The GPU: adapter and device, kernel launches, prefix sum and radix sort.
+
+pub mod buffer;
+pub mod device;
+pub mod launch;
+pub mod pool;
+pub mod profile;
+pub mod scan;
+pub mod sort;
+
+pub use buffer::{Bound, Buffer};
+pub use device::{AdapterChoice, Gpu, GpuError, list_adapters};
+pub use launch::Pass;

@@ -1,0 +1,52 @@
+//! Scratch memory that is handed out for one forward and backward pass and comes back by itself.
+
+use std::sync::{Arc, Mutex};
+
+/// Returned scratch, ready to be used again.
+#[derive(Debug)]
+pub struct Pool<T>(Mutex<Vec<T>>);
+
+/// Scratch in use; goes back to its pool when dropped.
+#[derive(Debug)]
+pub struct Lease<T> {
+    value: Option<T>,
+    home: Arc<Pool<T>>,
+}
+
+impl<T> Default for Pool<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<T> Pool<T> {
+    /// A returned value, if there is one.
+    pub fn take(&self) -> Option<T> {
+        self.0.lock().expect("pool").pop()
+    }
+
+    /// Hands a value out.
+    pub fn lease(self: &Arc<Self>, value: T) -> Lease<T> {
+        Lease { value: Some(value), home: self.clone() }
+    }
+
+    /// Frees everything that is not in use.
+    pub fn clear(&self) {
+        self.0.lock().expect("pool").clear();
+    }
+}
+
+impl<T> std::ops::Deref for Lease<T> {
+    type Target = T;
+    fn deref(&self) -> &T {
+        self.value.as_ref().expect("held until dropped")
+    }
+}
+
+impl<T> Drop for Lease<T> {
+    fn drop(&mut self) {
+        if let Some(value) = self.value.take() {
+            self.home.0.lock().expect("pool").push(value);
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Exclusive prefix sum of u32 values.
+
+use super::{Buffer, Gpu, GpuError, Pass};
+use ibgs_shaders::{SCAN_APPLY, SCAN_BLOCK, SCAN_BLOCKS, SCAN_REDUCE};
+
+/// Scratch memory of a scan of at most `capacity` values.
+#[derive(Debug)]
+pub struct Scan {
+    block_sums: Buffer,
+    capacity: usize,
+}
+
+impl Scan {
+    /// Scratch for up to `capacity` values.
+    ///
+    /// # Errors
+    /// When the device has not enough memory.
+    pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self, GpuError> {
+        let blocks = capacity.div_ceil(SCAN_BLOCK as usize).max(1);
+        Ok(Self { block_sums: gpu.allocate("prefix sums", 4 * blocks as u64)?, capacity })
+    }
+
+    /// Records `sums = exclusive prefix sum of values[..count]` and `total[0] = their sum` (modulo 2^32).
+    pub fn record(&self, pass: &mut Pass, values: &Buffer, sums: &Buffer, total: &Buffer, count: usize) {
+        assert!(count <= self.capacity, "scan scratch too small");
+        let length = (count as u32).to_ne_bytes();
+        let blocks = count.div_ceil(SCAN_BLOCK as usize);
+        pass.groups(&SCAN_REDUCE, &[values, &self.block_sums], &length, blocks);
+        pass.groups(&SCAN_BLOCKS, &[&self.block_sums, total], &length, 1);
+        pass.groups(&SCAN_APPLY, &[values, &self.block_sums, sums], &length, blocks);
+    }
+}

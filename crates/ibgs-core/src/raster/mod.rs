@@ -1,0 +1,272 @@
+//! The Gaussian rasterizer: its passes, its memory, and its registration with burn's autodiff.
+//!
+//! Forward: `project`, depth sort, prefix sum of the tile counts, `tile_emit`, stable tile sort, `tile_ranges`,
+//! `rasterize`. The blending order is exactly tile, then float32 view depth, then Gaussian index, and nothing depends on
+//! the order in which threads run: the same input gives the same bits. Backward: `rasterize_backward`,
+//! `project_backward`.
+
+mod autodiff;
+mod workspace;
+
+pub use autodiff::{Leaves, RasterGradients};
+pub use workspace::Workspace;
+
+use crate::camera::Camera;
+use crate::gpu::buffer::primitive;
+use crate::gpu::pool::{Lease, Pool};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::scene::Splats;
+use burn_cubecl::tensor::CubeTensor;
+use bytemuck::bytes_of;
+use ibgs_shaders::types::Frame;
+use ibgs_shaders::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What to rasterize besides the Gaussians.
+#[derive(Clone, Copy, Debug)]
+pub struct RasterView {
+    /// The target camera.
+    pub camera: Camera,
+    /// Colour behind everything.
+    pub background: [f32; 3],
+    /// Active spherical-harmonics degree; the stored one is the upper bound.
+    pub sh_degree: u32,
+    /// Half side of a Gaussian's box in standard deviations (method.md: 3). From 3.34 on the box cuts nothing that
+    /// the alpha threshold would keep.
+    pub box_sigma: f32,
+    /// Clamp of x/z and y/z in the projection's Jacobian, in tan(half field of view) (method.md: 1.3).
+    pub tangent_limit: f32,
+}
+
+impl RasterView {
+    /// Black background, the constants of method.md section 2.
+    pub fn new(camera: Camera, sh_degree: u32) -> Self {
+        Self { camera, background: [0.0; 3], sh_degree, box_sigma: 3.0, tangent_limit: 1.3 }
+    }
+
+    fn frame(&self, count: usize, coefficients: usize, capacity: usize) -> Frame {
+        let c = &self.camera;
+        let r = c.view_from_world.transpose();
+        let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
+        Frame {
+            row0: row(r.x_axis, c.translation.x),
+            row1: row(r.y_axis, c.translation.y),
+            row2: row(r.z_axis, c.translation.z),
+            focal: c.focal.as_vec2().to_array(),
+            principal: (c.principal - 0.5).as_vec2().to_array(),
+            center: c.center().as_vec3().to_array(),
+            count: count as u32,
+            size: [c.width, c.height],
+            tiles: [c.width.div_ceil(TILE), c.height.div_ceil(TILE)],
+            background: self.background,
+            sh_degree: self.sh_degree.min((coefficients as f64).sqrt() as u32 - 1),
+            sh_coefficients: coefficients as u32,
+            capacity: capacity as u32,
+            box_sigma: self.box_sigma,
+            tangent_limit: self.tangent_limit,
+        }
+    }
+}
+
+/// The five primitives that the rasterizer reads.
+#[derive(Clone, Debug)]
+pub(crate) struct Inputs {
+    /// [N, 3]
+    pub means: CubeTensor,
+    /// [N, 4], w x y z
+    pub rotations: CubeTensor,
+    /// [N, 3]
+    pub log_scales: CubeTensor,
+    /// [N]
+    pub opacity_logits: CubeTensor,
+    /// [N, coefficients, 3]
+    pub sh: CubeTensor,
+}
+
+impl Inputs {
+    pub(crate) fn of(splats: &Splats) -> Self {
+        Self {
+            means: primitive(splats.means.val()),
+            rotations: primitive(splats.rotations.val()),
+            log_scales: primitive(splats.log_scales.val()),
+            opacity_logits: primitive(splats.opacity_logits.val()),
+            sh: primitive(splats.sh.val()),
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.means.meta.shape()[0]
+    }
+
+    fn coefficients(&self) -> usize {
+        self.sh.meta.shape()[1]
+    }
+}
+
+/// One forward pass: the image and what its backward pass needs.
+#[derive(Clone, Debug)]
+pub(crate) struct Forward {
+    /// [H, W, 3]
+    pub image: CubeTensor,
+    pub frame: Frame,
+    /// Which of the tile sort's buffer pairs holds the sorted list.
+    sorted: usize,
+    pub workspace: Arc<Lease<Workspace>>,
+}
+
+/// Rasterizes; owns the scratch memory.
+#[derive(Debug)]
+pub struct Rasterizer {
+    gpu: Arc<Gpu>,
+    pool: Arc<Pool<Workspace>>,
+    /// Intersections that new workspaces hold.
+    capacity: AtomicU64,
+}
+
+impl Rasterizer {
+    /// A rasterizer without any memory yet.
+    pub fn new(gpu: Arc<Gpu>) -> Self {
+        Self { gpu, pool: Arc::default(), capacity: AtomicU64::new(1 << 16) }
+    }
+
+    /// The GPU it works on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Intersections that a pass can hold now.
+    pub fn capacity(&self) -> u64 {
+        self.capacity.load(Ordering::Relaxed)
+    }
+
+    /// Makes room for `needed` intersections and a half more.
+    pub fn reserve(&self, needed: u64) {
+        let wanted = needed + needed / 2 + 1024;
+        if wanted > self.capacity() {
+            self.capacity.store(wanted, Ordering::Relaxed);
+        }
+    }
+
+    fn workspace(
+        &self,
+        count: usize,
+        frame_tiles: usize,
+        pixels: usize,
+        gradients: bool,
+    ) -> Result<Workspace, GpuError> {
+        let capacity = self.capacity() as usize;
+        if let Some(workspace) = self.pool.take()
+            && workspace.fits(count, capacity, frame_tiles, pixels, gradients)
+        {
+            return Ok(workspace);
+        }
+        // Whatever else is free is too small as well.
+        self.pool.clear();
+        Workspace::new(&self.gpu, count, capacity, frame_tiles, pixels, gradients)
+    }
+
+    pub(crate) fn forward(&self, inputs: &Inputs, view: &RasterView, gradients: bool) -> Result<Forward, GpuError> {
+        let gpu = &*self.gpu;
+        let n = inputs.count();
+        let camera = &view.camera;
+        let pixels = camera.width as usize * camera.height as usize;
+        let tiles = camera.width.div_ceil(TILE) as usize * camera.height.div_ceil(TILE) as usize;
+        let ws = self.workspace(n, tiles, pixels, gradients)?;
+        let frame = view.frame(n, inputs.coefficients(), ws.isects());
+        let image = gpu.empty_like_shape(&inputs.means, &[camera.height as usize, camera.width as usize, 3]);
+        gpu.queue.write_buffer(&ws.count.buffer, 0, bytes_of(&(n as u32)));
+
+        let bound =
+            [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh].map(Gpu::bind);
+        let bound_image = Gpu::bind(&image);
+        let mut pass = Pass::new(gpu, "rasterize");
+        let sorted = record_lists(&mut pass, &ws, &bound.each_ref().map(|b| &**b), &frame);
+        let blend: [&Buffer; 6] =
+            [&ws.projected, ws.sorted_gaussians(sorted), &ws.tile_ranges, &bound_image, &ws.final_t, &ws.last_entry];
+        pass.grid(&RASTERIZE, &blend, bytes_of(&frame), [frame.tiles[0], frame.tiles[1], 1]);
+        pass.submit();
+        Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)) })
+    }
+
+    /// Rasterizes without gradients and makes sure that every intersection fitted: grows and repeats otherwise.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub(crate) fn forward_exact(&self, inputs: &Inputs, view: &RasterView) -> Result<Forward, GpuError> {
+        loop {
+            let forward = self.forward(inputs, view, false)?;
+            let needed = forward.intersections(&self.gpu)?;
+            if needed <= u64::from(forward.frame.capacity) {
+                return Ok(forward);
+            }
+            self.reserve(needed);
+        }
+    }
+
+    /// Image [H, W, 3] of the model from a view, waiting for the exact intersection count.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<burn::tensor::Tensor<3>, GpuError> {
+        let forward = self.forward_exact(&Inputs::of(splats), view)?;
+        Ok(crate::gpu::buffer::from_primitive(forward.image))
+    }
+
+    /// Tile intersections of a view.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn count_intersections(&self, splats: &Splats, view: &RasterView) -> Result<u64, GpuError> {
+        self.forward_exact(&Inputs::of(splats), view)?.intersections(&self.gpu)
+    }
+
+    /// [`Rasterizer::render`] without waiting: too many intersections lose the farthest Gaussians. For timing and for
+    /// viewers that have called [`Rasterizer::render`] before.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn render_unchecked(&self, splats: &Splats, view: &RasterView) -> Result<burn::tensor::Tensor<3>, GpuError> {
+        let forward = self.forward(&Inputs::of(splats), view, false)?;
+        Ok(crate::gpu::buffer::from_primitive(forward.image))
+    }
+}
+
+impl Forward {
+    /// How many tile intersections the pass counted; waits for the GPU.
+    pub fn intersections(&self, gpu: &Gpu) -> Result<u64, GpuError> {
+        Ok(u64::from(gpu.read::<u32>(&self.workspace.total, 1)?[0]))
+    }
+}
+
+/// Records everything up to the tile lists; returns which buffer pair of the tile sort holds them.
+fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &[&Buffer; 5], frame: &Frame) -> usize {
+    let n = frame.count as usize;
+    let bytes = bytes_of(frame);
+    let [means, rotations, log_scales, opacity_logits, sh] = *inputs;
+    let project: [&Buffer; 8] =
+        [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.depth_sort.keys[0], &ws.tile_counts];
+    pass.linear(&PROJECT, &project, bytes, n);
+    let by_depth = ws.depth_sort.record(pass, &ws.count, 32);
+    debug_assert_eq!(by_depth, 0, "four passes end where they began");
+    let depth_order = &ws.depth_sort.values[0];
+    pass.linear(&GATHER, &[&ws.tile_counts, depth_order, &ws.counts_by_depth], bytes_of(&frame.count), n);
+    ws.scan.record(pass, &ws.counts_by_depth, &ws.offsets, &ws.total, n);
+    let emit: [&Buffer; 6] =
+        [&ws.projected, depth_order, &ws.offsets, &ws.tile_counts, &ws.tile_sort.keys[0], &ws.isect_to_gaussian];
+    pass.linear(&TILE_EMIT, &emit, bytes, n);
+    // The number of tiles itself stands for padding, so it must be representable.
+    let bits = 32 - (frame.tiles[0] * frame.tiles[1]).leading_zeros();
+    let sorted = ws.tile_sort.record(pass, &ws.total, bits);
+    pass.clear(&ws.tile_ranges);
+    let ranges: [&Buffer; 6] = [
+        &ws.tile_sort.keys[sorted],
+        &ws.tile_sort.values[sorted],
+        &ws.isect_to_gaussian,
+        &ws.total,
+        ws.sorted_gaussians(sorted),
+        &ws.tile_ranges,
+    ];
+    pass.linear(&TILE_RANGES, &ranges, bytes, ws.isects());
+    sorted
+}

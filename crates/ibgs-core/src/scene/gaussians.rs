@@ -1,0 +1,100 @@
+//! The parameters of all Gaussians as plain arrays (method.md section 1).
+
+use super::SceneError;
+
+/// Highest degree of the spherical harmonics.
+pub const MAX_SH_DEGREE: u32 = 3;
+
+/// Constant basis function of the spherical harmonics, `1 / (2 sqrt(pi))`: colour = 0.5 + `SH_C0` dc + ...
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+
+/// N Gaussians, every value as stored, before its activation (method.md section 1).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    /// N means in world units.
+    pub means: Vec<[f32; 3]>,
+    /// N quaternions in the order w, x, y, z, not normalised.
+    pub rotations: Vec<[f32; 4]>,
+    /// N x 3 natural logarithms of the standard deviations in world units.
+    pub log_scales: Vec<[f32; 3]>,
+    /// N logits of the opacity.
+    pub opacity_logits: Vec<f32>,
+    /// N x C x 3 coefficients with C = (`sh_degree` + 1)^2: Gaussian, then coefficient (0 is dc), then channel.
+    pub sh: Vec<f32>,
+    /// Degree L of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// N plane normals in world space, not normalised.
+    pub normals: Vec<[f32; 3]>,
+    /// N offsets of the plane along its normal in world units.
+    pub offsets: Vec<f32>,
+}
+
+impl Gaussians {
+    /// No Gaussians, with room for `capacity` of them.
+    pub fn with_capacity(capacity: usize, sh_degree: u32) -> Self {
+        Self {
+            means: Vec::with_capacity(capacity),
+            rotations: Vec::with_capacity(capacity),
+            log_scales: Vec::with_capacity(capacity),
+            opacity_logits: Vec::with_capacity(capacity),
+            sh: Vec::with_capacity(capacity.saturating_mul(3 * coefficients(sh_degree))),
+            sh_degree,
+            normals: Vec::with_capacity(capacity),
+            offsets: Vec::with_capacity(capacity),
+        }
+    }
+
+    /// Number of Gaussians N.
+    pub fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+
+    /// Coefficients per channel, C = (L + 1)^2.
+    pub fn sh_coefficients(&self) -> usize {
+        coefficients(self.sh_degree)
+    }
+
+    /// Checks that all fields have the length that `means` asks for and that every value is finite.
+    ///
+    /// # Errors
+    /// [`SceneError::ShDegree`], [`SceneError::Shape`] or [`SceneError::NotFinite`], naming the field.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        if self.sh_degree > MAX_SH_DEGREE {
+            return Err(SceneError::ShDegree { degree: self.sh_degree });
+        }
+        let n = self.len();
+        let sh_row = 3 * self.sh_coefficients();
+        check("means", self.means.as_flattened(), 3, n)?;
+        check("rotations", self.rotations.as_flattened(), 4, n)?;
+        check("log_scales", self.log_scales.as_flattened(), 3, n)?;
+        check("opacity_logits", &self.opacity_logits, 1, n)?;
+        check("sh", &self.sh, sh_row, n)?;
+        check("normals", self.normals.as_flattened(), 3, n)?;
+        check("offsets", &self.offsets, 1, n)
+    }
+}
+
+/// Coefficients per channel of the degrees 0 to `sh_degree`.
+pub(crate) fn coefficients(sh_degree: u32) -> usize {
+    (sh_degree.min(MAX_SH_DEGREE) as usize + 1).pow(2)
+}
+
+fn check(field: &'static str, values: &[f32], row: usize, n: usize) -> Result<(), SceneError> {
+    if values.len() != n * row {
+        return Err(SceneError::Shape { field, expected: n * row, found: values.len() });
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(SceneError::NotFinite {
+            place: "the model in memory".to_owned(),
+            field: field.to_owned(),
+            index: at / row,
+            value: values[at],
+        }),
+    }
+}

@@ -1,0 +1,14 @@
+//! The Gaussians: their parameters, their start from a point cloud, and PLY files.
+
+pub mod error;
+pub mod gaussians;
+pub mod init;
+pub mod ply;
+mod ply_rows;
+mod splats;
+
+pub use error::SceneError;
+pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
+pub use init::from_points;
+pub use ply::{PlyFlavor, read_ply, write_ply, write_points_ply};
+pub use splats::Splats;

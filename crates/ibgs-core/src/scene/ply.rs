@@ -1,0 +1,270 @@
+//! PLY files of Gaussians: the field order of 3D Gaussian splatting with the plane offset `nd` after the normal.
+//!
+//! Reading is serde-ply's (any scalar type, both byte orders, text). Writing is a header and rows of floats, done here:
+//! that crate spells the type `float32`, which common viewers do not know, and has no header for zero rows.
+
+use super::gaussians::coefficients;
+use super::ply_rows::{ElementSeed, Layout, Rows};
+use super::{Gaussians, SceneError};
+use crate::dataset::Point;
+use crate::files;
+use serde::de::MapAccess;
+use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, Write};
+use std::path::Path;
+
+/// Which fields a written PLY has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlyFlavor {
+    /// Everything: `x y z nx ny nz nd f_dc_0..2 f_rest_0.. opacity scale_0..2 rot_0..3`.
+    Full,
+    /// Without `nd`: the layout of 3D Gaussian splatting that other viewers open.
+    Plain,
+}
+
+/// Writes Gaussians as a binary little-endian PLY of 32-bit floats, in one atomic step.
+///
+/// # Errors
+/// Those of [`Gaussians::validate`] (nothing is written then) and [`SceneError::Write`].
+pub fn write_ply(path: &Path, gaussians: &Gaussians, flavor: PlyFlavor) -> Result<(), SceneError> {
+    gaussians.validate()?;
+    let fields = field_names(gaussians.sh_degree, flavor);
+    files::write_atomically(path, |out| {
+        let floats = fields.iter().map(|name| ("float", name.as_str()));
+        write_header(out, gaussians.len(), floats)?;
+        let mut row = Vec::with_capacity(4 * fields.len());
+        for index in 0..gaussians.len() {
+            row.clear();
+            push_row(gaussians, index, flavor, &mut |v| row.extend(v.to_le_bytes()));
+            out.write_all(&row)?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+
+/// Writes the initial points as `input.ply`: float positions, zero normals, 8-bit colours, little endian.
+///
+/// # Errors
+/// [`SceneError::Write`].
+pub fn write_points_ply(path: &Path, points: &[Point]) -> Result<(), SceneError> {
+    let floats = ["x", "y", "z", "nx", "ny", "nz"].map(|name| ("float", name));
+    let bytes = ["red", "green", "blue"].map(|name| ("uchar", name));
+    files::write_atomically(path, |out| {
+        write_header(out, points.len(), floats.into_iter().chain(bytes))?;
+        for point in points {
+            for v in point.position.as_vec3().to_array() {
+                out.write_all(&v.to_le_bytes())?;
+            }
+            out.write_all(&[0; 12])?;
+            out.write_all(&point.color)?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+
+fn write_header<'a>(
+    out: &mut dyn Write,
+    rows: usize,
+    fields: impl Iterator<Item = (&'a str, &'a str)>,
+) -> io::Result<()> {
+    write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {rows}\n")?;
+    for (kind, name) in fields {
+        writeln!(out, "property {kind} {name}")?;
+    }
+    out.write_all(b"end_header\n")
+}
+
+/// Field names in file order.
+fn field_names(sh_degree: u32, flavor: PlyFlavor) -> Vec<String> {
+    let numbered = |name: &'static str, n: usize| (0..n).map(move |i| format!("{name}_{i}"));
+    let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).into();
+    if flavor == PlyFlavor::Full {
+        names.push("nd".to_owned());
+    }
+    names.extend(numbered("f_dc", 3));
+    names.extend(numbered("f_rest", 3 * (coefficients(sh_degree) - 1)));
+    names.push("opacity".to_owned());
+    names.extend(numbered("scale", 3));
+    names.extend(numbered("rot", 4));
+    names
+}
+
+/// Passes the values of one Gaussian to `push` in the order of [`field_names`].
+fn push_row(g: &Gaussians, index: usize, flavor: PlyFlavor, push: &mut impl FnMut(f32)) {
+    let c = g.sh_coefficients();
+    let sh = &g.sh[index * 3 * c..(index + 1) * 3 * c];
+    g.means[index].iter().for_each(|&v| push(v));
+    g.normals[index].iter().for_each(|&v| push(v));
+    if flavor == PlyFlavor::Full {
+        push(g.offsets[index]);
+    }
+    sh[..3].iter().for_each(|&v| push(v));
+    // In the file the rest is channel-major, in memory coefficient-major.
+    for channel in 0..3 {
+        (1..c).for_each(|k| push(sh[3 * k + channel]));
+    }
+    push(g.opacity_logits[index]);
+    g.log_scales[index].iter().for_each(|&v| push(v));
+    g.rotations[index].iter().for_each(|&v| push(v));
+}
+
+/// Reads Gaussians from a PLY file. Fields are found by name, in any order and of any scalar type; unknown ones are
+/// ignored; a missing `nd` is 0. Without `nd`, missing or zero normals become (0, 0, 1).
+///
+/// # Errors
+/// A [`SceneError`] that names the file and, where there is one, the field: not a PLY, missing field, list in place of
+/// a number, impossible number of `f_rest` fields, less or more data than the header promises, NaN or infinity.
+pub fn read_ply(path: &Path) -> Result<Gaussians, SceneError> {
+    let open = || -> io::Result<(File, u64)> {
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        Ok((file, length))
+    };
+    let (file, length) = open().map_err(|source| read_error(path, source))?;
+    read_ply_from(&mut BufReader::with_capacity(1 << 20, file), length, path)
+}
+
+fn read_error(path: &Path, source: io::Error) -> SceneError {
+    SceneError::Read { path: path.to_owned(), source }
+}
+
+fn bad_ply(path: &Path, reason: impl Into<String>) -> SceneError {
+    SceneError::BadPly { path: path.to_owned(), reason: reason.into() }
+}
+
+/// [`read_ply`] from anything seekable that is `length` bytes long; `path` is for messages.
+fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path) -> Result<Gaussians, SceneError> {
+    let io_error = |source| read_error(path, source);
+    let mut magic = Vec::new();
+    reader.take(3).read_to_end(&mut magic).map_err(io_error)?;
+    if magic != b"ply" {
+        return Err(bad_ply(path, "it does not begin with `ply`"));
+    }
+    reader.rewind().map_err(io_error)?;
+    let header = PlyReader::from_reader(&mut *reader)
+        .map_err(|error| bad_ply(path, format!("its header is damaged ({})", error.0)))?
+        .header()
+        .clone();
+    let data_length = length.saturating_sub(reader.stream_position().map_err(io_error)?);
+    let vertex = check_header(&header, data_length, path)?;
+    let layout = Layout::new(vertex, path)?;
+
+    reader.rewind().map_err(io_error)?;
+    let mut rows = Rows::new(&layout, vertex);
+    let outcome = if header.format == PlyFormat::Ascii {
+        // The last number of a text file need not be followed by a line break; serde-ply wants one.
+        read_vertices(Read::chain(&mut *reader, &b"\n"[..]), &mut rows)
+    } else {
+        read_vertices(&mut *reader, &mut rows)
+    };
+    if let Err(error) = outcome {
+        return Err(match error.0.kind() {
+            io::ErrorKind::UnexpectedEof => SceneError::Truncated {
+                path: path.to_owned(),
+                promised: vertex.count as u64,
+                found: rows.gaussians.len() as u64,
+            },
+            _ => bad_ply(path, format!("Gaussian {} cannot be read ({})", rows.gaussians.len(), error.0)),
+        });
+    }
+    if let Some((index, column, value)) = rows.not_finite {
+        return Err(SceneError::NotFinite {
+            place: path.display().to_string(),
+            field: vertex.properties[column].name.clone(),
+            index,
+            value,
+        });
+    }
+    let gaussians = rows.gaussians;
+    if header.elem_defs.last().is_some_and(|last| last.name == "vertex") {
+        check_rest(reader, length, &header, path)?;
+    }
+    Ok(gaussians)
+}
+
+/// Finds the vertex element and compares all counts up to it with the bytes there are, before anything is reserved.
+fn check_header<'a>(header: &'a PlyHeader, data_length: u64, path: &Path) -> Result<&'a ElementDef, SceneError> {
+    let mut needed: u128 = 0;
+    for element in &header.elem_defs {
+        let row = min_row_bytes(element, header.format);
+        if row == 0 && element.count > 0 {
+            let reason = format!("its element `{}` has no fields", element.name);
+            return Err(bad_ply(path, reason));
+        }
+        let before = needed;
+        needed += element.count as u128 * row as u128;
+        // The line break after the last value of a text file may be missing.
+        if needed > u128::from(data_length) + 1 || before > u128::from(data_length) {
+            return Err(SceneError::Truncated {
+                path: path.to_owned(),
+                promised: header.get_element("vertex").map_or(0, |v| v.count as u64),
+                found: if element.name == "vertex" {
+                    (u128::from(data_length).saturating_sub(before) / row as u128) as u64
+                } else {
+                    0
+                },
+            });
+        }
+        if element.name == "vertex" {
+            return Ok(element);
+        }
+    }
+    Err(bad_ply(path, "it has no `vertex` element"))
+}
+
+/// Least number of bytes of one row: exact for binary rows without lists.
+fn min_row_bytes(element: &ElementDef, format: PlyFormat) -> usize {
+    let bytes = |kind: ScalarType| match (format, kind) {
+        (PlyFormat::Ascii, _) => 2,
+        (_, ScalarType::I8 | ScalarType::U8) => 1,
+        (_, ScalarType::I16 | ScalarType::U16) => 2,
+        (_, ScalarType::I32 | ScalarType::U32 | ScalarType::F32) => 4,
+        (_, ScalarType::F64) => 8,
+    };
+    let field = |kind: &PropertyType| match *kind {
+        PropertyType::Scalar(kind) => bytes(kind),
+        PropertyType::List { count_type, .. } => bytes(count_type),
+    };
+    element.properties.iter().map(|p| field(&p.property_type)).sum()
+}
+
+/// Refuses a header that counts fewer rows than the data holds; a few stray bytes at the end are harmless.
+fn check_rest<R: BufRead + Seek>(
+    reader: &mut R,
+    length: u64,
+    header: &PlyHeader,
+    path: &Path,
+) -> Result<(), SceneError> {
+    let io_error = |source| read_error(path, source);
+    let rest = length.saturating_sub(reader.stream_position().map_err(io_error)?);
+    let harmless = if header.format == PlyFormat::Ascii {
+        reader.bytes().all(|byte| byte.is_ok_and(|b| b.is_ascii_whitespace()))
+    } else {
+        let row = header.elem_defs.last().map_or(1, |last| min_row_bytes(last, header.format));
+        rest < row as u64
+    };
+    if harmless {
+        return Ok(());
+    }
+    Err(bad_ply(
+        path,
+        format!("{rest} bytes follow the last Gaussian that its header counts; the count is wrong or the file damaged"),
+    ))
+}
+
+/// Skips the elements before `vertex` and reads that one.
+fn read_vertices<R: BufRead>(reader: R, rows: &mut Rows<'_>) -> Result<(), serde_ply::DeserializeError> {
+    let mut ply = PlyReader::from_reader(reader)?;
+    while let Some(element) = ply.current_element() {
+        let is_vertex = element.name == "vertex";
+        let sink = if is_vertex { Some(&mut *rows) } else { None };
+        MapAccess::next_value_seed(&mut &mut ply, ElementSeed(sink))?;
+        if is_vertex {
+            break;
+        }
+    }
+    Ok(())
+}

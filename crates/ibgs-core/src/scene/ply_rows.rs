@@ -1,0 +1,245 @@
+//! Where each parameter stands in the rows of a PLY file, and the walk over those rows.
+
+use super::gaussians::{MAX_SH_DEGREE, coefficients};
+use super::{Gaussians, SceneError};
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde_ply::{ElementDef, PropertyType};
+use std::collections::HashMap;
+use std::fmt;
+use std::path::Path;
+
+/// Columns of the parameters, found by name.
+pub(super) struct Layout {
+    mean: [usize; 3],
+    normal: Option<[usize; 3]>,
+    offset: Option<usize>,
+    dc: [usize; 3],
+    /// Channel-major, as in the file.
+    rest: Vec<usize>,
+    opacity: usize,
+    scale: [usize; 3],
+    rotation: [usize; 4],
+    sh_degree: u32,
+}
+
+impl Layout {
+    /// Looks the fields up in the vertex element of the file at `path`.
+    pub(super) fn new(vertex: &ElementDef, path: &Path) -> Result<Self, SceneError> {
+        let columns = scalar_columns(vertex, path)?;
+        let column = |field: &str| {
+            columns
+                .get(field)
+                .copied()
+                .ok_or_else(|| SceneError::MissingField { path: path.to_owned(), field: field.to_owned() })
+        };
+        let rest_count = columns.keys().filter(|name| name.starts_with("f_rest_")).count();
+        let sh_degree = (0..=MAX_SH_DEGREE)
+            .find(|&degree| 3 * (coefficients(degree) - 1) == rest_count)
+            .ok_or_else(|| SceneError::BadPly {
+                path: path.to_owned(),
+                reason: format!(
+                    "it has {rest_count} fields `f_rest_*` where spherical harmonics of degree 0, 1, 2, 3 have 0, 9, 24, 45"
+                ),
+            })?;
+        let normal = match ["nx", "ny", "nz"].map(|name| columns.get(name).copied()) {
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            _ => None,
+        };
+        Ok(Self {
+            mean: [column("x")?, column("y")?, column("z")?],
+            normal,
+            offset: columns.get("nd").copied(),
+            dc: [column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?],
+            rest: (0..rest_count).map(|i| column(&format!("f_rest_{i}"))).collect::<Result<_, _>>()?,
+            opacity: column("opacity")?,
+            scale: [column("scale_0")?, column("scale_1")?, column("scale_2")?],
+            rotation: [column("rot_0")?, column("rot_1")?, column("rot_2")?, column("rot_3")?],
+            sh_degree,
+        })
+    }
+
+    /// All columns that are read.
+    fn used(&self) -> Vec<usize> {
+        let mut used: Vec<usize> = self.mean.into();
+        used.extend(self.normal.into_iter().flatten());
+        used.extend(self.offset);
+        used.extend(self.dc);
+        used.extend(&self.rest);
+        used.push(self.opacity);
+        used.extend(self.scale);
+        used.extend(self.rotation);
+        used
+    }
+
+    /// Appends the Gaussian in `row`.
+    fn append(&self, row: &[f32], gaussians: &mut Gaussians) {
+        gaussians.means.push(self.mean.map(|c| row[c]));
+        let normal = self.normal.map_or([0.0; 3], |columns| columns.map(|c| row[c]));
+        // Plain files carry zeros, which are no direction; a file with `nd` keeps what it has.
+        let unset = self.offset.is_none() && normal == [0.0; 3];
+        gaussians.normals.push(if unset { [0.0, 0.0, 1.0] } else { normal });
+        gaussians.offsets.push(self.offset.map_or(0.0, |c| row[c]));
+        gaussians.sh.extend(self.dc.map(|c| row[c]));
+        let per_channel = self.rest.len() / 3;
+        for k in 0..per_channel {
+            gaussians.sh.extend([0, 1, 2].map(|channel| row[self.rest[channel * per_channel + k]]));
+        }
+        gaussians.opacity_logits.push(row[self.opacity]);
+        gaussians.log_scales.push(self.scale.map(|c| row[c]));
+        gaussians.rotations.push(self.rotation.map(|c| row[c]));
+    }
+}
+
+/// Column of every scalar field; lists and repeated names are refused.
+fn scalar_columns<'a>(vertex: &'a ElementDef, path: &Path) -> Result<HashMap<&'a str, usize>, SceneError> {
+    let bad = |reason| SceneError::BadPly { path: path.to_owned(), reason };
+    let mut columns = HashMap::with_capacity(vertex.properties.len());
+    for (column, property) in vertex.properties.iter().enumerate() {
+        let name = property.name.as_str();
+        if let PropertyType::List { .. } = property.property_type {
+            return Err(bad(format!("its vertex field `{name}` is a list where a Gaussian has one number")));
+        }
+        if columns.insert(name, column).is_some() {
+            return Err(bad(format!("its vertex element has two fields `{name}`")));
+        }
+    }
+    Ok(columns)
+}
+
+/// Gathers Gaussians row by row.
+pub(super) struct Rows<'a> {
+    layout: &'a Layout,
+    used: Vec<usize>,
+    row: Vec<f32>,
+    /// What was read so far.
+    pub(super) gaussians: Gaussians,
+    /// The first value that is not finite, as row, column and value.
+    pub(super) not_finite: Option<(usize, usize, f32)>,
+}
+
+impl<'a> Rows<'a> {
+    /// The count in `vertex` must have been compared with the length of the file before: it is reserved here.
+    pub(super) fn new(layout: &'a Layout, vertex: &ElementDef) -> Self {
+        Self {
+            layout,
+            used: layout.used(),
+            row: vec![0.0; vertex.properties.len()],
+            gaussians: Gaussians::with_capacity(vertex.count, layout.sh_degree),
+            not_finite: None,
+        }
+    }
+
+    fn finish_row(&mut self) {
+        if self.not_finite.is_none()
+            && let Some(&column) = self.used.iter().find(|&&c| !self.row[c].is_finite())
+        {
+            self.not_finite = Some((self.gaussians.len(), column, self.row[column]));
+        }
+        self.layout.append(&self.row, &mut self.gaussians);
+    }
+}
+
+/// Reads all rows of one element into [`Rows`], or skips them.
+pub(super) struct ElementSeed<'r, 'a>(pub(super) Option<&'r mut Rows<'a>>);
+
+impl<'de> DeserializeSeed<'de> for ElementSeed<'_, '_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for ElementSeed<'_, '_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the rows of an element")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
+        match self.0 {
+            Some(target) => {
+                while rows.next_element_seed(RowSeed(&mut target.row))?.is_some() {
+                    target.finish_row();
+                }
+            }
+            None => while rows.next_element_seed(SkipSeed)?.is_some() {},
+        }
+        Ok(())
+    }
+}
+
+/// Reads one row of scalars into the slice.
+struct RowSeed<'r>(&'r mut [f32]);
+
+impl<'de> DeserializeSeed<'de> for RowSeed<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for RowSeed<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a row of numbers")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut fields: A) -> Result<(), A::Error> {
+        // The names were read in the header, in this order.
+        for value in self.0.iter_mut() {
+            fields.next_key::<IgnoredAny>()?.ok_or_else(|| A::Error::custom("the row is short of a field"))?;
+            *value = fields.next_value_seed(FloatSeed)?;
+        }
+        Ok(())
+    }
+}
+
+/// Skips one row.
+struct SkipSeed;
+
+impl<'de> DeserializeSeed<'de> for SkipSeed {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(IgnoredAny).map(|_| ())
+    }
+}
+
+/// Any scalar as a 32-bit float; what does not fit becomes infinite and is refused with its field's name.
+struct FloatSeed;
+
+impl<'de> DeserializeSeed<'de> for FloatSeed {
+    type Value = f32;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<f32, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl Visitor<'_> for FloatSeed {
+    type Value = f32;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number")
+    }
+
+    fn visit_f32<E: Error>(self, v: f32) -> Result<f32, E> {
+        Ok(v)
+    }
+
+    fn visit_f64<E: Error>(self, v: f64) -> Result<f32, E> {
+        Ok(v as f32)
+    }
+
+    fn visit_i64<E: Error>(self, v: i64) -> Result<f32, E> {
+        Ok(v as f32)
+    }
+
+    fn visit_u64<E: Error>(self, v: u64) -> Result<f32, E> {
+        Ok(v as f32)
+    }
+}

@@ -1,0 +1,315 @@
+//! The options of a training run: every constant of method.md that base training uses, with its reference default.
+//!
+//! Written to `config.toml` of the output folder and read back with `--config`. A milestone that is left out
+//! follows the number of iterations (see [`Schedule`](super::schedule::Schedule)).
+
+mod check;
+mod defaults;
+
+use crate::files::{self, WriteError};
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// What is trained.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Method {
+    /// Plain 3D Gaussian splatting: the base colour alone (method.md section 2).
+    #[default]
+    #[serde(rename = "3dgs")]
+    Gs3,
+}
+
+/// All options of a training run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct TrainConfig {
+    /// What is trained.
+    pub method: Method,
+    /// Number of iterations, counted from 1.
+    pub iterations: u32,
+    /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
+    pub schedule_scaling: bool,
+    /// Seed of view order and sampling.
+    pub seed: u64,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// Iterations between two degrees; unset: 1000, scaled.
+    pub sh_interval: Option<u32>,
+    /// White in place of black behind the Gaussians.
+    pub white_background: bool,
+    /// Weight of 1 - SSIM in the image loss; L1 has the rest.
+    pub ssim_weight: f64,
+    /// Opacity of the first Gaussians.
+    pub initial_opacity: f64,
+    /// Evaluate every so many iterations; 0: only at `eval-iterations`.
+    pub eval_every: u32,
+    /// Iterations to evaluate at besides the last; unset: 7000, scaled.
+    pub eval_iterations: Option<Vec<u32>>,
+    /// Iterations to save the model at besides the last; unset: 7000, scaled.
+    pub save_iterations: Option<Vec<u32>>,
+    /// Where the photos come from.
+    pub data: DataConfig,
+    /// Learning rates.
+    pub learning_rates: LearningRates,
+    /// The optimiser.
+    pub adam: AdamConfig,
+    /// Densification and pruning.
+    pub densify: DensifyConfig,
+    /// Opacity resets.
+    pub opacity_reset: OpacityResetConfig,
+}
+
+/// Where the photos come from and how they are prepared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct DataConfig {
+    /// Scene folder; unset: the built-in demo scene.
+    pub source: Option<PathBuf>,
+    /// Factor 1, 2, 4 or 8 to divide the photos by, or a target width in pixels.
+    pub resolution: String,
+    /// Photo folder inside the scene; unset: found by the loader.
+    pub images: Option<String>,
+    /// Longest side that a photo may have, in pixels; unset: no limit.
+    pub max_resolution: Option<u32>,
+    /// Hold test views out.
+    pub eval: bool,
+    /// Every so-manieth photo by name is a test view, beginning with the first.
+    pub eval_split_every: u32,
+    /// `true`: the principal point that the scene gives; `centred`: the image centre.
+    pub principal_point: String,
+    /// Number of random points where the scene has none.
+    pub random_points: u32,
+}
+
+/// Learning rates (method.md section 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct LearningRates {
+    /// Means at the start, times the scene extent.
+    pub mean_initial: f64,
+    /// Means at the end, times the scene extent.
+    pub mean_final: f64,
+    /// Iterations from the first to the last rate of the means; unset: 30000, scaled.
+    pub mean_iterations: Option<u32>,
+    /// Quaternions.
+    pub rotation: f64,
+    /// Logarithms of the scales.
+    pub scale: f64,
+    /// Opacity logits.
+    pub opacity: f64,
+    /// Constant coefficients of the spherical harmonics.
+    pub sh_dc: f64,
+    /// The other coefficients have the rate `sh-dc` divided by this.
+    pub sh_rest_divisor: f64,
+    /// Plane normals.
+    pub normal: f64,
+    /// Plane offsets have the rate of the means times this.
+    pub offset_factor: f64,
+}
+
+/// Constants of Adam for the Gaussians (method.md section 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct AdamConfig {
+    /// Decay of the first moment.
+    pub beta1: f64,
+    /// Decay of the second moment.
+    pub beta2: f64,
+    /// Added to the root of the second moment.
+    pub epsilon: f64,
+}
+
+/// Densification and pruning (method.md section 7). Lengths are multiples of the scene extent, gradients are by the
+/// projected mean in units of half the image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct DensifyConfig {
+    /// Rounds come after this iteration; unset: 500, scaled only in runs under 5000 iterations.
+    pub start: Option<u32>,
+    /// Rounds come before this iteration; unset: 15000, scaled.
+    pub end: Option<u32>,
+    /// Rounds come at multiples of this; unset: 100, scaled only in runs under 5000 iterations.
+    pub interval: Option<u32>,
+    /// Mean gradient norm from which a Gaussian is cloned or split.
+    pub grad_threshold: f64,
+    /// Largest scale that is cloned, times the extent; larger ones are split.
+    pub scale_threshold: f64,
+    /// Split by the absolute gradient too.
+    pub abs_split: bool,
+    /// Mean norm of the absolute gradient from which a Gaussian is split.
+    pub abs_grad_threshold: f64,
+    /// Largest screen radius, in pixels, that such a split needs to be exceeded.
+    pub abs_min_radius: f64,
+    /// Such splits in one round.
+    pub abs_max_per_round: u32,
+    /// A split divides the scales by this.
+    pub split_divisor: f64,
+    /// Gaussians in all.
+    pub max_splats: u32,
+    /// Gaussians below this opacity are removed.
+    pub prune_opacity: f64,
+    /// Gaussians with a larger scale, times the extent, are removed after `prune-scale-after`.
+    pub prune_scale: f64,
+    /// Pruning by scale begins after this iteration; unset: the interval of the opacity resets.
+    pub prune_scale_after: Option<u32>,
+    /// Gaussians with a larger screen radius, in pixels, are removed after `prune-scale-after`; 0: never.
+    pub prune_screen_radius: f64,
+}
+
+/// Opacity resets (method.md section 7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct OpacityResetConfig {
+    /// Resets come at multiples of this, before densification ends; unset: 3000, scaled.
+    pub interval: Option<u32>,
+    /// Opacity is clamped to at most this.
+    pub max_opacity: f64,
+}
+
+/// Why options cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the options file {}: {source}; check the path", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// The file is not TOML, or has a field that is unknown or of the wrong kind.
+    #[error("{}, line {line}: {reason}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A value makes no sense.
+    #[error("{place}: option `{field}` is {value}; {advice}")]
+    Invalid {
+        /// The file, or the command line.
+        place: String,
+        /// Path of the field as in the file, for instance `densify.interval`.
+        field: String,
+        /// The value.
+        value: String,
+        /// What it must be.
+        advice: &'static str,
+    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl TrainConfig {
+    /// Reads options from a TOML file; fields that are left out have their defaults.
+    ///
+    /// # Errors
+    /// [`ConfigError`] naming the file and the line or field.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let config: Self = toml::from_str(&text).map_err(|error| {
+            let before = error.span().and_then(|span| text.get(..span.start));
+            ConfigError::Parse {
+                path: path.to_owned(),
+                line: before.unwrap_or_default().matches('\n').count() + 1,
+                reason: error.message().replace('\n', ", "),
+            }
+        })?;
+        config.validate_from(&path.display().to_string())?;
+        Ok(config)
+    }
+
+    /// Writes the options as TOML, in one atomic step.
+    ///
+    /// # Errors
+    /// Those of [`validate`](Self::validate) (nothing is written then) and [`ConfigError::Write`].
+    pub fn save(&self, path: &Path) -> Result<(), ConfigError> {
+        self.validate()?;
+        files::write_atomically(path, |out| {
+            let text = toml::to_string_pretty(self).map_err(io::Error::other)?;
+            writeln!(out, "# Options of a training run; read them back with --config.\n\n{text}")
+        })?;
+        Ok(())
+    }
+
+    /// Checks all values.
+    ///
+    /// # Errors
+    /// [`ConfigError::Invalid`] for the first value that makes no sense.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.validate_from("command line")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn load(text: &str) -> Result<TrainConfig, ConfigError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("config.toml");
+        std::fs::write(&path, text).unwrap();
+        TrainConfig::load(&path)
+    }
+
+    #[test]
+    fn round_trip() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("config.toml");
+        let mut config = TrainConfig::default();
+        config.save(&path).unwrap();
+        assert_eq!(TrainConfig::load(&path).unwrap(), config);
+        config.data.source = Some("a folder/scene".into());
+        config.data.images = Some("images_4".to_owned());
+        config.eval_iterations = Some(vec![1, 2, 300]);
+        config.densify.end = Some(1234);
+        config.learning_rates.mean_initial = 1.0 / 3.0;
+        config.save(&path).unwrap();
+        assert_eq!(TrainConfig::load(&path).unwrap(), config);
+        assert_eq!(load("").unwrap(), TrainConfig::default());
+    }
+
+    #[test]
+    fn unknown_fields_are_named_with_their_line() {
+        let text = load("seed = 3\n\n[densify]\nintervall = 5\n").unwrap_err().to_string();
+        assert!(text.contains("config.toml, line 4"), "{text}");
+        assert!(text.contains("`intervall`") && !text.contains('\n'), "{text}");
+        assert!(load("method = \"4dgs\"").is_err());
+        assert!(load("iterations = -1").is_err());
+        assert!(load("iterations = ").is_err());
+    }
+
+    #[test]
+    fn senseless_values_are_refused_by_name() {
+        let cases = [
+            ("iterations = 0", "iterations"),
+            ("sh-degree = 4", "sh-degree"),
+            ("ssim-weight = nan", "ssim-weight"),
+            ("eval-iterations = [0]", "eval-iterations"),
+            ("[data]\neval-split-every = 1", "data.eval-split-every"),
+            ("[data]\nprincipal-point = \"middle\"", "data.principal-point"),
+            ("[learning-rates]\nopacity = -1.0", "learning-rates.opacity"),
+            ("[learning-rates]\nmean-final = 0.0", "learning-rates.mean-final"),
+            ("[adam]\nbeta2 = 1.0", "adam.beta2"),
+            ("[densify]\ninterval = 0", "densify.interval"),
+            ("[densify]\nsplit-divisor = inf", "densify.split-divisor"),
+            ("[opacity-reset]\nmax-opacity = 1.5", "opacity-reset.max-opacity"),
+        ];
+        for (text, field) in cases {
+            let message = load(text).unwrap_err().to_string();
+            assert!(message.contains(&format!("`{field}`")), "{message}");
+            assert!(message.contains("config.toml"), "{message}");
+        }
+        let config = TrainConfig { seed: u64::MAX, ..TrainConfig::default() };
+        assert!(config.validate().unwrap_err().to_string().contains("command line"));
+    }
+}

@@ -1,0 +1,93 @@
+//! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
+
+use super::{AdamConfig, DataConfig, DensifyConfig, LearningRates, Method, OpacityResetConfig, TrainConfig};
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            method: Method::Gs3,
+            iterations: 30_000,
+            schedule_scaling: true,
+            seed: 0,
+            sh_degree: 2,
+            sh_interval: None,
+            white_background: false,
+            ssim_weight: 0.2,
+            initial_opacity: 0.1,
+            eval_every: 0,
+            eval_iterations: None,
+            save_iterations: None,
+            data: DataConfig::default(),
+            learning_rates: LearningRates::default(),
+            adam: AdamConfig::default(),
+            densify: DensifyConfig::default(),
+            opacity_reset: OpacityResetConfig::default(),
+        }
+    }
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            source: None,
+            resolution: "1".to_owned(),
+            images: None,
+            max_resolution: None,
+            eval: false,
+            eval_split_every: 8,
+            principal_point: "true".to_owned(),
+            random_points: 100_000,
+        }
+    }
+}
+
+impl Default for LearningRates {
+    fn default() -> Self {
+        Self {
+            mean_initial: 1.6e-4,
+            mean_final: 1.6e-6,
+            mean_iterations: None,
+            rotation: 1e-3,
+            scale: 5e-3,
+            opacity: 2.5e-2,
+            sh_dc: 2.5e-3,
+            sh_rest_divisor: 20.0,
+            normal: 1e-3,
+            offset_factor: 0.5,
+        }
+    }
+}
+
+impl Default for AdamConfig {
+    fn default() -> Self {
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 }
+    }
+}
+
+impl Default for DensifyConfig {
+    fn default() -> Self {
+        Self {
+            start: None,
+            end: None,
+            interval: None,
+            grad_threshold: 2e-4,
+            scale_threshold: 0.001,
+            abs_split: true,
+            abs_grad_threshold: 8e-4,
+            abs_min_radius: 20.0,
+            abs_max_per_round: 50_000,
+            split_divisor: 1.6,
+            max_splats: 5_000_000,
+            prune_opacity: 0.05,
+            prune_scale: 0.1,
+            prune_scale_after: None,
+            prune_screen_radius: 0.0,
+        }
+    }
+}
+
+impl Default for OpacityResetConfig {
+    fn default() -> Self {
+        Self { interval: None, max_opacity: 0.01 }
+    }
+}

@@ -1,0 +1,270 @@
+//! Densification and pruning (method.md section 7): statistics on the GPU, the plan on the host, the new model gathered
+//! on the GPU.
+
+use super::config::DensifyConfig;
+use super::optim::Optimizer;
+use crate::gpu::buffer::{from_primitive, primitive};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::raster::Workspace;
+use crate::scene::{SceneError, Splats};
+use burn::module::Param;
+use burn::tensor::{Tensor, TensorData};
+use bytemuck::bytes_of;
+use glam::{Quat, Vec3};
+use ibgs_shaders::types::{Frame, GatherParams};
+use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE};
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+
+/// Marks a new Gaussian in [`Plan::sources`].
+const FRESH: u32 = 1 << 31;
+
+/// What the host needs to plan a round, one entry a Gaussian.
+#[derive(Clone, Debug, Default)]
+pub struct Observations {
+    /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels).
+    pub statistics: Vec<[f32; 4]>,
+    /// World positions.
+    pub means: Vec<[f32; 3]>,
+    /// Raw quaternions, w x y z.
+    pub rotations: Vec<[f32; 4]>,
+    /// Logarithms of the scales.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Opacities before the sigmoid.
+    pub opacity_logits: Vec<f32>,
+}
+
+/// Which prunings apply in a round.
+#[derive(Clone, Copy, Debug)]
+pub struct Round {
+    /// Scene extent in world units.
+    pub extent: f64,
+    /// Prune by opacity.
+    pub transparent: bool,
+    /// Prune by scale (and screen radius, where that is on).
+    pub large: bool,
+}
+
+/// The next model: where each row comes from, and what is not simply copied.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Row of the last model; the top bit marks a new Gaussian.
+    pub sources: Vec<u32>,
+    /// New means.
+    pub means: Vec<[f32; 3]>,
+    /// New logarithms of the scales.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Gaussians cloned, split and pruned.
+    pub counts: [usize; 3],
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Fate {
+    Keep,
+    Clone,
+    Split,
+}
+
+fn sigmoid(x: f32) -> f64 {
+    1.0 / (1.0 + (-f64::from(x)).exp())
+}
+
+fn largest_scale(log_scale: &[f32; 3]) -> f64 {
+    f64::from(log_scale.iter().fold(f32::MIN, |a, &b| a.max(b))).exp()
+}
+
+/// A sample of the Gaussian, by Box and Muller.
+fn sample(o: &Observations, i: usize, rng: &mut ChaCha8Rng) -> [f32; 3] {
+    let mut normal = || {
+        let (u, v): (f32, f32) = (rng.random(), rng.random());
+        (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
+    };
+    let offset = Vec3::new(normal(), normal(), normal()) * Vec3::from(o.log_scales[i]).exp();
+    let [w, x, y, z] = o.rotations[i];
+    let rotation = Quat::from_xyzw(x, y, z, w).normalize();
+    (Vec3::from(o.means[i]) + rotation * offset).to_array()
+}
+
+/// Decides what happens to each Gaussian. Where the cap leaves room for only some, the largest gradients win.
+fn fates(o: &Observations, config: &DensifyConfig, extent: f64) -> Vec<Fate> {
+    let n = o.means.len();
+    let small = config.scale_threshold * extent;
+    let mean_of = |i: usize, k: usize| f64::from(o.statistics[i][k]) / f64::from(o.statistics[i][2].max(1.0));
+    let mut fates = vec![Fate::Keep; n];
+    let mut growing: Vec<(f64, usize)> = Vec::new();
+    let mut by_abs: Vec<(f64, usize)> = Vec::new();
+    for (i, fate) in fates.iter_mut().enumerate() {
+        let large = largest_scale(&o.log_scales[i]) > small;
+        let gradient = mean_of(i, 0);
+        if gradient >= config.grad_threshold {
+            *fate = if large { Fate::Split } else { Fate::Clone };
+            growing.push((gradient, i));
+        } else if config.abs_split && large && f64::from(o.statistics[i][3]) > config.abs_min_radius {
+            let gradient = mean_of(i, 1);
+            if gradient >= config.abs_grad_threshold {
+                by_abs.push((gradient, i));
+            }
+        }
+    }
+    let largest_first = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+    by_abs.sort_by(largest_first);
+    by_abs.truncate(config.abs_max_per_round as usize);
+    for &(_, i) in &by_abs {
+        fates[i] = Fate::Split;
+    }
+    let room = (config.max_splats as usize).saturating_sub(n);
+    if growing.len() + by_abs.len() > room {
+        growing.sort_by(largest_first);
+        growing.extend(by_abs);
+        for &(_, i) in &growing[room..] {
+            fates[i] = Fate::Keep;
+        }
+    }
+    fates
+}
+
+/// Plans a round. Clones come first, then splits, then pruning of old and new alike.
+pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
+    let fates = fates(o, config, round.extent);
+    let mut plan = Plan::default();
+    let shrink = config.split_divisor.ln() as f32;
+    let keep = |i: usize, log_scale: &[f32; 3]| {
+        let transparent = round.transparent && sigmoid(o.opacity_logits[i]) < config.prune_opacity;
+        let large = round.large && largest_scale(log_scale) > config.prune_scale * round.extent;
+        let wide = round.large
+            && config.prune_screen_radius > 0.0
+            && f64::from(o.statistics[i][3]) > config.prune_screen_radius;
+        !(transparent || large || wide)
+    };
+    let push = |plan: &mut Plan, i: usize, fresh: bool, mean: [f32; 3], log_scale: [f32; 3]| {
+        if keep(i, &log_scale) {
+            plan.sources.push(i as u32 | if fresh { FRESH } else { 0 });
+            plan.means.push(mean);
+            plan.log_scales.push(log_scale);
+        } else {
+            plan.counts[2] += 1;
+        }
+    };
+    for i in (0..fates.len()).filter(|&i| fates[i] != Fate::Split) {
+        push(&mut plan, i, false, o.means[i], o.log_scales[i]);
+    }
+    for i in (0..fates.len()).filter(|&i| fates[i] == Fate::Clone) {
+        plan.counts[0] += 1;
+        let mean = sample(o, i, rng);
+        push(&mut plan, i, true, mean, o.log_scales[i]);
+    }
+    for i in (0..fates.len()).filter(|&i| fates[i] == Fate::Split) {
+        plan.counts[1] += 1;
+        for _ in 0..2 {
+            let mean = sample(o, i, rng);
+            push(&mut plan, i, true, mean, o.log_scales[i].map(|s| s - shrink));
+        }
+    }
+    plan
+}
+
+/// Running statistics of every Gaussian since the last round.
+#[derive(Debug)]
+pub struct Statistics {
+    values: Buffer,
+    count: usize,
+}
+
+impl Statistics {
+    /// Statistics at zero.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, count: usize) -> Result<Self, GpuError> {
+        Ok(Self { values: gpu.allocate("densification statistics", 16 * count.max(1) as u64)?, count })
+    }
+
+    /// Adds one view, from its screen-space gradient [N, 4] and its rasterizer pass.
+    pub fn observe(&self, gpu: &Gpu, screen: Tensor<2>, workspace: &Workspace, frame: &Frame) {
+        let gradient = Gpu::bind(&primitive(screen));
+        let mut pass = Pass::new(gpu, "densify observe");
+        let buffers: [&Buffer; 3] = [&gradient, &workspace.projected, &self.values];
+        pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(frame), self.count);
+        pass.submit();
+    }
+
+    /// Reads back everything that a plan needs; waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn observations(&self, gpu: &Gpu, optimizer: &Optimizer) -> Result<Observations, GpuError> {
+        let [means, rotations, log_scales, opacity_logits, _] = optimizer.slots();
+        Ok(Observations {
+            statistics: gpu.read(&self.values, self.count)?,
+            means: gpu.read(&means.parameter, self.count)?,
+            rotations: gpu.read(&rotations.parameter, self.count)?,
+            log_scales: gpu.read(&log_scales.parameter, self.count)?,
+            opacity_logits: gpu.read(&opacity_logits.parameter, self.count)?,
+        })
+    }
+}
+
+/// Carries a plan out: the new model and its optimiser.
+///
+/// # Errors
+/// Not enough memory.
+pub fn apply(gpu: &Gpu, splats: &Splats, optimizer: &Optimizer, plan: Plan) -> Result<(Splats, Optimizer), SceneError> {
+    let device_error = |e: GpuError| SceneError::Device(e.to_string());
+    let n = plan.sources.len();
+    let sources = gpu.upload("densification plan", &plan.sources).map_err(device_error)?;
+    let mut pass = Pass::new(gpu, "densify");
+    let mut gather = |from: &Buffer, to: &Buffer, row: usize, fresh_zero: u32| {
+        let params = GatherParams { count: (n * row) as u32, row: row as u32, fresh_zero, pad: 0 };
+        pass.linear(&DENSIFY_GATHER, &[&sources, from, to], bytes_of(&params), n * row);
+    };
+    let mut moments = Vec::new();
+    for slot in optimizer.slots() {
+        let mut pair = Vec::new();
+        for from in &slot.moments {
+            let to = gpu.allocate("Adam moments", 4 * (n * slot.row).max(1) as u64).map_err(device_error)?;
+            gather(from, &to, slot.row, 1);
+            pair.push(to);
+        }
+        moments.push(pair.try_into().unwrap_or_else(|_| unreachable!("two moments")));
+    }
+    let rows2 = |t: &Param<Tensor<2>>, gather: &mut dyn FnMut(&Buffer, &Buffer, usize, u32)| {
+        let from = primitive(t.val());
+        let row = from.meta.shape()[1];
+        let to = gpu.empty_like_shape(&from, &[n, row]);
+        gather(&Gpu::bind(&from), &Gpu::bind(&to), row, 0);
+        Param::initialized(t.id, from_primitive::<2>(to))
+    };
+    let rotations = rows2(&splats.rotations, &mut gather);
+    let normals = rows2(&splats.normals, &mut gather);
+    let rows1 = |t: &Param<Tensor<1>>, gather: &mut dyn FnMut(&Buffer, &Buffer, usize, u32)| {
+        let from = primitive(t.val());
+        let to = gpu.empty_like_shape(&from, &[n]);
+        gather(&Gpu::bind(&from), &Gpu::bind(&to), 1, 0);
+        Param::initialized(t.id, from_primitive::<1>(to))
+    };
+    let opacity_logits = rows1(&splats.opacity_logits, &mut gather);
+    let offsets = rows1(&splats.offsets, &mut gather);
+    let from = primitive(splats.sh.val());
+    let coefficients = from.meta.shape()[1];
+    let to = gpu.empty_like_shape(&from, &[n, coefficients, 3]);
+    gather(&Gpu::bind(&from), &Gpu::bind(&to), 3 * coefficients, 0);
+    let sh = Param::initialized(splats.sh.id, from_primitive::<3>(to));
+    pass.submit();
+
+    let device = splats.means.val().device();
+    let upload = |id, rows: Vec<[f32; 3]>| {
+        let data = TensorData::new(rows.into_flattened(), [n, 3]);
+        Param::initialized(id, Tensor::<2>::from_data(data, &device))
+    };
+    let next = Splats {
+        means: upload(splats.means.id, plan.means),
+        rotations,
+        log_scales: upload(splats.log_scales.id, plan.log_scales),
+        opacity_logits,
+        sh,
+        normals,
+        offsets,
+    };
+    let optimizer = optimizer.rearranged(&next, moments);
+    Ok((next, optimizer))
+}

@@ -1,0 +1,12 @@
+//! Training: configuration, schedule, the loop body, densification, output folder.
+
+pub mod config;
+pub mod densify;
+pub mod optim;
+pub mod output;
+pub mod schedule;
+mod step;
+mod telemetry;
+
+pub use step::{TrainError, Trainer};
+pub use telemetry::Telemetry;

@@ -1,0 +1,312 @@
+//! The output folder of a training run: its layout, and who may write where.
+//!
+//! ```text
+//! config.toml  cameras.json  split.json  input.ply
+//! point_cloud/iteration_N/point_cloud.ply
+//! test/ours_N/{gt,renders}/NAME.png
+//! results_renders.json  per_view_renders.json
+//! ```
+
+pub mod cameras;
+pub mod results;
+
+use super::config::{ConfigError, TrainConfig};
+use crate::dataset::Dataset;
+use crate::files::{self, WriteError};
+use crate::scene::{SceneError, write_points_ply};
+use cameras::{CameraRecord, Split};
+use results::{Protocol, ViewScore};
+use std::fs;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+use thiserror::Error;
+
+/// What one file of the folder says about the run, by name; used to tell our folders from others.
+const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
+
+/// Extensions of photo names, which a picture's `.png` replaces.
+const PHOTO_EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "bmp", "webp"];
+
+/// Why the output folder cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// A model is there already.
+    #[error(
+        "{} already holds a model trained for {iteration} iterations; choose another folder or allow overwriting it",
+        path.display()
+    )]
+    HoldsModel {
+        /// The folder.
+        path: PathBuf,
+        /// Its latest iteration.
+        iteration: u32,
+    },
+    /// The folder belongs to something else.
+    #[error(
+        "{} holds a `{file}` that no training run wrote, perhaps it is a scene folder; choose another output folder or allow overwriting it",
+        path.display()
+    )]
+    Foreign {
+        /// The folder.
+        path: PathBuf,
+        /// The file that would be replaced.
+        file: &'static str,
+    },
+    /// The folder is no model.
+    #[error("{} holds no trained model (no point_cloud/iteration_N/point_cloud.ply); train one or check the path", path.display())]
+    NoModel {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The operating system refused to read.
+    #[error("cannot read {}: {source}; check the path", path.display())]
+    Read {
+        /// File or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// A JSON file of the folder does not have the form it should.
+    #[error("{} is damaged: {reason}; restore it or train again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, with line or camera.
+        reason: String,
+    },
+    /// Writing failed.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// The options cannot be written or read.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A PLY file cannot be written.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+/// What to do with a model that is in the folder already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Refuse to touch it.
+    Keep,
+    /// Remove its point clouds, pictures and results before the new run.
+    Replace,
+}
+
+/// The folder of one training run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutputFolder {
+    root: PathBuf,
+}
+
+impl OutputFolder {
+    /// Makes the folder for a new run. Call it once the data set is loaded: with [`Existing::Replace`] an older model
+    /// is gone afterwards.
+    ///
+    /// # Errors
+    /// With [`Existing::Keep`], [`OutputError::HoldsModel`] where a trained model is and [`OutputError::Foreign`]
+    /// where a file of ours would replace one that belongs to something else. [`OutputError::Write`] in both cases.
+    pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
+        files::create_folder(path)?;
+        let folder = Self { root: path.to_owned() };
+        match existing {
+            Existing::Keep => folder.refuse_existing()?,
+            Existing::Replace => folder.remove_model()?,
+        }
+        Ok(folder)
+    }
+
+    /// Opens the folder of a finished or interrupted run.
+    ///
+    /// # Errors
+    /// [`OutputError::NoModel`] when no model was saved there, [`OutputError::Read`].
+    pub fn open(path: &Path) -> Result<Self, OutputError> {
+        let folder = Self { root: path.to_owned() };
+        match folder.latest_iteration()? {
+            Some(_) => Ok(folder),
+            None => Err(OutputError::NoModel { path: path.to_owned() }),
+        }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// `config.toml`.
+    pub fn config_path(&self) -> PathBuf {
+        self.root.join("config.toml")
+    }
+
+    /// `cameras.json`.
+    pub fn cameras_path(&self) -> PathBuf {
+        self.root.join("cameras.json")
+    }
+
+    /// `point_cloud/iteration_N/point_cloud.ply`; the PLY writer makes the folders.
+    pub fn point_cloud_path(&self, iteration: u32) -> PathBuf {
+        self.root.join("point_cloud").join(format!("iteration_{iteration}")).join("point_cloud.ply")
+    }
+
+    /// `test/ours_N/OUTPUT/NAME.png` (or `train/...`), with the sub-folders of the photo's name and `.png` in place of
+    /// its extension. Parts of the name that lead out of the folder are left out.
+    pub fn picture_path(&self, split: Split, iteration: u32, output: &str, name: &str) -> PathBuf {
+        let mut path = self.root.join(split.folder());
+        path.push(format!("ours_{iteration}"));
+        path.push(output);
+        for component in Path::new(name).components() {
+            if let Component::Normal(part) = component {
+                path.push(part);
+            }
+        }
+        // `frame.0001` has no extension that could be replaced.
+        let photo = path
+            .extension()
+            .is_some_and(|extension| PHOTO_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)));
+        if photo {
+            path.set_extension("");
+        }
+        path.as_mut_os_string().push(".png");
+        path
+    }
+
+    /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has no iteration.
+    pub fn latest_iteration(&self) -> Result<Option<u32>, OutputError> {
+        let numbered = self.numbered("point_cloud", "iteration_")?;
+        let saved = numbered.into_iter().filter(|(_, path)| path.join("point_cloud.ply").is_file());
+        Ok(saved.map(|(iteration, _)| iteration).max())
+    }
+
+    /// Writes what is known before training: `config.toml`, `cameras.json`, `split.json`, `input.ply`.
+    ///
+    /// # Errors
+    /// The first file that cannot be written.
+    pub fn write_start(&self, config: &TrainConfig, dataset: &Dataset) -> Result<(), OutputError> {
+        config.save(&self.config_path())?;
+        let records = cameras::records(dataset);
+        write_json(&self.cameras_path(), &cameras::to_json(&records))?;
+        write_json(&self.root.join("split.json"), &cameras::split_json(&records))?;
+        write_points_ply(&self.root.join("input.ply"), &dataset.points)?;
+        Ok(())
+    }
+
+    /// Reads `config.toml`.
+    ///
+    /// # Errors
+    /// [`OutputError::Config`] naming file and field.
+    pub fn read_config(&self) -> Result<TrainConfig, OutputError> {
+        Ok(TrainConfig::load(&self.config_path())?)
+    }
+
+    /// Reads `cameras.json`: the cameras exactly as they were written. Files of other programs in the form of 3D
+    /// Gaussian splatting (without `cx`, `cy`, `translation`, `split`) load too, with centred principal points.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Damaged`] naming line or camera.
+    pub fn read_cameras(&self) -> Result<Vec<CameraRecord>, OutputError> {
+        let path = self.cameras_path();
+        let text = fs::read_to_string(&path).map_err(|source| OutputError::Read { path: path.clone(), source })?;
+        cameras::from_json(&text).map_err(|reason| OutputError::Damaged { path, reason })
+    }
+
+    /// Adds the scores of the base image at `iteration` to `results_renders.json` and `per_view_renders.json`, which
+    /// keep their other iterations. Each mean runs over all views; LPIPS is `null` until it is measured, and so is a
+    /// mean that is not finite (the PSNR of equal images).
+    ///
+    /// # Errors
+    /// [`OutputError::Damaged`] when a results file that is there is no JSON object, [`OutputError::Write`].
+    pub fn write_results(&self, iteration: u32, scores: &[ViewScore], protocol: &Protocol) -> Result<(), OutputError> {
+        let key = format!("ours_{iteration}");
+        let files = [
+            ("results_renders.json", results::summary(scores, protocol)),
+            ("per_view_renders.json", results::per_view(scores)),
+        ];
+        for (name, value) in files {
+            let path = self.root.join(name);
+            let mut all = read_object(&path)?;
+            all.insert(key.clone(), value);
+            write_json(&path, &all.into())?;
+        }
+        Ok(())
+    }
+
+    /// Sub-folders `PREFIX<number>` of a folder, with their numbers.
+    fn numbered(&self, folder: &str, prefix: &str) -> Result<Vec<(u32, PathBuf)>, OutputError> {
+        let path = self.root.join(folder);
+        let list = || -> io::Result<Vec<(u32, PathBuf)>> {
+            let entries = match fs::read_dir(&path) {
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+                entries => entries?,
+            };
+            let mut found = Vec::new();
+            for entry in entries {
+                let entry = entry?;
+                let name = entry.file_name();
+                let number = name.to_str().and_then(|name| name.strip_prefix(prefix)?.parse().ok());
+                found.extend(number.map(|number| (number, entry.path())));
+            }
+            Ok(found)
+        };
+        list().map_err(|source| OutputError::Read { path: path.clone(), source })
+    }
+
+    fn refuse_existing(&self) -> Result<(), OutputError> {
+        if let Some(iteration) = self.latest_iteration()? {
+            return Err(OutputError::HoldsModel { path: self.root.clone(), iteration });
+        }
+        // A run that ended before its first save left options that load; its files may be replaced.
+        if TrainConfig::load(&self.config_path()).is_ok() {
+            return Ok(());
+        }
+        match RUN_FILES.into_iter().find(|file| self.root.join(file).exists()) {
+            None => Ok(()),
+            Some(file) => Err(OutputError::Foreign { path: self.root.clone(), file }),
+        }
+    }
+
+    /// Removes what an older run saved, so that none of it passes for the new run's.
+    fn remove_model(&self) -> Result<(), OutputError> {
+        let folders =
+            [("point_cloud", "iteration_"), (Split::Test.folder(), "ours_"), (Split::Train.folder(), "ours_")];
+        for (folder, prefix) in folders {
+            for (_, path) in self.numbered(folder, prefix)? {
+                fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
+            }
+        }
+        for file in ["results_renders.json", "per_view_renders.json"] {
+            let path = self.root.join(file);
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(WriteError::new(&path, error).into());
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn write_json(path: &Path, value: &serde_json::Value) -> Result<(), WriteError> {
+    files::write_atomically(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, value).map_err(io::Error::from)?;
+        out.write_all(b"\n")
+    })
+}
+
+/// The JSON object in a file; a missing file is an empty one.
+fn read_object(path: &Path) -> Result<serde_json::Map<String, serde_json::Value>, OutputError> {
+    let text = match fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Default::default()),
+        Err(source) => {
+            return Err(OutputError::Read { path: path.to_owned(), source });
+        }
+        Ok(text) => text,
+    };
+    serde_json::from_str(&text)
+        .map_err(|error| OutputError::Damaged { path: path.to_owned(), reason: error.to_string() })
+}

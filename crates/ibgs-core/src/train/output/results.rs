@@ -1,0 +1,54 @@
+//! `results_renders.json` and `per_view_renders.json`: scores with the protocol that they were taken by.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+/// Scores of one view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewScore {
+    /// Image name.
+    pub name: String,
+    /// Peak signal to noise ratio in dB of the images clamped to 8 bits (method.md section 9).
+    pub psnr: f64,
+    /// Structural similarity, 11 x 11 Gaussian window (method.md section 7).
+    pub ssim: f64,
+}
+
+/// What a figure depends on besides the method; it stands beside every figure.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Protocol {
+    /// Filter that made the photos smaller, or `none`.
+    pub resampler: String,
+    /// Factor or width of the photos, as `--resolution` takes it.
+    pub factor: String,
+    /// Which views were held out, for instance `every 8th`.
+    pub split: String,
+    /// `true` or `centred`.
+    pub principal_point: String,
+    /// Name of the adapter.
+    pub device: String,
+}
+
+/// Means over the views and the protocol.
+pub(super) fn summary(scores: &[ViewScore], protocol: &Protocol) -> Value {
+    let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
+    json!({
+        "SSIM": mean(|score| score.ssim),
+        "PSNR": mean(|score| score.psnr),
+        "LPIPS": null,
+        "views": scores.len(),
+        "protocol": protocol,
+    })
+}
+
+/// Every view's scores by name.
+pub(super) fn per_view(scores: &[ViewScore]) -> Value {
+    let by_name = |value: fn(&ViewScore) -> Value| -> Map<String, Value> {
+        scores.iter().map(|score| (score.name.clone(), value(score))).collect()
+    };
+    json!({
+        "SSIM": by_name(|score| json!(score.ssim)),
+        "PSNR": by_name(|score| json!(score.psnr)),
+        "LPIPS": by_name(|_| Value::Null),
+    })
+}

@@ -1,0 +1,207 @@
+//! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
+
+use super::config::TrainConfig;
+use super::densify::{self, Round, Statistics};
+use super::optim::{Optimizer, Rates};
+use super::schedule::Schedule;
+use super::telemetry::{Recorder, Telemetry};
+use crate::camera::{Camera, scene_extent};
+use crate::dataset::Dataset;
+use crate::gpu::{Gpu, GpuError};
+use crate::loss::{ImageLoss, Target};
+use crate::raster::{Leaves, RasterView, Rasterizer};
+use crate::scene::{SceneError, Splats, from_points};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+
+/// Why training stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The model failed.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The data set holds no training view.
+    #[error("the scene has no training view; check its split")]
+    NoViews,
+    /// The loss is no number any more.
+    #[error(
+        "the loss of iteration {0} is not a finite number; try lower learning rates, and check the photos' cameras"
+    )]
+    NotFinite(u32),
+}
+
+/// A running training.
+pub struct Trainer {
+    gpu: Arc<Gpu>,
+    raster: Arc<Rasterizer>,
+    loss: ImageLoss,
+    config: TrainConfig,
+    schedule: Schedule,
+    splats: Splats,
+    optimizer: Optimizer,
+    statistics: Statistics,
+    recorder: Recorder,
+    telemetry: Telemetry,
+    views: Vec<(Camera, Target)>,
+    /// Views still to come in this epoch.
+    queue: Vec<usize>,
+    extent: f64,
+    rng: ChaCha8Rng,
+    iteration: u32,
+    overflowed: bool,
+}
+
+impl Trainer {
+    /// Uploads the training photos and makes the first Gaussians from the data set's points.
+    ///
+    /// # Errors
+    /// Not enough memory, no training view, points that are no positions.
+    pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
+        let gpu = raster.gpu().clone();
+        if dataset.train.is_empty() {
+            return Err(TrainError::NoViews);
+        }
+        let start = from_points(&dataset.points, config.sh_degree, config.initial_opacity)?;
+        let splats = Splats::upload(&start, &gpu.burn);
+        let mut views = Vec::with_capacity(dataset.train.len());
+        for view in dataset.train.iter().map(|&i| &dataset.views[i]) {
+            views.push((view.camera, Target::upload(&gpu, &view.photo)?));
+        }
+        let trainer = Self {
+            loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
+            schedule: Schedule::new(config, config.iterations),
+            optimizer: Optimizer::new(&gpu, &splats, config.adam.clone())?,
+            statistics: Statistics::new(&gpu, splats.len())?,
+            recorder: Recorder::new(&gpu)?,
+            telemetry: Telemetry::default(),
+            queue: Vec::new(),
+            extent: scene_extent(views.iter().map(|(camera, _)| camera)),
+            rng: ChaCha8Rng::seed_from_u64(config.seed),
+            iteration: 0,
+            overflowed: false,
+            config: config.clone(),
+            gpu,
+            raster,
+            splats,
+            views,
+        };
+        // The exact count of every view once: from here on the room grows with what the telemetry reports.
+        for index in 0..trainer.views.len() {
+            let view = trainer.view(index);
+            let tensor = trainer.raster.render(&trainer.splats, &view)?;
+            drop(tensor);
+        }
+        Ok(trainer)
+    }
+
+    fn view(&self, index: usize) -> RasterView {
+        let mut view = RasterView::new(self.views[index].0, self.schedule.sh_degree(self.iteration));
+        view.background = self.background();
+        view
+    }
+
+    /// Colour behind the Gaussians.
+    pub fn background(&self) -> [f32; 3] {
+        [if self.config.white_background { 1.0 } else { 0.0 }; 3]
+    }
+
+    /// Iterations done.
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+
+    /// The model as it is now.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// The run's milestones.
+    pub fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+
+    /// Scene extent in world units.
+    pub fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    /// Mean loss of recent iterations; some iterations old.
+    pub fn telemetry(&self) -> &Telemetry {
+        &self.telemetry
+    }
+
+    /// True if an iteration had more intersections than room, and so lost its farthest Gaussians.
+    pub fn overflowed(&self) -> bool {
+        self.overflowed
+    }
+
+    fn next_view(&mut self) -> usize {
+        if self.queue.is_empty() {
+            self.queue = (0..self.views.len()).collect();
+            self.queue.shuffle(&mut self.rng);
+        }
+        self.queue.pop().expect("there are training views")
+    }
+
+    /// One iteration.
+    ///
+    /// # Errors
+    /// Not enough memory, device lost, or a loss that is not finite.
+    pub fn step(&mut self) -> Result<(), TrainError> {
+        self.iteration += 1;
+        let iteration = self.iteration;
+        let index = self.next_view();
+        let leaves = Leaves::new(&self.splats);
+        let (image, forward) = self.raster.tracked(&leaves, &self.view(index))?;
+        let (loss, scratch) = self.loss.tracked(image, &self.views[index].1)?;
+        let mut gradients = loss.backward();
+        let gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
+        if self.schedule.observes(iteration) {
+            let screen = gradients.screen.clone();
+            self.statistics.observe(&self.gpu, screen, &forward.workspace, &forward.frame);
+        }
+        let mean_rate = self.schedule.mean_lr(iteration, self.extent);
+        self.optimizer.step(&self.gpu, gradients, &Rates::new(&self.config.learning_rates, mean_rate));
+        let news = self.recorder.record(&self.gpu, &scratch.stats, &forward.workspace.total)?;
+        if let Some(telemetry) = news {
+            self.note(telemetry)?;
+        }
+        drop((forward, scratch));
+        if self.schedule.densify_at(iteration) {
+            self.densify()?;
+        }
+        if self.schedule.reset_opacity_at(iteration) {
+            self.optimizer.reset_opacity(&self.gpu, self.config.opacity_reset.max_opacity);
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, telemetry: Telemetry) -> Result<(), TrainError> {
+        self.overflowed |= telemetry.most_isects > self.raster.capacity();
+        self.raster.reserve(telemetry.most_isects);
+        self.telemetry = telemetry;
+        if telemetry.broken { Err(TrainError::NotFinite(self.iteration)) } else { Ok(()) }
+    }
+
+    fn densify(&mut self) -> Result<(), TrainError> {
+        let before = self.splats.len();
+        let observations = self.statistics.observations(&self.gpu, &self.optimizer)?;
+        let round = Round {
+            extent: self.extent,
+            transparent: self.schedule.prune_transparent(self.iteration),
+            large: self.schedule.prune_large(self.iteration),
+        };
+        let plan = densify::plan(&observations, &self.config.densify, &round, &mut self.rng);
+        (self.splats, self.optimizer) = densify::apply(&self.gpu, &self.splats, &self.optimizer, plan)?;
+        self.statistics = Statistics::new(&self.gpu, self.splats.len())?;
+        // Room for as many more intersections as there are Gaussians now.
+        let grown = self.telemetry.most_isects as f64 * self.splats.len() as f64 / before.max(1) as f64;
+        self.raster.reserve(grown as u64);
+        Ok(())
+    }
+}

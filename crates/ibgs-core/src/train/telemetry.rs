@@ -1,0 +1,88 @@
+//! Loss statistics and intersection counts of the running training, read back without ever waiting for the GPU.
+
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::loss::ImageStats;
+use std::sync::mpsc::{Receiver, channel};
+
+/// Iterations between two readbacks.
+const RING: usize = 32;
+/// Bytes of one entry: four statistics, the intersection count, padding.
+const ENTRY: usize = 32;
+
+/// What the last finished readback said.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Telemetry {
+    /// Mean statistics of the iterations read.
+    pub stats: ImageStats,
+    /// Most tile intersections of one iteration.
+    pub most_isects: u64,
+    /// True if a loss was not a finite number.
+    pub broken: bool,
+}
+
+/// A ring of entries on the GPU and one readback in flight.
+#[derive(Debug)]
+pub(super) struct Recorder {
+    ring: Buffer,
+    staging: wgpu::Buffer,
+    pending: Option<Receiver<Result<(), wgpu::BufferAsyncError>>>,
+    written: usize,
+}
+
+impl Recorder {
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            ring: gpu.allocate("training telemetry", (RING * ENTRY) as u64)?,
+            staging: gpu.staging((RING * ENTRY) as u64),
+            pending: None,
+            written: 0,
+        })
+    }
+
+    /// Records one iteration; returns news when a readback has come in.
+    pub fn record(&mut self, gpu: &Gpu, stats: &Buffer, isects: &Buffer) -> Result<Option<Telemetry>, GpuError> {
+        let mut pass = Pass::new(gpu, "telemetry");
+        let at = ((self.written % RING) * ENTRY) as u64;
+        pass.copy(stats, &self.ring, at, 16);
+        pass.copy(isects, &self.ring, at + 16, 4);
+        self.written += 1;
+        let full = self.written.is_multiple_of(RING) && self.pending.is_none();
+        if full {
+            pass.copy_out(&self.ring, &self.staging, 0, (RING * ENTRY) as u64);
+        }
+        pass.submit();
+        if full {
+            let (sender, receiver) = channel();
+            self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
+                let _ = sender.send(result);
+            });
+            self.pending = Some(receiver);
+        }
+        self.poll(gpu)
+    }
+
+    fn poll(&mut self, gpu: &Gpu) -> Result<Option<Telemetry>, GpuError> {
+        let Some(receiver) = &self.pending else { return Ok(None) };
+        gpu.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Readback(e.to_string()))?;
+        let Ok(result) = receiver.try_recv() else { return Ok(None) };
+        self.pending = None;
+        result.map_err(|e| GpuError::Readback(e.to_string()))?;
+        let mapped = self.staging.get_mapped_range(..).map_err(|e| GpuError::Readback(e.to_string()))?;
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&mapped[..]);
+        drop(mapped);
+        self.staging.unmap();
+        Ok(Some(summary(&words)))
+    }
+}
+
+fn summary(words: &[u32]) -> Telemetry {
+    let mut sums = [0.0f32; 4];
+    let mut most = 0;
+    for entry in words.chunks_exact(ENTRY / 4) {
+        for (sum, &bits) in sums.iter_mut().zip(entry) {
+            *sum += f32::from_bits(bits) / RING as f32;
+        }
+        most = most.max(u64::from(entry[4]));
+    }
+    Telemetry { stats: ImageStats::from_values(sums), most_isects: most, broken: !sums[0].is_finite() }
+}

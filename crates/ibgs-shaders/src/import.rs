@@ -1,0 +1,52 @@
+//! `#import name` puts `wgsl/shared/name.wgsl` in place, once.
+
+const SHARED: &[(&str, &str)] = &[
+    ("frame", include_str!("../wgsl/shared/frame.wgsl")),
+    ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
+    ("index", include_str!("../wgsl/shared/index.wgsl")),
+    ("scan_block", include_str!("../wgsl/shared/scan_block.wgsl")),
+    ("sh", include_str!("../wgsl/shared/sh.wgsl")),
+    ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
+    ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
+    ("tile", include_str!("../wgsl/shared/tile.wgsl")),
+];
+
+/// Replaces every `#import name` line by the shared file of that name, each file once.
+///
+/// # Panics
+/// When a kernel imports a file that does not exist: a mistake in this crate, caught by its tests.
+pub fn resolve(source: &str) -> String {
+    let mut done = Vec::new();
+    let mut out = String::new();
+    expand(source, &mut done, &mut out);
+    out
+}
+
+fn expand<'a>(source: &'a str, done: &mut Vec<&'a str>, out: &mut String) {
+    for line in source.lines() {
+        match line.strip_prefix("#import ").map(str::trim) {
+            Some(name) if done.contains(&name) => {}
+            Some(name) => {
+                done.push(name);
+                let Some((_, text)) = SHARED.iter().find(|(file, _)| *file == name) else {
+                    panic!("WGSL import of unknown file {name}");
+                };
+                expand(text, done, out);
+            }
+            None => {
+                out.push_str(line);
+                out.push('\n');
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn imports_once() {
+        let text = super::resolve("#import index\n#import index\nfn f() {}\n");
+        assert_eq!(text.matches("fn linear_workgroup").count(), 1);
+        assert!(text.ends_with("fn f() {}\n"));
+    }
+}

@@ -1,0 +1,117 @@
+//! Host twins of the WGSL structs that travel as immediate data. Offsets are compared with the WGSL by the contract test.
+
+use bytemuck::{Pod, Zeroable};
+
+/// One target view; the twin of `Frame` in `wgsl/shared/frame.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Frame {
+    /// Rows of [R | t] with `x_view = R x_world + t`.
+    pub row0: [f32; 4],
+    /// Second row.
+    pub row1: [f32; 4],
+    /// Third row.
+    pub row2: [f32; 4],
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half: the pixel with index x lies at x.
+    pub principal: [f32; 2],
+    /// Camera centre in world space.
+    pub center: [f32; 3],
+    /// Number of Gaussians.
+    pub count: u32,
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Image size in tiles.
+    pub tiles: [u32; 2],
+    /// Background colour.
+    pub background: [f32; 3],
+    /// Active spherical-harmonics degree.
+    pub sh_degree: u32,
+    /// Stored coefficients a channel.
+    pub sh_coefficients: u32,
+    /// Length of the intersection buffers.
+    pub capacity: u32,
+    /// Half side of a Gaussian's box in standard deviations.
+    pub box_sigma: f32,
+    /// x/z and y/z are clamped to this many tan(half field of view) in the projection's Jacobian.
+    pub tangent_limit: f32,
+}
+
+/// One radix pass; the twin of `SortParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SortParams {
+    /// First bit of the digit.
+    pub shift: u32,
+    /// Blocks of the dispatch.
+    pub blocks: u32,
+    /// Keys the buffers hold.
+    pub capacity: u32,
+    /// 1: the values are the keys' positions.
+    pub first: u32,
+}
+
+/// The image loss; the twin of `LossParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LossParams {
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Image size in tiles.
+    pub tiles: [u32; 2],
+    /// Weight of 1 - SSIM.
+    pub lambda: f32,
+    /// Padding.
+    pub pad: f32,
+}
+
+/// One Adam step of one tensor; the twin of `AdamParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct AdamParams {
+    /// Number of values.
+    pub count: u32,
+    /// Values a row.
+    pub row: u32,
+    /// Leading values of a row that step with `rate`.
+    pub head: u32,
+    /// Learning rate of the head.
+    pub rate: f32,
+    /// Learning rate of the rest of the row.
+    pub rate_rest: f32,
+    /// Decay of the first moment.
+    pub beta1: f32,
+    /// Decay of the second moment.
+    pub beta2: f32,
+    /// Added to the root of the corrected second moment.
+    pub eps: f32,
+    /// 1 / (1 - beta1^t).
+    pub correction1: f32,
+    /// 1 / (1 - beta2^t).
+    pub correction2: f32,
+}
+
+/// Row gathering; the twin of `GatherParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct GatherParams {
+    /// Values to write.
+    pub count: u32,
+    /// Values a row.
+    pub row: u32,
+    /// 1: rows of new Gaussians are zero.
+    pub fresh_zero: u32,
+    /// Padding.
+    pub pad: u32,
+}
+
+/// Opacity reset; the twin of `OpacityResetParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct OpacityResetParams {
+    /// Number of Gaussians.
+    pub count: u32,
+    /// The logit that no opacity may exceed.
+    pub limit: f32,
+}

@@ -1,0 +1,43 @@
+// One thread a value: Adam with bias correction (method.md section 1), eps added to the corrected root.
+#import index
+
+struct AdamParams {
+    count: u32,
+    // Values a row; the first `head` of a row step with `rate`, the others with `rate_rest`.
+    row: u32,
+    head: u32,
+    rate: f32,
+    rate_rest: f32,
+    beta1: f32,
+    beta2: f32,
+    eps: f32,
+    // 1 / (1 - beta^t).
+    correction1: f32,
+    correction2: f32,
+}
+
+var<immediate> params: AdamParams;
+
+@group(0) @binding(0) var<storage, read> gradient: array<f32>;
+@group(0) @binding(1) var<storage, read_write> values: array<f32>;
+@group(0) @binding(2) var<storage, read_write> moment1: array<f32>;
+@group(0) @binding(3) var<storage, read_write> moment2: array<f32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = linear_workgroup(wid, groups) * 256u + local;
+    if i >= params.count {
+        return;
+    }
+    let g = gradient[i];
+    let m1 = params.beta1 * moment1[i] + (1.0 - params.beta1) * g;
+    let m2 = params.beta2 * moment2[i] + (1.0 - params.beta2) * g * g;
+    moment1[i] = m1;
+    moment2[i] = m2;
+    let rate = select(params.rate_rest, params.rate, i % params.row < params.head);
+    values[i] -= rate * (m1 * params.correction1) / (sqrt(m2 * params.correction2) + params.eps);
+}

@@ -1,0 +1,32 @@
+// One thread a Gaussian: adds one view to the densification statistics (method.md section 7).
+#import index
+#import frame
+
+@group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
+// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels).
+@group(0) @binding(2) var<storage, read_write> statistics: array<vec4<f32>>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = linear_workgroup(wid, groups) * 256u + local;
+    if i >= frame.count {
+        return;
+    }
+    let radius = projected[3u * i + 1u].w;
+    if radius > 0.0 {
+        let half_size = 0.5 * vec2<f32>(frame.size);
+        let v = v_screen[i];
+        let s = statistics[i];
+        statistics[i] = vec4(
+            s.x + length(v.xy * half_size),
+            s.y + length(v.zw * half_size),
+            s.z + 1.0,
+            max(s.w, radius),
+        );
+    }
+}

@@ -1,0 +1,29 @@
+// One thread a Gaussian: opacity clamped from above, Adam moments cleared (method.md section 7).
+#import index
+
+struct OpacityResetParams {
+    count: u32,
+    // The logit that no opacity may exceed.
+    limit: f32,
+}
+
+var<immediate> params: OpacityResetParams;
+
+@group(0) @binding(0) var<storage, read_write> opacity_logits: array<f32>;
+@group(0) @binding(1) var<storage, read_write> moment1: array<f32>;
+@group(0) @binding(2) var<storage, read_write> moment2: array<f32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = linear_workgroup(wid, groups) * 256u + local;
+    if i >= params.count {
+        return;
+    }
+    opacity_logits[i] = min(opacity_logits[i], params.limit);
+    moment1[i] = 0.0;
+    moment2[i] = 0.0;
+}

@@ -1,0 +1,88 @@
+// One thread a Gaussian: cull, project, colour, depth key, number of tiles touched (method.md section 2).
+#import index
+#import frame
+#import gaussian
+#import tile
+#import sh
+
+@group(0) @binding(0) var<storage, read> means: array<f32>;
+@group(0) @binding(1) var<storage, read> rotations: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> log_scales: array<f32>;
+@group(0) @binding(3) var<storage, read> opacity_logits: array<f32>;
+@group(0) @binding(4) var<storage, read> sh: array<f32>;
+// Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
+@group(0) @binding(5) var<storage, read_write> projected: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> depth_keys: array<u32>;
+@group(0) @binding(7) var<storage, read_write> tile_counts: array<u32>;
+
+fn load3(i: u32) -> vec3<f32> {
+    return vec3(means[3u * i], means[3u * i + 1u], means[3u * i + 2u]);
+}
+
+fn cull(i: u32) {
+    projected[3u * i] = vec4(0.0);
+    projected[3u * i + 1u] = vec4(0.0);
+    projected[3u * i + 2u] = vec4(0.0);
+    depth_keys[i] = 0xffffffffu;
+    tile_counts[i] = 0u;
+}
+
+// Not yet clamped at 0: what is not finite must show.
+fn splat_color(i: u32, direction: vec3<f32>) -> vec3<f32> {
+    let basis = sh_basis(direction, frame.sh_degree);
+    var color = vec3(0.5);
+    let base = i * frame.sh_coefficients * 3u;
+    for (var c = 0u; c < sh_count(frame.sh_degree); c++) {
+        let at = base + 3u * c;
+        color += basis[c] * vec3(sh[at], sh[at + 1u], sh[at + 2u]);
+    }
+    return color;
+}
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = linear_workgroup(wid, groups) * 256u + local;
+    if i >= frame.count {
+        return;
+    }
+    let mean = load3(i);
+    let view = view_rotate(mean) + view_translation();
+    let q = rotations[i];
+    let scale = exp(vec3(log_scales[3u * i], log_scales[3u * i + 1u], log_scales[3u * i + 2u]));
+    let opacity = 1.0 / (1.0 + exp(-opacity_logits[i]));
+    let broken = not_finite3(view) || not_finite3(scale) || not_finite(opacity_logits[i]) || not_finite(dot(q, q));
+    if broken || dot(q, q) == 0.0 || view.z <= NEAR_DEPTH {
+        cull(i);
+        return;
+    }
+    let rq = quaternion_matrix(normalize(q));
+    let axes = mat3x3<f32>(view_rotate(rq[0]), view_rotate(rq[1]), view_rotate(rq[2]));
+    let e = ewa_project(view, axes, scale);
+    let radius = splat_radius(e.cov, e.det);
+    if not_finite3(e.cov) || not_finite(e.det) || not_finite(radius) || not_finite3(vec3(e.xy, 0.0)) {
+        cull(i);
+        return;
+    }
+    let shape = vec3(1.0 / e.cov.x, e.cov.y / e.cov.x, e.cov.x / e.det);
+    let rect = tile_rect(e.xy, radius, frame.tiles);
+    var hits = 0u;
+    for (var y = rect.y; y < rect.w; y++) {
+        for (var x = rect.x; x < rect.z; x++) {
+            hits += u32(tile_hit(vec2(x, y), e.xy, shape, opacity));
+        }
+    }
+    let color = splat_color(i, normalize(mean - frame.center));
+    if hits == 0u || not_finite3(color) {
+        cull(i);
+        return;
+    }
+    projected[3u * i] = vec4(e.xy, shape.xy);
+    projected[3u * i + 1u] = vec4(shape.z, opacity, view.z, radius);
+    projected[3u * i + 2u] = vec4(max(color, vec3(0.0)), 0.0);
+    depth_keys[i] = bitcast<u32>(view.z);
+    tile_counts[i] = hits;
+}

@@ -1,0 +1,149 @@
+// One thread a Gaussian in depth order: sums its intersections' rows in order and carries the gradient from the
+// projected quantities to the raw parameters (method.md sections 1 and 2).
+#import index
+#import frame
+#import gaussian
+#import sh
+
+@group(0) @binding(0) var<storage, read> means: array<f32>;
+@group(0) @binding(1) var<storage, read> rotations: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> log_scales: array<f32>;
+@group(0) @binding(3) var<storage, read> sh: array<f32>;
+@group(0) @binding(4) var<storage, read> projected: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> depth_order: array<u32>;
+@group(0) @binding(6) var<storage, read> offsets: array<u32>;
+@group(0) @binding(7) var<storage, read> tile_counts: array<u32>;
+@group(0) @binding(8) var<storage, read> v_isect_color: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read> v_isect_xy: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read> v_isect_cov: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> v_means: array<f32>;
+@group(0) @binding(12) var<storage, read_write> v_rotations: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read_write> v_log_scales: array<f32>;
+@group(0) @binding(14) var<storage, read_write> v_opacity_logits: array<f32>;
+@group(0) @binding(15) var<storage, read_write> v_sh: array<f32>;
+// (x, y, |x|, |y|) by the projected mean in pixels, for densification.
+@group(0) @binding(16) var<storage, read_write> v_screen: array<vec4<f32>>;
+
+fn store_zero(g: u32) {
+    for (var c = 0u; c < 3u; c++) {
+        v_means[3u * g + c] = 0.0;
+        v_log_scales[3u * g + c] = 0.0;
+    }
+    v_rotations[g] = vec4(0.0);
+    v_opacity_logits[g] = 0.0;
+    v_screen[g] = vec4(0.0);
+    let base = g * frame.sh_coefficients * 3u;
+    for (var c = 0u; c < frame.sh_coefficients * 3u; c++) {
+        v_sh[base + c] = 0.0;
+    }
+}
+
+// Writes the coefficients' gradient, returns the gradient by the (unnormalised) viewing direction.
+fn color_backward(g: u32, offset: vec3<f32>, v_color: vec3<f32>) -> vec3<f32> {
+    let direction = normalize(offset);
+    let basis = sh_basis(direction, frame.sh_degree);
+    let active_count = sh_count(frame.sh_degree);
+    let base = g * frame.sh_coefficients * 3u;
+    var v_direction = vec3(0.0);
+    for (var c = 0u; c < frame.sh_coefficients; c++) {
+        let at = base + 3u * c;
+        var v = vec3(0.0);
+        if c < active_count {
+            v = basis[c] * v_color;
+            let weight = dot(v_color, vec3(sh[at], sh[at + 1u], sh[at + 2u]));
+            v_direction += weight * sh_basis_gradient(direction, c);
+        }
+        v_sh[at] = v.x;
+        v_sh[at + 1u] = v.y;
+        v_sh[at + 2u] = v.z;
+    }
+    return (v_direction - direction * dot(direction, v_direction)) / length(offset);
+}
+
+fn rotation_backward(q: vec4<f32>, v: mat3x3<f32>) -> vec4<f32> {
+    let w = q.x;
+    let x = q.y;
+    let y = q.z;
+    let z = q.w;
+    // v[column][row].
+    return 2.0 * vec4(
+        z * (v[0][1] - v[1][0]) + y * (v[2][0] - v[0][2]) + x * (v[1][2] - v[2][1]),
+        y * (v[1][0] + v[0][1]) + z * (v[2][0] + v[0][2]) - 2.0 * x * (v[1][1] + v[2][2]) + w * (v[1][2] - v[2][1]),
+        x * (v[1][0] + v[0][1]) + z * (v[2][1] + v[1][2]) - 2.0 * y * (v[0][0] + v[2][2]) + w * (v[2][0] - v[0][2]),
+        x * (v[2][0] + v[0][2]) + y * (v[2][1] + v[1][2]) - 2.0 * z * (v[0][0] + v[1][1]) + w * (v[0][1] - v[1][0]),
+    );
+}
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let rank = linear_workgroup(wid, groups) * 256u + local;
+    if rank >= frame.count {
+        return;
+    }
+    let g = depth_order[rank];
+    let start = min(offsets[rank], frame.capacity);
+    let end = min(offsets[rank] + tile_counts[g], frame.capacity);
+    if start == end {
+        store_zero(g);
+        return;
+    }
+    var sum_color = vec4(0.0);
+    var sum_xy = vec4(0.0);
+    var sum_cov = vec4(0.0);
+    for (var i = start; i < end; i++) {
+        sum_color += v_isect_color[i];
+        sum_xy += v_isect_xy[i];
+        sum_cov += v_isect_cov[i];
+    }
+    let opacity = projected[3u * g + 1u].y;
+    let color = projected[3u * g + 2u].rgb;
+    let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
+    let scale = exp(vec3(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]));
+    let q_raw = rotations[g];
+    let q_length = length(q_raw);
+    let q = q_raw / q_length;
+    let rq = quaternion_matrix(q);
+    let axes = mat3x3<f32>(view_rotate(rq[0]), view_rotate(rq[1]), view_rotate(rq[2]));
+    let view = view_rotate(mean) + view_translation();
+    let e = ewa_project(view, axes, scale);
+
+    // cov = M M^T with M = J axes diag(scale).
+    let v_m0 = 2.0 * sum_cov.x * e.m0 + sum_cov.y * e.m1;
+    let v_m1 = 2.0 * sum_cov.z * e.m1 + sum_cov.y * e.m0;
+    let inv_z = 1.0 / view.z;
+    let f = frame.focal * inv_z;
+    let j0 = vec3(f.x, 0.0, -f.x * e.tangent.x);
+    let j1 = vec3(0.0, f.y, -f.y * e.tangent.y);
+    // By N = axes diag(scale), columns.
+    var v_axes: mat3x3<f32>;
+    var v_scale: vec3<f32>;
+    var v_j0 = vec3(0.0);
+    var v_j1 = vec3(0.0);
+    for (var c = 0u; c < 3u; c++) {
+        let v_n = j0 * v_m0[c] + j1 * v_m1[c];
+        v_axes[c] = view_rotate_transposed(v_n) * scale[c];
+        v_scale[c] = dot(axes[c], v_n) * scale[c];
+        v_j0 += v_m0[c] * axes[c] * scale[c];
+        v_j1 += v_m1[c] * axes[c] * scale[c];
+    }
+    let v_tangent = -f * vec2(v_j0.z, v_j1.z) * e.free;
+    let v_inv_z = frame.focal.x * (v_j0.x - e.tangent.x * v_j0.z) + frame.focal.y * (v_j1.y - e.tangent.y * v_j1.z);
+    // x / z and y / z: of the projected mean and of the Jacobian.
+    let v_ratio = frame.focal * sum_xy.xy + v_tangent;
+    let v_view = vec3(v_ratio * inv_z, -inv_z * (dot(v_ratio, view.xy * inv_z) + v_inv_z * inv_z));
+
+    let v_color = select(vec3(0.0), sum_color.rgb, color > vec3(0.0));
+    let v_mean = view_rotate_transposed(v_view) + color_backward(g, mean - frame.center, v_color);
+    let v_q = rotation_backward(q, v_axes);
+    v_rotations[g] = (v_q - q * dot(q, v_q)) / q_length;
+    for (var c = 0u; c < 3u; c++) {
+        v_means[3u * g + c] = v_mean[c];
+        v_log_scales[3u * g + c] = v_scale[c];
+    }
+    v_opacity_logits[g] = sum_color.w * opacity * (1.0 - opacity);
+    v_screen[g] = sum_xy;
+}

@@ -1,0 +1,85 @@
+//! `ibgs eval`
+
+use super::train::{protocol, view_score, write_pictures};
+use super::{Model, load_scene};
+use anyhow::{Context, Result, bail};
+use clap::Args as ClapArgs;
+use ibgs_core::dataset::Dataset;
+use ibgs_core::eval::{frames_per_second, score_view};
+use ibgs_core::train::output::cameras::Split;
+use std::path::PathBuf;
+
+/// Passes over the test views when frames are counted.
+const PASSES: u32 = 5;
+
+/// Options of `ibgs eval`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Model folder, as `ibgs train` writes it.
+    model: PathBuf,
+    /// Scene folder, when it has moved since the training.
+    #[arg(short, long)]
+    source: Option<PathBuf>,
+    /// Iteration to measure; left out: the latest.
+    #[arg(long)]
+    iteration: Option<u32>,
+    /// Adapter by number or part of its name; `ibgs info` lists them.
+    #[arg(long)]
+    adapter: Option<String>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let model = Model::open(&args.model, args.iteration, args.adapter.as_ref())?;
+    let dataset = scene_of(&model, args)?;
+    if dataset.test.is_empty() {
+        bail!("the scene has no held-out views; train with `--eval`");
+    }
+    let background = model.background();
+    let mut scores = Vec::new();
+    println!("{:<32} {:>8} {:>8}", "view", "PSNR", "SSIM");
+    for &index in &dataset.test {
+        let view = &dataset.views[index];
+        let (image, score) = score_view(&model.raster, &model.splats, view, background)?;
+        write_pictures(&model.folder, Split::Test, model.iteration, &view.name, &image, Some(&view.photo))?;
+        println!("{:<32} {:>8.3} {:>8.4}", view.name, score.psnr, score.ssim);
+        scores.push(view_score(&view.name, score));
+    }
+    let n = scores.len() as f64;
+    let mean = |f: fn(&ibgs_core::train::output::results::ViewScore) -> f64| scores.iter().map(f).sum::<f64>() / n;
+    println!("{:<32} {:>8.3} {:>8.4}", "mean", mean(|s| s.psnr), mean(|s| s.ssim));
+    let views = dataset.test.iter().map(|&i| &dataset.views[i]);
+    let fps = frames_per_second(&model.raster, &model.splats, views, background, PASSES)?;
+    println!("{fps:.1} frames per second, {} Gaussians, LPIPS not computed", model.splats.len());
+    model.folder.write_results(model.iteration, &scores, &protocol(&model.config, model.raster.gpu()))?;
+    Ok(())
+}
+
+/// The scene that the model was trained on, with the model's own split.
+fn scene_of(model: &Model, args: &Args) -> Result<Dataset> {
+    let records = model.folder.read_cameras()?;
+    let mut dataset = match args.source.as_ref().or(model.config.data.source.as_ref()) {
+        Some(source) => load_scene(&model.config.data, model.config.seed, source)?,
+        None => demo_scene(&records)?,
+    };
+    let split = |wanted: Split| {
+        let named = records.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
+        let found = named.map(|name| {
+            let position = dataset.views.iter().position(|view| view.name == *name);
+            position.with_context(|| format!("the scene has no photo `{name}` any more"))
+        });
+        found.collect::<Result<Vec<_>>>()
+    };
+    let (train, test) = (split(Split::Train)?, split(Split::Test)?);
+    (dataset.train, dataset.test) = (train, test);
+    Ok(dataset)
+}
+
+/// The demo scene in the size that the model's cameras have.
+fn demo_scene(records: &[ibgs_core::train::output::cameras::CameraRecord]) -> Result<Dataset> {
+    use ibgs_core::dataset::demo::{self, DemoOptions};
+    let width = records.first().context("the model has no cameras")?.camera.width;
+    let presets = [DemoOptions::small(), DemoOptions::large()];
+    let preset = presets.into_iter().find(|p| p.width == width).context("the model's demo scene has another size")?;
+    Ok(demo::load(&preset, None, true)?)
+}

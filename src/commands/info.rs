@@ -1,0 +1,100 @@
+//! `ibgs info`
+
+use anyhow::{Result, bail};
+use clap::Args as ClapArgs;
+use ibgs_core::dataset;
+use ibgs_core::gpu::device::lacking;
+use ibgs_core::gpu::list_adapters;
+use ibgs_core::scene::read_ply;
+use ibgs_core::train::output::OutputFolder;
+use std::path::{Path, PathBuf};
+
+/// Options of `ibgs info`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Scene folder, model folder or PLY file; left out: the adapters of this machine.
+    path: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    match &args.path {
+        None => adapters(),
+        Some(path) if !path.exists() => bail!("{} does not exist; check the path", path.display()),
+        Some(path) if path.extension().is_some_and(|e| e == "ply") => model_file(path),
+        Some(path) if path.join("point_cloud").is_dir() => model_folder(path),
+        Some(path) => scene(path),
+    }
+}
+
+fn adapters() -> Result<()> {
+    let adapters = list_adapters();
+    if adapters.is_empty() {
+        bail!("no GPU adapter was found; install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers`)");
+    }
+    for (index, adapter) in adapters.iter().enumerate() {
+        let (info, limits) = (adapter.get_info(), adapter.limits());
+        println!("{index}: {} ({:?}, {:?})", info.name, info.device_type, info.backend);
+        println!("   driver             {} {}", info.driver, info.driver_info);
+        println!("   storage binding    {} MiB", limits.max_storage_buffer_binding_size >> 20);
+        println!("   buffer             {} MiB", limits.max_buffer_size >> 20);
+        println!("   storage buffers    {} a stage", limits.max_storage_buffers_per_shader_stage);
+        println!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
+        println!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
+        println!("   features           {:?}", adapter.features());
+        let missing = lacking(adapter);
+        match missing.is_empty() {
+            true => println!("   usable             yes"),
+            false => println!("   usable             no, lacks {}", missing.join(", ")),
+        }
+    }
+    Ok(())
+}
+
+fn model_file(path: &Path) -> Result<()> {
+    let g = read_ply(path)?;
+    println!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
+    let bounds = |axis: usize| {
+        let values = g.means.iter().map(|m| m[axis]);
+        (values.clone().fold(f32::MAX, f32::min), values.fold(f32::MIN, f32::max))
+    };
+    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+        let (low, high) = bounds(axis);
+        println!("   {name} from {low:.3} to {high:.3}");
+    }
+    Ok(())
+}
+
+fn model_folder(path: &Path) -> Result<()> {
+    let folder = OutputFolder::open(path)?;
+    let cameras = folder.read_cameras()?;
+    println!("{}: model with {} views", path.display(), cameras.len());
+    if let Some(iteration) = folder.latest_iteration()? {
+        println!("   latest iteration {iteration}");
+        model_file(&folder.point_cloud_path(iteration))?;
+    }
+    Ok(())
+}
+
+fn scene(path: &Path) -> Result<()> {
+    let info = dataset::inspect(path)?;
+    println!("{}: {:?} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
+    for camera in &info.cameras {
+        let pair = |v: Option<glam::DVec2>| v.map_or("unknown".to_owned(), |v| format!("{:.2} {:.2}", v.x, v.y));
+        println!(
+            "   camera {}: {} {} x {}, focal {}, principal point {}, {} photos{}",
+            camera.id,
+            camera.model,
+            camera.width,
+            camera.height,
+            pair(camera.focal),
+            pair(camera.principal),
+            camera.images,
+            if camera.distorted { ", undistorted on load" } else { "" }
+        );
+    }
+    if !info.missing.is_empty() {
+        println!("   {} photos are missing, for instance {}", info.missing.len(), info.missing[0]);
+    }
+    Ok(())
+}

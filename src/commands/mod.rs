@@ -1,0 +1,78 @@
+//! One module a command: parse, call the core, print.
+
+pub mod bench;
+pub mod eval;
+pub mod info;
+pub mod render;
+pub mod train;
+
+use anyhow::{Context, Result};
+use ibgs_core::dataset::{self, Dataset, LoadOptions};
+use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::scene::{Splats, read_ply};
+use ibgs_core::train::config::{DataConfig, TrainConfig};
+use ibgs_core::train::output::OutputFolder;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Opens the adapter that `--adapter` names.
+pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
+    let choice = adapter.map_or(AdapterChoice::Best, |name| AdapterChoice::Named(name.clone()));
+    let gpu = Gpu::open(&choice)?;
+    eprintln!("adapter: {}", gpu.describe());
+    Ok(gpu)
+}
+
+/// Loads the scene that a run was configured with.
+pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset> {
+    let options = LoadOptions {
+        resolution: data.resolution.parse().map_err(anyhow::Error::msg).context("option `--resolution`")?,
+        images: data.images.clone(),
+        max_resolution: data.max_resolution,
+        eval: data.eval,
+        eval_split_every: data.eval_split_every as usize,
+        principal_point: data.principal_point.parse().map_err(anyhow::Error::msg)?,
+        seed,
+        random_points: data.random_points as usize,
+        progress: true,
+    };
+    let dataset = dataset::load(source, &options)?;
+    for note in &dataset.notes {
+        eprintln!("note: {note}");
+    }
+    Ok(dataset)
+}
+
+/// A trained model folder, opened.
+pub struct Model {
+    /// The folder.
+    pub folder: OutputFolder,
+    /// How it was trained.
+    pub config: TrainConfig,
+    /// Iteration of the loaded point cloud.
+    pub iteration: u32,
+    /// The Gaussians on the device.
+    pub splats: Splats,
+    /// The rasterizer.
+    pub raster: Rasterizer,
+}
+
+impl Model {
+    /// Opens the given or the latest iteration of a model folder.
+    pub fn open(path: &Path, iteration: Option<u32>, adapter: Option<&String>) -> Result<Self> {
+        let folder = OutputFolder::open(path)?;
+        let config = folder.read_config()?;
+        let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
+        let iteration = iteration.unwrap_or(latest);
+        let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
+        let gpu = open_gpu(adapter)?;
+        let splats = Splats::upload(&gaussians, &gpu.burn);
+        Ok(Self { folder, config, iteration, splats, raster: Rasterizer::new(gpu) })
+    }
+
+    /// Colour behind the Gaussians.
+    pub fn background(&self) -> [f32; 3] {
+        [if self.config.white_background { 1.0 } else { 0.0 }; 3]
+    }
+}

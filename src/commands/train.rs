@@ -1,0 +1,370 @@
+//! `ibgs train`
+
+use super::{load_scene, open_gpu};
+use anyhow::{Context, Result};
+use clap::Args as ClapArgs;
+use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::{Dataset, Photo};
+use ibgs_core::eval::{Score, score_view};
+use ibgs_core::gpu::Gpu;
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::Rendered;
+use ibgs_core::scene::{PlyFlavor, write_ply};
+use ibgs_core::train::Trainer;
+use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::results::{Protocol, ViewScore};
+use ibgs_core::train::output::{Existing, OutputFolder};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Iterations of the demo scene when none are asked for: on a software adapter and on a GPU.
+const DEMO_ITERATIONS: [u32; 2] = [2_000, 10_000];
+
+/// Options of `ibgs train`; what is given here overrides the options file.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Scene folder (COLMAP model with photos, or transforms.json); left out: the built-in demo scene.
+    scene: Option<PathBuf>,
+    /// The same as SCENE.
+    #[arg(short, long, conflicts_with = "scene")]
+    source: Option<PathBuf>,
+    /// Output folder [default: output/NAME, or the first free output/NAME-2, -3 ...].
+    #[arg(short, long)]
+    model: Option<PathBuf>,
+    /// Train into an output folder that already holds a model, and remove that model.
+    #[arg(long)]
+    overwrite: bool,
+    /// Options file (TOML), as an earlier run wrote it.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// What to train: `3dgs` is plain 3D Gaussian splatting.
+    #[arg(long, value_parser = ["3dgs"])]
+    method: Option<String>,
+    /// Divide the photos by 1, 2, 4 or 8, or resize them to a width in pixels.
+    #[arg(short, long)]
+    resolution: Option<String>,
+    /// Photo folder inside the scene.
+    #[arg(short, long)]
+    images: Option<String>,
+    /// Longest side that a photo may have, in pixels.
+    #[arg(long)]
+    max_resolution: Option<u32>,
+    /// Hold every 8th photo out and measure on it.
+    #[arg(long)]
+    eval: bool,
+    /// Hold every so-manieth photo out.
+    #[arg(long)]
+    eval_split_every: Option<u32>,
+    /// `true`: the scene's own principal point; `centred`: the image centre, as the published code assumes.
+    #[arg(long, value_parser = ["true", "centred"])]
+    principal_point: Option<String>,
+    /// Number of iterations; the milestones follow.
+    #[arg(long, alias = "total-train-iters")]
+    iterations: Option<u32>,
+    /// Keep the milestones of a 30,000-iteration run whatever `--iterations` says.
+    #[arg(long)]
+    no_schedule_scaling: bool,
+    /// Degree of the spherical harmonics, 0 to 3.
+    #[arg(long)]
+    sh_degree: Option<u32>,
+    /// Iterations between two steps of the spherical-harmonics degree.
+    #[arg(long)]
+    sh_interval: Option<u32>,
+    /// Iterations of the position learning-rate schedule.
+    #[arg(long)]
+    mean_iterations: Option<u32>,
+    /// First densification comes after this iteration.
+    #[arg(long)]
+    densify_start: Option<u32>,
+    /// Last densification comes before this iteration.
+    #[arg(long)]
+    densify_end: Option<u32>,
+    /// Iterations between two densifications.
+    #[arg(long)]
+    densify_interval: Option<u32>,
+    /// Iterations between two opacity resets.
+    #[arg(long)]
+    opacity_reset_interval: Option<u32>,
+    /// Most Gaussians.
+    #[arg(long)]
+    max_splats: Option<u32>,
+    /// Evaluate every so many iterations.
+    #[arg(long)]
+    eval_every: Option<u32>,
+    /// Save the model at these iterations besides the last.
+    #[arg(long, value_delimiter = ',')]
+    save_iterations: Option<Vec<u32>>,
+    /// Seed of view order and sampling.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// White in place of black behind the Gaussians.
+    #[arg(long)]
+    white_background: bool,
+    /// Adapter by number or part of its name; `ibgs info` lists them.
+    #[arg(long)]
+    adapter: Option<String>,
+}
+
+fn set<T>(slot: &mut T, value: &Option<T>)
+where
+    T: Clone,
+{
+    if let Some(value) = value {
+        *slot = value.clone();
+    }
+}
+
+fn set_some<T: Clone>(slot: &mut Option<T>, value: &Option<T>) {
+    if value.is_some() {
+        slot.clone_from(value);
+    }
+}
+
+impl Args {
+    /// The options file with the command line on top.
+    fn config(&self) -> Result<TrainConfig> {
+        let mut c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
+        if self.method.is_some() {
+            c.method = Method::Gs3;
+        }
+        let source = self.scene.clone().or_else(|| self.source.clone());
+        set_some(&mut c.data.source, &source);
+        set(&mut c.data.resolution, &self.resolution);
+        set_some(&mut c.data.images, &self.images);
+        set_some(&mut c.data.max_resolution, &self.max_resolution);
+        set(&mut c.data.eval_split_every, &self.eval_split_every);
+        set(&mut c.data.principal_point, &self.principal_point);
+        c.data.eval |= self.eval || self.eval_split_every.is_some();
+        set(&mut c.iterations, &self.iterations);
+        c.schedule_scaling &= !self.no_schedule_scaling;
+        set(&mut c.sh_degree, &self.sh_degree);
+        set_some(&mut c.sh_interval, &self.sh_interval);
+        set_some(&mut c.learning_rates.mean_iterations, &self.mean_iterations);
+        set_some(&mut c.densify.start, &self.densify_start);
+        set_some(&mut c.densify.end, &self.densify_end);
+        set_some(&mut c.densify.interval, &self.densify_interval);
+        set_some(&mut c.opacity_reset.interval, &self.opacity_reset_interval);
+        set(&mut c.densify.max_splats, &self.max_splats);
+        set(&mut c.eval_every, &self.eval_every);
+        set_some(&mut c.save_iterations, &self.save_iterations);
+        set(&mut c.seed, &self.seed);
+        c.white_background |= self.white_background;
+        Ok(c)
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let mut config = args.config()?;
+    config.validate()?;
+    // The scene first: a mistake in its path should not wait for the GPU.
+    let scene = config.data.source.clone().map(|source| load_scene(&config.data, config.seed, &source)).transpose()?;
+    let gpu = open_gpu(args.adapter.as_ref())?;
+    let dataset = match scene {
+        Some(dataset) => dataset,
+        None => demo_scene(&mut config, args, &gpu)?,
+    };
+    let folder = create_output(args, config.data.source.as_deref())?;
+    folder.write_start(&config, &dataset)?;
+    eprintln!(
+        "{} training views, {} test views, {} initial points; writing to {}",
+        dataset.train.len(),
+        dataset.test.len(),
+        dataset.points.len(),
+        folder.root().display()
+    );
+    let started = Instant::now();
+    let raster = Arc::new(Rasterizer::new(gpu.clone()));
+    gpu.warm_up();
+    let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
+    let mut run = Run { trainer, raster, dataset, config, folder, training: Duration::ZERO };
+    run.train()?;
+    eprintln!(
+        "trained {} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians",
+        run.trainer.iteration(),
+        run.training.as_secs_f64(),
+        (started.elapsed() - run.training).as_secs_f64(),
+        run.trainer.splats().len()
+    );
+    Ok(())
+}
+
+fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Dataset> {
+    let software = gpu.is_software();
+    let options = if software { DemoOptions::small() } else { DemoOptions::large() };
+    if args.iterations.is_none() && args.config.is_none() {
+        config.iterations = DEMO_ITERATIONS[usize::from(!software)];
+    }
+    config.data.eval = true;
+    let dataset = demo::load(&options, None, true)?;
+    for note in &dataset.notes {
+        eprintln!("note: {note}");
+    }
+    Ok(dataset)
+}
+
+fn create_output(args: &Args, source: Option<&Path>) -> Result<OutputFolder> {
+    if let Some(path) = &args.model {
+        let existing = if args.overwrite { Existing::Replace } else { Existing::Keep };
+        return Ok(OutputFolder::create(path, existing)?);
+    }
+    let name = match source {
+        Some(path) => path.file_stem().and_then(|n| n.to_str()).unwrap_or("scene").to_owned(),
+        None => "demo".to_owned(),
+    };
+    let candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
+    let free = candidates.map(|n| Path::new("output").join(n)).find(|path| !path.exists() || args.overwrite);
+    let path = free.context("no free output folder")?;
+    let existing = if args.overwrite { Existing::Replace } else { Existing::Keep };
+    Ok(OutputFolder::create(&path, existing)?)
+}
+
+/// A training run with everything that it reports to.
+struct Run {
+    trainer: Trainer,
+    raster: Arc<Rasterizer>,
+    dataset: Dataset,
+    config: TrainConfig,
+    folder: OutputFolder,
+    /// Time spent in iterations alone.
+    training: Duration,
+}
+
+impl Run {
+    fn train(&mut self) -> Result<()> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = stop.clone();
+        // Only one handler a process; when there is one already (in tests), that one stays.
+        let _ = ctrlc::set_handler(move || {
+            if flag.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        });
+        let bar = progress_bar(self.config.iterations);
+        let mut clock = Instant::now();
+        while self.trainer.iteration() < self.config.iterations && !stop.load(Ordering::SeqCst) {
+            self.trainer.step()?;
+            let iteration = self.trainer.iteration();
+            bar.set_position(u64::from(iteration));
+            if iteration.is_multiple_of(20) {
+                self.report(&bar);
+            }
+            let schedule = self.trainer.schedule();
+            let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
+            if save || evaluate {
+                self.raster.gpu().wait()?;
+                self.training += clock.elapsed();
+                if save {
+                    self.save()?;
+                }
+                if evaluate {
+                    bar.suspend(|| self.evaluate())?;
+                }
+                clock = Instant::now();
+            }
+        }
+        self.training += clock.elapsed();
+        bar.finish_and_clear();
+        if stop.load(Ordering::SeqCst) {
+            eprintln!("stopped at iteration {}: saving and evaluating", self.trainer.iteration());
+            self.save()?;
+            self.evaluate()?;
+        }
+        if self.trainer.overflowed() {
+            eprintln!(
+                "note: some iterations had more tile intersections than expected and lost their farthest Gaussians"
+            );
+        }
+        Ok(())
+    }
+
+    fn report(&self, bar: &ProgressBar) {
+        let telemetry = self.trainer.telemetry();
+        bar.set_message(format!(
+            "loss {:.4}  PSNR {:5.2}  {} Gaussians",
+            telemetry.stats.loss,
+            telemetry.stats.psnr(),
+            self.trainer.splats().len()
+        ));
+    }
+
+    fn save(&self) -> Result<()> {
+        let gaussians = self.trainer.splats().download()?;
+        let path = self.folder.point_cloud_path(self.trainer.iteration());
+        write_ply(&path, &gaussians, PlyFlavor::Full)?;
+        Ok(())
+    }
+
+    fn evaluate(&self) -> Result<()> {
+        let iteration = self.trainer.iteration();
+        if self.dataset.test.is_empty() {
+            return Ok(());
+        }
+        let mut scores = Vec::new();
+        for &index in &self.dataset.test {
+            let view = &self.dataset.views[index];
+            let background = self.trainer.background();
+            let (image, score) = score_view(&self.raster, self.trainer.splats(), view, background)?;
+            write_pictures(&self.folder, Split::Test, iteration, &view.name, &image, Some(&view.photo))?;
+            scores.push(view_score(&view.name, score));
+        }
+        self.folder.write_results(iteration, &scores, &protocol(&self.config, self.raster.gpu()))?;
+        let n = scores.len() as f64;
+        let psnr = scores.iter().map(|s| s.psnr).sum::<f64>() / n;
+        let ssim = scores.iter().map(|s| s.ssim).sum::<f64>() / n;
+        let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration);
+        eprintln!(
+            "iteration {iteration}: test PSNR {psnr:.3} dB, SSIM {ssim:.4} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
+            scores.len(),
+            self.trainer.splats().len()
+        );
+        Ok(())
+    }
+}
+
+fn progress_bar(iterations: u32) -> ProgressBar {
+    let bar = ProgressBar::new(u64::from(iterations));
+    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {eta} left";
+    bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
+}
+
+/// A score with its view's name.
+pub fn view_score(name: &str, score: Score) -> ViewScore {
+    ViewScore { name: name.to_owned(), psnr: score.psnr, ssim: score.ssim }
+}
+
+/// What the figures of a run depend on.
+pub fn protocol(config: &TrainConfig, gpu: &Gpu) -> Protocol {
+    let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
+    Protocol {
+        resampler: if resized { "Lanczos3" } else { "none" }.to_owned(),
+        factor: config.data.resolution.clone(),
+        split: format!("every {}th", config.data.eval_split_every),
+        principal_point: config.data.principal_point.clone(),
+        device: gpu.describe(),
+    }
+}
+
+/// Writes a rendered view, and its photo beside it.
+pub fn write_pictures(
+    folder: &OutputFolder,
+    split: Split,
+    iteration: u32,
+    name: &str,
+    image: &Rendered,
+    photo: Option<&Photo>,
+) -> Result<()> {
+    let path = folder.picture_path(split, iteration, "renders", name);
+    ibgs_core::image_io::write_png(&path, image.width, image.height, &image.to_rgb8())?;
+    if let Some(photo) = photo {
+        let path = folder.picture_path(split, iteration, "gt", name);
+        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        ibgs_core::image_io::write_png(&path, photo.width, photo.height, &rgb)?;
+    }
+    Ok(())
+}

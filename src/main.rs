@@ -1,0 +1,46 @@
+//! `ibgs`: reconstruct a scene from posed photos and render new views of it.
+
+mod commands;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Reconstruct a scene from posed photos and render new views with Gaussian splatting, on any GPU with Vulkan, Metal
+/// or DX12.
+#[derive(Parser)]
+#[command(name = "ibgs", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Train a model on a scene folder, or on the built-in demo scene.
+    Train(Box<commands::train::Args>),
+    /// Render views of a trained model to pictures.
+    Render(commands::render::Args),
+    /// Measure a trained model on its held-out views.
+    Eval(commands::eval::Args),
+    /// Say what a scene, a model or a PLY file holds; without a path: the adapters of this machine.
+    Info(commands::info::Args),
+    /// Time every stage on this machine.
+    Bench(commands::bench::Args),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Train(args) => commands::train::run(&args),
+        Command::Render(args) => commands::render::run(&args),
+        Command::Eval(args) => commands::eval::run(&args),
+        Command::Info(args) => commands::info::run(&args),
+        Command::Bench(args) => commands::bench::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Every kernel against its table entry, by naga and without a GPU: bindings with order and access, workgroup size,
+//! struct offsets, full validation.
+
+use ibgs_shaders::{Access, KERNELS, Kernel, types};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, StorageAccess, TypeInner};
+use std::mem::offset_of;
+
+fn parse(kernel: &Kernel) -> Module {
+    let source = kernel.wgsl();
+    let module = naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(&source)));
+    Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES)
+        .validate(&module)
+        .unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(&source)));
+    module
+}
+
+#[test]
+fn bindings_and_workgroups_match_the_table() {
+    for kernel in KERNELS {
+        let module = parse(kernel);
+        let [entry] = &module.entry_points[..] else { panic!("{}: one entry point", kernel.name) };
+        assert_eq!(entry.name, "main", "{}", kernel.name);
+        assert_eq!(entry.workgroup_size, kernel.workgroup, "{}", kernel.name);
+        let mut found = 0;
+        for (_, variable) in module.global_variables.iter() {
+            let Some(binding) = variable.binding else { continue };
+            assert_eq!(binding.group, 0, "{}", kernel.name);
+            let expected = &kernel.bindings[binding.binding as usize];
+            assert_eq!(variable.name.as_deref(), Some(expected.name), "{}", kernel.name);
+            let AddressSpace::Storage { access } = variable.space else { panic!("{}: storage only", kernel.name) };
+            let writes = access.contains(StorageAccess::STORE);
+            assert_eq!(writes, expected.access == Access::ReadWrite, "{}.{}", kernel.name, expected.name);
+            found += 1;
+        }
+        assert_eq!(found, kernel.bindings.len(), "{}", kernel.name);
+    }
+}
+
+#[test]
+fn every_declared_binding_is_used() {
+    for kernel in KERNELS {
+        let module = parse(kernel);
+        let info = Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES).validate(&module).unwrap();
+        for (handle, variable) in module.global_variables.iter().filter(|(_, v)| v.binding.is_some()) {
+            let used = !info.get_entry_point(0)[handle].is_empty();
+            assert!(used, "{}: binding {:?} is not used", kernel.name, variable.name);
+        }
+    }
+}
+
+#[test]
+fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for() {
+    for kernel in KERNELS {
+        let module = parse(kernel);
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).unwrap();
+        let size_of = |space: AddressSpace| -> u32 {
+            let of_space = module.global_variables.iter().filter(|(_, v)| v.space == space);
+            of_space.map(|(_, v)| layouter[v.ty].size).sum()
+        };
+        assert!(size_of(AddressSpace::WorkGroup) <= 20 * 1024, "{}", kernel.name);
+        assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
+        assert!(kernel.immediates <= 128, "{}", kernel.name);
+    }
+}
+
+fn check_struct(name: &str, size: usize, fields: &[(&str, usize)]) {
+    let mut seen = false;
+    for kernel in KERNELS {
+        let module = parse(kernel);
+        for (_, ty) in module.types.iter().filter(|(_, t)| t.name.as_deref() == Some(name)) {
+            let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is a struct") };
+            assert_eq!(*span as usize, size, "{name} in {}", kernel.name);
+            let actual: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+            assert_eq!(actual, fields, "{name} in {}", kernel.name);
+            seen = true;
+        }
+    }
+    assert!(seen, "no kernel declares {name}");
+}
+
+macro_rules! twin {
+    ($ty:ident { $($field:ident),+ $(,)? }) => {
+        check_struct(
+            stringify!($ty),
+            size_of::<types::$ty>(),
+            &[$((stringify!($field), offset_of!(types::$ty, $field))),+],
+        )
+    };
+}
+
+#[test]
+fn host_structs_have_the_layout_of_their_twins() {
+    twin!(Frame {
+        row0, row1, row2, focal, principal, center, count, size, tiles, background, sh_degree, sh_coefficients,
+        capacity, box_sigma, tangent_limit,
+    });
+    twin!(SortParams { shift, blocks, capacity, first });
+    twin!(LossParams { size, tiles, lambda, pad });
+    twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
+    twin!(GatherParams { count, row, fresh_zero, pad });
+    twin!(OpacityResetParams { count, limit });
+}

@@ -1,0 +1,6 @@
+//! Holds the CPU twins to finite differences, to the golden data and to independent evaluations.
+
+mod golden;
+mod gradients;
+mod losses;
+mod thresholds;

@@ -1,0 +1,203 @@
+//! Writers of small scenes for the loader tests: COLMAP models in both formats, photos.
+
+use image::{Rgba, RgbaImage};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A camera of a COLMAP model; `model` is its number and name.
+#[derive(Clone)]
+pub struct Camera {
+    pub id: u32,
+    pub model: (i32, &'static str),
+    pub size: [u64; 2],
+    pub params: Vec<f64>,
+}
+
+/// An image of a COLMAP model with `[w, x, y, z]` and translation.
+#[derive(Clone)]
+pub struct Image {
+    pub name: String,
+    pub camera: u32,
+    pub q: [f64; 4],
+    pub t: [f64; 3],
+    pub observations: Vec<(f64, f64, i64)>,
+}
+
+/// A point of a COLMAP model.
+#[derive(Clone)]
+pub struct ModelPoint {
+    pub xyz: [f64; 3],
+    pub rgb: [u8; 3],
+    pub track: Vec<(u32, u32)>,
+}
+
+/// A COLMAP model.
+#[derive(Clone)]
+pub struct Model {
+    pub cameras: Vec<Camera>,
+    pub images: Vec<Image>,
+    pub points: Vec<ModelPoint>,
+}
+
+pub const SIMPLE_PINHOLE: (i32, &str) = (0, "SIMPLE_PINHOLE");
+pub const PINHOLE: (i32, &str) = (1, "PINHOLE");
+
+impl Model {
+    /// `count` images `a0.png`, `a1.png` ... of one 12 x 8 pinhole camera, side by side, and two points.
+    pub fn small(count: usize) -> Model {
+        let image = |index: usize| Image {
+            name: format!("a{index}.png"),
+            camera: 1,
+            q: [0.9, 0.1, -0.2, 0.05 * index as f64],
+            t: [0.25 * index as f64, -0.1, 2.0],
+            observations: vec![(1.5, 2.5, 7), (3.0, 4.0, -1)],
+        };
+        let point = |x: f64| ModelPoint { xyz: [x, 0.5, 3.0], rgb: [10, 200, 30], track: vec![(1, 0), (2, 1)] };
+        Model {
+            cameras: vec![Camera { id: 1, model: PINHOLE, size: [12, 8], params: vec![10.0, 11.0, 6.5, 3.75] }],
+            images: (0..count).map(image).collect(),
+            points: vec![point(0.1), point(-0.3)],
+        }
+    }
+
+    pub fn cameras_bin(&self) -> Vec<u8> {
+        let mut out = (self.cameras.len() as u64).to_le_bytes().to_vec();
+        for camera in &self.cameras {
+            out.extend(camera.id.to_le_bytes());
+            out.extend(camera.model.0.to_le_bytes());
+            camera.size.iter().for_each(|side| out.extend(side.to_le_bytes()));
+            camera.params.iter().for_each(|param| out.extend(param.to_le_bytes()));
+        }
+        out
+    }
+
+    pub fn images_bin(&self) -> Vec<u8> {
+        let mut out = (self.images.len() as u64).to_le_bytes().to_vec();
+        for (index, image) in self.images.iter().enumerate() {
+            out.extend((index as u32 + 1).to_le_bytes());
+            image.q.iter().chain(&image.t).for_each(|value| out.extend(value.to_le_bytes()));
+            out.extend(image.camera.to_le_bytes());
+            out.extend(image.name.as_bytes());
+            out.push(0);
+            out.extend((image.observations.len() as u64).to_le_bytes());
+            for (x, y, point) in &image.observations {
+                out.extend(x.to_le_bytes());
+                out.extend(y.to_le_bytes());
+                out.extend(point.to_le_bytes());
+            }
+        }
+        out
+    }
+
+    pub fn points_bin(&self) -> Vec<u8> {
+        let mut out = (self.points.len() as u64).to_le_bytes().to_vec();
+        for (index, point) in self.points.iter().enumerate() {
+            out.extend((index as u64 + 1).to_le_bytes());
+            point.xyz.iter().for_each(|value| out.extend(value.to_le_bytes()));
+            out.extend(point.rgb);
+            out.extend(0.5_f64.to_le_bytes());
+            out.extend((point.track.len() as u64).to_le_bytes());
+            for (image, index) in &point.track {
+                out.extend(image.to_le_bytes());
+                out.extend(index.to_le_bytes());
+            }
+        }
+        out
+    }
+
+    pub fn cameras_txt(&self) -> String {
+        let mut out = "# Camera list\n".to_owned();
+        for camera in &self.cameras {
+            let [w, h] = camera.size;
+            let _ = write!(out, "{} {} {w} {h}", camera.id, camera.model.1);
+            camera.params.iter().for_each(|param| write!(out, " {param:?}").unwrap());
+            out.push('\n');
+        }
+        out
+    }
+
+    pub fn images_txt(&self) -> String {
+        let mut out = "# Image list\n# two lines an image\n".to_owned();
+        for (index, image) in self.images.iter().enumerate() {
+            let _ = write!(out, "{}", index + 1);
+            image.q.iter().chain(&image.t).for_each(|value| write!(out, " {value:?}").unwrap());
+            let _ = writeln!(out, " {} {}", image.camera, image.name);
+            for (x, y, point) in &image.observations {
+                let _ = write!(out, "{x:?} {y:?} {point} ");
+            }
+            out.push('\n');
+        }
+        out
+    }
+
+    pub fn points_txt(&self) -> String {
+        let mut out = "# Points\n".to_owned();
+        for (index, point) in self.points.iter().enumerate() {
+            let ([x, y, z], [r, g, b]) = (point.xyz, point.rgb);
+            let _ = write!(out, "{} {x:?} {y:?} {z:?} {r} {g} {b} 0.5", index + 1);
+            point.track.iter().for_each(|(i, j)| write!(out, " {i} {j}").unwrap());
+            out.push('\n');
+        }
+        out
+    }
+
+    pub fn write_binary(&self, scene: &Path) {
+        write_file(&scene.join("sparse/0/cameras.bin"), self.cameras_bin());
+        write_file(&scene.join("sparse/0/images.bin"), self.images_bin());
+        write_file(&scene.join("sparse/0/points3D.bin"), self.points_bin());
+    }
+
+    /// Directly in `sparse/`.
+    pub fn write_text(&self, scene: &Path) {
+        write_file(&scene.join("sparse/cameras.txt"), self.cameras_txt());
+        write_file(&scene.join("sparse/images.txt"), self.images_txt());
+        write_file(&scene.join("sparse/points3D.txt"), self.points_txt());
+    }
+
+    /// A grey photo of its camera's size for every image.
+    pub fn write_photos(&self, scene: &Path) {
+        for image in &self.images {
+            let camera = self.cameras.iter().find(|camera| camera.id == image.camera);
+            let [w, h] = camera.map_or([4, 4], |camera| camera.size);
+            write_photo(&scene.join("images").join(&image.name), w as u32, h as u32, |_, _| [90, 120, 150, 255]);
+        }
+    }
+
+    /// Photos and binary model in a new temporary folder.
+    pub fn scene(&self) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        self.write_binary(folder.path());
+        self.write_photos(folder.path());
+        folder
+    }
+}
+
+/// Writes a file and the folders above it.
+pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(path, bytes).unwrap();
+}
+
+/// Writes a PNG or JPEG; `pixel` gets pixel coordinates, centres at +0.5.
+pub fn write_photo(path: &Path, w: u32, h: u32, pixel: impl Fn(f64, f64) -> [u8; 4]) {
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let image = RgbaImage::from_fn(w, h, |x, y| Rgba(pixel(f64::from(x) + 0.5, f64::from(y) + 0.5)));
+    let jpeg = path.extension().is_some_and(|extension| extension != "png");
+    if jpeg {
+        image::DynamicImage::from(image).into_rgb8().save(path).unwrap();
+    } else {
+        image.save(path).unwrap();
+    }
+}
+
+/// The folder of a real scene, or none, said loudly.
+pub fn real_scene(name: &str) -> Option<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let path = root.join(name);
+    if path.is_dir() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: ../shared/data/{name} absent");
+    None
+}

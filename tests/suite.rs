@@ -1,0 +1,14 @@
+//! The integration tests of ibgs: one binary.
+#![allow(missing_docs)]
+
+mod bad_input;
+mod contract;
+mod bad_input_json;
+mod dataset;
+mod dataset_photos;
+mod dataset_real;
+mod demo;
+mod reference;
+mod reference_checks;
+mod scene;
+mod scene_files;
