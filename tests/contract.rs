@@ -94,8 +94,21 @@ macro_rules! twin {
 #[test]
 fn host_structs_have_the_layout_of_their_twins() {
     twin!(Frame {
-        row0, row1, row2, focal, principal, center, count, size, tiles, background, sh_degree, sh_coefficients,
-        capacity, box_sigma, tangent_limit,
+        row0,
+        row1,
+        row2,
+        focal,
+        principal,
+        center,
+        count,
+        size,
+        tiles,
+        background,
+        sh_degree,
+        sh_coefficients,
+        capacity,
+        box_sigma,
+        tangent_limit,
     });
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(LossParams { size, tiles, lambda, pad });

@@ -2,12 +2,15 @@
 #![allow(missing_docs)]
 
 mod bad_input;
-mod contract;
 mod bad_input_json;
+mod common;
+mod contract;
 mod dataset;
 mod dataset_photos;
 mod dataset_real;
 mod demo;
+mod gradients;
+mod kernels;
 mod reference;
 mod reference_checks;
 mod scene;

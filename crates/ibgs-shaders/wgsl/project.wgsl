@@ -54,7 +54,7 @@ fn main(
     let q = rotations[i];
     let scale = exp(vec3(log_scales[3u * i], log_scales[3u * i + 1u], log_scales[3u * i + 2u]));
     let opacity = 1.0 / (1.0 + exp(-opacity_logits[i]));
-    let broken = not_finite3(view) || not_finite3(scale) || not_finite(opacity_logits[i]) || not_finite(dot(q, q));
+    let broken = not_finite3(view) || not_finite3(scale) || is_nan(opacity_logits[i]) || not_finite(dot(q, q));
     if broken || dot(q, q) == 0.0 || view.z <= NEAR_DEPTH {
         cull(i);
         return;

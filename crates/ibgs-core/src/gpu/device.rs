@@ -185,9 +185,10 @@ impl Gpu {
             return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
         }
         let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
-        let wanted = wgpu::Features::IMMEDIATES
-            | (adapter.features()
-                & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP | wgpu::Features::SHADER_F16));
+        // burn generates code for whatever the adapter offers, so the device must have it enabled.
+        let wanted = adapter
+            .features()
+            .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("ibgs"),
             required_features: wanted,

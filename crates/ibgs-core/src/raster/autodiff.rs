@@ -165,7 +165,7 @@ impl Rasterizer {
     ///
     /// # Errors
     /// Not enough memory.
-    pub(crate) fn tracked(&self, leaves: &Leaves, view: &RasterView) -> Result<(Tensor<3>, Forward), GpuError> {
+    pub fn tracked(&self, leaves: &Leaves, view: &RasterView) -> Result<(Tensor<3>, Forward), GpuError> {
         type Ad = Autodiff<CubeBackend>;
         let on_graph = "leaves are on the autodiff graph";
         let means = leaves.means.clone().try_into_primitive::<Ad>().expect(on_graph);

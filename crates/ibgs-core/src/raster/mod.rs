@@ -106,13 +106,13 @@ impl Inputs {
 
 /// One forward pass: the image and what its backward pass needs.
 #[derive(Clone, Debug)]
-pub(crate) struct Forward {
+pub struct Forward {
     /// [H, W, 3]
-    pub image: CubeTensor,
-    pub frame: Frame,
+    pub(crate) image: CubeTensor,
+    pub(crate) frame: Frame,
     /// Which of the tile sort's buffer pairs holds the sorted list.
     sorted: usize,
-    pub workspace: Arc<Lease<Workspace>>,
+    pub(crate) workspace: Arc<Lease<Workspace>>,
 }
 
 /// Rasterizes; owns the scratch memory.
@@ -234,6 +234,9 @@ impl Rasterizer {
 
 impl Forward {
     /// How many tile intersections the pass counted; waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
     pub fn intersections(&self, gpu: &Gpu) -> Result<u64, GpuError> {
         Ok(u64::from(gpu.read::<u32>(&self.workspace.total, 1)?[0]))
     }

@@ -62,3 +62,7 @@ fn not_finite(v: f32) -> bool {
 fn not_finite3(v: vec3<f32>) -> bool {
     return not_finite(v.x) || not_finite(v.y) || not_finite(v.z);
 }
+
+fn is_nan(v: f32) -> bool {
+    return (bitcast<u32>(v) & 0x7fffffffu) > 0x7f800000u;
+}

@@ -1,0 +1,158 @@
+//! Densification: the plan's rules, and the kernels that carry it out.
+
+use crate::common::gpu;
+use crate::reference::random_scene::random_params;
+use bytemuck::bytes_of;
+use ibgs_core::gpu::Pass;
+use ibgs_core::train::config::DensifyConfig;
+use ibgs_core::train::densify::{Observations, Plan, Round, plan};
+use ibgs_shaders::types::{Frame, GatherParams, OpacityResetParams};
+use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE, OPACITY_RESET};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+const FRESH: u32 = 1 << 31;
+
+fn round() -> Round {
+    Round { extent: 1.0, transparent: true, large: false }
+}
+
+/// One Gaussian each: (gradient sum, absolute sum, views, radius), log scale, opacity logit.
+fn observations(rows: &[([f32; 4], f32, f32)]) -> Observations {
+    Observations {
+        statistics: rows.iter().map(|r| r.0).collect(),
+        means: (0..rows.len()).map(|i| [i as f32, 0.0, 0.0]).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; rows.len()],
+        log_scales: rows.iter().map(|r| [r.1; 3]).collect(),
+        opacity_logits: rows.iter().map(|r| r.2).collect(),
+    }
+}
+
+fn planned(rows: &[([f32; 4], f32, f32)], config: &DensifyConfig, round: &Round) -> Plan {
+    plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
+}
+
+#[test]
+fn small_ones_are_cloned_large_ones_split_quiet_ones_kept() {
+    let (small, large) = (0.0005f32.ln(), 0.05f32.ln());
+    let rows = [
+        ([1e-3, 0.0, 2.0, 5.0], small, 1.0),
+        ([1e-3, 0.0, 2.0, 5.0], large, 1.0),
+        ([1e-4, 0.0, 2.0, 5.0], large, 1.0),
+        // Never seen: no division by zero views.
+        ([0.0, 0.0, 0.0, 0.0], small, 1.0),
+    ];
+    let plan = planned(&rows, &DensifyConfig::default(), &round());
+    assert_eq!(plan.sources, [0, 2, 3, FRESH, FRESH | 1, FRESH | 1]);
+    assert_eq!(plan.counts, [1, 1, 0]);
+    assert_eq!(plan.means[..3], [[0.0; 3], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]);
+    assert_ne!(plan.means[3], [0.0; 3], "the copy is drawn from the Gaussian");
+    assert!((plan.log_scales[4][0] - (large - 1.6f32.ln())).abs() < 1e-6);
+    assert_eq!(plan.log_scales[3], [small; 3]);
+    assert_ne!(plan.means[4], plan.means[5]);
+}
+
+#[test]
+fn absolute_gradients_split_wide_ones_and_the_largest_win() {
+    let large = 0.05f32.ln();
+    let rows = [
+        ([0.0, 2e-3, 1.0, 21.0], large, 1.0),
+        ([0.0, 3e-3, 1.0, 21.0], large, 1.0),
+        ([0.0, 3e-3, 1.0, 20.0], large, 1.0),
+        ([0.0, 3e-3, 1.0, 90.0], 0.0005f32.ln(), 1.0),
+        ([0.0, 7e-4, 1.0, 90.0], large, 1.0),
+    ];
+    let config = DensifyConfig::default();
+    assert_eq!(planned(&rows, &config, &round()).counts, [0, 2, 0]);
+    let one = DensifyConfig { abs_max_per_round: 1, ..config.clone() };
+    let plan = planned(&rows, &one, &round());
+    assert_eq!(plan.sources, [0, 2, 3, 4, FRESH | 1, FRESH | 1]);
+    let off = DensifyConfig { abs_split: false, ..config };
+    assert_eq!(planned(&rows, &off, &round()).counts, [0, 0, 0]);
+}
+
+#[test]
+fn pruning_takes_the_transparent_and_later_the_large() {
+    let rows = [([0.0; 4], 0.01f32.ln(), -3.5), ([0.0; 4], 0.2f32.ln(), 1.0), ([0.0; 4], 0.01f32.ln(), 1.0)];
+    let config = DensifyConfig::default();
+    assert_eq!(planned(&rows, &config, &round()).sources, [1, 2]);
+    assert_eq!(planned(&rows, &config, &Round { large: true, ..round() }).sources, [2]);
+    assert_eq!(planned(&rows, &config, &Round { transparent: false, ..round() }).sources, [0, 1, 2]);
+}
+
+#[test]
+fn the_cap_is_never_passed() {
+    let rows: Vec<_> = (0..50).map(|i| ([1e-3 * (1 + i) as f32, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)).collect();
+    let config = DensifyConfig { max_splats: 55, ..DensifyConfig::default() };
+    let plan = planned(&rows, &config, &round());
+    assert_eq!(plan.sources.len(), 55);
+    // The largest gradients.
+    assert!(plan.sources.iter().filter(|s| **s & FRESH != 0).all(|s| s & !FRESH >= 45));
+}
+
+#[test]
+fn a_plan_is_repeatable() {
+    let rows = [([1e-3, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)];
+    let config = DensifyConfig::default();
+    assert_eq!(planned(&rows, &config, &round()), planned(&rows, &config, &round()));
+}
+
+#[test]
+fn statistics_grow_only_where_the_gaussian_was_seen() {
+    let gpu = gpu();
+    let gradient = gpu.upload("gradient", &[[3e-3f32, 4e-3, 5e-3, 12e-3], [1.0, 1.0, 1.0, 1.0]]).unwrap();
+    // Radius 9 and 0 (culled).
+    let mut projected = [[0.0f32; 4]; 6];
+    projected[1][3] = 9.0;
+    let projected = gpu.upload("projected", &projected).unwrap();
+    let statistics = gpu.upload("statistics", &[[1.0f32, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 40.0]]).unwrap();
+    let frame = Frame { count: 2, size: [200, 200], ..Frame::default() };
+    let mut pass = Pass::new(&gpu, "test");
+    pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &statistics], bytes_of(&frame), 2);
+    pass.submit();
+    let ours: Vec<[f32; 4]> = gpu.read(&statistics, 2).unwrap();
+    let expected = [1.0 + 0.5, 2.0 + 1.3, 4.0, 9.0];
+    assert!(ours[0].iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", ours[0]);
+    assert_eq!(ours[1], [1.0, 2.0, 3.0, 40.0]);
+}
+
+#[test]
+fn rows_are_gathered_and_new_moments_are_zero() {
+    let gpu = gpu();
+    let p = random_params(9, 1, 3);
+    let previous: Vec<f32> = p.sh.iter().map(|v| *v as f32).collect();
+    let row = previous.len() / 9;
+    let from = gpu.upload("from", &previous).unwrap();
+    let sources = [8u32, 0, FRESH | 4, 4];
+    let list = gpu.upload("sources", &sources).unwrap();
+    for fresh_zero in [0, 1] {
+        let to = gpu.upload("to", &vec![f32::NAN; 4 * row]).unwrap();
+        let params = GatherParams { count: 4 * row as u32, row: row as u32, fresh_zero, pad: 0 };
+        let mut pass = Pass::new(&gpu, "test");
+        pass.linear(&DENSIFY_GATHER, &[&list, &from, &to], bytes_of(&params), 4 * row);
+        pass.submit();
+        let ours: Vec<f32> = gpu.read(&to, 4 * row).unwrap();
+        for (k, source) in sources.iter().enumerate() {
+            let fresh = source & FRESH != 0 && fresh_zero == 1;
+            let at = (source & !FRESH) as usize * row;
+            let expected: Vec<f32> = previous[at..at + row].iter().map(|v| if fresh { 0.0 } else { *v }).collect();
+            assert_eq!(ours[k * row..(k + 1) * row], expected, "row {k}, fresh_zero {fresh_zero}");
+        }
+    }
+}
+
+#[test]
+fn opacity_reset_clamps_from_above_and_clears_moments() {
+    let gpu = gpu();
+    let logits = gpu.upload("logits", &[-9.0f32, -4.0, 3.0]).unwrap();
+    let m = gpu.upload("m", &[1.0f32; 3]).unwrap();
+    let v = gpu.upload("v", &[1.0f32; 3]).unwrap();
+    let params = OpacityResetParams { count: 3, limit: -4.5 };
+    let mut pass = Pass::new(&gpu, "test");
+    pass.linear(&OPACITY_RESET, &[&logits, &m, &v], bytes_of(&params), 3);
+    pass.submit();
+    assert_eq!(gpu.read::<f32>(&logits, 3).unwrap(), [-9.0, -4.5, -4.5]);
+    for moment in [m, v] {
+        assert_eq!(gpu.read::<f32>(&moment, 3).unwrap(), [0.0; 3]);
+    }
+}

@@ -1,0 +1,7 @@
+//! Each kernel against its twin.
+
+mod adam;
+mod densify;
+mod image_loss;
+mod rasterize;
+mod scan_sort;

@@ -1,0 +1,121 @@
+//! The forward rasterizer against its twin.
+
+use crate::common::{assert_images_agree, gradients, render};
+use crate::reference::random_scene::{Nasty, POISON, nasty_params, poison, random_camera, random_image, random_params};
+use crate::reference::{self, Model, Params, Tensor};
+use ibgs_core::raster::RasterView;
+
+fn view(camera: ibgs_core::camera::Camera, degree: u32) -> RasterView {
+    RasterView { background: [0.1, 0.5, 0.9], ..RasterView::new(camera, degree) }
+}
+
+fn background() -> [f64; 3] {
+    [0.1f32, 0.5, 0.9].map(f64::from)
+}
+
+#[test]
+fn random_scenes_of_every_size_and_degree() {
+    let sizes = [(1, 1), (15, 7), (16, 16), (33, 17), (64, 48), (127, 95), (128, 128)];
+    for (seed, (width, height)) in (0..).zip(sizes) {
+        let degree = seed as usize % 4;
+        let p = random_params(400, degree, seed);
+        let camera = random_camera(width, height, seed);
+        let twin = reference::render(&p, &camera, background(), degree);
+        let ours = render(&p, &view(camera, degree as u32));
+        assert_images_agree(&format!("{width} x {height}, degree {degree}"), &ours, &twin.image, 2e-5);
+    }
+}
+
+#[test]
+fn lower_active_degrees_ignore_the_rest() {
+    let p = random_params(200, 3, 11);
+    let camera = random_camera(50, 40, 11);
+    for degree in 0..3 {
+        let twin = reference::render(&p, &camera, background(), degree);
+        let ours = render(&p, &view(camera, degree as u32));
+        assert_images_agree(&format!("active degree {degree} of 3"), &ours, &twin.image, 2e-5);
+    }
+}
+
+/// With a box as wide as alpha 1/255 reaches and no held ratios, the tiles change nothing at all.
+#[test]
+fn a_wide_box_equals_no_box() {
+    let p = random_params(300, 2, 12);
+    let camera = random_camera(90, 70, 12);
+    let twin = reference::render_as(&p, &camera, background(), 2, Model::Ideal);
+    let wide = RasterView { box_sigma: 3.34, tangent_limit: 1e6, ..view(camera, 2) };
+    assert_images_agree("wide box", &render(&p, &wide), &twin.image, 2e-5);
+}
+
+#[test]
+fn no_gaussians_and_no_visible_gaussians_leave_the_background() {
+    let camera = random_camera(20, 13, 13);
+    let empty = Params { sh_degree: 1, ..Params::default() };
+    let mut hidden = random_params(5, 1, 13);
+    for (i, mean) in hidden.means.iter_mut().enumerate() {
+        let world = camera.center() - camera.forward() * (1.0 + i as f64);
+        *mean = world.to_array();
+    }
+    for p in [empty, hidden] {
+        let image = render(&p, &view(camera, 1));
+        for pixel in image.chunks_exact(3) {
+            assert_eq!(pixel, background(), "{} Gaussians", p.len());
+        }
+    }
+}
+
+#[test]
+fn nasty_gaussians_stay_finite_and_leave_the_others_alone() {
+    let camera = random_camera(48, 40, 14);
+    for case in Nasty::ALL {
+        let p = nasty_params(60, 2, 14, &camera, &[case]);
+        let ours = render(&p, &view(camera, 2));
+        assert!(ours.iter().all(|v| v.is_finite()), "{case:?}");
+        let twin = reference::render(&p, &camera, background(), 2);
+        assert_images_agree(&format!("{case:?}"), &ours, &twin.image, 1e-4);
+        let g = gradients(&p, &view(camera, 2), &random_image(48, 40, -1.0, 1.0, 14));
+        for name in Tensor::ALL {
+            assert!(g.get(name).iter().all(|v| v.is_finite()), "{case:?}: gradient of {name:?}");
+        }
+    }
+}
+
+/// A Gaussian with a NaN or an infinity is not drawn, has no gradient, and changes nothing for the others.
+#[test]
+fn poisoned_gaussians_are_left_out() {
+    let camera = random_camera(40, 32, 15);
+    let p = random_params(40, 1, 15);
+    let cotangent = random_image(40, 32, -1.0, 1.0, 15);
+    for name in Tensor::ALL {
+        let stride = p.get(name).len() / p.len();
+        for value in POISON {
+            let mut bad = p.clone();
+            poison(&mut bad, name, 7 * stride, value);
+            let twin = reference::render(&bad, &camera, background(), 1);
+            let what = format!("{name:?} = {value}");
+            assert_images_agree(&what, &render(&bad, &view(camera, 1)), &twin.image, 2e-5);
+            let g = gradients(&bad, &view(camera, 1), &cotangent);
+            for other in Tensor::ALL {
+                assert!(g.get(other).iter().all(|v| v.is_finite()), "{what}: gradient of {other:?}");
+            }
+        }
+    }
+}
+
+/// Values that lie exactly on a threshold: opacity 1/255, alpha clamped at 0.99, the largest depth that is culled, a mean on a tile border.
+#[test]
+fn thresholds_fall_the_same_way() {
+    let mut camera = random_camera(32, 32, 16);
+    camera.view_from_world = glam::DMat3::IDENTITY;
+    camera.translation = glam::DVec3::ZERO;
+    camera.focal = glam::DVec2::splat(32.0);
+    camera.principal = glam::DVec2::splat(16.5);
+    let mut p = random_params(4, 0, 16);
+    let logit = |o: f64| f64::from((o / (1.0 - o)).ln() as f32);
+    p.means = vec![[0.0, 0.0, f64::from(0.2f32.next_down())], [0.0, 0.0, 2.0], [-0.5, -0.5, 2.0], [0.5, 0.5, 2.0]];
+    p.opacity_logits = vec![5.0, logit(0.99), logit(1.0 / 255.0 + 1e-6), logit(1.0 / 255.0 - 1e-6)];
+    p.log_scales = vec![[-3.0; 3]; 4];
+    let twin = reference::render(&p, &camera, [0.0; 3], 0);
+    let ours = render(&p, &RasterView::new(camera, 0));
+    assert_images_agree("thresholds", &ours, &twin.image, 2e-5);
+}
