@@ -41,7 +41,7 @@ pub fn gaussians(p: &Params) -> Gaussians {
 
 /// The twin's parameters on the device.
 pub fn splats(p: &Params) -> Splats {
-    Splats::upload(&gaussians(p), &gpu().burn)
+    Splats::upload(&gaussians(p), &gpu()).unwrap()
 }
 
 /// Values of a tensor.

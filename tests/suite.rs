@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod bad_input_json;
+mod cli;
 mod common;
 mod contract;
 mod dataset;
@@ -15,3 +16,4 @@ mod reference;
 mod reference_checks;
 mod scene;
 mod scene_files;
+mod train_smoke;

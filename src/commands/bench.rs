@@ -6,9 +6,12 @@ use clap::Args as ClapArgs;
 use ibgs_core::bench::{self, Timing};
 use ibgs_core::camera::Camera;
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::scene::Splats;
+use ibgs_core::scene::{MAX_SH_DEGREE, Splats};
 use serde_json::json;
 use std::path::PathBuf;
+
+/// Largest image side in pixels.
+const MAX_SIDE: u32 = 16_384;
 
 /// Options of `ibgs bench`.
 #[derive(ClapArgs)]
@@ -67,16 +70,17 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn synthetic(args: &Args) -> Result<(Rasterizer, Splats, Camera)> {
-    let sides: Vec<u32> = args.size.split('x').filter_map(|s| s.parse().ok()).collect();
-    let [width, height] = sides[..] else {
-        bail!("option `--size` is `{}`; write it as WIDTHxHEIGHT", args.size);
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let size = args.size.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
+    let Some((width, height)) = size else {
+        bail!("option `--size` is `{}`; write it as WIDTHxHEIGHT, each from 1 to {MAX_SIDE}", args.size);
     };
-    if args.sh_degree > 3 || width == 0 || height == 0 {
-        bail!("option `--sh-degree` goes from 0 to 3, and a size is at least 1x1");
+    if args.sh_degree > MAX_SH_DEGREE {
+        bail!("option `--sh-degree` is {}; it must be 0, 1, 2 or 3", args.sh_degree);
     }
     let gpu = open_gpu(args.adapter.as_ref())?;
     let (gaussians, camera) = bench::synthetic(args.gaussians, args.sh_degree, width, height);
-    let splats = Splats::upload(&gaussians, &gpu.burn);
+    let splats = Splats::upload(&gaussians, &gpu)?;
     Ok((Rasterizer::new(gpu), splats, camera))
 }
 

@@ -1,7 +1,6 @@
 //! `ibgs eval`
 
-use super::train::{protocol, view_score, write_pictures};
-use super::{Model, load_scene};
+use super::{Model, load_scene, protocol, view_score, write_pictures};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;

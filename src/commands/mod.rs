@@ -7,14 +7,29 @@ pub mod render;
 pub mod train;
 
 use anyhow::{Context, Result};
-use ibgs_core::dataset::{self, Dataset, LoadOptions};
+use ibgs_core::dataset::{self, Dataset, LoadOptions, Photo};
+use ibgs_core::eval::Score;
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::Rendered;
 use ibgs_core::scene::{Splats, read_ply};
 use ibgs_core::train::config::{DataConfig, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
+use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::results::{Protocol, ViewScore};
 use std::path::Path;
 use std::sync::Arc;
+
+/// An error with those of its causes that its own text does not tell already.
+pub fn sentence(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
 
 /// Opens the adapter that `--adapter` names.
 pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
@@ -27,12 +42,12 @@ pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
 /// Loads the scene that a run was configured with.
 pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset> {
     let options = LoadOptions {
-        resolution: data.resolution.parse().map_err(anyhow::Error::msg).context("option `--resolution`")?,
+        resolution: data.resolution.parse()?,
         images: data.images.clone(),
         max_resolution: data.max_resolution,
         eval: data.eval,
         eval_split_every: data.eval_split_every as usize,
-        principal_point: data.principal_point.parse().map_err(anyhow::Error::msg)?,
+        principal_point: data.principal_point.parse()?,
         seed,
         random_points: data.random_points as usize,
         progress: true,
@@ -67,7 +82,7 @@ impl Model {
         let iteration = iteration.unwrap_or(latest);
         let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
         let gpu = open_gpu(adapter)?;
-        let splats = Splats::upload(&gaussians, &gpu.burn);
+        let splats = Splats::upload(&gaussians, &gpu)?;
         Ok(Self { folder, config, iteration, splats, raster: Rasterizer::new(gpu) })
     }
 
@@ -75,4 +90,40 @@ impl Model {
     pub fn background(&self) -> [f32; 3] {
         [if self.config.white_background { 1.0 } else { 0.0 }; 3]
     }
+}
+
+/// A score with its view's name.
+pub fn view_score(name: &str, score: Score) -> ViewScore {
+    ViewScore { name: name.to_owned(), psnr: score.psnr, ssim: score.ssim }
+}
+
+/// What the figures of a run depend on.
+pub fn protocol(config: &TrainConfig, gpu: &Gpu) -> Protocol {
+    let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
+    Protocol {
+        resampler: if resized { "Lanczos3" } else { "none" }.to_owned(),
+        factor: config.data.resolution.clone(),
+        split: format!("every {}th", config.data.eval_split_every),
+        principal_point: config.data.principal_point.clone(),
+        device: gpu.describe(),
+    }
+}
+
+/// Writes a rendered view, and its photo beside it.
+pub fn write_pictures(
+    folder: &OutputFolder,
+    split: Split,
+    iteration: u32,
+    name: &str,
+    image: &Rendered,
+    photo: Option<&Photo>,
+) -> Result<()> {
+    let path = folder.picture_path(split, iteration, "renders", name);
+    ibgs_core::image_io::write_png(&path, image.width, image.height, &image.to_rgb8())?;
+    if let Some(photo) = photo {
+        let path = folder.picture_path(split, iteration, "gt", name);
+        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        ibgs_core::image_io::write_png(&path, photo.width, photo.height, &rgb)?;
+    }
+    Ok(())
 }

@@ -1,8 +1,7 @@
 //! `ibgs render`
 
-use super::Model;
-use super::train::write_pictures;
-use anyhow::{Context, Result, bail};
+use super::{Model, write_pictures};
+use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::CameraPath;
@@ -69,7 +68,7 @@ fn render_path(model: &Model, cameras: &[Camera], output: Option<PathBuf>) -> Re
 }
 
 fn render_views(model: &Model, views: Views) -> Result<()> {
-    let records = model.folder.read_cameras().context("the cameras of the model")?;
+    let records = model.folder.read_cameras()?;
     let any_test = records.iter().any(|r| r.split == Some(Split::Test));
     let wanted = |split: Option<Split>| match views {
         Views::All => true,

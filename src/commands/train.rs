@@ -1,19 +1,17 @@
 //! `ibgs train`
 
-use super::{load_scene, open_gpu};
-use anyhow::{Context, Result};
+use super::{load_scene, open_gpu, protocol, view_score, write_pictures};
+use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
+use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
-use ibgs_core::dataset::{Dataset, Photo};
-use ibgs_core::eval::{Score, score_view};
+use ibgs_core::eval::score_view;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::render::Rendered;
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::results::{Protocol, ViewScore};
 use ibgs_core::train::output::{Existing, OutputFolder};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -131,7 +129,8 @@ impl Args {
         if self.method.is_some() {
             c.method = Method::Gs3;
         }
-        let source = self.scene.clone().or_else(|| self.source.clone());
+        // The model is opened from other folders too.
+        let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
         set_some(&mut c.data.source, &source);
         set(&mut c.data.resolution, &self.resolution);
         set_some(&mut c.data.images, &self.images);
@@ -161,15 +160,22 @@ impl Args {
 pub fn run(args: &Args) -> Result<()> {
     let mut config = args.config()?;
     config.validate()?;
-    // The scene first: a mistake in its path should not wait for the GPU.
+    // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
+    refuse_output(args)?;
     let scene = config.data.source.clone().map(|source| load_scene(&config.data, config.seed, &source)).transpose()?;
+    if scene.is_none() {
+        refuse_scene_options(&config.data)?;
+    }
     let gpu = open_gpu(args.adapter.as_ref())?;
     let dataset = match scene {
         Some(dataset) => dataset,
         None => demo_scene(&mut config, args, &gpu)?,
     };
-    let folder = create_output(args, config.data.source.as_deref())?;
-    folder.write_start(&config, &dataset)?;
+    let started = Instant::now();
+    let raster = Arc::new(Rasterizer::new(gpu.clone()));
+    gpu.warm_up();
+    let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
+    let folder = create_output(args, &config, &dataset)?;
     eprintln!(
         "{} training views, {} test views, {} initial points; writing to {}",
         dataset.train.len(),
@@ -177,10 +183,6 @@ pub fn run(args: &Args) -> Result<()> {
         dataset.points.len(),
         folder.root().display()
     );
-    let started = Instant::now();
-    let raster = Arc::new(Rasterizer::new(gpu.clone()));
-    gpu.warm_up();
-    let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
     let mut run = Run { trainer, raster, dataset, config, folder, training: Duration::ZERO };
     run.train()?;
     eprintln!(
@@ -191,6 +193,22 @@ pub fn run(args: &Args) -> Result<()> {
         run.trainer.splats().len()
     );
     Ok(())
+}
+
+/// Options of photos on disk would be ignored, and still stand in the results.
+fn refuse_scene_options(data: &DataConfig) -> Result<()> {
+    let usual = DataConfig::default();
+    let given = [
+        ("--resolution", data.resolution != usual.resolution),
+        ("--images", data.images != usual.images),
+        ("--max-resolution", data.max_resolution != usual.max_resolution),
+        ("--eval-split-every", data.eval_split_every != usual.eval_split_every),
+        ("--principal-point", data.principal_point != usual.principal_point),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        Some((option, _)) => bail!("option `{option}` does not apply to the built-in demo scene; leave it out"),
+        None => Ok(()),
+    }
 }
 
 fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Dataset> {
@@ -207,20 +225,39 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
     Ok(dataset)
 }
 
-fn create_output(args: &Args, source: Option<&Path>) -> Result<OutputFolder> {
-    if let Some(path) = &args.model {
-        let existing = if args.overwrite { Existing::Replace } else { Existing::Keep };
-        return Ok(OutputFolder::create(path, existing)?);
+/// Refuses a folder that is there and may not be trained into, without touching it.
+fn refuse_output(args: &Args) -> Result<()> {
+    if let Some(path) = args.model.as_ref().filter(|path| path.exists() && !(args.overwrite && path.is_dir())) {
+        OutputFolder::create(path, Existing::Keep)?;
     }
+    Ok(())
+}
+
+/// Makes the output folder and writes what is known before training; a new folder goes again where that fails.
+fn create_output(args: &Args, config: &TrainConfig, dataset: &Dataset) -> Result<OutputFolder> {
+    let path = match &args.model {
+        Some(path) => path.clone(),
+        None => free_folder(args, config.data.source.as_deref())?,
+    };
+    let (existing, is_new) = (if args.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
+    let folder = OutputFolder::create(&path, existing)?;
+    if let Err(error) = folder.write_start(config, dataset) {
+        if is_new {
+            let _ = std::fs::remove_dir_all(&path);
+        }
+        return Err(error.into());
+    }
+    Ok(folder)
+}
+
+fn free_folder(args: &Args, source: Option<&Path>) -> Result<PathBuf> {
     let name = match source {
         Some(path) => path.file_stem().and_then(|n| n.to_str()).unwrap_or("scene").to_owned(),
         None => "demo".to_owned(),
     };
-    let candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
-    let free = candidates.map(|n| Path::new("output").join(n)).find(|path| !path.exists() || args.overwrite);
-    let path = free.context("no free output folder")?;
-    let existing = if args.overwrite { Existing::Replace } else { Existing::Keep };
-    Ok(OutputFolder::create(&path, existing)?)
+    let mut candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
+    let free = candidates.find_map(|n| Some(Path::new("output").join(n)).filter(|p| !p.exists() || args.overwrite));
+    free.context("no free output folder")
 }
 
 /// A training run with everything that it reports to.
@@ -275,9 +312,7 @@ impl Run {
             self.evaluate()?;
         }
         if self.trainer.overflowed() {
-            eprintln!(
-                "note: some iterations had more tile intersections than expected and lost their farthest Gaussians"
-            );
+            eprintln!("note: some iterations had more tile intersections than there was room for, and were left out");
         }
         Ok(())
     }
@@ -316,7 +351,7 @@ impl Run {
         let n = scores.len() as f64;
         let psnr = scores.iter().map(|s| s.psnr).sum::<f64>() / n;
         let ssim = scores.iter().map(|s| s.ssim).sum::<f64>() / n;
-        let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration);
+        let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(
             "iteration {iteration}: test PSNR {psnr:.3} dB, SSIM {ssim:.4} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
             scores.len(),
@@ -331,40 +366,4 @@ fn progress_bar(iterations: u32) -> ProgressBar {
     let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {eta} left";
     bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar
-}
-
-/// A score with its view's name.
-pub fn view_score(name: &str, score: Score) -> ViewScore {
-    ViewScore { name: name.to_owned(), psnr: score.psnr, ssim: score.ssim }
-}
-
-/// What the figures of a run depend on.
-pub fn protocol(config: &TrainConfig, gpu: &Gpu) -> Protocol {
-    let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
-    Protocol {
-        resampler: if resized { "Lanczos3" } else { "none" }.to_owned(),
-        factor: config.data.resolution.clone(),
-        split: format!("every {}th", config.data.eval_split_every),
-        principal_point: config.data.principal_point.clone(),
-        device: gpu.describe(),
-    }
-}
-
-/// Writes a rendered view, and its photo beside it.
-pub fn write_pictures(
-    folder: &OutputFolder,
-    split: Split,
-    iteration: u32,
-    name: &str,
-    image: &Rendered,
-    photo: Option<&Photo>,
-) -> Result<()> {
-    let path = folder.picture_path(split, iteration, "renders", name);
-    ibgs_core::image_io::write_png(&path, image.width, image.height, &image.to_rgb8())?;
-    if let Some(photo) = photo {
-        let path = folder.picture_path(split, iteration, "gt", name);
-        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-        ibgs_core::image_io::write_png(&path, photo.width, photo.height, &rgb)?;
-    }
-    Ok(())
 }

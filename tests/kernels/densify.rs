@@ -6,7 +6,7 @@ use bytemuck::bytes_of;
 use ibgs_core::gpu::Pass;
 use ibgs_core::train::config::DensifyConfig;
 use ibgs_core::train::densify::{Observations, Plan, Round, plan};
-use ibgs_shaders::types::{Frame, GatherParams, OpacityResetParams};
+use ibgs_shaders::types::{GatherParams, ObserveParams, OpacityResetParams};
 use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE, OPACITY_RESET};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -100,20 +100,26 @@ fn a_plan_is_repeatable() {
 #[test]
 fn statistics_grow_only_where_the_gaussian_was_seen() {
     let gpu = gpu();
-    let gradient = gpu.upload("gradient", &[[3e-3f32, 4e-3, 5e-3, 12e-3], [1.0, 1.0, 1.0, 1.0]]).unwrap();
-    // Radius 9 and 0 (culled).
-    let mut projected = [[0.0f32; 4]; 6];
-    projected[1][3] = 9.0;
+    let gradient =
+        gpu.upload("gradient", &[[3e-3f32, 4e-3, 5e-3, 12e-3], [1.0; 4], [3e-3, 4e-3, 5e-3, 12e-3]]).unwrap();
+    // Depth and radius: far and seen, culled, and at half the near depth.
+    let mut projected = [[0.0f32; 4]; 9];
+    (projected[1][2], projected[1][3]) = (5.0, 9.0);
+    (projected[7][2], projected[7][3]) = (1.0, 2.0);
     let projected = gpu.upload("projected", &projected).unwrap();
-    let statistics = gpu.upload("statistics", &[[1.0f32, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 40.0]]).unwrap();
-    let frame = Frame { count: 2, size: [200, 200], ..Frame::default() };
-    let mut pass = Pass::new(&gpu, "test");
-    pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &statistics], bytes_of(&frame), 2);
-    pass.submit();
-    let ours: Vec<[f32; 4]> = gpu.read(&statistics, 2).unwrap();
-    let expected = [1.0 + 0.5, 2.0 + 1.3, 4.0, 9.0];
-    assert!(ours[0].iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", ours[0]);
-    assert_eq!(ours[1], [1.0, 2.0, 3.0, 40.0]);
+    for (near_depth, factor) in [(2.0, 0.25), (0.0, 1.0)] {
+        let start = [[1.0f32, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 40.0], [0.0; 4]];
+        let statistics = gpu.upload("statistics", &start).unwrap();
+        let params = ObserveParams { size: [200, 200], count: 3, near_depth };
+        let mut pass = Pass::new(&gpu, "test");
+        pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &statistics], bytes_of(&params), 3);
+        pass.submit();
+        let ours: Vec<[f32; 4]> = gpu.read(&statistics, 3).unwrap();
+        let close = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+        assert!(close(ours[0], [1.0 + 0.5, 2.0 + 1.3, 4.0, 9.0]), "{:?}", ours[0]);
+        assert_eq!(ours[1], start[1], "culled");
+        assert!(close(ours[2], [0.5 * factor, 1.3 * factor, 1.0, 2.0]), "near depth {near_depth}: {:?}", ours[2]);
+    }
 }
 
 #[test]

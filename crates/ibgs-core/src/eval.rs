@@ -57,10 +57,10 @@ fn blur(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
     }
     let mut out = vec![0.0; plane.len()];
     for y in 0..height {
-        for k in 0..window.len() {
+        for (k, weight) in window.iter().enumerate() {
             if let Some(i) = tap(y, k, height) {
                 for x in 0..width {
-                    out[y * width + x] += window[k] * rows[i * width + x];
+                    out[y * width + x] += weight * rows[i * width + x];
                 }
             }
         }

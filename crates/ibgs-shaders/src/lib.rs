@@ -154,7 +154,7 @@ kernels! {
     ADAM = "adam" [256, 1, 1] (size_of::<types::AdamParams>()):
         read("gradient"), write("values"), write("moment1"), write("moment2");
     /// Densification statistics.
-    DENSIFY_OBSERVE = "densify_observe" [256, 1, 1] (size_of::<types::Frame>()):
+    DENSIFY_OBSERVE = "densify_observe" [256, 1, 1] (size_of::<types::ObserveParams>()):
         read("v_screen"), read("projected"), write("statistics");
     /// Rows of the next model from rows of the last.
     DENSIFY_GATHER = "densify_gather" [256, 1, 1] (size_of::<types::GatherParams>()):

@@ -92,6 +92,18 @@ pub struct AdamParams {
     pub correction2: f32,
 }
 
+/// Densification statistics; the twin of `ObserveParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ObserveParams {
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Number of Gaussians.
+    pub count: u32,
+    /// Gradients of Gaussians nearer than this view depth count less.
+    pub near_depth: f32,
+}
+
 /// Row gathering; the twin of `GatherParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

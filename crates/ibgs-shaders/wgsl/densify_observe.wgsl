@@ -1,6 +1,15 @@
 // One thread a Gaussian: adds one view to the densification statistics (method.md section 7).
 #import index
-#import frame
+
+struct ObserveParams {
+    // Image size in pixels.
+    size: vec2<u32>,
+    count: u32,
+    // Gradients of Gaussians nearer than this view depth count by the square of their depth over it.
+    near_depth: f32,
+}
+
+var<immediate> params: ObserveParams;
 
 @group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
@@ -14,13 +23,14 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let i = linear_workgroup(wid, groups) * 256u + local;
-    if i >= frame.count {
+    if i >= params.count {
         return;
     }
     let radius = projected[3u * i + 1u].w;
     if radius > 0.0 {
-        let half_size = 0.5 * vec2<f32>(frame.size);
-        let v = v_screen[i];
+        let half_size = 0.5 * vec2<f32>(params.size);
+        let nearness = min(projected[3u * i + 1u].z / max(params.near_depth, 1e-20), 1.0);
+        let v = v_screen[i] * nearness * nearness;
         let s = statistics[i];
         statistics[i] = vec4(
             s.x + length(v.xy * half_size),

@@ -22,7 +22,8 @@ fn main(
     let c = wid.z;
     // Moments are taken about the tile's middle photo value: E[x x] - mu mu would cancel in flat bright parts.
     let middle = min(wid.xy * TILE + TILE / 2u, params.size - 1u);
-    let shift = photo_channel(photo[middle.y * params.size.x + middle.x], c);
+    let middle_texel = photo[middle.y * params.size.x + middle.x];
+    let shift = select(0.5, photo_channel(middle_texel, c), photo_valid(middle_texel));
     for (var k = local; k < SIDE * SIDE; k += TILE * TILE) {
         let p = halo_pixel(wid.xy, k);
         var x = 0.0;

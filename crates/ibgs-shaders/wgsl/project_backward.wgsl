@@ -85,9 +85,11 @@ fn main(
         return;
     }
     let g = depth_order[rank];
-    let start = min(offsets[rank], frame.capacity);
-    let end = min(offsets[rank] + tile_counts[g], frame.capacity);
-    if start == end {
+    let start = offsets[rank];
+    let end = start + tile_counts[g];
+    // A pass that ran out of room saw only a part of the scene: it must not teach anything.
+    let overflow = offsets[frame.count - 1u] + tile_counts[depth_order[frame.count - 1u]] > frame.capacity;
+    if start == end || overflow {
         store_zero(g);
         return;
     }

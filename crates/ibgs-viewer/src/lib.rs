@@ -1,1 +1,1 @@
-//! placeholder
+//! The interactive viewer. Nothing is here yet: `ibgs` is used from the command line so far.

@@ -37,10 +37,7 @@ impl Gpu {
     /// # Errors
     /// When the device cannot bind that much at once.
     pub fn allocate(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
-        let limit = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
-        if bytes > limit {
-            return Err(GpuError::TooLarge { what, bytes, limit });
-        }
+        self.check_size(what, bytes)?;
         let size = bytes.max(16).next_multiple_of(16);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
@@ -49,6 +46,15 @@ impl Gpu {
             mapped_at_creation: false,
         });
         Ok(Buffer { buffer, offset: 0, size })
+    }
+
+    /// Whether the device can bind `bytes` at once.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn check_size(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
+        let limit = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        if bytes > limit { Err(GpuError::TooLarge { what, bytes, limit }) } else { Ok(()) }
     }
 
     /// A new storage buffer with the given contents.
@@ -105,7 +111,8 @@ impl Gpu {
         Bound { view, _guard: Box::new(guard) }
     }
 
-    /// An uninitialised float32 tensor; every value must be written before it is read.
+    /// An uninitialised float32 tensor; every value must be written before it is read. Its size must have passed
+    /// [`Gpu::check_size`]: burn panics where memory cannot be had.
     pub fn empty_like_shape(&self, like: &CubeTensor, shape: &[usize]) -> CubeTensor {
         let values: usize = shape.iter().product();
         let handle = like.client.empty((values * size_of::<f32>()).max(16));

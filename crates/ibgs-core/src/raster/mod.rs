@@ -140,10 +140,10 @@ impl Rasterizer {
         self.capacity.load(Ordering::Relaxed)
     }
 
-    /// Makes room for `needed` intersections and a half more.
+    /// Makes room for twice `needed` intersections, where there is not room for one and a half times as many already.
     pub fn reserve(&self, needed: u64) {
-        let wanted = needed + needed / 2 + 1024;
-        if wanted > self.capacity() {
+        let wanted = 2 * needed + 1024;
+        if needed + needed / 2 > self.capacity() {
             self.capacity.store(wanted, Ordering::Relaxed);
         }
     }
@@ -172,6 +172,7 @@ impl Rasterizer {
         let camera = &view.camera;
         let pixels = camera.width as usize * camera.height as usize;
         let tiles = camera.width.div_ceil(TILE) as usize * camera.height.div_ceil(TILE) as usize;
+        gpu.check_size("image", 12 * pixels as u64)?;
         let ws = self.workspace(n, tiles, pixels, gradients)?;
         let frame = view.frame(n, inputs.coefficients(), ws.isects());
         let image = gpu.empty_like_shape(&inputs.means, &[camera.height as usize, camera.width as usize, 3]);

@@ -1,6 +1,7 @@
 //! The Gaussians on the device, as a burn module.
 
 use super::{Gaussians, SceneError};
+use crate::gpu::{Gpu, GpuError};
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 
@@ -38,10 +39,16 @@ fn rows<const C: usize>(values: &[f32]) -> Vec<[f32; C]> {
 
 impl Splats {
     /// Copies a model to the device.
-    pub fn upload(g: &Gaussians, device: &Device) -> Self {
+    ///
+    /// # Errors
+    /// When the device cannot bind one of its tensors at once.
+    pub fn upload(g: &Gaussians, gpu: &Gpu) -> Result<Self, GpuError> {
         let n = g.len();
         let coefficients = g.sh_coefficients();
-        Self {
+        gpu.check_size("spherical harmonics", 12 * (n * coefficients) as u64)?;
+        gpu.check_size("Gaussians", 48 * n as u64)?;
+        let device = &gpu.burn;
+        Ok(Self {
             means: upload(g.means.as_flattened().to_vec(), [n, 3], device),
             rotations: upload(g.rotations.as_flattened().to_vec(), [n, 4], device),
             log_scales: upload(g.log_scales.as_flattened().to_vec(), [n, 3], device),
@@ -49,7 +56,7 @@ impl Splats {
             sh: upload(g.sh.clone(), [n, coefficients, 3], device),
             normals: upload(g.normals.as_flattened().to_vec(), [n, 3], device),
             offsets: upload(g.offsets.clone(), [n], device),
-        }
+        })
     }
 
     /// Copies the model back; waits for the device.

@@ -11,7 +11,7 @@ use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
 use bytemuck::bytes_of;
 use glam::{Quat, Vec3};
-use ibgs_shaders::types::{Frame, GatherParams};
+use ibgs_shaders::types::{GatherParams, ObserveParams};
 use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -179,12 +179,14 @@ impl Statistics {
         Ok(Self { values: gpu.allocate("densification statistics", 16 * count.max(1) as u64)?, count })
     }
 
-    /// Adds one view, from its screen-space gradient [N, 4] and its rasterizer pass.
-    pub fn observe(&self, gpu: &Gpu, screen: Tensor<2>, workspace: &Workspace, frame: &Frame) {
+    /// Adds one view, from its screen-space gradient [N, 4] and its rasterizer pass. Gradients of Gaussians nearer than
+    /// `near_depth` count less.
+    pub fn observe(&self, gpu: &Gpu, screen: Tensor<2>, workspace: &Workspace, size: [u32; 2], near_depth: f64) {
+        let params = ObserveParams { size, count: self.count as u32, near_depth: near_depth as f32 };
         let gradient = Gpu::bind(&primitive(screen));
         let mut pass = Pass::new(gpu, "densify observe");
         let buffers: [&Buffer; 3] = [&gradient, &workspace.projected, &self.values];
-        pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(frame), self.count);
+        pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(&params), self.count);
         pass.submit();
     }
 

@@ -6,7 +6,7 @@ use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
 use super::telemetry::{Recorder, Telemetry};
 use crate::camera::{Camera, scene_extent};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Point};
 use crate::gpu::{Gpu, GpuError};
 use crate::loss::{ImageLoss, Target};
 use crate::raster::{Leaves, RasterView, Rasterizer};
@@ -14,6 +14,7 @@ use crate::scene::{SceneError, Splats, from_points};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Why training stopped.
@@ -33,6 +34,19 @@ pub enum TrainError {
         "the loss of iteration {0} is not a finite number; try lower learning rates, and check the photos' cameras"
     )]
     NotFinite(u32),
+}
+
+/// At most `most` points, evenly taken from the list.
+fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
+    if points.len() <= most {
+        return Cow::Borrowed(points);
+    }
+    (0..most).map(|i| points[i * points.len() / most]).collect()
+}
+
+/// Cameras that all stand at one place have no extent to measure lengths by.
+fn usable_extent(extent: f64) -> f64 {
+    if extent > 1e-6 { extent } else { 1.0 }
 }
 
 /// A running training.
@@ -66,8 +80,9 @@ impl Trainer {
         if dataset.train.is_empty() {
             return Err(TrainError::NoViews);
         }
-        let start = from_points(&dataset.points, config.sh_degree, config.initial_opacity)?;
-        let splats = Splats::upload(&start, &gpu.burn);
+        let points = thinned(&dataset.points, config.densify.max_splats as usize);
+        let start = from_points(&points, config.sh_degree, config.initial_opacity)?;
+        let splats = Splats::upload(&start, &gpu)?;
         let mut views = Vec::with_capacity(dataset.train.len());
         for view in dataset.train.iter().map(|&i| &dataset.views[i]) {
             views.push((view.camera, Target::upload(&gpu, &view.photo)?));
@@ -80,7 +95,7 @@ impl Trainer {
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),
-            extent: scene_extent(views.iter().map(|(camera, _)| camera)),
+            extent: usable_extent(scene_extent(views.iter().map(|(camera, _)| camera))),
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,
             overflowed: false,
@@ -90,12 +105,13 @@ impl Trainer {
             splats,
             views,
         };
-        // The exact count of every view once: from here on the room grows with what the telemetry reports.
+        // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
+        // Gaussians grow fast.
+        let mut most = 0;
         for index in 0..trainer.views.len() {
-            let view = trainer.view(index);
-            let tensor = trainer.raster.render(&trainer.splats, &view)?;
-            drop(tensor);
+            most = most.max(trainer.raster.count_intersections(&trainer.splats, &trainer.view(index))?);
         }
+        trainer.raster.reserve(3 * most);
         Ok(trainer)
     }
 
@@ -135,7 +151,7 @@ impl Trainer {
         &self.telemetry
     }
 
-    /// True if an iteration had more intersections than room, and so lost its farthest Gaussians.
+    /// True if an iteration had more intersections than room: it taught nothing.
     pub fn overflowed(&self) -> bool {
         self.overflowed
     }
@@ -153,6 +169,7 @@ impl Trainer {
     /// # Errors
     /// Not enough memory, device lost, or a loss that is not finite.
     pub fn step(&mut self) -> Result<(), TrainError> {
+        self.restructure()?;
         self.iteration += 1;
         let iteration = self.iteration;
         let index = self.next_view();
@@ -163,7 +180,8 @@ impl Trainer {
         let gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
         if self.schedule.observes(iteration) {
             let screen = gradients.screen.clone();
-            self.statistics.observe(&self.gpu, screen, &forward.workspace, &forward.frame);
+            let near_depth = self.config.densify.near_depth * self.extent;
+            self.statistics.observe(&self.gpu, screen, &forward.workspace, forward.frame.size, near_depth);
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
         self.optimizer.step(&self.gpu, gradients, &Rates::new(&self.config.learning_rates, mean_rate));
@@ -171,11 +189,16 @@ impl Trainer {
         if let Some(telemetry) = news {
             self.note(telemetry)?;
         }
-        drop((forward, scratch));
-        if self.schedule.densify_at(iteration) {
+        Ok(())
+    }
+
+    /// Densification and opacity reset of the iteration that has just ended. They come before the next one and not at
+    /// its end, so that a model is saved and measured as it was trained, not as it was just torn up.
+    fn restructure(&mut self) -> Result<(), TrainError> {
+        if self.schedule.densify_at(self.iteration) {
             self.densify()?;
         }
-        if self.schedule.reset_opacity_at(iteration) {
+        if self.schedule.reset_opacity_at(self.iteration) {
             self.optimizer.reset_opacity(&self.gpu, self.config.opacity_reset.max_opacity);
         }
         Ok(())

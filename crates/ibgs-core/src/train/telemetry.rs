@@ -1,4 +1,5 @@
-//! Loss statistics and intersection counts of the running training, read back without ever waiting for the GPU.
+//! Loss statistics and intersection counts of the running training, read back some iterations late: by then the GPU is
+//! long past them and nothing waits. The delay is a fixed number of iterations, so that a run repeats exactly.
 
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::loss::ImageStats;
@@ -6,6 +7,8 @@ use std::sync::mpsc::{Receiver, channel};
 
 /// Iterations between two readbacks.
 const RING: usize = 32;
+/// Iterations from asking for a readback to using it.
+const DELAY: usize = 8;
 /// Bytes of one entry: four statistics, the intersection count, padding.
 const ENTRY: usize = 32;
 
@@ -25,7 +28,7 @@ pub struct Telemetry {
 pub(super) struct Recorder {
     ring: Buffer,
     staging: wgpu::Buffer,
-    pending: Option<Receiver<Result<(), wgpu::BufferAsyncError>>>,
+    pending: Option<(Receiver<Result<(), wgpu::BufferAsyncError>>, wgpu::SubmissionIndex)>,
     written: usize,
 }
 
@@ -39,14 +42,14 @@ impl Recorder {
         })
     }
 
-    /// Records one iteration; returns news when a readback has come in.
+    /// Records one iteration; returns news when a readback is due.
     pub fn record(&mut self, gpu: &Gpu, stats: &Buffer, isects: &Buffer) -> Result<Option<Telemetry>, GpuError> {
         let mut pass = Pass::new(gpu, "telemetry");
         let at = ((self.written % RING) * ENTRY) as u64;
         pass.copy(stats, &self.ring, at, 16);
         pass.copy(isects, &self.ring, at + 16, 4);
         self.written += 1;
-        let full = self.written.is_multiple_of(RING) && self.pending.is_none();
+        let full = self.written.is_multiple_of(RING);
         if full {
             pass.copy_out(&self.ring, &self.staging, 0, (RING * ENTRY) as u64);
         }
@@ -56,18 +59,18 @@ impl Recorder {
             self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
                 let _ = sender.send(result);
             });
-            self.pending = Some(receiver);
+            self.pending = Some((receiver, gpu.queue.submit([])));
         }
-        self.poll(gpu)
+        if self.written % RING == DELAY { self.collect(gpu) } else { Ok(None) }
     }
 
-    fn poll(&mut self, gpu: &Gpu) -> Result<Option<Telemetry>, GpuError> {
-        let Some(receiver) = &self.pending else { return Ok(None) };
-        gpu.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Readback(e.to_string()))?;
-        let Ok(result) = receiver.try_recv() else { return Ok(None) };
-        self.pending = None;
-        result.map_err(|e| GpuError::Readback(e.to_string()))?;
-        let mapped = self.staging.get_mapped_range(..).map_err(|e| GpuError::Readback(e.to_string()))?;
+    fn collect(&mut self, gpu: &Gpu) -> Result<Option<Telemetry>, GpuError> {
+        let Some((receiver, submission)) = self.pending.take() else { return Ok(None) };
+        let failed = |e: String| GpuError::Readback(e);
+        let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        gpu.device.poll(until).map_err(|e| failed(e.to_string()))?;
+        receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        let mapped = self.staging.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&mapped[..]);
         drop(mapped);
         self.staging.unmap();

@@ -71,6 +71,7 @@ impl Default for DensifyConfig {
             end: None,
             interval: None,
             grad_threshold: 2e-4,
+            near_depth: 0.37,
             scale_threshold: 0.001,
             abs_split: true,
             abs_grad_threshold: 8e-4,

@@ -1,0 +1,120 @@
+#!/usr/bin/env bash
+# Prepares this machine for building, running and testing ibgs: C compiler, Vulkan loader, a software Vulkan driver.
+# Changes nothing when everything is there; run it as often as you like.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")"
+
+VULKAN_PACKAGES=(libvulkan1 mesa-vulkan-drivers vulkan-tools)
+
+say() {
+    printf 'setup: %s\n' "$*"
+}
+
+fail() {
+    printf 'setup: %s\n' "$*" >&2
+    exit 1
+}
+
+# True when version $1 (MAJOR.MINOR...) is at least $2.
+at_least() {
+    local have_major have_minor need_major need_minor
+    IFS=. read -r have_major have_minor _ <<<"$1."
+    IFS=. read -r need_major need_minor _ <<<"$2."
+    ((have_major > need_major || (have_major == need_major && have_minor >= need_minor)))
+}
+
+check_rust() {
+    local needed version component
+    needed=$(sed -n 's/^rust-version = "\([0-9.]*\)".*/\1/p' Cargo.toml | head -n 1)
+    if ! command -v cargo >/dev/null; then
+        fail "cargo was not found; install Rust $needed or later from https://rustup.rs, then open a new shell"
+    fi
+    version=$(cargo --version)
+    version=${version#cargo }
+    version=${version%% *}
+    at_least "$version" "$needed" ||
+        fail "Rust $version is too old, $needed is needed; run \`rustup update stable\`, or install it from https://rustup.rs"
+    for component in fmt clippy; do
+        cargo "$component" --version >/dev/null 2>&1 || add_component "$component"
+    done
+}
+
+# Only the tests need these, so their absence is no failure here.
+add_component() {
+    local component=${1/fmt/rustfmt}
+    say "adding the Rust component $component"
+    if ! { command -v rustup >/dev/null && rustup component add "$component"; }; then
+        say "could not add $component; .ci/check will not work until it is installed"
+    fi
+}
+
+# Some dependencies compile C code; the linker is needed in any case.
+has_c_compiler() {
+    command -v cc >/dev/null && echo '#include <stdlib.h>' | cc -fsyntax-only -x c - 2>/dev/null
+}
+
+missing_packages() {
+    local package status
+    has_c_compiler || echo build-essential
+    command -v pkg-config >/dev/null || echo pkg-config
+    for package in "${VULKAN_PACKAGES[@]}"; do
+        status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) || status=absent
+        [[ $status == installed ]] || printf '%s\n' "$package"
+    done
+}
+
+setup_debian() {
+    local missing
+    mapfile -t missing < <(missing_packages)
+    if ((${#missing[@]} == 0)); then
+        return
+    fi
+    say "installing ${missing[*]}"
+    local as_root=()
+    if ((EUID != 0)); then
+        command -v sudo >/dev/null || fail "not root and no sudo; as root, run: apt-get install ${missing[*]}"
+        as_root=(sudo)
+    fi
+    local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get)
+    "${apt[@]}" update || fail "apt-get update failed; see its messages above"
+    "${apt[@]}" install -y --no-install-recommends "${missing[@]}" || fail "apt-get install failed; see its messages above"
+}
+
+has_vulkan_loader() {
+    local ldconfig folder
+    ldconfig=$(command -v ldconfig || command -v /sbin/ldconfig || true)
+    if [[ -n $ldconfig ]] && "$ldconfig" -p 2>/dev/null | grep -F 'libvulkan.so.1' >/dev/null; then
+        return 0
+    fi
+    for folder in /usr/lib /usr/lib64 /usr/local/lib /run/opengl-driver/lib; do
+        [[ ! -e $folder/libvulkan.so.1 ]] || return 0
+    done
+    return 1
+}
+
+check_other_unix() {
+    say "this is not Debian or Ubuntu, so nothing is installed; ibgs needs a C compiler, the Vulkan loader and a driver:"
+    say "  Fedora:    dnf install gcc vulkan-loader mesa-vulkan-drivers vulkan-tools"
+    say "  Arch:      pacman -S gcc vulkan-icd-loader vulkan-swrast vulkan-tools"
+    has_c_compiler || fail "no working C compiler (cc) was found; install one as listed above"
+    has_vulkan_loader || fail "no Vulkan loader (libvulkan.so.1) was found; install it as listed above"
+}
+
+check_rust
+case "$(uname -s)" in
+    Darwin)
+        # Metal is part of the system.
+        has_c_compiler || fail "no working C compiler was found; run: xcode-select --install"
+        ;;
+    MINGW* | MSYS* | CYGWIN*)
+        say "Windows: DirectX 12 or the Vulkan driver of the GPU is used; building needs the Visual Studio C++ build tools"
+        ;;
+    *)
+        if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
+            setup_debian
+        else
+            check_other_unix
+        fi
+        ;;
+esac
+say "ready; \`cargo run --release info\` lists the adapters of this machine"

@@ -1,0 +1,146 @@
+//! Scenes and options that cannot be trained on: one sentence, nothing written.
+
+use super::Sandbox;
+use crate::scene_files::{Model, write_file};
+use std::fs;
+
+/// The small COLMAP scene after a change, in `scene/`.
+fn changed(count: usize, change: impl Fn(&mut Model)) -> Sandbox {
+    let sandbox = Sandbox::new();
+    let mut model = Model::small(count);
+    model.write_photos(&sandbox.path("scene"));
+    change(&mut model);
+    model.write_binary(&sandbox.path("scene"));
+    sandbox
+}
+
+/// Training on `scene/` and describing it fail in the same way.
+#[track_caller]
+fn train_and_info_fail(sandbox: &Sandbox, fragments: &[&str]) {
+    sandbox.fails("train scene --iterations 2 -m out", fragments);
+    sandbox.fails("train scene --iterations 2", fragments);
+    sandbox.fails("info scene", fragments);
+}
+
+#[test]
+fn folders_that_are_no_scene() {
+    let sandbox = Sandbox::new();
+    sandbox.fails("train nowhere -m out", &["nowhere"]);
+    sandbox.fails("train -s nowhere/at/all", &["nowhere/at/all"]);
+    sandbox.fails("info nowhere", &["nowhere", "does not exist"]);
+    fs::create_dir(sandbox.path("scene")).unwrap();
+    train_and_info_fail(&sandbox, &["scene", "is not a scene"]);
+    sandbox.write("scene/notes.txt", "nothing");
+    train_and_info_fail(&sandbox, &["scene", "is not a scene"]);
+    sandbox.fails("train scene/notes.txt", &["notes.txt"]);
+}
+
+#[test]
+fn scenes_with_damage() {
+    changed(1, |_| {}).fails("train scene -m out", &["scene", "has 1 views, at least 2"]);
+    let sandbox = changed(3, |m| m.images[1].q[2] = f64::NAN);
+    sandbox.fails("train scene -m out", &["images.bin", "image `a1.png`", "not finite"]);
+    let sandbox = changed(3, |m| m.cameras[0].model = (77, "WARPED"));
+    sandbox.fails("train scene -m out", &["cameras.bin", "camera 1", "is not supported"]);
+
+    let sandbox = changed(3, |_| {});
+    let path = sandbox.path("scene/sparse/0/images.bin");
+    let whole = fs::read(&path).unwrap();
+    write_file(&path, &whole[..whole.len() - 30]);
+    train_and_info_fail(&sandbox, &["images.bin", "is damaged"]);
+    write_file(&path, &whole);
+    sandbox.write("scene/images/a2.png", b"not a photo");
+    sandbox.fails("train scene -m out", &["a2.png does not decode"]);
+    fs::remove_dir_all(sandbox.path("scene/images")).unwrap();
+    sandbox.fails("train scene -m out", &["photo folder", "images"]);
+}
+
+#[test]
+fn transforms_with_damage() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let whole = sandbox.text("scene/transforms.json");
+    sandbox.write("scene/transforms.json", &whole[..whole.len() / 2]);
+    train_and_info_fail(&sandbox, &["transforms.json", "line"]);
+    sandbox.write("scene/transforms.json", whole.replacen("\"OPENCV\"", "\"EQUIRECTANGULAR\"", 1));
+    sandbox.fails("train scene -m out", &["transforms.json", "EQUIRECTANGULAR"]);
+    sandbox.write("scene/transforms.json", whole);
+    sandbox.write("scene/points3D.ply", "ply\nformat");
+    sandbox.fails("train scene -m out", &["points3D.ply"]);
+}
+
+#[test]
+fn options_that_make_no_sense() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let train = |options: &str, fragments: &[&str]| {
+        sandbox.fails(&format!("train scene -m out {options}"), fragments);
+        // Nor on the built-in scene.
+        sandbox.fails(&format!("train -m out {options}"), &fragments[..1]);
+    };
+    train("--sh-degree 9", &["`sh-degree` is 9"]);
+    train("--iterations 0", &["`iterations` is 0"]);
+    train("--densify-interval 0", &["`densify.interval` is 0"]);
+    train("--eval-split-every 1", &["eval-split-every", "at least 2"]);
+    train("-r abc", &["--resolution", "`abc`", "1, 2, 4 or 8"]);
+    train("-r 0", &["--resolution", "`0`"]);
+    train("--max-resolution 0", &["max-resolution", "0"]);
+    train("--config nowhere.toml", &["nowhere.toml"]);
+    sandbox.fails("train scene -m out --images nowhere", &["nowhere"]);
+    sandbox.fails("bench --iterations 0", &["--iterations"]);
+    sandbox.fails("bench --size 64", &["--size", "`64`", "WIDTHxHEIGHT"]);
+    sandbox.fails("bench --size 0x5", &["--size", "0x5"]);
+    sandbox.fails("bench --size 99999x5", &["--size", "99999x5", "16384"]);
+    sandbox.fails("bench --size 64xabc", &["--size", "64xabc"]);
+    sandbox.fails("bench --size 12x4xabc", &["--size", "12x4xabc"]);
+    sandbox.fails("bench --sh-degree 9", &["--sh-degree"]);
+}
+
+#[test]
+fn options_of_a_scene_on_disk_do_not_pass_silently_for_the_built_in_one() {
+    let sandbox = Sandbox::new();
+    for option in
+        ["-r 2", "--images images_2", "--max-resolution 100", "--principal-point centred", "--eval-split-every 4"]
+    {
+        sandbox.fails(&format!("train --iterations 1 -m out {option}"), &["built-in demo scene"]);
+    }
+}
+
+#[test]
+fn option_files_with_mistakes() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let cases: [(&str, &[&str]); 5] = [
+        ("seed = 1\nsead = 2\n", &["run.toml, line 2", "`sead`"]),
+        ("[densify]\nintervall = 5\n", &["run.toml, line 2", "`intervall`"]),
+        ("iterations = \"many\"\n", &["run.toml, line 1"]),
+        ("iterations = \n", &["run.toml, line 1"]),
+        ("sh-degree = 9\n", &["run.toml", "`sh-degree` is 9"]),
+    ];
+    for (text, fragments) in cases {
+        sandbox.write("run.toml", text);
+        sandbox.fails("train scene --config run.toml -m out", fragments);
+    }
+    sandbox.write("run.toml", b"\xff\xfe");
+    sandbox.fails("train scene --config run.toml -m out", &["run.toml"]);
+}
+
+#[test]
+fn wrong_usage_ends_with_2() {
+    let sandbox = Sandbox::new();
+    let wrong = |arguments: &str, fragments: &[&str]| {
+        sandbox.fails_as(&mut sandbox.command(arguments), arguments, 2, fragments);
+    };
+    wrong("train --no-such-option", &["--no-such-option"]);
+    wrong("train scene --iterations many", &["many", "--iterations"]);
+    wrong("train scene --iterations -5", &["-5"]);
+    wrong("train scene --method other", &["other", "--method"]);
+    wrong("train scene -s scene", &["cannot be used with"]);
+    wrong("train scene --principal-point middle", &["middle"]);
+    wrong("train scene --seed 1.5", &["1.5"]);
+    wrong("render", &["required"]);
+    wrong("render model --views some", &["some"]);
+    wrong("render model -o frames", &["required"]);
+    wrong("paint", &["paint"]);
+    assert_eq!(sandbox.run("").code, Some(2));
+    for page in ["--help", "--version", "train --help", "render --help", "eval --help", "info --help", "bench --help"] {
+        assert!(!sandbox.succeeds(page).stdout.is_empty(), "{page}");
+    }
+}

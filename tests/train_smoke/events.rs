@@ -1,0 +1,110 @@
+//! Densification, pruning and opacity resets happen when the schedule says, and only then.
+
+use super::{dataset, densifying, plain, run, trained, trainer};
+use ibgs_core::train::Trainer;
+
+fn opacities(trainer: &Trainer) -> Vec<f32> {
+    let logits = trainer.splats().download().unwrap().opacity_logits;
+    logits.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect()
+}
+
+fn largest(values: &[f32]) -> f32 {
+    values.iter().copied().fold(0.0, f32::max)
+}
+
+#[test]
+fn milestones_come_when_the_schedule_says() {
+    let mut config = densifying(60, 45);
+    config.opacity_reset.interval = Some(25);
+    let mut trainer = trainer(&dataset(), &config);
+    let (mut rounds, mut resets) = (Vec::new(), Vec::new());
+    while trainer.iteration() < 60 {
+        let count = trainer.splats().len();
+        let before = largest(&opacities(&trainer));
+        trainer.step().unwrap();
+        let iteration = trainer.iteration();
+        let after = largest(&opacities(&trainer));
+        if trainer.splats().len() != count {
+            rounds.push(iteration);
+        }
+        if after < 0.5 * before {
+            assert!(after <= 0.010_001, "opacity {after} after a reset");
+            resets.push(iteration);
+        }
+    }
+    assert_eq!(rounds, [10, 20, 30, 40]);
+    assert_eq!(resets, [25]);
+    let schedule = trainer.schedule();
+    assert!((1..=60).filter(|&i| schedule.densify_at(i)).eq(rounds));
+    assert!((1..=60).filter(|&i| schedule.reset_opacity_at(i)).eq(resets));
+    let model = trainer.splats().download().unwrap();
+    model.validate().unwrap();
+    assert!(model.len() > 300, "{} Gaussians", model.len());
+    // Rounds soon after a reset must not take the transparent Gaussians away; these recover.
+    assert!(largest(&opacities(&trainer)) > 0.02);
+}
+
+#[test]
+fn a_run_with_all_milestones_scaled_down_ends_well() {
+    // 50 iterations: resets every 5, a degree every 2, densification off.
+    let config = ibgs_core::train::config::TrainConfig { iterations: 50, ..Default::default() };
+    assert_eq!(trained(&dataset(), &config).len(), 300);
+}
+
+#[test]
+fn the_most_gaussians_are_not_exceeded() {
+    let dataset = dataset();
+    let mut config = densifying(45, 45);
+    let free = trained(&dataset, &config).len();
+    assert!(free > 340, "only {free} Gaussians without a limit");
+    config.densify.max_splats = 340;
+    let mut trainer = trainer(&dataset, &config);
+    let mut most = 0;
+    while trainer.iteration() < 45 {
+        trainer.step().unwrap();
+        most = most.max(trainer.splats().len());
+    }
+    assert_eq!(most, 340);
+}
+
+#[test]
+fn pruning_removes_the_transparent_and_the_large() {
+    let dataset = dataset();
+    let mut config = densifying(15, 15);
+    // No gradient is that large: rounds prune only.
+    config.densify.grad_threshold = 1e9;
+    config.densify.abs_split = false;
+    config.densify.prune_opacity = 0.1;
+    let pruned = trained(&dataset, &config);
+    assert!((1..300).contains(&pruned.len()), "{} Gaussians left", pruned.len());
+
+    config.densify.prune_opacity = 0.0;
+    config.densify.prune_scale = 0.05;
+    config.densify.prune_scale_after = Some(5);
+    let mut trainer = trainer(&dataset, &config);
+    let limit = (0.05 * trainer.extent()).ln() as f32;
+    let is_large = |row: &[f32; 3]| row.iter().any(|s| *s > limit);
+    run(&mut trainer, 9);
+    assert!(trainer.splats().download().unwrap().log_scales.iter().any(is_large));
+    run(&mut trainer, 10);
+    let left = trainer.splats().download().unwrap();
+    assert!((1..300).contains(&left.len()) && !left.log_scales.iter().any(is_large), "{} left", left.len());
+}
+
+#[test]
+fn a_model_that_loses_every_gaussian_goes_on() {
+    let mut config = densifying(25, 15);
+    config.densify.prune_opacity = 0.999;
+    assert_eq!(trained(&dataset(), &config).len(), 0);
+}
+
+#[test]
+fn one_training_view_is_enough() {
+    let mut dataset = dataset();
+    dataset.train.truncate(1);
+    let model = trained(&dataset, &densifying(30, 30));
+    assert!(model.len() >= 300, "{} Gaussians", model.len());
+    // Positions move with the scene's extent, which one camera does not have.
+    let start = trainer(&dataset, &plain(1)).splats().download().unwrap();
+    assert!(model.sh != start.sh);
+}
