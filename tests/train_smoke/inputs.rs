@@ -60,9 +60,10 @@ fn the_background_can_be_white() {
     config.densify.start = Some(8);
     let mut trainer = trainer(&white, &config);
     assert!((1..=12).filter(|&i| trainer.schedule().reset_opacity_at(i)).eq([8]));
-    run(&mut trainer, 8);
+    // It comes before the ninth step, which moves the logits by at most their rate.
+    run(&mut trainer, 9);
     let logits = trainer.splats().download().unwrap().opacity_logits;
-    assert!(logits.iter().all(|&logit| logit <= (0.01f32 / 0.99).ln() + 1e-5));
+    assert!(logits.iter().all(|&logit| logit <= (0.01f32 / 0.99).ln() + 0.0251));
 }
 
 #[test]

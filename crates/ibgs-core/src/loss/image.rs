@@ -155,7 +155,7 @@ impl ImageLoss {
         Ok((loss, saved))
     }
 
-    /// Loss [1] of a tracked image [H, W, 3] on the autodiff graph, and the scratch that holds its statistics.
+    /// Loss `[1]` of a tracked image `[H, W, 3]` on the autodiff graph, and the scratch that holds its statistics.
     ///
     /// # Errors
     /// Not enough memory.

@@ -17,17 +17,17 @@ use std::sync::Arc;
 
 /// The Gaussians as leaves of one iteration's graph, and a zero tensor whose gradient is the screen-space one.
 pub struct Leaves {
-    /// [N, 3]
+    /// `[N, 3]`
     pub means: Tensor<2>,
-    /// [N, 4]
+    /// `[N, 4]`
     pub rotations: Tensor<2>,
-    /// [N, 3]
+    /// `[N, 3]`
     pub log_scales: Tensor<2>,
-    /// [N]
+    /// `[N]`
     pub opacity_logits: Tensor<1>,
-    /// [N, coefficients, 3]
+    /// `[N, coefficients, 3]`
     pub sh: Tensor<3>,
-    /// [N, 4]: its gradient holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
+    /// `[N, 4]`: its gradient holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
     pub screen: Tensor<2>,
 }
 
@@ -160,7 +160,7 @@ impl Saved {
 }
 
 impl Rasterizer {
-    /// Rasterizes tracked Gaussians: image [H, W, 3] on the autodiff graph, and the pass's scratch memory (radii and
+    /// Rasterizes tracked Gaussians: image `[H, W, 3]` on the autodiff graph, and the pass's scratch memory (radii and
     /// intersection count), which stays valid as long as it is held.
     ///
     /// # Errors

@@ -72,15 +72,15 @@ impl RasterView {
 /// The five primitives that the rasterizer reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Inputs {
-    /// [N, 3]
+    /// `[N, 3]`
     pub means: CubeTensor,
-    /// [N, 4], w x y z
+    /// `[N, 4]`, w x y z
     pub rotations: CubeTensor,
-    /// [N, 3]
+    /// `[N, 3]`
     pub log_scales: CubeTensor,
-    /// [N]
+    /// `[N]`
     pub opacity_logits: CubeTensor,
-    /// [N, coefficients, 3]
+    /// `[N, coefficients, 3]`
     pub sh: CubeTensor,
 }
 
@@ -107,7 +107,7 @@ impl Inputs {
 /// One forward pass: the image and what its backward pass needs.
 #[derive(Clone, Debug)]
 pub struct Forward {
-    /// [H, W, 3]
+    /// `[H, W, 3]`
     pub(crate) image: CubeTensor,
     pub(crate) frame: Frame,
     /// Which of the tile sort's buffer pairs holds the sorted list.
@@ -205,7 +205,7 @@ impl Rasterizer {
         }
     }
 
-    /// Image [H, W, 3] of the model from a view, waiting for the exact intersection count.
+    /// Image `[H, W, 3]` of the model from a view, waiting for the exact intersection count.
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.

@@ -8,19 +8,19 @@ use burn::tensor::{Device, Tensor, TensorData};
 /// Raw parameters, before activation (method.md section 1).
 #[derive(Module, Debug)]
 pub struct Splats {
-    /// World positions, [N, 3].
+    /// World positions, `[N, 3]`.
     pub means: Param<Tensor<2>>,
-    /// Quaternions w x y z, not normalised, [N, 4].
+    /// Quaternions w x y z, not normalised, `[N, 4]`.
     pub rotations: Param<Tensor<2>>,
-    /// Logarithms of the standard deviations, [N, 3].
+    /// Logarithms of the standard deviations, `[N, 3]`.
     pub log_scales: Param<Tensor<2>>,
-    /// Opacities before the sigmoid, [N].
+    /// Opacities before the sigmoid, `[N]`.
     pub opacity_logits: Param<Tensor<1>>,
-    /// Spherical-harmonics coefficients, [N, (degree + 1)^2, 3].
+    /// Spherical-harmonics coefficients, `[N, (degree + 1)^2, 3]`.
     pub sh: Param<Tensor<3>>,
-    /// Plane normals, [N, 3].
+    /// Plane normals, `[N, 3]`.
     pub normals: Param<Tensor<2>>,
-    /// Plane offsets, [N].
+    /// Plane offsets, `[N]`.
     pub offsets: Param<Tensor<1>>,
 }
 

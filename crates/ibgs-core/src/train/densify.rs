@@ -179,7 +179,7 @@ impl Statistics {
         Ok(Self { values: gpu.allocate("densification statistics", 16 * count.max(1) as u64)?, count })
     }
 
-    /// Adds one view, from its screen-space gradient [N, 4] and its rasterizer pass. Gradients of Gaussians nearer than
+    /// Adds one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
     /// `near_depth` count less.
     pub fn observe(&self, gpu: &Gpu, screen: Tensor<2>, workspace: &Workspace, size: [u32; 2], near_depth: f64) {
         let params = ObserveParams { size, count: self.count as u32, near_depth: near_depth as f32 };
