@@ -19,8 +19,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Iterations of the demo scene when none are asked for: on a software adapter and on a GPU.
-const DEMO_ITERATIONS: [u32; 2] = [2_000, 10_000];
+/// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
+const DEMO_ITERATIONS: [u32; 2] = [1_000, 10_000];
+const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
 
 /// Options of `ibgs train`; what is given here overrides the options file.
 #[derive(ClapArgs)]
@@ -93,6 +94,9 @@ pub struct Args {
     /// Evaluate every so many iterations.
     #[arg(long)]
     eval_every: Option<u32>,
+    /// Evaluate at these iterations besides the last.
+    #[arg(long, value_delimiter = ',')]
+    eval_iterations: Option<Vec<u32>>,
     /// Save the model at these iterations besides the last.
     #[arg(long, value_delimiter = ',')]
     save_iterations: Option<Vec<u32>>,
@@ -149,6 +153,7 @@ impl Args {
         set_some(&mut c.opacity_reset.interval, &self.opacity_reset_interval);
         set(&mut c.densify.max_splats, &self.max_splats);
         set(&mut c.eval_every, &self.eval_every);
+        set_some(&mut c.eval_iterations, &self.eval_iterations);
         set_some(&mut c.save_iterations, &self.save_iterations);
         set(&mut c.seed, &self.seed);
         c.white_background |= self.white_background;
@@ -214,8 +219,10 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
 fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Dataset> {
     let software = gpu.is_software();
     let options = if software { DemoOptions::small() } else { DemoOptions::large() };
-    if args.iterations.is_none() && args.config.is_none() {
-        config.iterations = DEMO_ITERATIONS[usize::from(!software)];
+    let size = usize::from(!software);
+    if args.config.is_none() {
+        config.iterations = args.iterations.unwrap_or(DEMO_ITERATIONS[size]);
+        config.densify.max_splats = args.max_splats.unwrap_or(DEMO_SPLATS[size]);
     }
     config.data.eval = true;
     let dataset = demo::load(&options, None, true)?;
@@ -330,7 +337,8 @@ impl Run {
     fn save(&self) -> Result<()> {
         let gaussians = self.trainer.splats().download()?;
         let path = self.folder.point_cloud_path(self.trainer.iteration());
-        write_ply(&path, &gaussians, PlyFlavor::Full)?;
+        // Planes are not trained yet, so the file is exactly what other programs write and read.
+        write_ply(&path, &gaussians, PlyFlavor::Plain)?;
         Ok(())
     }
 

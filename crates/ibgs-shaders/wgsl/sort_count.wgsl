@@ -16,6 +16,13 @@ fn main(
 ) {
     let block = linear_workgroup(wid, groups);
     let n = min(count[0], params.capacity);
+    if block * SORT_BLOCK >= n {
+        // Nothing to sort here: the buffers hold more than there are keys.
+        if block < params.blocks {
+            histogram[local * params.blocks + block] = 0u;
+        }
+        return;
+    }
     atomicStore(&bins[local], 0u);
     workgroupBarrier();
     for (var k = 0u; k < SORT_BLOCK / 256u; k++) {
@@ -25,7 +32,5 @@ fn main(
         }
     }
     workgroupBarrier();
-    if block < params.blocks {
-        histogram[local * params.blocks + block] = atomicLoad(&bins[local]);
-    }
+    histogram[local * params.blocks + block] = atomicLoad(&bins[local]);
 }

@@ -25,13 +25,14 @@ fn main(
 ) {
     let block = linear_workgroup(wid, groups);
     let n = min(count[0], params.capacity);
-    next[local] = 0u;
-    if block < params.blocks {
-        next[local] = starts[local * params.blocks + block];
+    if block * SORT_BLOCK >= n {
+        return;
     }
+    next[local] = starts[local * params.blocks + block];
     let word = local >> 5u;
     let lane = local & 31u;
-    for (var k = 0u; k < SORT_BLOCK / 256u; k++) {
+    let rounds = min(SORT_BLOCK, n - block * SORT_BLOCK + 255u) / 256u;
+    for (var k = 0u; k < rounds; k++) {
         let i = block * SORT_BLOCK + k * 256u + local;
         if local < 72u {
             atomicStore(&masks[local], 0u);

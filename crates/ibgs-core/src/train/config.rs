@@ -136,7 +136,7 @@ pub struct DensifyConfig {
     /// Mean gradient norm from which a Gaussian is cloned or split.
     pub grad_threshold: f64,
     /// Gradients of Gaussians nearer than this view depth, times the extent, count by the square of their depth over it:
-    /// it keeps clouds from growing right in front of a camera; 0: all count in full, as published.
+    /// it keeps clouds from growing right in front of a camera; 0: all count in full. A departure from method.md.
     pub near_depth: f64,
     /// Largest scale that is cloned, times the extent; larger ones are split.
     pub scale_threshold: f64,
