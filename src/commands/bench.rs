@@ -13,6 +13,9 @@ use std::path::PathBuf;
 /// Largest image side in pixels.
 const MAX_SIDE: u32 = 16_384;
 
+/// Gaussians of a synthetic scene.
+const MOST_GAUSSIANS: usize = 50_000_000;
+
 /// Options of `ibgs bench`.
 #[derive(ClapArgs)]
 pub struct Args {
@@ -40,6 +43,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    if args.gaussians > MOST_GAUSSIANS {
+        bail!("option `--gaussians` is {}; it must be at most {MOST_GAUSSIANS}", args.gaussians);
+    }
     if args.iterations == 0 {
         bail!("option `--iterations` is 0; it must be at least 1");
     }

@@ -5,7 +5,9 @@ use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::{frames_per_second, score_view};
+use ibgs_core::files::write_atomically;
 use ibgs_core::train::output::cameras::Split;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Passes over the test views when frames are counted.
@@ -50,7 +52,12 @@ pub fn run(args: &Args) -> Result<()> {
     let views = dataset.test.iter().map(|&i| &dataset.views[i]);
     let fps = frames_per_second(&model.raster, &model.splats, views, background, PASSES)?;
     println!("{fps:.1} frames per second, {} Gaussians, LPIPS not computed", model.splats.len());
-    model.folder.write_results(model.iteration, &scores, &protocol(&model.config, model.raster.gpu()))?;
+    model.folder.write_results(model.iteration, &scores, &protocol(&model.config, &dataset, model.raster.gpu()))?;
+    let speed = json!({ format!("ours_{}", model.iteration): {
+        "FPS": fps, "gaussians": model.splats.len(), "passes": PASSES, "device": model.raster.gpu().describe(),
+    } });
+    let path = model.folder.root().join("result_fps_mem.json");
+    write_atomically(&path, |out| serde_json::to_writer_pretty(out, &speed).map_err(Into::into))?;
     Ok(())
 }
 
@@ -59,6 +66,10 @@ fn scene_of(model: &Model, args: &Args) -> Result<Dataset> {
     let records = model.folder.read_cameras()?;
     let mut dataset = match args.source.as_ref().or(model.config.data.source.as_ref()) {
         Some(source) => load_scene(&model.config.data, model.config.seed, source)?,
+        None if !model.folder.config_path().exists() => bail!(
+            "{} has no config.toml that names its scene; give the scene folder with `--source`",
+            model.folder.root().display()
+        ),
         None => demo_scene(&records)?,
     };
     let split = |wanted: Split| {

@@ -77,7 +77,8 @@ impl Model {
     /// Opens the given or the latest iteration of a model folder.
     pub fn open(path: &Path, iteration: Option<u32>, adapter: Option<&String>) -> Result<Self> {
         let folder = OutputFolder::open(path)?;
-        let config = folder.read_config()?;
+        // Other programs' model folders have no options file of ours.
+        let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
         let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
         let iteration = iteration.unwrap_or(latest);
         let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
@@ -98,12 +99,12 @@ pub fn view_score(name: &str, score: Score) -> ViewScore {
 }
 
 /// What the figures of a run depend on.
-pub fn protocol(config: &TrainConfig, gpu: &Gpu) -> Protocol {
+pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol {
     let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
     Protocol {
-        resampler: if resized { "Lanczos3" } else { "none" }.to_owned(),
+        resampler: if resized { "Lanczos3, or the scene's own reduced photos" } else { "none" }.to_owned(),
         factor: config.data.resolution.clone(),
-        split: format!("every {}th", config.data.eval_split_every),
+        split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.clone(),
         device: gpu.describe(),
     }

@@ -220,9 +220,12 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
     let software = gpu.is_software();
     let options = if software { DemoOptions::small() } else { DemoOptions::large() };
     let size = usize::from(!software);
-    if args.config.is_none() {
-        config.iterations = args.iterations.unwrap_or(DEMO_ITERATIONS[size]);
-        config.densify.max_splats = args.max_splats.unwrap_or(DEMO_SPLATS[size]);
+    let usual = TrainConfig::default();
+    if args.iterations.is_none() && config.iterations == usual.iterations {
+        config.iterations = DEMO_ITERATIONS[size];
+    }
+    if args.max_splats.is_none() && config.densify.max_splats == usual.densify.max_splats {
+        config.densify.max_splats = DEMO_SPLATS[size];
     }
     config.data.eval = true;
     let dataset = demo::load(&options, None, true)?;
@@ -291,7 +294,10 @@ impl Run {
         let bar = progress_bar(self.config.iterations);
         let mut clock = Instant::now();
         while self.trainer.iteration() < self.config.iterations && !stop.load(Ordering::SeqCst) {
-            self.trainer.step()?;
+            if let Err(error) = self.trainer.step() {
+                bar.finish_and_clear();
+                return Err(self.rescue(error.into()));
+            }
             let iteration = self.trainer.iteration();
             bar.set_position(u64::from(iteration));
             if iteration.is_multiple_of(20) {
@@ -324,8 +330,21 @@ impl Run {
         Ok(())
     }
 
+    /// Saves what there is after an error, and says where it went.
+    fn rescue(&self, error: anyhow::Error) -> anyhow::Error {
+        let path = self.folder.point_cloud_path(self.trainer.iteration());
+        match self.save() {
+            Ok(()) => error.context(format!("training stopped; the model so far is in {}", path.display())),
+            Err(_) => error,
+        }
+    }
+
     fn report(&self, bar: &ProgressBar) {
         let telemetry = self.trainer.telemetry();
+        if telemetry.stats.loss == 0.0 {
+            // Nothing has come back from the GPU yet.
+            return;
+        }
         bar.set_message(format!(
             "loss {:.4}  PSNR {:5.2}  {} Gaussians",
             telemetry.stats.loss,
@@ -355,7 +374,7 @@ impl Run {
             write_pictures(&self.folder, Split::Test, iteration, &view.name, &image, Some(&view.photo))?;
             scores.push(view_score(&view.name, score));
         }
-        self.folder.write_results(iteration, &scores, &protocol(&self.config, self.raster.gpu()))?;
+        self.folder.write_results(iteration, &scores, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
         let n = scores.len() as f64;
         let psnr = scores.iter().map(|s| s.psnr).sum::<f64>() / n;
         let ssim = scores.iter().map(|s| s.ssim).sum::<f64>() / n;

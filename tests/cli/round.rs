@@ -55,7 +55,7 @@ fn check_model_folder(sandbox: &Sandbox) {
     let psnr = results["PSNR"].as_f64().unwrap();
     assert!((psnr - mean).abs() < 1e-9 && psnr > 5.0, "{results}");
     assert!(results["SSIM"].as_f64().unwrap() > 0.0 && results["LPIPS"].is_null(), "{results}");
-    assert_eq!(results["protocol"]["split"], "every 8th");
+    assert_eq!(results["protocol"]["split"], "2 of 10 views, listed in split.json");
     for (kind, name) in [("gt", "view_000"), ("renders", "view_008")] {
         let picture = image::open(sandbox.path(&format!("model/test/ours_30/{kind}/images/{name}.png"))).unwrap();
         assert_eq!((picture.width(), picture.height()), (48, 36));

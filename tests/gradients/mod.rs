@@ -97,6 +97,16 @@ fn a_published_model_renders_its_base_image_and_has_the_twins_gradients() {
     }
 }
 
+/// A photo of ordinary size, 540 pixels wide: pixel coordinates are large, so float32 has less left for the offsets.
+#[test]
+fn a_published_model_at_full_size_follows_the_twin() {
+    let (Some(golden), Some(cloud)) = (load_golden(), load_golden_cloud()) else { return };
+    let camera = golden.camera.resized(540, 960);
+    let twin = reference::render(&cloud.params, &camera, [0.0; 3], 2);
+    let ours = render(&cloud.params, &RasterView::new(camera, 2));
+    assert_images_agree("published model at 540 x 960", &ours, &twin.image, 2e-4);
+}
+
 /// The same input gives the same bits, forward and backward, whatever ran before.
 #[test]
 fn results_repeat_bit_for_bit() {

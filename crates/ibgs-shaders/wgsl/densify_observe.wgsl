@@ -27,7 +27,7 @@ fn main(
         return;
     }
     let radius = projected[3u * i + 1u].w;
-    if radius > 0.0 {
+    if radius > 0.0 && v_screen[i].w >= 0.0 {
         let half_size = 0.5 * vec2<f32>(params.size);
         let nearness = min(projected[3u * i + 1u].z / max(params.near_depth, 1e-20), 1.0);
         let v = v_screen[i] * nearness * nearness;

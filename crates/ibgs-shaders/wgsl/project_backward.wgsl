@@ -91,6 +91,8 @@ fn main(
     let overflow = offsets[frame.count - 1u] + tile_counts[depth_order[frame.count - 1u]] > frame.capacity;
     if start == end || overflow {
         store_zero(g);
+        // An absolute value under zero: this view does not count for densification.
+        v_screen[g].w = select(0.0, -1.0, overflow);
         return;
     }
     var sum_color = vec4(0.0);

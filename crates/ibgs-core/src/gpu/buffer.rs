@@ -35,17 +35,21 @@ impl Gpu {
     /// A new storage buffer of `bytes`, contents zero.
     ///
     /// # Errors
-    /// When the device cannot bind that much at once.
+    /// When the device cannot bind that much at once, or has no memory left.
     pub fn allocate(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
         self.check_size(what, bytes)?;
         let size = bytes.max(16).next_multiple_of(16);
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
             size,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        Ok(Buffer { buffer, offset: 0, size })
+        match pollster::block_on(scope.pop()) {
+            None => Ok(Buffer { buffer, offset: 0, size }),
+            Some(_) => Err(GpuError::OutOfMemory { what, bytes: size }),
+        }
     }
 
     /// Whether the device can bind `bytes` at once.

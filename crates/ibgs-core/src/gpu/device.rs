@@ -58,6 +58,16 @@ pub enum GpuError {
         /// The device's limit.
         limit: u64,
     },
+    /// The device has no memory left.
+    #[error(
+        "the GPU has no memory left for {what} ({bytes} bytes); use fewer Gaussians (`--max-splats`), a smaller image (`--resolution`), or end other programs that use it"
+    )]
+    OutOfMemory {
+        /// What the buffer was for.
+        what: &'static str,
+        /// Bytes asked for.
+        bytes: u64,
+    },
     /// Results could not be read back.
     #[error("the GPU stopped answering while results were read back: {0}")]
     Readback(String),
@@ -147,15 +157,15 @@ fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wg
     }
     match choice {
         AdapterChoice::Best => {
-            let best = adapters.iter().map(|a| rank(&a.get_info())).enumerate().min_by_key(|&(i, r)| (r, i));
+            // Usable ones first; what the best unusable one lacks is reported when there is no other.
+            let order = |a: &wgpu::Adapter| (!lacking(a).is_empty(), rank(&a.get_info()));
+            let best = adapters.iter().map(order).enumerate().min_by_key(|&(i, r)| (r, i));
             Ok(adapters.swap_remove(best.map_or(0, |(i, _)| i)))
         }
         AdapterChoice::Named(wanted) => {
             let lower = wanted.to_lowercase();
-            let found = match wanted.parse::<usize>() {
-                Ok(index) => (index < adapters.len()).then_some(index),
-                Err(_) => adapters.iter().position(|a| a.get_info().name.to_lowercase().contains(&lower)),
-            };
+            let by_name = || adapters.iter().position(|a| a.get_info().name.to_lowercase().contains(&lower));
+            let found = wanted.parse::<usize>().ok().filter(|&index| index < adapters.len()).or_else(by_name);
             let available = adapters
                 .iter()
                 .enumerate()

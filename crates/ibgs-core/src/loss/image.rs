@@ -68,6 +68,7 @@ pub struct LossScratch {
     /// (loss, L1, SSIM, MSE).
     pub stats: Buffer,
     pixels: usize,
+    groups: usize,
 }
 
 /// The image loss; owns its scratch memory.
@@ -124,6 +125,7 @@ impl ImageLoss {
     fn scratch(&self, pixels: usize, groups: usize) -> Result<LossScratch, GpuError> {
         if let Some(scratch) = self.pool.take()
             && scratch.pixels >= pixels
+            && scratch.groups >= groups
         {
             return Ok(scratch);
         }
@@ -132,6 +134,7 @@ impl ImageLoss {
             partials: self.gpu.allocate("loss sums", 16 * groups as u64)?,
             stats: self.gpu.allocate("loss statistics", 16)?,
             pixels,
+            groups,
         })
     }
 

@@ -140,9 +140,13 @@ impl Rasterizer {
         self.capacity.load(Ordering::Relaxed)
     }
 
-    /// Makes room for twice `needed` intersections, where there is not room for one and a half times as many already.
+    /// Makes room for twice `needed` intersections, where there is not room for one and a half times as many already;
+    /// as far as one binding reaches, if that is less.
     pub fn reserve(&self, needed: u64) {
-        let wanted = 2 * needed + 1024;
+        // The widest buffer of an intersection is one row of gradients, 16 bytes.
+        let limits = &self.gpu.limits;
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / 16;
+        let wanted = (2 * needed + 1024).min(most.max(needed));
         if needed + needed / 2 > self.capacity() {
             self.capacity.store(wanted, Ordering::Relaxed);
         }
@@ -156,14 +160,19 @@ impl Rasterizer {
         gradients: bool,
     ) -> Result<Workspace, GpuError> {
         let capacity = self.capacity() as usize;
-        if let Some(workspace) = self.pool.take()
-            && workspace.fits(count, capacity, frame_tiles, pixels, gradients)
-        {
-            return Ok(workspace);
+        let Some(last) = self.pool.take() else {
+            return Workspace::new(&self.gpu, count, capacity, frame_tiles, pixels, gradients);
+        };
+        if last.fits(count, capacity, frame_tiles, pixels, gradients) {
+            return Ok(last);
         }
-        // Whatever else is free is too small as well.
+        // Whatever else is free is too small as well. The next one also does for what this one was made for, so that
+        // views of different shapes do not take turns in making new ones.
+        let (tiles, pixels) = (frame_tiles.max(last.tiles()), pixels.max(last.pixels()));
+        let gradients = gradients || last.rows.is_some();
+        drop(last);
         self.pool.clear();
-        Workspace::new(&self.gpu, count, capacity, frame_tiles, pixels, gradients)
+        Workspace::new(&self.gpu, count, capacity, tiles, pixels, gradients)
     }
 
     pub(crate) fn forward(&self, inputs: &Inputs, view: &RasterView, gradients: bool) -> Result<Forward, GpuError> {

@@ -88,6 +88,16 @@ impl Workspace {
             && (self.rows.is_some() || !gradients)
     }
 
+    /// Tiles it holds.
+    pub(super) fn tiles(&self) -> usize {
+        self.tiles
+    }
+
+    /// Pixels it holds.
+    pub(super) fn pixels(&self) -> usize {
+        self.pixels
+    }
+
     /// Intersections it holds.
     pub fn isects(&self) -> usize {
         self.tile_sort.capacity()

@@ -271,14 +271,18 @@ impl OutputFolder {
 
     /// Removes what an older run saved, so that none of it passes for the new run's.
     fn remove_model(&self) -> Result<(), OutputError> {
-        let folders =
-            [("point_cloud", "iteration_"), (Split::Test.folder(), "ours_"), (Split::Train.folder(), "ours_")];
+        let folders = [
+            ("point_cloud", "iteration_"),
+            (Split::Test.folder(), "ours_"),
+            (Split::Train.folder(), "ours_"),
+            ("path", "ours_"),
+        ];
         for (folder, prefix) in folders {
             for (_, path) in self.numbered(folder, prefix)? {
                 fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
             }
         }
-        for file in ["results_renders.json", "per_view_renders.json"] {
+        for file in ["results_renders.json", "per_view_renders.json", "result_fps_mem.json"] {
             let path = self.root.join(file);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

@@ -111,7 +111,7 @@ impl Trainer {
         for index in 0..trainer.views.len() {
             most = most.max(trainer.raster.count_intersections(&trainer.splats, &trainer.view(index))?);
         }
-        trainer.raster.reserve(3 * most);
+        trainer.raster.reserve(2 * most);
         Ok(trainer)
     }
 
@@ -151,7 +151,7 @@ impl Trainer {
         &self.telemetry
     }
 
-    /// True if an iteration had more intersections than room: it taught nothing.
+    /// True if an iteration had more intersections than room: its gradient was left out. Known some iterations late.
     pub fn overflowed(&self) -> bool {
         self.overflowed
     }
@@ -185,7 +185,12 @@ impl Trainer {
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
         self.optimizer.step(&self.gpu, gradients, &Rates::new(&self.config.learning_rates, mean_rate));
-        let news = self.recorder.record(&self.gpu, &scratch.stats, &forward.workspace.total)?;
+        let news = self.recorder.record(
+            &self.gpu,
+            &scratch.stats,
+            &forward.workspace.total,
+            u64::from(forward.frame.capacity),
+        )?;
         if let Some(telemetry) = news {
             self.note(telemetry)?;
         }
@@ -205,7 +210,7 @@ impl Trainer {
     }
 
     fn note(&mut self, telemetry: Telemetry) -> Result<(), TrainError> {
-        self.overflowed |= telemetry.most_isects > self.raster.capacity();
+        self.overflowed |= telemetry.overflows > 0;
         self.raster.reserve(telemetry.most_isects);
         self.telemetry = telemetry;
         if telemetry.broken { Err(TrainError::NotFinite(self.iteration)) } else { Ok(()) }

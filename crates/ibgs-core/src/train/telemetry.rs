@@ -21,6 +21,17 @@ pub struct Telemetry {
     pub most_isects: u64,
     /// True if a loss was not a finite number.
     pub broken: bool,
+    /// Iterations that had more intersections than room.
+    pub overflows: u32,
+}
+
+/// A readback in flight.
+#[derive(Debug)]
+struct Pending {
+    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
+    submission: wgpu::SubmissionIndex,
+    /// Room that each entry's iteration had.
+    capacities: [u64; RING],
 }
 
 /// A ring of entries on the GPU and one readback in flight.
@@ -28,8 +39,10 @@ pub struct Telemetry {
 pub(super) struct Recorder {
     ring: Buffer,
     staging: wgpu::Buffer,
-    pending: Option<(Receiver<Result<(), wgpu::BufferAsyncError>>, wgpu::SubmissionIndex)>,
+    pending: Option<Pending>,
     written: usize,
+    /// Room that each entry's iteration had.
+    capacities: [u64; RING],
 }
 
 impl Recorder {
@@ -39,15 +52,23 @@ impl Recorder {
             staging: gpu.staging((RING * ENTRY) as u64),
             pending: None,
             written: 0,
+            capacities: [0; RING],
         })
     }
 
     /// Records one iteration; returns news when a readback is due.
-    pub fn record(&mut self, gpu: &Gpu, stats: &Buffer, isects: &Buffer) -> Result<Option<Telemetry>, GpuError> {
+    pub fn record(
+        &mut self,
+        gpu: &Gpu,
+        stats: &Buffer,
+        isects: &Buffer,
+        capacity: u64,
+    ) -> Result<Option<Telemetry>, GpuError> {
         let mut pass = Pass::new(gpu, "telemetry");
         let at = ((self.written % RING) * ENTRY) as u64;
         pass.copy(stats, &self.ring, at, 16);
         pass.copy(isects, &self.ring, at + 16, 4);
+        self.capacities[self.written % RING] = capacity;
         self.written += 1;
         let full = self.written.is_multiple_of(RING);
         if full {
@@ -55,37 +76,39 @@ impl Recorder {
         }
         pass.submit();
         if full {
-            let (sender, receiver) = channel();
+            let (sender, mapped) = channel();
             self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
                 let _ = sender.send(result);
             });
-            self.pending = Some((receiver, gpu.queue.submit([])));
+            let submission = gpu.queue.submit([]);
+            self.pending = Some(Pending { mapped, submission, capacities: self.capacities });
         }
         if self.written % RING == DELAY { self.collect(gpu) } else { Ok(None) }
     }
 
     fn collect(&mut self, gpu: &Gpu) -> Result<Option<Telemetry>, GpuError> {
-        let Some((receiver, submission)) = self.pending.take() else { return Ok(None) };
+        let Some(pending) = self.pending.take() else { return Ok(None) };
         let failed = |e: String| GpuError::Readback(e);
-        let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        let until = wgpu::PollType::Wait { submission_index: Some(pending.submission), timeout: None };
         gpu.device.poll(until).map_err(|e| failed(e.to_string()))?;
-        receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        pending.mapped.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
         let mapped = self.staging.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&mapped[..]);
         drop(mapped);
         self.staging.unmap();
-        Ok(Some(summary(&words)))
+        Ok(Some(summary(&words, &pending.capacities)))
     }
 }
 
-fn summary(words: &[u32]) -> Telemetry {
+fn summary(words: &[u32], capacities: &[u64; RING]) -> Telemetry {
     let mut sums = [0.0f32; 4];
-    let mut most = 0;
-    for entry in words.chunks_exact(ENTRY / 4) {
+    let (mut most, mut overflows) = (0, 0);
+    for (entry, capacity) in words.chunks_exact(ENTRY / 4).zip(capacities) {
         for (sum, &bits) in sums.iter_mut().zip(entry) {
             *sum += f32::from_bits(bits) / RING as f32;
         }
         most = most.max(u64::from(entry[4]));
+        overflows += u32::from(u64::from(entry[4]) > *capacity);
     }
-    Telemetry { stats: ImageStats::from_values(sums), most_isects: most, broken: !sums[0].is_finite() }
+    Telemetry { stats: ImageStats::from_values(sums), most_isects: most, broken: !sums[0].is_finite(), overflows }
 }

@@ -97,7 +97,8 @@ impl TrainConfig {
                 ("opacity-reset.max-opacity", self.opacity_reset.max_opacity, Range::Inside),
                 ("adam.beta1", self.adam.beta1, Range::Decay),
                 ("adam.beta2", self.adam.beta2, Range::Decay),
-                ("adam.epsilon", self.adam.epsilon, Range::Positive),
+                // As the kernel sees it, in 32 bits.
+                ("adam.epsilon", f64::from(self.adam.epsilon as f32), Range::Positive),
             ],
         )?;
         check_rates(&self.learning_rates, &check)?;
@@ -158,6 +159,7 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
         &[
             ("grad-threshold", densify.grad_threshold, Range::Positive),
             ("scale-threshold", densify.scale_threshold, Range::NotNegative),
+            ("near-depth", densify.near_depth, Range::NotNegative),
             ("abs-grad-threshold", densify.abs_grad_threshold, Range::Positive),
             ("abs-min-radius", densify.abs_min_radius, Range::NotNegative),
             ("split-divisor", densify.split_divisor, Range::AboveOne),
