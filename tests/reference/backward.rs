@@ -9,7 +9,7 @@ use super::{Forward, Grads, MAX_ALPHA, Params, Projected, SplatGrads};
 
 /// Sums of one Gaussian over the pixels of one tile, later over the tiles.
 #[derive(Clone, Copy, Default)]
-struct Sum {
+pub(super) struct Sum {
     xy: [f64; 2],
     xy_abs: [f64; 2],
     conic: [f64; 3],
@@ -17,7 +17,7 @@ struct Sum {
     color: [f64; 3],
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -29,7 +29,7 @@ fn add<const N: usize>(to: &mut [f64; N], v: [f64; N]) {
 
 impl Sum {
     /// Adds one contribution given the gradient by its alpha and by its colour.
-    fn add_part(&mut self, splat: &Projected, part: &Contribution, v_alpha: f64, v_color: [f64; 3]) {
+    pub(super) fn add_part(&mut self, splat: &Projected, part: &Contribution, v_alpha: f64, v_color: [f64; 3]) {
         add(&mut self.color, v_color);
         // Where alpha was clamped it is a constant.
         if splat.opacity * part.falloff >= MAX_ALPHA {
@@ -45,7 +45,7 @@ impl Sum {
         add(&mut self.xy_abs, v_xy.map(f64::abs));
     }
 
-    fn add_sum(&mut self, other: &Sum) {
+    pub(super) fn add_sum(&mut self, other: &Sum) {
         add(&mut self.xy, other.xy);
         add(&mut self.xy_abs, other.xy_abs);
         add(&mut self.conic, other.conic);
@@ -96,6 +96,11 @@ pub fn rasterize_backward(
             total[*gaussian as usize].add_sum(sum);
         }
     }
+    splat_grads(&total)
+}
+
+/// The sums of all Gaussians as tensors.
+pub(super) fn splat_grads(total: &[Sum]) -> SplatGrads {
     SplatGrads {
         xy: total.iter().map(|s| s.xy).collect(),
         xy_abs: total.iter().map(|s| s.xy_abs).collect(),

@@ -1,14 +1,18 @@
-//! Double-precision CPU twins of the GPU kernels of base 3D Gaussian splatting (method.md section 2), of the image
-//! loss (section 7) and of the optimiser (section 1). They are written for clarity and are the authority of the tests:
-//! finite differences and the golden data hold them to method.md, and the kernels are then held to them.
+//! Double-precision CPU twins of the GPU kernels of base 3D Gaussian splatting (method.md section 2), of the geometry
+//! (section 3), of warping (section 5), of the image loss (section 7) and of the optimiser (section 1). They are
+//! written for clarity and are the authority of the tests: finite differences and the golden data hold them to
+//! method.md, and the kernels are then held to them.
 //!
 //! `render` = `project::project` + `raster::rasterize`; `backward` = `raster::rasterize_backward` +
-//! `project::project_backward`. Each stage can be compared on its own.
+//! `project::project_backward`. `geometry::geometry` and `warp::warp` follow the former, and then
+//! `geometry_backward` takes the place of the latter. Each stage can be compared on its own.
 #![allow(dead_code, reason = "a shared test library: not every test uses every twin")]
 
 pub mod adam;
 pub mod backward;
 pub mod finite;
+pub mod geometry;
+pub mod geometry_backward;
 pub mod golden;
 pub mod image_loss;
 pub mod project;
@@ -16,6 +20,7 @@ pub mod random_scene;
 pub mod raster;
 pub mod sh;
 pub mod sort;
+pub mod warp;
 
 pub use backward::backward;
 pub use project::project;

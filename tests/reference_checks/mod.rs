@@ -1,5 +1,6 @@
 //! Holds the CPU twins to finite differences, to the golden data and to independent evaluations.
 
+mod geometry;
 mod golden;
 mod gradients;
 mod losses;
