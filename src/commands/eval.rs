@@ -1,12 +1,13 @@
 //! `ibgs eval`
 
-use super::{Model, load_scene, protocol, view_score, write_pictures};
+use super::{Model, load_scene, protocol, score_test_views};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;
-use ibgs_core::eval::{frames_per_second, score_view};
+use ibgs_core::eval::frames_per_second;
 use ibgs_core::files::write_atomically;
 use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::results::means;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -37,18 +38,13 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("the scene has no held-out views; train with `--eval`");
     }
     let background = model.background();
-    let mut scores = Vec::new();
     println!("{:<32} {:>8} {:>8}", "view", "PSNR", "SSIM");
-    for &index in &dataset.test {
-        let view = &dataset.views[index];
-        let (image, score) = score_view(&model.raster, &model.splats, view, background)?;
-        write_pictures(&model.folder, Split::Test, model.iteration, &view.name, &image, Some(&view.photo))?;
-        println!("{:<32} {:>8.3} {:>8.4}", view.name, score.psnr, score.ssim);
-        scores.push(view_score(&view.name, score));
-    }
-    let n = scores.len() as f64;
-    let mean = |f: fn(&ibgs_core::train::output::results::ViewScore) -> f64| scores.iter().map(f).sum::<f64>() / n;
-    println!("{:<32} {:>8.3} {:>8.4}", "mean", mean(|s| s.psnr), mean(|s| s.ssim));
+    let target = (&model.folder, model.iteration);
+    let scores = score_test_views(&model.raster, &model.splats, &dataset, background, target, |score| {
+        println!("{:<32} {:>8.3} {:>8.4}", score.name, score.psnr, score.ssim);
+    })?;
+    let mean = means(&scores);
+    println!("{:<32} {:>8.3} {:>8.4}", "mean", mean.psnr, mean.ssim);
     let views = dataset.test.iter().map(|&i| &dataset.views[i]);
     let fps = frames_per_second(&model.raster, &model.splats, views, background, PASSES)?;
     println!("{fps:.1} frames per second, {} Gaussians, LPIPS not computed", model.splats.len());

@@ -8,7 +8,7 @@ pub mod train;
 
 use anyhow::{Context, Result};
 use ibgs_core::dataset::{self, Dataset, LoadOptions, Photo};
-use ibgs_core::eval::Score;
+use ibgs_core::eval::{Score, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Rendered;
@@ -93,9 +93,24 @@ impl Model {
     }
 }
 
-/// A score with its view's name.
-pub fn view_score(name: &str, score: Score) -> ViewScore {
-    ViewScore { name: name.to_owned(), psnr: score.psnr, ssim: score.ssim }
+/// Renders every held-out view into the model folder, and scores it. `told` hears of each.
+pub fn score_test_views(
+    raster: &Rasterizer,
+    splats: &Splats,
+    dataset: &Dataset,
+    background: [f32; 3],
+    (folder, iteration): (&OutputFolder, u32),
+    told: impl Fn(&ViewScore),
+) -> Result<Vec<ViewScore>> {
+    let score_one = |&index: &usize| -> Result<ViewScore> {
+        let view = &dataset.views[index];
+        let (image, Score { psnr, ssim }) = score_view(raster, splats, view, background)?;
+        write_pictures(folder, Split::Test, iteration, &view.name, &image, Some(&view.photo))?;
+        let score = ViewScore { name: view.name.clone(), psnr, ssim };
+        told(&score);
+        Ok(score)
+    };
+    dataset.test.iter().map(score_one).collect()
 }
 
 /// What the figures of a run depend on.

@@ -1,17 +1,17 @@
 //! `ibgs train`
 
-use super::{load_scene, open_gpu, protocol, view_score, write_pictures};
+use super::{load_scene, open_gpu, protocol, score_test_views};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
-use ibgs_core::eval::score_view;
+use ibgs_core::eval::Score;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
-use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::results::means;
 use ibgs_core::train::output::{Existing, OutputFolder};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -220,12 +220,10 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
     let software = gpu.is_software();
     let options = if software { DemoOptions::small() } else { DemoOptions::large() };
     let size = usize::from(!software);
-    let usual = TrainConfig::default();
-    if args.iterations.is_none() && config.iterations == usual.iterations {
-        config.iterations = DEMO_ITERATIONS[size];
-    }
-    if args.max_splats.is_none() && config.densify.max_splats == usual.densify.max_splats {
-        config.densify.max_splats = DEMO_SPLATS[size];
+    // An options file counts in full: one that an earlier run wrote must give that run again.
+    if args.config.is_none() {
+        config.iterations = args.iterations.unwrap_or(DEMO_ITERATIONS[size]);
+        config.densify.max_splats = args.max_splats.unwrap_or(DEMO_SPLATS[size]);
     }
     config.data.eval = true;
     let dataset = demo::load(&options, None, true)?;
@@ -366,23 +364,16 @@ impl Run {
         if self.dataset.test.is_empty() {
             return Ok(());
         }
-        let mut scores = Vec::new();
-        for &index in &self.dataset.test {
-            let view = &self.dataset.views[index];
-            let background = self.trainer.background();
-            let (image, score) = score_view(&self.raster, self.trainer.splats(), view, background)?;
-            write_pictures(&self.folder, Split::Test, iteration, &view.name, &image, Some(&view.photo))?;
-            scores.push(view_score(&view.name, score));
-        }
+        let (splats, background) = (self.trainer.splats(), self.trainer.background());
+        let target = (&self.folder, iteration);
+        let scores = score_test_views(&self.raster, splats, &self.dataset, background, target, |_| {})?;
         self.folder.write_results(iteration, &scores, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
-        let n = scores.len() as f64;
-        let psnr = scores.iter().map(|s| s.psnr).sum::<f64>() / n;
-        let ssim = scores.iter().map(|s| s.ssim).sum::<f64>() / n;
+        let Score { psnr, ssim } = means(&scores);
         let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(
             "iteration {iteration}: test PSNR {psnr:.3} dB, SSIM {ssim:.4} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
             scores.len(),
-            self.trainer.splats().len()
+            splats.len()
         );
         Ok(())
     }

@@ -10,8 +10,8 @@
 @group(0) @binding(2) var<storage, read> log_scales: array<f32>;
 @group(0) @binding(3) var<storage, read> opacity_logits: array<f32>;
 @group(0) @binding(4) var<storage, read> sh: array<f32>;
-// Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled. One whose box
-// touches the image but whose alpha stays under 1/255 keeps its radius and has no tiles.
+// Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
+// One whose box touches the image but whose alpha stays under 1/255 keeps its radius and has no tiles.
 @group(0) @binding(5) var<storage, read_write> projected: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> depth_keys: array<u32>;
 @group(0) @binding(7) var<storage, read_write> tile_counts: array<u32>;

@@ -52,12 +52,17 @@ impl Gpu {
         }
     }
 
+    /// Bytes that the device can bind at once.
+    pub fn binding_limit(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
     /// Whether the device can bind `bytes` at once.
     ///
     /// # Errors
     /// When it cannot.
     pub fn check_size(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
-        let limit = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        let limit = self.binding_limit();
         if bytes > limit { Err(GpuError::TooLarge { what, bytes, limit }) } else { Ok(()) }
     }
 

@@ -144,8 +144,7 @@ impl Rasterizer {
     /// as far as one binding reaches, if that is less.
     pub fn reserve(&self, needed: u64) {
         // The widest buffer of an intersection is one row of gradients, 16 bytes.
-        let limits = &self.gpu.limits;
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / 16;
+        let most = self.gpu.binding_limit() / 16;
         let wanted = (2 * needed + 1024).min(most.max(needed));
         if needed + needed / 2 > self.capacity() {
             self.capacity.store(wanted, Ordering::Relaxed);

@@ -198,7 +198,8 @@ impl Trainer {
     }
 
     /// Densification and opacity reset of the iteration that has just ended. They come before the next one and not at
-    /// its end, so that a model is saved and measured as it was trained, not as it was just torn up (a departure from the published order).
+    /// its end, so that a model is saved and measured as it was trained, not as it was just torn up (a departure from the
+    /// published order).
     fn restructure(&mut self) -> Result<(), TrainError> {
         if self.schedule.densify_at(self.iteration) {
             self.densify()?;

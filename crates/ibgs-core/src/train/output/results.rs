@@ -1,5 +1,6 @@
 //! `results_renders.json` and `per_view_renders.json`: scores with the protocol that they were taken by.
 
+use crate::eval::Score;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -29,12 +30,18 @@ pub struct Protocol {
     pub device: String,
 }
 
+/// Mean PSNR and SSIM over the views; not a number without any.
+pub fn means(scores: &[ViewScore]) -> Score {
+    let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
+    Score { psnr: mean(|score| score.psnr), ssim: mean(|score| score.ssim) }
+}
+
 /// Means over the views and the protocol.
 pub(super) fn summary(scores: &[ViewScore], protocol: &Protocol) -> Value {
-    let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
+    let mean = means(scores);
     json!({
-        "SSIM": mean(|score| score.ssim),
-        "PSNR": mean(|score| score.psnr),
+        "SSIM": mean.ssim,
+        "PSNR": mean.psnr,
         "LPIPS": null,
         "views": scores.len(),
         "protocol": protocol,
