@@ -1,0 +1,86 @@
+//! Where each layer of the residual network lies in its flat weight vector (method.md section 6).
+
+/// Numbers of the per-view feature.
+pub const FEATURES: usize = 7;
+/// Channels of the per-view MLP.
+pub const HIDDEN: usize = 32;
+/// Channels of the hourglass' input: aggregated features, unit viewing ray, base colour.
+pub const INPUT: usize = HIDDEN + 6;
+/// Channels at a half of the size.
+pub const HALF: usize = INPUT / 2;
+/// Channels at a quarter of the size.
+pub const QUARTER: usize = HALF / 2;
+
+/// A linear or convolution layer: weights `[outputs, inputs, taps]` (taps row by row: 9 for 3 x 3, 1 otherwise), then
+/// `outputs` biases, from `offset` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// Name in the published code's state dict, without `.weight` and `.bias`.
+    pub name: &'static str,
+    /// Output channels.
+    pub outputs: usize,
+    /// Input channels.
+    pub inputs: usize,
+    /// 9 or 1.
+    pub taps: usize,
+    /// First weight.
+    pub offset: usize,
+}
+
+impl Layer {
+    /// Number of weights, biases not counted.
+    pub const fn weights(&self) -> usize {
+        self.outputs * self.inputs * self.taps
+    }
+
+    /// First bias.
+    pub const fn bias(&self) -> usize {
+        self.offset + self.weights()
+    }
+
+    /// First value behind the layer.
+    pub const fn end(&self) -> usize {
+        self.bias() + self.outputs
+    }
+
+    const fn new(name: &'static str, outputs: usize, inputs: usize, taps: usize, offset: usize) -> Self {
+        Self { name, outputs, inputs, taps, offset }
+    }
+}
+
+/// First layer of the per-view MLP.
+pub const MLP1: Layer = Layer::new("per_view_mlp.0", HIDDEN, FEATURES, 1, 0);
+/// Second layer of the per-view MLP.
+pub const MLP2: Layer = Layer::new("per_view_mlp.2", HIDDEN, HIDDEN, 1, MLP1.end());
+/// e1.
+pub const ENC1: Layer = Layer::new("conv_decoder.enc1.0", INPUT, INPUT, 9, MLP2.end());
+/// e2.
+pub const ENC2: Layer = Layer::new("conv_decoder.enc2.0", HALF, INPUT, 9, ENC1.end());
+/// b.
+pub const ENC3: Layer = Layer::new("conv_decoder.enc3.0", QUARTER, HALF, 9, ENC2.end());
+/// u2.
+pub const UP2: Layer = Layer::new("conv_decoder.up2_conv.0", HALF, QUARTER, 9, ENC3.end());
+/// d2, reads `[u2, e2]`.
+pub const DEC2: Layer = Layer::new("conv_decoder.dec2.0", HALF, 2 * HALF, 9, UP2.end());
+/// u1.
+pub const UP1: Layer = Layer::new("conv_decoder.up1_conv.0", INPUT, HALF, 9, DEC2.end());
+/// d1, reads `[u1, e1]`.
+pub const DEC1: Layer = Layer::new("conv_decoder.dec1.0", INPUT, 2 * INPUT, 9, UP1.end());
+/// f, reads `[d1, x]`.
+pub const FUSE: Layer = Layer::new("conv_decoder.fuse_input.0", INPUT, 2 * INPUT, 1, DEC1.end());
+/// The residual.
+pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end());
+
+/// Every layer in order.
+pub const LAYERS: [Layer; 11] = [MLP1, MLP2, ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL];
+
+/// Length of the flat weight vector.
+pub const WEIGHTS: usize = FINAL.end();
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn as_many_parameters_as_published() {
+        assert_eq!(super::WEIGHTS, 66_095);
+    }
+}

@@ -1,0 +1,3 @@
+//! The residual network (method.md section 6).
+
+pub mod layers;
