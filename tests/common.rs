@@ -1,8 +1,14 @@
 //! One GPU for all tests, and models carried between the twins and the device.
 
+use crate::reference::geometry_backward::Cotangents;
+use crate::reference::surface_scene::Scene;
+use crate::reference::warp::Source;
 use crate::reference::{Params, Tensor as Name};
 use burn::tensor::{Tensor, TensorData};
+use ibgs_core::dataset::Photo;
+use ibgs_core::fuse::{SourceView, WarpOptions, Warper};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::loss::Target;
 use ibgs_core::raster::{Leaves, RasterView, Rasterizer};
 use ibgs_core::scene::{Gaussians, Splats};
 use std::sync::{Arc, OnceLock};
@@ -91,6 +97,110 @@ pub fn gradients(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> GpuGr
         tensors: [values(g.means), values(g.rotations), values(g.log_scales), values(g.opacity_logits), values(g.sh)],
         screen: values(g.screen),
     }
+}
+
+/// A scene's model with its planes on the device.
+pub fn scene_splats(scene: &Scene) -> Splats {
+    let mut g = gaussians(&scene.params);
+    g.normals = scene.planes.normals.iter().map(|n| n.map(|x| x as f32)).collect();
+    g.offsets = scene.planes.offsets.iter().map(|x| *x as f32).collect();
+    Splats::upload(&g, &gpu()).unwrap()
+}
+
+/// A twin's source on the device; its colours are 8-bit.
+pub fn source_view(source: &Source) -> SourceView {
+    let byte = |v: &f64| (v * 255.0).round() as u8;
+    let rgba = source.photo.iter().flat_map(|[r, g, b]| [byte(r), byte(g), byte(b), 255]).collect();
+    let photo = Photo { width: source.camera.width, height: source.camera.height, rgba };
+    let depth: Vec<f32> = source.depth.iter().map(|d| *d as f32).collect();
+    SourceView {
+        camera: source.camera,
+        photo: Target::upload(&gpu(), &photo).unwrap(),
+        depth: gpu().upload("source depth", &depth).unwrap(),
+    }
+}
+
+/// What a target view gives on the GPU, in the shapes of the twin.
+pub struct GpuSurface {
+    /// Base, normal map, median depth, warped colours, cosines.
+    pub outputs: Cotangents,
+    /// Source of each packed slot or -1, slot-major.
+    pub slot: Vec<i32>,
+    /// Packed slots that some pixel fills.
+    pub active: u32,
+    /// Gradients by tensor name.
+    pub grads: Vec<(&'static str, Vec<f64>)>,
+}
+
+impl GpuSurface {
+    /// The gradient of one tensor.
+    pub fn grad(&self, name: &str) -> &[f64] {
+        &self.grads.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no tensor {name}")).1
+    }
+}
+
+fn floats(values: impl IntoIterator<Item = f64>) -> Vec<f32> {
+    values.into_iter().map(|v| v as f32).collect()
+}
+
+/// Renders and warps a scene under burn's autodiff and runs the backward pass for the cotangents `v`.
+pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotangents) -> GpuSurface {
+    let gpu = gpu();
+    let raster = rasterizer();
+    let model = scene_splats(scene);
+    raster.render(&model, view).unwrap();
+    let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
+    let warper = Warper::new(gpu.clone(), warping);
+    let leaves = Leaves::new(&model);
+    let (image, forward) = raster.tracked(&leaves, view).unwrap();
+    let (warped, seen) = warper.tracked(&image, &forward, &sources).unwrap();
+    let surface = forward.surface().unwrap();
+    let pixels = v.depth.len();
+    let visible = warping.visible as usize;
+    let read =
+        |buffer, count| -> Vec<f64> { gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect() };
+    let warped_values = values(warped.clone().inner());
+    let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
+    let slot = (0..visible)
+        .flat_map(|m| packed.iter().map(move |word| ((word >> (8 * m)) & 255) as i32))
+        .map(|source| if source == 255 { -1 } else { source })
+        .collect();
+    let outputs = Cotangents {
+        base: values(image.clone().inner()).as_chunks().0.to_vec(),
+        normal: read(&surface.normal_map, 3 * pixels).as_chunks().0.to_vec(),
+        depth: read(&surface.median_depth, pixels),
+        warped: warped_values.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect(),
+        cosine: warped_values.chunks_exact(4).map(|c| c[3]).collect(),
+    };
+    let active = gpu.read::<u32>(&seen.active, 1).unwrap()[0];
+    let side = surface.v.as_ref().unwrap();
+    let write = |buffer: &ibgs_core::gpu::Buffer, values: Vec<f32>| {
+        gpu.queue.write_buffer(&buffer.buffer, 0, bytemuck::cast_slice(&values));
+    };
+    write(&side.normal_map, floats(v.normal.iter().flatten().copied()));
+    write(&side.median_depth, floats(v.depth.iter().copied()));
+    let v_warped = v.warped.iter().zip(&v.cosine).take(visible * pixels).flat_map(|(c, x)| [c[0], c[1], c[2], *x]);
+    let tensor =
+        |values: Vec<f32>, shape: [usize; 3]| Tensor::<3>::from_data(TensorData::new(values, shape), &gpu.burn);
+    let v_image = tensor(floats(v.base.iter().flatten().copied()), image.dims()).autodiff();
+    let v_warped = tensor(floats(v_warped), [visible, pixels, 4]).autodiff();
+    let mut grads = ((image * v_image).sum() + (warped * v_warped).sum()).backward();
+    let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
+    let (normals, offsets) = g.planes.expect("a surface has plane gradients");
+    let screen = values(g.screen);
+    let pair = |from: usize| screen.chunks_exact(4).flat_map(|row| [row[from], row[from + 1]]).collect::<Vec<_>>();
+    let grads = vec![
+        ("mean", values(g.means)),
+        ("rotation", values(g.rotations)),
+        ("log_scale", values(g.log_scales)),
+        ("opacity_logit", values(g.opacity_logits)),
+        ("sh", values(g.sh)),
+        ("normal", values(normals)),
+        ("offset", values(offsets)),
+        ("xy_pixels", pair(0)),
+        ("xy_pixels_abs", pair(2)),
+    ];
+    GpuSurface { outputs, slot, active, grads }
 }
 
 /// Asserts the forward bounds: all values within `tolerance`, but for at most 1e-4 of the pixels, which a threshold that

@@ -60,7 +60,7 @@ fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for()
             let of_space = module.global_variables.iter().filter(|(_, v)| v.space == space);
             of_space.map(|(_, v)| layouter[v.ty].size).sum()
         };
-        assert!(size_of(AddressSpace::WorkGroup) <= 20 * 1024, "{}", kernel.name);
+        assert!(size_of(AddressSpace::WorkGroup) <= 31 * 1024, "{}", kernel.name);
         assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
         assert!(kernel.immediates <= 128, "{}", kernel.name);
     }
@@ -109,6 +109,22 @@ fn host_structs_have_the_layout_of_their_twins() {
         capacity,
         box_sigma,
         tangent_limit,
+    });
+    twin!(SurfaceFrame { background, slots, focal, principal, size, tiles });
+    twin!(SourceParams {
+        row0,
+        row1,
+        row2,
+        focal,
+        principal,
+        source_focal,
+        source_principal,
+        size,
+        source_size,
+        index,
+        visible,
+        slots,
+        agreement,
     });
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(LossParams { size, tiles, lambda, pad });

@@ -1,5 +1,7 @@
 //! Vector-Jacobian products under burn's autodiff against the twin and the golden data.
 
+mod surface;
+
 use crate::common::{assert_images_agree, gradients, rasterizer, render, splats, values};
 use crate::reference::golden::{load_golden, load_golden_cloud, load_gradients};
 use crate::reference::random_scene::{random_camera, random_image, random_params};

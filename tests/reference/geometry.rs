@@ -15,6 +15,9 @@ pub const EPSILON: f64 = 1e-8;
 /// While the transmittance is above it an intersection enters the buffer *before*, else the buffer *after*.
 pub const MEDIAN_TRANSMITTANCE: f64 = 0.5;
 
+/// Planes seen closer to edge-on than this are not met.
+pub const SLANT_MIN: f64 = 1e-3;
+
 /// The plane parameters before activation (section 1), one per Gaussian.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaneParams {
@@ -61,9 +64,11 @@ impl Plane {
         self.normal.dot(ray) + EPSILON
     }
 
-    /// View depth z_i = -D_c / (n_c . r + 1e-8) at which the ray meets the plane; None unless it is positive.
+    /// View depth z_i = -D_c / (n_c . r + 1e-8) at which the ray meets the plane; None unless it is positive, or where the
+    /// ray passes along the plane (a departure, see `SLANT_MIN`).
     pub fn depth(&self, ray: DVec3) -> Option<f64> {
-        Some(-self.distance / self.slant(ray)).filter(|z| *z > 0.0)
+        let slant = self.slant(ray);
+        Some(-self.distance / slant).filter(|z| *z > 0.0 && slant < -SLANT_MIN)
     }
 }
 

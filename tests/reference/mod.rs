@@ -20,6 +20,7 @@ pub mod random_scene;
 pub mod raster;
 pub mod sh;
 pub mod sort;
+pub mod surface_scene;
 pub mod warp;
 
 pub use backward::backward;

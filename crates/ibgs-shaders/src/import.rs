@@ -7,7 +7,9 @@ const SHARED: &[(&str, &str)] = &[
     ("scan_block", include_str!("../wgsl/shared/scan_block.wgsl")),
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
+    ("source", include_str!("../wgsl/shared/source.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
+    ("surface", include_str!("../wgsl/shared/surface.wgsl")),
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),
 ];
 

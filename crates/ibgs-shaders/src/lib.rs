@@ -18,6 +18,10 @@ pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 pub const ALPHA_MAX: f32 = 0.99;
 /// Blending stops before the transmittance would fall under this.
 pub const T_MIN: f32 = 1e-4;
+/// A ray with `-(n_c . r)` under this passes along a plane and does not meet it. Departs from method.md section 3, where
+/// any positive depth counts: depth grows with the inverse of that product and its derivative with the square, so that
+/// float32 has no digits left there and a few such pixels would rule the gradients.
+pub const SLANT_MIN: f32 = 1e-3;
 /// Keys a workgroup of the radix sort handles.
 pub const SORT_BLOCK: u32 = 2048;
 /// Digits of one radix pass (8 bits).
@@ -127,10 +131,39 @@ kernels! {
     TILE_RANGES = "tile_ranges" [256, 1, 1] (size_of::<types::Frame>()):
         read("sorted_tiles"), read("sorted_isects"), read("isect_to_gaussian"), read("count"),
         write("sorted_gaussians"), write("tile_ranges");
+    /// Plane of each Gaussian in camera space.
+    PLANES = "planes" [256, 1, 1] (size_of::<types::Frame>()):
+        read("means"), read("normals"), read("plane_offsets"), write("planes");
     /// Alpha blending.
     RASTERIZE = "rasterize" [TILE, TILE, 1] (size_of::<types::Frame>()):
         read("projected"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry");
+    /// Alpha blending with normal map, median intersections and median depth.
+    RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
+        read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
+        write("image"), write("final_t"), write("last_entry"), write("normal_map"), write("median_depth"),
+        write("slots"), write("slot_entries");
+    /// Median depth alone.
+    RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
+        read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"), write("median_depth");
+    /// Gradient of the blending with surface by projected quantities and planes, a row an intersection.
+    RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
+        read("projected"), read("planes"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"),
+        read("final_t"), read("last_entry"), read("median_depth"), read("slots"), read("slot_entries"),
+        read("v_image"), read("v_normal_map"), read("v_median_depth"), read("v_slots"),
+        write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov"), write("v_isect_plane");
+    /// Gradient of the planes by means, normals and offsets.
+    PLANES_BACKWARD = "planes_backward" [256, 1, 1] (size_of::<types::Frame>()):
+        read("means"), read("normals"), read("plane_offsets"), read("planes"), read("depth_order"), read("offsets"),
+        read("tile_counts"), read("v_isect_plane"), write("v_means"), write("v_normals"), write("v_plane_offsets");
+    /// Colours of one source photo at the median intersections, visibility, packing.
+    WARP = "warp" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
+        read("median_depth"), read("slots"), read("photo"), read("source_depth"),
+        write("warped"), write("seen"), write("active_slots");
+    /// Gradient of one source's warping by the median intersections and the median depth.
+    WARP_BACKWARD = "warp_backward" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
+        read("median_depth"), read("slots"), read("photo"), read("warped"), read("seen"), read("v_warped"),
+        write("v_slots"), write("v_median_depth");
     /// Gradient of the blending by the projected quantities, a row an intersection.
     RASTERIZE_BACKWARD = "rasterize_backward" [TILE, TILE, 1] (size_of::<types::Frame>()):
         read("projected"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"), read("final_t"),
@@ -179,6 +212,7 @@ pub fn constants() -> String {
         ("ALPHA_MIN", ALPHA_MIN),
         ("ALPHA_MAX", ALPHA_MAX),
         ("T_MIN", T_MIN),
+        ("SLANT_MIN", SLANT_MIN),
         ("SSIM_C1", SSIM_C1),
         ("SSIM_C2", SSIM_C2),
     ] {

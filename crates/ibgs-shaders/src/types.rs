@@ -38,6 +38,56 @@ pub struct Frame {
     pub tangent_limit: f32,
 }
 
+/// Rays and planes of a target view; the twin of `SurfaceFrame` in `wgsl/shared/surface.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfaceFrame {
+    /// Background colour.
+    pub background: [f32; 3],
+    /// Median intersections a pixel.
+    pub slots: u32,
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// The ray of the pixel with index x passes through (x - principal) / focal.
+    pub principal: [f32; 2],
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Image size in tiles.
+    pub tiles: [u32; 2],
+}
+
+/// One source view beside a target view; the twin of `SourceParams` in `wgsl/shared/source.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SourceParams {
+    /// Rows of [R | t] that take the target's view space to the source's.
+    pub row0: [f32; 4],
+    /// Second row.
+    pub row1: [f32; 4],
+    /// Third row.
+    pub row2: [f32; 4],
+    /// The target's focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// The target's principal point, as in [`SurfaceFrame`].
+    pub principal: [f32; 2],
+    /// The source's focal lengths in pixels.
+    pub source_focal: [f32; 2],
+    /// The source's principal point: its texel with index x lies at x.
+    pub source_principal: [f32; 2],
+    /// The target's size in pixels.
+    pub size: [u32; 2],
+    /// The source's size in pixels.
+    pub source_size: [u32; 2],
+    /// Number of the source among the target's sources.
+    pub index: u32,
+    /// Packed slots, V.
+    pub visible: u32,
+    /// Median intersections a pixel.
+    pub slots: u32,
+    /// A point is seen when the source's depth differs from its own by less than this part of the latter.
+    pub agreement: f32,
+}
+
 /// One radix pass; the twin of `SortParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

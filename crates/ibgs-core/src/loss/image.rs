@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// A photo on the device: RGBA, one byte a channel; alpha under one half leaves the loss.
 #[derive(Clone, Debug)]
 pub struct Target {
-    texels: Buffer,
+    pub(crate) texels: Buffer,
     /// Width and height in pixels.
     pub size: [u32; 2],
 }

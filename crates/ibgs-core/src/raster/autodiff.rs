@@ -12,7 +12,7 @@ use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use burn_wgpu::CubeBackend;
 use bytemuck::bytes_of;
-use ibgs_shaders::{PROJECT_BACKWARD, RASTERIZE_BACKWARD};
+use ibgs_shaders::{PLANES_BACKWARD, PROJECT_BACKWARD, RASTERIZE_BACKWARD, RASTERIZE_SURFACE_BACKWARD};
 use std::sync::Arc;
 
 /// The Gaussians as leaves of one iteration's graph, and a zero tensor whose gradient is the screen-space one.
@@ -27,6 +27,10 @@ pub struct Leaves {
     pub opacity_logits: Tensor<1>,
     /// `[N, coefficients, 3]`
     pub sh: Tensor<3>,
+    /// `[N, 3]`
+    pub normals: Tensor<2>,
+    /// `[N]`
+    pub offsets: Tensor<1>,
     /// `[N, 4]`: its gradient holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
     pub screen: Tensor<2>,
 }
@@ -45,6 +49,8 @@ pub struct RasterGradients {
     pub sh: Tensor<3>,
     /// Signed and absolute screen-space gradients.
     pub screen: Tensor<2>,
+    /// By the raw normals and offsets of the planes; none without a surface.
+    pub planes: Option<(Tensor<2>, Tensor<1>)>,
 }
 
 impl Leaves {
@@ -59,6 +65,8 @@ impl Leaves {
             log_scales: splats.log_scales.val().autodiff().require_grad(),
             opacity_logits: splats.opacity_logits.val().autodiff().require_grad(),
             sh: splats.sh.val().autodiff().require_grad(),
+            normals: splats.normals.val().autodiff().require_grad(),
+            offsets: splats.offsets.val().autodiff().require_grad(),
             screen: screen.autodiff().require_grad(),
         }
     }
@@ -72,6 +80,7 @@ impl Leaves {
             opacity_logits: self.opacity_logits.grad_remove(grads)?,
             sh: self.sh.grad_remove(grads)?,
             screen: self.screen.grad_remove(grads)?,
+            planes: self.normals.grad_remove(grads).zip(self.offsets.grad_remove(grads)),
         })
     }
 }
@@ -86,10 +95,10 @@ struct Saved {
     forward: Forward,
 }
 
-impl Backward<CubeBackend, 6> for RasterizeBackward {
+impl Backward<CubeBackend, 8> for RasterizeBackward {
     type State = Saved;
 
-    fn backward(self, ops: Ops<Saved, 6>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Saved, 8>, grads: &mut Gradients, _: &mut Checkpointer) {
         let v_image = grads.consume::<CubeBackend>(&ops.node);
         let results = ops.state.backward(v_image);
         for (parent, gradient) in ops.parents.into_iter().zip(results) {
@@ -101,61 +110,120 @@ impl Backward<CubeBackend, 6> for RasterizeBackward {
 }
 
 impl Saved {
-    fn backward(&self, v_image: CubeTensor) -> [CubeTensor; 6] {
+    /// Gradients by means, rotations, log scales, opacities, SH, screen and, with a surface, normals and offsets.
+    fn backward(&self, v_image: CubeTensor) -> Vec<CubeTensor> {
         let gpu = &*self.gpu;
-        let Inputs { means, rotations, log_scales, opacity_logits, sh } = &self.inputs;
+        let Inputs { means, rotations, log_scales, opacity_logits, sh, normals, offsets } = &self.inputs;
         let v_image = burn_wgpu::into_contiguous(v_image);
-        let outputs =
-            [means, rotations, log_scales, opacity_logits, sh].map(|t| gpu.empty_like_shape(means, t.meta.shape()));
-        let v_screen = gpu.empty_like_shape(means, &[self.inputs.count(), 4]);
-        let bound_in = [means, rotations, log_scales, sh].map(Gpu::bind);
-        let bound_out = outputs.each_ref().map(Gpu::bind);
-        let bound_screen = Gpu::bind(&v_screen);
+        let zeros = |t: &CubeTensor| gpu.empty_like_shape(means, t.meta.shape());
+        let mut outputs = [means, rotations, log_scales, opacity_logits, sh].map(zeros).to_vec();
+        outputs.push(gpu.empty_like_shape(means, &[self.inputs.count(), 4]));
+        if self.forward.surface.is_some() {
+            outputs.extend([normals, offsets].map(zeros));
+        }
+        let bound_out: Vec<_> = outputs.iter().map(Gpu::bind).collect();
         let bound_v_image = Gpu::bind(&v_image);
+        let mut pass = Pass::new(gpu, "rasterize backward");
+        self.record_blend(&mut pass, &bound_v_image);
+        self.record_project(&mut pass, &bound_out.iter().map(|b| &**b).collect::<Vec<_>>());
+        pass.submit();
+        outputs
+    }
 
+    fn record_blend(&self, pass: &mut Pass, v_image: &Buffer) {
         let ws = &self.forward.workspace;
         let frame = &self.forward.frame;
-        let [v_color, v_xy, v_cov] = ws.rows.as_ref().expect("a tracked forward pass has gradient rows");
         let sorted = self.forward.sorted;
-        let mut pass = Pass::new(gpu, "rasterize backward");
-        let blend: [&Buffer; 10] = [
-            &ws.projected,
-            ws.sorted_gaussians(sorted),
-            &ws.tile_sort.values[sorted],
-            &ws.tile_ranges,
-            &ws.final_t,
-            &ws.last_entry,
-            &bound_v_image,
-            v_color,
-            v_xy,
-            v_cov,
-        ];
-        pass.grid(&RASTERIZE_BACKWARD, &blend, bytes_of(frame), [frame.tiles[0], frame.tiles[1], 1]);
-        let [b_means, b_rotations, b_log_scales, b_sh] = &bound_in;
-        let [o_means, o_rotations, o_log_scales, o_opacity, o_sh] = &bound_out;
+        let grid = [frame.tiles[0], frame.tiles[1], 1];
+        let (list, isects) = (ws.sorted_gaussians(sorted), &ws.tile_sort.values[sorted]);
+        match &self.forward.surface {
+            None => {
+                let [v_color, v_xy, v_cov] = [0, 1, 2].map(|i| &ws.rows[i]);
+                let blend: [&Buffer; 10] = [
+                    &ws.projected,
+                    list,
+                    isects,
+                    &ws.tile_ranges,
+                    &ws.final_t,
+                    &ws.last_entry,
+                    v_image,
+                    v_color,
+                    v_xy,
+                    v_cov,
+                ];
+                pass.grid(&RASTERIZE_BACKWARD, &blend, bytes_of(frame), grid);
+            }
+            Some(s) => {
+                let v = s.v.as_ref().expect("a tracked surface has gradients");
+                let [v_color, v_xy, v_cov, v_plane] = [0, 1, 2, 3].map(|i| &ws.rows[i]);
+                let blend: [&Buffer; 18] = [
+                    &ws.projected,
+                    &s.planes,
+                    list,
+                    isects,
+                    &ws.tile_ranges,
+                    &ws.final_t,
+                    &ws.last_entry,
+                    &s.median_depth,
+                    &s.slots,
+                    &s.slot_entries,
+                    v_image,
+                    &v.normal_map,
+                    &v.median_depth,
+                    &v.slots,
+                    v_color,
+                    v_xy,
+                    v_cov,
+                    v_plane,
+                ];
+                pass.grid(&RASTERIZE_SURFACE_BACKWARD, &blend, bytes_of(&s.frame), grid);
+            }
+        }
+    }
+
+    fn record_project(&self, pass: &mut Pass, out: &[&Buffer]) {
+        let Inputs { means, rotations, log_scales, sh, normals, offsets, .. } = &self.inputs;
+        let bound = [means, rotations, log_scales, sh, normals, offsets].map(Gpu::bind);
+        let [means, rotations, log_scales, sh, normals, offsets] = bound.each_ref().map(|b| &**b);
+        let ws = &self.forward.workspace;
+        let (frame, order) = (bytes_of(&self.forward.frame), &ws.depth_sort.values[0]);
+        let count = self.inputs.count();
         let project: [&Buffer; 17] = [
-            b_means,
-            b_rotations,
-            b_log_scales,
-            b_sh,
+            means,
+            rotations,
+            log_scales,
+            sh,
             &ws.projected,
-            &ws.depth_sort.values[0],
+            order,
             &ws.offsets,
             &ws.tile_counts,
-            v_color,
-            v_xy,
-            v_cov,
-            o_means,
-            o_rotations,
-            o_log_scales,
-            o_opacity,
-            o_sh,
-            &bound_screen,
+            &ws.rows[0],
+            &ws.rows[1],
+            &ws.rows[2],
+            out[0],
+            out[1],
+            out[2],
+            out[3],
+            out[4],
+            out[5],
         ];
-        pass.linear(&PROJECT_BACKWARD, &project, bytes_of(frame), self.inputs.count());
-        pass.submit();
-        let [m, r, s, o, h] = outputs;
-        [m, r, s, o, h, v_screen]
+        pass.linear(&PROJECT_BACKWARD, &project, frame, count);
+        if let Some(s) = &self.forward.surface {
+            let planes: [&Buffer; 11] = [
+                means,
+                normals,
+                offsets,
+                &s.planes,
+                order,
+                &ws.offsets,
+                &ws.tile_counts,
+                &ws.rows[3],
+                out[0],
+                out[6],
+                out[7],
+            ];
+            pass.linear(&PLANES_BACKWARD, &planes, frame, count);
+        }
     }
 }
 
@@ -174,14 +242,26 @@ impl Rasterizer {
         let opacity_logits = leaves.opacity_logits.clone().try_into_primitive::<Ad>().expect(on_graph);
         let sh = leaves.sh.clone().try_into_primitive::<Ad>().expect(on_graph);
         let screen = leaves.screen.clone().try_into_primitive::<Ad>().expect(on_graph);
-        let nodes =
-            [means.node(), rotations.node(), log_scales.node(), opacity_logits.node(), sh.node(), screen.node()];
+        let normals = leaves.normals.clone().try_into_primitive::<Ad>().expect(on_graph);
+        let offsets = leaves.offsets.clone().try_into_primitive::<Ad>().expect(on_graph);
+        let nodes = [
+            means.node(),
+            rotations.node(),
+            log_scales.node(),
+            opacity_logits.node(),
+            sh.node(),
+            screen.node(),
+            normals.node(),
+            offsets.node(),
+        ];
         let inputs = Inputs {
             means: means.into_primitive(),
             rotations: rotations.into_primitive(),
             log_scales: log_scales.into_primitive(),
             opacity_logits: opacity_logits.into_primitive(),
             sh: sh.into_primitive(),
+            normals: normals.into_primitive(),
+            offsets: offsets.into_primitive(),
         };
         let forward = self.forward(&inputs, view, true)?;
         let image = forward.image.clone();

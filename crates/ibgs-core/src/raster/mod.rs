@@ -4,11 +4,16 @@
 //! `rasterize`. The blending order is exactly tile, then float32 view depth, then Gaussian index, and nothing depends on
 //! the order in which threads run: the same input gives the same bits. Backward: `rasterize_backward`,
 //! `project_backward`.
+//!
+//! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface` takes the place of
+//! `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
 
 mod autodiff;
+mod surface;
 mod workspace;
 
 pub use autodiff::{Leaves, RasterGradients};
+pub use surface::{Surface, SurfaceOptions};
 pub use workspace::Workspace;
 
 use crate::camera::Camera;
@@ -37,12 +42,14 @@ pub struct RasterView {
     pub box_sigma: f32,
     /// Clamp of x/z and y/z in the projection's Jacobian, in tan(half field of view) (method.md: 1.3).
     pub tangent_limit: f32,
+    /// Normal map, median intersections and median depth beside the colour; none: colour alone.
+    pub surface: Option<SurfaceOptions>,
 }
 
 impl RasterView {
     /// Black background, the constants of method.md section 2.
     pub fn new(camera: Camera, sh_degree: u32) -> Self {
-        Self { camera, background: [0.0; 3], sh_degree, box_sigma: 3.0, tangent_limit: 1.3 }
+        Self { camera, background: [0.0; 3], sh_degree, box_sigma: 3.0, tangent_limit: 1.3, surface: None }
     }
 
     fn frame(&self, count: usize, coefficients: usize, capacity: usize) -> Frame {
@@ -69,7 +76,7 @@ impl RasterView {
     }
 }
 
-/// The five primitives that the rasterizer reads.
+/// The primitives that the rasterizer reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Inputs {
     /// `[N, 3]`
@@ -82,6 +89,10 @@ pub(crate) struct Inputs {
     pub opacity_logits: CubeTensor,
     /// `[N, coefficients, 3]`
     pub sh: CubeTensor,
+    /// `[N, 3]`
+    pub normals: CubeTensor,
+    /// `[N]`
+    pub offsets: CubeTensor,
 }
 
 impl Inputs {
@@ -92,6 +103,8 @@ impl Inputs {
             log_scales: primitive(splats.log_scales.val()),
             opacity_logits: primitive(splats.opacity_logits.val()),
             sh: primitive(splats.sh.val()),
+            normals: primitive(splats.normals.val()),
+            offsets: primitive(splats.offsets.val()),
         }
     }
 
@@ -113,6 +126,8 @@ pub struct Forward {
     /// Which of the tile sort's buffer pairs holds the sorted list.
     sorted: usize,
     pub(crate) workspace: Arc<Lease<Workspace>>,
+    /// What the view's [`RasterView::surface`] asked for.
+    surface: Option<Arc<Lease<Surface>>>,
 }
 
 /// Rasterizes; owns the scratch memory.
@@ -120,6 +135,7 @@ pub struct Forward {
 pub struct Rasterizer {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Workspace>>,
+    surfaces: Arc<Pool<Surface>>,
     /// Intersections that new workspaces hold.
     capacity: AtomicU64,
 }
@@ -127,7 +143,7 @@ pub struct Rasterizer {
 impl Rasterizer {
     /// A rasterizer without any memory yet.
     pub fn new(gpu: Arc<Gpu>) -> Self {
-        Self { gpu, pool: Arc::default(), capacity: AtomicU64::new(1 << 16) }
+        Self { gpu, pool: Arc::default(), surfaces: Arc::default(), capacity: AtomicU64::new(1 << 16) }
     }
 
     /// The GPU it works on.
@@ -151,51 +167,113 @@ impl Rasterizer {
         }
     }
 
-    fn workspace(
-        &self,
-        count: usize,
-        frame_tiles: usize,
-        pixels: usize,
-        gradients: bool,
-    ) -> Result<Workspace, GpuError> {
+    fn workspace(&self, count: usize, frame_tiles: usize, pixels: usize, rows: usize) -> Result<Workspace, GpuError> {
         let capacity = self.capacity() as usize;
         let Some(last) = self.pool.take() else {
-            return Workspace::new(&self.gpu, count, capacity, frame_tiles, pixels, gradients);
+            return Workspace::new(&self.gpu, count, capacity, frame_tiles, pixels, rows);
         };
-        if last.fits(count, capacity, frame_tiles, pixels, gradients) {
+        if last.fits(count, capacity, frame_tiles, pixels, rows) {
             return Ok(last);
         }
         // Whatever else is free is too small as well. The next one also does for what this one was made for, so that
         // views of different shapes do not take turns in making new ones.
         let (tiles, pixels) = (frame_tiles.max(last.tiles()), pixels.max(last.pixels()));
-        let gradients = gradients || last.rows.is_some();
+        let rows = rows.max(last.rows.len());
         drop(last);
         self.pool.clear();
-        Workspace::new(&self.gpu, count, capacity, tiles, pixels, gradients)
+        Workspace::new(&self.gpu, count, capacity, tiles, pixels, rows)
     }
 
     pub(crate) fn forward(&self, inputs: &Inputs, view: &RasterView, gradients: bool) -> Result<Forward, GpuError> {
         let gpu = &*self.gpu;
-        let n = inputs.count();
         let camera = &view.camera;
-        let pixels = camera.width as usize * camera.height as usize;
-        let tiles = camera.width.div_ceil(TILE) as usize * camera.height.div_ceil(TILE) as usize;
-        gpu.check_size("image", 12 * pixels as u64)?;
-        let ws = self.workspace(n, tiles, pixels, gradients)?;
-        let frame = view.frame(n, inputs.coefficients(), ws.isects());
         let image = gpu.empty_like_shape(&inputs.means, &[camera.height as usize, camera.width as usize, 3]);
-        gpu.queue.write_buffer(&ws.count.buffer, 0, bytes_of(&(n as u32)));
-
-        let bound =
-            [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh].map(Gpu::bind);
+        let rows = match (gradients, view.surface) {
+            (false, _) => 0,
+            (true, None) => 3,
+            (true, Some(_)) => 4,
+        };
+        let ws = self.leased_workspace(inputs, view, rows)?;
+        let frame = view.frame(inputs.count(), inputs.coefficients(), ws.isects());
+        let surface = view.surface.map(|o| self.leased_surface(inputs.count(), view, o, gradients)).transpose()?;
         let bound_image = Gpu::bind(&image);
         let mut pass = Pass::new(gpu, "rasterize");
-        let sorted = record_lists(&mut pass, &ws, &bound.each_ref().map(|b| &**b), &frame);
-        let blend: [&Buffer; 6] =
-            [&ws.projected, ws.sorted_gaussians(sorted), &ws.tile_ranges, &bound_image, &ws.final_t, &ws.last_entry];
-        pass.grid(&RASTERIZE, &blend, bytes_of(&frame), [frame.tiles[0], frame.tiles[1], 1]);
+        let sorted = record_lists(&mut pass, &ws, inputs, &frame);
+        let grid = [frame.tiles[0], frame.tiles[1], 1];
+        let list = ws.sorted_gaussians(sorted);
+        match &surface {
+            None => {
+                let blend: [&Buffer; 6] =
+                    [&ws.projected, list, &ws.tile_ranges, &bound_image, &ws.final_t, &ws.last_entry];
+                pass.grid(&RASTERIZE, &blend, bytes_of(&frame), grid);
+            }
+            Some(s) => {
+                s.record_planes(&mut pass, inputs, &frame);
+                s.clear_gradients(&mut pass);
+                let blend: [&Buffer; 11] = [
+                    &ws.projected,
+                    &s.planes,
+                    list,
+                    &ws.tile_ranges,
+                    &bound_image,
+                    &ws.final_t,
+                    &ws.last_entry,
+                    &s.normal_map,
+                    &s.median_depth,
+                    &s.slots,
+                    &s.slot_entries,
+                ];
+                pass.grid(&RASTERIZE_SURFACE, &blend, bytes_of(&s.frame), grid);
+            }
+        }
         pass.submit();
-        Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)) })
+        Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)), surface })
+    }
+
+    fn leased_workspace(&self, inputs: &Inputs, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {
+        let Camera { width, height, .. } = view.camera;
+        let pixels = width as usize * height as usize;
+        let tiles = width.div_ceil(TILE) as usize * height.div_ceil(TILE) as usize;
+        self.gpu.check_size("image", 12 * pixels as u64)?;
+        let ws = self.workspace(inputs.count(), tiles, pixels, rows)?;
+        self.gpu.queue.write_buffer(&ws.count.buffer, 0, bytes_of(&(inputs.count() as u32)));
+        Ok(ws)
+    }
+
+    /// Median depth of a view, `[H * W]`, 0 where nothing is met; makes sure that every intersection fits.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    ///
+    /// # Panics
+    /// When the view asks for no surface: a bug of ours.
+    pub fn depth_map(&self, splats: &Splats, view: &RasterView) -> Result<Buffer, GpuError> {
+        let gpu = &*self.gpu;
+        let options = view.surface.expect("a depth map needs the surface's options");
+        let inputs = Inputs::of(splats);
+        // Colours are not looked at.
+        let view = RasterView { sh_degree: 0, ..*view };
+        let Camera { width, height, .. } = view.camera;
+        let depth = gpu.allocate("median depth", 4 * u64::from(width) * u64::from(height))?;
+        let planes = gpu.allocate("planes", 16 * inputs.count() as u64)?;
+        loop {
+            let ws = self.leased_workspace(&inputs, &view, 0)?;
+            let frame = view.frame(inputs.count(), inputs.coefficients(), ws.isects());
+            let mut pass = Pass::new(gpu, "depth map");
+            let sorted = record_lists(&mut pass, &ws, &inputs, &frame);
+            surface::record_planes(&mut pass, &inputs, &planes, &frame);
+            let buffers: [&Buffer; 5] = [&ws.projected, &planes, ws.sorted_gaussians(sorted), &ws.tile_ranges, &depth];
+            let params = options.frame(&view);
+            pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), [frame.tiles[0], frame.tiles[1], 1]);
+            pass.submit();
+            let needed = u64::from(gpu.read::<u32>(&ws.total, 1)?[0]);
+            let fitted = needed <= ws.isects() as u64;
+            drop(self.pool.lease(ws));
+            if fitted {
+                return Ok(depth);
+            }
+            self.reserve(needed);
+        }
     }
 
     /// Rasterizes without gradients and makes sure that every intersection fitted: grows and repeats otherwise.
@@ -222,6 +300,14 @@ impl Rasterizer {
         Ok(crate::gpu::buffer::from_primitive(forward.image))
     }
 
+    /// Image and surface of the model from a view, waiting for the exact intersection count.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn surface(&self, splats: &Splats, view: &RasterView) -> Result<Forward, GpuError> {
+        self.forward_exact(&Inputs::of(splats), view)
+    }
+
     /// Tile intersections of a view.
     ///
     /// # Errors
@@ -242,6 +328,11 @@ impl Rasterizer {
 }
 
 impl Forward {
+    /// The surface, where the view asked for one.
+    pub fn surface(&self) -> Option<&Arc<Lease<Surface>>> {
+        self.surface.as_ref()
+    }
+
     /// How many tile intersections the pass counted; waits for the GPU.
     ///
     /// # Errors
@@ -252,10 +343,12 @@ impl Forward {
 }
 
 /// Records everything up to the tile lists; returns which buffer pair of the tile sort holds them.
-fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &[&Buffer; 5], frame: &Frame) -> usize {
+fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame) -> usize {
     let n = frame.count as usize;
     let bytes = bytes_of(frame);
-    let [means, rotations, log_scales, opacity_logits, sh] = *inputs;
+    let bound =
+        [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh].map(Gpu::bind);
+    let [means, rotations, log_scales, opacity_logits, sh] = bound.each_ref().map(|b| &**b);
     let project: [&Buffer; 8] =
         [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.depth_sort.keys[0], &ws.tile_counts];
     pass.linear(&PROJECT, &project, bytes, n);

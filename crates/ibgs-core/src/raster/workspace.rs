@@ -32,8 +32,9 @@ pub struct Workspace {
     pub final_t: Buffer,
     /// List entries walked up to the last contributor.
     pub last_entry: Buffer,
-    /// Gradient rows by emission index: colour and opacity, screen position, covariance.
-    pub rows: Option<[Buffer; 3]>,
+    /// Gradient rows by emission index: colour and opacity, screen position, covariance, plane. As many as asked for:
+    /// none, three, or four with a surface.
+    pub rows: Vec<Buffer>,
     gaussians: usize,
     tiles: usize,
     pixels: usize,
@@ -46,17 +47,12 @@ impl Workspace {
         capacity: usize,
         tiles: usize,
         pixels: usize,
-        gradients: bool,
+        rows: usize,
     ) -> Result<Self, GpuError> {
         let n = count.max(1);
         let words = |what, count: usize| gpu.allocate(what, 4 * count.max(1) as u64);
-        let rows = match gradients {
-            true => {
-                let row = || gpu.allocate("intersection gradients", 16 * capacity as u64);
-                Some([row()?, row()?, row()?])
-            }
-            false => None,
-        };
+        let row = |_| gpu.allocate("intersection gradients", 16 * capacity as u64);
+        let rows = (0..rows).map(row).collect::<Result<_, _>>()?;
         Ok(Self {
             projected: words("projected Gaussians", 12 * n)?,
             tile_counts: words("tile counts", n)?,
@@ -79,13 +75,13 @@ impl Workspace {
     }
 
     /// Whether a pass of this size can use it without wasting more than half of it.
-    pub(super) fn fits(&self, count: usize, capacity: usize, tiles: usize, pixels: usize, gradients: bool) -> bool {
+    pub(super) fn fits(&self, count: usize, capacity: usize, tiles: usize, pixels: usize, rows: usize) -> bool {
         self.gaussians >= count
             && self.gaussians <= 2 * count.max(1024)
             && self.isects() >= capacity
             && self.tiles >= tiles
             && self.pixels >= pixels
-            && (self.rows.is_some() || !gradients)
+            && self.rows.len() >= rows
     }
 
     /// Tiles it holds.

@@ -103,7 +103,7 @@ impl Optimizer {
     /// Moves every parameter one step.
     pub fn step(&mut self, gpu: &Gpu, gradients: RasterGradients, rates: &Rates) {
         self.steps += 1;
-        let RasterGradients { means, rotations, log_scales, opacity_logits, sh, screen: _ } = gradients;
+        let RasterGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes: _ } = gradients;
         let gradients =
             [primitive(means), primitive(rotations), primitive(log_scales), primitive(opacity_logits), primitive(sh)];
         let bound = gradients.each_ref().map(Gpu::bind);

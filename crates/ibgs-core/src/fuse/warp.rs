@@ -1,0 +1,230 @@
+//! Warping of source photos to a target view through its median intersections (method.md section 5), as a burn autodiff
+//! operation.
+
+use crate::camera::Camera;
+use crate::gpu::buffer::from_primitive;
+use crate::gpu::pool::{Lease, Pool};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::loss::Target;
+use crate::raster::{Forward, Surface};
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::tensor::Tensor;
+use burn_cubecl::tensor::CubeTensor;
+use burn_wgpu::CubeBackend;
+use bytemuck::bytes_of;
+use ibgs_shaders::types::SourceParams;
+use ibgs_shaders::{TILE, WARP, WARP_BACKWARD};
+use std::sync::Arc;
+
+/// A source view: its camera, its photo and its own median depth `[H * W]` (0 where it met nothing). The depth is data: no
+/// gradient flows into it.
+#[derive(Clone, Debug)]
+pub struct SourceView {
+    /// Camera of the photo.
+    pub camera: Camera,
+    /// The photo.
+    pub photo: Target,
+    /// The view's own median depth.
+    pub depth: Buffer,
+}
+
+/// How photos are warped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WarpOptions {
+    /// Packed slots V, 1 to 4: the first visible sources of each pixel.
+    pub visible: u32,
+    /// A source sees a point when its depth differs from its own by less than this part of the latter.
+    pub agreement: f32,
+}
+
+impl Default for WarpOptions {
+    fn default() -> Self {
+        Self { visible: 3, agreement: 0.01 }
+    }
+}
+
+/// Which sources the pixels see.
+#[derive(Debug)]
+pub struct Seen {
+    /// `[P]` u32: byte m is the number of the source in packed slot m, 255 where it is empty. Slot m is filled only where
+    /// slot m - 1 is.
+    pub slots: Buffer,
+    /// Four u32; the first: how many packed slots some pixel fills.
+    pub active: Buffer,
+    pixels: usize,
+}
+
+/// Warps; owns its scratch memory.
+#[derive(Debug)]
+pub struct Warper {
+    gpu: Arc<Gpu>,
+    pool: Arc<Pool<Seen>>,
+    /// How.
+    pub options: WarpOptions,
+}
+
+#[derive(Debug)]
+struct WarpBackward;
+
+#[derive(Clone, Debug)]
+struct Saved {
+    gpu: Arc<Gpu>,
+    surface: Arc<Lease<Surface>>,
+    sources: Vec<(SourceView, SourceParams)>,
+    seen: Arc<Lease<Seen>>,
+    warped: CubeTensor,
+}
+
+impl Backward<CubeBackend, 1> for WarpBackward {
+    type State = Saved;
+
+    /// The gradient goes into the surface's own gradient buffers, which the rasterizer reads: the image, the parent, gets
+    /// none from here.
+    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let v_warped = grads.consume::<CubeBackend>(&ops.node);
+        ops.state.backward(&burn_wgpu::into_contiguous(v_warped));
+    }
+}
+
+impl Saved {
+    fn backward(&self, v_warped: &CubeTensor) {
+        let v = self.surface.v.as_ref().expect("a tracked surface has gradients");
+        let (warped, v_warped) = (Gpu::bind(&self.warped), Gpu::bind(v_warped));
+        let mut pass = Pass::new(&self.gpu, "warp backward");
+        for (source, params) in &self.sources {
+            let buffers: [&Buffer; 8] = [
+                &self.surface.median_depth,
+                &self.surface.slots,
+                &source.photo.texels,
+                &warped,
+                &self.seen.slots,
+                &v_warped,
+                &v.slots,
+                &v.median_depth,
+            ];
+            pass.grid(&WARP_BACKWARD, &buffers, bytes_of(params), tiles(params.size));
+        }
+        pass.submit();
+    }
+}
+
+fn tiles(size: [u32; 2]) -> [u32; 3] {
+    [size[0].div_ceil(TILE), size[1].div_ceil(TILE), 1]
+}
+
+fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOptions) -> SourceParams {
+    let (target, camera) = (&surface.camera, &source.camera);
+    let rotation = camera.view_from_world * target.view_from_world.transpose();
+    let translation = camera.translation - rotation * target.translation;
+    let r = rotation.transpose();
+    let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
+    SourceParams {
+        row0: row(r.x_axis, translation.x),
+        row1: row(r.y_axis, translation.y),
+        row2: row(r.z_axis, translation.z),
+        focal: target.focal.as_vec2().to_array(),
+        principal: surface.options.principal(target),
+        source_focal: camera.focal.as_vec2().to_array(),
+        source_principal: surface.options.principal(camera),
+        size: [target.width, target.height],
+        source_size: [camera.width, camera.height],
+        index: index as u32,
+        visible: options.visible,
+        slots: surface.options.slots,
+        agreement: options.agreement,
+    }
+}
+
+impl Warper {
+    /// A warper without any memory yet.
+    pub fn new(gpu: Arc<Gpu>, options: WarpOptions) -> Self {
+        Self { gpu, pool: Arc::default(), options }
+    }
+
+    fn scratch(&self, pixels: usize) -> Result<Seen, GpuError> {
+        if let Some(seen) = self.pool.take()
+            && seen.pixels >= pixels
+        {
+            return Ok(seen);
+        }
+        Ok(Seen {
+            slots: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
+            active: self.gpu.allocate("packed sources", 16)?,
+            pixels,
+        })
+    }
+
+    fn forward(&self, forward: &Forward, sources: &[SourceView]) -> Result<Saved, GpuError> {
+        let gpu = &*self.gpu;
+        let surface = forward.surface().expect("warping needs a surface");
+        assert!(!sources.is_empty(), "warping needs a source");
+        let Camera { width, height, .. } = surface.camera;
+        let pixels = width as usize * height as usize;
+        gpu.check_size("warped colours", 16 * (pixels * self.options.visible as usize) as u64)?;
+        let seen = self.scratch(pixels)?;
+        let warped = gpu.empty_like_shape(&forward.image, &[self.options.visible as usize, pixels, 4]);
+        let bound = Gpu::bind(&warped);
+        let mut pass = Pass::new(gpu, "warp");
+        pass.clear(&seen.active);
+        let mut used = Vec::with_capacity(sources.len());
+        for (index, source) in sources.iter().enumerate() {
+            let params = params(surface, source, index, &self.options);
+            let buffers: [&Buffer; 7] = [
+                &surface.median_depth,
+                &surface.slots,
+                &source.photo.texels,
+                &source.depth,
+                &bound,
+                &seen.slots,
+                &seen.active,
+            ];
+            pass.grid(&WARP, &buffers, bytes_of(&params), tiles(params.size));
+            used.push((source.clone(), params));
+        }
+        pass.submit();
+        let seen = Arc::new(self.pool.lease(seen));
+        Ok(Saved { gpu: self.gpu.clone(), surface: surface.clone(), sources: used, seen, warped })
+    }
+
+    /// Warps the sources, in their order: `[V, P, 4]`, the colour of the source in each packed slot and the cosine of the
+    /// angle between the viewing rays; zero where a slot is empty.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// Without a surface or a source: bugs of ours.
+    pub fn warp(&self, forward: &Forward, sources: &[SourceView]) -> Result<(Tensor<3>, Arc<Lease<Seen>>), GpuError> {
+        let saved = self.forward(forward, sources)?;
+        Ok((from_primitive(saved.warped), saved.seen))
+    }
+
+    /// As [`Warper::warp`] on the autodiff graph of the image that `forward` made. Gradients flow through the bilinear
+    /// reads, the weights, the median depth and the cosine.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// As [`Warper::warp`], or when the image is not tracked.
+    pub fn tracked(
+        &self,
+        image: &Tensor<3>,
+        forward: &Forward,
+        sources: &[SourceView],
+    ) -> Result<(Tensor<3>, Arc<Lease<Seen>>), GpuError> {
+        type Ad = Autodiff<CubeBackend>;
+        let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
+        let saved = self.forward(forward, sources)?;
+        let (warped, seen) = (saved.warped.clone(), saved.seen.clone());
+        let output = match WarpBackward.prepare::<NoCheckpointing>([image.node()]).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish(saved, warped),
+            OpsKind::UnTracked(prep) => prep.finish(warped),
+        };
+        Ok((Tensor::from_primitive::<Ad>(output), seen))
+    }
+}

@@ -1,0 +1,164 @@
+//! What a rasterizer pass with a surface gives beside the colour (method.md section 3), and the gradients by it.
+
+use super::{Inputs, RasterView, Rasterizer};
+use crate::camera::Camera;
+use crate::gpu::pool::Lease;
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use bytemuck::bytes_of;
+use ibgs_shaders::types::{Frame, SurfaceFrame};
+use ibgs_shaders::{PLANES, TILE};
+use std::sync::Arc;
+
+/// How the surface is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceOptions {
+    /// Median intersections a pixel, K: even, 2 to 8.
+    pub slots: u32,
+    /// Where a pixel's ray passes, in pixels from its upper left corner: 0.5, its centre. The published code has 0, half a
+    /// pixel from where it splats.
+    pub ray_offset: f64,
+}
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        Self { slots: 4, ray_offset: 0.5 }
+    }
+}
+
+impl SurfaceOptions {
+    /// Principal point in coordinates in which the pixel with index x lies at x.
+    pub(crate) fn principal(&self, camera: &Camera) -> [f32; 2] {
+        (camera.principal - self.ray_offset).as_vec2().to_array()
+    }
+
+    pub(super) fn frame(&self, view: &RasterView) -> SurfaceFrame {
+        let c = &view.camera;
+        SurfaceFrame {
+            background: view.background,
+            slots: self.slots,
+            focal: c.focal.as_vec2().to_array(),
+            principal: self.principal(c),
+            size: [c.width, c.height],
+            tiles: [c.width.div_ceil(TILE), c.height.div_ceil(TILE)],
+        }
+    }
+}
+
+/// The surface of one pass; P pixels row by row.
+#[derive(Debug)]
+pub struct Surface {
+    /// (n_c, D_c) of each Gaussian.
+    pub(super) planes: Buffer,
+    /// Sum of w n_c, camera space, not normalised, `[P, 3]`.
+    pub normal_map: Buffer,
+    /// Median depth, `[P]`, 0 where nothing is met.
+    pub median_depth: Buffer,
+    /// (view depth, weight) of the median intersections front to back, `[K, P]`; weight 0 where there is none.
+    pub slots: Buffer,
+    /// Their entries in the tile's list, `[K, P]`.
+    pub(super) slot_entries: Buffer,
+    /// Gradients of the loss by the normal map, the median depth and the slots. Zero after the forward pass; whoever uses the
+    /// surface adds to them before the rasterizer's own backward pass runs. Empty without gradients.
+    pub v: Option<SurfaceGradients>,
+    /// The target camera.
+    pub camera: Camera,
+    /// How it was found.
+    pub options: SurfaceOptions,
+    pub(super) frame: SurfaceFrame,
+    gaussians: usize,
+    pixels: usize,
+    values: usize,
+}
+
+/// Gradients by a [`Surface`].
+#[derive(Debug)]
+pub struct SurfaceGradients {
+    /// By the normal map, `[P, 3]`.
+    pub normal_map: Buffer,
+    /// By the median depth, `[P]`.
+    pub median_depth: Buffer,
+    /// By the slots' depths and weights, `[K, P]`.
+    pub slots: Buffer,
+}
+
+impl Surface {
+    fn new(
+        gpu: &Gpu,
+        count: usize,
+        view: &RasterView,
+        options: SurfaceOptions,
+        gradients: bool,
+    ) -> Result<Self, GpuError> {
+        let p = u64::from(view.camera.width) * u64::from(view.camera.height);
+        let values = p * u64::from(options.slots);
+        let by = || {
+            Ok(SurfaceGradients {
+                normal_map: gpu.allocate("normal gradients", 12 * p)?,
+                median_depth: gpu.allocate("depth gradients", 4 * p)?,
+                slots: gpu.allocate("intersection gradients", 8 * values)?,
+            })
+        };
+        Ok(Self {
+            planes: gpu.allocate("planes", 16 * count as u64)?,
+            normal_map: gpu.allocate("normal map", 12 * p)?,
+            median_depth: gpu.allocate("median depth", 4 * p)?,
+            slots: gpu.allocate("median intersections", 8 * values)?,
+            slot_entries: gpu.allocate("median intersections", 4 * values)?,
+            v: gradients.then(by).transpose()?,
+            camera: view.camera,
+            options,
+            frame: options.frame(view),
+            gaussians: count,
+            pixels: p as usize,
+            values: values as usize,
+        })
+    }
+
+    fn fits(&self, count: usize, values: usize, pixels: usize, gradients: bool) -> bool {
+        self.gaussians >= count
+            && self.gaussians <= 2 * count.max(1024)
+            && self.values >= values
+            && self.pixels >= pixels
+            && (self.v.is_some() || !gradients)
+    }
+
+    pub(super) fn record_planes(&self, pass: &mut Pass, inputs: &Inputs, frame: &Frame) {
+        record_planes(pass, inputs, &self.planes, frame);
+    }
+
+    pub(super) fn clear_gradients(&self, pass: &mut Pass) {
+        if let Some(v) = &self.v {
+            pass.clear(&v.normal_map);
+            pass.clear(&v.median_depth);
+            pass.clear(&v.slots);
+        }
+    }
+}
+
+pub(super) fn record_planes(pass: &mut Pass, inputs: &Inputs, planes: &Buffer, frame: &Frame) {
+    let bound = [&inputs.means, &inputs.normals, &inputs.offsets].map(Gpu::bind);
+    let [means, normals, offsets] = &bound;
+    pass.linear(&PLANES, &[means, normals, offsets, planes], bytes_of(frame), frame.count as usize);
+}
+
+impl Rasterizer {
+    pub(super) fn leased_surface(
+        &self,
+        count: usize,
+        view: &RasterView,
+        options: SurfaceOptions,
+        gradients: bool,
+    ) -> Result<Arc<Lease<Surface>>, GpuError> {
+        let pixels = view.camera.width as usize * view.camera.height as usize;
+        let free = self.surfaces.take().filter(|s| s.fits(count, pixels * options.slots as usize, pixels, gradients));
+        let surface = match free {
+            Some(free) => Surface { camera: view.camera, options, frame: options.frame(view), ..free },
+            None => {
+                // Whatever else is free is too small as well.
+                self.surfaces.clear();
+                Surface::new(&self.gpu, count, view, options, gradients)?
+            }
+        };
+        Ok(Arc::new(self.surfaces.lease(surface)))
+    }
+}

@@ -1,0 +1,30 @@
+// Rays and planes of a target view (method.md section 3); the Rust twin is `ibgs_shaders::types::SurfaceFrame`.
+struct SurfaceFrame {
+    background: vec3<f32>,
+    // Median intersections a pixel, K: even, 2 to 8.
+    slots: u32,
+    focal: vec2<f32>,
+    // The ray of the pixel with index x passes through (x - principal) / focal.
+    principal: vec2<f32>,
+    size: vec2<u32>,
+    tiles: vec2<u32>,
+}
+
+var<immediate> frame: SurfaceFrame;
+
+// Keeps the divisions of sections 3 and 5 finite.
+const SURFACE_EPSILON: f32 = 1e-8;
+// While the transmittance is above it an intersection enters the buffer `before`, then the buffer `after`.
+const MEDIAN_T: f32 = 0.5;
+// Entry of an empty slot.
+const NO_ENTRY: u32 = 0xffffffffu;
+
+fn pixel_ray(at: vec2<f32>) -> vec3<f32> {
+    return vec3((at - frame.principal) / frame.focal, 1.0);
+}
+
+// View depth at which a ray meets the plane (n_c, D_c); not positive where it does not, or only edge-on.
+fn plane_depth(plane: vec4<f32>, ray: vec3<f32>) -> f32 {
+    let slant = dot(plane.xyz, ray) + SURFACE_EPSILON;
+    return select(0.0, -plane.w / slant, slant < -SLANT_MIN);
+}

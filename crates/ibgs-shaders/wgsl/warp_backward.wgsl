@@ -1,0 +1,80 @@
+// One thread a pixel, one source a dispatch: adds the gradients by the median intersections and by the median depth. Departs
+// from the published code: the bilinear read is differentiated as it was done (method.md 10.3), and the cosine has a
+// derivative (10.4).
+#import source
+
+@group(0) @binding(0) var<storage, read> median_depth: array<f32>;
+@group(0) @binding(1) var<storage, read> slots: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read> photo: array<u32>;
+@group(0) @binding(3) var<storage, read> warped: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> seen: array<u32>;
+@group(0) @binding(5) var<storage, read> v_warped: array<vec4<f32>>;
+// By (view depth, weight).
+@group(0) @binding(6) var<storage, read_write> v_slots: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read_write> v_median_depth: array<f32>;
+
+struct Read {
+    valid: bool,
+    // Gradient of the loss by the colour read, times the colour, and the same along the texel coordinates.
+    color: f32,
+    slope: vec2<f32>,
+}
+
+fn read_photo(l: Landing, v: vec3<f32>) -> Read {
+    let t00 = photo[l.texel];
+    let t10 = photo[l.texel + 1u];
+    let t01 = photo[l.texel + params.source_size.x];
+    let t11 = photo[l.texel + params.source_size.x + 1u];
+    let c = vec4(
+        dot(v, unpack4x8unorm(t00).rgb),
+        dot(v, unpack4x8unorm(t10).rgb),
+        dot(v, unpack4x8unorm(t01).rgb),
+        dot(v, unpack4x8unorm(t11).rgb),
+    );
+    var read: Read;
+    read.valid = (t00 & t10 & t01 & t11 & 0x80000000u) != 0u;
+    read.color = dot(bilinear_weights(l.fraction), c);
+    read.slope = mix(vec2(c.y - c.x, c.z - c.x), vec2(c.w - c.z, c.w - c.y), l.fraction.yx);
+    return read;
+}
+
+@compute @workgroup_size(TILE, TILE)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.size) {
+        return;
+    }
+    let plane = params.size.x * params.size.y;
+    let p = id.y * params.size.x + id.x;
+    // The packed slot that this source has at this pixel.
+    var m = 0u;
+    while m < params.visible && ((seen[p] >> (8u * m)) & 255u) != params.index {
+        m++;
+    }
+    if m == params.visible {
+        return;
+    }
+    let v = v_warped[m * plane + p];
+    let ray = source_ray(id.xy);
+    let z = median_depth[p];
+    v_median_depth[p] += v.w * ray_cosine(ray, z).y;
+    let mean = dot(v.rgb, warped[m * plane + p].rgb);
+    var weights = SOURCE_EPSILON;
+    for (var k = 0u; k < params.slots; k++) {
+        let slot = slots[k * plane + p];
+        let l = land(ray, slot.x);
+        if slot.y > 0.0 && l.inside {
+            weights += select(0.0, slot.y, read_photo(l, v.rgb).valid);
+        }
+    }
+    for (var k = 0u; k < params.slots; k++) {
+        let at = k * plane + p;
+        let slot = slots[at];
+        let l = land(ray, slot.x);
+        if slot.y > 0.0 && l.inside {
+            let read = read_photo(l, v.rgb);
+            if read.valid {
+                v_slots[at] += vec2(dot(read.slope, l.slope) * slot.y, read.color - mean) / weights;
+            }
+        }
+    }
+}

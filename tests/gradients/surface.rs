@@ -1,0 +1,237 @@
+//! Median buffers, normal map and warping, forward and backward, against the twins and the golden data.
+
+use super::assert_gradient;
+use crate::common::{scene_splats, source_view, surface, values};
+use crate::reference::golden::{Golden, load_golden, load_golden_cloud, load_gradients};
+use crate::reference::random_scene::random_image;
+use crate::reference::surface_scene::*;
+use crate::reference::warp::Source;
+use crate::reference::{Model, geometry_backward::Cotangents, psnr, relative_error};
+use ibgs_core::fuse::{WarpOptions, Warper};
+use ibgs_core::raster::{RasterView, Rasterizer, SurfaceOptions};
+
+fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
+    let ideal = scene.model == Model::Ideal;
+    let usual = RasterView::new(scene.camera, scene.params.sh_degree as u32);
+    RasterView {
+        background: scene.background.map(|v| v as f32),
+        box_sigma: if ideal { 3.34 } else { usual.box_sigma },
+        tangent_limit: if ideal { 1e6 } else { usual.tangent_limit },
+        surface: Some(SurfaceOptions { slots: scene.k as u32, ray_offset }),
+        ..usual
+    }
+}
+
+fn warping(scene: &Scene) -> WarpOptions {
+    WarpOptions { visible: scene.sources.len() as u32, ..WarpOptions::default() }
+}
+
+fn random_cotangents(scene: &Scene, seed: u64) -> Cotangents {
+    let image = |salt: u64| random_image(scene.camera.width, scene.camera.height, -1.0, 1.0, 100 * seed + salt);
+    let scalars = |salt: u64| image(salt).into_iter().map(|v| v[0]);
+    let visible = scene.sources.len() as u64;
+    Cotangents {
+        base: image(0),
+        normal: image(1),
+        depth: scalars(2).collect(),
+        warped: (0..visible).flat_map(|m| image(3 + m)).collect(),
+        cosine: (0..visible).flat_map(|m| scalars(10 + m)).collect(),
+    }
+}
+
+/// All outputs on the GPU within `tolerance` of the twin's, by the 2-norm.
+fn assert_outputs(what: &str, ours: &Cotangents, truth: &Cotangents, tolerance: f64) {
+    let pairs = [
+        ("base", ours.base.as_flattened(), truth.base.as_flattened()),
+        ("normal", ours.normal.as_flattened(), truth.normal.as_flattened()),
+        ("depth", &ours.depth[..], &truth.depth[..]),
+        ("warped", ours.warped.as_flattened(), truth.warped.as_flattened()),
+        ("cosine", &ours.cosine[..], &truth.cosine[..]),
+    ];
+    for (name, ours, truth) in pairs {
+        assert!(truth.iter().any(|v| *v != 0.0), "{what} {name}: nothing to compare");
+        let error = relative_error(ours, truth);
+        println!("{what} {name}: {error:.1e}");
+        assert!(error <= tolerance, "{what} {name}: relative error {error:e}");
+    }
+}
+
+#[test]
+fn golden_surface_gradients() {
+    for file in FILES {
+        let Some(golden) = load_gradients(file) else { return };
+        let (scene, v) = (golden_scene(&golden), golden_cotangents(&golden));
+        for group in GROUPS {
+            let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &only(&v, group));
+            if group == "all" {
+                assert_outputs(file, &ours.outputs, &scene.outputs(), 1e-5);
+                let slot: Vec<f64> = ours.slot.iter().map(|s| f64::from(*s)).collect();
+                assert_eq!(slot, golden.arrays.get("out/slot").data, "{file} out/slot");
+                assert_eq!(ours.active as usize, scene.sources.len(), "{file}: packed slots in use");
+            }
+            for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
+                let truth = golden.grad(group, name);
+                assert!(independent(group, name) || truth.iter().any(|v| *v != 0.0), "{file} {group}/{name}");
+                assert_gradient(&format!("{file} {group}/{name}"), ours.grad(name), truth, 1e-3);
+            }
+        }
+    }
+}
+
+#[test]
+fn random_walls_follow_the_twin() {
+    for (seed, k) in [(1, 4), (2, 2), (3, 8), (4, 6)] {
+        let mut scene = wall(seed, k);
+        for photo in scene.sources.iter_mut().map(|source| &mut source.photo) {
+            photo.iter_mut().flatten().for_each(|v| *v = (*v * 255.0).round() / 255.0);
+        }
+        let v = random_cotangents(&scene, seed);
+        let (geometry, _) = scene.run();
+        let truth = scene.grads(&geometry, &v);
+        let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
+        assert_outputs(&format!("wall {seed}"), &ours.outputs, &scene.outputs(), 2e-5);
+        for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
+            assert_gradient(&format!("wall {seed} {name}"), ours.grad(name), grad(&truth, name), 1e-3);
+        }
+    }
+}
+
+/// The depth-only pass gives the very same depths as the full one.
+#[test]
+fn depth_maps_are_the_median_depths() {
+    for (seed, k) in [(1, 4), (2, 2), (3, 8)] {
+        let scene = wall(seed, k);
+        let view = view_of(&scene, 0.5);
+        let pixels = (scene.camera.width * scene.camera.height) as usize;
+        let full = surface(&scene, &view, warping(&scene), &Cotangents::zeros(pixels, scene.sources.len()));
+        let raster = Rasterizer::new(crate::common::gpu());
+        let map = raster.depth_map(&scene_splats(&scene), &view).unwrap();
+        let alone: Vec<f32> = raster.gpu().read(&map, pixels).unwrap();
+        let error = relative_error(&alone.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), &full.outputs.depth);
+        println!("wall {seed}: {error:.1e}");
+        assert!(error < 1e-6, "wall {seed}: {error:e}");
+    }
+}
+
+/// Without any gradient by them, surface and warping leave the base's gradients as they are.
+#[test]
+fn an_unused_surface_changes_no_gradient() {
+    let scene = wall(5, 4);
+    let v = only(&random_cotangents(&scene, 5), "base");
+    let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
+    let plain = RasterView { surface: None, ..view_of(&scene, 0.5) };
+    let base = crate::common::gradients(&scene.params, &plain, &v.base);
+    for (tensor, name) in crate::reference::Tensor::ALL.into_iter().zip(TENSORS) {
+        let error = relative_error(ours.grad(name), base.get(tensor));
+        assert!(error < 1e-6, "{name}: {error:e}");
+    }
+    assert!(ours.grad("normal").iter().chain(ours.grad("offset")).all(|v| *v == 0.0));
+}
+
+/// The published model with the source photos and depth maps of its dump.
+fn golden_dump() -> Option<(Golden, Scene)> {
+    let (golden, cloud) = (load_golden()?, load_golden_cloud()?);
+    let depths = &golden.arrays.get("src_depths").data;
+    let pixels = (golden.camera.width * golden.camera.height) as usize;
+    let source = |(i, camera): (usize, &ibgs_core::camera::Camera)| Source {
+        camera: *camera,
+        photo: golden.arrays.get("src_images").image(i).into_iter().map(byte_color).collect(),
+        depth: depths[i * pixels..][..pixels].to_vec(),
+    };
+    let scene = Scene {
+        params: cloud.params,
+        planes: crate::reference::geometry::PlaneParams { normals: cloud.normals, offsets: cloud.offsets },
+        camera: golden.camera,
+        background: [0.0; 3],
+        sources: golden.source_cameras.iter().enumerate().map(source).collect(),
+        k: 4,
+        model: Model::Tiled,
+    };
+    Some((golden, scene))
+}
+
+fn quantile(values: &mut [f64], at: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * at).round() as usize]
+}
+
+#[test]
+fn a_published_model_gives_its_surface_and_warped_colours() {
+    let Some((golden, scene)) = golden_dump() else { return };
+    let pixels = (scene.camera.width * scene.camera.height) as usize;
+    let zero = Cotangents::zeros(pixels, 4);
+    let ours = surface(&scene, &view_of(&scene, 0.0), warping(&scene), &zero);
+    let truth = &golden.arrays.get("median_intersected_depth").data;
+    let mut errors: Vec<f64> = ours.outputs.depth.iter().zip(truth).map(|(a, b)| (a - b).abs() / b.max(1e-6)).collect();
+    let (median, p99) = (quantile(&mut errors, 0.5), quantile(&mut errors, 0.99));
+    println!("median depth: relative error {median:.1e} in the median, {p99:.1e} at 99 %");
+    assert!(median <= 1e-6 && p99 <= 1e-5);
+    let normals = golden.arrays.get("rendered_normal").image(0);
+    let db = psnr(ours.outputs.normal.as_flattened(), normals.as_flattened());
+    println!("normal map: {db:.1} dB");
+    assert!(db >= 75.0);
+
+    let feature = golden.arrays.get("cam_feat");
+    let filled = |m: usize, p: usize| (0..4).any(|c| feature.data[(m * 4 + c) * pixels + p] != 0.0);
+    let counts: Vec<usize> = (0..pixels).map(|p| (0..4).filter(|&m| filled(m, p)).count()).collect();
+    let ours_count = |p: usize| (0..4).filter(|&m| ours.slot[m * pixels + p] >= 0).count();
+    let equal: Vec<usize> = (0..pixels).filter(|&p| ours_count(p) == counts[p]).collect();
+    let share = equal.len() as f64 / pixels as f64;
+    println!("visible sources: equal number at {:.3} % of the pixels", 100.0 * share);
+    assert!(share >= 0.9995);
+    for m in 0..4 {
+        let published = golden.arrays.get("warped_image").image(m);
+        let both: Vec<usize> = equal.iter().copied().filter(|&p| counts[p] > m).collect();
+        let pick = |image: &dyn Fn(usize) -> [f64; 3]| both.iter().flat_map(|&p| image(p)).collect::<Vec<_>>();
+        let db = psnr(&pick(&|p| ours.outputs.warped[m * pixels + p]), &pick(&|p| published[p]));
+        println!("warped colours, slot {m}: {db:.1} dB over {} pixels", both.len());
+        assert!(db >= 75.0);
+    }
+}
+
+#[test]
+fn a_published_models_surface_gradients_follow_the_twin() {
+    let Some((_, scene)) = golden_dump() else { return };
+    let v = random_cotangents(&scene, 7);
+    let (geometry, _) = scene.run();
+    let truth = scene.grads(&geometry, &v);
+    let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
+    for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
+        assert_gradient(&format!("published model {name}"), ours.grad(name), grad(&truth, name), 2e-3);
+    }
+}
+
+/// The same input gives the same bits.
+#[test]
+fn surface_results_repeat_bit_for_bit() {
+    let scene = wall(6, 4);
+    let v = random_cotangents(&scene, 6);
+    let run = || surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
+    let first = run();
+    for _ in 0..3 {
+        let again = run();
+        assert!(first.outputs == again.outputs && first.slot == again.slot && first.grads == again.grads);
+    }
+}
+
+/// Masked texels are not read: a source that is masked all over is seen nowhere.
+#[test]
+fn masked_sources_are_not_seen() {
+    let scene = wall(1, 4);
+    let raster = crate::common::rasterizer();
+    let gpu = raster.gpu().clone();
+    let mut sources: Vec<_> = scene.sources.iter().map(source_view).collect();
+    let camera = scene.sources[0].camera;
+    let blank = ibgs_core::dataset::Photo {
+        width: camera.width,
+        height: camera.height,
+        rgba: vec![100; 4 * (camera.width * camera.height) as usize],
+    };
+    sources[0].photo = ibgs_core::loss::Target::upload(&gpu, &blank).unwrap();
+    let forward = raster.surface(&scene_splats(&scene), &view_of(&scene, 0.5)).unwrap();
+    let (warped, seen) = Warper::new(gpu.clone(), warping(&scene)).warp(&forward, &sources).unwrap();
+    let pixels = (scene.camera.width * scene.camera.height) as usize;
+    let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
+    assert!(packed.iter().all(|word| word & 255 != 0) && packed.iter().any(|word| word & 255 == 1));
+    assert!(values(warped).iter().any(|v| *v != 0.0));
+}
