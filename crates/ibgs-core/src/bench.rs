@@ -82,7 +82,7 @@ pub fn measure(raster: &Rasterizer, splats: &Splats, camera: &Camera, iterations
     let rgba = picture.to_rgb8().chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
     let target = Target::upload(&gpu, &Photo { width: camera.width, height: camera.height, rgba })?;
     let loss = ImageLoss::new(gpu.clone(), 0.2);
-    let mut optimizer = Optimizer::new(&gpu, splats, AdamConfig::default())?;
+    let mut optimizer = Optimizer::new(&gpu, splats, AdamConfig::default(), false)?;
     let rates = Rates::new(&LearningRates::default(), 1e-6);
     let mut iterate = || -> Result<(), GpuError> {
         let leaves = Leaves::new(splats);

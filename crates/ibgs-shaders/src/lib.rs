@@ -186,6 +186,9 @@ kernels! {
     /// Adam.
     ADAM = "adam" [256, 1, 1] (size_of::<types::AdamParams>()):
         read("gradient"), write("values"), write("moment1"), write("moment2");
+    /// Plane normals from the shortest axes.
+    SHORTEST_AXIS = "shortest_axis" [256, 1, 1] (size_of::<types::Frame>()):
+        read("rotations"), read("log_scales"), write("normals"), write("plane_offsets");
     /// Densification statistics.
     DENSIFY_OBSERVE = "densify_observe" [256, 1, 1] (size_of::<types::ObserveParams>()):
         read("v_screen"), read("projected"), write("statistics");

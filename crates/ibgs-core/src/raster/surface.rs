@@ -4,9 +4,10 @@ use super::{Inputs, RasterView, Rasterizer};
 use crate::camera::Camera;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::scene::Splats;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{Frame, SurfaceFrame};
-use ibgs_shaders::{PLANES, TILE};
+use ibgs_shaders::{PLANES, SHORTEST_AXIS, TILE};
 use std::sync::Arc;
 
 /// How the surface is found.
@@ -142,6 +143,18 @@ pub(super) fn record_planes(pass: &mut Pass, inputs: &Inputs, planes: &Buffer, f
 }
 
 impl Rasterizer {
+    /// Sets every plane's normal to its Gaussian's shortest axis and its offset to 0 (method.md section 1), in place.
+    pub fn shape_normals(&self, splats: &Splats) {
+        let inputs = Inputs::of(splats);
+        let bound = [&inputs.rotations, &inputs.log_scales, &inputs.normals, &inputs.offsets].map(Gpu::bind);
+        let frame = Frame { count: inputs.count() as u32, ..Frame::default() };
+        let mut pass = Pass::new(&self.gpu, "shape normals");
+        let [rotations, log_scales, normals, offsets] = &bound;
+        let buffers: [&Buffer; 4] = [rotations, log_scales, normals, offsets];
+        pass.linear(&SHORTEST_AXIS, &buffers, bytes_of(&frame), inputs.count());
+        pass.submit();
+    }
+
     pub(super) fn leased_surface(
         &self,
         count: usize,

@@ -199,7 +199,9 @@ impl Statistics {
     /// # Errors
     /// When the device is lost.
     pub fn observations(&self, gpu: &Gpu, optimizer: &Optimizer) -> Result<Observations, GpuError> {
-        let [means, rotations, log_scales, opacity_logits, _] = optimizer.slots();
+        let [means, rotations, log_scales, opacity_logits, ..] = optimizer.slots() else {
+            unreachable!("an optimiser has the base's slots")
+        };
         Ok(Observations {
             statistics: gpu.read(&self.values, self.count)?,
             means: gpu.read(&means.parameter, self.count)?,

@@ -1,47 +1,95 @@
-//! Adam for the Gaussians (method.md section 1): one fused kernel a tensor, in place, all in one submit.
+//! Adam for the Gaussians and the network (method.md sections 1 and 6): one fused kernel a tensor, in place.
 
 use super::config::{AdamConfig, LearningRates};
 use crate::gpu::buffer::primitive;
 use crate::gpu::{Bound, Buffer, Gpu, GpuError, Pass};
 use crate::raster::RasterGradients;
 use crate::scene::Splats;
+use burn_cubecl::tensor::CubeTensor;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{AdamParams, OpacityResetParams};
 use ibgs_shaders::{ADAM, OPACITY_RESET};
 
-/// Parameter tensors that base training moves.
-pub const TENSORS: usize = 5;
+/// Slots of the base colour and of the planes: normals and offsets.
+const BASE: usize = 5;
+const PLANES: usize = 2;
 const OPACITY: usize = 3;
 
-/// Rates of one step; `rest` is for the spherical harmonics beyond the constant.
+/// Rates of one step, a pair a slot: the second is for the spherical harmonics beyond the constant.
 #[derive(Clone, Copy, Debug)]
-pub struct Rates {
-    /// Means, in world units.
-    pub means: f64,
-    /// The constant rates.
-    pub fixed: [f64; 3],
-    /// Constant and higher spherical harmonics.
-    pub sh: [f64; 2],
-}
+pub struct Rates([[f64; 2]; BASE + PLANES]);
 
 impl Rates {
-    /// The rates of one iteration.
+    /// The rates of one iteration; `mean` is in world units.
     pub fn new(rates: &LearningRates, mean: f64) -> Self {
-        Self {
-            means: mean,
-            fixed: [rates.rotation, rates.scale, rates.opacity],
-            sh: [rates.sh_dc, rates.sh_dc / rates.sh_rest_divisor],
+        Self([
+            [mean; 2],
+            [rates.rotation; 2],
+            [rates.scale; 2],
+            [rates.opacity; 2],
+            [rates.sh_dc, rates.sh_dc / rates.sh_rest_divisor],
+            [rates.normal; 2],
+            [mean * rates.offset_factor; 2],
+        ])
+    }
+}
+
+impl Slot {
+    fn params(&self, config: &AdamConfig, rate: f64, steps: i32) -> AdamParams {
+        let correction = |beta: f64| (1.0 / (1.0 - beta.powi(steps))) as f32;
+        AdamParams {
+            count: self.count as u32,
+            row: self.row as u32,
+            head: self.row as u32,
+            rate: rate as f32,
+            rate_rest: rate as f32,
+            beta1: config.beta1 as f32,
+            beta2: config.beta2 as f32,
+            eps: config.epsilon as f32,
+            correction1: correction(config.beta1),
+            correction2: correction(config.beta2),
         }
+    }
+}
+
+/// Adam for a single tensor with one rate: the residual network's weights.
+pub struct TensorOptimizer {
+    slot: Slot,
+    config: AdamConfig,
+    steps: i32,
+}
+
+impl TensorOptimizer {
+    /// Moments at zero.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, parameter: &CubeTensor, config: AdamConfig) -> Result<Self, GpuError> {
+        let count: usize = parameter.meta.shape().iter().product();
+        let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
+        let slot = Slot { parameter: Gpu::bind(parameter), moments: [moment()?, moment()?], count, row: 1 };
+        Ok(Self { slot, config, steps: 0 })
+    }
+
+    /// Moves the tensor one step.
+    pub fn step(&mut self, gpu: &Gpu, gradient: &CubeTensor, rate: f64) {
+        self.steps += 1;
+        let params = self.slot.params(&self.config, rate, self.steps);
+        let [first, second] = &self.slot.moments;
+        let mut pass = Pass::new(gpu, "adam");
+        let buffers: [&Buffer; 4] = [&Gpu::bind(gradient), &self.slot.parameter, first, second];
+        pass.linear(&ADAM, &buffers, bytes_of(&params), self.slot.count);
+        pass.submit();
     }
 }
 
 /// First and second moments of every parameter, and the parameters' own memory.
 pub struct Optimizer {
-    /// (parameter, first moment, second moment) in the order means, rotations, log scales, opacities, SH.
-    slots: [Slot; TENSORS],
+    /// Means, rotations, log scales, opacities, SH and, where planes are trained, normals and offsets.
+    slots: Vec<Slot>,
     config: AdamConfig,
-    /// Steps taken.
-    steps: i32,
+    /// Steps taken by the base and by the planes, which begin later.
+    steps: [i32; 2],
 }
 
 /// One parameter tensor with its moments.
@@ -53,79 +101,73 @@ pub(super) struct Slot {
     pub row: usize,
 }
 
-fn slots(splats: &Splats) -> [(Bound, usize, usize); TENSORS] {
-    let gpu_tensors = [
+fn parameters(splats: &Splats, planes: bool) -> Vec<(Bound, usize, usize)> {
+    let mut tensors = vec![
         primitive(splats.means.val()),
         primitive(splats.rotations.val()),
         primitive(splats.log_scales.val()),
         primitive(splats.opacity_logits.val()),
         primitive(splats.sh.val()),
     ];
-    gpu_tensors.map(|tensor| {
+    if planes {
+        tensors.extend([primitive(splats.normals.val()), primitive(splats.offsets.val())]);
+    }
+    let slot = |tensor: CubeTensor| {
         let shape = tensor.meta.shape();
         let count: usize = shape.iter().product();
         let row = shape.iter().skip(1).product();
         (Gpu::bind(&tensor), count, row)
-    })
+    };
+    tensors.into_iter().map(slot).collect()
 }
 
 impl Optimizer {
-    /// Moments at zero.
+    /// Moments at zero; `planes`: normals and offsets are trained too.
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig) -> Result<Self, GpuError> {
-        let mut made = Vec::with_capacity(TENSORS);
-        for (parameter, count, row) in slots(splats) {
+    pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, planes: bool) -> Result<Self, GpuError> {
+        let slot = |(parameter, count, row): (Bound, usize, usize)| {
             let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
-            made.push(Slot { parameter, moments: [moment()?, moment()?], count, row });
-        }
-        let slots = made.try_into().unwrap_or_else(|_| unreachable!("one slot a tensor"));
-        Ok(Self { slots, config, steps: 0 })
+            Ok(Slot { parameter, moments: [moment()?, moment()?], count, row })
+        };
+        let slots = parameters(splats, planes).into_iter().map(slot).collect::<Result<_, GpuError>>()?;
+        Ok(Self { slots, config, steps: [0; 2] })
     }
 
-    pub(super) fn slots(&self) -> &[Slot; TENSORS] {
+    pub(super) fn slots(&self) -> &[Slot] {
         &self.slots
     }
 
     /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the slots.
     pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer; 2]>) -> Self {
-        let mut moments = moments.into_iter();
-        let slots = slots(splats).map(|(parameter, count, row)| Slot {
-            parameter,
-            moments: moments.next().expect("moments of every tensor"),
-            count,
-            row,
-        });
+        let parameters = parameters(splats, self.slots.len() > BASE).into_iter();
+        let slot = |((parameter, count, row), moments)| Slot { parameter, moments, count, row };
+        let slots = parameters.zip(moments).map(slot).collect();
         Self { slots, config: self.config.clone(), steps: self.steps }
     }
 
-    /// Moves every parameter one step.
+    /// Moves every parameter that has a gradient one step.
     pub fn step(&mut self, gpu: &Gpu, gradients: RasterGradients, rates: &Rates) {
-        self.steps += 1;
-        let RasterGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes: _ } = gradients;
-        let gradients =
-            [primitive(means), primitive(rotations), primitive(log_scales), primitive(opacity_logits), primitive(sh)];
-        let bound = gradients.each_ref().map(Gpu::bind);
-        let correction = |beta: f64| (1.0 / (1.0 - beta.powi(self.steps))) as f32;
-        let [rotation, scale, opacity] = rates.fixed;
-        let pairs = [[rates.means; 2], [rotation; 2], [scale; 2], [opacity; 2], rates.sh];
+        let RasterGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes } = gradients;
+        let mut tensors = vec![
+            primitive(means),
+            primitive(rotations),
+            primitive(log_scales),
+            primitive(opacity_logits),
+            primitive(sh),
+        ];
+        self.steps[0] += 1;
+        if let Some((normals, offsets)) = planes {
+            tensors.extend([primitive(normals), primitive(offsets)]);
+            self.steps[1] += 1;
+        }
         let mut pass = Pass::new(gpu, "adam");
-        for ((slot, gradient), [rate, rate_rest]) in self.slots.iter().zip(&bound).zip(pairs) {
-            let params = AdamParams {
-                count: slot.count as u32,
-                row: slot.row as u32,
-                head: 3,
-                rate: rate as f32,
-                rate_rest: rate_rest as f32,
-                beta1: self.config.beta1 as f32,
-                beta2: self.config.beta2 as f32,
-                eps: self.config.epsilon as f32,
-                correction1: correction(self.config.beta1),
-                correction2: correction(self.config.beta2),
-            };
+        for (i, ((slot, gradient), [rate, rate_rest])) in self.slots.iter().zip(&tensors).zip(rates.0).enumerate() {
+            let steps = self.steps[usize::from(i >= BASE)];
+            let params = AdamParams { head: 3, rate_rest: rate_rest as f32, ..slot.params(&self.config, rate, steps) };
             let [first, second] = &slot.moments;
-            let buffers: [&Buffer; 4] = [gradient, &slot.parameter, first, second];
+            let buffers: [&Buffer; 4] = [&Gpu::bind(gradient), &slot.parameter, first, second];
             pass.linear(&ADAM, &buffers, bytes_of(&params), slot.count);
         }
         pass.submit();

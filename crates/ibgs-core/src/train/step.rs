@@ -90,7 +90,7 @@ impl Trainer {
         let trainer = Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations),
-            optimizer: Optimizer::new(&gpu, &splats, config.adam.clone())?,
+            optimizer: Optimizer::new(&gpu, &splats, config.adam.clone(), false)?,
             statistics: Statistics::new(&gpu, splats.len())?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
