@@ -1,1 +1,4 @@
 //! What the photos of neighbouring training views tell about a target view (method.md sections 4, 5 and 8).
+
+pub mod memory;
+pub mod sources;

@@ -1,0 +1,3 @@
+//! Sources: their choice, their photos and their depth maps.
+
+mod sources;
