@@ -10,6 +10,7 @@ mod dataset;
 mod dataset_photos;
 mod dataset_real;
 mod demo;
+mod fuse;
 mod gradients;
 mod kernels;
 mod reference;

@@ -1,5 +1,7 @@
 //! `ibgs train`
 
+mod stages;
+
 use super::{load_scene, open_gpu, protocol, score_test_views};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
@@ -14,6 +16,7 @@ use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
 use ibgs_core::train::output::results::means;
 use ibgs_core::train::output::{Existing, OutputFolder};
 use indicatif::{ProgressBar, ProgressStyle};
+use stages::StageArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,8 +43,8 @@ pub struct Args {
     /// Options file (TOML), as an earlier run wrote it.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// What to train: `3dgs` is plain 3D Gaussian splatting.
-    #[arg(long, value_parser = ["3dgs"])]
+    /// What to train: `ibgs` with a residual from neighbouring photos; `3dgs` is plain 3D Gaussian splatting.
+    #[arg(long, value_parser = ["ibgs", "3dgs"])]
     method: Option<String>,
     /// Divide the photos by 1, 2, 4 or 8, or resize them to a width in pixels.
     #[arg(short, long)]
@@ -106,6 +109,8 @@ pub struct Args {
     /// White in place of black behind the Gaussians.
     #[arg(long)]
     white_background: bool,
+    #[command(flatten)]
+    stages: StageArgs,
     /// Adapter by number or part of its name; `ibgs info` lists them.
     #[arg(long)]
     adapter: Option<String>,
@@ -130,8 +135,10 @@ impl Args {
     /// The options file with the command line on top.
     fn config(&self) -> Result<TrainConfig> {
         let mut c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
-        if self.method.is_some() {
-            c.method = Method::Gs3;
+        match self.method.as_deref() {
+            Some("ibgs") => c.method = Method::Ibgs,
+            Some(_) => c.method = Method::Gs3,
+            None => {}
         }
         // The model is opened from other folders too.
         let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
@@ -157,6 +164,7 @@ impl Args {
         set_some(&mut c.save_iterations, &self.save_iterations);
         set(&mut c.seed, &self.seed);
         c.white_background |= self.white_background;
+        self.stages.apply(&mut c);
         Ok(c)
     }
 }

@@ -20,6 +20,7 @@ pub mod fuse;
 pub mod gpu;
 pub mod image_io;
 pub mod loss;
+pub mod picture;
 pub mod raster;
 pub mod render;
 pub mod residual;

@@ -3,3 +3,7 @@
 mod warp;
 
 pub use warp::{Seen, SourceView, WarpOptions, Warper};
+pub mod depth_cache;
+pub mod memory;
+pub mod source_store;
+pub mod sources;

@@ -19,9 +19,12 @@ use std::sync::Arc;
 /// A photo on the device: RGBA, one byte a channel; alpha under one half leaves the loss.
 #[derive(Clone, Debug)]
 pub struct Target {
+    /// One `u32` a pixel, red in the lowest byte.
     pub(crate) texels: Buffer,
     /// Width and height in pixels.
     pub size: [u32; 2],
+    /// Counts the clones: a store does not give the memory to another photo while there is one.
+    pub(crate) held: Arc<()>,
 }
 
 impl Target {
@@ -31,7 +34,17 @@ impl Target {
     /// Not enough memory.
     pub fn upload(gpu: &Gpu, photo: &Photo) -> Result<Self, GpuError> {
         let texels = gpu.upload("photo", &photo.rgba)?;
-        Ok(Self { texels, size: [photo.width, photo.height] })
+        Ok(Self::new(texels, [photo.width, photo.height]))
+    }
+
+    /// Texels that are on the device, and the size of the photo they make.
+    pub(crate) fn new(texels: Buffer, size: [u32; 2]) -> Self {
+        Self { texels, size, held: Arc::default() }
+    }
+
+    /// The texels: one `u32` a pixel, red in the lowest byte.
+    pub fn texels(&self) -> &Buffer {
+        &self.texels
     }
 }
 

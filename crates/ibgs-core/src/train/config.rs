@@ -1,10 +1,14 @@
-//! The options of a training run: every constant of method.md that base training uses, with its reference default.
+//! The options of a training run: every constant of method.md, with its reference default.
 //!
 //! Written to `config.toml` of the output folder and read back with `--config`. A milestone that is left out
 //! follows the number of iterations (see [`Schedule`](super::schedule::Schedule)).
 
 mod check;
 mod defaults;
+mod stages;
+
+pub use crate::fuse::sources::SourceOptions;
+pub use stages::{ExposureConfig, ResidualConfig, SurfaceConfig};
 
 use crate::files::{self, WriteError};
 use serde::{Deserialize, Serialize};
@@ -16,8 +20,11 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Method {
-    /// Plain 3D Gaussian splatting: the base colour alone (method.md section 2).
+    /// Image-based Gaussian splatting: the base colour and a residual from the photos of neighbouring views.
     #[default]
+    #[serde(rename = "ibgs")]
+    Ibgs,
+    /// Plain 3D Gaussian splatting: the base colour alone (method.md section 2).
     #[serde(rename = "3dgs")]
     Gs3,
 }
@@ -60,6 +67,14 @@ pub struct TrainConfig {
     pub densify: DensifyConfig,
     /// Opacity resets.
     pub opacity_reset: OpacityResetConfig,
+    /// Which training views are the sources of a view, and how they are read.
+    pub sources: SourceOptions,
+    /// Median intersections and surface losses.
+    pub surface: SurfaceConfig,
+    /// The residual network.
+    pub residual: ResidualConfig,
+    /// Exposure correction.
+    pub exposure: ExposureConfig,
 }
 
 /// Where the photos come from and how they are prepared.
@@ -256,6 +271,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::residual::variant::Inputs;
 
     fn load(text: &str) -> Result<TrainConfig, ConfigError> {
         let folder = tempfile::tempdir().unwrap();
@@ -276,9 +292,15 @@ mod tests {
         config.eval_iterations = Some(vec![1, 2, 300]);
         config.densify.end = Some(1234);
         config.learning_rates.mean_initial = 1.0 / 3.0;
+        config.sources.memory = "1.5GiB".parse().unwrap();
+        config.sources.max_distance = Some(4.5);
+        config.residual.halve_at = Some(vec![]);
+        config.residual.inputs = Inputs::DifferencesOnly;
         config.save(&path).unwrap();
         assert_eq!(TrainConfig::load(&path).unwrap(), config);
         assert_eq!(load("").unwrap(), TrainConfig::default());
+        let some = "method = \"ibgs\"\n[sources]\ndistances = \"absolute\"\nmax-angle-deg = 50\n[residual]\nfactor = 1";
+        assert_eq!(load(some).unwrap().sources.max_angle_deg, 50.0);
     }
 
     #[test]
@@ -288,6 +310,9 @@ mod tests {
         assert!(text.contains("`intervall`") && !text.contains('\n'), "{text}");
         assert!(load("method = \"4dgs\"").is_err());
         assert!(load("iterations = -1").is_err());
+        let text = load("[sources]\nmemory = \"much\"").unwrap_err().to_string();
+        assert!(text.contains("line 2") && text.contains("512MiB"), "{text}");
+        assert!(load("[residual]\ninputs = \"all\"").unwrap_err().to_string().contains("differences-only"));
         assert!(load("iterations = ").is_err());
     }
 
@@ -306,6 +331,16 @@ mod tests {
             ("[densify]\ninterval = 0", "densify.interval"),
             ("[densify]\nsplit-divisor = inf", "densify.split-divisor"),
             ("[opacity-reset]\nmax-opacity = 1.5", "opacity-reset.max-opacity"),
+            ("[sources]\nmax-angle-deg = 0", "sources.max-angle-deg"),
+            ("[sources]\nused = 9", "sources.used"),
+            ("[sources]\nneighbours = 3", "sources.neighbours"),
+            ("[sources]\nvisible = 0", "sources.visible"),
+            ("[sources]\nmin-distance = 2.0\nmax-distance = 1.0", "sources.max-distance"),
+            ("[surface]\nintersections = 3", "surface.intersections"),
+            ("[residual]\nfactor = 0.3", "residual.factor"),
+            ("[residual]\nhalve-at = [0]", "residual.halve-at"),
+            ("[residual]\nburn-in-gain = -0.5", "residual.burn-in-gain"),
+            ("[exposure]\nlearning-rate = nan", "exposure.learning-rate"),
         ];
         for (text, field) in cases {
             let message = load(text).unwrap_err().to_string();

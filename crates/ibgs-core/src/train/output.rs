@@ -8,6 +8,7 @@
 //! ```
 
 pub mod cameras;
+pub mod multi_view;
 pub mod results;
 
 use super::config::{ConfigError, TrainConfig};
@@ -15,6 +16,7 @@ use crate::dataset::Dataset;
 use crate::files::{self, WriteError};
 use crate::scene::{SceneError, write_points_ply};
 use cameras::{CameraRecord, Split};
+use multi_view::ViewSources;
 use results::{Protocol, ViewScore};
 use std::fs;
 use std::io;
@@ -212,6 +214,25 @@ impl OutputFolder {
         let path = self.cameras_path();
         let text = fs::read_to_string(&path).map_err(|source| OutputError::Read { path: path.clone(), source })?;
         cameras::from_json(&text).map_err(|reason| OutputError::Damaged { path, reason })
+    }
+
+    /// Writes the sources of each view to `multi_view.json`.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn write_multi_view(&self, views: &[ViewSources]) -> Result<(), OutputError> {
+        let write = |out: &mut dyn io::Write| out.write_all(multi_view::to_text(views)?.as_bytes());
+        Ok(files::write_atomically(&self.root.join("multi_view.json"), write)?)
+    }
+
+    /// Reads `multi_view.json`.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Damaged`] naming the line.
+    pub fn read_multi_view(&self) -> Result<Vec<ViewSources>, OutputError> {
+        let path = self.root.join("multi_view.json");
+        let text = fs::read_to_string(&path).map_err(|source| OutputError::Read { path: path.clone(), source })?;
+        multi_view::from_text(&text).map_err(|reason| OutputError::Damaged { path, reason })
     }
 
     /// Adds the scores of the base image at `iteration` to `results_renders.json` and `per_view_renders.json`, which

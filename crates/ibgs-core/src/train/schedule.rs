@@ -1,5 +1,9 @@
 //! When things happen in a training run (method.md section 7), with milestones resolved for its length.
 
+mod stages;
+
+pub use stages::Stages;
+
 use super::config::TrainConfig;
 
 /// Length of the run that the reference milestones belong to.
@@ -53,6 +57,8 @@ pub struct Schedule {
     pub eval_iterations: Vec<u32>,
     /// Iterations to save at, besides the last.
     pub save_iterations: Vec<u32>,
+    /// Milestones of the image-based stages; none for plain splatting.
+    pub stages: Option<Stages>,
 }
 
 impl Schedule {
@@ -90,6 +96,7 @@ impl Schedule {
             eval_every: config.eval_every,
             eval_iterations: reports(&config.eval_iterations),
             save_iterations: reports(&config.save_iterations),
+            stages: Stages::new(config, scaled),
         }
     }
 

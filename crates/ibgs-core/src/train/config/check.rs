@@ -1,6 +1,6 @@
 //! Which values of the options make sense.
 
-use super::{ConfigError, DensifyConfig, LearningRates, TrainConfig};
+use super::{ConfigError, DensifyConfig, ExposureConfig, LearningRates, ResidualConfig, SourceOptions, TrainConfig};
 use crate::scene::MAX_SH_DEGREE;
 
 /// What a number must be.
@@ -102,7 +102,20 @@ impl TrainConfig {
             ],
         )?;
         check_rates(&self.learning_rates, &check)?;
-        check_densify(&self.densify, &check)
+        check_densify(&self.densify, &check)?;
+        check_sources(&self.sources, &check)?;
+        let count = self.surface.intersections;
+        let even = matches!(count, 2 | 4 | 6 | 8);
+        check.require(even, "surface.intersections", count, "it must be 2, 4, 6 or 8")?;
+        check.numbers(
+            "surface.",
+            &[
+                ("normal-weight", self.surface.normal_weight, Range::NotNegative),
+                ("photometric-weight", self.surface.photometric_weight, Range::NotNegative),
+            ],
+        )?;
+        check_residual(&self.residual, &check)?;
+        check_exposure(&self.exposure, &check)
     }
 
     fn check_counts(&self, check: &Check<'_>) -> Result<(), ConfigError> {
@@ -166,6 +179,57 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
             ("prune-opacity", densify.prune_opacity, Range::Decay),
             ("prune-scale", densify.prune_scale, Range::Positive),
             ("prune-screen-radius", densify.prune_screen_radius, Range::NotNegative),
+        ],
+    )
+}
+
+fn check_sources(sources: &SourceOptions, check: &Check<'_>) -> Result<(), ConfigError> {
+    let angle = sources.max_angle_deg;
+    let possible = angle > 0.0 && angle <= 180.0;
+    check.require(possible, "sources.max-angle-deg", angle, "it must lie above 0 and at most at 180 degrees")?;
+    let SourceOptions { used, neighbours, visible, .. } = *sources;
+    check.require((1..=8).contains(&used), "sources.used", used, "it must lie between 1 and 8")?;
+    check.require(neighbours >= used, "sources.neighbours", neighbours, "it must be at least `sources.used`")?;
+    check.require((1..=4).contains(&visible), "sources.visible", visible, "it must lie between 1 and 4")?;
+    let (least, most) = (sources.min_distance.unwrap_or(0.0), sources.max_distance.unwrap_or(f64::MAX));
+    check.numbers(
+        "sources.",
+        &[
+            ("min-distance", least, Range::NotNegative),
+            ("max-distance", most, Range::Positive),
+            ("depth-agreement", sources.depth_agreement, Range::Positive),
+        ],
+    )?;
+    check.require(most > least, "sources.max-distance", most, "it must lie above `sources.min-distance`")
+}
+
+fn check_residual(residual: &ResidualConfig, check: &Check<'_>) -> Result<(), ConfigError> {
+    let factor = residual.factor;
+    let known = [1.0, 0.5, 0.25].contains(&factor);
+    check.require(known, "residual.factor", factor, "it must be 1, 0.5 or 0.25")?;
+    let counted = residual.halve_at.iter().flatten().all(|&iteration| iteration >= 1);
+    check.require(counted, "residual.halve-at", "a list with 0", "iterations count from 1")?;
+    check.numbers(
+        "residual.",
+        &[
+            ("burn-in-gain", residual.burn_in_gain, Range::Unit),
+            ("learning-rate", residual.learning_rate, Range::Positive),
+            ("beta1", residual.beta1, Range::Decay),
+            ("beta2", residual.beta2, Range::Decay),
+            ("epsilon", f64::from(residual.epsilon as f32), Range::Positive),
+        ],
+    )
+}
+
+fn check_exposure(exposure: &ExposureConfig, check: &Check<'_>) -> Result<(), ConfigError> {
+    check.numbers(
+        "exposure.",
+        &[
+            ("max-dissimilarity", exposure.max_dissimilarity, Range::NotNegative),
+            ("learning-rate", exposure.learning_rate, Range::NotNegative),
+            ("beta1", exposure.beta1, Range::Decay),
+            ("beta2", exposure.beta2, Range::Decay),
+            ("epsilon", f64::from(exposure.epsilon as f32), Range::Positive),
         ],
     )
 }

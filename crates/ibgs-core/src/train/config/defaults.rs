@@ -1,11 +1,14 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
-use super::{AdamConfig, DataConfig, DensifyConfig, LearningRates, Method, OpacityResetConfig, TrainConfig};
+use super::{
+    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, ResidualConfig,
+    SourceOptions, SurfaceConfig, TrainConfig,
+};
 
 impl Default for TrainConfig {
     fn default() -> Self {
         Self {
-            method: Method::Gs3,
+            method: Method::Ibgs,
             iterations: 30_000,
             schedule_scaling: true,
             seed: 0,
@@ -22,6 +25,10 @@ impl Default for TrainConfig {
             adam: AdamConfig::default(),
             densify: DensifyConfig::default(),
             opacity_reset: OpacityResetConfig::default(),
+            sources: SourceOptions::default(),
+            surface: SurfaceConfig::default(),
+            residual: ResidualConfig::default(),
+            exposure: ExposureConfig::default(),
         }
     }
 }

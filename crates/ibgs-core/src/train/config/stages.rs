@@ -1,0 +1,112 @@
+//! Options of the image-based stages: surface losses, residual network, exposure (method.md sections 3, 6, 7 and 8).
+
+use crate::residual::variant::{Aggregation, Inputs, Output};
+use serde::{Deserialize, Serialize};
+
+/// Median intersections and the losses on the surface that they give (method.md sections 3 and 7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct SurfaceConfig {
+    /// Median intersections of a pixel: K, even, 2 to 8.
+    pub intersections: u32,
+    /// The surface losses begin after this iteration; unset: 7000, scaled.
+    pub start: Option<u32>,
+    /// The normal loss begins after this iteration, and not before `start`; unset: with `start`.
+    pub normal_from: Option<u32>,
+    /// Weight of the normal loss.
+    pub normal_weight: f64,
+    /// Weight of the photometric loss.
+    pub photometric_weight: f64,
+}
+
+/// The residual network and its training (method.md sections 6 and 7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct ResidualConfig {
+    /// The residual begins after this iteration; unset: 10000, scaled.
+    pub start: Option<u32>,
+    /// For so many iterations only the network learns from the final image; unset: 3000, scaled; 0: none.
+    pub burn_in: Option<u32>,
+    /// Gain of the base image when the burn-in begins; it rises to 1.
+    pub burn_in_gain: f64,
+    /// Learning rate of the network.
+    pub learning_rate: f64,
+    /// Iterations at which the rate is halved; unset: 18000 and 25000, scaled.
+    pub halve_at: Option<Vec<u32>>,
+    /// Decay of Adam's first moment.
+    pub beta1: f64,
+    /// Decay of Adam's second moment.
+    pub beta2: f64,
+    /// Added to the root of Adam's second moment.
+    pub epsilon: f64,
+    /// Size at which the network runs: 1, 0.5 or 0.25 of the image's.
+    pub factor: f64,
+    /// What the network reads: `differences`, `source-colors`, `differences-only`.
+    pub inputs: Inputs,
+    /// What its output is: `residual`, `color`.
+    pub output: Output,
+    /// How the sources' features become one: `mean`, `max`.
+    pub aggregation: Aggregation,
+}
+
+/// Exposure correction (method.md section 8).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct ExposureConfig {
+    /// Corrects the exposure, in training and in the residual stage.
+    pub enabled: bool,
+    /// The scalars of each photo count after this iteration; unset: 1000, scaled.
+    pub scalars_from: Option<u32>,
+    /// The scalars count while 1 - SSIM of the image is below this.
+    pub max_dissimilarity: f64,
+    /// Learning rate of the scalars.
+    pub learning_rate: f64,
+    /// Decay of Adam's first moment.
+    pub beta1: f64,
+    /// Decay of Adam's second moment.
+    pub beta2: f64,
+    /// Added to the root of Adam's second moment.
+    pub epsilon: f64,
+    /// The affine map of the residual stage needs so many pixels that the first source sees.
+    pub min_pixels: u32,
+}
+
+impl Default for SurfaceConfig {
+    fn default() -> Self {
+        Self { intersections: 4, start: None, normal_from: None, normal_weight: 0.03, photometric_weight: 0.3 }
+    }
+}
+
+impl Default for ResidualConfig {
+    fn default() -> Self {
+        Self {
+            start: None,
+            burn_in: None,
+            burn_in_gain: 0.5,
+            learning_rate: 1e-3,
+            halve_at: None,
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-8,
+            factor: 1.0,
+            inputs: Inputs::Differences,
+            output: Output::Residual,
+            aggregation: Aggregation::Mean,
+        }
+    }
+}
+
+impl Default for ExposureConfig {
+    fn default() -> Self {
+        Self {
+            enabled: false,
+            scalars_from: None,
+            max_dissimilarity: 0.5,
+            learning_rate: 1e-3,
+            beta1: 0.9,
+            beta2: 0.99,
+            epsilon: 1e-8,
+            min_pixels: 64,
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! Options of the image-based stages; the rarer ones stand in the options file alone.
+
+use super::{set, set_some};
+use clap::Args as ClapArgs;
+use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::fuse::sources::Distances;
+use ibgs_core::train::config::TrainConfig;
+
+/// What `--source-distance` may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Distance {
+    /// A rule.
+    Rule(Distances),
+    /// A limit in scene units.
+    Most(f64),
+}
+
+fn distance(text: &str) -> Result<Distance, String> {
+    match text {
+        "adaptive" => Ok(Distance::Rule(Distances::Adaptive)),
+        "absolute" => Ok(Distance::Rule(Distances::Absolute)),
+        number => match number.parse() {
+            Ok(most) if most > 0.0 => Ok(Distance::Most(most)),
+            _ => Err("give `adaptive`, `absolute` (0.01 to 1.5, as published), or the largest distance".to_owned()),
+        },
+    }
+}
+
+/// Options of the residual and its sources.
+#[derive(ClapArgs)]
+pub struct StageArgs {
+    /// Photos of neighbouring views that are read for a view, 1 to 8.
+    #[arg(long)]
+    sources: Option<u32>,
+    /// Of these the first so many that see a point are used there, 1 to 4.
+    #[arg(long)]
+    visible_sources: Option<u32>,
+    /// Largest angle between the axes of a view and its sources, in degrees.
+    #[arg(long)]
+    source_angle: Option<f64>,
+    /// Distance of the sources: `adaptive`, `absolute` (0.01 to 1.5, as published), or the largest one in scene units.
+    #[arg(long, value_parser = distance)]
+    source_distance: Option<Distance>,
+    /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB`.
+    #[arg(long)]
+    source_memory: Option<MemoryBudget>,
+    /// Median intersections of a pixel: 2, 4, 6 or 8.
+    #[arg(long)]
+    intersections: Option<u32>,
+    /// Run the residual network at 1, 0.5 or 0.25 of the image's size.
+    #[arg(long)]
+    residual_factor: Option<f64>,
+    /// Correct the exposure, for photos taken with changing exposure.
+    #[arg(long)]
+    exposure: bool,
+}
+
+impl StageArgs {
+    /// Puts what is given on top of the options file.
+    pub(super) fn apply(&self, c: &mut TrainConfig) {
+        set(&mut c.sources.used, &self.sources);
+        if let Some(used) = self.sources {
+            c.sources.neighbours = c.sources.neighbours.max(used);
+        }
+        set(&mut c.sources.visible, &self.visible_sources);
+        set(&mut c.sources.max_angle_deg, &self.source_angle);
+        match self.source_distance {
+            Some(Distance::Rule(rule)) => {
+                (c.sources.distances, c.sources.min_distance, c.sources.max_distance) = (rule, None, None);
+            }
+            Some(Distance::Most(most)) => set_some(&mut c.sources.max_distance, &Some(most)),
+            None => {}
+        }
+        set(&mut c.sources.memory, &self.source_memory);
+        set(&mut c.surface.intersections, &self.intersections);
+        set(&mut c.residual.factor, &self.residual_factor);
+        c.exposure.enabled |= self.exposure;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        stages: StageArgs,
+    }
+
+    fn config(line: &str) -> TrainConfig {
+        let mut config = TrainConfig::default();
+        Line::parse_from(["ibgs"].into_iter().chain(line.split_whitespace())).stages.apply(&mut config);
+        config.validate().unwrap();
+        config
+    }
+
+    #[test]
+    fn the_command_line_reaches_the_options() {
+        assert_eq!(config(""), TrainConfig::default());
+        let c = config("--sources 2 --visible-sources 1 --source-angle 50 --source-distance 4.5 --source-memory 2GiB");
+        let s = &c.sources;
+        assert_eq!((s.used, s.visible, s.max_angle_deg, s.max_distance), (2, 1, 50.0, Some(4.5)));
+        assert_eq!(s.memory, MemoryBudget::Bytes(2 << 30));
+        let c = config("--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure");
+        assert_eq!((c.sources.distances, c.sources.max_distance), (Distances::Absolute, None));
+        assert_eq!((c.surface.intersections, c.residual.factor, c.exposure.enabled), (8, 0.5, true));
+        for line in ["--source-distance far", "--source-distance -1", "--source-memory much"] {
+            assert!(Line::try_parse_from(["ibgs"].into_iter().chain(line.split_whitespace())).is_err(), "{line}");
+        }
+    }
+}
