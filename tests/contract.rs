@@ -116,4 +116,6 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ObserveParams { size, count, near_depth });
     twin!(OpacityResetParams { count, limit });
+    twin!(MeanParams { count, weight });
+    twin!(SurfaceParams { size, focal, principal, weight, pad });
 }

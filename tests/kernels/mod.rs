@@ -3,5 +3,6 @@
 mod adam;
 mod densify;
 mod image_loss;
+mod normal_loss;
 mod rasterize;
 mod scan_sort;

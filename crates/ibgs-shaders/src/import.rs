@@ -1,12 +1,14 @@
 //! `#import name` puts `wgsl/shared/name.wgsl` in place, once.
 
 const SHARED: &[(&str, &str)] = &[
+    ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
     ("scan_block", include_str!("../wgsl/shared/scan_block.wgsl")),
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
+    ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),
 ];

@@ -33,6 +33,11 @@ pub const SSIM_RADIUS: usize = 5;
 /// Standard deviation of the SSIM window in pixels.
 pub const SSIM_SIGMA: f64 = 1.5;
 
+/// Share of the absolute differences in the normal loss.
+pub const NORMAL_L1: f32 = 0.4;
+/// Share of `1 - Nd . N` in the normal loss.
+pub const NORMAL_DOT: f32 = 0.6;
+
 /// The one-dimensional SSIM window, normalised to sum 1.
 pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
     let mut window = std::array::from_fn(|i| {
@@ -162,6 +167,19 @@ kernels! {
     /// Opacity clamped from above.
     OPACITY_RESET = "opacity_reset" [256, 1, 1] (size_of::<types::OpacityResetParams>()):
         write("opacity_logits"), write("moment1"), write("moment2");
+    // Losses of the image-based stage.
+    /// A loss that is a weighted mean, from the workgroups' sums.
+    LOSS_MEAN = "loss_mean" [256, 1, 1] (size_of::<types::MeanParams>()):
+        read("partials"), write("loss"), write("stats");
+    /// Depth normals, for pictures.
+    DEPTH_NORMALS = "depth_normals" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
+        read("depth"), write("depth_normals");
+    /// Depth normals against the normal map, forward.
+    NORMAL_LOSS = "normal_loss" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
+        read("depth"), read("normal"), write("partials");
+    /// Depth normals against the normal map, gradients by median depth and normal map.
+    NORMAL_LOSS_BACKWARD = "normal_loss_backward" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
+        read("depth"), read("normal"), read("v_loss"), write("v_depth"), write("v_normal");
 }
 
 /// The shared constants as WGSL declarations.
@@ -181,6 +199,8 @@ pub fn constants() -> String {
         ("T_MIN", T_MIN),
         ("SSIM_C1", SSIM_C1),
         ("SSIM_C2", SSIM_C2),
+        ("NORMAL_L1", NORMAL_L1),
+        ("NORMAL_DOT", NORMAL_DOT),
     ] {
         let _ = writeln!(text, "const {name}: f32 = {value:e}f;");
     }

@@ -127,3 +127,29 @@ pub struct OpacityResetParams {
     /// The logit that no opacity may exceed.
     pub limit: f32,
 }
+
+/// A loss that is a weighted mean; the twin of `MeanParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MeanParams {
+    /// Partial sums.
+    pub count: u32,
+    /// Weight of the mean.
+    pub weight: f32,
+}
+
+/// The normal loss; the twin of `SurfaceParams` in `wgsl/shared/depth_normal.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfaceParams {
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half: the pixel with index x lies at x.
+    pub principal: [f32; 2],
+    /// Weight of the loss.
+    pub weight: f32,
+    /// Padding.
+    pub pad: f32,
+}
