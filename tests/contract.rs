@@ -111,7 +111,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         tangent_limit,
     });
     twin!(SortParams { shift, blocks, capacity, first });
-    twin!(LossParams { size, tiles, lambda, pad });
+    twin!(LossParams { size, tiles, lambda, slot });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ObserveParams { size, count, near_depth });

@@ -4,5 +4,6 @@ mod adam;
 mod densify;
 mod image_loss;
 mod normal_loss;
+mod photometric_loss;
 mod rasterize;
 mod scan_sort;

@@ -16,6 +16,7 @@ pub mod geometry_backward;
 pub mod golden;
 pub mod image_loss;
 pub mod normal_loss;
+pub mod photometric_loss;
 pub mod project;
 pub mod random_scene;
 pub mod raster;

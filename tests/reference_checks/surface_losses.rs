@@ -1,7 +1,9 @@
 //! The losses of the image-based stage against finite differences.
 
 use crate::reference::finite::assert_gradient;
+use crate::reference::image_loss::Map;
 use crate::reference::normal_loss::{normal_loss, normal_loss_backward};
+use crate::reference::photometric_loss::{Masked, photometric_loss, photometric_loss_backward};
 use crate::reference::random_scene::{random_camera, random_image};
 
 const TOLERANCE: f64 = 1e-6;
@@ -23,4 +25,21 @@ fn normal_loss_gradients_agree_with_finite_differences() {
     }
     let (v_depth, _) = normal_loss_backward(&camera, &depth, &normal, 0.7);
     assert!(v_depth.iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn photometric_loss_gradient_agrees_with_finite_differences() {
+    let (width, height) = (15, 13);
+    let photo = random_image(15, 13, 0.0, 1.0, 4);
+    let valid: Vec<bool> = (0..photo.len()).map(|i| i % 9 != 4).collect();
+    let target = Masked { photo: &photo, valid: &valid, width, height };
+    let level = random_image(15, 13, 0.0, 1.0, 5);
+    let visible = [0.3, 0.7].map(|limit| level.iter().map(|v| v[0] > limit).collect::<Vec<bool>>());
+    let warped = [random_image(15, 13, 0.0, 1.0, 6), random_image(15, 13, 0.0, 1.0, 7)];
+    let split = |v: &[f64]| -> Vec<Map> { v.as_chunks().0.chunks(width * height).map(<[_]>::to_vec).collect() };
+    let flat: Vec<f64> = warped.concat().into_flattened();
+    let v = photometric_loss_backward(&target, &warped, &visible, 0.3).concat().into_flattened();
+    let worst =
+        assert_gradient("warped", &flat, &v, TOLERANCE, |at| photometric_loss(&target, &split(at), &visible, 0.3));
+    println!("photometric {worst:.1e}");
 }

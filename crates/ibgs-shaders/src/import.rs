@@ -9,6 +9,7 @@ const SHARED: &[(&str, &str)] = &[
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
+    ("seen", include_str!("../wgsl/shared/seen.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),
 ];

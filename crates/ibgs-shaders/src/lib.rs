@@ -180,6 +180,12 @@ kernels! {
     /// Depth normals against the normal map, gradients by median depth and normal map.
     NORMAL_LOSS_BACKWARD = "normal_loss_backward" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
         read("depth"), read("normal"), read("v_loss"), write("v_depth"), write("v_normal");
+    /// SSIM of a photo and the images warped to it, forward, one slot.
+    PHOTOMETRIC_LOSS = "photometric_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
+        read("warped"), read("seen"), read("photo"), write("moments"), write("partials");
+    /// SSIM of a photo and the images warped to it, gradient by the warped colours, one slot.
+    PHOTOMETRIC_LOSS_BACKWARD = "photometric_loss_backward" [TILE, TILE, 1] (size_of::<types::LossParams>()):
+        read("warped"), read("seen"), read("photo"), read("moments"), read("stats"), read("v_loss"), write("v_warped");
 }
 
 /// The shared constants as WGSL declarations.

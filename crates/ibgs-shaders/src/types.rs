@@ -52,7 +52,7 @@ pub struct SortParams {
     pub first: u32,
 }
 
-/// The image loss; the twin of `LossParams`.
+/// The image loss and the photometric loss; the twin of `LossParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LossParams {
@@ -62,8 +62,8 @@ pub struct LossParams {
     pub tiles: [u32; 2],
     /// Weight of 1 - SSIM.
     pub lambda: f32,
-    /// Padding.
-    pub pad: f32,
+    /// Slot of the warped images; 0 in the image loss.
+    pub slot: u32,
 }
 
 /// One Adam step of one tensor; the twin of `AdamParams`.

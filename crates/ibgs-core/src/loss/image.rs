@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// A photo on the device: RGBA, one byte a channel; alpha under one half leaves the loss.
 #[derive(Clone, Debug)]
 pub struct Target {
-    texels: Buffer,
+    pub(super) texels: Buffer,
     /// Width and height in pixels.
     pub size: [u32; 2],
 }
@@ -143,7 +143,7 @@ impl ImageLoss {
         let [width, height] = target.size;
         assert_eq!(image.meta.shape()[..], [height as usize, width as usize, 3], "image and photo differ in size");
         let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
-        let params = LossParams { size: target.size, tiles, lambda: self.lambda, pad: 0.0 };
+        let params = LossParams { size: target.size, tiles, lambda: self.lambda, slot: 0 };
         let scratch = self.scratch((width * height) as usize, (3 * tiles[0] * tiles[1]) as usize)?;
         let loss = gpu.empty_like_shape(&image, &[1]);
         let (bound_image, bound_loss) = (Gpu::bind(&image), Gpu::bind(&loss));

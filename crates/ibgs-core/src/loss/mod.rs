@@ -2,6 +2,8 @@
 
 mod image;
 mod normal;
+mod photometric;
 
 pub use image::{ImageLoss, ImageStats, Target};
 pub use normal::{NormalLoss, SurfaceBuffers};
+pub use photometric::PhotometricLoss;
