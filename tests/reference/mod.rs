@@ -10,6 +10,7 @@
 
 pub mod adam;
 pub mod backward;
+pub mod exposure;
 pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;
