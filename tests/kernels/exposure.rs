@@ -1,13 +1,17 @@
 //! Exposure correction against its twins.
 
-use crate::common::gpu;
-use crate::reference::exposure::{Affine, fit};
+use crate::common::{gpu, values};
+use crate::reference::adam::Adam;
+use crate::reference::exposure::{Affine, exposed_loss, exposed_loss_backward, fit};
 use crate::reference::image_loss::Map;
 use crate::reference::random_scene::random_image;
 use crate::reference::relative_error;
+use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DVec3};
+use ibgs_core::dataset::Photo;
 use ibgs_core::fuse::ExposureFit;
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
+use ibgs_core::loss::{ExposureAdam, ExposureScalars, ImageLoss, Target};
 
 fn float(map: Map) -> Map {
     map.into_iter().map(|p| p.map(|v| f64::from(v as f32))).collect()
@@ -136,4 +140,120 @@ fn the_map_is_applied_and_its_gradient_added() {
     let back = relative_error(&read(&gpu, &v_base, count), added.as_flattened());
     println!("applied {error:.1e}, backward {back:.1e}");
     assert!(error <= 1e-5 && back <= 1e-5, "{error:e}, {back:e}");
+}
+
+/// An image, a photo that another exposure took of nearly the same, and how alike they are.
+struct Exposed {
+    size: [u32; 2],
+    image: Map,
+    target: Map,
+}
+
+impl Exposed {
+    fn new(size: [u32; 2], seed: u64, noise: f64) -> Exposed {
+        let [width, height] = size;
+        let target = random_image(width, height, 0.0, 1.0, seed);
+        let target: Map = target.into_iter().map(|p| p.map(|v| (v * 255.0).round() / 255.0)).collect();
+        let noise = random_image(width, height, -noise, noise, seed + 1);
+        let image = |(t, n): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| 0.8 * t[c] + 0.05 + n[c]);
+        Exposed { size, image: float(target.iter().zip(&noise).map(image).collect()), target }
+    }
+
+    /// Loss, gradient by the image and by the scalars; the upstream gradient is 3. Without scalars the plain loss.
+    fn on_gpu(&self, lambda: f64, scalars: Option<[f64; 2]>, alpha: impl Fn(usize) -> u8) -> (f64, Vec<f64>, Vec<f64>) {
+        let gpu = gpu();
+        let [width, height] = self.size;
+        let texel = |(i, p): (usize, &[f64; 3])| {
+            let [r, g, b] = p.map(|v| (v * 255.0).round() as u8);
+            [r, g, b, alpha(i)]
+        };
+        let rgba = self.target.iter().enumerate().flat_map(texel).collect();
+        let target = Target::upload(&gpu, &Photo { width, height, rgba }).unwrap();
+        let flat: Vec<f32> = self.image.as_flattened().iter().map(|v| *v as f32).collect();
+        let data = TensorData::new(flat, [height as usize, width as usize, 3]);
+        let leaf = Tensor::<3>::from_data(data, &gpu.burn).autodiff().require_grad();
+        let loss = ImageLoss::new(gpu.clone(), lambda as f32);
+        let (value, scratch) = match scalars {
+            Some(s) => {
+                let s = gpu.upload("scalars", &s.map(|v| v as f32)).unwrap();
+                loss.tracked_with_exposure(leaf.clone(), &target, &s).unwrap()
+            }
+            None => loss.tracked(leaf.clone(), &target).unwrap(),
+        };
+        let mut grads = (value.clone() * 3.0).backward();
+        let by_image = values(leaf.grad_remove(&mut grads).unwrap());
+        (values(value.inner())[0], by_image, read(&gpu, scratch.v_scalars(), 2))
+    }
+
+    fn check(&self, lambda: f64, scalars: [f64; 2]) -> [f64; 2] {
+        let [w, h] = self.size.map(|v| v as usize);
+        let (loss, by_image, by_scalars) = self.on_gpu(lambda, Some(scalars), |_| 255);
+        let expected = exposed_loss(&self.image, &self.target, w, h, lambda, scalars);
+        let (v_image, v_scalars) = exposed_loss_backward(&self.image, &self.target, w, h, lambda, scalars);
+        let tripled = |v: &[f64]| -> Vec<f64> { v.iter().map(|v| 3.0 * v).collect() };
+        let error = relative_error(&by_image, &tripled(v_image.as_flattened()));
+        let scalar_error = relative_error(&by_scalars, &tripled(&v_scalars));
+        println!("{w} x {h}, lambda {lambda}: image {error:.1e}, scalars {scalar_error:.1e}");
+        assert!((loss - expected).abs() <= 2e-6 + 1e-5 * expected, "{loss} against {expected}");
+        assert!(error <= 1e-4 && scalar_error <= 1e-4, "{w} x {h}: {error:e}, {scalar_error:e}");
+        v_scalars
+    }
+}
+
+#[test]
+fn the_exposed_loss_follows_its_twin_while_the_images_are_alike() {
+    for (seed, size) in (50..).zip([[13, 9], [33, 17], [300, 230]]) {
+        for lambda in [0.0, 0.2] {
+            let alike = Exposed::new(size, seed, 0.02).check(lambda, [0.15, 0.03]);
+            assert!(alike.iter().all(|v| *v != 0.0), "a gradient there is");
+        }
+    }
+    let unlike = Exposed::new([33, 17], 60, 3.0).check(0.2, [0.15, 0.03]);
+    assert_eq!(unlike, [0.0; 2], "the gate is closed");
+    let (.., by_scalars) = Exposed::new([33, 17], 60, 3.0).on_gpu(0.2, Some([0.15, 0.03]), |_| 255);
+    assert_eq!(by_scalars, [0.0; 2], "exactly");
+}
+
+#[test]
+fn no_change_of_exposure_is_the_plain_loss() {
+    let case = Exposed::new([33, 17], 61, 0.02);
+    let masked = |i: usize| if i % 33 < 7 { 0 } else { 255 };
+    let (plain, by_image, _) = case.on_gpu(0.2, None, masked);
+    let (exposed, same, by_scalars) = case.on_gpu(0.2, Some([0.0; 2]), masked);
+    assert!((plain - exposed).abs() < 1e-6, "{plain} against {exposed}");
+    assert_eq!(by_image, same);
+    assert!(by_scalars.iter().all(|v| *v != 0.0));
+    let (_, by_image, _) = case.on_gpu(0.2, Some([0.2, 0.1]), masked);
+    for (i, v) in by_image.chunks_exact(3).enumerate().filter(|(i, _)| masked(*i) == 0) {
+        assert_eq!(v, [0.0; 3], "masked pixel {i}");
+    }
+}
+
+#[test]
+fn only_the_visited_photo_steps() {
+    let gpu = gpu();
+    let mut scalars = ExposureScalars::new(&gpu, 3, ExposureAdam::default()).unwrap();
+    let settings = Adam { learning_rate: 1e-3, beta1: 0.9, beta2: 0.99, eps: 1e-8 };
+    let mut twins = [([0.0; 2], [0.0; 2], [0.0; 2], 0u32); 3];
+    for (turn, photo) in [1usize, 2, 1, 1].into_iter().enumerate() {
+        let gradient = [0.3 - 0.2 * turn as f64, 1e-3 * (turn as f64 + 1.0)];
+        let uploaded = gpu.upload("gradient", &gradient.map(|v| v as f32)).unwrap();
+        let mut pass = Pass::new(&gpu, "test");
+        scalars.record_step(&mut pass, photo, &uploaded);
+        pass.submit();
+        let (value, m, v, step) = &mut twins[photo];
+        *step += 1;
+        settings.step(*step, value, &gradient, m, v);
+    }
+    let states = scalars.states(&gpu).unwrap();
+    for (state, (value, m, _, steps)) in states.iter().zip(&twins) {
+        assert_eq!(state.steps as u32, *steps);
+        assert!(relative_error(&state.scalars.map(f64::from), value) <= 1e-5, "{state:?} against {value:?}");
+        assert!(relative_error(&state.moment1.map(f64::from), m) <= 1e-5);
+    }
+    assert_eq!(states[0], Default::default(), "never visited");
+    let again = ExposureScalars::from_states(&gpu, &states, ExposureAdam::default()).unwrap();
+    assert_eq!(again.states(&gpu).unwrap(), states);
+    let part: Vec<f32> = gpu.read(&again.scalars(2), 2).unwrap();
+    assert_eq!(part, states[2].scalars);
 }

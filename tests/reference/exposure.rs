@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
+use super::image_loss::{Map, image_loss, l1, ssim, ssim_backward};
+
 /// corrected = linear base + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
@@ -64,4 +66,60 @@ pub fn fit(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool]) -> Affine {
     }
     let linear = (g + DMat3::IDENTITY * ridge) * system.inverse();
     Affine { linear, offset: mean_y - linear * mean_x }
+}
+
+/// The scalars count while 1 - SSIM of the unmodified image is under this.
+const SSIM_GATE: f64 = 0.5;
+
+fn expose(image: &[[f64; 3]], [a, b]: [f64; 2]) -> Map {
+    image.iter().map(|p| p.map(|x| a.exp() * x + b)).collect()
+}
+
+/// Whether the exposure counts, and the image as the L1 part sees it.
+fn gated(image: &[[f64; 3]], target: &[[f64; 3]], width: usize, height: usize, scalars: [f64; 2]) -> (bool, Map) {
+    let open = 1.0 - ssim(image, target, width, height) < SSIM_GATE;
+    (open, if open { expose(image, scalars) } else { image.to_vec() })
+}
+
+/// (1 - lambda) L1(exp(a) image + b) + lambda (1 - SSIM(image)); the plain image loss where the images differ too much.
+pub fn exposed_loss(
+    image: &[[f64; 3]],
+    target: &[[f64; 3]],
+    width: usize,
+    height: usize,
+    lambda: f64,
+    scalars: [f64; 2],
+) -> f64 {
+    let (_, exposed) = gated(image, target, width, height, scalars);
+    (1.0 - lambda) * l1(&exposed, target) + image_loss(image, target, width, height, lambda)
+        - (1.0 - lambda) * l1(image, target)
+}
+
+/// Gradients of `exposed_loss` by the image and by (a, b).
+pub fn exposed_loss_backward(
+    image: &[[f64; 3]],
+    target: &[[f64; 3]],
+    width: usize,
+    height: usize,
+    lambda: f64,
+    scalars: [f64; 2],
+) -> (Map, [f64; 2]) {
+    let (open, exposed) = gated(image, target, width, height, scalars);
+    let gain = if open { scalars[0].exp() } else { 1.0 };
+    let share = (1.0 - lambda) / (3 * image.len()) as f64;
+    let v_ssim = vec![[-lambda / (3 * image.len()) as f64; 3]; image.len()];
+    let mut v_image = ssim_backward(image, target, width, height, &v_ssim);
+    let mut v_scalars = [0.0; 2];
+    for (i, v) in v_image.iter_mut().enumerate() {
+        for (c, v) in v.iter_mut().enumerate() {
+            let difference = exposed[i][c] - target[i][c];
+            let side = if difference == 0.0 { 0.0 } else { difference.signum() };
+            *v += share * side * gain;
+            if open {
+                v_scalars[0] += share * side * gain * image[i][c];
+                v_scalars[1] += share * side;
+            }
+        }
+    }
+    (v_image, v_scalars)
 }

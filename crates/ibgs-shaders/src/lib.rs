@@ -49,6 +49,9 @@ pub const EXPOSURE_PIVOT: f32 = 1e-5;
 /// Variance of the base colours under which the exposure fit counts as ill-conditioned.
 pub const EXPOSURE_VARIANCE: f32 = 1e-8;
 
+/// The exposure scalars count while 1 - SSIM of the unmodified image is under this.
+pub const EXPOSURE_SSIM: f32 = 0.5;
+
 /// The one-dimensional SSIM window, normalised to sum 1.
 pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
     let mut window = std::array::from_fn(|i| {
@@ -207,6 +210,18 @@ kernels! {
     /// Gradient of the applied map by the base colours.
     EXPOSURE_APPLY_BACKWARD = "exposure_apply_backward" [256, 1, 1] (4):
         read("affine"), read("v_corrected"), write("v_base");
+    /// L1 under a photo's exposure scalars, sums.
+    EXPOSURE_L1 = "exposure_l1" [256, 1, 1] (size_of::<types::LossParams>()):
+        read("image"), read("photo"), read("scalars"), write("partials");
+    /// The image loss with that L1 in place of its own, behind the SSIM gate.
+    EXPOSURE_L1_TOTAL = "exposure_l1_total" [EXPOSURE_GROUPS, 1, 1] (size_of::<types::LossParams>()):
+        read("partials"), write("loss"), write("stats");
+    /// Gradient of the exchanged L1 by the image, added to that of the image loss; sums for the scalars.
+    EXPOSURE_L1_BACKWARD = "exposure_l1_backward" [256, 1, 1] (size_of::<types::LossParams>()):
+        read("image"), read("photo"), read("scalars"), read("stats"), read("v_loss"), write("v_image"),
+        write("partials");
+    /// Gradient by the two exposure scalars.
+    EXPOSURE_SCALARS = "exposure_scalars" [EXPOSURE_GROUPS, 1, 1] (0): read("partials"), write("v_scalars");
 }
 
 /// The shared constants as WGSL declarations.
@@ -236,6 +251,7 @@ pub fn constants() -> String {
         ("EXPOSURE_RIDGE", EXPOSURE_RIDGE),
         ("EXPOSURE_PIVOT", EXPOSURE_PIVOT),
         ("EXPOSURE_VARIANCE", EXPOSURE_VARIANCE),
+        ("EXPOSURE_SSIM", EXPOSURE_SSIM),
     ] {
         let _ = writeln!(text, "const {name}: f32 = {value:e}f;");
     }
