@@ -127,9 +127,11 @@ fn host_structs_have_the_layout_of_their_twins() {
         agreement,
     });
     twin!(SortParams { shift, blocks, capacity, first });
-    twin!(LossParams { size, tiles, lambda, pad });
+    twin!(LossParams { size, tiles, lambda, slot });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ObserveParams { size, count, near_depth });
     twin!(OpacityResetParams { count, limit });
+    twin!(MeanParams { count, weight });
+    twin!(SurfaceParams { size, focal, principal, weight, pad });
 }

@@ -2,6 +2,9 @@
 
 mod adam;
 mod densify;
+mod exposure;
 mod image_loss;
+mod normal_loss;
+mod photometric_loss;
 mod rasterize;
 mod scan_sort;

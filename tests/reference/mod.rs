@@ -1,6 +1,6 @@
 //! Double-precision CPU twins of the GPU kernels of base 3D Gaussian splatting (method.md section 2), of the geometry
-//! (section 3), of warping (section 5), of the image loss (section 7) and of the optimiser (section 1). They are
-//! written for clarity and are the authority of the tests: finite differences and the golden data hold them to
+//! (section 3), of warping (section 5), of the losses (section 7), of the exposure correction (section 8) and of the
+//! optimiser (section 1). They are written for clarity and are the authority of the tests: finite differences and the golden data hold them to
 //! method.md, and the kernels are then held to them.
 //!
 //! `render` = `project::project` + `raster::rasterize`; `backward` = `raster::rasterize_backward` +
@@ -10,11 +10,14 @@
 
 pub mod adam;
 pub mod backward;
+pub mod exposure;
 pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;
 pub mod golden;
 pub mod image_loss;
+pub mod normal_loss;
+pub mod photometric_loss;
 pub mod project;
 pub mod random_scene;
 pub mod raster;

@@ -4,4 +4,5 @@ mod geometry;
 mod golden;
 mod gradients;
 mod losses;
+mod surface_losses;
 mod thresholds;

@@ -1,6 +1,7 @@
 //! `#import name` puts `wgsl/shared/name.wgsl` in place, once.
 
 const SHARED: &[(&str, &str)] = &[
+    ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
@@ -8,6 +9,8 @@ const SHARED: &[(&str, &str)] = &[
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
     ("source", include_str!("../wgsl/shared/source.wgsl")),
+    ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
+    ("seen", include_str!("../wgsl/shared/seen.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
     ("surface", include_str!("../wgsl/shared/surface.wgsl")),
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),

@@ -37,6 +37,25 @@ pub const SSIM_RADIUS: usize = 5;
 /// Standard deviation of the SSIM window in pixels.
 pub const SSIM_SIGMA: f64 = 1.5;
 
+/// Share of the absolute differences in the normal loss.
+pub const NORMAL_L1: f32 = 0.4;
+/// Share of `1 - Nd . N` in the normal loss.
+pub const NORMAL_DOT: f32 = 0.6;
+
+/// Workgroups, and so partial sums, of the exposure kernels' reductions.
+pub const EXPOSURE_GROUPS: u32 = 256;
+/// With fewer visible pixels the exposure map is the identity.
+pub const EXPOSURE_PIXELS: f32 = 64.0;
+/// Weight of (map - identity)^2 beside the squared errors of the fit, in mean variances of the base colours.
+pub const EXPOSURE_RIDGE: f32 = 1e-6;
+/// Ratio of smallest to largest pivot under which the exposure fit counts as ill-conditioned.
+pub const EXPOSURE_PIVOT: f32 = 1e-5;
+/// Variance of the base colours under which the exposure fit counts as ill-conditioned.
+pub const EXPOSURE_VARIANCE: f32 = 1e-8;
+
+/// The exposure scalars count while 1 - SSIM of the unmodified image is under this.
+pub const EXPOSURE_SSIM: f32 = 0.5;
+
 /// The one-dimensional SSIM window, normalised to sum 1.
 pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
     let mut window = std::array::from_fn(|i| {
@@ -198,15 +217,60 @@ kernels! {
     /// Opacity clamped from above.
     OPACITY_RESET = "opacity_reset" [256, 1, 1] (size_of::<types::OpacityResetParams>()):
         write("opacity_logits"), write("moment1"), write("moment2");
+    // Losses of the image-based stage.
+    /// A loss that is a weighted mean, from the workgroups' sums.
+    LOSS_MEAN = "loss_mean" [256, 1, 1] (size_of::<types::MeanParams>()):
+        read("partials"), write("loss"), write("stats");
+    /// Depth normals, for pictures.
+    DEPTH_NORMALS = "depth_normals" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
+        read("depth"), write("depth_normals");
+    /// Depth normals against the normal map, forward.
+    NORMAL_LOSS = "normal_loss" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
+        read("depth"), read("normal"), write("partials");
+    /// Depth normals against the normal map, gradients by median depth and normal map.
+    NORMAL_LOSS_BACKWARD = "normal_loss_backward" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
+        read("depth"), read("normal"), read("v_loss"), write("v_depth"), write("v_normal");
+    /// SSIM of a photo and the images warped to it, forward, one slot.
+    PHOTOMETRIC_LOSS = "photometric_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
+        read("warped"), read("seen"), read("photo"), write("moments"), write("partials");
+    /// SSIM of a photo and the images warped to it, gradient by the warped colours, one slot.
+    PHOTOMETRIC_LOSS_BACKWARD = "photometric_loss_backward" [TILE, TILE, 1] (size_of::<types::LossParams>()):
+        read("warped"), read("seen"), read("photo"), read("moments"), read("stats"), read("v_loss"), write("v_warped");
+    /// Moments of base and first source's colours where that source is visible.
+    EXPOSURE_SUMS = "exposure_sums" [256, 1, 1] (4):
+        read("base"), read("warped"), read("seen"), write("partials");
+    /// The affine colour map from the moments.
+    EXPOSURE_SOLVE = "exposure_solve" [EXPOSURE_GROUPS, 1, 1] (0): read("partials"), write("affine");
+    /// The affine colour map applied.
+    EXPOSURE_APPLY = "exposure_apply" [256, 1, 1] (4): read("affine"), read("base"), write("corrected");
+    /// Gradient of the applied map by the base colours.
+    EXPOSURE_APPLY_BACKWARD = "exposure_apply_backward" [256, 1, 1] (4):
+        read("affine"), read("v_corrected"), write("v_base");
+    /// L1 under a photo's exposure scalars, sums.
+    EXPOSURE_L1 = "exposure_l1" [256, 1, 1] (size_of::<types::LossParams>()):
+        read("image"), read("photo"), read("scalars"), write("partials");
+    /// The image loss with that L1 in place of its own, behind the SSIM gate.
+    EXPOSURE_L1_TOTAL = "exposure_l1_total" [EXPOSURE_GROUPS, 1, 1] (size_of::<types::LossParams>()):
+        read("partials"), write("loss"), write("stats");
+    /// Gradient of the exchanged L1 by the image, added to that of the image loss; sums for the scalars.
+    EXPOSURE_L1_BACKWARD = "exposure_l1_backward" [256, 1, 1] (size_of::<types::LossParams>()):
+        read("image"), read("photo"), read("scalars"), read("stats"), read("v_loss"), write("v_image"),
+        write("partials");
+    /// Gradient by the two exposure scalars.
+    EXPOSURE_SCALARS = "exposure_scalars" [EXPOSURE_GROUPS, 1, 1] (0): read("partials"), write("v_scalars");
 }
 
 /// The shared constants as WGSL declarations.
 pub fn constants() -> String {
     use std::fmt::Write;
     let mut text = String::new();
-    for (name, value) in
-        [("TILE", TILE), ("SORT_BLOCK", SORT_BLOCK), ("SORT_BINS", SORT_BINS), ("SCAN_BLOCK", SCAN_BLOCK)]
-    {
+    for (name, value) in [
+        ("TILE", TILE),
+        ("SORT_BLOCK", SORT_BLOCK),
+        ("SORT_BINS", SORT_BINS),
+        ("SCAN_BLOCK", SCAN_BLOCK),
+        ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),
+    ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
     for (name, value) in [
@@ -218,6 +282,13 @@ pub fn constants() -> String {
         ("SLANT_MIN", SLANT_MIN),
         ("SSIM_C1", SSIM_C1),
         ("SSIM_C2", SSIM_C2),
+        ("NORMAL_L1", NORMAL_L1),
+        ("NORMAL_DOT", NORMAL_DOT),
+        ("EXPOSURE_PIXELS", EXPOSURE_PIXELS),
+        ("EXPOSURE_RIDGE", EXPOSURE_RIDGE),
+        ("EXPOSURE_PIVOT", EXPOSURE_PIVOT),
+        ("EXPOSURE_VARIANCE", EXPOSURE_VARIANCE),
+        ("EXPOSURE_SSIM", EXPOSURE_SSIM),
     ] {
         let _ = writeln!(text, "const {name}: f32 = {value:e}f;");
     }

@@ -102,7 +102,7 @@ pub struct SortParams {
     pub first: u32,
 }
 
-/// The image loss; the twin of `LossParams`.
+/// The image loss and the photometric loss; the twin of `LossParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LossParams {
@@ -112,8 +112,8 @@ pub struct LossParams {
     pub tiles: [u32; 2],
     /// Weight of 1 - SSIM.
     pub lambda: f32,
-    /// Padding.
-    pub pad: f32,
+    /// Slot of the warped images; 0 in the image loss.
+    pub slot: u32,
 }
 
 /// One Adam step of one tensor; the twin of `AdamParams`.
@@ -176,4 +176,30 @@ pub struct OpacityResetParams {
     pub count: u32,
     /// The logit that no opacity may exceed.
     pub limit: f32,
+}
+
+/// A loss that is a weighted mean; the twin of `MeanParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MeanParams {
+    /// Partial sums.
+    pub count: u32,
+    /// Weight of the mean.
+    pub weight: f32,
+}
+
+/// The normal loss; the twin of `SurfaceParams` in `wgsl/shared/depth_normal.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfaceParams {
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half: the pixel with index x lies at x.
+    pub principal: [f32; 2],
+    /// Weight of the loss.
+    pub weight: f32,
+    /// Padding.
+    pub pad: f32,
 }

@@ -65,27 +65,15 @@ fn main(
     var result = vec4(0.0);
     let pixel = wid.xy * TILE + lid.xy;
     if all(pixel < params.size) {
-        let mu_x = s[0] + shift;
-        let mu_y = s[1] + shift;
-        let var_x = s[2] - s[0] * s[0];
-        let var_y = s[3] - s[1] * s[1];
-        let cov = s[4] - s[0] * s[1];
-        let a = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
-        let b = var_x + var_y + SSIM_C2;
-        let n = 2.0 * mu_x * mu_y + SSIM_C1;
-        let d = 2.0 * cov + SSIM_C2;
-        let ssim = n * d / (a * b);
-        let by_xx = -ssim / b;
-        let by_xy = 2.0 * n / (a * b);
-        let by_mu = 2.0 * mu_y * d / (a * b) - 2.0 * mu_x * ssim / a - 2.0 * mu_x * by_xx - mu_y * by_xy;
+        let derivatives = ssim_derivatives(s, shift);
         let p = pixel.y * params.size.x + pixel.x;
         let plane = params.size.x * params.size.y;
-        moments[(3u * c) * plane + p] = by_mu;
-        moments[(3u * c + 1u) * plane + p] = by_xx;
-        moments[(3u * c + 2u) * plane + p] = by_xy;
+        moments[(3u * c) * plane + p] = derivatives.by_mu;
+        moments[(3u * c + 1u) * plane + p] = derivatives.by_xx;
+        moments[(3u * c + 2u) * plane + p] = derivatives.by_xy;
         let at = (lid.y + RADIUS) * SIDE + lid.x + RADIUS;
         let error = clamp(xs[at] + shift, 0.0, 1.0) - clamp(ys[at] + shift, 0.0, 1.0);
-        result = vec4(abs(xs[at] - ys[at]), ssim, error * error, 0.0);
+        result = vec4(abs(xs[at] - ys[at]), derivatives.ssim, error * error, 0.0);
     }
     sums[local] = result;
     workgroupBarrier();

@@ -1,9 +1,11 @@
 //! What the photos of neighbouring training views tell about a target view (method.md sections 4, 5 and 8).
 
-mod warp;
-
-pub use warp::{Seen, SourceView, WarpOptions, Warper};
 pub mod depth_cache;
+mod exposure;
 pub mod memory;
 pub mod source_store;
 pub mod sources;
+mod warp;
+
+pub use exposure::ExposureFit;
+pub use warp::{MAX_SOURCES, Seen, SourceView, WarpOptions, Warper};

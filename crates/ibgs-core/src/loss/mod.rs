@@ -1,5 +1,11 @@
 //! Losses (method.md section 7).
 
+mod exposure;
 mod image;
+mod normal;
+mod photometric;
 
-pub use image::{ImageLoss, ImageStats, Target};
+pub use exposure::{ExposureAdam, ExposureScalars, ExposureState};
+pub use image::{ImageLoss, ImageStats, LossScratch, Target};
+pub use normal::{NormalLoss, SurfaceBuffers};
+pub use photometric::PhotometricLoss;

@@ -1,11 +1,12 @@
-// Shared pieces of the L1 + SSIM loss (method.md section 7): an 11 x 11 Gaussian window, separable, zero padding.
+// Shared pieces of the losses with SSIM (method.md section 7): an 11 x 11 Gaussian window, separable, zero padding.
 
 struct LossParams {
     size: vec2<u32>,
     tiles: vec2<u32>,
     // Weight of 1 - SSIM; L1 has the rest.
     lambda: f32,
-    pad: f32,
+    // Slot of the warped images; 0 in the image loss.
+    slot: u32,
 }
 
 var<immediate> params: LossParams;
@@ -31,4 +32,30 @@ fn photo_channel(texel: u32, c: u32) -> f32 {
 // Alpha under one half marks a pixel that leaves the loss.
 fn photo_valid(texel: u32) -> bool {
     return (texel >> 24u) >= 128u;
+}
+
+struct SsimDerivatives {
+    ssim: f32,
+    by_mu: f32,
+    by_xx: f32,
+    by_xy: f32,
+}
+
+// SSIM and its derivatives by mu_x, E[x x] and E[x y], from the windowed means of x, y, x x, y y, x y of values less
+// `shift`.
+fn ssim_derivatives(s: array<f32, 5>, shift: f32) -> SsimDerivatives {
+    let mu_x = s[0] + shift;
+    let mu_y = s[1] + shift;
+    let var_x = s[2] - s[0] * s[0];
+    let var_y = s[3] - s[1] * s[1];
+    let cov = s[4] - s[0] * s[1];
+    let a = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
+    let b = var_x + var_y + SSIM_C2;
+    let n = 2.0 * mu_x * mu_y + SSIM_C1;
+    let d = 2.0 * cov + SSIM_C2;
+    let ssim = n * d / (a * b);
+    let by_xx = -ssim / b;
+    let by_xy = 2.0 * n / (a * b);
+    let by_mu = 2.0 * mu_y * d / (a * b) - 2.0 * mu_x * ssim / a - 2.0 * mu_x * by_xx - mu_y * by_xy;
+    return SsimDerivatives(ssim, by_mu, by_xx, by_xy);
 }

@@ -1,0 +1,259 @@
+//! Exposure correction against its twins.
+
+use crate::common::{gpu, values};
+use crate::reference::adam::Adam;
+use crate::reference::exposure::{Affine, exposed_loss, exposed_loss_backward, fit};
+use crate::reference::image_loss::Map;
+use crate::reference::random_scene::random_image;
+use crate::reference::relative_error;
+use burn::tensor::{Tensor, TensorData};
+use glam::{DMat3, DVec3};
+use ibgs_core::dataset::Photo;
+use ibgs_core::fuse::ExposureFit;
+use ibgs_core::gpu::{Buffer, Gpu, Pass};
+use ibgs_core::loss::{ExposureAdam, ExposureScalars, ImageLoss, Target};
+
+fn float(map: Map) -> Map {
+    map.into_iter().map(|p| p.map(|v| f64::from(v as f32))).collect()
+}
+
+fn upload(gpu: &Gpu, map: &[[f64; 3]]) -> Buffer {
+    let flat: Vec<f32> = map.as_flattened().iter().map(|v| *v as f32).collect();
+    gpu.upload("map", &flat).unwrap()
+}
+
+fn read(gpu: &Gpu, buffer: &Buffer, count: usize) -> Vec<f64> {
+    gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect()
+}
+
+/// A known change of exposure with some mixing of the channels.
+fn known() -> Affine {
+    let rows = DMat3::from_cols_array(&[1.3, 0.05, -0.02, 0.04, 0.9, 0.03, -0.06, 0.01, 1.1]);
+    Affine { linear: rows.transpose(), offset: DVec3::new(0.02, -0.05, 0.1) }
+}
+
+/// Fits on the GPU; what is not visible holds another source or nothing, and NaN.
+fn on_gpu(base: &Map, warped: &Map, visible: &[bool], size: [u32; 2]) -> (ExposureFit, Vec<f64>) {
+    let gpu = gpu();
+    let seen = |(i, v): (usize, &bool)| if *v { 0x00ff_0200 } else { [0xffff_ff01, 0xffff_ffff][i % 2] };
+    let seen: Vec<u32> = visible.iter().enumerate().map(seen).collect();
+    let row = |(p, v): (&[f64; 3], &bool)| {
+        let [r, g, b] = p.map(|v| v as f32);
+        if *v { [r, g, b, 0.7] } else { [f32::NAN; 4] }
+    };
+    // A second slot behind the first.
+    let mut flat: Vec<f32> = warped.iter().zip(visible).flat_map(row).collect();
+    flat.resize(2 * flat.len(), f32::NAN);
+    let (warped, seen) = (gpu.upload("warped", &flat).unwrap(), gpu.upload("seen", &seen).unwrap());
+    let fit = ExposureFit::new(&gpu).unwrap();
+    let mut pass = Pass::new(&gpu, "test");
+    fit.record_fit(&mut pass, &upload(&gpu, base), &warped, &seen, size);
+    pass.submit();
+    let map = read(&gpu, &fit.map, 12);
+    (fit, map)
+}
+
+fn visible(count: usize, seed: u64, share: f64) -> Vec<bool> {
+    random_image(count as u32, 1, 0.0, 1.0, seed).iter().map(|v| v[0] < share).collect()
+}
+
+#[test]
+fn the_fit_follows_the_twin_and_recovers_a_known_map() {
+    for (seed, size) in (0..).zip([[13, 9], [33, 17], [70, 50], [300, 240]]) {
+        let [width, height] = size;
+        let base = float(random_image(width, height, 0.1, 0.8, seed));
+        let noise = random_image(width, height, -0.05, 0.05, seed + 9);
+        let seen = visible(base.len(), seed, 0.8);
+        for level in [0.0, 1.0] {
+            let exposed = |(x, n): (&[f64; 3], &[f64; 3])| {
+                let y = known().apply(*x);
+                std::array::from_fn(|c| y[c] + level * n[c])
+            };
+            let warped = float(base.iter().zip(&noise).map(exposed).collect());
+            let (_, map) = on_gpu(&base, &warped, &seen, size);
+            let twin = fit(&base, &warped, &seen);
+            let error = relative_error(&map, &twin.rows());
+            let known = relative_error(&map, &known().rows());
+            println!("{width} x {height}, noise {level}: {error:.1e} from the twin, {known:.1e} from the truth");
+            assert!(error <= 1e-5 && (level > 0.0 || known <= 1e-5), "{width} x {height}: {map:?} against {twin:?}");
+        }
+    }
+}
+
+/// Bright nearly flat colours are where uncentred moments cancel.
+#[test]
+fn nearly_flat_colours_keep_their_precision() {
+    let base = float(random_image(64, 48, 0.90, 0.91, 20));
+    let warped = float(base.iter().map(|x| known().apply(*x)).collect());
+    let seen = visible(base.len(), 21, 0.5);
+    let (_, map) = on_gpu(&base, &warped, &seen, [64, 48]);
+    let error = relative_error(&map, &fit(&base, &warped, &seen).rows());
+    println!("flat: {error:.1e}");
+    assert!(error <= 1e-3, "{map:?}");
+}
+
+#[test]
+fn without_enough_to_go_by_the_map_is_the_identity() {
+    let base = float(random_image(20, 10, 0.0, 1.0, 30));
+    let warped = float(base.iter().map(|x| known().apply(*x)).collect());
+    let first = |n: usize| (0..base.len()).map(|i| i < n).collect::<Vec<_>>();
+    let identity = Affine::IDENTITY.rows();
+    let map_of = |base: &Map, seen: &[bool]| {
+        let map = on_gpu(base, &warped, seen, [20, 10]).1;
+        assert!(relative_error(&map, &fit(base, &warped, seen).rows()) <= 1e-5, "as the twin");
+        map
+    };
+    assert_eq!(map_of(&base, &first(0)), identity, "no pixel");
+    assert_eq!(map_of(&base, &first(63)), identity, "63 pixels");
+    assert_ne!(map_of(&base, &first(64)), identity, "64 pixels are enough");
+    let grey: Map = base.iter().map(|p| [p[0]; 3]).collect();
+    assert_eq!(map_of(&grey, &first(200)), identity, "a grey picture");
+    assert_eq!(map_of(&vec![[0.5, 0.25, 0.75]; 200], &first(200)), identity, "a flat picture");
+    let same = on_gpu(&warped, &warped, &first(200), [20, 10]).1;
+    assert!(relative_error(&same, &identity) < 1e-6, "equal exposure: {same:?}");
+}
+
+#[test]
+fn the_map_is_applied_and_its_gradient_added() {
+    let size = [33, 17];
+    let base = float(random_image(33, 17, 0.1, 0.8, 40));
+    let warped = float(base.iter().map(|x| known().apply(*x)).collect());
+    let v_corrected = float(random_image(33, 17, -1.0, 1.0, 41));
+    let before = float(random_image(33, 17, -1.0, 1.0, 42));
+    let (exposure, _) = on_gpu(&base, &warped, &vec![true; base.len()], size);
+    let gpu = gpu();
+    let count = 3 * base.len();
+    let corrected = gpu.allocate("corrected", 4 * count as u64).unwrap();
+    let v_base = upload(&gpu, &before);
+    let mut pass = Pass::new(&gpu, "test");
+    exposure.record_apply(&mut pass, &upload(&gpu, &base), &corrected, size);
+    exposure.record_apply_backward(&mut pass, &upload(&gpu, &v_corrected), &v_base, size);
+    pass.submit();
+    let twin = fit(&base, &warped, &vec![true; base.len()]);
+    let applied: Map = base.iter().map(|x| twin.apply(*x)).collect();
+    let error = relative_error(&read(&gpu, &corrected, count), applied.as_flattened());
+    let add = |(b, v): (&[f64; 3], &[f64; 3])| -> [f64; 3] {
+        let by_base = twin.backward(*v);
+        std::array::from_fn(|c| b[c] + by_base[c])
+    };
+    let added: Map = before.iter().zip(&v_corrected).map(add).collect();
+    let back = relative_error(&read(&gpu, &v_base, count), added.as_flattened());
+    println!("applied {error:.1e}, backward {back:.1e}");
+    assert!(error <= 1e-5 && back <= 1e-5, "{error:e}, {back:e}");
+}
+
+/// An image, a photo that another exposure took of nearly the same, and how alike they are.
+struct Exposed {
+    size: [u32; 2],
+    image: Map,
+    target: Map,
+}
+
+impl Exposed {
+    fn new(size: [u32; 2], seed: u64, noise: f64) -> Exposed {
+        let [width, height] = size;
+        let target = random_image(width, height, 0.0, 1.0, seed);
+        let target: Map = target.into_iter().map(|p| p.map(|v| (v * 255.0).round() / 255.0)).collect();
+        let noise = random_image(width, height, -noise, noise, seed + 1);
+        let image = |(t, n): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| 0.8 * t[c] + 0.05 + n[c]);
+        Exposed { size, image: float(target.iter().zip(&noise).map(image).collect()), target }
+    }
+
+    /// Loss, gradient by the image and by the scalars; the upstream gradient is 3. Without scalars the plain loss.
+    fn on_gpu(&self, lambda: f64, scalars: Option<[f64; 2]>, alpha: impl Fn(usize) -> u8) -> (f64, Vec<f64>, Vec<f64>) {
+        let gpu = gpu();
+        let [width, height] = self.size;
+        let texel = |(i, p): (usize, &[f64; 3])| {
+            let [r, g, b] = p.map(|v| (v * 255.0).round() as u8);
+            [r, g, b, alpha(i)]
+        };
+        let rgba = self.target.iter().enumerate().flat_map(texel).collect();
+        let target = Target::upload(&gpu, &Photo { width, height, rgba }).unwrap();
+        let flat: Vec<f32> = self.image.as_flattened().iter().map(|v| *v as f32).collect();
+        let data = TensorData::new(flat, [height as usize, width as usize, 3]);
+        let leaf = Tensor::<3>::from_data(data, &gpu.burn).autodiff().require_grad();
+        let loss = ImageLoss::new(gpu.clone(), lambda as f32);
+        let (value, scratch) = match scalars {
+            Some(s) => {
+                let s = gpu.upload("scalars", &s.map(|v| v as f32)).unwrap();
+                loss.tracked_with_exposure(leaf.clone(), &target, &s).unwrap()
+            }
+            None => loss.tracked(leaf.clone(), &target).unwrap(),
+        };
+        let mut grads = (value.clone() * 3.0).backward();
+        let by_image = values(leaf.grad_remove(&mut grads).unwrap());
+        (values(value.inner())[0], by_image, read(&gpu, scratch.v_scalars(), 2))
+    }
+
+    fn check(&self, lambda: f64, scalars: [f64; 2]) -> [f64; 2] {
+        let [w, h] = self.size.map(|v| v as usize);
+        let (loss, by_image, by_scalars) = self.on_gpu(lambda, Some(scalars), |_| 255);
+        let expected = exposed_loss(&self.image, &self.target, w, h, lambda, scalars);
+        let (v_image, v_scalars) = exposed_loss_backward(&self.image, &self.target, w, h, lambda, scalars);
+        let tripled = |v: &[f64]| -> Vec<f64> { v.iter().map(|v| 3.0 * v).collect() };
+        let error = relative_error(&by_image, &tripled(v_image.as_flattened()));
+        let scalar_error = relative_error(&by_scalars, &tripled(&v_scalars));
+        println!("{w} x {h}, lambda {lambda}: image {error:.1e}, scalars {scalar_error:.1e}");
+        assert!((loss - expected).abs() <= 2e-6 + 1e-5 * expected, "{loss} against {expected}");
+        assert!(error <= 1e-4 && scalar_error <= 1e-4, "{w} x {h}: {error:e}, {scalar_error:e}");
+        v_scalars
+    }
+}
+
+#[test]
+fn the_exposed_loss_follows_its_twin_while_the_images_are_alike() {
+    for (seed, size) in (50..).zip([[13, 9], [33, 17], [300, 230]]) {
+        for lambda in [0.0, 0.2] {
+            let alike = Exposed::new(size, seed, 0.02).check(lambda, [0.15, 0.03]);
+            assert!(alike.iter().all(|v| *v != 0.0), "a gradient there is");
+        }
+    }
+    let unlike = Exposed::new([33, 17], 60, 3.0).check(0.2, [0.15, 0.03]);
+    assert_eq!(unlike, [0.0; 2], "the gate is closed");
+    let (.., by_scalars) = Exposed::new([33, 17], 60, 3.0).on_gpu(0.2, Some([0.15, 0.03]), |_| 255);
+    assert_eq!(by_scalars, [0.0; 2], "exactly");
+}
+
+#[test]
+fn no_change_of_exposure_is_the_plain_loss() {
+    let case = Exposed::new([33, 17], 61, 0.02);
+    let masked = |i: usize| if i % 33 < 7 { 0 } else { 255 };
+    let (plain, by_image, _) = case.on_gpu(0.2, None, masked);
+    let (exposed, same, by_scalars) = case.on_gpu(0.2, Some([0.0; 2]), masked);
+    assert!((plain - exposed).abs() < 1e-6, "{plain} against {exposed}");
+    assert_eq!(by_image, same);
+    assert!(by_scalars.iter().all(|v| *v != 0.0));
+    let (_, by_image, _) = case.on_gpu(0.2, Some([0.2, 0.1]), masked);
+    for (i, v) in by_image.chunks_exact(3).enumerate().filter(|(i, _)| masked(*i) == 0) {
+        assert_eq!(v, [0.0; 3], "masked pixel {i}");
+    }
+}
+
+#[test]
+fn only_the_visited_photo_steps() {
+    let gpu = gpu();
+    let mut scalars = ExposureScalars::new(&gpu, 3, ExposureAdam::default()).unwrap();
+    let settings = Adam { learning_rate: 1e-3, beta1: 0.9, beta2: 0.99, eps: 1e-8 };
+    let mut twins = [([0.0; 2], [0.0; 2], [0.0; 2], 0u32); 3];
+    for (turn, photo) in [1usize, 2, 1, 1].into_iter().enumerate() {
+        let gradient = [0.3 - 0.2 * turn as f64, 1e-3 * (turn as f64 + 1.0)];
+        let uploaded = gpu.upload("gradient", &gradient.map(|v| v as f32)).unwrap();
+        let mut pass = Pass::new(&gpu, "test");
+        scalars.record_step(&mut pass, photo, &uploaded);
+        pass.submit();
+        let (value, m, v, step) = &mut twins[photo];
+        *step += 1;
+        settings.step(*step, value, &gradient, m, v);
+    }
+    let states = scalars.states(&gpu).unwrap();
+    for (state, (value, m, _, steps)) in states.iter().zip(&twins) {
+        assert_eq!(state.steps as u32, *steps);
+        assert!(relative_error(&state.scalars.map(f64::from), value) <= 1e-5, "{state:?} against {value:?}");
+        assert!(relative_error(&state.moment1.map(f64::from), m) <= 1e-5);
+    }
+    assert_eq!(states[0], Default::default(), "never visited");
+    let again = ExposureScalars::from_states(&gpu, &states, ExposureAdam::default()).unwrap();
+    assert_eq!(again.states(&gpu).unwrap(), states);
+    let part: Vec<f32> = gpu.read(&again.scalars(2), 2).unwrap();
+    assert_eq!(part, states[2].scalars);
+}

@@ -1,0 +1,125 @@
+//! Twins of the exposure correction (method.md section 8).
+
+use glam::{DMat3, DVec3};
+
+use super::image_loss::{Map, image_loss, l1, ssim, ssim_backward};
+
+/// corrected = linear base + offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Affine {
+    pub linear: DMat3,
+    pub offset: DVec3,
+}
+
+impl Affine {
+    pub const IDENTITY: Affine = Affine { linear: DMat3::IDENTITY, offset: DVec3::ZERO };
+
+    pub fn apply(&self, color: [f64; 3]) -> [f64; 3] {
+        (self.linear * DVec3::from(color) + self.offset).to_array()
+    }
+
+    /// Gradient by the colour from that by the corrected colour.
+    pub fn backward(&self, v_corrected: [f64; 3]) -> [f64; 3] {
+        (self.linear.transpose() * DVec3::from(v_corrected)).to_array()
+    }
+
+    /// Rows of [linear | offset].
+    pub fn rows(&self) -> Vec<f64> {
+        (0..3).flat_map(|r| self.linear.row(r).extend(self.offset[r]).to_array()).collect()
+    }
+}
+
+/// Sum of a b^T.
+fn outer(pairs: &[(DVec3, DVec3)]) -> DMat3 {
+    pairs.iter().fold(DMat3::ZERO, |sum, (a, b)| sum + DMat3::from_cols(*a * b.x, *a * b.y, *a * b.z))
+}
+
+/// Pivots of the elimination of a symmetric matrix, without exchanges.
+fn pivots(m: &DMat3) -> [f64; 3] {
+    let (a, b) = (m.x_axis.x, m.x_axis.x * m.y_axis.y - m.x_axis.y * m.x_axis.y);
+    [a, b / a, m.determinant() / b]
+}
+
+/// The affine map that takes `base` to `warped` over the visible pixels by least squares, with a ridge of 1e-6 mean
+/// variances towards the identity. The identity for fewer than 64 pixels, a ratio of smallest to largest pivot under 1e-5,
+/// or variances under 1e-8.
+pub fn fit(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool]) -> Affine {
+    let pairs: Vec<(DVec3, DVec3)> =
+        (0..base.len()).filter(|i| visible[*i]).map(|i| (DVec3::from(base[i]), DVec3::from(warped[i]))).collect();
+    let count = pairs.len() as f64;
+    if count < 64.0 {
+        return Affine::IDENTITY;
+    }
+    let mean_x = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
+    let mean_y = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
+    let centred: Vec<_> = pairs.iter().map(|(x, y)| (*x - mean_x, *y - mean_y)).collect();
+    let own: Vec<_> = centred.iter().map(|(d, _)| (*d, *d)).collect();
+    let swapped: Vec<_> = centred.iter().map(|(d, e)| (*e, *d)).collect();
+    let (c, g) = (outer(&own), outer(&swapped));
+    let ridge = 1e-6 * (c.x_axis.x + c.y_axis.y + c.z_axis.z) / 3.0;
+    let system = c + DMat3::IDENTITY * ridge;
+    let pivots = pivots(&system);
+    let smallest = pivots.into_iter().fold(f64::INFINITY, f64::min);
+    let largest = pivots.into_iter().fold(0.0, f64::max);
+    if !(smallest >= 1e-5 * largest && largest >= 1e-8 * count) {
+        return Affine::IDENTITY;
+    }
+    let linear = (g + DMat3::IDENTITY * ridge) * system.inverse();
+    Affine { linear, offset: mean_y - linear * mean_x }
+}
+
+/// The scalars count while 1 - SSIM of the unmodified image is under this.
+const SSIM_GATE: f64 = 0.5;
+
+fn expose(image: &[[f64; 3]], [a, b]: [f64; 2]) -> Map {
+    image.iter().map(|p| p.map(|x| a.exp() * x + b)).collect()
+}
+
+/// Whether the exposure counts, and the image as the L1 part sees it.
+fn gated(image: &[[f64; 3]], target: &[[f64; 3]], width: usize, height: usize, scalars: [f64; 2]) -> (bool, Map) {
+    let open = 1.0 - ssim(image, target, width, height) < SSIM_GATE;
+    (open, if open { expose(image, scalars) } else { image.to_vec() })
+}
+
+/// (1 - lambda) L1(exp(a) image + b) + lambda (1 - SSIM(image)); the plain image loss where the images differ too much.
+pub fn exposed_loss(
+    image: &[[f64; 3]],
+    target: &[[f64; 3]],
+    width: usize,
+    height: usize,
+    lambda: f64,
+    scalars: [f64; 2],
+) -> f64 {
+    let (_, exposed) = gated(image, target, width, height, scalars);
+    (1.0 - lambda) * l1(&exposed, target) + image_loss(image, target, width, height, lambda)
+        - (1.0 - lambda) * l1(image, target)
+}
+
+/// Gradients of `exposed_loss` by the image and by (a, b).
+pub fn exposed_loss_backward(
+    image: &[[f64; 3]],
+    target: &[[f64; 3]],
+    width: usize,
+    height: usize,
+    lambda: f64,
+    scalars: [f64; 2],
+) -> (Map, [f64; 2]) {
+    let (open, exposed) = gated(image, target, width, height, scalars);
+    let gain = if open { scalars[0].exp() } else { 1.0 };
+    let share = (1.0 - lambda) / (3 * image.len()) as f64;
+    let v_ssim = vec![[-lambda / (3 * image.len()) as f64; 3]; image.len()];
+    let mut v_image = ssim_backward(image, target, width, height, &v_ssim);
+    let mut v_scalars = [0.0; 2];
+    for (i, v) in v_image.iter_mut().enumerate() {
+        for (c, v) in v.iter_mut().enumerate() {
+            let difference = exposed[i][c] - target[i][c];
+            let side = if difference == 0.0 { 0.0 } else { difference.signum() };
+            *v += share * side * gain;
+            if open {
+                v_scalars[0] += share * side * gain * image[i][c];
+                v_scalars[1] += share * side;
+            }
+        }
+    }
+    (v_image, v_scalars)
+}
