@@ -60,7 +60,7 @@ fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for()
             let of_space = module.global_variables.iter().filter(|(_, v)| v.space == space);
             of_space.map(|(_, v)| layouter[v.ty].size).sum()
         };
-        assert!(size_of(AddressSpace::WorkGroup) <= 20 * 1024, "{}", kernel.name);
+        assert!(size_of(AddressSpace::WorkGroup) <= 24 * 1024, "{}", kernel.name);
         assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
         assert!(kernel.immediates <= 128, "{}", kernel.name);
     }
@@ -116,4 +116,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ObserveParams { size, count, near_depth });
     twin!(OpacityResetParams { count, limit });
+    twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, slots, inputs, largest, groups });
+    twin!(FeatureSumParams { count, groups });
+    twin!(ComposeParams { size, low, gain, full_color });
 }

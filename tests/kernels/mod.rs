@@ -1,7 +1,9 @@
 //! Each kernel against its twin.
 
 mod adam;
+mod compose;
 mod densify;
+mod features;
 mod image_loss;
 mod rasterize;
 mod scan_sort;

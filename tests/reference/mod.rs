@@ -10,6 +10,7 @@
 
 pub mod adam;
 pub mod backward;
+pub mod features;
 pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 /// Storage buffers that the widest kernel binds.
 const STORAGE_BUFFERS: u32 = 17;
 /// Workgroup memory in bytes that the largest kernel declares.
-const WORKGROUP_MEMORY: u32 = 20 * 1024;
+const WORKGROUP_MEMORY: u32 = 24 * 1024;
 /// Immediate data in bytes of the largest kernel.
 const IMMEDIATES: u32 = 128;
 

@@ -1,3 +1,6 @@
-//! The residual network (method.md section 6).
-
+pub mod compose;
+pub mod features;
 pub mod layers;
+pub mod variant;
+
+pub use variant::{Aggregation, Factor, Inputs, Output, Variant};
