@@ -1,8 +1,10 @@
 //! Each kernel against its twin.
 
 mod adam;
+mod compose;
 mod densify;
 mod exposure;
+mod features;
 mod image_loss;
 mod normal_loss;
 mod photometric_loss;

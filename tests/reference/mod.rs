@@ -11,6 +11,7 @@
 pub mod adam;
 pub mod backward;
 pub mod exposure;
+pub mod features;
 pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;

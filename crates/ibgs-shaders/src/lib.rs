@@ -258,6 +258,26 @@ kernels! {
         write("partials");
     /// Gradient by the two exposure scalars.
     EXPOSURE_SCALARS = "exposure_scalars" [EXPOSURE_GROUPS, 1, 1] (0): read("partials"), write("v_scalars");
+    // The residual network's input, per-view MLP and composition.
+    /// Features and per-view MLP: the hourglass' input.
+    RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
+        read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"), write("x");
+    /// Gradient of the per-view MLP by features and weights, a row of weights a workgroup.
+    RESIDUAL_FEATURES_BACKWARD = "residual_features_backward" [64, 1, 1] (size_of::<types::FeatureParams>()):
+        read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"),
+        read("v_x"), write("v_features"), write("partials");
+    /// Sum of those rows.
+    RESIDUAL_FEATURES_SUM = "residual_features_sum" [256, 1, 1] (size_of::<types::FeatureSumParams>()):
+        read("partials"), write("v_weights");
+    /// Gradient by warped colours, cosines and base colour.
+    RESIDUAL_INPUTS_BACKWARD = "residual_inputs_backward" [256, 1, 1] (size_of::<types::FeatureParams>()):
+        read("seen"), read("sources_seen"), read("v_x"), read("v_features"), write("v_warped"), write("v_base");
+    /// Base colour and residual to the final colour.
+    RESIDUAL_COMPOSE = "residual_compose" [256, 1, 1] (size_of::<types::ComposeParams>()):
+        read("sources_seen"), read("base"), read("residual"), write("image");
+    /// Gradient of the composition.
+    RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
+        read("sources_seen"), read("v_image"), write("v_residual"), write("v_base");
 }
 
 /// The shared constants as WGSL declarations.

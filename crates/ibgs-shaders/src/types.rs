@@ -203,3 +203,55 @@ pub struct SurfaceParams {
     /// Padding.
     pub pad: f32,
 }
+
+/// Input of the residual network; the twin of `FeatureParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FeatureParams {
+    /// Rows of R with `x_view = R x_world + t`; the fourth number is not used.
+    pub row0: [f32; 4],
+    /// Second row.
+    pub row1: [f32; 4],
+    /// Third row.
+    pub row2: [f32; 4],
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half: the pixel with index x lies at x.
+    pub principal: [f32; 2],
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Size at which the network runs.
+    pub low: [u32; 2],
+    /// Packed slots of a pixel, at most four.
+    pub slots: u32,
+    /// 0: base colour and differences, 1: base colour and source colours, 2: only differences.
+    pub inputs: u32,
+    /// 1: the largest value over the slots instead of the mean.
+    pub largest: u32,
+    /// Workgroups of the backward pass.
+    pub groups: u32,
+}
+
+/// Sum of the per-view MLP's gradients; the twin of `FeatureSumParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FeatureSumParams {
+    /// Weights a row.
+    pub count: u32,
+    /// Rows.
+    pub groups: u32,
+}
+
+/// The final colour; the twin of `ComposeParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ComposeParams {
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Size at which the network ran.
+    pub low: [u32; 2],
+    /// Factor of the base colour.
+    pub gain: f32,
+    /// 1: the network gives the colour itself.
+    pub full_color: u32,
+}

@@ -2,31 +2,31 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the network reads of each source.
+/// What the network sees of base colour and sources.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inputs {
-    /// The base colour, and how each source's colour differs from it.
+    /// Base colour, and the differences of the sources' colours from it.
     #[default]
     Differences,
-    /// The base colour, and each source's colour itself.
+    /// Base colour, and the sources' colours themselves.
     SourceColors,
-    /// The differences without the base colour.
+    /// The differences alone.
     DifferencesOnly,
 }
 
-/// What the network's output is.
+/// What the network gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Output {
-    /// Added to the base colour.
+    /// A residual that is added to the base colour.
     #[default]
     Residual,
     /// The final colour itself.
     Color,
 }
 
-/// How the sources' features become one.
+/// How the per-view features of the sources become one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aggregation {
@@ -35,4 +35,65 @@ pub enum Aggregation {
     Mean,
     /// The largest value of each channel.
     Max,
+}
+
+/// The size at which the network runs, relative to the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Factor {
+    /// The image's size.
+    #[default]
+    Full,
+    /// Half of width and height.
+    Half,
+    /// A quarter of width and height.
+    Quarter,
+}
+
+/// One choice of each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Variant {
+    /// What the network sees.
+    pub inputs: Inputs,
+    /// What it gives.
+    pub output: Output,
+    /// How the sources are joined.
+    pub aggregation: Aggregation,
+    /// Where it runs.
+    pub factor: Factor,
+}
+
+impl Factor {
+    /// Size at which the network runs for an image of `size`: rounded, at least 4 (two poolings) unless the image itself
+    /// is used as it is.
+    pub fn size(self, size: [u32; 2]) -> [u32; 2] {
+        let scale = match self {
+            Factor::Full => return size,
+            Factor::Half => 0.5,
+            Factor::Quarter => 0.25,
+        };
+        size.map(|n| ((f64::from(n) * scale).round() as u32).max(4))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_round_and_never_vanish() {
+        assert_eq!(Factor::Full.size([3, 9]), [3, 9]);
+        assert_eq!(Factor::Half.size([33, 540]), [17, 270]);
+        assert_eq!(Factor::Quarter.size([13, 1008]), [4, 252]);
+    }
+
+    #[test]
+    fn names_are_those_of_the_configuration() {
+        let text = "inputs = \"source-colors\"\noutput = \"color\"\naggregation = \"max\"\nfactor = \"half\"\n";
+        let variant: Variant = toml::from_str(text).unwrap();
+        assert_eq!(toml::to_string(&variant).unwrap(), text);
+        assert_eq!(toml::from_str::<Variant>("").unwrap(), Variant::default());
+        assert!(toml::from_str::<Variant>("factor = \"third\"").is_err());
+    }
 }

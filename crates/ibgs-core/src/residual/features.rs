@@ -1,0 +1,167 @@
+//! Features of the visible sources, per-view MLP and what joins them to the hourglass' input, with their derivatives
+//! (method.md sections 5 and 6).
+
+use super::layers::{ENC1, HIDDEN, INPUT, MLP1, MLP2};
+use super::variant::{Aggregation, Inputs, Variant};
+use crate::camera::Camera;
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use bytemuck::bytes_of;
+use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
+use ibgs_shaders::{RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD, RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD};
+
+/// Most packed slots a pixel.
+pub const MAX_SLOTS: u32 = 4;
+/// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
+const GROUPS: u32 = 768;
+/// Weights of the per-view MLP, the first of the flat vector.
+pub const MLP_WEIGHTS: usize = ENC1.offset;
+
+// wgsl/shared/residual_mlp.wgsl relies on this layout.
+const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == 7 * HIDDEN && MLP2.offset == 8 * HIDDEN);
+const _: () = assert!(MLP2.bias() == 40 * HIDDEN && MLP_WEIGHTS == 41 * HIDDEN && INPUT == 38);
+
+/// What the network's input is made of. W x H is the image's size, P = W H.
+#[derive(Clone, Copy, Debug)]
+pub struct FeatureInputs<'a> {
+    /// Base colour, `[P, 3]`, exposure-corrected where that is on.
+    pub base: &'a Buffer,
+    /// `[slots][P]` of (colour of the packed visible source, cosine).
+    pub warped: &'a Buffer,
+    /// `[P]` words; byte m is the number of the source in packed slot m, 255 = empty. Filled slots come first.
+    pub seen: &'a Buffer,
+    /// `[4]` words, the first: number of slots that are non-empty somewhere in the image.
+    pub active: &'a Buffer,
+    /// `[sources]` of (target camera centre - source camera centre, unused), world space.
+    pub centers: &'a Buffer,
+    /// The network's flat weights.
+    pub weights: &'a Buffer,
+}
+
+/// Scratch memory of the backward pass.
+#[derive(Debug)]
+pub struct FeatureScratch {
+    /// Gradient by (colour, cosine) of each slot at the network's size.
+    v_features: Buffer,
+    partials: Buffer,
+}
+
+/// What the features' backward pass reads and writes besides the inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct FeatureGradients<'a> {
+    /// Gradient by the hourglass' input, planes `[38][w h]`, read.
+    pub v_x: &'a Buffer,
+    /// Gradient by the network's weights: the first [`MLP_WEIGHTS`] values are assigned.
+    pub v_weights: &'a Buffer,
+    /// Scratch memory.
+    pub scratch: &'a FeatureScratch,
+}
+
+/// Gradients by what the rasterizer and the warp gave.
+#[derive(Clone, Copy, Debug)]
+pub struct InputGradients<'a> {
+    /// `[slots][P]` of (colour, cosine), assigned; zero in empty slots.
+    pub v_warped: &'a Buffer,
+    /// `[P, 3]`, added to.
+    pub v_base: &'a Buffer,
+}
+
+/// One target view's features: size, camera and variant.
+#[derive(Clone, Copy, Debug)]
+pub struct Features {
+    params: FeatureParams,
+}
+
+impl Features {
+    /// Features with `slots` packed sources a pixel (1 to [`MAX_SLOTS`]) for a target camera.
+    ///
+    /// # Panics
+    /// With another number of slots: a bug of ours.
+    pub fn new(camera: &Camera, slots: u32, variant: Variant) -> Self {
+        assert!((1..=MAX_SLOTS).contains(&slots), "one to four slots a pixel, not {slots}");
+        let size = [camera.width, camera.height];
+        let low = variant.factor.size(size);
+        let r = camera.view_from_world.transpose();
+        let row = |axis: glam::DVec3| axis.extend(0.0).as_vec4().to_array();
+        let inputs = match variant.inputs {
+            Inputs::Differences => 0,
+            Inputs::SourceColors => 1,
+            Inputs::DifferencesOnly => 2,
+        };
+        let workgroup = RESIDUAL_FEATURES_BACKWARD.workgroup[0];
+        let params = FeatureParams {
+            row0: row(r.x_axis),
+            row1: row(r.y_axis),
+            row2: row(r.z_axis),
+            focal: camera.focal.as_vec2().to_array(),
+            principal: (camera.principal - 0.5).as_vec2().to_array(),
+            size,
+            low,
+            slots,
+            inputs,
+            largest: u32::from(variant.aggregation == Aggregation::Max),
+            groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
+        };
+        Self { params }
+    }
+
+    /// Width and height at which the network runs.
+    pub fn low(&self) -> [u32; 2] {
+        self.params.low
+    }
+
+    fn low_pixels(&self) -> usize {
+        (self.params.low[0] * self.params.low[1]) as usize
+    }
+
+    /// Memory for the backward pass of this size and number of slots, or anything smaller.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn scratch(&self, gpu: &Gpu) -> Result<FeatureScratch, GpuError> {
+        let features = 16 * (self.params.slots as usize * self.low_pixels()) as u64;
+        Ok(FeatureScratch {
+            v_features: gpu.allocate("gradients of the sources' features", features)?,
+            partials: gpu.allocate("sums of the per-view network", 4 * u64::from(GROUPS) * MLP_WEIGHTS as u64)?,
+        })
+    }
+
+    /// Records the hourglass' input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
+    /// base colour (zeros with [`Inputs::DifferencesOnly`]).
+    pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+        let FeatureInputs { base, warped, seen, active, centers, weights } = *inputs;
+        let buffers = [base, warped, seen, active, centers, weights, x];
+        pass.linear(&RESIDUAL_FEATURES, &buffers, bytes_of(&self.params), self.low_pixels());
+    }
+
+    /// Records the gradient by the MLP's weights, and by the features into the scratch memory. It is all that burn-in
+    /// needs, where only the network learns.
+    pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
+        let FeatureInputs { base, warped, seen, active, centers, weights } = *inputs;
+        let FeatureGradients { v_x, v_weights, scratch } = *gradients;
+        let buffers = [base, warped, seen, active, centers, weights, v_x, &scratch.v_features, &scratch.partials];
+        let groups = self.params.groups;
+        pass.grid(&RESIDUAL_FEATURES_BACKWARD, &buffers, bytes_of(&self.params), [groups, 1, 1]);
+        let sum = FeatureSumParams { count: MLP_WEIGHTS as u32, groups };
+        pass.groups(
+            &RESIDUAL_FEATURES_SUM,
+            &[&scratch.partials, v_weights],
+            bytes_of(&sum),
+            MLP_WEIGHTS.div_ceil(HIDDEN),
+        );
+    }
+
+    /// Records the gradient by warped colours, cosines and base colour; to follow [`Self::record_backward`].
+    pub fn record_inputs_backward(
+        &self,
+        pass: &mut Pass<'_>,
+        inputs: &FeatureInputs<'_>,
+        gradients: &FeatureGradients<'_>,
+        out: &InputGradients<'_>,
+    ) {
+        let v_features = &gradients.scratch.v_features;
+        let buffers = [inputs.seen, inputs.active, gradients.v_x, v_features, out.v_warped, out.v_base];
+        let [width, height] = self.params.size;
+        let pixels = (width * height) as usize;
+        pass.linear(&RESIDUAL_INPUTS_BACKWARD, &buffers, bytes_of(&self.params), pixels);
+    }
+}

@@ -1,0 +1,56 @@
+// One thread a pixel of either size: gradient of the final colour by base colour and residual; the resize is transposed
+// as a gather.
+#import index
+#import residual_output
+
+@group(0) @binding(0) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(1) var<storage, read> v_image: array<f32>;
+@group(0) @binding(2) var<storage, read_write> v_residual: array<f32>;
+@group(0) @binding(3) var<storage, read_write> v_base: array<f32>;
+
+fn v_at(p: u32) -> vec3<f32> {
+    return vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
+}
+
+fn gathered(pixel: vec2<u32>) -> vec3<f32> {
+    let columns = resize_readers(pixel.x, params.low.x, params.size.x);
+    let rows = resize_readers(pixel.y, params.low.y, params.size.y);
+    var sum = vec3(0.0);
+    for (var y = rows.x; y <= rows.y; y++) {
+        let down = resize_weight(y, pixel.y, params.low.y, params.size.y);
+        for (var x = columns.x; x <= columns.y; x++) {
+            let across = resize_weight(x, pixel.x, params.low.x, params.size.x);
+            sum += down * across * v_at(y * params.size.x + x);
+        }
+    }
+    return sum;
+}
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = linear_workgroup(wid, groups) * 256u + local;
+    let used = sources_seen[0] > 0u;
+    if i < params.size.x * params.size.y {
+        let v = base_share(used) * v_at(i);
+        v_base[3u * i] = v.x;
+        v_base[3u * i + 1u] = v.y;
+        v_base[3u * i + 2u] = v.z;
+    }
+    if i < params.low.x * params.low.y {
+        var v = vec3(0.0);
+        if used {
+            if all(params.size == params.low) {
+                v = v_at(i);
+            } else {
+                v = gathered(vec2(i % params.low.x, i / params.low.x));
+            }
+        }
+        v_residual[3u * i] = v.x;
+        v_residual[3u * i + 1u] = v.y;
+        v_residual[3u * i + 2u] = v.z;
+    }
+}

@@ -1,0 +1,174 @@
+// Gradient of the per-view MLP: by the features (colour and cosine, at the network's size) and, summed over all pixels of
+// a workgroup, by the MLP's weights. The hidden layers are recomputed; the workgroups stride over the image, and each
+// thread owns a 4 x 4 tile of the second layer's outer product, read from staged rows of all its pixels.
+#import residual_feature
+#import residual_mlp
+
+@group(0) @binding(0) var<storage, read> base: array<f32>;
+@group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> seen: array<u32>;
+@group(0) @binding(3) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(4) var<storage, read> centers: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> weights: array<f32>;
+// Planes [38][pixels].
+@group(0) @binding(6) var<storage, read> v_x: array<f32>;
+// (rgb, cosine) of each used slot, [slots][pixels].
+@group(0) @binding(7) var<storage, read_write> v_features: array<vec4<f32>>;
+// Rows of MLP_WEIGHTS, one a workgroup.
+@group(0) @binding(8) var<storage, read_write> partials: array<f32>;
+
+const THREADS: u32 = 64u;
+// Vectors a staged pixel; odd, so that neighbours fall into different banks.
+const STAGED: u32 = 17u;
+
+var<workgroup> stage: array<vec4<f32>, THREADS * STAGED>;
+
+fn take(channel: u32, i: u32) -> vec4<f32> {
+    let plane = params.low.x * params.low.y;
+    let at = channel * plane + i;
+    return vec4(v_x[at], v_x[at + plane], v_x[at + 2u * plane], v_x[at + 3u * plane]);
+}
+
+fn put_stage(first: u32, v: Hidden) {
+    stage[first] = v.a;
+    stage[first + 1u] = v.b;
+    stage[first + 2u] = v.c;
+    stage[first + 3u] = v.d;
+    stage[first + 4u] = v.e;
+    stage[first + 5u] = v.f;
+    stage[first + 6u] = v.g;
+    stage[first + 7u] = v.h;
+}
+
+fn dot_row(row: u32, v: Hidden) -> f32 {
+    let w = mlp_row(row);
+    return dot(w.a, v.a) + dot(w.b, v.b) + dot(w.c, v.c) + dot(w.d, v.d)
+        + dot(w.e, v.e) + dot(w.f, v.f) + dot(w.g, v.g) + dot(w.h, v.h);
+}
+
+// Gradient by four inputs of the second layer where they are positive.
+fn back4(row: u32, v: Hidden, hidden: vec4<f32>) -> vec4<f32> {
+    let r = ROW_WEIGHT2 + row;
+    let sum = vec4(dot_row(r, v), dot_row(r + 1u, v), dot_row(r + 2u, v), dot_row(r + 3u, v));
+    return select(vec4(0.0), sum, hidden > vec4(0.0));
+}
+
+fn back2(v: Hidden, h: Hidden) -> Hidden {
+    return Hidden(
+        back4(0u, v, h.a), back4(4u, v, h.b), back4(8u, v, h.c), back4(12u, v, h.d),
+        back4(16u, v, h.e), back4(20u, v, h.f), back4(24u, v, h.g), back4(28u, v, h.h),
+    );
+}
+
+// Which outputs of a slot receive a gradient: the positive ones; with the largest value, those that reach it.
+fn receives(h: vec4<f32>, best: vec4<f32>) -> vec4<bool> {
+    return (h > vec4(0.0)) & (h >= best);
+}
+
+fn pick(channel: u32, i: u32, scale: f32, h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
+    return select(vec4(0.0), scale * take(channel, i), receives(h, best));
+}
+
+// Puts the largest value out of reach where a slot has taken it: the first of several takes all.
+fn taken(h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
+    return select(best, vec4(1e38), receives(h, best));
+}
+
+@compute @workgroup_size(THREADS)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    load_mlp(local, THREADS);
+    let z = vec4(0.0);
+    let pixels = params.low.x * params.low.y;
+    let used = used_slots();
+    let scale = select(1.0 / f32(max(used, 1u)), 1.0, params.largest == 1u);
+    // Rows 4 a .. 4 a + 3 and columns 4 b .. 4 b + 3 of W2; the first layer's input a and outputs 4 b .. 4 b + 3.
+    let a = local / 8u;
+    let b = local % 8u;
+    var w0 = z;
+    var w1 = z;
+    var w2 = z;
+    var w3 = z;
+    var bias2 = z;
+    var first = z;
+    let mine = local * STAGED;
+    for (var start = wid.x * THREADS; start < pixels; start += params.groups * THREADS) {
+        let i = start + local;
+        let inside = i < pixels;
+        let at = min(i, pixels - 1u);
+        let c = resize_corners(vec2(at % params.low.x, at / params.low.x), params.size, params.low);
+        var best = Hidden(z, z, z, z, z, z, z, z);
+        if params.largest == 1u {
+            for (var m = 0u; m < used; m++) {
+                let f = feature(c, m);
+                let h = mlp_layer2(mlp_layer1(f.head, f.tail));
+                best.a = max(best.a, h.a);
+                best.b = max(best.b, h.b);
+                best.c = max(best.c, h.c);
+                best.d = max(best.d, h.d);
+                best.e = max(best.e, h.e);
+                best.f = max(best.f, h.f);
+                best.g = max(best.g, h.g);
+                best.h = max(best.h, h.h);
+            }
+        }
+        for (var m = 0u; m < used; m++) {
+            let f = feature(c, m);
+            let h1 = mlp_layer1(f.head, f.tail);
+            let h2 = mlp_layer2(h1);
+            let share = select(0.0, scale, inside);
+            let v2 = Hidden(
+                pick(0u, at, share, h2.a, best.a), pick(4u, at, share, h2.b, best.b),
+                pick(8u, at, share, h2.c, best.c), pick(12u, at, share, h2.d, best.d),
+                pick(16u, at, share, h2.e, best.e), pick(20u, at, share, h2.f, best.f),
+                pick(24u, at, share, h2.g, best.g), pick(28u, at, share, h2.h, best.h),
+            );
+            if params.largest == 1u {
+                best = Hidden(
+                    taken(h2.a, best.a), taken(h2.b, best.b), taken(h2.c, best.c), taken(h2.d, best.d),
+                    taken(h2.e, best.e), taken(h2.f, best.f), taken(h2.g, best.g), taken(h2.h, best.h),
+                );
+            }
+            put_stage(mine, v2);
+            put_stage(mine + 8u, h1);
+            workgroupBarrier();
+            for (var q = 0u; q < THREADS; q++) {
+                let v = stage[q * STAGED + a];
+                let h = stage[q * STAGED + 8u + b];
+                w0 += v.x * h;
+                w1 += v.y * h;
+                w2 += v.z * h;
+                w3 += v.w * h;
+                bias2 += v;
+            }
+            workgroupBarrier();
+            let v1 = back2(v2, h1);
+            put_stage(mine, v1);
+            stage[mine + 8u] = f.head;
+            stage[mine + 9u] = f.tail;
+            workgroupBarrier();
+            for (var q = 0u; q < THREADS; q++) {
+                first += stage[q * STAGED + 8u + a / 4u][a % 4u] * stage[q * STAGED + b];
+            }
+            workgroupBarrier();
+            if inside {
+                v_features[m * pixels + i] = vec4(dot_row(0u, v1), dot_row(1u, v1), dot_row(2u, v1), dot_row(6u, v1));
+            }
+        }
+    }
+    let out = wid.x * MLP_WEIGHTS;
+    for (var k = 0u; k < 4u; k++) {
+        let row = out + WEIGHT2 + 4u * a * HIDDEN + 4u * b + k;
+        partials[row] = w0[k];
+        partials[row + HIDDEN] = w1[k];
+        partials[row + 2u * HIDDEN] = w2[k];
+        partials[row + 3u * HIDDEN] = w3[k];
+        if b == 0u {
+            partials[out + BIAS2 + 4u * a + k] = bias2[k];
+        }
+        if a == FEATURES {
+            partials[out + BIAS1 + 4u * b + k] = first[k];
+        } else {
+            partials[out + (4u * b + k) * FEATURES + a] = first[k];
+        }
+    }
+}

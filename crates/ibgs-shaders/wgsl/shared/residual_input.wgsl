@@ -1,0 +1,46 @@
+// What all kernels of the residual network's input share (method.md section 6). Reads the kernel's binding sources_seen:
+// its first number is that of the slots that are non-empty somewhere in the image.
+#import resize
+
+struct FeatureParams {
+    // Rows of R with x_view = R x_world + t.
+    row0: vec4<f32>,
+    row1: vec4<f32>,
+    row2: vec4<f32>,
+    focal: vec2<f32>,
+    // Principal point minus one half: the pixel with index x lies at x.
+    principal: vec2<f32>,
+    size: vec2<u32>,
+    // Size at which the network runs.
+    low: vec2<u32>,
+    // Packed slots of a pixel.
+    slots: u32,
+    // What the network sees: see INPUTS_*.
+    inputs: u32,
+    // 1: the largest value over the slots instead of the mean.
+    largest: u32,
+    // Workgroups of the backward pass.
+    groups: u32,
+}
+
+var<immediate> params: FeatureParams;
+
+const INPUTS_SOURCE_COLORS: u32 = 1u;
+const INPUTS_DIFFERENCES_ONLY: u32 = 2u;
+// Channels of the hourglass' input: aggregated features, ray, base colour.
+const RAY_CHANNEL: u32 = 32u;
+const BASE_CHANNEL: u32 = 35u;
+
+fn resized() -> bool {
+    return any(params.size != params.low);
+}
+
+// Number of the source in slot m of a pixel, 255 when the slot is empty.
+fn slot_source(word: u32, m: u32) -> u32 {
+    return (word >> (8u * m)) & 255u;
+}
+
+// Slots that are non-empty somewhere in the image.
+fn used_slots() -> u32 {
+    return min(sources_seen[0], params.slots);
+}

@@ -1,0 +1,100 @@
+// The per-view MLP 7 -> 32 -> 32 on one thread, all 32 channels in registers, weights broadcast from workgroup memory.
+// Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2.
+
+const HIDDEN: u32 = 32u;
+const FEATURES: u32 = 7u;
+const BIAS1: u32 = HIDDEN * FEATURES;
+const WEIGHT2: u32 = BIAS1 + HIDDEN;
+const BIAS2: u32 = WEIGHT2 + HIDDEN * HIDDEN;
+const MLP_WEIGHTS: u32 = BIAS2 + HIDDEN;
+// Rows of `mlp`: one an input, the 32 outputs side by side, the biases behind.
+const ROW_BIAS1: u32 = FEATURES;
+const ROW_WEIGHT2: u32 = ROW_BIAS1 + 1u;
+const ROW_BIAS2: u32 = ROW_WEIGHT2 + HIDDEN;
+const MLP_VECTORS: u32 = 8u * (ROW_BIAS2 + 1u);
+
+var<workgroup> mlp: array<vec4<f32>, MLP_VECTORS>;
+
+// 32 channels; an array would be indexed in memory instead of registers.
+struct Hidden {
+    a: vec4<f32>,
+    b: vec4<f32>,
+    c: vec4<f32>,
+    d: vec4<f32>,
+    e: vec4<f32>,
+    f: vec4<f32>,
+    g: vec4<f32>,
+    h: vec4<f32>,
+}
+
+fn load_mlp(local: u32, threads: u32) {
+    for (var k = local; k < MLP_VECTORS; k += threads) {
+        let row = k / 8u;
+        var first = row;
+        var stride = FEATURES;
+        if row == ROW_BIAS1 {
+            first = BIAS1;
+            stride = 1u;
+        } else if row == ROW_BIAS2 {
+            first = BIAS2;
+            stride = 1u;
+        } else if row >= ROW_WEIGHT2 {
+            first = WEIGHT2 + row - ROW_WEIGHT2;
+            stride = HIDDEN;
+        }
+        let at = first + 4u * (k % 8u) * stride;
+        mlp[k] = vec4(weights[at], weights[at + stride], weights[at + 2u * stride], weights[at + 3u * stride]);
+    }
+    workgroupBarrier();
+}
+
+fn mlp_row(row: u32) -> Hidden {
+    let r = 8u * row;
+    return Hidden(mlp[r], mlp[r + 1u], mlp[r + 2u], mlp[r + 3u], mlp[r + 4u], mlp[r + 5u], mlp[r + 6u], mlp[r + 7u]);
+}
+
+fn add_row(row: u32, v: f32, sum: ptr<function, Hidden>) {
+    let r = 8u * row;
+    (*sum).a += v * mlp[r];
+    (*sum).b += v * mlp[r + 1u];
+    (*sum).c += v * mlp[r + 2u];
+    (*sum).d += v * mlp[r + 3u];
+    (*sum).e += v * mlp[r + 4u];
+    (*sum).f += v * mlp[r + 5u];
+    (*sum).g += v * mlp[r + 6u];
+    (*sum).h += v * mlp[r + 7u];
+}
+
+fn add_rows(row: u32, v: vec4<f32>, sum: ptr<function, Hidden>) {
+    add_row(row, v.x, sum);
+    add_row(row + 1u, v.y, sum);
+    add_row(row + 2u, v.z, sum);
+    add_row(row + 3u, v.w, sum);
+}
+
+fn relu(v: Hidden) -> Hidden {
+    let z = vec4(0.0);
+    return Hidden(max(v.a, z), max(v.b, z), max(v.c, z), max(v.d, z), max(v.e, z), max(v.f, z), max(v.g, z), max(v.h, z));
+}
+
+fn mlp_layer1(head: vec4<f32>, tail: vec4<f32>) -> Hidden {
+    var sum = mlp_row(ROW_BIAS1);
+    add_rows(0u, head, &sum);
+    add_row(4u, tail.x, &sum);
+    add_row(5u, tail.y, &sum);
+    add_row(6u, tail.z, &sum);
+    return relu(sum);
+}
+
+fn mlp_layer2(v: Hidden) -> Hidden {
+    var sum = mlp_row(ROW_BIAS2);
+    add_rows(ROW_WEIGHT2, v.a, &sum);
+    add_rows(ROW_WEIGHT2 + 4u, v.b, &sum);
+    add_rows(ROW_WEIGHT2 + 8u, v.c, &sum);
+    add_rows(ROW_WEIGHT2 + 12u, v.d, &sum);
+    add_rows(ROW_WEIGHT2 + 16u, v.e, &sum);
+    add_rows(ROW_WEIGHT2 + 20u, v.f, &sum);
+    add_rows(ROW_WEIGHT2 + 24u, v.g, &sum);
+    add_rows(ROW_WEIGHT2 + 28u, v.h, &sum);
+    return relu(sum);
+}

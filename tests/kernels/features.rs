@@ -1,0 +1,191 @@
+//! The residual network's input and per-view MLP against their twin, forward and backward.
+
+use crate::common::gpu;
+use crate::reference::features::{EMPTY, View};
+use crate::reference::finite::assert_gradient;
+use crate::reference::random_scene::{exact, random_camera, random_image};
+use crate::reference::relative_error;
+use ibgs_core::gpu::{Buffer, Pass};
+use ibgs_core::residual::features::{FeatureGradients, FeatureInputs, Features, InputGradients, MLP_WEIGHTS};
+use ibgs_core::residual::layers::INPUT;
+use ibgs_core::residual::{Aggregation, Factor, Inputs, Output, Variant};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const FACTORS: [Factor; 3] = [Factor::Full, Factor::Half, Factor::Quarter];
+
+fn variant(inputs: Inputs, aggregation: Aggregation, factor: Factor) -> Variant {
+    Variant { inputs, output: Output::Residual, aggregation, factor }
+}
+
+/// A view with `slots` slots, of which the first `active` are used somewhere; numbers that f32 holds.
+fn random_view(size: [u32; 2], slots: usize, active: usize, variant: Variant, seed: u64) -> View {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let pixels = (size[0] * size[1]) as usize;
+    let mut seen = vec![[EMPTY; 4]; pixels];
+    for slot in seen.iter_mut() {
+        let filled = rng.random_range(0..=active);
+        let first = rng.random_range(0..4u8);
+        (0..filled).for_each(|m| slot[m] = first + m as u8);
+    }
+    let mut number = |low: f64, high: f64| exact(rng.random_range(low..high));
+    View {
+        camera: random_camera(size[0], size[1], seed),
+        variant,
+        base: random_image(size[0], size[1], 0.0, 1.0, seed),
+        // Empty slots hold rubbish that must not matter.
+        warped: (0..slots * pixels).map(|_| std::array::from_fn(|_| number(0.0, 1.0))).collect(),
+        seen,
+        active,
+        centers: (0..8).map(|_| std::array::from_fn(|_| number(-1.0, 1.0))).collect(),
+        weights: (0..MLP_WEIGHTS).map(|_| number(-0.4, 0.4)).collect(),
+    }
+}
+
+fn random(count: usize, seed: u64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..count).map(|_| exact(rng.random_range(-1.0..1.0))).collect()
+}
+
+fn single(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|v| *v as f32).collect()
+}
+
+struct OnGpu {
+    x: Vec<f64>,
+    v_warped: Vec<f64>,
+    v_base: Vec<f64>,
+    v_weights: Vec<f64>,
+}
+
+/// What the kernels give; v_base starts at one half everywhere, all that is assigned at NaN.
+fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
+    let gpu = gpu();
+    let upload = |values: &[f64]| gpu.upload("test", &single(values)).unwrap();
+    let nan = |count: usize| gpu.upload("test", &vec![f32::NAN; count]).unwrap();
+    let read = |buffer: &Buffer, count: usize| -> Vec<f64> {
+        gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect()
+    };
+    let seen: Vec<u32> = view.seen.iter().map(|s| u32::from_le_bytes(*s)).collect();
+    let centers: Vec<f64> = view.centers.iter().flat_map(|c| [c[0], c[1], c[2], 9.0]).collect();
+    let features = Features::new(&view.camera, view.slots() as u32, view.variant);
+    let low = features.low();
+    let (pixels, n) = (view.base.len(), (low[0] * low[1]) as usize);
+    let (base, warped) = (upload(view.base.as_flattened()), upload(view.warped.as_flattened()));
+    let (centers, weights) = (upload(&centers), upload(&view.weights));
+    let seen = gpu.upload("test", &seen).unwrap();
+    let active = gpu.upload("test", &[view.active as u32, 7, 7, 7]).unwrap();
+    let inputs = FeatureInputs {
+        base: &base,
+        warped: &warped,
+        seen: &seen,
+        active: &active,
+        centers: &centers,
+        weights: &weights,
+    };
+    let (x, v_x) = (nan(INPUT * n), upload(v_x));
+    let (v_weights, v_warped) = (nan(MLP_WEIGHTS + 5), nan(4 * view.warped.len()));
+    let v_base = upload(&vec![0.5; 3 * pixels]);
+    let scratch = features.scratch(&gpu).unwrap();
+    let gradients = FeatureGradients { v_x: &v_x, v_weights: &v_weights, scratch: &scratch };
+    let mut pass = Pass::new(&gpu, "features");
+    features.record(&mut pass, &inputs, &x);
+    features.record_backward(&mut pass, &inputs, &gradients);
+    let out = InputGradients { v_warped: &v_warped, v_base: &v_base };
+    features.record_inputs_backward(&mut pass, &inputs, &gradients, &out);
+    pass.submit();
+    let mut v_weights = read(&v_weights, MLP_WEIGHTS + 5);
+    assert!(v_weights.split_off(MLP_WEIGHTS).iter().all(|v| v.is_nan()), "the hourglass' gradients are not touched");
+    let v_base = read(&v_base, 3 * pixels).iter().map(|v| v - 0.5).collect();
+    OnGpu { x: read(&x, INPUT * n), v_warped: read(&v_warped, 4 * view.warped.len()), v_base, v_weights }
+}
+
+fn check(what: &str, view: &View, seed: u64) {
+    let n = view.low()[0] * view.low()[1];
+    let v_x = random(INPUT * n, seed);
+    let ours = on_gpu(view, &v_x);
+    let grads = view.input_backward(&v_x);
+    let expected = view.input();
+    let errors = [
+        relative_error(&ours.x, &expected),
+        relative_error(&ours.v_warped, grads.warped.as_flattened()),
+        relative_error(&ours.v_base, grads.base.as_flattened()),
+        relative_error(&ours.v_weights, &grads.weights),
+    ];
+    println!(
+        "{what}: x {:.1e}, v_warped {:.1e}, v_base {:.1e}, v_weights {:.1e}",
+        errors[0], errors[1], errors[2], errors[3]
+    );
+    assert!(errors.iter().all(|e| *e <= 1e-4), "{what}: {errors:?}");
+    for (i, v) in grads.warped.as_flattened().iter().enumerate() {
+        assert!(*v != 0.0 || ours.v_warped[i] == 0.0, "{what}: v_warped[{i}] is {}", ours.v_warped[i]);
+    }
+    assert_eq!(view.active > 0, ours.v_weights.iter().any(|v| *v != 0.0), "{what}: gradient of the weights");
+}
+
+#[test]
+fn every_variant_follows_the_twin() {
+    for inputs in [Inputs::Differences, Inputs::SourceColors, Inputs::DifferencesOnly] {
+        for aggregation in [Aggregation::Mean, Aggregation::Max] {
+            for factor in FACTORS {
+                let view = random_view([33, 17], 3, 3, variant(inputs, aggregation, factor), 1);
+                check(&format!("{inputs:?} {aggregation:?} {factor:?}"), &view, 2);
+            }
+        }
+    }
+}
+
+#[test]
+fn sizes_slots_and_unused_slots() {
+    for (size, slots, active) in
+        [([13, 9], 1, 1), ([40, 40], 4, 4), ([5, 3], 3, 2), ([1, 1], 2, 1), ([1, 7], 3, 3), ([26, 11], 3, 0)]
+    {
+        for factor in FACTORS {
+            let view = random_view(size, slots, active, variant(Inputs::Differences, Aggregation::Mean, factor), 3);
+            check(&format!("{size:?}, {active} of {slots} slots, {factor:?}"), &view, 4);
+        }
+    }
+}
+
+/// More pixels than the backward pass has threads: its workgroups go round several times.
+#[test]
+fn large_images_are_summed_whole() {
+    let view = random_view([290, 210], 2, 2, variant(Inputs::Differences, Aggregation::Mean, Factor::Full), 5);
+    check("290 x 210", &view, 6);
+    let v_x = random(INPUT * view.base.len(), 6);
+    assert_eq!(on_gpu(&view, &v_x).v_weights, on_gpu(&view, &v_x).v_weights, "the same sums twice");
+}
+
+#[test]
+fn twin_follows_finite_differences() {
+    for inputs in [Inputs::Differences, Inputs::SourceColors, Inputs::DifferencesOnly] {
+        for aggregation in [Aggregation::Mean, Aggregation::Max] {
+            for factor in [Factor::Full, Factor::Half] {
+                let view = random_view([9, 7], 3, 3, variant(inputs, aggregation, factor), 7);
+                let v_x = random(INPUT * view.low()[0] * view.low()[1], 8);
+                let loss = |view: &View| -> f64 { view.input().iter().zip(&v_x).map(|(x, v)| x * v).sum() };
+                let grads = view.input_backward(&v_x);
+                let what = format!("{inputs:?} {aggregation:?} {factor:?}");
+                let by_warped = assert_gradient(
+                    &format!("{what} warped"),
+                    view.warped.as_flattened(),
+                    grads.warped.as_flattened(),
+                    1e-6,
+                    |at| loss(&View { warped: at.as_chunks().0.to_vec(), ..view.clone() }),
+                );
+                let by_weights =
+                    assert_gradient(&format!("{what} weights"), &view.weights, &grads.weights, 1e-6, |at| {
+                        loss(&View { weights: at.to_vec(), ..view.clone() })
+                    });
+                let by_base = assert_gradient(
+                    &format!("{what} base"),
+                    view.base.as_flattened(),
+                    grads.base.as_flattened(),
+                    1e-6,
+                    |at| loss(&View { base: at.as_chunks().0.to_vec(), ..view.clone() }),
+                );
+                println!("{what}: warped {by_warped:.1e}, weights {by_weights:.1e}, base {by_base:.1e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Twin of the residual network's input, its per-view MLP and the final composition, with their derivatives (method.md
+//! sections 5 and 6). Everything is done in the plain order of the text: features at full size, then the resize, then
+//! the MLP.
+
+use ibgs_core::camera::Camera;
+use ibgs_core::residual::layers::{ENC1, FEATURES, HIDDEN, INPUT, MLP1, MLP2};
+use ibgs_core::residual::{Aggregation, Inputs, Output, Variant};
+
+/// Number of the source in an empty slot.
+pub const EMPTY: u8 = 255;
+
+/// What the network's input is made of; maps are row by row, slot after slot.
+#[derive(Clone, Debug)]
+pub struct View {
+    pub camera: Camera,
+    pub variant: Variant,
+    pub base: Vec<[f64; 3]>,
+    /// Colour and cosine, slots x pixels.
+    pub warped: Vec<[f64; 4]>,
+    /// Number of the source in each slot of a pixel.
+    pub seen: Vec<[u8; 4]>,
+    /// Slots that are non-empty somewhere.
+    pub active: usize,
+    /// Target centre - source centre.
+    pub centers: Vec<[f64; 3]>,
+    /// The flat weights of the MLP.
+    pub weights: Vec<f64>,
+}
+
+/// Gradients by the inputs.
+#[derive(Clone, Debug)]
+pub struct Grads {
+    pub warped: Vec<[f64; 4]>,
+    pub base: Vec<[f64; 3]>,
+    pub weights: Vec<f64>,
+}
+
+type Size = [usize; 2];
+
+/// Source indices and weights of resized index i, corners aligned.
+fn taps(i: usize, src: usize, dst: usize) -> [(usize, f64); 2] {
+    let at = if dst > 1 { i as f64 * (src - 1) as f64 / (dst - 1) as f64 } else { 0.0 };
+    let first = (at.floor() as usize).min(src - 1);
+    let fraction = at - first as f64;
+    [(first, 1.0 - fraction), ((first + 1).min(src - 1), fraction)]
+}
+
+/// Calls `f(resized pixel, source pixel, weight)` for every pair that is connected.
+fn each_tap(src: Size, dst: Size, mut f: impl FnMut(usize, usize, f64)) {
+    for y in 0..dst[1] {
+        for x in 0..dst[0] {
+            if src == dst {
+                f(y * dst[0] + x, y * dst[0] + x, 1.0);
+                continue;
+            }
+            for (row, down) in taps(y, src[1], dst[1]) {
+                for (column, across) in taps(x, src[0], dst[0]) {
+                    f(y * dst[0] + x, row * src[0] + column, down * across);
+                }
+            }
+        }
+    }
+}
+
+/// Bilinear resize with corners aligned.
+pub fn resize<const N: usize>(map: &[[f64; N]], src: Size, dst: Size) -> Vec<[f64; N]> {
+    let mut out = vec![[0.0; N]; dst[0] * dst[1]];
+    each_tap(src, dst, |to, at, weight| (0..N).for_each(|c| out[to][c] += weight * map[at][c]));
+    out
+}
+
+/// Its transpose.
+pub fn resize_backward<const N: usize>(v_out: &[[f64; N]], src: Size, dst: Size) -> Vec<[f64; N]> {
+    let mut v_map = vec![[0.0; N]; src[0] * src[1]];
+    each_tap(src, dst, |to, at, weight| (0..N).for_each(|c| v_map[at][c] += weight * v_out[to][c]));
+    v_map
+}
+
+fn relu_layer(weights: &[f64], bias: &[f64], input: &[f64]) -> [f64; HIDDEN] {
+    std::array::from_fn(|o| {
+        let row = &weights[o * input.len()..(o + 1) * input.len()];
+        (bias[o] + row.iter().zip(input).map(|(w, x)| w * x).sum::<f64>()).max(0.0)
+    })
+}
+
+impl View {
+    pub fn size(&self) -> Size {
+        [self.camera.width as usize, self.camera.height as usize]
+    }
+
+    pub fn low(&self) -> Size {
+        self.variant.factor.size([self.camera.width, self.camera.height]).map(|n| n as usize)
+    }
+
+    pub fn slots(&self) -> usize {
+        self.warped.len() / self.base.len()
+    }
+
+    fn features(&self, slot: usize) -> Vec<[f64; FEATURES]> {
+        let feature = |p: usize| {
+            let source = self.seen[p][slot];
+            if source == EMPTY {
+                return [0.0; FEATURES];
+            }
+            let [r, g, b, cosine] = self.warped[slot * self.base.len() + p];
+            let base = if self.variant.inputs == Inputs::SourceColors { [0.0; 3] } else { self.base[p] };
+            let [x, y, z] = self.centers[source as usize];
+            [r - base[0], g - base[1], b - base[2], x, y, z, cosine]
+        };
+        resize(&(0..self.base.len()).map(feature).collect::<Vec<_>>(), self.size(), self.low())
+    }
+
+    fn mlp(&self, feature: &[f64; FEATURES]) -> ([f64; HIDDEN], [f64; HIDDEN]) {
+        let w = &self.weights;
+        let first = relu_layer(&w[MLP1.offset..], &w[MLP1.bias()..], feature);
+        (first, relu_layer(&w[MLP2.offset..], &w[MLP2.bias()..], &first))
+    }
+
+    /// The slot that gives channel c its largest value, the first of several.
+    fn largest(outputs: &[[f64; HIDDEN]], c: usize) -> usize {
+        (0..outputs.len()).fold(0, |best, m| if outputs[m][c] > outputs[best][c] { m } else { best })
+    }
+
+    /// The hourglass' input, planes [38][pixels of the network's size].
+    pub fn input(&self) -> Vec<f64> {
+        let ([w, h], n) = (self.size(), self.low()[0] * self.low()[1]);
+        let features: Vec<_> = (0..self.active).map(|m| self.features(m)).collect();
+        let ray = |p: usize| self.camera.ray(glam::DVec2::new((p % w) as f64 + 0.5, (p / w) as f64 + 0.5)).to_array();
+        let rays = resize(&(0..w * h).map(ray).collect::<Vec<_>>(), self.size(), self.low());
+        let base = resize(&self.base, self.size(), self.low());
+        let mut x = vec![0.0; INPUT * n];
+        for i in 0..n {
+            let outputs: Vec<_> = features.iter().map(|f| self.mlp(&f[i]).1).collect();
+            for c in 0..HIDDEN {
+                x[c * n + i] = match self.variant.aggregation {
+                    _ if outputs.is_empty() => 0.0,
+                    Aggregation::Mean => outputs.iter().map(|h| h[c]).sum::<f64>() / outputs.len() as f64,
+                    Aggregation::Max => outputs[Self::largest(&outputs, c)][c],
+                };
+            }
+            let ray = glam::DVec3::from_array(rays[i]).normalize().to_array();
+            for c in 0..3 {
+                x[(HIDDEN + c) * n + i] = ray[c];
+                x[(HIDDEN + 3 + c) * n + i] =
+                    if self.variant.inputs == Inputs::DifferencesOnly { 0.0 } else { base[i][c] };
+            }
+        }
+        x
+    }
+
+    /// Gradients of `sum(v_x * input())`.
+    pub fn input_backward(&self, v_x: &[f64]) -> Grads {
+        let (pixels, n) = (self.base.len(), self.low()[0] * self.low()[1]);
+        let features: Vec<_> = (0..self.active).map(|m| self.features(m)).collect();
+        let mut v_features = vec![vec![[0.0; FEATURES]; n]; self.active];
+        let mut weights = vec![0.0; ENC1.offset];
+        for i in 0..n {
+            let outputs: Vec<_> = features.iter().map(|f| self.mlp(&f[i]).1).collect();
+            for m in 0..self.active {
+                let v_output = std::array::from_fn(|c| match self.variant.aggregation {
+                    Aggregation::Mean => v_x[c * n + i] / self.active as f64,
+                    Aggregation::Max if Self::largest(&outputs, c) == m => v_x[c * n + i],
+                    Aggregation::Max => 0.0,
+                });
+                v_features[m][i] = self.mlp_backward(&features[m][i], v_output, &mut weights);
+            }
+        }
+        let v_color: Vec<[f64; 3]> = (0..n).map(|i| std::array::from_fn(|c| v_x[(HIDDEN + 3 + c) * n + i])).collect();
+        let mut grads = Grads { warped: vec![[0.0; 4]; self.warped.len()], base: vec![[0.0; 3]; pixels], weights };
+        if self.variant.inputs != Inputs::DifferencesOnly {
+            grads.base = resize_backward(&v_color, self.size(), self.low());
+        }
+        for (m, v) in v_features.iter().enumerate() {
+            let v = resize_backward(v, self.size(), self.low());
+            for p in (0..pixels).filter(|p| self.seen[*p][m] != EMPTY) {
+                grads.warped[m * pixels + p] = [v[p][0], v[p][1], v[p][2], v[p][6]];
+                if self.variant.inputs != Inputs::SourceColors {
+                    (0..3).for_each(|c| grads.base[p][c] -= v[p][c]);
+                }
+            }
+        }
+        grads
+    }
+
+    fn mlp_backward(
+        &self,
+        feature: &[f64; FEATURES],
+        v_output: [f64; HIDDEN],
+        v_weights: &mut [f64],
+    ) -> [f64; FEATURES] {
+        let (first, second) = self.mlp(feature);
+        let mut v_first = [0.0; HIDDEN];
+        for o in (0..HIDDEN).filter(|o| second[*o] > 0.0) {
+            v_weights[MLP2.bias() + o] += v_output[o];
+            for k in 0..HIDDEN {
+                v_weights[MLP2.offset + o * HIDDEN + k] += v_output[o] * first[k];
+                v_first[k] += v_output[o] * self.weights[MLP2.offset + o * HIDDEN + k];
+            }
+        }
+        let mut v_feature = [0.0; FEATURES];
+        for o in (0..HIDDEN).filter(|o| first[*o] > 0.0) {
+            v_weights[MLP1.bias() + o] += v_first[o];
+            for k in 0..FEATURES {
+                v_weights[MLP1.offset + o * FEATURES + k] += v_first[o] * feature[k];
+                v_feature[k] += v_first[o] * self.weights[MLP1.offset + o * FEATURES + k];
+            }
+        }
+        v_feature
+    }
+}
+
+/// How the final colour is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Composition {
+    pub size: Size,
+    pub variant: Variant,
+    pub gain: f64,
+    /// Whether any source is seen in the image.
+    pub seen: bool,
+}
+
+impl Composition {
+    pub fn low(&self) -> Size {
+        self.variant.factor.size(self.size.map(|n| n as u32)).map(|n| n as usize)
+    }
+
+    fn base_share(&self) -> f64 {
+        match self.variant.output {
+            Output::Residual => self.gain,
+            Output::Color if self.seen => 0.0,
+            Output::Color => 1.0,
+        }
+    }
+
+    /// The final colour.
+    pub fn compose(&self, base: &[[f64; 3]], residual: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let full = resize(residual, self.low(), self.size);
+        let added = if self.seen { 1.0 } else { 0.0 };
+        let pixel = |(b, r): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| self.base_share() * b[c] + added * r[c]);
+        base.iter().zip(&full).map(pixel).collect()
+    }
+
+    /// Gradients by residual and base colour.
+    pub fn compose_backward(&self, v_image: &[[f64; 3]]) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+        let mut v_residual = resize_backward(v_image, self.low(), self.size);
+        if !self.seen {
+            v_residual.fill([0.0; 3]);
+        }
+        (v_residual, v_image.iter().map(|v| v.map(|x| self.base_share() * x)).collect())
+    }
+}
