@@ -116,4 +116,25 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ObserveParams { size, count, near_depth });
     twin!(OpacityResetParams { count, limit });
+    twin!(ConvParams {
+        size,
+        source,
+        mode,
+        channels_a,
+        channels_b,
+        outputs,
+        weights,
+        stride_out,
+        stride_in,
+        turned,
+        bias,
+        store,
+        groups,
+        pad,
+    });
+    twin!(ConvWeightsParams { size, source, mode, inputs, outputs, splits });
+    twin!(SumParams { splits, stride, rows, length, target_offset, target_stride, bias, biases });
+    twin!(PoolParams { size, channels, pad });
+    twin!(UpsampleParams { size, source, channels, pad });
+    twin!(HeadParams { pixels, fuse, fuse_bias, last, last_bias, keep });
 }

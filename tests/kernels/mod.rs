@@ -2,6 +2,7 @@
 
 mod adam;
 mod densify;
+mod hourglass;
 mod image_loss;
 mod rasterize;
 mod scan_sort;

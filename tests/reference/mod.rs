@@ -14,6 +14,7 @@ pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;
 pub mod golden;
+pub mod hourglass;
 pub mod image_loss;
 pub mod project;
 pub mod random_scene;
