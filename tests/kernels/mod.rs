@@ -5,6 +5,7 @@ mod compose;
 mod densify;
 mod exposure;
 mod features;
+mod hourglass;
 mod image_loss;
 mod normal_loss;
 mod photometric_loss;

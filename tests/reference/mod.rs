@@ -16,6 +16,7 @@ pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;
 pub mod golden;
+pub mod hourglass;
 pub mod image_loss;
 pub mod normal_loss;
 pub mod photometric_loss;

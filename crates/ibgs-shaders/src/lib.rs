@@ -278,6 +278,30 @@ kernels! {
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
         read("sources_seen"), read("v_image"), write("v_residual"), write("v_base");
+    // The hourglass of the residual network.
+    /// 3 x 3 convolution, forward or gradient by the input.
+    RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):
+        read("weights"), read("input_a"), read("input_b"), write("output");
+    /// 3 x 3 convolution, partial sums of the gradient by weights and biases.
+    RESIDUAL_CONV_WEIGHTS = "residual_conv_weights" [192, 1, 1] (size_of::<types::ConvWeightsParams>()):
+        read("v"), read("input"), write("partials");
+    /// Rows of partial sums into the flat weight gradient.
+    RESIDUAL_SUM = "residual_sum" [256, 1, 1] (size_of::<types::SumParams>()): read("partials"), write("sums");
+    /// Gradient of the 2 x 2 maximum.
+    RESIDUAL_POOL_BACKWARD = "residual_pool_backward" [256, 1, 1] (size_of::<types::PoolParams>()):
+        read("activation"), read("v_pooled"), write("v");
+    /// Gradient of the enlargement by nearest.
+    RESIDUAL_UPSAMPLE_BACKWARD = "residual_upsample_backward" [256, 1, 1] (size_of::<types::UpsampleParams>()):
+        read("v_enlarged"), write("v");
+    /// The last two layers.
+    RESIDUAL_HEAD = "residual_head" [128, 1, 1] (size_of::<types::HeadParams>()):
+        read("weights"), read("d1"), read("x"), write("residual"), write("f");
+    /// The last two layers, gradient by their inputs.
+    RESIDUAL_HEAD_BACKWARD = "residual_head_backward" [128, 1, 1] (size_of::<types::HeadParams>()):
+        read("weights"), read("v_residual"), write("d1"), write("f");
+    /// The last two layers, partial sums of the gradient by weights and biases.
+    RESIDUAL_HEAD_WEIGHTS = "residual_head_weights" [192, 1, 1] (size_of::<types::HeadParams>()):
+        read("weights"), read("d1"), read("x"), read("f"), read("v_residual"), write("partials");
 }
 
 /// The shared constants as WGSL declarations.

@@ -255,3 +255,121 @@ pub struct ComposeParams {
     /// 1: the network gives the colour itself.
     pub full_color: u32,
 }
+
+/// A 3 x 3 convolution or its gradient by the input; the twin of `ConvParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ConvParams {
+    /// Size of input and output in pixels.
+    pub size: [u32; 2],
+    /// Size of what input a is read from.
+    pub source: [u32; 2],
+    /// 0: input a as it is, 1: the maximum of 2 x 2, 2: the nearest of a smaller one.
+    pub mode: u32,
+    /// Channels of input a.
+    pub channels_a: u32,
+    /// Channels of input b, behind those of a.
+    pub channels_b: u32,
+    /// Output channels, at most 40.
+    pub outputs: u32,
+    /// First weight.
+    pub weights: u32,
+    /// Distance between the weights of neighbouring outputs.
+    pub stride_out: u32,
+    /// Distance between the weights of neighbouring inputs.
+    pub stride_in: u32,
+    /// 1: the taps turned by half a circle.
+    pub turned: u32,
+    /// First bias.
+    pub bias: u32,
+    /// 0: bias and ReLU, 1: assign, 2: add, 3: assign where the output holds a positive value, else zero.
+    pub store: u32,
+    /// Groups of 20 outputs: 1 or 2.
+    pub groups: u32,
+    /// Padding.
+    pub pad: u32,
+}
+
+/// Gradient of a 3 x 3 convolution's weights; the twin of `ConvWeightsParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ConvWeightsParams {
+    /// Size of input and output in pixels.
+    pub size: [u32; 2],
+    /// Size of what the input is read from.
+    pub source: [u32; 2],
+    /// As [`ConvParams::mode`].
+    pub mode: u32,
+    /// Input channels, at most 38.
+    pub inputs: u32,
+    /// Output channels, at most 38.
+    pub outputs: u32,
+    /// Workgroups that share the image.
+    pub splits: u32,
+}
+
+/// Sum of rows of partial sums; the twin of `SumParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SumParams {
+    /// Rows.
+    pub splits: u32,
+    /// Values a row.
+    pub stride: u32,
+    /// Outputs of the layer.
+    pub rows: u32,
+    /// Weights of an output.
+    pub length: u32,
+    /// Where the first output's weights go.
+    pub target_offset: u32,
+    /// Distance to the next output's.
+    pub target_stride: u32,
+    /// Where the biases go.
+    pub bias: u32,
+    /// How many of them are wanted.
+    pub biases: u32,
+}
+
+/// Gradient of the 2 x 2 maximum; the twin of `PoolParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct PoolParams {
+    /// Size before the maximum in pixels.
+    pub size: [u32; 2],
+    /// Channels.
+    pub channels: u32,
+    /// Padding.
+    pub pad: u32,
+}
+
+/// Gradient of the enlargement; the twin of `UpsampleParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct UpsampleParams {
+    /// Size after the enlargement in pixels.
+    pub size: [u32; 2],
+    /// Size before it.
+    pub source: [u32; 2],
+    /// Channels.
+    pub channels: u32,
+    /// Padding.
+    pub pad: u32,
+}
+
+/// The hourglass' last two layers; the twin of `HeadParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HeadParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// First weight of the layer before the last.
+    pub fuse: u32,
+    /// Its first bias.
+    pub fuse_bias: u32,
+    /// First weight of the last layer.
+    pub last: u32,
+    /// Its first bias.
+    pub last_bias: u32,
+    /// 1: the values between the two layers are kept.
+    pub keep: u32,
+}

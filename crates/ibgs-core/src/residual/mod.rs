@@ -2,7 +2,11 @@
 
 pub mod compose;
 pub mod features;
+pub mod hourglass;
 pub mod layers;
+mod operation;
 pub mod variant;
 
+pub use hourglass::Hourglass;
+pub use operation::{Residual, ResidualTask};
 pub use variant::{Aggregation, Factor, Inputs, Output, Variant};

@@ -1,0 +1,243 @@
+// A 3 x 3 convolution with zero padding over one or two inputs (two: a concatenation that is never stored), forward or,
+// with the strides of the weights exchanged and the taps turned, the gradient by the input (method.md section 6).
+//
+// A thread owns 8 pixels of a column times 20 output channels: ten 4 x 4 registers (columns: pixels, rows: output
+// channels). A workgroup of 32 columns is 2 groups of outputs x 16 rows, or 1 x 32. Tile and weights pass through
+// workgroup memory a few input channels at a time; whatever lies outside is filled with zeros, so the inner loop has no
+// branch, and all of its register indices are constants.
+#import residual_source
+
+struct ConvParams {
+    // Size of input and output.
+    size: vec2<u32>,
+    // Size of what input a is read from.
+    source: vec2<u32>,
+    mode: u32,
+    channels_a: u32,
+    channels_b: u32,
+    outputs: u32,
+    // First weight; distances between the weights of neighbouring outputs and inputs; 1: taps turned by half a circle.
+    weights: u32,
+    stride_out: u32,
+    stride_in: u32,
+    turned: u32,
+    // First bias.
+    bias: u32,
+    // What becomes of the sums.
+    store: u32,
+    // Groups of 20 outputs: 1 or 2.
+    groups: u32,
+    pad: u32,
+}
+
+// Adds the bias and cuts off below zero.
+const RELU: u32 = 0u;
+// Assigns.
+const ASSIGN: u32 = 1u;
+// Adds to what is there.
+const ADD: u32 = 2u;
+// The output holds the activation whose gradient this is; the gradient takes its place where it is positive.
+const MASK: u32 = 3u;
+
+var<immediate> params: ConvParams;
+
+@group(0) @binding(0) var<storage, read> weights: array<f32>;
+@group(0) @binding(1) var<storage, read> input_a: array<f32>;
+@group(0) @binding(2) var<storage, read> input_b: array<f32>;
+@group(0) @binding(3) var<storage, read_write> output: array<f32>;
+
+const COLUMNS: u32 = 34u;
+const ROWS: u32 = 10u;
+// (input channel, row group) pairs in workgroup memory: 4 x 2 or 2 x 4.
+const SLOTS: u32 = 8u;
+
+var<workgroup> tile: array<array<array<f32, COLUMNS>, ROWS>, SLOTS>;
+// [input channel, tap column, output group][tap row * 5 + output quad].
+var<workgroup> kernel: array<array<vec4<f32>, 15>, 24>;
+// Source row (times its width) and column of each of the tile's rows and columns; -1 outside.
+var<workgroup> source_row: array<i32, 40>;
+var<workgroup> source_column: array<i32, COLUMNS>;
+
+fn fetch(slot: u32, row: u32, column: u32, first: u32, row_groups: u32) -> f32 {
+    var channel = first + slot / row_groups;
+    let y = source_row[(slot % row_groups) * ROWS + row];
+    let x = source_column[column];
+    if y < 0 || x < 0 || channel >= params.channels_a + params.channels_b {
+        return 0.0;
+    }
+    let at = u32(y + x);
+    let plane = params.source.x * params.source.y;
+    if channel >= params.channels_a {
+        return input_b[(channel - params.channels_a) * plane + at];
+    }
+    let i = channel * plane + at;
+    if params.mode == POOLED {
+        let below = i + params.source.x;
+        return max(max(input_a[i], input_a[i + 1u]), max(input_a[below], input_a[below + 1u]));
+    }
+    return input_a[i];
+}
+
+fn load_tile(local: u32, first: u32, row_groups: u32) {
+    for (var k = local / 32u; k < SLOTS * ROWS; k += 4u) {
+        tile[k / ROWS][k % ROWS][local % 32u] = fetch(k / ROWS, k % ROWS, local % 32u, first, row_groups);
+    }
+    for (var k = local; k < SLOTS * ROWS * 2u; k += 128u) {
+        let row = k / 2u;
+        let column = 32u + k % 2u;
+        tile[row / ROWS][row % ROWS][column] = fetch(row / ROWS, row % ROWS, column, first, row_groups);
+    }
+}
+
+fn weight(channel: u32, o: u32, tap: u32) -> f32 {
+    if channel >= params.channels_a + params.channels_b || o >= params.outputs {
+        return 0.0;
+    }
+    return weights[params.weights + o * params.stride_out + channel * params.stride_in + tap];
+}
+
+fn load_kernel(local: u32, first: u32, channels: u32) {
+    for (var k = local; k < channels * params.groups * 45u; k += 128u) {
+        let row = k / 15u;
+        let column = row / params.groups;
+        let channel = first + column / 3u;
+        let o = (row % params.groups) * 20u + 4u * (k % 5u);
+        var tap = 3u * ((k % 15u) / 5u) + column % 3u;
+        tap = select(tap, 8u - tap, params.turned == 1u);
+        kernel[row][k % 15u] = vec4(
+            weight(channel, o, tap),
+            weight(channel, o + 1u, tap),
+            weight(channel, o + 2u, tap),
+            weight(channel, o + 3u, tap),
+        );
+    }
+}
+
+// The outer product of four outputs' weights and four pixels, added.
+fn add(m: mat4x4<f32>, w: vec4<f32>, x: vec4<f32>) -> mat4x4<f32> {
+    return mat4x4(
+        fma(w, vec4(x.x), m[0]),
+        fma(w, vec4(x.y), m[1]),
+        fma(w, vec4(x.z), m[2]),
+        fma(w, vec4(x.w), m[3]),
+    );
+}
+
+fn store(o: u32, x: u32, y: u32, sum: f32) {
+    if o >= params.outputs || x >= params.size.x || y >= params.size.y {
+        return;
+    }
+    let i = (o * params.size.y + y) * params.size.x + x;
+    if params.store == RELU {
+        output[i] = max(sum + weights[params.bias + o], 0.0);
+    } else if params.store == ASSIGN {
+        output[i] = sum;
+    } else if params.store == ADD {
+        output[i] += sum;
+    } else {
+        output[i] = select(0.0, sum, output[i] > 0.0);
+    }
+}
+
+fn store_pixel(o: u32, x: u32, y: u32, sums: vec4<f32>) {
+    store(o, x, y, sums.x);
+    store(o + 1u, x, y, sums.y);
+    store(o + 2u, x, y, sums.z);
+    store(o + 3u, x, y, sums.w);
+}
+
+fn store_quad(o: u32, x: u32, y: u32, upper: mat4x4<f32>, lower: mat4x4<f32>) {
+    store_pixel(o, x, y, upper[0]);
+    store_pixel(o, x, y + 1u, upper[1]);
+    store_pixel(o, x, y + 2u, upper[2]);
+    store_pixel(o, x, y + 3u, upper[3]);
+    store_pixel(o, x, y + 4u, lower[0]);
+    store_pixel(o, x, y + 5u, lower[1]);
+    store_pixel(o, x, y + 6u, lower[2]);
+    store_pixel(o, x, y + 7u, lower[3]);
+}
+
+@compute @workgroup_size(128)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let row_groups = 4u / params.groups;
+    let channels = SLOTS / row_groups;
+    let lane = local % 32u;
+    let row_group = (local / 32u) % row_groups;
+    let group = local / (32u * row_groups);
+    let origin = vec2<i32>(wid.xy * vec2(32u, 8u * row_groups));
+    if local < 40u {
+        let y = origin.y + i32(local / ROWS) * 8 + i32(local % ROWS) - 1;
+        let row = source_of(y, params.size.y, params.source.y, params.mode);
+        source_row[local] = select(row * i32(params.source.x), -1, row < 0);
+    }
+    if local < COLUMNS {
+        source_column[local] = source_of(origin.x + i32(local) - 1, params.size.x, params.source.x, params.mode);
+    }
+    // Pixels 0..4 (a) and 4..8 (b) of five quads of outputs.
+    var a0 = mat4x4<f32>();
+    var a1 = mat4x4<f32>();
+    var a2 = mat4x4<f32>();
+    var a3 = mat4x4<f32>();
+    var a4 = mat4x4<f32>();
+    var b0 = mat4x4<f32>();
+    var b1 = mat4x4<f32>();
+    var b2 = mat4x4<f32>();
+    var b3 = mat4x4<f32>();
+    var b4 = mat4x4<f32>();
+    for (var first = 0u; first < params.channels_a + params.channels_b; first += channels) {
+        workgroupBarrier();
+        load_tile(local, first, row_groups);
+        load_kernel(local, first, channels);
+        workgroupBarrier();
+        for (var k = 0u; k < 3u * channels; k++) {
+            let slot = (k / 3u) * row_groups + row_group;
+            let x = lane + k % 3u;
+            let w = k * params.groups + group;
+            let p0 = vec4(tile[slot][0][x], tile[slot][1][x], tile[slot][2][x], tile[slot][3][x]);
+            let p4 = vec4(tile[slot][4][x], tile[slot][5][x], tile[slot][6][x], tile[slot][7][x]);
+            let p8 = vec2(tile[slot][8][x], tile[slot][9][x]);
+            a0 = add(a0, kernel[w][0], p0);
+            b0 = add(b0, kernel[w][0], p4);
+            a1 = add(a1, kernel[w][1], p0);
+            b1 = add(b1, kernel[w][1], p4);
+            a2 = add(a2, kernel[w][2], p0);
+            b2 = add(b2, kernel[w][2], p4);
+            a3 = add(a3, kernel[w][3], p0);
+            b3 = add(b3, kernel[w][3], p4);
+            a4 = add(a4, kernel[w][4], p0);
+            b4 = add(b4, kernel[w][4], p4);
+            let p1 = vec4(p0.yzw, p4.x);
+            let p5 = vec4(p4.yzw, p8.x);
+            a0 = add(a0, kernel[w][5], p1);
+            b0 = add(b0, kernel[w][5], p5);
+            a1 = add(a1, kernel[w][6], p1);
+            b1 = add(b1, kernel[w][6], p5);
+            a2 = add(a2, kernel[w][7], p1);
+            b2 = add(b2, kernel[w][7], p5);
+            a3 = add(a3, kernel[w][8], p1);
+            b3 = add(b3, kernel[w][8], p5);
+            a4 = add(a4, kernel[w][9], p1);
+            b4 = add(b4, kernel[w][9], p5);
+            let p2 = vec4(p0.zw, p4.xy);
+            let p6 = vec4(p4.zw, p8);
+            a0 = add(a0, kernel[w][10], p2);
+            b0 = add(b0, kernel[w][10], p6);
+            a1 = add(a1, kernel[w][11], p2);
+            b1 = add(b1, kernel[w][11], p6);
+            a2 = add(a2, kernel[w][12], p2);
+            b2 = add(b2, kernel[w][12], p6);
+            a3 = add(a3, kernel[w][13], p2);
+            b3 = add(b3, kernel[w][13], p6);
+            a4 = add(a4, kernel[w][14], p2);
+            b4 = add(b4, kernel[w][14], p6);
+        }
+    }
+    let x = u32(origin.x) + lane;
+    let y = u32(origin.y) + 8u * row_group;
+    let o = 20u * group;
+    store_quad(o, x, y, a0, b0);
+    store_quad(o + 4u, x, y, a1, b1);
+    store_quad(o + 8u, x, y, a2, b2);
+    store_quad(o + 12u, x, y, a3, b3);
+    store_quad(o + 16u, x, y, a4, b4);
+}

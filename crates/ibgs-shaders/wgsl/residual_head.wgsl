@@ -1,0 +1,114 @@
+// One thread four pixels: f and the residual of the hourglass' last two layers.
+#import index
+#import residual_head_kernel
+
+@group(0) @binding(0) var<storage, read> weights: array<f32>;
+@group(0) @binding(1) var<storage, read> d1: array<f32>;
+@group(0) @binding(2) var<storage, read> x: array<f32>;
+@group(0) @binding(3) var<storage, read_write> residual: array<f32>;
+@group(0) @binding(4) var<storage, read_write> f: array<f32>;
+
+fn input(i: u32, p: u32) -> f32 {
+    if p >= params.pixels {
+        return 0.0;
+    }
+    if i < WIDTH {
+        return d1[i * params.pixels + p];
+    }
+    return x[(i - WIDTH) * params.pixels + p];
+}
+
+// Rows: pixels, columns: output channels.
+fn add(m: mat4x4<f32>, w: vec4<f32>, values: vec4<f32>) -> mat4x4<f32> {
+    return mat4x4(
+        fma(vec4(w.x), values, m[0]),
+        fma(vec4(w.y), values, m[1]),
+        fma(vec4(w.z), values, m[2]),
+        fma(vec4(w.w), values, m[3]),
+    );
+}
+
+fn keep(o: u32, pixels: vec4<u32>, values: vec4<f32>) {
+    if params.keep == 0u || o >= WIDTH {
+        return;
+    }
+    for (var k = 0u; k < 4u; k++) {
+        if pixels[k] < params.pixels {
+            f[o * params.pixels + pixels[k]] = values[k];
+        }
+    }
+}
+
+fn bias(o: u32) -> vec4<f32> {
+    return vec4(weights[params.fuse_bias + min(o, WIDTH - 1u)]);
+}
+
+// ReLU of four channels, with their bias. The channels over 38 have no weights in the last layer.
+fn finish(quad: u32, pixels: vec4<u32>, m: mat4x4<f32>) -> mat4x4<f32> {
+    let o = 4u * quad;
+    let zero = vec4(0.0);
+    let r = mat4x4(
+        max(m[0] + bias(o), zero),
+        max(m[1] + bias(o + 1u), zero),
+        max(m[2] + bias(o + 2u), zero),
+        max(m[3] + bias(o + 3u), zero),
+    );
+    keep(o, pixels, r[0]);
+    keep(o + 1u, pixels, r[1]);
+    keep(o + 2u, pixels, r[2]);
+    keep(o + 3u, pixels, r[3]);
+    return r;
+}
+
+@compute @workgroup_size(128)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    load_head(local);
+    let p = pixels_of(linear_workgroup(wid, groups), local);
+    var m0 = mat4x4<f32>();
+    var m1 = mat4x4<f32>();
+    var m2 = mat4x4<f32>();
+    var m3 = mat4x4<f32>();
+    var m4 = mat4x4<f32>();
+    var m5 = mat4x4<f32>();
+    var m6 = mat4x4<f32>();
+    var m7 = mat4x4<f32>();
+    var m8 = mat4x4<f32>();
+    var m9 = mat4x4<f32>();
+    for (var i = 0u; i < INPUTS; i++) {
+        let values = vec4(input(i, p.x), input(i, p.y), input(i, p.z), input(i, p.w));
+        m0 = add(m0, fuse[i][0], values);
+        m1 = add(m1, fuse[i][1], values);
+        m2 = add(m2, fuse[i][2], values);
+        m3 = add(m3, fuse[i][3], values);
+        m4 = add(m4, fuse[i][4], values);
+        m5 = add(m5, fuse[i][5], values);
+        m6 = add(m6, fuse[i][6], values);
+        m7 = add(m7, fuse[i][7], values);
+        m8 = add(m8, fuse[i][8], values);
+        m9 = add(m9, fuse[i][9], values);
+    }
+    m0 = finish(0u, p, m0);
+    m1 = finish(1u, p, m1);
+    m2 = finish(2u, p, m2);
+    m3 = finish(3u, p, m3);
+    m4 = finish(4u, p, m4);
+    m5 = finish(5u, p, m5);
+    m6 = finish(6u, p, m6);
+    m7 = finish(7u, p, m7);
+    m8 = finish(8u, p, m8);
+    m9 = finish(9u, p, m9);
+    for (var c = 0u; c < 3u; c++) {
+        var sum = m0 * last[c][0] + m1 * last[c][1] + m2 * last[c][2] + m3 * last[c][3] + m4 * last[c][4];
+        sum += m5 * last[c][5] + m6 * last[c][6] + m7 * last[c][7] + m8 * last[c][8] + m9 * last[c][9];
+        sum += weights[params.last_bias + c];
+        for (var k = 0u; k < 4u; k++) {
+            if p[k] < params.pixels {
+                residual[3u * p[k] + c] = sum[k];
+            }
+        }
+    }
+}

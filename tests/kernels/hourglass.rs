@@ -1,0 +1,255 @@
+//! The hourglass against its twin, forward and backward.
+
+use crate::common::gpu;
+use crate::reference::finite::assert_gradient;
+use crate::reference::hourglass::{Map, backward, forward};
+use crate::reference::random_scene::exact;
+use crate::reference::relative_error;
+use ibgs_core::gpu::{Buffer, Gpu, Pass};
+use ibgs_core::residual::Hourglass;
+use ibgs_core::residual::layers::{ENC1, INPUT, LAYERS, Layer, WEIGHTS};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::time::Instant;
+
+/// Layers of the hourglass.
+fn hourglass_layers() -> &'static [Layer] {
+    &LAYERS[2..]
+}
+
+fn uniform(count: usize, limit: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    (0..count).map(|_| exact(rng.random_range(-limit..limit))).collect()
+}
+
+/// The default initialisation of the network: uniform in +-1/sqrt(fan_in).
+fn random_weights(seed: u64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let layer = |l: &Layer| {
+        let limit = 1.0 / ((l.inputs * l.taps) as f64).sqrt();
+        uniform(l.weights() + l.outputs, limit, &mut rng)
+    };
+    LAYERS.iter().flat_map(layer).collect()
+}
+
+/// Random x and v_residual (three planes).
+fn random_maps(width: usize, height: usize, seed: u64) -> (Map, Map) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut planes = |channels| Map::new(uniform(channels * width * height, 1.0, &mut rng), width, height);
+    (planes(INPUT), planes(3))
+}
+
+fn single(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|v| *v as f32).collect()
+}
+
+fn double(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|v| f64::from(*v)).collect()
+}
+
+/// Planes to an interleaved image.
+fn interleaved(map: &Map) -> Vec<f64> {
+    let n = map.width * map.height;
+    (0..3 * n).map(|i| map.data[(i % 3) * n + i / 3]).collect()
+}
+
+fn fill(gpu: &Gpu, target: &Buffer, values: &[f64]) {
+    gpu.queue.write_buffer(&target.buffer, target.offset, bytemuck::cast_slice(&single(values)));
+}
+
+/// What stands in `v_weights` before the backward pass.
+const UNTOUCHED: f32 = 7.0;
+
+struct OnGpu {
+    residual: Vec<f32>,
+    v_x: Vec<f32>,
+    v_weights: Vec<f32>,
+}
+
+fn forward_on_gpu(weights: &[f64], x: &Map, gradients: bool) -> Vec<f32> {
+    let gpu = gpu();
+    let hourglass = Hourglass::new(&gpu, x.width as u32, x.height as u32, gradients).unwrap();
+    assert_eq!((hourglass.size(), hourglass.has_gradients()), ([x.width as u32, x.height as u32], gradients));
+    fill(&gpu, hourglass.x(), &x.data);
+    let weights = gpu.upload("weights", &single(weights)).unwrap();
+    let mut pass = Pass::new(&gpu, "hourglass");
+    hourglass.forward(&mut pass, &weights);
+    pass.submit();
+    gpu.read(hourglass.residual(), 3 * x.width * x.height).unwrap()
+}
+
+/// Forward and backward, twice over: the second time must not see anything of the first.
+fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map) -> OnGpu {
+    let gpu = gpu();
+    let n = x.width * x.height;
+    let hourglass = Hourglass::new(&gpu, x.width as u32, x.height as u32, true).unwrap();
+    fill(&gpu, hourglass.x(), &x.data);
+    let weights = gpu.upload("weights", &single(weights)).unwrap();
+    let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
+    let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
+    let mut last: Option<OnGpu> = None;
+    for _ in 0..2 {
+        let mut pass = Pass::new(&gpu, "hourglass");
+        hourglass.forward(&mut pass, &weights);
+        hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);
+        pass.submit();
+        let now = OnGpu {
+            residual: gpu.read(hourglass.residual(), 3 * n).unwrap(),
+            v_x: gpu.read(hourglass.v_x(), INPUT * n).unwrap(),
+            v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
+        };
+        if let Some(last) = &last {
+            let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&last.residual), bits(&now.residual), "the residual repeats bit for bit");
+            assert_eq!(bits(&last.v_x), bits(&now.v_x), "v_x repeats bit for bit");
+            assert_eq!(bits(&last.v_weights), bits(&now.v_weights), "v_weights repeat bit for bit");
+        }
+        last = Some(now);
+    }
+    last.unwrap()
+}
+
+fn assert_forward(what: &str, ours: &[f32], twin: &[f64]) {
+    assert_eq!(ours.len(), twin.len(), "{what}: size");
+    let scale = twin.iter().fold(0.0f64, |a, v| a.max(v.abs()));
+    let error = ours.iter().zip(twin).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max) / scale;
+    println!("{what}: largest error {error:.1e} of {scale:.2}");
+    assert!(scale > 0.0 && error <= 1e-5, "{what}: {error:e}");
+}
+
+fn assert_close(what: &str, ours: &[f32], twin: &[f64]) {
+    assert!(twin.iter().any(|v| *v != 0.0), "{what}: the twin's gradient is zero");
+    let error = relative_error(&double(ours), twin);
+    println!("{what}: {error:.1e}");
+    assert!(error <= 1e-4, "{what}: relative error {error:e}");
+}
+
+const SIZES: [(usize, usize); 6] = [(4, 4), (13, 9), (5, 34), (37, 21), (70, 6), (64, 48)];
+
+#[test]
+fn forward_follows_the_twin_with_and_without_gradients() {
+    let weights = random_weights(1);
+    for (width, height) in SIZES {
+        let (x, _) = random_maps(width, height, 2);
+        let twin = interleaved(&forward(&weights, &x).residual);
+        let [rendered, trained] = [false, true].map(|gradients| forward_on_gpu(&weights, &x, gradients));
+        assert_forward(&format!("{width} x {height}"), &rendered, &twin);
+        assert_eq!(rendered, trained, "{width} x {height}: the memory plan does not matter");
+    }
+}
+
+#[test]
+fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
+    let weights = random_weights(3);
+    for (width, height) in SIZES {
+        let (x, v_residual) = random_maps(width, height, 4);
+        let passed = forward(&weights, &x);
+        let (v_x, v_weights) = backward(&weights, &passed, &v_residual);
+        let ours = on_gpu(&weights, &x, &v_residual);
+        let what = format!("{width} x {height}");
+        assert_forward(&what, &ours.residual, &interleaved(&passed.residual));
+        assert_close(&format!("{what} v_x"), &ours.v_x, &v_x.data);
+        for layer in hourglass_layers() {
+            let [weight, bias] = [layer.offset..layer.bias(), layer.bias()..layer.end()];
+            let name = format!("{what} {}", layer.name);
+            assert_close(&format!("{name}.weight"), &ours.v_weights[weight.clone()], &v_weights[weight]);
+            assert_close(&format!("{name}.bias"), &ours.v_weights[bias.clone()], &v_weights[bias]);
+        }
+        assert!(ours.v_weights[..ENC1.offset].iter().all(|v| *v == UNTOUCHED), "{what}: the MLP's part is left alone");
+    }
+}
+
+/// Dark x and biases far below zero: nothing passes any ReLU, so only the last bias learns.
+#[test]
+fn a_dead_network_has_exactly_zero_gradients() {
+    let mut weights = random_weights(5);
+    for layer in &hourglass_layers()[..8] {
+        weights[layer.bias()..layer.end()].fill(-100.0);
+    }
+    let (x, v_residual) = random_maps(21, 10, 6);
+    let ours = on_gpu(&weights, &x, &v_residual);
+    assert!(ours.v_x.iter().all(|v| *v == 0.0));
+    let last = hourglass_layers()[8];
+    assert!(ours.v_weights[ENC1.offset..last.bias()].iter().all(|v| *v == 0.0));
+    let (_, v_weights) = backward(&weights, &forward(&weights, &x), &v_residual);
+    assert_close("last bias", &ours.v_weights[last.bias()..], &v_weights[last.bias()..]);
+}
+
+/// Chosen entries of x and of every layer's weights and biases against central differences.
+#[test]
+fn the_twins_gradients_follow_finite_differences() {
+    let weights = random_weights(7);
+    let (x, v_residual) = random_maps(9, 7, 8);
+    let (v_x, v_weights) = backward(&weights, &forward(&weights, &x), &v_residual);
+    let loss = |weights: &[f64], x: &Map| -> f64 {
+        forward(weights, x).residual.data.iter().zip(&v_residual.data).map(|(a, b)| a * b).sum()
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut choose =
+        |range: std::ops::Range<usize>| -> Vec<usize> { (0..6).map(|_| rng.random_range(range.clone())).collect() };
+    let pick = |values: &[f64], at: &[usize]| -> Vec<f64> { at.iter().map(|i| values[*i]).collect() };
+    let put = |values: &[f64], at: &[usize], new: &[f64]| -> Vec<f64> {
+        let mut values = values.to_vec();
+        at.iter().zip(new).for_each(|(i, v)| values[*i] = *v);
+        values
+    };
+    for layer in hourglass_layers() {
+        for (what, range) in [("weight", layer.offset..layer.bias()), ("bias", layer.bias()..layer.end())] {
+            let mut at = choose(range);
+            at.sort_unstable();
+            at.dedup();
+            let f = |new: &[f64]| loss(&put(&weights, &at, new), &x);
+            let name = format!("{}.{what}", layer.name);
+            let error = assert_gradient(&name, &pick(&weights, &at), &pick(&v_weights, &at), 1e-6, f);
+            println!("{name}: {error:.1e}");
+        }
+    }
+    let at: Vec<usize> = (0..x.data.len()).step_by(97).collect();
+    let f = |new: &[f64]| loss(&weights, &Map::new(put(&x.data, &at, new), 9, 7));
+    let error = assert_gradient("x", &pick(&x.data, &at), &pick(&v_x.data, &at), 1e-6, f);
+    println!("x: {error:.1e}");
+}
+
+/// Milliseconds at 540 x 960, in all and by kernel. For a real GPU: `cargo test hourglass_speed -- --ignored --nocapture`,
+/// best in release.
+#[test]
+#[ignore = "a measurement, for a real GPU"]
+fn hourglass_speed() {
+    let gpu = gpu();
+    let (width, height) = (960usize, 540usize);
+    let hourglass = Hourglass::new(&gpu, width as u32, height as u32, true).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(10);
+    fill(&gpu, hourglass.x(), &uniform(INPUT * width * height, 1.0, &mut rng));
+    let weights = gpu.upload("weights", &single(&random_weights(11))).unwrap();
+    let v_residual = gpu.upload("v_residual", &single(&uniform(3 * width * height, 1.0, &mut rng))).unwrap();
+    let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
+    let forward = || {
+        let mut pass = Pass::new(&gpu, "forward");
+        hourglass.forward(&mut pass, &weights);
+        pass.submit();
+    };
+    let backward = || {
+        let mut pass = Pass::new(&gpu, "backward");
+        hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);
+        pass.submit();
+    };
+    let repeat = if gpu.is_software() { 1 } else { 20 };
+    let time = |what: &str, run: &dyn Fn()| {
+        run();
+        gpu.wait().unwrap();
+        let start = Instant::now();
+        (0..repeat).for_each(|_| run());
+        gpu.wait().unwrap();
+        println!("{what}: {:.3} ms", 1e3 * start.elapsed().as_secs_f64() / f64::from(repeat));
+    };
+    time("forward", &forward);
+    // Repeated without a forward in between the numbers are meaningless, the work is the same.
+    time("backward", &backward);
+    for (what, run) in [("forward", &forward as &dyn Fn()), ("backward", &backward)] {
+        if gpu.start_profile() {
+            run();
+            for (kernel, ms, count) in gpu.finish_profile() {
+                println!("{what} {kernel}: {ms:.3} ms in {count}");
+            }
+        }
+    }
+}
