@@ -55,8 +55,13 @@ pub struct Seen {
     pub slots: Buffer,
     /// Four u32; the first: how many packed slots some pixel fills.
     pub active: Buffer,
+    /// `[M]` of (target camera centre - source camera centre, 0), world space.
+    pub centers: Buffer,
     pixels: usize,
 }
+
+/// Most sources of a target, M.
+pub const MAX_SOURCES: usize = 8;
 
 /// Warps; owns its scratch memory.
 #[derive(Debug)]
@@ -154,6 +159,7 @@ impl Warper {
         Ok(Seen {
             slots: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
             active: self.gpu.allocate("packed sources", 16)?,
+            centers: self.gpu.allocate("source centres", 16 * MAX_SOURCES as u64)?,
             pixels,
         })
     }
@@ -161,12 +167,15 @@ impl Warper {
     fn forward(&self, forward: &Forward, sources: &[SourceView]) -> Result<Saved, GpuError> {
         let gpu = &*self.gpu;
         let surface = forward.surface().expect("warping needs a surface");
-        assert!(!sources.is_empty(), "warping needs a source");
+        assert!((1..=MAX_SOURCES).contains(&sources.len()), "warping needs one to {MAX_SOURCES} sources");
         let Camera { width, height, .. } = surface.camera;
         let pixels = width as usize * height as usize;
         gpu.check_size("warped colours", 16 * (pixels * self.options.visible as usize) as u64)?;
         let seen = self.scratch(pixels)?;
         let warped = gpu.empty_like_shape(&forward.image, &[self.options.visible as usize, pixels, 4]);
+        let from = |s: &SourceView| (surface.camera.center() - s.camera.center()).extend(0.0).as_vec4().to_array();
+        let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();
+        gpu.queue.write_buffer(&seen.centers.buffer, 0, bytemuck::cast_slice(&centers));
         let bound = Gpu::bind(&warped);
         let mut pass = Pass::new(gpu, "warp");
         pass.clear(&seen.active);
