@@ -7,7 +7,7 @@ use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::frames_per_second;
 use ibgs_core::files::write_atomically;
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::results::means;
+use ibgs_core::train::output::results::{Scored, means};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -48,7 +48,8 @@ pub fn run(args: &Args) -> Result<()> {
     let views = dataset.test.iter().map(|&i| &dataset.views[i]);
     let fps = frames_per_second(&model.raster, &model.splats, views, background, PASSES)?;
     println!("{fps:.1} frames per second, {} Gaussians, LPIPS not computed", model.splats.len());
-    model.folder.write_results(model.iteration, &scores, &protocol(&model.config, &dataset, model.raster.gpu()))?;
+    let protocol = protocol(&model.config, &dataset, model.raster.gpu());
+    model.folder.write_results(model.iteration, Scored::Base, &scores, &protocol)?;
     let speed = json!({ format!("ours_{}", model.iteration): {
         "FPS": fps, "gaussians": model.splats.len(), "passes": PASSES, "device": model.raster.gpu().describe(),
     } });

@@ -14,9 +14,9 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Rendered;
 use ibgs_core::scene::{Splats, read_ply};
 use ibgs_core::train::config::{DataConfig, TrainConfig};
-use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::{Protocol, ViewScore};
+use ibgs_core::train::output::{OutputFolder, PictureKind};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -134,10 +134,10 @@ pub fn write_pictures(
     image: &Rendered,
     photo: Option<&Photo>,
 ) -> Result<()> {
-    let path = folder.picture_path(split, iteration, "renders", name);
+    let path = folder.picture_path(split, iteration, PictureKind::Base.folder(), name);
     ibgs_core::image_io::write_png(&path, image.width, image.height, &image.to_rgb8())?;
     if let Some(photo) = photo {
-        let path = folder.picture_path(split, iteration, "gt", name);
+        let path = folder.picture_path(split, iteration, PictureKind::Truth.folder(), name);
         let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         ibgs_core::image_io::write_png(&path, photo.width, photo.height, &rgb)?;
     }

@@ -13,7 +13,7 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
-use ibgs_core::train::output::results::means;
+use ibgs_core::train::output::results::{Scored, means};
 use ibgs_core::train::output::{Existing, OutputFolder};
 use indicatif::{ProgressBar, ProgressStyle};
 use stages::StageArgs;
@@ -375,7 +375,8 @@ impl Run {
         let (splats, background) = (self.trainer.splats(), self.trainer.background());
         let target = (&self.folder, iteration);
         let scores = score_test_views(&self.raster, splats, &self.dataset, background, target, |_| {})?;
-        self.folder.write_results(iteration, &scores, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
+        let protocol = protocol(&self.config, &self.dataset, self.raster.gpu());
+        self.folder.write_results(iteration, Scored::Base, &scores, &protocol)?;
         let Score { psnr, ssim } = means(&scores);
         let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(

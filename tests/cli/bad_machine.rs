@@ -140,5 +140,9 @@ fn full_disks() {
     let outcome = sandbox.run("train scene --iterations 2 -m disk/model");
     outcome.assert_failure(1, &["point_cloud.ply", advice]);
     let files = super::files_in(&path);
-    assert_eq!(files, ["cameras.json", "config.toml", "input.ply", "split.json"].map(|name| format!("model/{name}")));
+    assert_eq!(
+        files,
+        ["cameras.json", "config.toml", "input.ply", "multi_view.json", "split.json"]
+            .map(|name| format!("model/{name}"))
+    );
 }

@@ -30,7 +30,9 @@ fn check_model_folder(sandbox: &Sandbox) {
         names.concat()
     };
     let mut expected: Vec<String> =
-        ["cameras.json", "config.toml", "input.ply", "per_view_renders.json", PLY].map(String::from).into();
+        ["cameras.json", "config.toml", "input.ply", "multi_view.json", "per_view_renders.json", PLY]
+            .map(String::from)
+            .into();
     // The first save and evaluation: 7,000 of 30,000 iterations, scaled.
     expected
         .extend(["point_cloud/iteration_7/point_cloud.ply", "results_renders.json", "split.json"].map(String::from));

@@ -7,7 +7,7 @@ use ibgs_core::dataset::{Dataset, Photo, View};
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::results::{Protocol, ViewScore};
+use ibgs_core::train::output::results::{Protocol, Scored, ViewScore};
 use ibgs_core::train::output::{Existing, OutputError, OutputFolder};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -60,6 +60,10 @@ fn output_folder_keeps_cameras_exactly() {
     let split = fs::read_to_string(output.root().join("split.json")).unwrap();
     let split: serde_json::Value = serde_json::from_str(&split).unwrap();
     assert_eq!(split, serde_json::json!({"train": ["left/b.png", "left/c.png"], "test": ["a.0001.jpg"]}));
+    let sources = output.read_multi_view().unwrap();
+    let names: Vec<&str> = sources.iter().map(|view| view.name.as_str()).collect();
+    assert_eq!(names, ["a.0001.jpg", "left/b.png", "left/c.png"]);
+    assert!(sources.iter().all(|view| !view.sources.contains(&view.name)));
     let points = fs::read(output.root().join("input.ply")).unwrap();
     assert_eq!(points.len() - header_length(&points), 5 * (6 * 4 + 3));
 
@@ -125,8 +129,8 @@ fn results_carry_their_protocol_and_keep_other_iterations() {
     };
     let score = |name: &str, psnr, ssim| ViewScore { name: name.into(), psnr, ssim };
     let scores = [score("a", 20.0, 0.5), score("left/b", 30.0, 0.75)];
-    output.write_results(7, &scores, &protocol).unwrap();
-    output.write_results(30, &[score("a", f64::INFINITY, 1.0)], &protocol).unwrap();
+    output.write_results(7, Scored::Base, &scores, &protocol).unwrap();
+    output.write_results(30, Scored::Base, &[score("a", f64::INFINITY, 1.0)], &protocol).unwrap();
     let read = |name: &str| -> serde_json::Value {
         serde_json::from_str(&fs::read_to_string(folder.path().join(name)).unwrap()).unwrap()
     };
@@ -135,9 +139,16 @@ fn results_carry_their_protocol_and_keep_other_iterations() {
     assert!(all["ours_7"]["LPIPS"].is_null() && all["ours_30"]["PSNR"].is_null());
     assert_eq!(all["ours_30"]["protocol"]["device"], "some adapter");
     assert_eq!(read("per_view_renders.json")["ours_7"]["PSNR"]["left/b"], 30.0);
+    output.write_results(30, Scored::Final, &scores, &protocol).unwrap();
+    assert_eq!(read("results_renders_aggregate.json")["ours_30"]["PSNR"], 25.0);
+    assert_eq!(read("per_view_renders_aggregate.json")["ours_30"]["SSIM"]["left/b"], 0.75);
+    assert!(read("results_renders.json") == all, "the base image's scores stay");
     fs::write(folder.path().join("results_renders.json"), "[]").unwrap();
-    let text = output.write_results(8, &scores, &protocol).unwrap_err().to_string();
+    let text = output.write_results(8, Scored::Base, &scores, &protocol).unwrap_err().to_string();
     assert!(text.contains("results_renders.json"), "{text}");
+    // A new run in the folder begins without figures.
+    OutputFolder::create(folder.path(), Existing::Replace).unwrap();
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[test]

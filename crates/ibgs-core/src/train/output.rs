@@ -3,21 +3,23 @@
 //! ```text
 //! config.toml  cameras.json  split.json  input.ply
 //! point_cloud/iteration_N/point_cloud.ply
-//! test/ours_N/{gt,renders}/NAME.png
-//! results_renders.json  per_view_renders.json
+//! multi_view.json  (sources of each view)
+//! test/ours_N/{gt,renders,renders_aggregate,predicted_residual,renders_depth,renders_normal,visibility}/NAME.png
+//! results_renders.json  per_view_renders.json  results_renders_aggregate.json  per_view_renders_aggregate.json
 //! ```
 
 pub mod cameras;
 pub mod multi_view;
 pub mod results;
 
-use super::config::{ConfigError, TrainConfig};
+use super::config::{ConfigError, Method, TrainConfig};
 use crate::dataset::Dataset;
 use crate::files::{self, WriteError};
+use crate::fuse::sources::First;
 use crate::scene::{SceneError, write_points_ply};
 use cameras::{CameraRecord, Split};
 use multi_view::ViewSources;
-use results::{Protocol, ViewScore};
+use results::{Protocol, Scored, ViewScore};
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
@@ -95,6 +97,40 @@ pub enum Existing {
     Keep,
     /// Remove its point clouds, pictures and results before the new run.
     Replace,
+}
+
+/// What a picture of a view shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureKind {
+    /// The photo.
+    Truth,
+    /// The base image.
+    Base,
+    /// The final image.
+    Final,
+    /// The residual.
+    Residual,
+    /// Median depths.
+    Depth,
+    /// Normals.
+    Normal,
+    /// Number of sources that see a pixel's point.
+    Visibility,
+}
+
+impl PictureKind {
+    /// Name of the folder of such pictures, as the published code has it where it has one.
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Truth => "gt",
+            Self::Base => "renders",
+            Self::Final => "renders_aggregate",
+            Self::Residual => "predicted_residual",
+            Self::Depth => "renders_depth",
+            Self::Normal => "renders_normal",
+            Self::Visibility => "visibility",
+        }
+    }
 }
 
 /// The folder of one training run.
@@ -184,7 +220,8 @@ impl OutputFolder {
         Ok(saved.map(|(iteration, _)| iteration).max())
     }
 
-    /// Writes what is known before training: `config.toml`, `cameras.json`, `split.json`, `input.ply`.
+    /// Writes what is known before training: `config.toml`, `cameras.json`, `split.json`, `input.ply`, and where photos of
+    /// neighbouring views are used `multi_view.json`.
     ///
     /// # Errors
     /// The first file that cannot be written.
@@ -194,6 +231,10 @@ impl OutputFolder {
         write_json(&self.cameras_path(), &cameras::to_json(&records))?;
         write_json(&self.root.join("split.json"), &cameras::split_json(&records))?;
         write_points_ply(&self.root.join("input.ply"), &dataset.points)?;
+        if config.method == Method::Ibgs {
+            let first = if config.exposure.enabled { First::MostAlike } else { First::Nearest };
+            self.write_multi_view(&multi_view::records(dataset, &config.sources, first))?;
+        }
         Ok(())
     }
 
@@ -235,19 +276,23 @@ impl OutputFolder {
         multi_view::from_text(&text).map_err(|reason| OutputError::Damaged { path, reason })
     }
 
-    /// Adds the scores of the base image at `iteration` to `results_renders.json` and `per_view_renders.json`, which
-    /// keep their other iterations. Each mean runs over all views; LPIPS is `null` until it is measured, and so is a
-    /// mean that is not finite (the PSNR of equal images).
+    /// Adds the scores of the base or the final image at `iteration` to `results_renders.json` and
+    /// `per_view_renders.json` (`.._renders_aggregate.json` for the final image), which keep their other iterations. Each
+    /// mean runs over all views; LPIPS is `null` until it is measured, and so is a mean that is not finite (the PSNR of
+    /// equal images).
     ///
     /// # Errors
     /// [`OutputError::Damaged`] when a results file that is there is no JSON object, [`OutputError::Write`].
-    pub fn write_results(&self, iteration: u32, scores: &[ViewScore], protocol: &Protocol) -> Result<(), OutputError> {
+    pub fn write_results(
+        &self,
+        iteration: u32,
+        scored: Scored,
+        scores: &[ViewScore],
+        protocol: &Protocol,
+    ) -> Result<(), OutputError> {
         let key = format!("ours_{iteration}");
-        let files = [
-            ("results_renders.json", results::summary(scores, protocol)),
-            ("per_view_renders.json", results::per_view(scores)),
-        ];
-        for (name, value) in files {
+        let [summary, per_view] = scored.files();
+        for (name, value) in [(summary, results::summary(scores, protocol)), (per_view, results::per_view(scores))] {
             let path = self.root.join(name);
             let mut all = read_object(&path)?;
             all.insert(key.clone(), value);
@@ -303,7 +348,8 @@ impl OutputFolder {
                 fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
             }
         }
-        for file in ["results_renders.json", "per_view_renders.json", "result_fps_mem.json"] {
+        let scores = [Scored::Base, Scored::Final].map(Scored::files);
+        for file in scores.as_flattened().iter().chain(&["result_fps_mem.json", "multi_view.json"]) {
             let path = self.root.join(file);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

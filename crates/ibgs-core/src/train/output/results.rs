@@ -1,4 +1,4 @@
-//! `results_renders.json` and `per_view_renders.json`: scores with the protocol that they were taken by.
+//! `results_renders.json`, `per_view_renders.json` and their like for the final image: scores with the protocol that they were taken by.
 
 use crate::eval::Score;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,25 @@ pub struct ViewScore {
     pub psnr: f64,
     /// Structural similarity, 11 x 11 Gaussian window (method.md section 7).
     pub ssim: f64,
+}
+
+/// Which image was scored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scored {
+    /// The base image.
+    Base,
+    /// The final image: base and residual.
+    Final,
+}
+
+impl Scored {
+    /// The files of the means and of the single views.
+    pub(super) fn files(self) -> [&'static str; 2] {
+        match self {
+            Self::Base => ["results_renders.json", "per_view_renders.json"],
+            Self::Final => ["results_renders_aggregate.json", "per_view_renders_aggregate.json"],
+        }
+    }
 }
 
 /// What a figure depends on besides the method; it stands beside every figure.
