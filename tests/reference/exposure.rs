@@ -41,8 +41,8 @@ fn pivots(m: &DMat3) -> [f64; 3] {
 }
 
 /// The affine map that takes `base` to `warped` over the visible pixels by least squares, with a ridge of 1e-6 mean
-/// variances towards the identity. The identity for fewer than 64 pixels, a ratio of smallest to largest pivot under 1e-5,
-/// or variances under 1e-8.
+/// variances towards the identity. The identity for fewer than 64 pixels, a ratio of smallest to largest pivot under
+/// 1e-5, or variances under 1e-8.
 pub fn fit(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool]) -> Affine {
     let pairs: Vec<(DVec3, DVec3)> =
         (0..base.len()).filter(|i| visible[*i]).map(|i| (DVec3::from(base[i]), DVec3::from(warped[i]))).collect();

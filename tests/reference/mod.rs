@@ -1,7 +1,7 @@
 //! Double-precision CPU twins of the GPU kernels of base 3D Gaussian splatting (method.md section 2), of the geometry
 //! (section 3), of warping (section 5), of the losses (section 7), of the exposure correction (section 8) and of the
-//! optimiser (section 1). They are written for clarity and are the authority of the tests: finite differences and the golden data hold them to
-//! method.md, and the kernels are then held to them.
+//! optimiser (section 1). They are written for clarity and are the authority of the tests: finite differences and the
+//! golden data hold them to method.md, and the kernels are then held to them.
 //!
 //! `render` = `project::project` + `raster::rasterize`; `backward` = `raster::rasterize_backward` +
 //! `project::project_backward`. `geometry::geometry` and `warp::warp` follow the former, and then

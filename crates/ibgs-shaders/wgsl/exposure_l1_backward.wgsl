@@ -1,5 +1,5 @@
-// A fixed number of workgroups: exchanges the plain L1's gradient in v_image for that of |exp(a) x + b - y|, and sums the
-// gradients by a and b; all only while the SSIM gate of exposure_l1_total is open. With a = b = 0 nothing changes.
+// A fixed number of workgroups: exchanges the plain L1's gradient in v_image for that of |exp(a) x + b - y|, and sums
+// the gradients by a and b; all only while the SSIM gate of exposure_l1_total is open. With a = b = 0 nothing changes.
 #import ssim
 #import reduce
 

@@ -1,6 +1,6 @@
 // One workgroup: puts the L1 of the exposed image into the loss in place of the plain one, while the plain image's
-// 1 - SSIM is under the limit. stats = (loss, mean |x - y|, mean SSIM, mean squared error) of image_loss_total; only the
-// loss in it changes.
+// 1 - SSIM is under the limit. stats = (loss, mean |x - y|, mean SSIM, mean squared error) of image_loss_total; only
+// the loss in it changes.
 #import ssim
 #import reduce
 

@@ -1,8 +1,8 @@
 // One workgroup: the affine map A x + t that takes base colours x to the first source's warped colours y by least
 // squares (method.md section 8), or the identity. With the means taken out three unknowns a channel remain:
 //     (C + ridge 1) (A - 1)^T = (G - C)^T,    C = sum d d^T,  G = sum e d^T,  d = x - mean x,  e = y - mean y.
-// The ridge is 1e-6 of the mean variance and pulls towards the identity what the colours leave open. Identity: fewer than
-// 64 pixels, a smallest pivot under 1e-5 of the largest, a largest one under a variance of 1e-8.
+// The ridge is 1e-6 of the mean variance and pulls towards the identity what the colours leave open. Identity: fewer
+// than 64 pixels, a smallest pivot under 1e-5 of the largest, a largest one under a variance of 1e-8.
 #import reduce
 
 // Rows of seven: (sum x, count), (sum y, 0), (d_r d, d_g d_g), (d_g d_b, d_b d_b, 0, 0), e_r d, e_g d, e_b d.

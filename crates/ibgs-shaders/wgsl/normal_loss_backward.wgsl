@@ -1,5 +1,5 @@
-// One workgroup a tile: adds the gradients of the normal loss by median depth and normal map, times the upstream scalar.
-// A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
+// One workgroup a tile: adds the gradients of the normal loss by median depth and normal map, times the upstream
+// scalar. A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
 #import depth_normal
 
 @group(0) @binding(0) var<storage, read> depth: array<f32>;
@@ -66,7 +66,8 @@ fn main(
     let p = pixel.y * params.size.x + pixel.x;
     let at = vec2<i32>(pixel);
     let k = (lid.y + 1u) * EDGE + lid.x + 1u;
-    // The right neighbour of k - 1, the left one of k + 1, the upper one of the row below, the lower one of the row above.
+    // It is the right neighbour of k - 1, the left one of k + 1, the upper one of the row below, the lower one of the
+    // row above.
     v_depth[p] += slopes[k - 1u].x * depth_at(at - vec2(2, 0)) - slopes[k + 1u].x * depth_at(at + vec2(2, 0))
         + slopes[k + EDGE].y * depth_at(at + vec2(0, 2)) - slopes[k - EDGE].y * depth_at(at - vec2(0, 2));
     let nd = depth_normal(pixel).normal;

@@ -1,15 +1,15 @@
-//! Exposure correction of the residual stage (method.md section 8): the affine colour map that takes the base colours of
-//! a target view to the exposure of its first source.
+//! Exposure correction of the residual stage (method.md section 8): the affine colour map that takes the base colours
+//! of a target view to the exposure of its first source.
 
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_shaders::{EXPOSURE_APPLY, EXPOSURE_APPLY_BACKWARD, EXPOSURE_GROUPS, EXPOSURE_SOLVE, EXPOSURE_SUMS};
 
 /// The least-squares fit, its scratch memory and its result.
 ///
-/// Fitted over the pixels whose first slot holds source 0. The map is the identity with fewer than 64 of them or when the
-/// system is ill-conditioned: smallest pivot of the base colours' covariance under 1e-5 of the largest (colours in a
-/// plane, a grey picture) or all of it under a variance of 1e-8 (a flat picture). A ridge of 1e-6 of the mean variance
-/// pulls towards the identity.
+/// Fitted over the pixels whose first slot holds source 0. The map is the identity with fewer than 64 of them or when
+/// the system is ill-conditioned: smallest pivot of the base colours' covariance under 1e-5 of the largest (colours in
+/// a plane, a grey picture) or all of it under a variance of 1e-8 (a flat picture). A ridge of 1e-6 of the mean
+/// variance pulls towards the identity.
 #[derive(Debug)]
 pub struct ExposureFit {
     partials: Buffer,

@@ -40,8 +40,8 @@ impl ExposureScratch {
         pass.groups(&EXPOSURE_L1_TOTAL, &[&self.partials, loss, stats], bytes_of(params), 1);
     }
 
-    /// Records the exchange of the plain L1's gradient in `v_image`, which the image loss has written, and the gradient by
-    /// the scalars.
+    /// Records the exchange of the plain L1's gradient in `v_image`, which the image loss has written, and the gradient
+    /// by the scalars.
     pub fn record_backward(
         &self,
         pass: &mut Pass,

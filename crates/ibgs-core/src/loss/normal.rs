@@ -63,8 +63,8 @@ impl SurfaceBuffers {
         [self.size[0].div_ceil(TILE), self.size[1].div_ceil(TILE), 1]
     }
 
-    /// Records the depth normals Nd of method.md section 3 into `out`, `[P, 3]` f32 in camera space: unit length, or zero
-    /// on the one-pixel border and where neighbours met nothing. For pictures; the loss does not need them.
+    /// Records the depth normals Nd of method.md section 3 into `out`, `[P, 3]` f32 in camera space: unit length, or
+    /// zero on the one-pixel border and where neighbours met nothing. For pictures; the loss does not need them.
     pub fn record_depth_normals(&self, pass: &mut Pass, out: &Buffer) {
         pass.grid(&DEPTH_NORMALS, &[&self.depth, out], bytes_of(&self.params(0.0)), self.tiles());
     }
@@ -147,8 +147,9 @@ impl NormalLoss {
         Ok(loss)
     }
 
-    /// Loss `[1]` of the surface behind a tracked image. The image only places the loss in the graph: it gets no gradient
-    /// from here, but whatever made it runs its backward pass after this one and finds `v_depth` and `v_normal` complete.
+    /// Loss `[1]` of the surface behind a tracked image. The image only places the loss in the graph: it gets no
+    /// gradient from here, but whatever made it runs its backward pass after this one and finds `v_depth` and
+    /// `v_normal` complete.
     ///
     /// # Errors
     /// Not enough memory.

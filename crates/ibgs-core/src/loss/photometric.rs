@@ -34,8 +34,9 @@ struct Scratch {
 
 /// `weight x mean over visible (slot, pixel) of 1 - SSIM_p(photo, warped)`; owns its scratch memory.
 ///
-/// A pair counts when the slot is filled at the pixel and the photo is valid there. Around it SSIM sees the warped image
-/// where that counts, elsewhere the photo; masked parts of the photo are zero in both, as the outside of the image is.
+/// A pair counts when the slot is filled at the pixel and the photo is valid there. Around it SSIM sees the warped
+/// image where that counts, elsewhere the photo; masked parts of the photo are zero in both, as the outside of the
+/// image is.
 #[derive(Debug)]
 pub struct PhotometricLoss {
     gpu: Arc<Gpu>,
@@ -138,9 +139,9 @@ impl PhotometricLoss {
         Ok((loss, Saved { gpu, warped, seen, target, params, scratch: Arc::new(scratch) }))
     }
 
-    /// Loss `[1]` of tracked warped images `[V, P, 4]` (V at most 4; colour and cosine, pixels row by row), 0 where nothing
-    /// is visible. `seen` holds `[P]` u32: byte m is the number of the source in slot m, 255 where the slot is empty. The
-    /// gradient reaches the colours of the pairs that count; that of the cosine is 0.
+    /// Loss `[1]` of tracked warped images `[V, P, 4]` (V at most 4; colour and cosine, pixels row by row), 0 where
+    /// nothing is visible. `seen` holds `[P]` u32: byte m is the number of the source in slot m, 255 where the slot is
+    /// empty. The gradient reaches the colours of the pairs that count; that of the cosine is 0.
     ///
     /// # Errors
     /// Not enough memory.

@@ -1,5 +1,6 @@
 // The depth normal Nd = normalise((P_right - P_left) x (P_top - P_bottom)) of method.md section 3, where P = z r is a
-// back-projected median depth. With p = (z_r - z_l) / (z_r + z_l) and q = (z_t - z_b) / (z_t + z_b) the cross product is
+// back-projected median depth. With p = (z_r - z_l) / (z_r + z_l) and q = (z_t - z_b) / (z_t + z_b) the cross
+// product is
 //     (z_r + z_l) (z_t + z_b) / (fx fy) * m,    m = (fx p, -fy q, -1 - (x - cx) p + (y - cy) q),
 // so Nd = m / |m|. Written so there is no difference of nearly equal points, and since m . r_center = -1 the normal
 // always faces the camera. The kernel declares `depth`.
