@@ -60,7 +60,7 @@ fn main(
     let used = used_slots();
     for (var m = 0u; m < used; m++) {
         let f = feature(c, m);
-        let h = mlp_layer2(mlp_layer1(f.head, f.tail));
+        let h = mlp_output(f.head, f.tail);
         sum.a = merge(sum.a, h.a);
         sum.b = merge(sum.b, h.b);
         sum.c = merge(sum.c, h.c);

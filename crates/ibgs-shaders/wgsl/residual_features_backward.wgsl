@@ -46,17 +46,10 @@ fn dot_row(row: u32, v: Hidden) -> f32 {
         + dot(w.e, v.e) + dot(w.f, v.f) + dot(w.g, v.g) + dot(w.h, v.h);
 }
 
-// Gradient by four inputs of the second layer where they are positive.
-fn back4(row: u32, v: Hidden, hidden: vec4<f32>) -> vec4<f32> {
-    let r = ROW_WEIGHT2 + row;
-    let sum = vec4(dot_row(r, v), dot_row(r + 1u, v), dot_row(r + 2u, v), dot_row(r + 3u, v));
-    return select(vec4(0.0), sum, hidden > vec4(0.0));
-}
-
-fn back2(v: Hidden, h: Hidden) -> Hidden {
+fn largest(x: Hidden, y: Hidden) -> Hidden {
     return Hidden(
-        back4(0u, v, h.a), back4(4u, v, h.b), back4(8u, v, h.c), back4(12u, v, h.d),
-        back4(16u, v, h.e), back4(20u, v, h.f), back4(24u, v, h.g), back4(28u, v, h.h),
+        max(x.a, y.a), max(x.b, y.b), max(x.c, y.c), max(x.d, y.d),
+        max(x.e, y.e), max(x.f, y.f), max(x.g, y.g), max(x.h, y.h),
     );
 }
 
@@ -97,24 +90,21 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         let at = min(i, pixels - 1u);
         let c = resize_corners(vec2(at % params.low.x, at / params.low.x), params.size, params.low);
         var best = Hidden(z, z, z, z, z, z, z, z);
-        if params.largest == 1u {
-            for (var m = 0u; m < used; m++) {
-                let f = feature(c, m);
-                let h = mlp_layer2(mlp_layer1(f.head, f.tail));
-                best.a = max(best.a, h.a);
-                best.b = max(best.b, h.b);
-                best.c = max(best.c, h.c);
-                best.d = max(best.d, h.d);
-                best.e = max(best.e, h.e);
-                best.f = max(best.f, h.f);
-                best.g = max(best.g, h.g);
-                best.h = max(best.h, h.h);
-            }
-        }
-        for (var m = 0u; m < used; m++) {
+        // A first round over the slots finds the largest values with the very code that is compared with them later.
+        for (var turn = select(used, 0u, params.largest == 1u); turn < 2u * used; turn++) {
+            let m = turn % used;
             let f = feature(c, m);
-            let h1 = mlp_layer1(f.head, f.tail);
-            let h2 = mlp_layer2(h1);
+            var h2 = mlp_row(ROW_BIAS2);
+            for (var j = 0u; j < 8u; j++) {
+                let hidden = mlp_hidden(j, f.head, f.tail);
+                stage[mine + 8u + j] = hidden;
+                add_rows(ROW_WEIGHT2 + 4u * j, hidden, &h2);
+            }
+            h2 = relu(h2);
+            if turn < used {
+                best = largest(best, h2);
+                continue;
+            }
             let share = select(0.0, scale, inside);
             let v2 = Hidden(
                 pick(0u, at, share, h2.a, best.a), pick(4u, at, share, h2.b, best.b),
@@ -129,7 +119,6 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 );
             }
             put_stage(mine, v2);
-            put_stage(mine + 8u, h1);
             workgroupBarrier();
             for (var q = 0u; q < THREADS; q++) {
                 let v = stage[q * STAGED + a];
@@ -141,17 +130,23 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 bias2 += v;
             }
             workgroupBarrier();
-            let v1 = back2(v2, h1);
-            put_stage(mine, v1);
-            stage[mine + 8u] = f.head;
-            stage[mine + 9u] = f.tail;
+            var by_input = z;
+            for (var j = 0u; j < 8u; j++) {
+                let r = ROW_WEIGHT2 + 4u * j;
+                let sum = vec4(dot_row(r, v2), dot_row(r + 1u, v2), dot_row(r + 2u, v2), dot_row(r + 3u, v2));
+                let v = select(z, sum, stage[mine + 8u + j] > z);
+                by_input += vec4(dot(mlp[j], v), dot(mlp[8u + j], v), dot(mlp[16u + j], v), dot(mlp[48u + j], v));
+                stage[mine + 8u + j] = v;
+            }
+            stage[mine] = f.head;
+            stage[mine + 1u] = f.tail;
             workgroupBarrier();
             for (var q = 0u; q < THREADS; q++) {
-                first += stage[q * STAGED + 8u + a / 4u][a % 4u] * stage[q * STAGED + b];
+                first += stage[q * STAGED + a / 4u][a % 4u] * stage[q * STAGED + 8u + b];
             }
             workgroupBarrier();
             if inside {
-                v_features[m * pixels + i] = vec4(dot_row(0u, v1), dot_row(1u, v1), dot_row(2u, v1), dot_row(6u, v1));
+                v_features[m * pixels + i] = by_input;
             }
         }
     }

@@ -1,4 +1,5 @@
-// The per-view MLP 7 -> 32 -> 32 on one thread, all 32 channels in registers, weights broadcast from workgroup memory.
+// The per-view MLP 7 -> 32 -> 32 on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
+// channels come and go four at a time in a loop: written out, software drivers take minutes to compile it.
 // Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2.
 
 const HIDDEN: u32 = 32u;
@@ -77,24 +78,17 @@ fn relu(v: Hidden) -> Hidden {
     return Hidden(max(v.a, z), max(v.b, z), max(v.c, z), max(v.d, z), max(v.e, z), max(v.f, z), max(v.g, z), max(v.h, z));
 }
 
-fn mlp_layer1(head: vec4<f32>, tail: vec4<f32>) -> Hidden {
-    var sum = mlp_row(ROW_BIAS1);
-    add_rows(0u, head, &sum);
-    add_row(4u, tail.x, &sum);
-    add_row(5u, tail.y, &sum);
-    add_row(6u, tail.z, &sum);
-    return relu(sum);
+// Hidden channels 4 j .. 4 j + 3.
+fn mlp_hidden(j: u32, head: vec4<f32>, tail: vec4<f32>) -> vec4<f32> {
+    let front = head.x * mlp[j] + head.y * mlp[8u + j] + head.z * mlp[16u + j] + head.w * mlp[24u + j];
+    let back = tail.x * mlp[32u + j] + tail.y * mlp[40u + j] + tail.z * mlp[48u + j];
+    return max(front + back + mlp[8u * ROW_BIAS1 + j], vec4(0.0));
 }
 
-fn mlp_layer2(v: Hidden) -> Hidden {
+fn mlp_output(head: vec4<f32>, tail: vec4<f32>) -> Hidden {
     var sum = mlp_row(ROW_BIAS2);
-    add_rows(ROW_WEIGHT2, v.a, &sum);
-    add_rows(ROW_WEIGHT2 + 4u, v.b, &sum);
-    add_rows(ROW_WEIGHT2 + 8u, v.c, &sum);
-    add_rows(ROW_WEIGHT2 + 12u, v.d, &sum);
-    add_rows(ROW_WEIGHT2 + 16u, v.e, &sum);
-    add_rows(ROW_WEIGHT2 + 20u, v.f, &sum);
-    add_rows(ROW_WEIGHT2 + 24u, v.g, &sum);
-    add_rows(ROW_WEIGHT2 + 28u, v.h, &sum);
+    for (var j = 0u; j < 8u; j++) {
+        add_rows(ROW_WEIGHT2 + 4u * j, mlp_hidden(j, head, tail), &sum);
+    }
     return relu(sum);
 }
