@@ -8,7 +8,7 @@ use crate::reference::surface_scene::*;
 use crate::reference::warp::Source;
 use crate::reference::{Model, geometry_backward::Cotangents, psnr, relative_error};
 use ibgs_core::fuse::{WarpOptions, Warper};
-use ibgs_core::raster::{RasterView, Rasterizer, SurfaceOptions};
+use ibgs_core::raster::{RasterView, Rasterizer, Room, SurfaceOptions};
 
 fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
     let ideal = scene.model == Model::Ideal;
@@ -105,7 +105,7 @@ fn depth_maps_are_the_median_depths() {
         let pixels = (scene.camera.width * scene.camera.height) as usize;
         let full = surface(&scene, &view, warping(&scene), &Cotangents::zeros(pixels, scene.sources.len()));
         let raster = Rasterizer::new(crate::common::gpu());
-        let map = raster.depth_map(&scene_splats(&scene), &view).unwrap();
+        let map = raster.depth_map(&scene_splats(&scene), &view, Room::Checked).unwrap();
         let alone: Vec<f32> = raster.gpu().read(&map, pixels).unwrap();
         let error = relative_error(&alone.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), &full.outputs.depth);
         println!("wall {seed}: {error:.1e}");
@@ -228,7 +228,7 @@ fn masked_sources_are_not_seen() {
         rgba: vec![100; 4 * (camera.width * camera.height) as usize],
     };
     sources[0].photo = ibgs_core::loss::Target::upload(&gpu, &blank).unwrap();
-    let forward = raster.surface(&scene_splats(&scene), &view_of(&scene, 0.5)).unwrap();
+    let forward = raster.surface(&scene_splats(&scene), &view_of(&scene, 0.5), Room::Checked).unwrap();
     let (warped, seen) = Warper::new(gpu.clone(), warping(&scene)).warp(&forward, &sources).unwrap();
     let pixels = (scene.camera.width * scene.camera.height) as usize;
     let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();

@@ -1,12 +1,59 @@
-//! `render_view`: the one path that render, eval and the viewer use.
+//! [`Renderer`]: the one path that training, render, eval and the viewer use.
 
 use crate::camera::Camera;
+use crate::fuse::depth_cache::DepthCache;
+use crate::fuse::source_store::SourceStore;
+use crate::fuse::sources::{First, SourceFinder, SourceOptions};
+use crate::fuse::{Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
+use crate::gpu::pool::Lease;
 use crate::gpu::{Gpu, GpuError};
-use crate::raster::{RasterView, Rasterizer};
+use crate::raster::{Forward, RasterView, Rasterizer, Room, SurfaceOptions};
+use crate::residual::network::ResidualNetwork;
+use crate::residual::{Residual, ResidualTask, Variant};
 use crate::scene::Splats;
+use burn::tensor::Tensor;
+use std::sync::{Arc, Mutex};
 
-/// A rendered image on the host.
+/// How the photos of neighbouring views are used (method.md sections 3 to 6 and 8).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageOptions {
+    /// Which views are the sources, and how they are read.
+    pub sources: SourceOptions,
+    /// Median intersections.
+    pub surface: SurfaceOptions,
+    /// Variant of the residual network.
+    pub variant: Variant,
+    /// Fit the base colour's exposure to the first source.
+    pub exposure: bool,
+}
+
+impl ImageOptions {
+    /// Which source comes first.
+    pub fn first(&self) -> First {
+        if self.exposure { First::MostAlike } else { First::Nearest }
+    }
+
+    /// How photos are warped.
+    pub fn warp(&self) -> WarpOptions {
+        WarpOptions { visible: self.sources.visible, agreement: self.sources.depth_agreement as f32 }
+    }
+}
+
+/// What a model has besides its Gaussians.
+#[derive(Clone, Debug)]
+pub struct ImagePart {
+    /// Cameras of the training views, which are the sources.
+    pub cameras: Arc<[Camera]>,
+    /// Their photos.
+    pub photos: Arc<SourceStore>,
+    /// The residual network.
+    pub network: ResidualNetwork,
+    /// How they are used.
+    pub options: ImageOptions,
+}
+
+/// An image on the host.
 #[derive(Clone, Debug)]
 pub struct Rendered {
     /// Width in pixels.
@@ -24,19 +71,208 @@ impl Rendered {
     }
 }
 
-/// Renders a model from a camera and reads the image back.
+/// Renders a model.
+#[derive(Debug)]
+pub struct Renderer {
+    raster: Arc<Rasterizer>,
+    splats: Splats,
+    background: [f32; 3],
+    image: Option<ImageStage>,
+}
+
+#[derive(Debug)]
+struct ImageStage {
+    part: ImagePart,
+    finder: SourceFinder,
+    warper: Warper,
+    residual: Residual,
+    /// Median depths of the sources, valid as long as the Gaussians do not change.
+    depths: Mutex<DepthCache>,
+}
+
+/// A rendered view, still on the device.
+#[derive(Debug)]
+pub struct Frame {
+    gpu: Arc<Gpu>,
+    forward: Forward,
+    /// The final image, where the model has a network; with which sources each pixel sees, where there are any.
+    image: Option<(Tensor<3>, Option<Arc<Lease<Seen>>>)>,
+    camera: Camera,
+}
+
+impl Renderer {
+    /// A renderer of Gaussians, with the image-based part where there is one.
+    pub fn new(raster: Arc<Rasterizer>, splats: Splats, background: [f32; 3], part: Option<ImagePart>) -> Self {
+        let gpu = raster.gpu().clone();
+        let stage = |part: ImagePart| ImageStage {
+            finder: SourceFinder::new(&part.cameras, &part.options.sources, part.options.first()),
+            warper: Warper::new(gpu.clone(), part.options.warp()),
+            residual: Residual::new(gpu.clone(), part.options.variant, part.options.exposure),
+            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(&gpu))),
+            part,
+        };
+        Self { image: part.map(stage), raster, splats, background }
+    }
+
+    /// The GPU it works on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        self.raster.gpu()
+    }
+
+    /// The Gaussians.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// The image-based part.
+    pub fn part(&self) -> Option<&ImagePart> {
+        self.image.as_ref().map(|stage| &stage.part)
+    }
+
+    /// Forgets the sources' median depths.
+    pub fn forget_depths(&self) {
+        if let Some(stage) = &self.image {
+            stage.depths.lock().expect("depth cache").clear();
+        }
+    }
+
+    fn view(&self, camera: &Camera) -> RasterView {
+        let mut view = RasterView::new(*camera, self.splats.sh_degree());
+        view.background = self.background;
+        view.surface = Some(self.image.as_ref().map_or_else(SurfaceOptions::default, |s| s.part.options.surface));
+        view
+    }
+
+    /// Renders a view and waits until it is certain that every tile intersection fitted.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn render(&self, camera: &Camera) -> Result<Frame, GpuError> {
+        self.render_in(camera, Room::Checked)
+    }
+
+    /// As [`Renderer::render`] without waiting: for timing and for viewers that have rendered about the same view before.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn render_unchecked(&self, camera: &Camera) -> Result<Frame, GpuError> {
+        self.render_in(camera, Room::Assumed)
+    }
+
+    fn render_in(&self, camera: &Camera, room: Room) -> Result<Frame, GpuError> {
+        let gpu = self.gpu().clone();
+        let forward = self.raster.surface(&self.splats, &self.view(camera), room)?;
+        let image = self.image.as_ref().map(|stage| self.final_image(stage, camera, &forward, room)).transpose()?;
+        Ok(Frame { gpu, forward, image, camera: *camera })
+    }
+
+    fn final_image(
+        &self,
+        stage: &ImageStage,
+        camera: &Camera,
+        forward: &Forward,
+        room: Room,
+    ) -> Result<(Tensor<3>, Option<Arc<Lease<Seen>>>), GpuError> {
+        let base = forward.image();
+        // A training view is no source of itself.
+        let own = stage.part.cameras.iter().position(|other| other == camera);
+        let mut chosen = stage.finder.neighbours(camera, own);
+        chosen.truncate(stage.part.options.sources.used as usize);
+        if chosen.is_empty() || !stage.residual.fits(camera) {
+            return Ok((base, None));
+        }
+        let sources = self.sources(stage, &chosen, room)?;
+        let (warped, seen) = stage.warper.warp(forward, &sources)?;
+        let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
+        let weights = stage.part.network.weights.val();
+        Ok((stage.residual.render(&task, base, warped, weights)?, Some(seen)))
+    }
+
+    fn sources(&self, stage: &ImageStage, chosen: &[usize], room: Room) -> Result<Vec<SourceView>, GpuError> {
+        let photos = stage.part.photos.photos(chosen)?;
+        let mut depths = stage.depths.lock().expect("depth cache");
+        let source = |(&index, photo)| {
+            let camera = stage.part.cameras[index];
+            let depth = match depths.get(index) {
+                Some(depth) => depth,
+                None => {
+                    let depth = self.raster.depth_map(&self.splats, &self.view(&camera), room)?;
+                    depths.insert(index, depth.clone());
+                    depth
+                }
+            };
+            Ok(SourceView { camera, photo, depth })
+        };
+        chosen.iter().zip(photos).map(source).collect()
+    }
+}
+
+impl Frame {
+    fn rendered(&self, image: &Tensor<3>) -> Result<Rendered, GpuError> {
+        let Camera { width, height, .. } = self.camera;
+        let tensor = primitive(image.clone());
+        let rgb = self.gpu.read(&Gpu::bind(&tensor), (width * height * 3) as usize)?;
+        Ok(Rendered { width, height, rgb })
+    }
+
+    fn pixels(&self) -> usize {
+        (self.camera.width * self.camera.height) as usize
+    }
+
+    /// The base image.
+    ///
+    /// # Errors
+    /// When the device is lost; so with the others.
+    pub fn base(&self) -> Result<Rendered, GpuError> {
+        self.rendered(&self.forward.image())
+    }
+
+    /// The final image; none where the model has no network.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn image(&self) -> Result<Option<Rendered>, GpuError> {
+        self.image.as_ref().map(|(image, _)| self.rendered(image)).transpose()
+    }
+
+    /// Median depth, `[H * W]`, 0 where nothing is met.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn depth(&self) -> Result<Vec<f32>, GpuError> {
+        let surface = self.forward.surface().expect("frames have a surface");
+        self.gpu.read(&surface.median_depth, self.pixels())
+    }
+
+    /// Normal map in camera space, `[H * W * 3]`, not normalised.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn normals(&self) -> Result<Vec<f32>, GpuError> {
+        let surface = self.forward.surface().expect("frames have a surface");
+        self.gpu.read(&surface.normal_map, 3 * self.pixels())
+    }
+
+    /// How many sources are used at each pixel, `[H * W]`; none where the model has no network.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn visibility(&self) -> Result<Option<Vec<u32>>, GpuError> {
+        let Some((_, seen)) = &self.image else { return Ok(None) };
+        let Some(seen) = seen else { return Ok(Some(vec![0; self.pixels()])) };
+        let packed: Vec<u32> = self.gpu.read(&seen.slots, self.pixels())?;
+        let count = |word: u32| (0..4).filter(|m| (word >> (8 * m)) & 255 != 255).count() as u32;
+        Ok(Some(packed.into_iter().map(count).collect()))
+    }
+}
+
+/// The base image of Gaussians alone.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
-pub fn render_view(
-    raster: &Rasterizer,
-    splats: &Splats,
-    camera: &Camera,
-    background: [f32; 3],
-) -> Result<Rendered, GpuError> {
-    let mut view = RasterView::new(*camera, splats.sh_degree());
-    view.background = background;
-    let image = primitive(raster.render(splats, &view)?);
-    let rgb = raster.gpu().read(&Gpu::bind(&image), (camera.width * camera.height * 3) as usize)?;
+pub fn render_base(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Rendered, GpuError> {
+    let image: Tensor<3> = raster.render(splats, &RasterView::new(*camera, splats.sh_degree()))?;
+    let tensor = primitive(image);
+    let rgb = raster.gpu().read(&Gpu::bind(&tensor), (camera.width * camera.height * 3) as usize)?;
     Ok(Rendered { width: camera.width, height: camera.height, rgb })
 }

@@ -90,8 +90,8 @@ pub enum First {
 
 /// Chooses the sources of any view among the training cameras.
 #[derive(Clone, Debug)]
-pub struct SourceFinder<'a> {
-    cameras: &'a [Camera],
+pub struct SourceFinder {
+    cameras: Vec<Camera>,
     max_angle: f64,
     /// Least and most distance, both included.
     distances: [f64; 2],
@@ -104,11 +104,11 @@ pub struct SourceFinder<'a> {
 /// A training view as a candidate: distance, angle between the optical axes, index.
 type Candidate = (f64, f64, usize);
 
-impl<'a> SourceFinder<'a> {
+impl SourceFinder {
     /// Settles the thresholds for a scene's training cameras.
-    pub fn new(cameras: &'a [Camera], options: &SourceOptions, first: First) -> Self {
+    pub fn new(cameras: &[Camera], options: &SourceOptions, first: First) -> Self {
         let mut finder = Self {
-            cameras,
+            cameras: cameras.to_vec(),
             max_angle: options.max_angle_deg.to_radians(),
             distances: [0.0, f64::INFINITY],
             fill: 0,

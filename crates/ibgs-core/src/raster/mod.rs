@@ -117,6 +117,16 @@ impl Inputs {
     }
 }
 
+/// Whether a pass makes certain that every tile intersection fits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Room {
+    /// Waits for their number and repeats the pass with more room where they do not.
+    Checked,
+    /// Does not wait: where there are too many the farthest are lost. For timing, and for viewers that have rendered about
+    /// the same view before.
+    Assumed,
+}
+
 /// One forward pass: the image and what its backward pass needs.
 #[derive(Clone, Debug)]
 pub struct Forward {
@@ -240,14 +250,14 @@ impl Rasterizer {
         Ok(ws)
     }
 
-    /// Median depth of a view, `[H * W]`, 0 where nothing is met; makes sure that every intersection fits.
+    /// Median depth of a view, `[H * W]`, 0 where nothing is met.
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
     ///
     /// # Panics
     /// When the view asks for no surface: a bug of ours.
-    pub fn depth_map(&self, splats: &Splats, view: &RasterView) -> Result<Buffer, GpuError> {
+    pub fn depth_map(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
         let gpu = &*self.gpu;
         let options = view.surface.expect("a depth map needs the surface's options");
         let inputs = Inputs::of(splats);
@@ -266,10 +276,12 @@ impl Rasterizer {
             let params = options.frame(&view);
             pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), [frame.tiles[0], frame.tiles[1], 1]);
             pass.submit();
+            let ws = self.pool.lease(ws);
+            if room == Room::Assumed {
+                return Ok(depth);
+            }
             let needed = u64::from(gpu.read::<u32>(&ws.total, 1)?[0]);
-            let fitted = needed <= ws.isects() as u64;
-            drop(self.pool.lease(ws));
-            if fitted {
+            if needed <= ws.isects() as u64 {
                 return Ok(depth);
             }
             self.reserve(needed);
@@ -300,12 +312,15 @@ impl Rasterizer {
         Ok(crate::gpu::buffer::from_primitive(forward.image))
     }
 
-    /// Image and surface of the model from a view, waiting for the exact intersection count.
+    /// Image and, where the view asks for one, surface of the model.
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
-    pub fn surface(&self, splats: &Splats, view: &RasterView) -> Result<Forward, GpuError> {
-        self.forward_exact(&Inputs::of(splats), view)
+    pub fn surface(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Forward, GpuError> {
+        match room {
+            Room::Checked => self.forward_exact(&Inputs::of(splats), view),
+            Room::Assumed => self.forward(&Inputs::of(splats), view, false),
+        }
     }
 
     /// Tile intersections of a view.
@@ -315,19 +330,14 @@ impl Rasterizer {
     pub fn count_intersections(&self, splats: &Splats, view: &RasterView) -> Result<u64, GpuError> {
         self.forward_exact(&Inputs::of(splats), view)?.intersections(&self.gpu)
     }
-
-    /// [`Rasterizer::render`] without waiting: too many intersections lose the farthest Gaussians. For timing and for
-    /// viewers that have called [`Rasterizer::render`] before.
-    ///
-    /// # Errors
-    /// Not enough memory.
-    pub fn render_unchecked(&self, splats: &Splats, view: &RasterView) -> Result<burn::tensor::Tensor<3>, GpuError> {
-        let forward = self.forward(&Inputs::of(splats), view, false)?;
-        Ok(crate::gpu::buffer::from_primitive(forward.image))
-    }
 }
 
 impl Forward {
+    /// Image `[H, W, 3]`.
+    pub fn image(&self) -> burn::tensor::Tensor<3> {
+        crate::gpu::buffer::from_primitive(self.image.clone())
+    }
+
     /// The surface, where the view asked for one.
     pub fn surface(&self) -> Option<&Arc<Lease<Surface>>> {
         self.surface.as_ref()
