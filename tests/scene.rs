@@ -1,5 +1,6 @@
 //! Gaussians on the host: start from points, PLY files, output folder. Needs no GPU.
 
+mod bundle;
 mod output;
 mod ply_damage;
 mod start;

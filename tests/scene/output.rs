@@ -15,7 +15,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-fn dataset() -> Dataset {
+pub fn dataset() -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let names = ["a.0001.jpg", "left/b.png", "left/c.png"];
     let views = names.map(|name| {

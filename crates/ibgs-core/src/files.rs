@@ -40,6 +40,17 @@ impl WriteError {
 /// # Errors
 /// [`WriteError`] when any step fails; the temporary file is removed and an older file at `path` stays as it was.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+    replace(path, |out| write(out)).map_err(|source| WriteError::new(path, source))
+}
+
+/// [`write_atomically`] for formats that go back to what they have written.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_seekable_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut fs::File>) -> io::Result<()>,
+) -> Result<(), WriteError> {
     replace(path, write).map_err(|source| WriteError::new(path, source))
 }
 
@@ -51,7 +62,7 @@ pub fn create_folder(path: &Path) -> Result<(), WriteError> {
     fs::create_dir_all(path).map_err(|source| WriteError::new(path, source))
 }
 
-fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&mut fs::File>) -> io::Result<()>) -> io::Result<()> {
     // The rename below would only notice after all the work that a folder is in the way.
     if path.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());

@@ -11,6 +11,7 @@
 //! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
 
 pub mod bench;
+pub mod bundle;
 pub mod camera;
 pub mod camera_path;
 pub mod dataset;

@@ -29,18 +29,21 @@ pub enum PlyFlavor {
 /// Those of [`Gaussians::validate`] (nothing is written then) and [`SceneError::Write`].
 pub fn write_ply(path: &Path, gaussians: &Gaussians, flavor: PlyFlavor) -> Result<(), SceneError> {
     gaussians.validate()?;
+    files::write_atomically(path, |out| write_ply_to(out, gaussians, flavor))?;
+    Ok(())
+}
+
+/// Writes the bytes of a PLY file of valid Gaussians.
+pub(crate) fn write_ply_to(out: &mut dyn Write, gaussians: &Gaussians, flavor: PlyFlavor) -> io::Result<()> {
     let fields = field_names(gaussians.sh_degree, flavor);
-    files::write_atomically(path, |out| {
-        let floats = fields.iter().map(|name| ("float", name.as_str()));
-        write_header(out, gaussians.len(), floats)?;
-        let mut row = Vec::with_capacity(4 * fields.len());
-        for index in 0..gaussians.len() {
-            row.clear();
-            push_row(gaussians, index, flavor, &mut |v| row.extend(v.to_le_bytes()));
-            out.write_all(&row)?;
-        }
-        Ok(())
-    })?;
+    let floats = fields.iter().map(|name| ("float", name.as_str()));
+    write_header(out, gaussians.len(), floats)?;
+    let mut row = Vec::with_capacity(4 * fields.len());
+    for index in 0..gaussians.len() {
+        row.clear();
+        push_row(gaussians, index, flavor, &mut |v| row.extend(v.to_le_bytes()));
+        out.write_all(&row)?;
+    }
     Ok(())
 }
 
@@ -136,7 +139,11 @@ fn bad_ply(path: &Path, reason: impl Into<String>) -> SceneError {
 }
 
 /// [`read_ply`] from anything seekable that is `length` bytes long; `path` is for messages.
-fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path) -> Result<Gaussians, SceneError> {
+pub(crate) fn read_ply_from<R: BufRead + Seek>(
+    reader: &mut R,
+    length: u64,
+    path: &Path,
+) -> Result<Gaussians, SceneError> {
     let io_error = |source| read_error(path, source);
     let mut magic = Vec::new();
     reader.take(3).read_to_end(&mut magic).map_err(io_error)?;

@@ -234,7 +234,15 @@ impl TrainConfig {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        let config: Self = toml::from_str(&text).map_err(|error| {
+        Self::from_text(&text, path)
+    }
+
+    /// Reads options from the text of a TOML file; `path` is for messages.
+    ///
+    /// # Errors
+    /// [`ConfigError`] naming the line or field.
+    pub fn from_text(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text).map_err(|error| {
             let before = error.span().and_then(|span| text.get(..span.start));
             ConfigError::Parse {
                 path: path.to_owned(),
@@ -252,11 +260,17 @@ impl TrainConfig {
     /// Those of [`validate`](Self::validate) (nothing is written then) and [`ConfigError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), ConfigError> {
         self.validate()?;
-        files::write_atomically(path, |out| {
-            let text = toml::to_string_pretty(self).map_err(io::Error::other)?;
-            writeln!(out, "# Options of a training run; read them back with --config.\n\n{text}")
-        })?;
+        files::write_atomically(path, |out| out.write_all(self.to_text().map_err(io::Error::other)?.as_bytes()))?;
         Ok(())
+    }
+
+    /// The options as TOML.
+    ///
+    /// # Errors
+    /// A value that TOML cannot hold, which [`validate`](Self::validate) refuses.
+    pub fn to_text(&self) -> Result<String, toml::ser::Error> {
+        let text = toml::to_string_pretty(self)?;
+        Ok(format!("# Options of a training run; read them back with --config.\n\n{text}\n"))
     }
 
     /// Checks all values.

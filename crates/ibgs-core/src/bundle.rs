@@ -1,0 +1,264 @@
+//! One-file bundle `.ibgs`: everything that rendering a model from new places needs, in one ZIP archive.
+//!
+//! ```text
+//! ibgs.json         {"format": 1, "iteration": N}
+//! point_cloud.ply   the Gaussians with planes
+//! network.bin       the residual network, as its own module wrote it; absent without one
+//! cameras.json  multi_view.json  config.toml     as in the output folder
+//! photos/NAME.png   the training views' photos as they were trained on: undistorted, resized, 8 bits, lossless
+//! ```
+//!
+//! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. The archive's own checksums tell damage.
+
+use crate::dataset::Photo;
+use crate::files::{WriteError, write_seekable_atomically};
+use crate::scene::{Gaussians, PlyFlavor, SceneError, read_ply_from, write_ply_to};
+use crate::train::config::TrainConfig;
+use crate::train::output::cameras::{self, CameraRecord, Split};
+use crate::train::output::multi_view::{self, ViewSources};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{self, BufReader, Cursor, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use thiserror::Error;
+use zip::result::ZipError;
+use zip::write::FileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+
+/// Version of the layout.
+const FORMAT: u32 = 1;
+/// Photos that are encoded at once.
+const BATCH: usize = 16;
+
+/// Why a bundle cannot be read or written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum BundleError {
+    /// The file cannot be opened.
+    #[error("cannot read the bundle {}: {source}; check the path", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// The file is something else, or its end is missing.
+    #[error("{} is no whole `.ibgs` bundle ({reason}); check the path, copy or export it again", path.display())]
+    NoBundle {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A part of the bundle is missing or broken.
+    #[error("the bundle {} is damaged: its `{part}` {reason}; copy or export it again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Name inside the bundle.
+        part: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A later version wrote it.
+    #[error("the bundle {} has format {found}, this version of ibgs reads {FORMAT}; use a newer one", path.display())]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        found: u32,
+    },
+    /// The Gaussians are not valid.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Writing failed.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// Everything that rendering a model needs.
+#[derive(Clone, Debug)]
+pub struct Bundle {
+    /// Iteration that the model was saved at.
+    pub iteration: u32,
+    /// The Gaussians.
+    pub gaussians: Gaussians,
+    /// The residual network in its module's own form; none without.
+    pub network: Option<Vec<u8>>,
+    /// All views' cameras.
+    pub cameras: Vec<CameraRecord>,
+    /// How it was trained.
+    pub config: TrainConfig,
+    /// Photos of the training views by name: one for every training camera, of its size.
+    pub photos: Vec<(String, Arc<Photo>)>,
+    /// The sources of each view.
+    pub sources: Vec<ViewSources>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: u32,
+    iteration: u32,
+}
+
+fn photo_part(name: &str) -> String {
+    format!("photos/{name}.png")
+}
+
+impl Bundle {
+    /// Writes the bundle, in one atomic step.
+    ///
+    /// # Errors
+    /// [`BundleError::Scene`] for Gaussians that are not valid, [`BundleError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), BundleError> {
+        self.gaussians.validate()?;
+        write_seekable_atomically(path, |out| {
+            let mut zip = ZipWriter::new(out);
+            self.write_parts(&mut zip).and_then(|()| zip.finish().map_err(io::Error::from)).map(|_| ())
+        })?;
+        Ok(())
+    }
+
+    fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>) -> io::Result<()> {
+        let header = Header { format: FORMAT, iteration: self.iteration };
+        add(zip, "ibgs.json", &serde_json::to_vec(&header)?)?;
+        let mut ply = Vec::new();
+        write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
+        add(zip, "point_cloud.ply", &ply)?;
+        drop(ply);
+        if let Some(network) = &self.network {
+            add(zip, "network.bin", network)?;
+        }
+        add(zip, "cameras.json", &serde_json::to_vec(&cameras::to_json(&self.cameras))?)?;
+        add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
+        add(zip, "config.toml", self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
+        for photos in self.photos.chunks(BATCH) {
+            let encoded: Vec<_> = photos.par_iter().map(|(_, photo)| encode(photo)).collect::<io::Result<_>>()?;
+            for ((name, _), bytes) in photos.iter().zip(encoded) {
+                add(zip, &photo_part(name), &bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a bundle.
+    ///
+    /// # Errors
+    /// [`BundleError`] naming the file and the part that is missing or broken.
+    pub fn read(path: &Path) -> Result<Self, BundleError> {
+        let file = File::open(path).map_err(|source| BundleError::Read { path: path.to_owned(), source })?;
+        let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
+        let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| no_bundle(error.to_string()))?;
+        let mut parts = Parts { path, zip };
+        if parts.zip.file_names().all(|name| name != "ibgs.json") {
+            return Err(no_bundle("it is a ZIP archive of something else".to_owned()));
+        }
+        let header: Header = parts.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
+        if header.format > FORMAT {
+            return Err(BundleError::Newer { path: path.to_owned(), found: header.format });
+        }
+        let gaussians = parts.parse("point_cloud.ply", |bytes| {
+            read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new("point_cloud.ply"))
+        })?;
+        let has_network = parts.zip.file_names().any(|name| name == "network.bin");
+        let network = has_network.then(|| parts.bytes("network.bin")).transpose()?;
+        let cameras = parts.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
+        let sources = parts.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
+        let config = parts.parse("config.toml", |bytes| {
+            TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new("config.toml"))
+        })?;
+        let photos = parts.photos(&cameras)?;
+        Ok(Self { iteration: header.iteration, gaussians, network, cameras, config, photos, sources })
+    }
+}
+
+/// The parts of an open bundle.
+struct Parts<'a> {
+    path: &'a Path,
+    zip: ZipArchive<BufReader<File>>,
+}
+
+impl Parts<'_> {
+    fn damaged(&self, part: &str, reason: impl Into<String>) -> BundleError {
+        BundleError::Damaged { path: self.path.to_owned(), part: part.to_owned(), reason: reason.into() }
+    }
+
+    fn bytes(&mut self, part: &str) -> Result<Vec<u8>, BundleError> {
+        let mut bytes = Vec::new();
+        let outcome = self.zip.by_name(part).and_then(|mut entry| Ok(entry.read_to_end(&mut bytes)?));
+        match outcome {
+            Ok(_) => Ok(bytes),
+            Err(ZipError::FileNotFound) => Err(self.damaged(part, "is missing")),
+            Err(error) => Err(self.damaged(part, format!("cannot be read ({error})"))),
+        }
+    }
+
+    fn parse<T, E: ToString>(
+        &mut self,
+        part: &str,
+        parse: impl FnOnce(&[u8]) -> Result<T, E>,
+    ) -> Result<T, BundleError> {
+        let bytes = self.bytes(part)?;
+        parse(&bytes).map_err(|error| self.damaged(part, format!("makes no sense ({})", error.to_string())))
+    }
+
+    /// The training views' photos, in the order of the cameras.
+    fn photos(&mut self, cameras: &[CameraRecord]) -> Result<Vec<(String, Arc<Photo>)>, BundleError> {
+        let mut photos = Vec::new();
+        let training: Vec<&CameraRecord> = cameras.iter().filter(|c| c.split == Some(Split::Train)).collect();
+        for batch in training.chunks(BATCH) {
+            let read = batch.iter().map(|record| self.bytes(&photo_part(&record.name)));
+            let bytes = read.collect::<Result<Vec<_>, _>>()?;
+            let decode = |(record, bytes): (&&CameraRecord, &Vec<u8>)| decode(bytes, record);
+            let decoded: Vec<_> = batch.par_iter().zip(&bytes).map(decode).collect();
+            for (record, photo) in batch.iter().zip(decoded) {
+                let photo = photo.map_err(|reason| self.damaged(&photo_part(&record.name), reason))?;
+                photos.push((record.name.clone(), Arc::new(photo)));
+            }
+        }
+        Ok(photos)
+    }
+}
+
+/// Adds a part as it is, without the time of day: equal models make equal files.
+fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) -> io::Result<()> {
+    let options = FileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default())
+        .large_file(bytes.len() as u64 >= u64::from(u32::MAX));
+    zip.start_file(part, options)?;
+    zip.write_all(bytes)
+}
+
+fn encode(photo: &Photo) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let opaque = photo.rgba.chunks_exact(4).all(|pixel| pixel[3] == u8::MAX);
+    let encoder = PngEncoder::new(&mut bytes);
+    let (width, height) = (photo.width, photo.height);
+    let written = if opaque {
+        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+        encoder.write_image(&rgb, width, height, ExtendedColorType::Rgb8)
+    } else {
+        encoder.write_image(&photo.rgba, width, height, ExtendedColorType::Rgba8)
+    };
+    written.map_err(io::Error::other)?;
+    Ok(bytes)
+}
+
+/// The photo of a camera, or what is wrong with it.
+fn decode(bytes: &[u8], record: &CameraRecord) -> Result<Photo, String> {
+    let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let broken = |error: image::ImageError| format!("is no usable picture ({error})");
+    // Before the pixels are decoded: a few bytes can promise any size.
+    let (width, height) = reader().into_dimensions().map_err(broken)?;
+    let camera = &record.camera;
+    if (width, height) != (camera.width, camera.height) {
+        return Err(format!("has {width} x {height} pixels, its camera {} x {}", camera.width, camera.height));
+    }
+    let rgba = reader().decode().map_err(broken)?.into_rgba8().into_raw();
+    Ok(Photo { width, height, rgba })
+}
