@@ -5,5 +5,6 @@ mod compose;
 mod densify;
 mod features;
 mod image_loss;
+mod network;
 mod rasterize;
 mod scan_sort;
