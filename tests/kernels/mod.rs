@@ -9,5 +9,6 @@ mod hourglass;
 mod image_loss;
 mod normal_loss;
 mod photometric_loss;
+mod network;
 mod rasterize;
 mod scan_sort;

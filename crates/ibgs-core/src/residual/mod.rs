@@ -1,12 +1,16 @@
-//! The residual network (method.md section 6): features and per-view MLP, hourglass, composition.
+//! The residual network (method.md section 6): [`features`] and per-view MLP, then the hourglass, then [`compose`].
 
 pub mod compose;
 pub mod features;
 pub mod hourglass;
 pub mod layers;
+pub mod network;
 mod operation;
 pub mod variant;
+pub mod weights;
 
 pub use hourglass::Hourglass;
+pub use network::ResidualNetwork;
 pub use operation::{Residual, ResidualTask};
 pub use variant::{Aggregation, Factor, Inputs, Output, Variant};
+pub use weights::NetworkError;

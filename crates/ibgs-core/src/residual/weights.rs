@@ -1,0 +1,304 @@
+//! The residual network's weights on the host: names and shapes of the published state dict, initial values, files.
+
+use super::layers::{LAYERS, Layer, MLP1, MLP2, WEIGHTS};
+use crate::files::{WriteError, write_atomically};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView, serialize};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Name of the network's file beside a model.
+pub const FILE_NAME: &str = "residual_network.safetensors";
+
+/// Why the residual network could not be read, written or moved.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum NetworkError {
+    /// The operating system refused to read the file.
+    #[error("cannot read {}: {source}; check that the path names a file of network weights", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The file is no container of tensors.
+    #[error("{} is not a usable file of network weights: {reason}; copy or export it again", path.display())]
+    BadFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A tensor is not in the file.
+    #[error("{} has no tensor `{tensor}`; is it the state dict of another network?", path.display())]
+    MissingTensor {
+        /// The file.
+        path: PathBuf,
+        /// Its name in the published state dict.
+        tensor: String,
+    },
+    /// A tensor has another shape.
+    #[error("{}: tensor `{tensor}` has the shape {found:?} where {expected:?} is needed", path.display())]
+    Shape {
+        /// The file.
+        path: PathBuf,
+        /// Name of the tensor.
+        tensor: String,
+        /// Its shape in this network.
+        expected: Vec<usize>,
+        /// Its shape in the file.
+        found: Vec<usize>,
+    },
+    /// A tensor does not hold 32-bit floats.
+    #[error("{}: tensor `{tensor}` holds {found} values where 32-bit floats are needed", path.display())]
+    Type {
+        /// The file.
+        path: PathBuf,
+        /// Name of the tensor.
+        tensor: String,
+        /// What it holds.
+        found: String,
+    },
+    /// A weight is NaN or infinite.
+    #[error("{place}: value {index} (counted from 0) of tensor `{tensor}` is {value}, which is not a finite number")]
+    NotFinite {
+        /// File, or the network in memory.
+        place: String,
+        /// Name of the tensor.
+        tensor: String,
+        /// Position in the tensor.
+        index: usize,
+        /// The value.
+        value: f32,
+    },
+    /// Another number of weights.
+    #[error("the residual network has {WEIGHTS} weights, not {found}")]
+    Count {
+        /// Weights given.
+        found: usize,
+    },
+    /// The device did not give the weights back.
+    #[error("the residual network could not be read back from the GPU: {0}")]
+    Device(String),
+    /// Writing failed.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// One tensor of the published state dict and its place in the flat weights.
+struct Named {
+    name: String,
+    shape: Vec<usize>,
+    first: usize,
+}
+
+impl Named {
+    fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+}
+
+/// Weight and bias of every layer, in the flat order.
+fn tensors() -> Vec<Named> {
+    let shape = |layer: &Layer| match layer {
+        l if *l == MLP1 || *l == MLP2 => vec![l.outputs, l.inputs],
+        l => vec![l.outputs, l.inputs, l.taps.isqrt(), l.taps.isqrt()],
+    };
+    let pair = |l: &Layer| {
+        let weight = Named { name: format!("{}.weight", l.name), shape: shape(l), first: l.offset };
+        [weight, Named { name: format!("{}.bias", l.name), shape: vec![l.outputs], first: l.bias() }]
+    };
+    LAYERS.iter().flat_map(pair).collect()
+}
+
+/// Flat weights from named tensors; `find` gives the shape and the values of a tensor, or None where there is none.
+pub(super) fn assemble(
+    path: &Path,
+    mut find: impl FnMut(&str) -> Result<Option<(Vec<usize>, Vec<f32>)>, NetworkError>,
+) -> Result<Vec<f32>, NetworkError> {
+    let mut weights = Vec::with_capacity(WEIGHTS);
+    for tensor in tensors() {
+        let Some((found, values)) = find(&tensor.name)? else {
+            return Err(NetworkError::MissingTensor { path: path.to_owned(), tensor: tensor.name });
+        };
+        if found != tensor.shape {
+            let (path, expected) = (path.to_owned(), tensor.shape);
+            return Err(NetworkError::Shape { path, tensor: tensor.name, expected, found });
+        }
+        weights.extend(values);
+    }
+    check(&path.display().to_string(), &weights)?;
+    Ok(weights)
+}
+
+/// Little-endian 32-bit floats.
+pub(super) fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
+}
+
+fn check(place: &str, weights: &[f32]) -> Result<(), NetworkError> {
+    if weights.len() != WEIGHTS {
+        return Err(NetworkError::Count { found: weights.len() });
+    }
+    let Some(at) = weights.iter().position(|w| !w.is_finite()) else {
+        return Ok(());
+    };
+    let tensor = tensors().into_iter().rfind(|t| t.first <= at).expect("the first tensor starts at zero");
+    let (place, value) = (place.to_owned(), weights[at]);
+    Err(NetworkError::NotFinite { place, index: at - tensor.first, tensor: tensor.name, value })
+}
+
+/// Initial weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6).
+pub fn initial(seed: u64) -> Vec<f32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut weights = Vec::with_capacity(WEIGHTS);
+    for layer in LAYERS {
+        let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
+        weights.extend((layer.offset..layer.end()).map(|_| rng.random_range(-bound..=bound)));
+    }
+    weights
+}
+
+/// Reads flat weights from a safetensors file; other tensors in it are passed over.
+///
+/// # Errors
+/// A file that cannot be read or is damaged, a tensor that is missing or has another shape or type, values not finite.
+pub fn read(path: &Path) -> Result<Vec<f32>, NetworkError> {
+    let bytes = std::fs::read(path).map_err(|source| NetworkError::Read { path: path.to_owned(), source })?;
+    let bad = |e: SafeTensorError| NetworkError::BadFile { path: path.to_owned(), reason: e.to_string() };
+    let file = SafeTensors::deserialize(&bytes).map_err(bad)?;
+    assemble(path, |name| {
+        let view = match file.tensor(name) {
+            Err(SafeTensorError::TensorNotFound(_)) => return Ok(None),
+            found => found.map_err(bad)?,
+        };
+        if view.dtype() != Dtype::F32 {
+            let found = format!("{:?}", view.dtype());
+            return Err(NetworkError::Type { path: path.to_owned(), tensor: name.to_owned(), found });
+        }
+        Ok(Some((view.shape().to_vec(), floats(view.data()))))
+    })
+}
+
+/// Writes flat weights as a safetensors file in one step, tensors named as in the published state dict.
+///
+/// # Errors
+/// Another number of weights, values not finite, or a file that cannot be written.
+pub fn write(path: &Path, weights: &[f32]) -> Result<(), NetworkError> {
+    check("the residual network in memory", weights)?;
+    let bytes: Vec<u8> = weights.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let bad = |e: SafeTensorError| NetworkError::BadFile { path: path.to_owned(), reason: e.to_string() };
+    let view = |t: &Named| TensorView::new(Dtype::F32, t.shape.clone(), &bytes[4 * t.first..4 * (t.first + t.len())]);
+    let views = tensors().into_iter().map(|t| Ok((view(&t)?, t.name)));
+    let views = views.map(|v| v.map(|(view, name)| (name, view))).collect::<Result<Vec<_>, _>>().map_err(bad)?;
+    let file = serialize(views, None).map_err(bad)?;
+    Ok(write_atomically(path, |w| w.write_all(&file))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn edited(edit: impl FnOnce(&mut Vec<(String, Vec<usize>, Vec<f32>)>)) -> Result<Vec<f32>, NetworkError> {
+        let weights = initial(3);
+        let mut named: Vec<_> = tensors()
+            .into_iter()
+            .map(|t| (t.name.clone(), t.shape.clone(), weights[t.first..t.first + t.len()].to_vec()))
+            .collect();
+        edit(&mut named);
+        let find = |name: &str| Ok(named.iter().find(|(n, ..)| n == name).map(|(_, s, v)| (s.clone(), v.clone())));
+        assemble(Path::new("a.safetensors"), find)
+    }
+
+    #[test]
+    fn tensors_cover_the_flat_weights() {
+        let tensors = tensors();
+        let ends = tensors.iter().map(|t| t.first + t.len());
+        assert!(tensors.iter().skip(1).map(|t| t.first).eq(ends.take(tensors.len() - 1)));
+        let shape = |name: &str| tensors.iter().find(|t| t.name == name).unwrap().shape.clone();
+        assert_eq!(shape("per_view_mlp.0.weight"), [32, 7]);
+        assert_eq!(shape("conv_decoder.enc1.0.weight"), [38, 38, 3, 3]);
+        assert_eq!(shape("conv_decoder.final.weight"), [3, 38, 1, 1]);
+        assert_eq!(shape("conv_decoder.final.bias"), [3]);
+    }
+
+    #[test]
+    fn initial_values_stay_within_their_bounds() {
+        let weights = initial(7);
+        assert_eq!(weights.len(), WEIGHTS);
+        assert_eq!(weights, initial(7));
+        assert_ne!(weights, initial(8));
+        for layer in LAYERS {
+            let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
+            let own = &weights[layer.offset..layer.bias()];
+            let largest = own.iter().fold(0f32, |a, w| a.max(w.abs()));
+            assert!(largest <= bound && largest > 0.9 * bound, "{}: {largest} of {bound}", layer.name);
+            let square = own.iter().map(|w| w * w).sum::<f32>() / own.len() as f32;
+            assert!((square / (bound * bound / 3.0) - 1.0).abs() < 0.25, "{}: variance", layer.name);
+            let biases = &weights[layer.bias()..layer.end()];
+            assert!(biases.iter().all(|b| b.abs() <= bound) && biases.iter().any(|b| *b != 0.0));
+        }
+    }
+
+    #[test]
+    fn files_come_back_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("below").join(FILE_NAME);
+        write(&path, &initial(1)).unwrap();
+        assert_eq!(read(&path).unwrap(), initial(1));
+        let bytes = std::fs::read(&path).unwrap();
+        write(&path, &initial(1)).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), bytes, "the same file twice");
+    }
+
+    #[test]
+    fn damaged_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE_NAME);
+        let text = |what: &str| {
+            let text = read(&path).unwrap_err().to_string();
+            assert!(text.contains(FILE_NAME), "{what}: {text}");
+            text
+        };
+        assert!(text("absent").contains("cannot read"));
+        write(&path, &initial(1)).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        for length in [0, 5, 100, bytes.len() - 1] {
+            std::fs::write(&path, &bytes[..length]).unwrap();
+            assert!(text("truncated").contains("not a usable file"));
+        }
+        let mut longer = bytes.clone();
+        longer.push(0);
+        std::fs::write(&path, &longer).unwrap();
+        text("with a byte more");
+        let mut wild = bytes;
+        wild[..8].fill(0xff);
+        std::fs::write(&path, &wild).unwrap();
+        text("wild header length");
+    }
+
+    #[test]
+    fn wrong_tensors_are_named() {
+        assert_eq!(edited(|_| ()).unwrap(), initial(3));
+        let text = edited(|t| t.retain(|(name, ..)| name != "conv_decoder.dec2.0.bias")).unwrap_err().to_string();
+        assert!(text.contains("no tensor `conv_decoder.dec2.0.bias`") && text.contains("a.safetensors"), "{text}");
+        let text = edited(|t| t[2].1 = vec![32, 16, 2]).unwrap_err().to_string();
+        assert!(text.contains("`per_view_mlp.2.weight`") && text.contains("[32, 32]"), "{text}");
+        let text = edited(|t| t[4].2[17] = f32::NAN).unwrap_err().to_string();
+        assert!(text.contains("value 17") && text.contains("`conv_decoder.enc1.0.weight`"), "{text}");
+    }
+
+    #[test]
+    fn only_whole_finite_networks_are_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE_NAME);
+        assert!(matches!(write(&path, &[0.0; 9]), Err(NetworkError::Count { found: 9 })));
+        let mut weights = initial(1);
+        weights[WEIGHTS - 1] = f32::INFINITY;
+        let text = write(&path, &weights).unwrap_err().to_string();
+        assert!(text.contains("value 2") && text.contains("`conv_decoder.final.bias`"), "{text}");
+        assert!(!path.exists());
+    }
+}
