@@ -4,8 +4,8 @@ use crate::camera::Camera;
 use crate::dataset::Photo;
 use crate::gpu::GpuError;
 use crate::loss::{ImageLoss, Target};
-use crate::raster::{Leaves, RasterView, Rasterizer};
-use crate::render::render_view;
+use crate::raster::{Leaves, RasterView, Rasterizer, Room};
+use crate::render::render_base;
 use crate::scene::{Gaussians, Splats};
 use crate::train::config::{AdamConfig, LearningRates};
 use crate::train::optim::{Optimizer, Rates};
@@ -78,7 +78,7 @@ pub fn synthetic(count: usize, sh_degree: u32, width: u32, height: u32) -> (Gaus
 pub fn measure(raster: &Rasterizer, splats: &Splats, camera: &Camera, iterations: u32) -> Result<Timing, GpuError> {
     let gpu = raster.gpu().clone();
     let view = RasterView::new(*camera, splats.sh_degree());
-    let picture = render_view(raster, splats, camera, [0.0; 3])?;
+    let picture = render_base(raster, splats, camera)?;
     let rgba = picture.to_rgb8().chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
     let target = Target::upload(&gpu, &Photo { width: camera.width, height: camera.height, rgba })?;
     let loss = ImageLoss::new(gpu.clone(), 0.2);
@@ -102,7 +102,7 @@ pub fn measure(raster: &Rasterizer, splats: &Splats, camera: &Camera, iterations
         gpu.wait()?;
         Ok(1e3 * start.elapsed().as_secs_f64() / f64::from(count))
     };
-    let mut frame = || raster.render_unchecked(splats, &view).map(drop);
+    let mut frame = || raster.surface(splats, &view, Room::Assumed).map(drop);
     time(iterations, &mut frame)?;
     let frame_ms = time(iterations, &mut frame)?;
     time(iterations, &mut iterate)?;

@@ -10,8 +10,9 @@ use crate::gpu::pool::Lease;
 use crate::gpu::{Gpu, GpuError};
 use crate::raster::{Forward, RasterView, Rasterizer, Room, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
-use crate::residual::{Residual, ResidualTask, Variant};
+use crate::residual::{Factor, Residual, ResidualTask, Variant};
 use crate::scene::Splats;
+use crate::train::config::TrainConfig;
 use burn::tensor::Tensor;
 use std::sync::{Arc, Mutex};
 
@@ -29,6 +30,22 @@ pub struct ImageOptions {
 }
 
 impl ImageOptions {
+    /// The options of a training run.
+    pub fn new(config: &TrainConfig) -> Self {
+        let residual = &config.residual;
+        Self {
+            sources: config.sources.clone(),
+            surface: SurfaceOptions { slots: config.surface.intersections, ..SurfaceOptions::default() },
+            variant: Variant {
+                inputs: residual.inputs,
+                output: residual.output,
+                aggregation: residual.aggregation,
+                factor: Factor::of(residual.factor),
+            },
+            exposure: config.exposure.enabled,
+        }
+    }
+
     /// Which source comes first.
     pub fn first(&self) -> First {
         if self.exposure { First::MostAlike } else { First::Nearest }
@@ -77,6 +94,8 @@ pub struct Renderer {
     raster: Arc<Rasterizer>,
     splats: Splats,
     background: [f32; 3],
+    /// Find the surface of models that do not need it for their image.
+    shows_surface: bool,
     image: Option<ImageStage>,
 }
 
@@ -111,7 +130,12 @@ impl Renderer {
             depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(&gpu))),
             part,
         };
-        Self { image: part.map(stage), raster, splats, background }
+        Self { image: part.map(stage), raster, splats, background, shows_surface: false }
+    }
+
+    /// Depth and normals of every frame, also of a model without an image-based part.
+    pub fn showing_surface(self) -> Self {
+        Self { shows_surface: true, ..self }
     }
 
     /// The GPU it works on.
@@ -139,7 +163,10 @@ impl Renderer {
     fn view(&self, camera: &Camera) -> RasterView {
         let mut view = RasterView::new(*camera, self.splats.sh_degree());
         view.background = self.background;
-        view.surface = Some(self.image.as_ref().map_or_else(SurfaceOptions::default, |s| s.part.options.surface));
+        view.surface = match &self.image {
+            Some(stage) => Some(stage.part.options.surface),
+            None => self.shows_surface.then(SurfaceOptions::default),
+        };
         view
     }
 
@@ -235,22 +262,20 @@ impl Frame {
         self.image.as_ref().map(|(image, _)| self.rendered(image)).transpose()
     }
 
-    /// Median depth, `[H * W]`, 0 where nothing is met.
+    /// Median depth, `[H * W]`, 0 where nothing is met; none where no surface was asked for.
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn depth(&self) -> Result<Vec<f32>, GpuError> {
-        let surface = self.forward.surface().expect("frames have a surface");
-        self.gpu.read(&surface.median_depth, self.pixels())
+    pub fn depth(&self) -> Result<Option<Vec<f32>>, GpuError> {
+        self.forward.surface().map(|surface| self.gpu.read(&surface.median_depth, self.pixels())).transpose()
     }
 
-    /// Normal map in camera space, `[H * W * 3]`, not normalised.
+    /// Normal map in camera space, `[H * W * 3]`, not normalised; none where no surface was asked for.
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn normals(&self) -> Result<Vec<f32>, GpuError> {
-        let surface = self.forward.surface().expect("frames have a surface");
-        self.gpu.read(&surface.normal_map, 3 * self.pixels())
+    pub fn normals(&self) -> Result<Option<Vec<f32>>, GpuError> {
+        self.forward.surface().map(|surface| self.gpu.read(&surface.normal_map, 3 * self.pixels())).transpose()
     }
 
     /// How many sources are used at each pixel, `[H * W]`; none where the model has no network.

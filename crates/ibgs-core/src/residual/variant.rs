@@ -65,6 +65,15 @@ pub struct Variant {
 }
 
 impl Factor {
+    /// The factor nearest to a number: 1, 0.5 or 0.25.
+    pub fn of(scale: f64) -> Self {
+        match scale {
+            s if s > 0.75 => Factor::Full,
+            s if s > 0.375 => Factor::Half,
+            _ => Factor::Quarter,
+        }
+    }
+
     /// Size at which the network runs for an image of `size`: rounded, at least 4 (two poolings) unless the image itself
     /// is used as it is.
     pub fn size(self, size: [u32; 2]) -> [u32; 2] {

@@ -5,6 +5,7 @@ pub mod densify;
 pub mod optim;
 pub mod output;
 pub mod schedule;
+mod stages;
 mod step;
 mod telemetry;
 

@@ -4,12 +4,16 @@ use super::config::TrainConfig;
 use super::densify::{self, Round, Statistics};
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
+use super::stages::{ImageStages, Total, Work};
 use super::telemetry::{Recorder, Telemetry};
 use crate::camera::{Camera, scene_extent};
 use crate::dataset::{Dataset, Point};
+use crate::fuse::source_store::SourceStore;
 use crate::gpu::{Gpu, GpuError};
-use crate::loss::{ImageLoss, Target};
+use crate::loss::ImageLoss;
 use crate::raster::{Leaves, RasterView, Rasterizer};
+use crate::render::Renderer;
+use super::config::Method;
 use crate::scene::{SceneError, Splats, from_points};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -61,7 +65,12 @@ pub struct Trainer {
     statistics: Statistics,
     recorder: Recorder,
     telemetry: Telemetry,
-    views: Vec<(Camera, Target)>,
+    /// Cameras of the training views.
+    cameras: Arc<[Camera]>,
+    /// Their photos.
+    photos: Arc<SourceStore>,
+    /// What goes beyond plain splatting.
+    stages: Option<ImageStages>,
     /// Views still to come in this epoch.
     queue: Vec<usize>,
     extent: f64,
@@ -83,19 +92,21 @@ impl Trainer {
         let points = thinned(&dataset.points, config.densify.max_splats as usize);
         let start = from_points(&points, config.sh_degree, config.initial_opacity)?;
         let splats = Splats::upload(&start, &gpu)?;
-        let mut views = Vec::with_capacity(dataset.train.len());
-        for view in dataset.train.iter().map(|&i| &dataset.views[i]) {
-            views.push((view.camera, Target::upload(&gpu, &view.photo)?));
-        }
+        let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
+        let cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
+        let photos = views().map(|view| view.photo.clone()).collect();
+        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
+        let image_based = config.method == Method::Ibgs;
+        let stages = image_based.then(|| ImageStages::new(&gpu, cameras.clone(), config)).transpose()?;
         let trainer = Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations),
-            optimizer: Optimizer::new(&gpu, &splats, config.adam.clone(), false)?,
+            optimizer: Optimizer::new(&gpu, &splats, config.adam.clone(), image_based)?,
             statistics: Statistics::new(&gpu, splats.len())?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),
-            extent: usable_extent(scene_extent(views.iter().map(|(camera, _)| camera))),
+            extent: usable_extent(scene_extent(cameras.iter())),
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,
             overflowed: false,
@@ -103,12 +114,14 @@ impl Trainer {
             gpu,
             raster,
             splats,
-            views,
+            cameras,
+            photos,
+            stages,
         };
         // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
         // Gaussians grow fast.
         let mut most = 0;
-        for index in 0..trainer.views.len() {
+        for index in 0..trainer.cameras.len() {
             most = most.max(trainer.raster.count_intersections(&trainer.splats, &trainer.view(index))?);
         }
         trainer.raster.reserve(2 * most);
@@ -116,9 +129,19 @@ impl Trainer {
     }
 
     fn view(&self, index: usize) -> RasterView {
-        let mut view = RasterView::new(self.views[index].0, self.schedule.sh_degree(self.iteration));
+        let mut view = RasterView::new(self.cameras[index], self.schedule.sh_degree(self.iteration));
         view.background = self.background();
+        if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
+            view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
+        }
         view
+    }
+
+    /// A renderer of the model as it is now; it shares the model's memory, so use it before the next step.
+    pub fn renderer(&self) -> Renderer {
+        let residual = self.stages.as_ref().filter(|_| self.schedule.residual_at(self.iteration));
+        let part = residual.map(|stages| stages.part(self.photos.clone()));
+        Renderer::new(self.raster.clone(), self.splats.clone(), self.background(), part)
     }
 
     /// Colour behind the Gaussians.
@@ -158,7 +181,7 @@ impl Trainer {
 
     fn next_view(&mut self) -> usize {
         if self.queue.is_empty() {
-            self.queue = (0..self.views.len()).collect();
+            self.queue = (0..self.cameras.len()).collect();
             self.queue.shuffle(&mut self.rng);
         }
         self.queue.pop().expect("there are training views")
@@ -173,10 +196,32 @@ impl Trainer {
         self.iteration += 1;
         let iteration = self.iteration;
         let index = self.next_view();
+        if self.schedule.shapes_normals_at(iteration, self.cameras.len()) {
+            self.raster.shape_normals(&self.splats);
+        }
+        let target = self.photos.photo(index)?;
         let leaves = Leaves::new(&self.splats);
         let (image, forward) = self.raster.tracked(&leaves, &self.view(index))?;
-        let (loss, scratch) = self.loss.tracked(image, &self.views[index].1)?;
-        let mut gradients = loss.backward();
+        let work = Work {
+            iteration,
+            index,
+            target: &target,
+            image: &image,
+            forward: &forward,
+            loss: &self.loss,
+            schedule: &self.schedule,
+            photos: &self.photos,
+            raster: &self.raster,
+            splats: &self.splats,
+        };
+        let total = match &mut self.stages {
+            Some(stages) => stages.total(&work)?,
+            None => self.loss.tracked(image.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
+        };
+        let mut gradients = total.loss().backward();
+        if let Some(stages) = &mut self.stages {
+            stages.finish(&work, &total, &mut gradients)?;
+        }
         let gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
         if self.schedule.observes(iteration) {
             let screen = gradients.screen.clone();
@@ -187,7 +232,7 @@ impl Trainer {
         self.optimizer.step(&self.gpu, gradients, &Rates::new(&self.config.learning_rates, mean_rate));
         let news = self.recorder.record(
             &self.gpu,
-            &scratch.stats,
+            &total.scratch.stats,
             &forward.workspace.total,
             u64::from(forward.frame.capacity),
         )?;

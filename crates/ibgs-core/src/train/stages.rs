@@ -1,0 +1,243 @@
+//! The image-based part of a training iteration (method.md section 7): surface losses from the photos of neighbouring views,
+//! the residual network, exposure.
+
+use super::config::{AdamConfig, TrainConfig};
+use super::optim::TensorOptimizer;
+use super::schedule::Schedule;
+use crate::camera::Camera;
+use crate::fuse::depth_cache::DepthCache;
+use crate::fuse::source_store::SourceStore;
+use crate::fuse::sources::SourceFinder;
+use crate::fuse::{SourceView, Warper};
+use crate::gpu::buffer::primitive;
+use crate::gpu::pool::Lease;
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::loss::{
+    ExposureAdam, ExposureScalars, ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers, Target,
+};
+use crate::raster::{Forward, RasterView, Rasterizer, Room, Surface};
+use crate::render::{ImageOptions, ImagePart};
+use crate::residual::{Residual, ResidualNetwork, ResidualTask};
+use crate::scene::Splats;
+use burn::tensor::{Gradients, Tensor};
+use std::sync::Arc;
+
+/// What the image-based stages keep from iteration to iteration.
+pub(super) struct ImageStages {
+    gpu: Arc<Gpu>,
+    cameras: Arc<[Camera]>,
+    options: ImageOptions,
+    /// Sources of each training view.
+    neighbours: Vec<Vec<usize>>,
+    /// Median depth of each training view when it was last trained.
+    depths: DepthCache,
+    warper: Warper,
+    residual: Residual,
+    normal_loss: NormalLoss,
+    photometric_loss: PhotometricLoss,
+    network: ResidualNetwork,
+    network_optimizer: TensorOptimizer,
+    exposure: Option<ExposureScalars>,
+}
+
+/// An iteration in work: the view, its photo, and the rasterizer's pass.
+pub(super) struct Work<'a> {
+    pub iteration: u32,
+    /// Training view.
+    pub index: usize,
+    pub target: &'a Target,
+    pub image: &'a Tensor<3>,
+    pub forward: &'a Forward,
+    pub loss: &'a ImageLoss,
+    pub schedule: &'a Schedule,
+    pub photos: &'a SourceStore,
+    pub raster: &'a Rasterizer,
+    pub splats: &'a Splats,
+}
+
+/// The whole loss of an iteration.
+pub(super) struct Total {
+    /// Image losses.
+    image_loss: Tensor<1>,
+    /// Normal and photometric loss.
+    surface_loss: Option<Tensor<1>>,
+    /// Statistics of the image that counts: the final one where there is one.
+    pub scratch: Arc<Lease<LossScratch>>,
+    /// The base image's, which holds the exposure's gradient.
+    base_scratch: Arc<Lease<LossScratch>>,
+    /// The network's weights as a leaf.
+    weights: Option<Tensor<1>>,
+}
+
+impl Total {
+    /// A total of the base image's loss alone.
+    pub fn base(loss: Tensor<1>, scratch: Arc<Lease<LossScratch>>) -> Self {
+        Self { image_loss: loss, surface_loss: None, base_scratch: scratch.clone(), scratch, weights: None }
+    }
+
+    fn add_surface_loss(&mut self, loss: Tensor<1>) {
+        self.surface_loss = Some(match self.surface_loss.take() {
+            Some(sum) => sum + loss,
+            None => loss,
+        });
+    }
+
+    /// The sum of all losses.
+    pub fn loss(&self) -> Tensor<1> {
+        match &self.surface_loss {
+            Some(surface) => self.image_loss.clone() + surface.clone(),
+            None => self.image_loss.clone(),
+        }
+    }
+}
+
+impl ImageStages {
+    pub fn new(gpu: &Arc<Gpu>, cameras: Arc<[Camera]>, config: &TrainConfig) -> Result<Self, GpuError> {
+        let options = ImageOptions::new(config);
+        let finder = SourceFinder::new(&cameras, &options.sources, options.first());
+        let sources = |(index, camera): (usize, &Camera)| {
+            let mut found = finder.neighbours(camera, Some(index));
+            found.truncate(options.sources.used as usize);
+            found
+        };
+        let network = ResidualNetwork::init(gpu, config.seed);
+        let residual = &config.residual;
+        let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
+        let e = &config.exposure;
+        let scalars = ExposureAdam { rate: e.learning_rate, beta1: e.beta1, beta2: e.beta2, eps: e.epsilon };
+        let exposure = e.enabled.then(|| ExposureScalars::new(gpu, cameras.len(), scalars)).transpose()?;
+        Ok(Self {
+            neighbours: cameras.iter().enumerate().map(sources).collect(),
+            depths: DepthCache::new(options.sources.memory.bytes(gpu)),
+            warper: Warper::new(gpu.clone(), options.warp()),
+            residual: Residual::new(gpu.clone(), options.variant, options.exposure),
+            normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
+            photometric_loss: PhotometricLoss::new(gpu.clone(), config.surface.photometric_weight as f32),
+            network_optimizer: TensorOptimizer::new(gpu, &primitive(network.weights.val()), adam)?,
+            gpu: gpu.clone(),
+            network,
+            exposure,
+            cameras,
+            options,
+        })
+    }
+
+    pub fn options(&self) -> &ImageOptions {
+        &self.options
+    }
+
+    /// What a renderer of the model needs.
+    pub fn part(&self, photos: Arc<SourceStore>) -> ImagePart {
+        let (cameras, network, options) = (self.cameras.clone(), self.network.clone(), self.options.clone());
+        ImagePart { cameras, photos, network, options }
+    }
+
+    /// The iteration's loss, of which L_img(base) is always a part.
+    pub fn total(&mut self, work: &Work) -> Result<Total, GpuError> {
+        let scalars = self.exposure.as_ref().filter(|_| work.schedule.exposure_at(work.iteration));
+        let (base_loss, base_scratch) = match scalars {
+            Some(scalars) => {
+                let scalars = scalars.scalars(work.index);
+                work.loss.tracked_with_exposure(work.image.clone(), work.target, &scalars)?
+            }
+            None => work.loss.tracked(work.image.clone(), work.target)?,
+        };
+        let mut total = Total::base(base_loss, base_scratch);
+        if work.schedule.normal_loss_at(work.iteration) {
+            let surface = surface_buffers(work.forward.surface().expect("the surface stage has one"));
+            total.add_surface_loss(self.normal_loss.tracked(work.image, &surface)?);
+        }
+        if work.schedule.surface_loss_at(work.iteration) && !self.neighbours[work.index].is_empty() {
+            self.add_sources(work, &mut total)?;
+        }
+        Ok(total)
+    }
+
+    /// Adds what the sources tell: the photometric loss, and the final image's.
+    fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
+        let sources = self.sources(work)?;
+        let (warped, seen) = self.warper.tracked(work.image, work.forward, &sources)?;
+        total.add_surface_loss(self.photometric_loss.tracked(warped.clone(), &seen.slots, work.target)?);
+        let camera = self.cameras[work.index];
+        if !work.schedule.residual_at(work.iteration) || !self.residual.fits(&camera) {
+            return Ok(());
+        }
+        let burn_in = work.schedule.burn_in(work.iteration);
+        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
+        let weights = self.network.weights.val().autodiff().require_grad();
+        // During burn-in only the network learns from the final image.
+        let (base, warped) = match burn_in {
+            Some(_) => (work.image.clone().detach(), warped.detach()),
+            None => (work.image.clone(), warped),
+        };
+        let image = self.residual.tracked(&task, base, warped, weights.clone())?;
+        let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
+        total.image_loss = (total.image_loss.clone() + final_loss) * 0.5;
+        total.scratch = scratch;
+        total.weights = Some(weights);
+        Ok(())
+    }
+
+    fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {
+        let chosen = &self.neighbours[work.index];
+        let photos = work.photos.photos(chosen)?;
+        let mut views = Vec::with_capacity(chosen.len());
+        for (&index, photo) in chosen.iter().zip(photos) {
+            let camera = self.cameras[index];
+            let depth = match self.depths.get(index) {
+                Some(depth) => depth,
+                None => {
+                    let view = RasterView {
+                        surface: Some(self.options.surface),
+                        ..RasterView::new(camera, work.splats.sh_degree())
+                    };
+                    let depth = work.raster.depth_map(work.splats, &view, Room::Checked)?;
+                    self.depths.insert(index, depth.clone());
+                    depth
+                }
+            };
+            views.push(SourceView { camera, photo, depth });
+        }
+        Ok(views)
+    }
+
+    /// Steps the network and the exposure, and keeps the view's median depth.
+    pub fn finish(&mut self, work: &Work, total: &Total, gradients: &mut Gradients) -> Result<(), GpuError> {
+        if let Some(gradient) = total.weights.as_ref().and_then(|weights| weights.grad_remove(gradients)) {
+            let rate = work.schedule.network_lr(work.iteration);
+            self.network_optimizer.step(&self.gpu, &primitive(gradient), rate);
+        }
+        let mut pass = Pass::new(&self.gpu, "image stages");
+        if let Some(exposure) = self.exposure.as_mut().filter(|_| work.schedule.exposure_at(work.iteration)) {
+            exposure.record_step(&mut pass, work.index, total.base_scratch.v_scalars());
+        }
+        if let Some(surface) = work.forward.surface() {
+            let Camera { width, height, .. } = self.cameras[work.index];
+            let bytes = 4 * u64::from(width) * u64::from(height);
+            let kept: Buffer = match self.depths.get(work.index) {
+                Some(kept) => kept,
+                None => {
+                    let kept = self.gpu.allocate("median depth", bytes)?;
+                    self.depths.insert(work.index, kept.clone());
+                    kept
+                }
+            };
+            pass.copy(&surface.median_depth, &kept, 0, bytes);
+        }
+        pass.submit();
+        Ok(())
+    }
+}
+
+fn surface_buffers(surface: &Surface) -> SurfaceBuffers {
+    let v = surface.v.as_ref().expect("a tracked surface has gradients");
+    SurfaceBuffers {
+        depth: surface.median_depth.clone(),
+        normal: surface.normal_map.clone(),
+        v_depth: v.median_depth.clone(),
+        v_normal: v.normal_map.clone(),
+        size: [surface.camera.width, surface.camera.height],
+        focal: surface.camera.focal.as_vec2().to_array(),
+        principal: surface.options.principal(&surface.camera),
+    }
+}
