@@ -4,6 +4,7 @@ const SHARED: &[(&str, &str)] = &[
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
+    ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),
     ("residual_head", include_str!("../wgsl/shared/residual_head.wgsl")),
     ("residual_head_kernel", include_str!("../wgsl/shared/residual_head_kernel.wgsl")),
     ("residual_source", include_str!("../wgsl/shared/residual_source.wgsl")),
