@@ -8,6 +8,7 @@ const SHARED: &[(&str, &str)] = &[
     ("residual_head", include_str!("../wgsl/shared/residual_head.wgsl")),
     ("residual_head_kernel", include_str!("../wgsl/shared/residual_head_kernel.wgsl")),
     ("residual_source", include_str!("../wgsl/shared/residual_source.wgsl")),
+    ("residual_weights_tile", include_str!("../wgsl/shared/residual_weights_tile.wgsl")),
     ("scan_block", include_str!("../wgsl/shared/scan_block.wgsl")),
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
