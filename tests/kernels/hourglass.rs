@@ -1,13 +1,17 @@
 //! The hourglass against its twin, forward and backward.
 
-use crate::common::gpu;
+use crate::common::{gpu, values};
 use crate::reference::finite::assert_gradient;
 use crate::reference::hourglass::{Map, backward, forward};
 use crate::reference::random_scene::exact;
 use crate::reference::relative_error;
+use burn::tensor::activation::relu;
+use burn::tensor::module::{conv2d, interpolate, max_pool2d};
+use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoolOptions};
+use burn::tensor::{Tensor, TensorData};
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::Hourglass;
-use ibgs_core::residual::layers::{ENC1, INPUT, LAYERS, Layer, WEIGHTS};
+use ibgs_core::residual::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -207,6 +211,40 @@ fn the_twins_gradients_follow_finite_differences() {
     let f = |new: &[f64]| loss(&weights, &Map::new(put(&x.data, &at, new), 9, 7));
     let error = assert_gradient("x", &pick(&x.data, &at), &pick(&v_x.data, &at), 1e-6, f);
     println!("x: {error:.1e}");
+}
+
+/// The same network of burn's own layers.
+#[test]
+fn the_twin_is_the_network_of_ordinary_layers() {
+    let gpu = gpu();
+    let weights = random_weights(12);
+    let tensor = |values: &[f64]| Tensor::<1>::from_data(TensorData::new(single(values), [values.len()]), &gpu.burn);
+    let conv = |layer: &Layer, x: Tensor<4>| {
+        let side = if layer.taps == 9 { 3 } else { 1 };
+        let shape = [layer.outputs, layer.inputs, side, side];
+        let weight = tensor(&weights[layer.offset..layer.bias()]).reshape(shape);
+        let bias = tensor(&weights[layer.bias()..layer.end()]);
+        conv2d(x, weight, Some(bias), ConvOptions::new([1, 1], [side / 2; 2], [1, 1], 1))
+    };
+    let pool = |x: &Tensor<4>| max_pool2d(x.clone(), MaxPoolOptions::new([2, 2]));
+    let enlarge = |x: Tensor<4>, like: &Tensor<4>| {
+        let [_, _, height, width] = like.dims();
+        interpolate(x, InterpolateOptions::new(InterpolateMode::Nearest).with_output_size([height, width]))
+    };
+    for (width, height) in [(13, 9), (23, 30)] {
+        let (x, _) = random_maps(width, height, 13);
+        let input = tensor(&x.data).reshape([1, INPUT, height, width]);
+        let e1 = relu(conv(&ENC1, input.clone()));
+        let e2 = relu(conv(&ENC2, pool(&e1)));
+        let b = relu(conv(&ENC3, pool(&e2)));
+        let u2 = relu(conv(&UP2, enlarge(b, &e2)));
+        let d2 = relu(conv(&DEC2, Tensor::cat(vec![u2, e2], 1)));
+        let u1 = relu(conv(&UP1, enlarge(d2, &e1)));
+        let d1 = relu(conv(&DEC1, Tensor::cat(vec![u1, e1], 1)));
+        let f = relu(conv(&FUSE, Tensor::cat(vec![d1, input], 1)));
+        let ours = values(conv(&FINAL, f));
+        assert_forward(&format!("burn, {width} x {height}"), &single(&ours), &forward(&weights, &x).residual.data);
+    }
 }
 
 /// Milliseconds at 540 x 960, in all and by kernel. For a real GPU: `cargo test hourglass_speed -- --ignored --nocapture`,

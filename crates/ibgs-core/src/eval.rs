@@ -1,10 +1,9 @@
 //! Image metrics and the evaluation of a model (method.md section 9).
 
+use crate::camera::Camera;
 use crate::dataset::{Photo, View};
-use crate::gpu::{Gpu, GpuError};
-use crate::raster::{RasterView, Rasterizer};
-use crate::render::{Rendered, render_view};
-use crate::scene::Splats;
+use crate::gpu::GpuError;
+use crate::render::{Frame, Rendered, Renderer};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -83,50 +82,53 @@ fn ssim_plane(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
     sum / a.len() as f64
 }
 
-/// Renders a view and compares it with its photo.
+/// Scores of one view: the base image's, and the final one's where the model has a network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewScores {
+    /// The base image.
+    pub base: Score,
+    /// The final image.
+    pub image: Option<Score>,
+}
+
+/// Renders a view and compares its images with its photo.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
-pub fn score_view(
-    raster: &Rasterizer,
-    splats: &Splats,
-    view: &View,
-    background: [f32; 3],
-) -> Result<(Rendered, Score), GpuError> {
-    let image = render_view(raster, splats, &view.camera, background)?;
-    let score = score(&image, &view.photo);
-    Ok((image, score))
+pub fn score_view(renderer: &Renderer, view: &View) -> Result<(Frame, ViewScores), GpuError> {
+    let frame = renderer.render(&view.camera)?;
+    let base = score(&frame.base()?, &view.photo);
+    let image = frame.image()?.map(|image| score(&image, &view.photo));
+    Ok((frame, ViewScores { base, image }))
+}
+
+/// What is kept from frame to frame when frames are counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cache {
+    /// Nothing: the sources' depth maps are rendered for every frame, as published figures have it.
+    Cold,
+    /// The sources' depth maps.
+    Warm,
 }
 
 /// Frames per second over all views, `passes` times, the GPU finished before the clock stops.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
-pub fn frames_per_second<'a>(
-    raster: &Rasterizer,
-    splats: &Splats,
-    views: impl Iterator<Item = &'a View> + Clone,
-    background: [f32; 3],
-    passes: u32,
-) -> Result<f64, GpuError> {
-    let gpu: &Gpu = raster.gpu();
-    let raster_view = |view: &View| {
-        let mut v = RasterView::new(view.camera, splats.sh_degree());
-        v.background = background;
-        v
-    };
-    for view in views.clone() {
-        raster.render(splats, &raster_view(view))?;
+pub fn frames_per_second(renderer: &Renderer, cameras: &[Camera], passes: u32, cache: Cache) -> Result<f64, GpuError> {
+    for camera in cameras {
+        renderer.render(camera)?;
     }
-    gpu.wait()?;
+    renderer.gpu().wait()?;
     let start = Instant::now();
-    let mut frames = 0;
     for _ in 0..passes {
-        for view in views.clone() {
-            raster.render_unchecked(splats, &raster_view(view))?;
-            frames += 1;
+        for camera in cameras {
+            if cache == Cache::Cold {
+                renderer.forget_depths();
+            }
+            renderer.render_unchecked(camera)?;
         }
     }
-    gpu.wait()?;
-    Ok(f64::from(frames) / start.elapsed().as_secs_f64())
+    renderer.gpu().wait()?;
+    Ok(f64::from(passes) * cameras.len() as f64 / start.elapsed().as_secs_f64())
 }

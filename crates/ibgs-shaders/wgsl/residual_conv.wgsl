@@ -5,7 +5,7 @@
 // channels). A workgroup of 32 columns is 2 groups of outputs x 16 rows, or 1 x 32. Tile and weights pass through
 // workgroup memory a few input channels at a time; whatever lies outside is filled with zeros, so the inner loop has no
 // branch, and all of its register indices are constants.
-#import residual_source
+#import residual_conv_tile
 
 struct ConvParams {
     // Size of input and output.
@@ -45,73 +45,6 @@ var<immediate> params: ConvParams;
 @group(0) @binding(1) var<storage, read> input_a: array<f32>;
 @group(0) @binding(2) var<storage, read> input_b: array<f32>;
 @group(0) @binding(3) var<storage, read_write> output: array<f32>;
-
-const COLUMNS: u32 = 34u;
-const ROWS: u32 = 10u;
-// (input channel, row group) pairs in workgroup memory: 4 x 2 or 2 x 4.
-const SLOTS: u32 = 8u;
-
-var<workgroup> tile: array<array<array<f32, COLUMNS>, ROWS>, SLOTS>;
-// [input channel, tap column, output group][tap row * 5 + output quad].
-var<workgroup> kernel: array<array<vec4<f32>, 15>, 24>;
-// Source row (times its width) and column of each of the tile's rows and columns; -1 outside.
-var<workgroup> source_row: array<i32, 40>;
-var<workgroup> source_column: array<i32, COLUMNS>;
-
-fn fetch(slot: u32, row: u32, column: u32, first: u32, row_groups: u32) -> f32 {
-    var channel = first + slot / row_groups;
-    let y = source_row[(slot % row_groups) * ROWS + row];
-    let x = source_column[column];
-    if y < 0 || x < 0 || channel >= params.channels_a + params.channels_b {
-        return 0.0;
-    }
-    let at = u32(y + x);
-    let plane = params.source.x * params.source.y;
-    if channel >= params.channels_a {
-        return input_b[(channel - params.channels_a) * plane + at];
-    }
-    let i = channel * plane + at;
-    if params.mode == POOLED {
-        let below = i + params.source.x;
-        return max(max(input_a[i], input_a[i + 1u]), max(input_a[below], input_a[below + 1u]));
-    }
-    return input_a[i];
-}
-
-fn load_tile(local: u32, first: u32, row_groups: u32) {
-    for (var k = local / 32u; k < SLOTS * ROWS; k += 4u) {
-        tile[k / ROWS][k % ROWS][local % 32u] = fetch(k / ROWS, k % ROWS, local % 32u, first, row_groups);
-    }
-    for (var k = local; k < SLOTS * ROWS * 2u; k += 128u) {
-        let row = k / 2u;
-        let column = 32u + k % 2u;
-        tile[row / ROWS][row % ROWS][column] = fetch(row / ROWS, row % ROWS, column, first, row_groups);
-    }
-}
-
-fn weight(channel: u32, o: u32, tap: u32) -> f32 {
-    if channel >= params.channels_a + params.channels_b || o >= params.outputs {
-        return 0.0;
-    }
-    return weights[params.weights + o * params.stride_out + channel * params.stride_in + tap];
-}
-
-fn load_kernel(local: u32, first: u32, channels: u32) {
-    for (var k = local; k < channels * params.groups * 45u; k += 128u) {
-        let row = k / 15u;
-        let column = row / params.groups;
-        let channel = first + column / 3u;
-        let o = (row % params.groups) * 20u + 4u * (k % 5u);
-        var tap = 3u * ((k % 15u) / 5u) + column % 3u;
-        tap = select(tap, 8u - tap, params.turned == 1u);
-        kernel[row][k % 15u] = vec4(
-            weight(channel, o, tap),
-            weight(channel, o + 1u, tap),
-            weight(channel, o + 2u, tap),
-            weight(channel, o + 3u, tap),
-        );
-    }
-}
 
 // The outer product of four outputs' weights and four pixels, added.
 fn add(m: mat4x4<f32>, w: vec4<f32>, x: vec4<f32>) -> mat4x4<f32> {
@@ -168,7 +101,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     if local < 40u {
         let y = origin.y + i32(local / ROWS) * 8 + i32(local % ROWS) - 1;
         let row = source_of(y, params.size.y, params.source.y, params.mode);
-        source_row[local] = select(row * i32(params.source.x), -1, row < 0);
+        source_row[local / ROWS][local % ROWS] = select(row * i32(params.source.x), -1, row < 0);
     }
     if local < COLUMNS {
         source_column[local] = source_of(origin.x + i32(local) - 1, params.size.x, params.source.x, params.mode);
@@ -184,12 +117,18 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var b2 = mat4x4<f32>();
     var b3 = mat4x4<f32>();
     var b4 = mat4x4<f32>();
-    for (var first = 0u; first < params.channels_a + params.channels_b; first += channels) {
+    let chunks_a = (params.channels_a + channels - 1u) / channels;
+    let chunks = chunks_a + (params.channels_b + channels - 1u) / channels;
+    for (var n = 0u; n < chunks; n++) {
+        let second = n >= chunks_a;
+        let first = channels * select(n, n - chunks_a, second);
+        let left = select(params.channels_a, params.channels_b, second) - first;
+        let chunk = Chunk(second, first, min(channels, left), row_groups);
         workgroupBarrier();
-        load_tile(local, first, row_groups);
-        load_kernel(local, first, channels);
+        load_tile(local, chunk);
+        load_kernel(local, chunk);
         workgroupBarrier();
-        for (var k = 0u; k < 3u * channels; k++) {
+        for (var k = 0u; k < 3u * chunk.channels; k++) {
             let slot = (k / 3u) * row_groups + row_group;
             let x = lane + k % 3u;
             let w = k * params.groups + group;

@@ -2,7 +2,7 @@
 //
 // Each workgroup walks through a part of the 16 x 2 pixel tiles and writes one row of partial sums. A thread owns
 // 4 outputs x 2 inputs x 9 taps (18 registers of four outputs) and slides along the tile's rows four pixels at a time.
-#import residual_source
+#import residual_weights_tile
 
 struct ConvWeightsParams {
     // Size of v and of the convolution's input.
@@ -24,49 +24,6 @@ var<immediate> params: ConvWeightsParams;
 // [split][outputs * inputs * 9 weights, then outputs biases].
 @group(0) @binding(2) var<storage, read_write> partials: array<f32>;
 
-const CHANNELS: u32 = 38u;
-// Per channel 4 rows of 5 x 4 columns; one more against bank conflicts, as in v_tile.
-var<workgroup> x_tile: array<array<vec4<f32>, 21>, CHANNELS>;
-// [pixel][output quad].
-var<workgroup> v_tile: array<array<vec4<f32>, 11>, 32>;
-
-fn load_inputs(local: u32, corner: vec2<i32>) {
-    let row = (local % 80u) / 20u;
-    let column = local % 20u;
-    let x = source_of(corner.x + i32(column) - 1, params.size.x, params.source.x, params.mode);
-    let y = source_of(corner.y + i32(row) - 1, params.size.y, params.source.y, params.mode);
-    let inside = x >= 0 && y >= 0 && column < 18u;
-    let plane = params.source.x * params.source.y;
-    for (var c = local / 80u; c < CHANNELS; c += 2u) {
-        var value = 0.0;
-        if inside && c < params.inputs {
-            let i = c * plane + u32(y) * params.source.x + u32(x);
-            value = input[i];
-            if params.mode == POOLED {
-                let below = i + params.source.x;
-                value = max(max(value, input[i + 1u]), max(input[below], input[below + 1u]));
-            }
-        }
-        x_tile[c][row * 5u + column / 4u][column % 4u] = value;
-    }
-}
-
-fn gradient(o: u32, at: u32) -> f32 {
-    if o >= params.outputs {
-        return 0.0;
-    }
-    return v[o * params.size.x * params.size.y + at];
-}
-
-// Four outputs of one pixel.
-fn gradients(o: u32, x: u32, y: u32) -> vec4<f32> {
-    if x >= params.size.x || y >= params.size.y {
-        return vec4(0.0);
-    }
-    let at = y * params.size.x + x;
-    return vec4(gradient(o, at), gradient(o + 1u, at), gradient(o + 2u, at), gradient(o + 3u, at));
-}
-
 // Four pixels' gradients (4 outputs each) times their inputs, added.
 fn add(sum: vec4<f32>, g: mat4x4<f32>, x: vec4<f32>) -> vec4<f32> {
     let half = fma(g[1], vec4(x.y), fma(g[0], vec4(x.x), sum));
@@ -85,6 +42,50 @@ fn add_row(sums: Sums, g: mat4x4<f32>, now: vec4<f32>, next: vec4<f32>) -> Sums 
         add(sums.left, g, now),
         add(sums.middle, g, vec4(now.yzw, next.x)),
         add(sums.right, g, vec4(now.zw, next.xy)),
+    );
+}
+
+// All taps of two inputs, a row each.
+struct Taps {
+    p0: Sums,
+    p1: Sums,
+    p2: Sums,
+    q0: Sums,
+    q1: Sums,
+    q2: Sums,
+}
+
+// Four columns x three rows of two inputs.
+struct Window {
+    p0: vec4<f32>,
+    p1: vec4<f32>,
+    p2: vec4<f32>,
+    q0: vec4<f32>,
+    q1: vec4<f32>,
+    q2: vec4<f32>,
+}
+
+fn window(c: u32, at: u32) -> Window {
+    return Window(
+        x_tile[c][at],
+        x_tile[c][at + 5u],
+        x_tile[c][at + 10u],
+        x_tile[c + 1u][at],
+        x_tile[c + 1u][at + 5u],
+        x_tile[c + 1u][at + 10u],
+    );
+}
+
+// Four pixels of a row: their inputs lie in `now` and `next`.
+fn add_pixels(taps: Taps, pixel: u32, quad: u32, now: Window, next: Window) -> Taps {
+    let g = mat4x4(v_tile[pixel][quad], v_tile[pixel + 1u][quad], v_tile[pixel + 2u][quad], v_tile[pixel + 3u][quad]);
+    return Taps(
+        add_row(taps.p0, g, now.p0, next.p0),
+        add_row(taps.p1, g, now.p1, next.p1),
+        add_row(taps.p2, g, now.p2, next.p2),
+        add_row(taps.q0, g, now.q0, next.q0),
+        add_row(taps.q1, g, now.q1, next.q1),
+        add_row(taps.q2, g, now.q2, next.q2),
     );
 }
 
@@ -113,13 +114,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let busy = 4u * quad < params.outputs && 2u * pair < params.inputs;
     let c = 2u * pair;
     var bias = vec4(0.0);
-    // Three rows of taps for each of the two inputs.
-    var p0 = Sums();
-    var p1 = Sums();
-    var p2 = Sums();
-    var q0 = Sums();
-    var q1 = Sums();
-    var q2 = Sums();
+    var taps = Taps();
     for (var t = wid.x * share; t < end; t++) {
         let corner = vec2(t % tiles.x, t / tiles.x) * vec2(16u, 2u);
         workgroupBarrier();
@@ -134,40 +129,14 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         workgroupBarrier();
         if busy {
             for (var row = 0u; row < 2u; row++) {
-                let r = 5u * row;
-                var x0 = x_tile[c][r];
-                var x1 = x_tile[c][r + 5u];
-                var x2 = x_tile[c][r + 10u];
-                var y0 = x_tile[c + 1u][r];
-                var y1 = x_tile[c + 1u][r + 5u];
-                var y2 = x_tile[c + 1u][r + 10u];
-                for (var k = 0u; k < 4u; k++) {
-                    let pixel = 16u * row + 4u * k;
-                    let g = mat4x4(
-                        v_tile[pixel][quad],
-                        v_tile[pixel + 1u][quad],
-                        v_tile[pixel + 2u][quad],
-                        v_tile[pixel + 3u][quad],
-                    );
-                    let at = r + k + 1u;
-                    let x0_next = x_tile[c][at];
-                    let x1_next = x_tile[c][at + 5u];
-                    let x2_next = x_tile[c][at + 10u];
-                    let y0_next = x_tile[c + 1u][at];
-                    let y1_next = x_tile[c + 1u][at + 5u];
-                    let y2_next = x_tile[c + 1u][at + 10u];
-                    p0 = add_row(p0, g, x0, x0_next);
-                    p1 = add_row(p1, g, x1, x1_next);
-                    p2 = add_row(p2, g, x2, x2_next);
-                    q0 = add_row(q0, g, y0, y0_next);
-                    q1 = add_row(q1, g, y1, y1_next);
-                    q2 = add_row(q2, g, y2, y2_next);
-                    x0 = x0_next;
-                    x1 = x1_next;
-                    x2 = x2_next;
-                    y0 = y0_next;
-                    y1 = y1_next;
-                    y2 = y2_next;
+                var now = window(c, 5u * row);
+                for (var k = 0u; k < 2u; k++) {
+                    let pixel = 16u * row + 8u * k;
+                    let at = 5u * row + 2u * k;
+                    let middle = window(c, at + 1u);
+                    taps = add_pixels(taps, pixel, quad, now, middle);
+                    now = window(c, at + 2u);
+                    taps = add_pixels(taps, pixel + 4u, quad, middle, now);
                 }
             }
         }
@@ -175,12 +144,12 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let weights = params.outputs * params.inputs * 9u;
     let base = wid.x * (weights + params.outputs);
     if busy && local < 190u {
-        write_row(base, 4u * quad, c, 0u, p0);
-        write_row(base, 4u * quad, c, 3u, p1);
-        write_row(base, 4u * quad, c, 6u, p2);
-        write_row(base, 4u * quad, c + 1u, 0u, q0);
-        write_row(base, 4u * quad, c + 1u, 3u, q1);
-        write_row(base, 4u * quad, c + 1u, 6u, q2);
+        write_row(base, 4u * quad, c, 0u, taps.p0);
+        write_row(base, 4u * quad, c, 3u, taps.p1);
+        write_row(base, 4u * quad, c, 6u, taps.p2);
+        write_row(base, 4u * quad, c + 1u, 0u, taps.q0);
+        write_row(base, 4u * quad, c + 1u, 3u, taps.q1);
+        write_row(base, 4u * quad, c + 1u, 6u, taps.q2);
     }
     workgroupBarrier();
     if local < 160u {

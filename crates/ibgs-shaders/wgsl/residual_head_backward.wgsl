@@ -8,24 +8,20 @@
 @group(0) @binding(2) var<storage, read_write> d1: array<f32>;
 @group(0) @binding(3) var<storage, read_write> f: array<f32>;
 
-fn upstream(c: u32, p: u32) -> f32 {
-    if p >= params.pixels {
-        return 0.0;
-    }
-    return v_residual[3u * p + c];
+fn upstream(c: u32, p: vec4<u32>) -> vec4<f32> {
+    let i = 3u * p + c;
+    return vec4(v_residual[i.x], v_residual[i.y], v_residual[i.z], v_residual[i.w]);
 }
 
-fn feature(o: u32, p: u32) -> f32 {
-    if o >= WIDTH || p >= params.pixels {
-        return 0.0;
-    }
-    return f[o * params.pixels + p];
+// Channels over 38 have no weights in the last layer, so it does not matter what is read for them.
+fn feature(o: u32, p: vec4<u32>) -> vec4<f32> {
+    let i = min(o, WIDTH - 1u) * params.pixels + p;
+    return vec4(f[i.x], f[i.y], f[i.z], f[i.w]);
 }
 
 // v_f of one channel before its ReLU.
 fn masked(o: u32, p: vec4<u32>, v: vec4<f32>) -> vec4<f32> {
-    let value = vec4(feature(o, p.x), feature(o, p.y), feature(o, p.z), feature(o, p.w));
-    return select(vec4(0.0), v, value > vec4(0.0));
+    return select(vec4(0.0), v, feature(o, p) > vec4(0.0));
 }
 
 // Rows: pixels, columns: channels of f. v: gradients by the three channels of the residual.
@@ -47,15 +43,11 @@ fn add(sum: vec4<f32>, m: mat4x4<f32>, w: vec4<f32>) -> vec4<f32> {
     return fma(m[3], vec4(w.w), fma(m[2], vec4(w.z), half));
 }
 
-fn put(i: u32, p: u32, v: f32) {
-    if p >= params.pixels {
-        return;
-    }
-    if i < WIDTH {
-        let at = i * params.pixels + p;
-        d1[at] = select(0.0, v, d1[at] > 0.0);
-    } else {
-        f[(i - WIDTH) * params.pixels + p] = v;
+// Both inputs' gradients of one pixel.
+fn put(i: u32, p: u32, activation: f32, left: f32, right: f32) {
+    if p < params.pixels {
+        d1[i * params.pixels + p] = select(0.0, left, activation > 0.0);
+        f[i * params.pixels + p] = right;
     }
 }
 
@@ -67,33 +59,47 @@ fn main(
 ) {
     load_head(local);
     let p = pixels_of(linear_workgroup(wid, groups), local);
-    let v0 = vec4(upstream(0u, p.x), upstream(0u, p.y), upstream(0u, p.z), upstream(0u, p.w));
-    let v1 = vec4(upstream(1u, p.x), upstream(1u, p.y), upstream(1u, p.z), upstream(1u, p.w));
-    let v2 = vec4(upstream(2u, p.x), upstream(2u, p.y), upstream(2u, p.z), upstream(2u, p.w));
-    let m0 = gradient(0u, p, v0, v1, v2);
-    let m1 = gradient(1u, p, v0, v1, v2);
-    let m2 = gradient(2u, p, v0, v1, v2);
-    let m3 = gradient(3u, p, v0, v1, v2);
-    let m4 = gradient(4u, p, v0, v1, v2);
-    let m5 = gradient(5u, p, v0, v1, v2);
-    let m6 = gradient(6u, p, v0, v1, v2);
-    let m7 = gradient(7u, p, v0, v1, v2);
-    let m8 = gradient(8u, p, v0, v1, v2);
-    let m9 = gradient(9u, p, v0, v1, v2);
-    for (var i = 0u; i < INPUTS; i++) {
-        var sum = add(vec4(0.0), m0, fuse[i][0]);
-        sum = add(sum, m1, fuse[i][1]);
-        sum = add(sum, m2, fuse[i][2]);
-        sum = add(sum, m3, fuse[i][3]);
-        sum = add(sum, m4, fuse[i][4]);
-        sum = add(sum, m5, fuse[i][5]);
-        sum = add(sum, m6, fuse[i][6]);
-        sum = add(sum, m7, fuse[i][7]);
-        sum = add(sum, m8, fuse[i][8]);
-        sum = add(sum, m9, fuse[i][9]);
-        put(i, p.x, sum.x);
-        put(i, p.y, sum.y);
-        put(i, p.z, sum.z);
-        put(i, p.w, sum.w);
+    // Beyond the end the last pixel is read, and nothing written.
+    let q = min(p, vec4(params.pixels - 1u));
+    let v0 = upstream(0u, q);
+    let v1 = upstream(1u, q);
+    let v2 = upstream(2u, q);
+    let m0 = gradient(0u, q, v0, v1, v2);
+    let m1 = gradient(1u, q, v0, v1, v2);
+    let m2 = gradient(2u, q, v0, v1, v2);
+    let m3 = gradient(3u, q, v0, v1, v2);
+    let m4 = gradient(4u, q, v0, v1, v2);
+    let m5 = gradient(5u, q, v0, v1, v2);
+    let m6 = gradient(6u, q, v0, v1, v2);
+    let m7 = gradient(7u, q, v0, v1, v2);
+    let m8 = gradient(8u, q, v0, v1, v2);
+    let m9 = gradient(9u, q, v0, v1, v2);
+    for (var i = 0u; i < WIDTH; i++) {
+        let at = q + i * params.pixels;
+        let activation = vec4(d1[at.x], d1[at.y], d1[at.z], d1[at.w]);
+        var left = add(vec4(0.0), m0, fuse[i][0]);
+        var right = add(vec4(0.0), m0, fuse[i + WIDTH][0]);
+        left = add(left, m1, fuse[i][1]);
+        right = add(right, m1, fuse[i + WIDTH][1]);
+        left = add(left, m2, fuse[i][2]);
+        right = add(right, m2, fuse[i + WIDTH][2]);
+        left = add(left, m3, fuse[i][3]);
+        right = add(right, m3, fuse[i + WIDTH][3]);
+        left = add(left, m4, fuse[i][4]);
+        right = add(right, m4, fuse[i + WIDTH][4]);
+        left = add(left, m5, fuse[i][5]);
+        right = add(right, m5, fuse[i + WIDTH][5]);
+        left = add(left, m6, fuse[i][6]);
+        right = add(right, m6, fuse[i + WIDTH][6]);
+        left = add(left, m7, fuse[i][7]);
+        right = add(right, m7, fuse[i + WIDTH][7]);
+        left = add(left, m8, fuse[i][8]);
+        right = add(right, m8, fuse[i + WIDTH][8]);
+        left = add(left, m9, fuse[i][9]);
+        right = add(right, m9, fuse[i + WIDTH][9]);
+        put(i, p.x, activation.x, left.x, right.x);
+        put(i, p.y, activation.y, left.y, right.y);
+        put(i, p.z, activation.z, left.z, right.z);
+        put(i, p.w, activation.w, left.w, right.w);
     }
 }

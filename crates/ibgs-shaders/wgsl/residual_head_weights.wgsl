@@ -21,26 +21,34 @@ fn input(i: u32, p: u32) -> f32 {
     if i < WIDTH {
         return d1[i * params.pixels + p];
     }
-    return x[(i - WIDTH) * params.pixels + p];
+    return x[min(i - WIDTH, WIDTH - 1u) * params.pixels + p];
+}
+
+// Four inputs of a pixel; beyond the end those of the last pixel, whose gradient is then zero.
+fn inputs(quad: u32, p: u32) -> vec4<f32> {
+    let i = 4u * quad;
+    return vec4(input(i, p), input(i + 1u, p), input(i + 2u, p), input(i + 3u, p));
 }
 
 fn load_inputs(local: u32, begin: u32) {
-    let p = begin + local % BLOCK;
-    for (var quad = local / BLOCK; quad < 19u; quad += 6u) {
-        var values = vec4(0.0);
-        if p < params.pixels {
-            let i = 4u * quad;
-            values = vec4(input(i, p), input(i + 1u, p), input(i + 2u, p), input(i + 3u, p));
-        }
-        x_tile[local % BLOCK][quad] = values;
+    let pixel = local % BLOCK;
+    let quad = local / BLOCK;
+    let p = min(begin + pixel, params.pixels - 1u);
+    let t0 = inputs(quad, p);
+    let t1 = inputs(quad + 6u, p);
+    let t2 = inputs(quad + 12u, p);
+    x_tile[pixel][quad] = t0;
+    x_tile[pixel][quad + 6u] = t1;
+    x_tile[pixel][quad + 12u] = t2;
+    if quad == 0u {
+        x_tile[pixel][18] = inputs(18u, p);
     }
 }
 
-fn feature(o: u32, p: u32) -> f32 {
-    if o >= WIDTH || p >= params.pixels {
-        return 0.0;
-    }
-    return f[o * params.pixels + p];
+fn features(o: u32, p: u32) -> vec4<f32> {
+    let end = WIDTH - 1u;
+    let n = params.pixels;
+    return vec4(f[o * n + p], f[(o + 1u) * n + p], f[min(o + 2u, end) * n + p], f[min(o + 3u, end) * n + p]);
 }
 
 fn last_weight(c: u32, o: u32) -> vec4<f32> {
@@ -103,13 +111,11 @@ fn main(
         load_inputs(local, t * BLOCK);
         if local < 160u {
             for (var pixel = local % 16u; pixel < BLOCK; pixel += 16u) {
-                let p = t * BLOCK + pixel;
-                let o = feature_quad;
-                let value = vec4(feature(o, p), feature(o + 1u, p), feature(o + 2u, p), feature(o + 3u, p));
-                var v = vec4(0.0);
-                if p < params.pixels {
-                    v = vec4(v_residual[3u * p], v_residual[3u * p + 1u], v_residual[3u * p + 2u], 0.0);
-                }
+                let inside = t * BLOCK + pixel < params.pixels;
+                let p = min(t * BLOCK + pixel, params.pixels - 1u);
+                let value = features(feature_quad, p);
+                let upstream = vec4(v_residual[3u * p], v_residual[3u * p + 1u], v_residual[3u * p + 2u], 0.0);
+                let v = select(vec4(0.0), upstream, inside);
                 let v_f = select(vec4(0.0), v.x * w0 + v.y * w1 + v.z * w2, value > vec4(0.0));
                 v_tile[pixel][local / 16u] = v_f;
                 bias += v_f;

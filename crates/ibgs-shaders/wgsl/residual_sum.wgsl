@@ -24,6 +24,11 @@ var<immediate> params: SumParams;
 // 32 values x 8 parts of the rows.
 var<workgroup> parts: array<f32, 256>;
 
+fn partial(row: u32, i: u32) -> f32 {
+    let inside = row < params.splits;
+    return select(0.0, partials[select(0u, row * params.stride + i, inside)], inside);
+}
+
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -35,8 +40,8 @@ fn main(
     let wanted = i < weights + params.biases;
     var sum = 0.0;
     if wanted {
-        for (var row = local / 32u; row < params.splits; row += 8u) {
-            sum += partials[row * params.stride + i];
+        for (var row = local / 32u; row < params.splits; row += 32u) {
+            sum += (partial(row, i) + partial(row + 8u, i)) + (partial(row + 16u, i) + partial(row + 24u, i));
         }
     }
     parts[local] = sum;

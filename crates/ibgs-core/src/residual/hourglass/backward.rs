@@ -29,7 +29,7 @@ fn conv_tiles(size: [u32; 2]) -> u32 {
 
 /// Memory for the partial sums.
 pub(super) fn partial_bytes(size: [u32; 2]) -> u64 {
-    // The head's rows are a quarter as long and its blocks of 32 pixels no more than the tiles.
+    // The head has twice as many rows a quarter as long, and its blocks of 32 pixels are no more than the tiles.
     4 * LONGEST_ROW * u64::from(splits(conv_tiles(size)))
 }
 
@@ -139,7 +139,8 @@ impl Hourglass {
         let Some(Training { partials, .. }) = &self.training else { return };
         let params = self.head_params();
         let (d1, x, f) = (&self.d1.buffer, &self.x.buffer, &self.kept.buffer);
-        let splits = splits(params.pixels.div_ceil(32));
+        // Light workgroups: twice as many fit a multiprocessor, and their rows of sums are a quarter as long.
+        let splits = 2 * splits(params.pixels.div_ceil(32));
         let buffers = [weights, d1, x, f, v_residual, partials];
         pass.grid(&RESIDUAL_HEAD_WEIGHTS, &buffers, bytes_of(&params), [splits, 1, 1]);
         // The two layers follow each other in the flat weights as in a row of partial sums.
