@@ -67,6 +67,13 @@ fn taken(h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
     return select(best, vec4(1e38), receives(h, best));
 }
 
+fn put_sums(at: u32, stride: u32, v: vec4<f32>) {
+    partials[at] = v.x;
+    partials[at + stride] = v.y;
+    partials[at + 2u * stride] = v.z;
+    partials[at + 3u * stride] = v.w;
+}
+
 @compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     load_mlp(local, THREADS);
@@ -151,19 +158,17 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         }
     }
     let out = wid.x * MLP_WEIGHTS;
-    for (var k = 0u; k < 4u; k++) {
-        let row = out + WEIGHT2 + 4u * a * HIDDEN + 4u * b + k;
-        partials[row] = w0[k];
-        partials[row + HIDDEN] = w1[k];
-        partials[row + 2u * HIDDEN] = w2[k];
-        partials[row + 3u * HIDDEN] = w3[k];
-        if b == 0u {
-            partials[out + BIAS2 + 4u * a + k] = bias2[k];
-        }
-        if a == FEATURES {
-            partials[out + BIAS1 + 4u * b + k] = first[k];
-        } else {
-            partials[out + (4u * b + k) * FEATURES + a] = first[k];
-        }
+    let row = out + WEIGHT2 + 4u * a * HIDDEN + 4u * b;
+    put_sums(row, 1u, w0);
+    put_sums(row + HIDDEN, 1u, w1);
+    put_sums(row + 2u * HIDDEN, 1u, w2);
+    put_sums(row + 3u * HIDDEN, 1u, w3);
+    if b == 0u {
+        put_sums(out + BIAS2 + 4u * a, 1u, bias2);
+    }
+    if a == FEATURES {
+        put_sums(out + BIAS1 + 4u * b, 1u, first);
+    } else {
+        put_sums(out + 4u * b * FEATURES + a, FEATURES, first);
     }
 }
