@@ -22,6 +22,8 @@ enum Command {
     Render(commands::render::Args),
     /// Measure a trained model on its held-out views.
     Eval(commands::eval::Args),
+    /// Write a trained model as one file.
+    Export(commands::export::Args),
     /// Say what a scene, a model or a PLY file holds; without a path: the adapters of this machine.
     Info(commands::info::Args),
     /// Time every stage on this machine.
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),
+        Command::Export(args) => commands::export::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Bench(args) => commands::bench::run(&args),
     };

@@ -7,9 +7,8 @@ use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};
 use ibgs_core::dataset::{Dataset, View, demo};
 use ibgs_core::eval::score_view;
-use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::Gaussians;
-use ibgs_core::train::config::TrainConfig;
+use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::{TrainError, Trainer};
 use std::sync::{Arc, OnceLock};
 
@@ -25,7 +24,7 @@ fn dataset() -> Dataset {
 
 /// Options of a run without any densification or opacity reset.
 fn plain(iterations: u32) -> TrainConfig {
-    let mut config = TrainConfig { iterations, ..TrainConfig::default() };
+    let mut config = TrainConfig { method: Method::Gs3, iterations, ..TrainConfig::default() };
     config.densify.start = Some(iterations);
     config.densify.end = Some(iterations);
     config.opacity_reset.interval = Some(10 * iterations);
@@ -63,17 +62,16 @@ fn run(trainer: &mut Trainer, until: u32) {
 }
 
 /// PSNR of a view in dB as the trainer's model stands.
-fn psnr(trainer: &Trainer, raster: &Rasterizer, view: &View) -> f64 {
-    score_view(raster, trainer.splats(), view, trainer.background()).unwrap().1.psnr
+fn psnr(trainer: &Trainer, view: &View) -> f64 {
+    score_view(&trainer.renderer(), view).unwrap().1.base.psnr
 }
 
 #[test]
 fn the_loss_falls_and_the_pictures_come_nearer() {
     let dataset = dataset();
     let mut trainer = trainer(&dataset, &plain(130));
-    let raster = rasterizer();
     let views = [dataset.train[0], dataset.train[5], dataset.test[1]].map(|i| &dataset.views[i]);
-    let before = views.map(|view| psnr(&trainer, &raster, view));
+    let before = views.map(|view| psnr(&trainer, view));
     let mut losses: Vec<f32> = Vec::new();
     for _ in 0..130 {
         trainer.step().unwrap();
@@ -86,7 +84,7 @@ fn the_loss_falls_and_the_pictures_come_nearer() {
     }
     assert!(losses.len() >= 3 && losses.is_sorted_by(|a, b| a > b), "losses {losses:?}");
     assert!(losses[losses.len() - 1] < 0.9 * losses[0], "losses {losses:?}");
-    let after = views.map(|view| psnr(&trainer, &raster, view));
+    let after = views.map(|view| psnr(&trainer, view));
     println!("PSNR from {before:.2?} to {after:.2?} dB, losses {losses:.3?}");
     for (before, after) in before.iter().zip(after) {
         assert!(after > before + 1.5, "PSNR from {before:.2} to {after:.2} dB");

@@ -1,12 +1,13 @@
 //! `ibgs bench`
 
-use super::{Model, open_gpu};
+use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bench::{self, Timing};
 use ibgs_core::camera::Camera;
-use ibgs_core::raster::Rasterizer;
-use ibgs_core::scene::{MAX_SH_DEGREE, Splats};
+use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
+use ibgs_core::train::config::Method;
+use ibgs_core::train::output::OutputFolder;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -49,33 +50,48 @@ pub fn run(args: &Args) -> Result<()> {
     if args.iterations == 0 {
         bail!("option `--iterations` is 0; it must be at least 1");
     }
-    let (raster, splats, camera) = match &args.model {
+    let (gaussians, camera) = match &args.model {
         Some(path) => {
-            let model = Model::open(path, None, args.adapter.as_ref())?;
-            let cameras = model.folder.read_cameras()?;
-            let camera = cameras.first().context("the model has no cameras")?.camera;
-            (model.raster, model.splats, camera)
+            let folder = OutputFolder::open(path)?;
+            let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
+            let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
+            let camera = folder.read_cameras()?.first().context("the model has no cameras")?.camera;
+            (gaussians, camera)
         }
         None => synthetic(args)?,
     };
-    let timing = bench::measure(&raster, &splats, &camera, args.iterations)?;
-    print(&timing, &splats, &camera);
+    let gpu = open_gpu(args.adapter.as_ref())?;
+    let measure = |method| -> Result<Timing> {
+        let timing = bench::measure(&gpu, &gaussians, &camera, method, args.iterations)?;
+        print(method, &timing, gaussians.len(), &camera);
+        Ok(timing)
+    };
+    let (base, image) = (measure(Method::Gs3)?, measure(Method::Ibgs)?);
     if let Some(path) = &args.json {
+        let one = |timing: &Timing| {
+            let stages: Vec<_> = timing.stages.iter().map(|(name, ms)| json!({"stage": name, "ms": ms})).collect();
+            json!({
+                "intersections": timing.intersections,
+                "frame_ms": timing.frame_ms,
+                "cold_frame_ms": timing.cold_frame_ms,
+                "iteration_ms": timing.iteration_ms,
+                "memory_reserved_bytes": timing.memory,
+                "stages_ms": stages,
+            })
+        };
         let report = json!({
-            "device": raster.gpu().describe(),
-            "gaussians": splats.len(),
+            "device": gpu.describe(),
+            "gaussians": gaussians.len(),
             "size": [camera.width, camera.height],
-            "intersections": timing.intersections,
-            "frame_ms": timing.frame_ms,
-            "iteration_ms": timing.iteration_ms,
-            "stages_ms": timing.stages.iter().map(|(name, ms)| json!({"stage": name, "ms": ms})).collect::<Vec<_>>(),
+            "3dgs": one(&base),
+            "ibgs": one(&image),
         });
         ibgs_core::files::write_atomically(path, |out| serde_json::to_writer_pretty(out, &report).map_err(Into::into))?;
     }
     Ok(())
 }
 
-fn synthetic(args: &Args) -> Result<(Rasterizer, Splats, Camera)> {
+fn synthetic(args: &Args) -> Result<(Gaussians, Camera)> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
     let size = args.size.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
     let Some((width, height)) = size else {
@@ -84,23 +100,28 @@ fn synthetic(args: &Args) -> Result<(Rasterizer, Splats, Camera)> {
     if args.sh_degree > MAX_SH_DEGREE {
         bail!("option `--sh-degree` is {}; it must be 0, 1, 2 or 3", args.sh_degree);
     }
-    let gpu = open_gpu(args.adapter.as_ref())?;
-    let (gaussians, camera) = bench::synthetic(args.gaussians, args.sh_degree, width, height);
-    let splats = Splats::upload(&gaussians, &gpu)?;
-    Ok((Rasterizer::new(gpu), splats, camera))
+    Ok(bench::synthetic(args.gaussians, args.sh_degree, width, height))
 }
 
-fn print(timing: &Timing, splats: &Splats, camera: &Camera) {
+fn print(method: Method, timing: &Timing, gaussians: usize, camera: &Camera) {
+    let (name, sources) = match method {
+        Method::Gs3 => ("3dgs", ""),
+        _ => ("ibgs", ", 4 sources"),
+    };
     println!(
-        "{} Gaussians, {} x {}, {} tile intersections",
-        splats.len(),
-        camera.width,
-        camera.height,
-        timing.intersections
+        "{name}: {gaussians} Gaussians, {} x {}, {} tile intersections{sources}",
+        camera.width, camera.height, timing.intersections
     );
+    let line = |name: &str, ms: f64| println!("{name:<32} {ms:>9.3} ms");
     for (name, ms) in &timing.stages {
-        println!("{name:<24} {ms:>9.3} ms");
+        line(name, *ms);
     }
-    println!("{:<24} {:>9.3} ms", "frame, wall clock", timing.frame_ms);
-    println!("{:<24} {:>9.3} ms", "iteration, wall clock", timing.iteration_ms);
+    line("frame, wall clock", timing.frame_ms);
+    if let Some(cold) = timing.cold_frame_ms {
+        line("frame with depth maps of sources", cold);
+    }
+    line("iteration, wall clock", timing.iteration_ms);
+    if let Some(memory) = timing.memory {
+        println!("{:<32} {:>9.1} MiB", "device memory reserved", memory as f64 / f64::from(1 << 20));
+    }
 }

@@ -1,15 +1,15 @@
 //! `ibgs eval`
 
-use super::{Model, load_scene, protocol, score_test_views};
-use anyhow::{Context, Result, bail};
+use super::model::ModelArgs;
+use super::{Model, protocol, score_test_views};
+use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::dataset::Dataset;
-use ibgs_core::eval::frames_per_second;
+use ibgs_core::camera::Camera;
+use ibgs_core::eval::{Cache, Score, ViewScores, frames_per_second};
 use ibgs_core::files::write_atomically;
-use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::results::{Scored, means};
-use serde_json::json;
-use std::path::PathBuf;
+use ibgs_core::train::output::results::means;
+use serde_json::{Value, json};
+use std::path::Path;
 
 /// Passes over the test views when frames are counted.
 const PASSES: u32 = 5;
@@ -17,76 +17,82 @@ const PASSES: u32 = 5;
 /// Options of `ibgs eval`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Model folder, as `ibgs train` writes it.
-    model: PathBuf,
-    /// Scene folder, when it has moved since the training.
-    #[arg(short, long)]
-    source: Option<PathBuf>,
-    /// Iteration to measure; left out: the latest.
-    #[arg(long)]
-    iteration: Option<u32>,
-    /// Adapter by number or part of its name; `ibgs info` lists them.
-    #[arg(long)]
-    adapter: Option<String>,
+    #[command(flatten)]
+    model: ModelArgs,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let model = Model::open(&args.model, args.iteration, args.adapter.as_ref())?;
-    let dataset = scene_of(&model, args)?;
+    let mut model = Model::open(&args.model)?;
+    let dataset = model.dataset(&args.model)?.clone();
     if dataset.test.is_empty() {
         bail!("the scene has no held-out views; train with `--eval`");
     }
-    let background = model.background();
-    println!("{:<32} {:>8} {:>8}", "view", "PSNR", "SSIM");
+    let with_final = model.renderer.part().is_some();
+    row("view", ["base PSNR", "SSIM", "final PSNR", "SSIM"].map(str::to_owned), with_final);
     let target = (&model.folder, model.iteration);
-    let scores = score_test_views(&model.raster, &model.splats, &dataset, background, target, |score| {
-        println!("{:<32} {:>8.3} {:>8.4}", score.name, score.psnr, score.ssim);
+    let scores = score_test_views(&model.renderer, &dataset, target, |name, scores| {
+        row(name, cells(scores), with_final);
     })?;
-    let mean = means(&scores);
-    println!("{:<32} {:>8.3} {:>8.4}", "mean", mean.psnr, mean.ssim);
-    let views = dataset.test.iter().map(|&i| &dataset.views[i]);
-    let fps = frames_per_second(&model.raster, &model.splats, views, background, PASSES)?;
-    println!("{fps:.1} frames per second, {} Gaussians, LPIPS not computed", model.splats.len());
-    let protocol = protocol(&model.config, &dataset, model.raster.gpu());
-    model.folder.write_results(model.iteration, Scored::Base, &scores, &protocol)?;
-    let speed = json!({ format!("ours_{}", model.iteration): {
-        "FPS": fps, "gaussians": model.splats.len(), "passes": PASSES, "device": model.raster.gpu().describe(),
-    } });
+    let image = with_final.then(|| means(&scores.image));
+    row("mean", cells(&ViewScores { base: means(&scores.base), image }), with_final);
+    scores.write(&model.folder, model.iteration, &protocol(&model.config, &dataset, model.renderer.gpu()))?;
+    let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
+    let report = report(&model, &cameras, photo_bytes(&model, &dataset.path))?;
+    println!("{}", serde_json::to_string_pretty(&report)?);
+    println!("LPIPS not computed");
     let path = model.folder.root().join("result_fps_mem.json");
-    write_atomically(&path, |out| serde_json::to_writer_pretty(out, &speed).map_err(Into::into))?;
+    let all = json!({ format!("ours_{}", model.iteration): report });
+    write_atomically(&path, |out| serde_json::to_writer_pretty(out, &all).map_err(Into::into))?;
     Ok(())
 }
 
-/// The scene that the model was trained on, with the model's own split.
-fn scene_of(model: &Model, args: &Args) -> Result<Dataset> {
-    let records = model.folder.read_cameras()?;
-    let mut dataset = match args.source.as_ref().or(model.config.data.source.as_ref()) {
-        Some(source) => load_scene(&model.config.data, model.config.seed, source)?,
-        None if !model.folder.config_path().exists() => bail!(
-            "{} has no config.toml that names its scene; give the scene folder with `--source`",
-            model.folder.root().display()
-        ),
-        None => demo_scene(&records)?,
-    };
-    let split = |wanted: Split| {
-        let named = records.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
-        let found = named.map(|name| {
-            let position = dataset.views.iter().position(|view| view.name == *name);
-            position.with_context(|| format!("the scene has no photo `{name}` any more"))
-        });
-        found.collect::<Result<Vec<_>>>()
-    };
-    let (train, test) = (split(Split::Train)?, split(Split::Test)?);
-    (dataset.train, dataset.test) = (train, test);
-    Ok(dataset)
+fn cells(scores: &ViewScores) -> [String; 4] {
+    let none = || [String::new(), String::new()];
+    let two = |score: Score| [format!("{:.3}", score.psnr), format!("{:.4}", score.ssim)];
+    let ([a, b], [c, d]) = (two(scores.base), scores.image.map_or_else(none, two));
+    [a, b, c, d]
 }
 
-/// The demo scene in the size that the model's cameras have.
-fn demo_scene(records: &[ibgs_core::train::output::cameras::CameraRecord]) -> Result<Dataset> {
-    use ibgs_core::dataset::demo::{self, DemoOptions};
-    let width = records.first().context("the model has no cameras")?.camera.width;
-    let presets = [DemoOptions::small(), DemoOptions::large()];
-    let preset = presets.into_iter().find(|p| p.width == width).context("the model's demo scene has another size")?;
-    Ok(demo::load(&preset, None, true)?)
+fn row(name: &str, [a, b, c, d]: [String; 4], with_final: bool) {
+    match with_final {
+        true => println!("{name:<32} {a:>10} {b:>8} {c:>11} {d:>8}"),
+        false => println!("{name:<32} {a:>10} {b:>8}"),
+    }
+}
+
+/// Speed, memory and storage.
+fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
+    let renderer = &model.renderer;
+    let warm = frames_per_second(renderer, cameras, PASSES, Cache::Warm)?;
+    let memory = renderer.gpu().reserved_memory();
+    let network = model.network_bytes;
+    let gaussians = std::fs::metadata(model.folder.point_cloud_path(model.iteration)).map_or(0, |file| file.len());
+    let poses = std::fs::metadata(model.folder.cameras_path()).map_or(0, |file| file.len());
+    let training = std::fs::read_to_string(model.folder.root().join("result_training.json")).ok();
+    let training: Option<Value> = training.and_then(|text| serde_json::from_str(&text).ok());
+    let mut report = json!({
+        "FPS_warm": warm,
+        "passes": PASSES,
+        "gaussians": renderer.splats().len(),
+        "storage_bytes": { "gaussians": gaussians, "network": network, "poses": poses, "photos": photos },
+        "memory_reserved_bytes": memory,
+        "training": training.as_ref().and_then(|t| t.get(format!("ours_{}", model.iteration))),
+        "device": renderer.gpu().describe(),
+    });
+    if renderer.part().is_some() {
+        report["FPS_cold"] = json!(frames_per_second(renderer, cameras, PASSES, Cache::Cold)?);
+    }
+    Ok(report)
+}
+
+/// Bytes of the training photos' files; none where one is not found.
+fn photo_bytes(model: &Model, scene: &Path) -> Option<u64> {
+    let folder = model.config.data.images.clone().unwrap_or_else(|| "images".to_owned());
+    let size = |name: &str| {
+        let candidates = [scene.join(&folder).join(name), scene.join(name)];
+        candidates.iter().find_map(|path| path.metadata().ok()).map(|file| file.len())
+    };
+    use ibgs_core::train::output::cameras::Split;
+    model.cameras.iter().filter(|r| r.split != Some(Split::Test)).map(|r| size(&r.name)).sum()
 }

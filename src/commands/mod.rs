@@ -2,21 +2,25 @@
 
 pub mod bench;
 pub mod eval;
+pub mod export;
 pub mod info;
+mod model;
+mod outputs;
 pub mod render;
 pub mod train;
 
-use anyhow::{Context, Result};
-use ibgs_core::dataset::{self, Dataset, LoadOptions, Photo};
-use ibgs_core::eval::{Score, score_view};
+pub use model::Model;
+pub use outputs::{Output, Place};
+
+use anyhow::Result;
+use ibgs_core::dataset::{self, Dataset, LoadOptions};
+use ibgs_core::eval::{Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
-use ibgs_core::raster::Rasterizer;
-use ibgs_core::render::Rendered;
-use ibgs_core::scene::{Splats, read_ply};
+use ibgs_core::render::Renderer;
 use ibgs_core::train::config::{DataConfig, TrainConfig};
+use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::results::{Protocol, ViewScore};
-use ibgs_core::train::output::{OutputFolder, PictureKind};
+use ibgs_core::train::output::results::{Protocol, Scored, ViewScore, means};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -59,58 +63,57 @@ pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset
     Ok(dataset)
 }
 
-/// A trained model folder, opened.
-pub struct Model {
-    /// The folder.
-    pub folder: OutputFolder,
-    /// How it was trained.
-    pub config: TrainConfig,
-    /// Iteration of the loaded point cloud.
-    pub iteration: u32,
-    /// The Gaussians on the device.
-    pub splats: Splats,
-    /// The rasterizer.
-    pub raster: Rasterizer,
-}
-
-impl Model {
-    /// Opens the given or the latest iteration of a model folder.
-    pub fn open(path: &Path, iteration: Option<u32>, adapter: Option<&String>) -> Result<Self> {
-        let folder = OutputFolder::open(path)?;
-        // Other programs' model folders have no options file of ours.
-        let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
-        let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
-        let iteration = iteration.unwrap_or(latest);
-        let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-        let gpu = open_gpu(adapter)?;
-        let splats = Splats::upload(&gaussians, &gpu)?;
-        Ok(Self { folder, config, iteration, splats, raster: Rasterizer::new(gpu) })
-    }
-
-    /// Colour behind the Gaussians.
-    pub fn background(&self) -> [f32; 3] {
-        [if self.config.white_background { 1.0 } else { 0.0 }; 3]
-    }
-}
-
 /// Renders every held-out view into the model folder, and scores it. `told` hears of each.
 pub fn score_test_views(
-    raster: &Rasterizer,
-    splats: &Splats,
+    renderer: &Renderer,
     dataset: &Dataset,
-    background: [f32; 3],
     (folder, iteration): (&OutputFolder, u32),
-    told: impl Fn(&ViewScore),
-) -> Result<Vec<ViewScore>> {
-    let score_one = |&index: &usize| -> Result<ViewScore> {
-        let view = &dataset.views[index];
-        let (image, Score { psnr, ssim }) = score_view(raster, splats, view, background)?;
-        write_pictures(folder, Split::Test, iteration, &view.name, &image, Some(&view.photo))?;
-        let score = ViewScore { name: view.name.clone(), psnr, ssim };
-        told(&score);
-        Ok(score)
-    };
-    dataset.test.iter().map(score_one).collect()
+    told: impl Fn(&str, &ViewScores),
+) -> Result<Scores> {
+    let mut scores = Scores::default();
+    for view in dataset.test.iter().map(|&index| &dataset.views[index]) {
+        let (frame, scored) = score_view(renderer, view)?;
+        let place = Place { folder, split: Split::Test, iteration, name: &view.name };
+        place.write_outputs(&frame, &Output::of(renderer))?;
+        place.write_photo(&view.photo)?;
+        told(&view.name, &scored);
+        let named = |score: Score| ViewScore { name: view.name.clone(), psnr: score.psnr, ssim: score.ssim };
+        scores.base.push(named(scored.base));
+        scores.image.extend(scored.image.map(named));
+    }
+    Ok(scores)
+}
+
+/// Scores of all held-out views.
+#[derive(Default)]
+pub struct Scores {
+    /// Of the base images.
+    pub base: Vec<ViewScore>,
+    /// Of the final images; empty where the model has no network.
+    pub image: Vec<ViewScore>,
+}
+
+impl Scores {
+    /// Writes them into the model folder.
+    pub fn write(&self, folder: &OutputFolder, iteration: u32, protocol: &Protocol) -> Result<()> {
+        folder.write_results(iteration, Scored::Base, &self.base, protocol)?;
+        if !self.image.is_empty() {
+            folder.write_results(iteration, Scored::Final, &self.image, protocol)?;
+        }
+        Ok(())
+    }
+
+    /// `PSNR 29.9 dB, SSIM 0.84`, of the base image too where there is a final one.
+    pub fn sentence(&self) -> String {
+        let one = |scores: &[ViewScore]| {
+            let Score { psnr, ssim } = means(scores);
+            format!("PSNR {psnr:.3} dB, SSIM {ssim:.4}")
+        };
+        match self.image.is_empty() {
+            true => one(&self.base),
+            false => format!("final {}, base {}", one(&self.image), one(&self.base)),
+        }
+    }
 }
 
 /// What the figures of a run depend on.
@@ -123,23 +126,4 @@ pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol 
         principal_point: config.data.principal_point.clone(),
         device: gpu.describe(),
     }
-}
-
-/// Writes a rendered view, and its photo beside it.
-pub fn write_pictures(
-    folder: &OutputFolder,
-    split: Split,
-    iteration: u32,
-    name: &str,
-    image: &Rendered,
-    photo: Option<&Photo>,
-) -> Result<()> {
-    let path = folder.picture_path(split, iteration, PictureKind::Base.folder(), name);
-    ibgs_core::image_io::write_png(&path, image.width, image.height, &image.to_rgb8())?;
-    if let Some(photo) = photo {
-        let path = folder.picture_path(split, iteration, PictureKind::Truth.folder(), name);
-        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-        ibgs_core::image_io::write_png(&path, photo.width, photo.height, &rgb)?;
-    }
-    Ok(())
 }

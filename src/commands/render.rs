@@ -1,12 +1,12 @@
 //! `ibgs render`
 
-use super::{Model, write_pictures};
+use super::model::ModelArgs;
+use super::outputs::{write_exr, write_pictures};
+use super::{Model, Output, Place};
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::CameraPath;
-use ibgs_core::image_io::write_png;
-use ibgs_core::render::render_view;
 use ibgs_core::train::output::cameras::Split;
 use std::path::PathBuf;
 
@@ -24,11 +24,8 @@ enum Views {
 /// Options of `ibgs render`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Model folder, as `ibgs train` writes it.
-    model: PathBuf,
-    /// Iteration to render; left out: the latest.
-    #[arg(long)]
-    iteration: Option<u32>,
+    #[command(flatten)]
+    model: ModelArgs,
     /// Which views of the scene to render into the model folder.
     #[arg(long, value_enum, default_value = "test")]
     views: Views,
@@ -38,28 +35,46 @@ pub struct Args {
     /// Folder for the frames of a camera path [default: MODEL/path/ours_N].
     #[arg(short, long, requires = "camera_path")]
     output: Option<PathBuf>,
-    /// Adapter by number or part of its name; `ibgs info` lists them.
+    /// What to write of each view [default: final where the model has it, and base].
+    #[arg(long, value_enum, value_delimiter = ',')]
+    outputs: Vec<Output>,
+    /// Write EXR files with the true values in place of pictures.
     #[arg(long)]
-    adapter: Option<String>,
+    exr: bool,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let path = args.camera_path.as_deref().map(CameraPath::load).transpose()?;
-    let model = Model::open(&args.model, args.iteration, args.adapter.as_ref())?;
+    let mut model = Model::open(&args.model)?;
+    let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
+    if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
+        let name = output.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+        bail!("{} has no residual network, so no `{name}`; leave it out of `--outputs`", args.model.model.display());
+    }
+    if outputs.iter().any(|output| output.needs_surface()) {
+        model = model.showing_surface();
+    }
     match path {
-        Some(path) => render_path(&model, &path.cameras, args.output.clone()),
-        None => render_views(&model, args.views),
+        Some(path) => render_path(&model, &path.cameras, args, &outputs),
+        None => render_views(&model, args, &outputs),
     }
 }
 
-fn render_path(model: &Model, cameras: &[Camera], output: Option<PathBuf>) -> Result<()> {
+fn render_path(model: &Model, cameras: &[Camera], args: &Args, outputs: &[Output]) -> Result<()> {
     let default = || model.folder.root().join("path").join(format!("ours_{}", model.iteration));
-    let folder = output.unwrap_or_else(default);
+    let folder = args.output.clone().unwrap_or_else(default);
     let bar = indicatif::ProgressBar::new(cameras.len() as u64);
     for (index, camera) in cameras.iter().enumerate() {
-        let image = render_view(&model.raster, &model.splats, camera, model.background())?;
-        write_png(&folder.join(format!("{index:05}.png")), image.width, image.height, &image.to_rgb8())?;
+        let frame = model.renderer.render(camera)?;
+        match (args.exr, outputs) {
+            (true, _) => write_exr(&frame, camera, outputs, &folder.join(format!("{index:05}.exr")))?,
+            // The usual frames of a film lie side by side; where more is asked for, each kind has its folder.
+            (false, [_]) => write_pictures(&frame, outputs, |_| folder.join(format!("{index:05}.png")))?,
+            (false, _) => {
+                write_pictures(&frame, outputs, |kind| folder.join(kind.folder()).join(format!("{index:05}.png")))?
+            }
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -67,19 +82,22 @@ fn render_path(model: &Model, cameras: &[Camera], output: Option<PathBuf>) -> Re
     Ok(())
 }
 
-fn render_views(model: &Model, views: Views) -> Result<()> {
-    let records = model.folder.read_cameras()?;
-    let any_test = records.iter().any(|r| r.split == Some(Split::Test));
-    let wanted = |split: Option<Split>| match views {
+fn render_views(model: &Model, args: &Args, outputs: &[Output]) -> Result<()> {
+    let any_test = model.cameras.iter().any(|r| r.split == Some(Split::Test));
+    let wanted = |split: Option<Split>| match args.views {
         Views::All => true,
         Views::Test => split == Some(Split::Test) || !any_test,
         Views::Train => split != Some(Split::Test),
     };
     let mut count = 0;
-    for record in records.iter().filter(|r| wanted(r.split)) {
-        let image = render_view(&model.raster, &model.splats, &record.camera, model.background())?;
+    for record in model.cameras.iter().filter(|r| wanted(r.split)) {
+        let frame = model.renderer.render(&record.camera)?;
         let split = record.split.unwrap_or(Split::Train);
-        write_pictures(&model.folder, split, model.iteration, &record.name, &image, None)?;
+        let place = Place { folder: &model.folder, split, iteration: model.iteration, name: &record.name };
+        match args.exr {
+            true => write_exr(&frame, &record.camera, outputs, &place.exr_path())?,
+            false => place.write_outputs(&frame, outputs)?,
+        }
         count += 1;
     }
     if count == 0 {

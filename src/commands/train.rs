@@ -7,15 +7,15 @@ use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
-use ibgs_core::eval::Score;
+use ibgs_core::files::write_atomically;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
-use ibgs_core::train::output::results::{Scored, means};
 use ibgs_core::train::output::{Existing, OutputFolder};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 use stages::StageArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -198,6 +198,7 @@ pub fn run(args: &Args) -> Result<()> {
     );
     let mut run = Run { trainer, raster, dataset, config, folder, training: Duration::ZERO };
     run.train()?;
+    run.write_time()?;
     eprintln!(
         "trained {} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians",
         run.trainer.iteration(),
@@ -360,10 +361,15 @@ impl Run {
     }
 
     fn save(&self) -> Result<()> {
+        let iteration = self.trainer.iteration();
         let gaussians = self.trainer.splats().download()?;
-        let path = self.folder.point_cloud_path(self.trainer.iteration());
-        // Planes are not trained yet, so the file is exactly what other programs write and read.
-        write_ply(&path, &gaussians, PlyFlavor::Plain)?;
+        // Without planes the file is exactly what other programs write and read.
+        let planes = self.config.method == Method::Ibgs;
+        let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
+        write_ply(&self.folder.point_cloud_path(iteration), &gaussians, flavor)?;
+        if let Some(part) = self.trainer.renderer().part() {
+            part.network.save(&self.folder.network_save_path(iteration))?;
+        }
         Ok(())
     }
 
@@ -372,18 +378,29 @@ impl Run {
         if self.dataset.test.is_empty() {
             return Ok(());
         }
-        let (splats, background) = (self.trainer.splats(), self.trainer.background());
+        let renderer = self.trainer.renderer();
         let target = (&self.folder, iteration);
-        let scores = score_test_views(&self.raster, splats, &self.dataset, background, target, |_| {})?;
-        let protocol = protocol(&self.config, &self.dataset, self.raster.gpu());
-        self.folder.write_results(iteration, Scored::Base, &scores, &protocol)?;
-        let Score { psnr, ssim } = means(&scores);
+        let scores = score_test_views(&renderer, &self.dataset, target, |_, _| {})?;
+        scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
         let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(
-            "iteration {iteration}: test PSNR {psnr:.3} dB, SSIM {ssim:.4} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
-            scores.len(),
-            splats.len()
+            "iteration {iteration}: test {} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
+            scores.sentence(),
+            scores.base.len(),
+            self.trainer.splats().len()
         );
+        Ok(())
+    }
+
+    /// Writes how long the training took, for `ibgs eval`.
+    fn write_time(&self) -> Result<()> {
+        let time = json!({ format!("ours_{}", self.trainer.iteration()): {
+            "seconds": self.training.as_secs_f64(),
+            "iterations": self.trainer.iteration(),
+            "device": self.raster.gpu().describe(),
+        } });
+        let path = self.folder.root().join("result_training.json");
+        write_atomically(&path, |out| serde_json::to_writer_pretty(out, &time).map_err(Into::into))?;
         Ok(())
     }
 }

@@ -1,7 +1,6 @@
 //! Photos and models of every kind train.
 
 use super::{dataset, densifying, plain, psnr, run, trained, trainer};
-use crate::common::rasterizer;
 use glam::DVec2;
 use ibgs_core::dataset::{Dataset, Photo, View, demo};
 use ibgs_core::train::config::TrainConfig;
@@ -44,13 +43,12 @@ fn what_a_mask_covers_does_not_matter() {
 fn the_background_can_be_white() {
     let white = repainted(&dataset(), |_, _, _, rgba| rgba.fill(255));
     let config = TrainConfig { white_background: true, ..plain(40) };
-    let raster = rasterizer();
     let view = &white.views[white.train[0]];
     let after = |config: &TrainConfig| {
         let mut trainer = trainer(&white, config);
         assert_eq!(trainer.background(), [f32::from(u8::from(config.white_background)); 3]);
         run(&mut trainer, 40);
-        psnr(&trainer, &raster, view)
+        psnr(&trainer, view)
     };
     let (on_white, on_black) = (after(&config), after(&plain(40)));
     println!("white photos: {on_white:.2} dB on white, {on_black:.2} dB on black");
@@ -109,17 +107,16 @@ fn three_cameras() -> Dataset {
 #[test]
 fn several_cameras_with_their_own_principal_points_train() {
     let dataset = three_cameras();
-    let raster = rasterizer();
     let mut trainer = trainer(&dataset, &densifying(100, 60));
     let views: Vec<&View> = dataset.train.iter().take(3).map(|&i| &dataset.views[i]).collect();
-    let before: Vec<f64> = views.iter().map(|view| psnr(&trainer, &raster, view)).collect();
+    let before: Vec<f64> = views.iter().map(|view| psnr(&trainer, view)).collect();
     run(&mut trainer, 100);
     let (mut own, mut centred) = (0.0, 0.0);
     for (view, before) in views.iter().zip(before) {
-        let after = psnr(&trainer, &raster, view);
+        let after = psnr(&trainer, view);
         assert!(after > before + 1.5, "{}: {before:.2} to {after:.2} dB", view.name);
         own += after;
-        centred += psnr(&trainer, &raster, &View { camera: view.camera.centred(), ..(*view).clone() });
+        centred += psnr(&trainer, &View { camera: view.camera.centred(), ..(*view).clone() });
     }
     // The same photos from the image centre: the principal points are used, not only stored.
     println!("sum of PSNR: {own:.2} dB, {centred:.2} dB from the image centre");

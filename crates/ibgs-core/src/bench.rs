@@ -1,17 +1,17 @@
 //! Timing of every stage, by GPU timestamps, and of whole frames and iterations, by the wall clock.
 
 use crate::camera::Camera;
-use crate::dataset::Photo;
-use crate::gpu::GpuError;
-use crate::loss::{ImageLoss, Target};
-use crate::raster::{Leaves, RasterView, Rasterizer, Room};
+use crate::dataset::{Dataset, Photo, View};
+use crate::gpu::{Gpu, GpuError};
+use crate::raster::{RasterView, Rasterizer};
 use crate::render::render_base;
 use crate::scene::{Gaussians, Splats};
-use crate::train::config::{AdamConfig, LearningRates};
-use crate::train::optim::{Optimizer, Rates};
+use crate::train::config::{Method, TrainConfig};
+use crate::train::{TrainError, Trainer};
 use glam::{DMat3, DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Figures of one scene.
@@ -23,20 +23,23 @@ pub struct Timing {
     pub stages: Vec<(String, f64)>,
     /// Milliseconds of one rendered frame.
     pub frame_ms: f64,
-    /// Milliseconds of one training iteration: render, loss, backward, Adam.
+    /// Milliseconds of one rendered frame for which the depth maps of its sources are rendered too; none without sources.
+    pub cold_frame_ms: Option<f64>,
+    /// Milliseconds of one training iteration: render, losses, backward, Adam.
     pub iteration_ms: f64,
+    /// Bytes of device memory reserved while training; none where the driver does not tell.
+    pub memory: Option<u64>,
 }
 
-/// Which stage a kernel belongs to.
-fn stage(kernel: &str) -> &'static str {
+/// Which stage a kernel belongs to; those of the image-based part are listed by their own names.
+fn stage(kernel: &'static str) -> &'static str {
     match kernel {
-        "project" => "project",
-        "rasterize" => "blend",
-        "rasterize_backward" => "blend backward",
-        "project_backward" => "project backward",
-        "image_loss" | "image_loss_total" | "image_loss_backward" => "loss",
-        "adam" => "adam",
-        _ => "sort",
+        "rasterize" | "rasterize_surface" => "blend",
+        "rasterize_backward" | "rasterize_surface_backward" => "blend backward",
+        "image_loss" | "image_loss_total" | "image_loss_backward" => "image loss",
+        "gather" | "scan_reduce" | "scan_blocks" | "scan_apply" | "sort_count" | "sort_scatter" | "tile_emit"
+        | "tile_ranges" => "sort",
+        other => other,
     }
 }
 
@@ -70,30 +73,48 @@ pub fn synthetic(count: usize, sh_degree: u32, width: u32, height: u32) -> (Gaus
     (g, camera)
 }
 
-/// Measures `iterations` frames and training iterations after as many for warm-up. The photo is the model's own
-/// picture, so the model hardly moves.
+/// The camera and four neighbours of it, each with the model's own picture as its photo.
+fn views(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Dataset, GpuError> {
+    let mut views = Vec::new();
+    for (index, [x, y]) in [[0.0, 0.0], [0.1, 0.0], [-0.1, 0.0], [0.0, 0.1], [0.0, -0.1]].into_iter().enumerate() {
+        let moved = Camera { translation: camera.translation + DVec3::new(x, y, 0.0), ..*camera };
+        let picture = render_base(raster, splats, &moved)?;
+        let rgba = picture.to_rgb8().chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
+        let photo = Arc::new(Photo { width: camera.width, height: camera.height, rgba });
+        views.push(View { name: index.to_string(), camera: moved, photo });
+    }
+    let train = (0..views.len()).collect();
+    Ok(Dataset { path: Default::default(), views, train, test: Vec::new(), points: Vec::new(), notes: Vec::new() })
+}
+
+/// Options of a training in which every stage of the method is at work from the second iteration on and nothing is densified.
+fn options(method: Method) -> TrainConfig {
+    let mut config = TrainConfig { method, iterations: 1_000_000, sh_interval: Some(1), ..TrainConfig::default() };
+    config.densify.end = Some(1);
+    config.learning_rates.mean_initial = 1e-9;
+    config.learning_rates.mean_final = 1e-9;
+    config.surface.start = Some(0);
+    config.residual.start = Some(0);
+    config.residual.burn_in = Some(0);
+    config
+}
+
+/// Measures `iterations` frames and training iterations after as many for warm-up. The photos are the model's own
+/// pictures, so the model hardly moves.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
-pub fn measure(raster: &Rasterizer, splats: &Splats, camera: &Camera, iterations: u32) -> Result<Timing, GpuError> {
-    let gpu = raster.gpu().clone();
-    let view = RasterView::new(*camera, splats.sh_degree());
-    let picture = render_base(raster, splats, camera)?;
-    let rgba = picture.to_rgb8().chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-    let target = Target::upload(&gpu, &Photo { width: camera.width, height: camera.height, rgba })?;
-    let loss = ImageLoss::new(gpu.clone(), 0.2);
-    let mut optimizer = Optimizer::new(&gpu, splats, AdamConfig::default(), false)?;
-    let rates = Rates::new(&LearningRates::default(), 1e-6);
-    let mut iterate = || -> Result<(), GpuError> {
-        let leaves = Leaves::new(splats);
-        let (image, _forward) = raster.tracked(&leaves, &view)?;
-        let (value, _scratch) = loss.tracked(image, &target)?;
-        let mut gradients = value.backward();
-        let gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
-        optimizer.step(&gpu, gradients, &rates);
-        Ok(())
-    };
-    let time = |count: u32, work: &mut dyn FnMut() -> Result<(), GpuError>| -> Result<f64, GpuError> {
+pub fn measure(
+    gpu: &Arc<Gpu>,
+    gaussians: &Gaussians,
+    camera: &Camera,
+    method: Method,
+    iterations: u32,
+) -> Result<Timing, TrainError> {
+    let raster = Arc::new(Rasterizer::new(gpu.clone()));
+    let dataset = views(&raster, &Splats::upload(gaussians, gpu)?, camera)?;
+    let mut trainer = Trainer::from_gaussians(raster.clone(), &dataset, &options(method), gaussians)?;
+    let time = |count: u32, work: &mut dyn FnMut() -> Result<(), TrainError>| -> Result<f64, TrainError> {
         gpu.wait()?;
         let start = Instant::now();
         for _ in 0..count {
@@ -102,9 +123,7 @@ pub fn measure(raster: &Rasterizer, splats: &Splats, camera: &Camera, iterations
         gpu.wait()?;
         Ok(1e3 * start.elapsed().as_secs_f64() / f64::from(count))
     };
-    let mut frame = || raster.surface(splats, &view, Room::Assumed).map(drop);
-    time(iterations, &mut frame)?;
-    let frame_ms = time(iterations, &mut frame)?;
+    let mut iterate = || trainer.step();
     time(iterations, &mut iterate)?;
     let iteration_ms = time(iterations, &mut iterate)?;
     let mut stages: Vec<(String, f64)> = Vec::new();
@@ -118,6 +137,18 @@ pub fn measure(raster: &Rasterizer, splats: &Splats, camera: &Camera, iterations
             }
         }
     }
-    let intersections = raster.count_intersections(splats, &view)?;
-    Ok(Timing { intersections, stages, frame_ms, iteration_ms })
+    let memory = gpu.reserved_memory();
+    let renderer = trainer.renderer();
+    renderer.render(camera)?;
+    let mut frame = || Ok(renderer.render_unchecked(camera).map(drop)?);
+    time(iterations, &mut frame)?;
+    let frame_ms = time(iterations, &mut frame)?;
+    let mut cold = || {
+        renderer.forget_depths();
+        Ok(renderer.render_unchecked(camera).map(drop)?)
+    };
+    let cold_frame_ms = renderer.part().map(|_| time(iterations, &mut cold)).transpose()?;
+    let view = RasterView::new(*camera, gaussians.sh_degree);
+    let intersections = raster.count_intersections(trainer.splats(), &view)?;
+    Ok(Timing { intersections, stages, frame_ms, cold_frame_ms, iteration_ms, memory })
 }

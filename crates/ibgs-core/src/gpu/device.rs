@@ -245,6 +245,12 @@ impl Gpu {
         }
     }
 
+    /// Bytes of device memory that are reserved now, ours and burn's, with what is kept for reuse; none where the driver
+    /// does not tell.
+    pub fn reserved_memory(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|report| report.total_reserved_bytes)
+    }
+
     /// Waits until everything submitted so far is done.
     ///
     /// # Errors

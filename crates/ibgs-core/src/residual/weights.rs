@@ -11,6 +11,9 @@ use thiserror::Error;
 /// Name of the network's file beside a model.
 pub const FILE_NAME: &str = "residual_network.safetensors";
 
+/// Name of the published code's file.
+pub const PUBLISHED_FILE_NAME: &str = "color_aggregation_network.pth";
+
 /// Why the residual network could not be read, written or moved.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -167,8 +170,16 @@ pub fn initial(seed: u64) -> Vec<f32> {
 /// A file that cannot be read or is damaged, a tensor that is missing or has another shape or type, values not finite.
 pub fn read(path: &Path) -> Result<Vec<f32>, NetworkError> {
     let bytes = std::fs::read(path).map_err(|source| NetworkError::Read { path: path.to_owned(), source })?;
+    from_bytes(&bytes, path)
+}
+
+/// Flat weights from the contents of a safetensors file; `path` is for messages.
+///
+/// # Errors
+/// As [`read`].
+pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Vec<f32>, NetworkError> {
     let bad = |e: SafeTensorError| NetworkError::BadFile { path: path.to_owned(), reason: e.to_string() };
-    let file = SafeTensors::deserialize(&bytes).map_err(bad)?;
+    let file = SafeTensors::deserialize(bytes).map_err(bad)?;
     assemble(path, |name| {
         let view = match file.tensor(name) {
             Err(SafeTensorError::TensorNotFound(_)) => return Ok(None),
@@ -187,14 +198,22 @@ pub fn read(path: &Path) -> Result<Vec<f32>, NetworkError> {
 /// # Errors
 /// Another number of weights, values not finite, or a file that cannot be written.
 pub fn write(path: &Path, weights: &[f32]) -> Result<(), NetworkError> {
+    let file = to_bytes(weights)?;
+    Ok(write_atomically(path, |w| w.write_all(&file))?)
+}
+
+/// The contents of a safetensors file of flat weights.
+///
+/// # Errors
+/// Another number of weights, or values not finite.
+pub fn to_bytes(weights: &[f32]) -> Result<Vec<u8>, NetworkError> {
     check("the residual network in memory", weights)?;
     let bytes: Vec<u8> = weights.iter().flat_map(|w| w.to_le_bytes()).collect();
-    let bad = |e: SafeTensorError| NetworkError::BadFile { path: path.to_owned(), reason: e.to_string() };
+    let bad = |e: SafeTensorError| NetworkError::BadFile { path: FILE_NAME.into(), reason: e.to_string() };
     let view = |t: &Named| TensorView::new(Dtype::F32, t.shape.clone(), &bytes[4 * t.first..4 * (t.first + t.len())]);
     let views = tensors().into_iter().map(|t| Ok((view(&t)?, t.name)));
     let views = views.map(|v| v.map(|(view, name)| (name, view))).collect::<Result<Vec<_>, _>>().map_err(bad)?;
-    let file = serialize(views, None).map_err(bad)?;
-    Ok(write_atomically(path, |w| w.write_all(&file))?)
+    serialize(views, None).map_err(bad)
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use super::config::{ConfigError, Method, TrainConfig};
 use crate::dataset::Dataset;
 use crate::files::{self, WriteError};
 use crate::fuse::sources::First;
+use crate::residual::weights;
 use crate::scene::{SceneError, write_points_ply};
 use cameras::{CameraRecord, Split};
 use multi_view::ViewSources;
@@ -166,6 +167,24 @@ impl OutputFolder {
             Some(_) => Ok(folder),
             None => Err(OutputError::NoModel { path: path.to_owned() }),
         }
+    }
+
+    /// A folder for results, whatever is in it.
+    pub fn at(path: &Path) -> Self {
+        Self { root: path.to_owned() }
+    }
+
+    /// Where the residual network of an iteration is saved: beside its point cloud.
+    pub fn network_save_path(&self, iteration: u32) -> PathBuf {
+        self.point_cloud_path(iteration).with_file_name(weights::FILE_NAME)
+    }
+
+    /// The residual network of an iteration, ours or the published code's; none where there is none.
+    pub fn network_path(&self, iteration: u32) -> Option<PathBuf> {
+        let beside = self.network_save_path(iteration);
+        let published = beside.with_file_name(weights::PUBLISHED_FILE_NAME);
+        let at_root = self.root.join(weights::PUBLISHED_FILE_NAME);
+        [beside, published, at_root].into_iter().find(|path| path.is_file())
     }
 
     /// The folder itself.

@@ -1,5 +1,6 @@
 //! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
 
+use super::config::Method;
 use super::config::TrainConfig;
 use super::densify::{self, Round, Statistics};
 use super::optim::{Optimizer, Rates};
@@ -13,8 +14,7 @@ use crate::gpu::{Gpu, GpuError};
 use crate::loss::ImageLoss;
 use crate::raster::{Leaves, RasterView, Rasterizer};
 use crate::render::Renderer;
-use super::config::Method;
-use crate::scene::{SceneError, Splats, from_points};
+use crate::scene::{Gaussians, SceneError, Splats, from_points};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -85,13 +85,26 @@ impl Trainer {
     /// # Errors
     /// Not enough memory, no training view, points that are no positions.
     pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
+        let points = thinned(&dataset.points, config.densify.max_splats as usize);
+        let start = from_points(&points, config.sh_degree, config.initial_opacity)?;
+        Self::from_gaussians(raster, dataset, config, &start)
+    }
+
+    /// Uploads the training photos and begins with the given Gaussians; their spherical harmonics keep their degree.
+    ///
+    /// # Errors
+    /// Not enough memory, no training view.
+    pub fn from_gaussians(
+        raster: Arc<Rasterizer>,
+        dataset: &Dataset,
+        config: &TrainConfig,
+        start: &Gaussians,
+    ) -> Result<Self, TrainError> {
         let gpu = raster.gpu().clone();
         if dataset.train.is_empty() {
             return Err(TrainError::NoViews);
         }
-        let points = thinned(&dataset.points, config.densify.max_splats as usize);
-        let start = from_points(&points, config.sh_degree, config.initial_opacity)?;
-        let splats = Splats::upload(&start, &gpu)?;
+        let splats = Splats::upload(start, &gpu)?;
         let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
         let cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
         let photos = views().map(|view| view.photo.clone()).collect();

@@ -1,0 +1,57 @@
+//! `ibgs export`
+
+use super::Model;
+use super::model::ModelArgs;
+use anyhow::{Result, bail};
+use clap::Args as ClapArgs;
+use ibgs_core::bundle::Bundle;
+use ibgs_core::scene::{PlyFlavor, write_ply};
+use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::multi_view;
+use std::path::PathBuf;
+
+/// Options of `ibgs export`.
+#[derive(ClapArgs)]
+pub struct Args {
+    #[command(flatten)]
+    model: ModelArgs,
+    /// File to write: `.ibgs` is one file with Gaussians, network, cameras and source photos, `.ply` the Gaussians alone.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Leave out of a PLY what other programs do not know.
+    #[arg(long)]
+    plain: bool,
+    /// Replace a file that is there.
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    if args.output.exists() && !args.overwrite {
+        bail!("{} is there already; choose another name or allow `--overwrite`", args.output.display());
+    }
+    let kind = args.output.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    if !matches!(kind, "ibgs" | "ply") {
+        bail!("{} must end in `.ibgs` or `.ply`", args.output.display());
+    }
+    let mut model = Model::open(&args.model)?;
+    let gaussians = model.renderer.splats().download()?;
+    if kind == "ply" {
+        let flavor = if args.plain { PlyFlavor::Plain } else { PlyFlavor::Full };
+        write_ply(&args.output, &gaussians, flavor)?;
+        return Ok(());
+    }
+    let network = model.renderer.part().map(|part| part.network.to_values()).transpose()?;
+    let network = network.map(|values| ibgs_core::residual::weights::to_bytes(&values)).transpose()?;
+    let dataset = model.dataset(&args.model)?.clone();
+    let first = ibgs_core::render::ImageOptions::new(&model.config).first();
+    let sources = multi_view::records(&dataset, &model.config.sources, first);
+    let training = model.cameras.iter().filter(|r| r.split != Some(Split::Test));
+    let photo = |name: &str| dataset.views.iter().find(|v| v.name == name).map(|v| (v.name.clone(), v.photo.clone()));
+    let photos = training.filter_map(|record| photo(&record.name)).collect();
+    let (config, cameras, iteration) = (model.config.clone(), model.cameras.clone(), model.iteration);
+    Bundle { iteration, gaussians, network, cameras, config, photos, sources }.write(&args.output)?;
+    eprintln!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
+    Ok(())
+}

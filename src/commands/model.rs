@@ -1,0 +1,189 @@
+//! A trained model, opened: a model folder or a one-file bundle.
+
+use super::{load_scene, open_gpu};
+use anyhow::{Context, Result, bail};
+use clap::Args as ClapArgs;
+use ibgs_core::bundle::Bundle;
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::{Dataset, Photo};
+use ibgs_core::fuse::source_store::SourceStore;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
+use ibgs_core::residual::{ResidualNetwork, weights};
+use ibgs_core::scene::{Gaussians, Splats, read_ply};
+use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::output::OutputFolder;
+use ibgs_core::train::output::cameras::{CameraRecord, Split};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Options of every command that opens a model.
+#[derive(ClapArgs)]
+pub struct ModelArgs {
+    /// Model folder, as `ibgs train` writes it, or an `.ibgs` bundle.
+    pub model: PathBuf,
+    /// Scene folder, when it has moved since the training.
+    #[arg(short, long)]
+    pub source: Option<PathBuf>,
+    /// Iteration; left out: the latest.
+    #[arg(long)]
+    pub iteration: Option<u32>,
+    /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB`.
+    #[arg(long)]
+    pub source_memory: Option<ibgs_core::fuse::memory::MemoryBudget>,
+    /// Adapter by number or part of its name; `ibgs info` lists them.
+    #[arg(long)]
+    pub adapter: Option<String>,
+}
+
+/// A model with what it needs to be rendered.
+pub struct Model {
+    /// Where results go: the model folder, or a folder beside the bundle.
+    pub folder: OutputFolder,
+    /// How it was trained.
+    pub config: TrainConfig,
+    /// Iteration of the loaded model.
+    pub iteration: u32,
+    /// The views that it was trained and measured on.
+    pub cameras: Vec<CameraRecord>,
+    /// Renders it.
+    pub renderer: Renderer,
+    /// The scene, where its photos were needed.
+    dataset: Option<Dataset>,
+    /// Bytes of the residual network's file.
+    pub network_bytes: u64,
+}
+
+/// A model before it is on the device.
+struct Loaded {
+    folder: OutputFolder,
+    config: TrainConfig,
+    iteration: u32,
+    cameras: Vec<CameraRecord>,
+    gaussians: Gaussians,
+    network: Option<Vec<f32>>,
+    network_bytes: u64,
+    /// Training photos by name, where the model brings them.
+    photos: Option<HashMap<String, Arc<Photo>>>,
+}
+
+impl Model {
+    /// Opens a model.
+    pub fn open(args: &ModelArgs) -> Result<Self> {
+        let is_bundle = args.model.extension().is_some_and(|e| e == "ibgs") && args.model.is_file();
+        let mut loaded = if is_bundle { from_bundle(&args.model)? } else { from_folder(args)? };
+        if let Some(memory) = args.source_memory {
+            loaded.config.sources.memory = memory;
+        }
+        let mut dataset = None;
+        if loaded.network.is_some() && loaded.photos.is_none() {
+            dataset = Some(scene(&loaded.config, &loaded.cameras, args)?);
+        }
+        let gpu = open_gpu(args.adapter.as_ref())?;
+        let part = loaded.network.as_ref().map(|n| image_part(&gpu, &loaded, n, dataset.as_ref())).transpose()?;
+        let splats = Splats::upload(&loaded.gaussians, &gpu)?;
+        let background = [if loaded.config.white_background { 1.0 } else { 0.0 }; 3];
+        let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part);
+        let Loaded { folder, config, iteration, cameras, network_bytes, .. } = loaded;
+        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes })
+    }
+
+    /// Depth and normals of every frame, also of a model that does not need them.
+    pub fn showing_surface(self) -> Self {
+        Self { renderer: self.renderer.showing_surface(), ..self }
+    }
+
+    /// The scene that the model was trained on, with the model's own split.
+    pub fn dataset(&mut self, args: &ModelArgs) -> Result<&Dataset> {
+        if self.dataset.is_none() {
+            self.dataset = Some(scene(&self.config, &self.cameras, args)?);
+        }
+        Ok(self.dataset.as_ref().expect("just loaded"))
+    }
+}
+
+fn from_bundle(path: &Path) -> Result<Loaded> {
+    let bundle = Bundle::read(path)?;
+    let network_bytes = bundle.network.as_ref().map_or(0, |bytes| bytes.len() as u64);
+    let network = bundle.network.map(|bytes| weights::from_bytes(&bytes, path)).transpose()?;
+    Ok(Loaded {
+        folder: OutputFolder::at(&path.with_extension("")),
+        config: bundle.config,
+        iteration: bundle.iteration,
+        cameras: bundle.cameras,
+        gaussians: bundle.gaussians,
+        network,
+        network_bytes,
+        photos: Some(bundle.photos.into_iter().collect()),
+    })
+}
+
+fn from_folder(args: &ModelArgs) -> Result<Loaded> {
+    let folder = OutputFolder::open(&args.model)?;
+    // Other programs' model folders have no options file of ours.
+    let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
+    let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
+    let iteration = args.iteration.unwrap_or(latest);
+    let path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
+    let network = path.as_ref().map(|path| weights::read(path)).transpose()?;
+    let network_bytes = path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
+    let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
+    let cameras = folder.read_cameras()?;
+    Ok(Loaded { config, iteration, cameras, gaussians, network, network_bytes, photos: None, folder })
+}
+
+fn image_part(gpu: &Arc<Gpu>, loaded: &Loaded, network: &[f32], dataset: Option<&Dataset>) -> Result<ImagePart> {
+    let training: Vec<&CameraRecord> = loaded.cameras.iter().filter(|r| r.split != Some(Split::Test)).collect();
+    let by_name: HashMap<&str, &Arc<Photo>> =
+        dataset.iter().flat_map(|d| &d.views).map(|v| (v.name.as_str(), &v.photo)).collect();
+    let photo = |record: &&CameraRecord| {
+        let own = loaded.photos.as_ref().and_then(|photos| photos.get(&record.name));
+        let photo = own.or_else(|| by_name.get(record.name.as_str()).copied());
+        photo.cloned().with_context(|| format!("the scene has no photo `{}` any more", record.name))
+    };
+    let photos = training.iter().map(photo).collect::<Result<Vec<_>>>()?;
+    let cameras: Arc<[Camera]> = training.iter().map(|record| record.camera).collect();
+    if let Some((record, _)) =
+        training.iter().zip(&photos).find(|(r, p)| [r.camera.width, r.camera.height] != [p.width, p.height])
+    {
+        bail!("the photo `{}` has another size than the model's camera; give the scene as it was trained", record.name);
+    }
+    let options = ImageOptions::new(&loaded.config);
+    let budget = options.sources.memory.bytes(gpu);
+    let photos = Arc::new(SourceStore::new(gpu.clone(), photos, budget)?);
+    Ok(ImagePart { cameras, photos, network: ResidualNetwork::from_values(gpu, network)?, options })
+}
+
+/// Loads the scene that a model was trained on, with the model's own split.
+fn scene(config: &TrainConfig, records: &[CameraRecord], args: &ModelArgs) -> Result<Dataset> {
+    let mut dataset = match args.source.as_ref().or(config.data.source.as_ref()) {
+        Some(source) => load_scene(&config.data, config.seed, source)?,
+        None if args.model.is_dir() && !args.model.join("config.toml").exists() => bail!(
+            "{} has no config.toml that names its scene; give the scene folder with `--source`",
+            args.model.display()
+        ),
+        None => demo_scene(records)?,
+    };
+    let split = |wanted: Split| {
+        let named = records.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
+        let found = named.map(|name| {
+            let position = dataset.views.iter().position(|view| view.name == *name);
+            position.with_context(|| format!("the scene has no photo `{name}` any more"))
+        });
+        found.collect::<Result<Vec<_>>>()
+    };
+    let (train, test) = (split(Split::Train)?, split(Split::Test)?);
+    (dataset.train, dataset.test) = (train, test);
+    Ok(dataset)
+}
+
+/// The demo scene in the size that the model's cameras have.
+fn demo_scene(records: &[CameraRecord]) -> Result<Dataset> {
+    let width = records.first().context("the model has no cameras")?.camera.width;
+    let presets = [DemoOptions::small(), DemoOptions::large()];
+    let preset = presets.into_iter().find(|p| p.width == width).context("the model's demo scene has another size")?;
+    Ok(demo::load(&preset, None, true)?)
+}

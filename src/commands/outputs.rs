@@ -1,0 +1,162 @@
+//! What a rendered view is written as.
+
+use anyhow::Result;
+use clap::ValueEnum;
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::Photo;
+use ibgs_core::image_io::write_png;
+use ibgs_core::picture::{Picture, exr};
+use ibgs_core::render::{Frame, Renderer};
+use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::{OutputFolder, PictureKind};
+use std::path::{Path, PathBuf};
+
+/// One picture of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Output {
+    /// The final image.
+    Final,
+    /// The base image.
+    Base,
+    /// Final minus base image, around grey.
+    Residual,
+    /// Median depth, with a scale.
+    Depth,
+    /// Normal map.
+    Normal,
+    /// Number of photos used at each pixel.
+    Visibility,
+}
+
+impl Output {
+    /// What is written without being asked for: the images that the model has.
+    pub fn of(renderer: &Renderer) -> Vec<Output> {
+        match renderer.part() {
+            Some(_) => vec![Output::Base, Output::Final],
+            None => vec![Output::Base],
+        }
+    }
+
+    /// Whether only a model with a residual network has it.
+    pub fn needs_network(self) -> bool {
+        matches!(self, Output::Final | Output::Residual | Output::Visibility)
+    }
+
+    /// Whether it shows the surface.
+    pub fn needs_surface(self) -> bool {
+        matches!(self, Output::Depth | Output::Normal)
+    }
+
+    fn kind(self) -> PictureKind {
+        match self {
+            Output::Final => PictureKind::Final,
+            Output::Base => PictureKind::Base,
+            Output::Residual => PictureKind::Residual,
+            Output::Depth => PictureKind::Depth,
+            Output::Normal => PictureKind::Normal,
+            Output::Visibility => PictureKind::Visibility,
+        }
+    }
+}
+
+/// Everything that a frame shows, on the host.
+struct Shown {
+    size: [u32; 2],
+    base: Vec<f32>,
+    image: Option<Vec<f32>>,
+    depth: Option<Vec<f32>>,
+    normals: Option<Vec<f32>>,
+    visibility: Option<Vec<u32>>,
+}
+
+impl Shown {
+    fn of(frame: &Frame, outputs: &[Output]) -> Result<Self> {
+        let wants = |output| outputs.contains(&output);
+        let base = frame.base()?;
+        Ok(Self {
+            size: [base.width, base.height],
+            base: base.rgb,
+            image: frame.image()?.map(|image| image.rgb),
+            depth: if wants(Output::Depth) { frame.depth()? } else { None },
+            normals: if wants(Output::Normal) { frame.normals()? } else { None },
+            visibility: if wants(Output::Visibility) { frame.visibility()? } else { None },
+        })
+    }
+
+    fn residual(&self) -> Option<Vec<f32>> {
+        self.image.as_ref().map(|image| image.iter().zip(&self.base).map(|(a, b)| a - b).collect())
+    }
+
+    fn picture(&self, output: Output) -> Option<Picture> {
+        let [w, h] = self.size;
+        match output {
+            Output::Final => self.image.as_ref().map(|v| Picture::colors(w, h, v)),
+            Output::Base => Some(Picture::colors(w, h, &self.base)),
+            Output::Residual => self.residual().map(|v| Picture::residual(w, h, &v)),
+            Output::Depth => self.depth.as_ref().map(|v| Picture::depth(w, h, v, None)),
+            Output::Normal => self.normals.as_ref().map(|v| Picture::normals(w, h, v)),
+            Output::Visibility => self.visibility.as_ref().map(|v| Picture::visibility(w, h, v, 4)),
+        }
+    }
+}
+
+/// Writes the wanted pictures of a frame, each to the path that `path` gives.
+pub fn write_pictures(frame: &Frame, outputs: &[Output], path: impl Fn(PictureKind) -> PathBuf) -> Result<()> {
+    let shown = Shown::of(frame, outputs)?;
+    for &output in outputs {
+        if let Some(picture) = shown.picture(output) {
+            picture.write(&path(output.kind()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the wanted outputs of a frame as one EXR file with their true values.
+pub fn write_exr(frame: &Frame, camera: &Camera, outputs: &[Output], path: &Path) -> Result<()> {
+    let shown = Shown::of(frame, outputs)?;
+    let residual = shown.residual();
+    let wants = |output| outputs.contains(&output);
+    let layers = exr::Layers {
+        image: shown.image.as_deref().filter(|_| wants(Output::Final)),
+        base: Some(shown.base.as_slice()).filter(|_| wants(Output::Base)),
+        residual: residual.as_deref().filter(|_| wants(Output::Residual)),
+        depth: shown.depth.as_deref(),
+        normal: shown.normals.as_deref(),
+        visibility: shown.visibility.as_deref(),
+    };
+    Ok(exr::write(path, camera, &layers)?)
+}
+
+/// Where a view's pictures belong in a model folder.
+pub struct Place<'a> {
+    /// The model folder.
+    pub folder: &'a OutputFolder,
+    /// Side of the split.
+    pub split: Split,
+    /// Iteration of the model.
+    pub iteration: u32,
+    /// Name of the view.
+    pub name: &'a str,
+}
+
+impl Place<'_> {
+    fn path(&self, kind: PictureKind) -> PathBuf {
+        self.folder.picture_path(self.split, self.iteration, kind.folder(), self.name)
+    }
+
+    /// Writes the wanted pictures of a frame.
+    pub fn write_outputs(&self, frame: &Frame, outputs: &[Output]) -> Result<()> {
+        write_pictures(frame, outputs, |kind| self.path(kind))
+    }
+
+    /// Writes the view's photo beside them.
+    pub fn write_photo(&self, photo: &Photo) -> Result<()> {
+        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        Ok(write_png(&self.path(PictureKind::Truth), photo.width, photo.height, &rgb)?)
+    }
+
+    /// Path of the view's EXR file.
+    pub fn exr_path(&self) -> PathBuf {
+        self.folder.picture_path(self.split, self.iteration, "exr", self.name).with_extension("exr")
+    }
+}
