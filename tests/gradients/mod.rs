@@ -1,6 +1,8 @@
 //! Vector-Jacobian products under burn's autodiff against the twin and the golden data.
 
+mod golden_final;
 mod surface;
+mod whole_loss;
 
 use crate::common::{assert_images_agree, gradients, rasterizer, render, splats, values};
 use crate::reference::golden::{load_golden, load_golden_cloud, load_gradients};

@@ -10,7 +10,7 @@ use crate::reference::{Model, geometry_backward::Cotangents, psnr, relative_erro
 use ibgs_core::fuse::{WarpOptions, Warper};
 use ibgs_core::raster::{RasterView, Rasterizer, Room, SurfaceOptions};
 
-fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
+pub(super) fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
     let ideal = scene.model == Model::Ideal;
     let usual = RasterView::new(scene.camera, scene.params.sh_degree as u32);
     RasterView {
@@ -22,7 +22,7 @@ fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
     }
 }
 
-fn warping(scene: &Scene) -> WarpOptions {
+pub(super) fn warping(scene: &Scene) -> WarpOptions {
     WarpOptions { visible: scene.sources.len() as u32, ..WarpOptions::default() }
 }
 
@@ -129,7 +129,7 @@ fn an_unused_surface_changes_no_gradient() {
 }
 
 /// The published model with the source photos and depth maps of its dump.
-fn golden_dump() -> Option<(Golden, Scene)> {
+pub(super) fn golden_dump() -> Option<(Golden, Scene)> {
     let (golden, cloud) = (load_golden()?, load_golden_cloud()?);
     let depths = &golden.arrays.get("src_depths").data;
     let pixels = (golden.camera.width * golden.camera.height) as usize;

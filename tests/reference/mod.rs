@@ -27,6 +27,7 @@ pub mod sh;
 pub mod sort;
 pub mod surface_scene;
 pub mod warp;
+pub mod whole_loss;
 
 pub use backward::backward;
 pub use project::project;

@@ -1,0 +1,196 @@
+//! Twin of the loss of the last stage, (L_img(base) + L_img(final))/2 + L_normal + L_photo (method.md section 7), and of
+//! its gradients by the Gaussians and by the network's weights: the other twins chained by hand.
+
+use ibgs_core::residual::Variant;
+use ibgs_core::residual::layers::ENC1;
+
+use super::exposure::{Affine, fit};
+use super::features::{Composition, EMPTY, Grads as FeatureGrads, View};
+use super::geometry::Geometry;
+use super::geometry_backward::{Cotangents, GeometryGrads};
+use super::hourglass::{self, Map as Planes};
+use super::image_loss::{Map, image_loss, image_loss_backward};
+use super::normal_loss::{normal_loss, normal_loss_backward};
+use super::photometric_loss::{Masked, photometric_loss, photometric_loss_backward};
+use super::surface_scene::{Scene, grad};
+
+/// Weight of 1 - SSIM in the image loss.
+pub const LAMBDA: f64 = 0.2;
+pub const NORMAL: f64 = 0.03;
+pub const PHOTO: f64 = 0.3;
+
+/// One training iteration. Every source of the scene has a packed slot: V = M.
+#[derive(Clone)]
+pub struct Case {
+    pub scene: Scene,
+    /// The target view's photo.
+    pub photo: Map,
+    /// The network's flat weights.
+    pub weights: Vec<f64>,
+    pub variant: Variant,
+    /// Whether the base colour is first fitted to the first source.
+    pub exposure: bool,
+    /// Factor of the base colour in the final one.
+    pub gain: f64,
+    /// Burn-in: L_img(final) teaches the network alone.
+    pub detached: bool,
+}
+
+/// The parts of the loss, weighted but for the two image losses, of which each counts a half.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Losses {
+    pub base: f64,
+    pub last: f64,
+    pub normal: f64,
+    pub photo: f64,
+}
+
+impl Losses {
+    pub fn total(&self) -> f64 {
+        0.5 * (self.base + self.last) + self.normal + self.photo
+    }
+}
+
+/// Everything between the parameters and the loss.
+pub struct Run {
+    pub geometry: Geometry,
+    /// Colours of the packed slots, and whether they are filled.
+    warped: Vec<Map>,
+    visible: Vec<Vec<bool>>,
+    pub affine: Affine,
+    view: View,
+    network: hourglass::Forward,
+    pub image: Map,
+    pub losses: Losses,
+}
+
+/// Gradients by all parameters.
+pub struct CaseGrads {
+    pub gaussians: GeometryGrads,
+    pub weights: Vec<f64>,
+}
+
+impl CaseGrads {
+    /// One tensor of [`NAMES`].
+    pub fn get(&self, name: &str) -> &[f64] {
+        if name == "network" { &self.weights } else { grad(&self.gaussians, name) }
+    }
+}
+
+/// Every trained tensor: those of the Gaussians, then the network's weights.
+pub const NAMES: [&str; 8] = ["mean", "rotation", "log_scale", "opacity_logit", "sh", "normal", "offset", "network"];
+
+fn pixels_of(planes: &Planes) -> Map {
+    let n = planes.width * planes.height;
+    (0..n).map(|i| std::array::from_fn(|c| planes.data[c * n + i])).collect()
+}
+
+fn planes_of(map: &[[f64; 3]], [width, height]: [usize; 2]) -> Planes {
+    let data = (0..3).flat_map(|c| map.iter().map(move |v| v[c])).collect();
+    Planes::new(data, width, height)
+}
+
+fn halved(map: Map) -> Map {
+    map.into_iter().map(|v| v.map(|x| 0.5 * x)).collect()
+}
+
+fn add(to: &mut [[f64; 3]], from: &[[f64; 3]]) {
+    for (t, f) in to.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
+        *t += f;
+    }
+}
+
+impl Case {
+    fn size(&self) -> [usize; 2] {
+        [self.scene.camera.width as usize, self.scene.camera.height as usize]
+    }
+
+    fn composition(&self, view: &View) -> Composition {
+        Composition { size: self.size(), variant: self.variant, gain: self.gain, seen: view.active > 0 }
+    }
+
+    /// One tensor of [`NAMES`].
+    pub fn tensor(&mut self, name: &str) -> &mut [f64] {
+        if name == "network" { &mut self.weights } else { self.scene.tensor(name) }
+    }
+
+    /// The loss. `affine`: the exposure correction, which is fitted where none is given.
+    pub fn run(&self, affine: Option<Affine>) -> Run {
+        let [width, height] = self.size();
+        let (geometry, warp) = self.scene.run();
+        let (base, pixels) = (&geometry.base.image, width * height);
+        let warped: Vec<Map> = warp.warped.chunks(pixels).map(<[_]>::to_vec).collect();
+        let visible: Vec<Vec<bool>> =
+            warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| *s >= 0).collect()).collect();
+        let first: Vec<bool> = warp.slot[..pixels].iter().map(|s| *s == 0).collect();
+        let fitted = || if self.exposure { fit(base, &warped[0], &first) } else { Affine::IDENTITY };
+        let affine = affine.unwrap_or_else(fitted);
+        let slot = |m: usize, p: usize| warp.slot.get(m * pixels + p).map_or(EMPTY, |s| *s as u8);
+        let features = warp.warped.iter().zip(&warp.feature);
+        let view = View {
+            camera: self.scene.camera,
+            variant: self.variant,
+            base: base.iter().map(|c| affine.apply(*c)).collect(),
+            warped: features.map(|([r, g, b], feature)| [*r, *g, *b, feature[3]]).collect(),
+            seen: (0..pixels).map(|p| std::array::from_fn(|m| slot(m, p))).collect(),
+            active: visible.iter().filter(|v| v.contains(&true)).count(),
+            centers: self.centers(),
+            weights: self.weights.clone(),
+        };
+        let [lw, lh] = view.low();
+        let network = hourglass::forward(&self.weights, &Planes::new(view.input(), lw, lh));
+        let image = self.composition(&view).compose(&view.base, &pixels_of(&network.residual));
+        let masked = Masked { photo: &self.photo, valid: &vec![true; pixels], width, height };
+        let losses = Losses {
+            base: image_loss(base, &self.photo, width, height, LAMBDA),
+            last: image_loss(&image, &self.photo, width, height, LAMBDA),
+            normal: normal_loss(&self.scene.camera, &geometry.depth, &geometry.normal, NORMAL),
+            photo: photometric_loss(&masked, &warped, &visible, PHOTO),
+        };
+        Run { geometry, warped, visible, affine, view, network, image, losses }
+    }
+
+    fn centers(&self) -> Vec<[f64; 3]> {
+        let target = self.scene.camera.center();
+        self.scene.sources.iter().map(|s| (target - s.camera.center()).to_array()).collect()
+    }
+
+    /// L_img(final)/2 back to what the rasterizer and the warping gave, and to the weights.
+    fn last_backward(&self, run: &Run) -> (FeatureGrads, Vec<f64>) {
+        let [width, height] = self.size();
+        let v_image = halved(image_loss_backward(&run.image, &self.photo, width, height, LAMBDA));
+        let composition = self.composition(&run.view);
+        let (v_residual, v_corrected) = composition.compose_backward(&v_image);
+        let v_residual = planes_of(&v_residual, composition.low());
+        let (v_x, mut weights) = hourglass::backward(&self.weights, &run.network, &v_residual);
+        let mut v = run.view.input_backward(&v_x.data);
+        weights[..ENC1.offset].iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
+        add(&mut v.base, &v_corrected);
+        v.base.iter_mut().for_each(|b| *b = run.affine.backward(*b));
+        (v, weights)
+    }
+
+    /// Gradients of the loss, the exposure correction held fixed.
+    pub fn backward(&self, run: &Run) -> CaseGrads {
+        let [width, height] = self.size();
+        let pixels = width * height;
+        let Geometry { base, normal, depth, .. } = &run.geometry;
+        let masked = Masked { photo: &self.photo, valid: &vec![true; pixels], width, height };
+        let (last, weights) = self.last_backward(run);
+        let (v_depth, v_normal) = normal_loss_backward(&self.scene.camera, depth, normal, NORMAL);
+        let mut v = Cotangents {
+            base: halved(image_loss_backward(&base.image, &self.photo, width, height, LAMBDA)),
+            normal: v_normal,
+            depth: v_depth,
+            warped: photometric_loss_backward(&masked, &run.warped, &run.visible, PHOTO).concat(),
+            cosine: vec![0.0; self.scene.sources.len() * pixels],
+        };
+        if !self.detached {
+            add(&mut v.base, &last.base);
+            let colors: Map = last.warped.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
+            add(&mut v.warped, &colors);
+            v.cosine = last.warped.iter().map(|w| w[3]).collect();
+        }
+        CaseGrads { gaussians: self.scene.grads(&run.geometry, &v), weights }
+    }
+}
