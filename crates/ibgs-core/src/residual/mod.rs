@@ -6,6 +6,7 @@ pub mod hourglass;
 pub mod layers;
 pub mod network;
 mod operation;
+pub mod pth;
 pub mod variant;
 pub mod weights;
 

@@ -137,7 +137,7 @@ pub(super) fn assemble(
 }
 
 /// Little-endian 32-bit floats.
-pub(super) fn floats(bytes: &[u8]) -> Vec<f32> {
+fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
 }
 
