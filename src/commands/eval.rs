@@ -31,7 +31,7 @@ pub fn run(args: &Args) -> Result<()> {
     let with_final = model.renderer.part().is_some();
     row("view", ["base PSNR", "SSIM", "final PSNR", "SSIM"].map(str::to_owned), with_final);
     let target = (&model.folder, model.iteration);
-    let scores = score_test_views(&model.renderer, &dataset, target, |name, scores| {
+    let scores = score_test_views(&model.renderer, &dataset, &model.config, target, |name, scores| {
         row(name, cells(scores), with_final);
     })?;
     let image = with_final.then(|| means(&scores.image));
@@ -40,6 +40,9 @@ pub fn run(args: &Args) -> Result<()> {
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
     let report = report(&model, &cameras, photo_bytes(&model, &dataset.path))?;
     println!("{}", serde_json::to_string_pretty(&report)?);
+    if let Some(sentence) = scores.regions_sentence() {
+        println!("{sentence}");
+    }
     println!("LPIPS not computed");
     let path = model.folder.root().join("result_fps_mem.json");
     let all = json!({ format!("ours_{}", model.iteration): report });

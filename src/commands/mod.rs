@@ -13,10 +13,10 @@ pub use model::Model;
 pub use outputs::{Output, Place};
 
 use anyhow::Result;
-use ibgs_core::dataset::{self, Dataset, LoadOptions};
-use ibgs_core::eval::{Score, ViewScores, score_view};
+use ibgs_core::dataset::{self, Dataset, LoadOptions, View, demo};
+use ibgs_core::eval::{Region, Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
-use ibgs_core::render::Renderer;
+use ibgs_core::render::{Frame, Renderer};
 use ibgs_core::train::config::{DataConfig, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::Split;
@@ -67,15 +67,21 @@ pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset
 pub fn score_test_views(
     renderer: &Renderer,
     dataset: &Dataset,
+    config: &TrainConfig,
     (folder, iteration): (&OutputFolder, u32),
     told: impl Fn(&str, &ViewScores),
 ) -> Result<Scores> {
     let mut scores = Scores::default();
+    // Without a source it is the built-in scene.
+    let is_demo = config.data.source.is_none();
     for view in dataset.test.iter().map(|&index| &dataset.views[index]) {
         let (frame, scored) = score_view(renderer, view)?;
         let place = Place { folder, split: Split::Test, iteration, name: &view.name };
         place.write_outputs(&frame, &Output::of(renderer))?;
         place.write_photo(&view.photo)?;
+        if is_demo {
+            scores.add_regions(&frame, view)?;
+        }
         told(&view.name, &scored);
         let named = |score: Score| ViewScore { name: view.name.clone(), psnr: score.psnr, ssim: score.ssim };
         scores.base.push(named(scored.base));
@@ -91,6 +97,9 @@ pub struct Scores {
     pub base: Vec<ViewScore>,
     /// Of the final images; empty where the model has no network.
     pub image: Vec<ViewScore>,
+    /// Of the demo scene, whose objects are known: base and final image on its glossy and mirror-like objects, then
+    /// elsewhere.
+    pub regions: Option<[[Region; 2]; 2]>,
 }
 
 impl Scores {
@@ -101,6 +110,31 @@ impl Scores {
             folder.write_results(iteration, Scored::Final, &self.image, protocol)?;
         }
         Ok(())
+    }
+
+    /// Errors on the demo scene's glossy and mirror-like objects and elsewhere.
+    fn add_regions(&mut self, frame: &Frame, view: &View) -> Result<()> {
+        let objects = demo::truth(&view.camera).object;
+        let regions = self.regions.get_or_insert_default();
+        let images = [Some(frame.base()?), frame.image()?];
+        for (place, wanted) in regions.iter_mut().zip([true, false]) {
+            for (region, image) in place.iter_mut().zip(&images) {
+                if let Some(image) = image {
+                    region.add(image, &view.photo, |i| demo::is_view_dependent(objects[i]) == wanted);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// `glossy objects: final 25.10 dB, base 23.00 dB; elsewhere: ...`, where the scene's objects are known.
+    pub fn regions_sentence(&self) -> Option<String> {
+        let [glossy, elsewhere] = self.regions?;
+        let one = |[base, image]: [Region; 2]| match self.image.is_empty() {
+            true => format!("{:.2} dB", base.psnr()),
+            false => format!("final {:.2} dB, base {:.2} dB", image.psnr(), base.psnr()),
+        };
+        Some(format!("glossy and mirror-like objects: {}; elsewhere: {}", one(glossy), one(elsewhere)))
     }
 
     /// `PSNR 29.9 dB, SSIM 0.84`, of the base image too where there is a final one.

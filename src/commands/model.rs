@@ -8,6 +8,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::dataset::{Dataset, Photo};
 use ibgs_core::fuse::source_store::SourceStore;
+use ibgs_core::fuse::sources::Distances;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
@@ -15,7 +16,7 @@ use ibgs_core::residual::{ResidualNetwork, weights};
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
 use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
-use ibgs_core::train::output::cameras::{CameraRecord, Split};
+use ibgs_core::train::output::cameras::{self, CameraRecord, Split};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,6 +32,9 @@ pub struct ModelArgs {
     /// Iteration; left out: the latest.
     #[arg(long)]
     pub iteration: Option<u32>,
+    /// For a model folder of the published code: factor or width of the photos that it was trained on.
+    #[arg(short, long)]
+    pub resolution: Option<String>,
     /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB`.
     #[arg(long)]
     pub source_memory: Option<ibgs_core::fuse::memory::MemoryBudget>,
@@ -68,6 +72,8 @@ struct Loaded {
     network_bytes: u64,
     /// Training photos by name, where the model brings them.
     photos: Option<HashMap<String, Arc<Photo>>>,
+    /// Another program wrote it: the scene tells its cameras.
+    foreign: bool,
 }
 
 impl Model {
@@ -79,7 +85,11 @@ impl Model {
             loaded.config.sources.memory = memory;
         }
         let mut dataset = None;
-        if loaded.network.is_some() && loaded.photos.is_none() {
+        if loaded.foreign && args.source.is_some() {
+            let found = scene_as_split(&loaded.config, args)?;
+            loaded.cameras = cameras::records(&found);
+            dataset = Some(found);
+        } else if loaded.network.is_some() && loaded.photos.is_none() {
             dataset = Some(scene(&loaded.config, &loaded.cameras, args)?);
         }
         let gpu = open_gpu(args.adapter.as_ref())?;
@@ -118,21 +128,32 @@ fn from_bundle(path: &Path) -> Result<Loaded> {
         network,
         network_bytes,
         photos: Some(bundle.photos.into_iter().collect()),
+        foreign: false,
     })
 }
 
 fn from_folder(args: &ModelArgs) -> Result<Loaded> {
     let folder = OutputFolder::open(&args.model)?;
-    // Other programs' model folders have no options file of ours.
-    let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
+    let foreign = !folder.config_path().exists();
+    let config = if foreign { published_options(args) } else { folder.read_config()? };
     let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
     let iteration = args.iteration.unwrap_or(latest);
     let path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
-    let network = path.as_ref().map(|path| weights::read(path)).transpose()?;
+    let network = path.as_deref().map(weights::load).transpose()?;
     let network_bytes = path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
     let cameras = folder.read_cameras()?;
-    Ok(Loaded { config, iteration, cameras, gaussians, network, network_bytes, photos: None, folder })
+    Ok(Loaded { config, iteration, cameras, gaussians, network, network_bytes, photos: None, foreign, folder })
+}
+
+/// How the published code trains and measures: its model folders have no options file of ours.
+fn published_options(args: &ModelArgs) -> TrainConfig {
+    let mut config = TrainConfig::default();
+    config.data.eval = true;
+    config.data.principal_point = "centred".to_owned();
+    config.data.resolution = args.resolution.clone().unwrap_or(config.data.resolution);
+    config.sources.distances = Distances::Absolute;
+    config
 }
 
 fn image_part(gpu: &Arc<Gpu>, loaded: &Loaded, network: &[f32], dataset: Option<&Dataset>) -> Result<ImagePart> {
@@ -155,6 +176,12 @@ fn image_part(gpu: &Arc<Gpu>, loaded: &Loaded, network: &[f32], dataset: Option<
     let budget = options.sources.memory.bytes(gpu);
     let photos = Arc::new(SourceStore::new(gpu.clone(), photos, budget)?);
     Ok(ImagePart { cameras, photos, network: ResidualNetwork::from_values(gpu, network)?, options })
+}
+
+/// Loads the scene of a model that does not say how it was split.
+fn scene_as_split(config: &TrainConfig, args: &ModelArgs) -> Result<Dataset> {
+    let source = args.source.as_ref().context("give the scene folder with `--source`")?;
+    load_scene(&config.data, config.seed, source)
 }
 
 /// Loads the scene that a model was trained on, with the model's own split.

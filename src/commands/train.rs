@@ -10,7 +10,7 @@ use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::files::write_atomically;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::scene::{PlyFlavor, write_ply};
+use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
 use ibgs_core::train::output::{Existing, OutputFolder};
@@ -24,6 +24,8 @@ use std::time::{Duration, Instant};
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
 const DEMO_ITERATIONS: [u32; 2] = [1_000, 10_000];
+/// Iterations of a run that begins with a finished model, when none are asked for.
+const WARM_ITERATIONS: u32 = 3_000;
 const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
 
 /// Options of `ibgs train`; what is given here overrides the options file.
@@ -73,6 +75,9 @@ pub struct Args {
     /// Degree of the spherical harmonics, 0 to 3.
     #[arg(long)]
     sh_degree: Option<u32>,
+    /// Begin with the Gaussians of a PLY file of this scene, and train in short what goes beyond them.
+    #[arg(long)]
+    init: Option<PathBuf>,
     /// Iterations between two steps of the spherical-harmonics degree.
     #[arg(long)]
     sh_interval: Option<u32>,
@@ -152,6 +157,10 @@ impl Args {
         set(&mut c.iterations, &self.iterations);
         c.schedule_scaling &= !self.no_schedule_scaling;
         set(&mut c.sh_degree, &self.sh_degree);
+        set_some(&mut c.init, &self.init.as_ref().map(std::path::absolute).transpose()?);
+        if self.init.is_some() && self.iterations.is_none() && self.config.is_none() {
+            c.iterations = WARM_ITERATIONS;
+        }
         set_some(&mut c.sh_interval, &self.sh_interval);
         set_some(&mut c.learning_rates.mean_iterations, &self.mean_iterations);
         set_some(&mut c.densify.start, &self.densify_start);
@@ -187,7 +196,14 @@ pub fn run(args: &Args) -> Result<()> {
     let started = Instant::now();
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
     gpu.warm_up();
-    let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
+    let trainer = match &config.init {
+        Some(path) => {
+            let start = read_ply(path)?;
+            config.sh_degree = start.sh_degree;
+            Trainer::from_gaussians(raster.clone(), &dataset, &config, &start)?
+        }
+        None => Trainer::new(raster.clone(), &dataset, &config)?,
+    };
     let folder = create_output(args, &config, &dataset)?;
     eprintln!(
         "{} training views, {} test views, {} initial points; writing to {}",
@@ -380,7 +396,7 @@ impl Run {
         }
         let renderer = self.trainer.renderer();
         let target = (&self.folder, iteration);
-        let scores = score_test_views(&renderer, &self.dataset, target, |_, _| {})?;
+        let scores = score_test_views(&renderer, &self.dataset, &self.config, target, |_, _| {})?;
         scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
         let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(
@@ -389,6 +405,9 @@ impl Run {
             scores.base.len(),
             self.trainer.splats().len()
         );
+        if let Some(sentence) = scores.regions_sentence() {
+            eprintln!("   {sentence}");
+        }
         Ok(())
     }
 

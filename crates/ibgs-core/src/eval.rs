@@ -43,6 +43,31 @@ pub fn score(image: &Rendered, photo: &Photo) -> Score {
     Score { psnr: -10.0 * (squares / (3 * valid.max(1)) as f64).log10(), ssim: ssim / 3.0 }
 }
 
+/// Squared errors summed over a part of several images rounded to 8 bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Region {
+    squares: f64,
+    values: usize,
+}
+
+impl Region {
+    /// Adds the pixels of an image that `inside` picks by their index; those whose alpha is under one half do not count.
+    pub fn add(&mut self, image: &Rendered, photo: &Photo, inside: impl Fn(usize) -> bool) {
+        let rendered = image.to_rgb8();
+        for (i, (x, y)) in rendered.chunks_exact(3).zip(photo.rgba.chunks_exact(4)).enumerate() {
+            if y[3] >= 128 && inside(i) {
+                self.squares += (0..3).map(|c| (f64::from(x[c]) - f64::from(y[c])).powi(2)).sum::<f64>() / 65_025.0;
+                self.values += 3;
+            }
+        }
+    }
+
+    /// PSNR in dB over everything added; not a number without anything.
+    pub fn psnr(&self) -> f64 {
+        -10.0 * (self.squares / self.values as f64).log10()
+    }
+}
+
 /// Separable windowed mean with zero padding.
 fn blur(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
     let window = ssim_window();

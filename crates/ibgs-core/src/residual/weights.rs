@@ -1,5 +1,6 @@
 //! The residual network's weights on the host: names and shapes of the published state dict, initial values, files.
 
+use super::pth::read_pth;
 use super::layers::{LAYERS, Layer, MLP1, MLP2, WEIGHTS};
 use crate::files::{WriteError, write_atomically};
 use rand::{Rng, SeedableRng};
@@ -162,6 +163,14 @@ pub fn initial(seed: u64) -> Vec<f32> {
         weights.extend((layer.offset..layer.end()).map(|_| rng.random_range(-bound..=bound)));
     }
     weights
+}
+
+/// Reads flat weights from a file of ours or, where its name ends in `.pth`, of the published code.
+///
+/// # Errors
+/// As [`read`] and [`read_pth`].
+pub fn load(path: &Path) -> Result<Vec<f32>, NetworkError> {
+    if path.extension().is_some_and(|extension| extension == "pth") { read_pth(path) } else { read(path) }
 }
 
 /// Reads flat weights from a safetensors file; other tensors in it are passed over.

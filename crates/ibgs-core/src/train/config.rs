@@ -39,6 +39,8 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
+    /// PLY file of this scene to begin with, which is neither densified nor reset; unset: the scene's points.
+    pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,
     /// Degree of the spherical harmonics, 0 to 3.
@@ -123,6 +125,9 @@ pub struct LearningRates {
     pub normal: f64,
     /// Plane offsets have the rate of the means times this.
     pub offset_factor: f64,
+    /// From the end of densification on the rates of all but the means fall, log-linear, to this part of them at the last
+    /// iteration; 1: they stay, as published.
+    pub late_factor: f64,
 }
 
 /// Constants of Adam for the Gaussians (method.md section 1).

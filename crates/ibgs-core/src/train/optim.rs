@@ -20,15 +20,17 @@ const OPACITY: usize = 3;
 pub struct Rates([[f64; 2]; BASE + PLANES]);
 
 impl Rates {
-    /// The rates of one iteration; `mean` is in world units.
-    pub fn new(rates: &LearningRates, mean: f64) -> Self {
+    /// The rates of one iteration; `mean` is in world units, the fixed rates count `factor` times.
+    pub fn new(rates: &LearningRates, mean: f64, factor: f64) -> Self {
+        let fixed = |rate: f64| [rate * factor; 2];
+        let dc = rates.sh_dc * factor;
         Self([
             [mean; 2],
-            [rates.rotation; 2],
-            [rates.scale; 2],
-            [rates.opacity; 2],
-            [rates.sh_dc, rates.sh_dc / rates.sh_rest_divisor],
-            [rates.normal; 2],
+            fixed(rates.rotation),
+            fixed(rates.scale),
+            fixed(rates.opacity),
+            [dc, dc / rates.sh_rest_divisor],
+            fixed(rates.normal),
             [mean * rates.offset_factor; 2],
         ])
     }

@@ -37,6 +37,8 @@ pub struct Schedule {
     pub mean_lr_initial: f64,
     /// Rate of the means at the end, for extent 1.
     pub mean_lr_final: f64,
+    /// Part of the other rates that is left at the end.
+    pub late_factor: f64,
     /// Iterations over which the rate of the means falls.
     pub mean_iterations: u32,
     /// Densification comes after this iteration.
@@ -61,6 +63,9 @@ pub struct Schedule {
     pub stages: Option<Stages>,
 }
 
+/// Rate of the means at the start of a run that begins with a finished model, times the rate at the end.
+const WARM_MEAN_RATE: f64 = 10.0;
+
 impl Schedule {
     /// Resolves the milestones of `config` for a run of `n_iterations`. With `schedule-scaling` they follow
     /// `n_iterations / 30000`, except start (500) and interval (100) of densification, which do so only in runs under
@@ -72,6 +77,7 @@ impl Schedule {
         let scaled_if_short = |reference: u32| {
             if n_iterations < SHORT_RUN { scaled(reference).max(SHORTEST_ROUND) } else { reference }
         };
+        let warm = config.init.is_some();
         let densify = &config.densify;
         let densify_start = densify.start.unwrap_or_else(|| scaled_if_short(500));
         let reset_interval = config.opacity_reset.interval.unwrap_or_else(|| scaled(3_000));
@@ -83,12 +89,14 @@ impl Schedule {
         Self {
             iterations: n_iterations,
             max_sh_degree: config.sh_degree,
-            sh_interval: config.sh_interval.unwrap_or_else(|| scaled(1_000)),
-            mean_lr_initial: rates.mean_initial,
+            sh_interval: config.sh_interval.unwrap_or_else(|| if warm { 1 } else { scaled(1_000) }),
+            // A finished model's means are near where they belong.
+            mean_lr_initial: if warm { WARM_MEAN_RATE * rates.mean_final } else { rates.mean_initial },
             mean_lr_final: rates.mean_final,
+            late_factor: rates.late_factor,
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
             densify_start,
-            densify_end: densify.end.unwrap_or_else(|| scaled(15_000)),
+            densify_end: densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(15_000) }),
             densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(100)),
             opacity_reset_interval: reset_interval,
             white_reset: config.white_background.then_some(densify_start),
@@ -96,7 +104,7 @@ impl Schedule {
             eval_every: config.eval_every,
             eval_iterations: reports(&config.eval_iterations),
             save_iterations: reports(&config.save_iterations),
-            stages: Stages::new(config, scaled),
+            stages: Stages::new(config, n_iterations, scaled),
         }
     }
 
@@ -110,6 +118,12 @@ impl Schedule {
         let t = f64::from(iteration) / f64::from(self.mean_iterations.max(1));
         let (first, last) = (self.mean_lr_initial.ln(), self.mean_lr_final.ln());
         extent * (first + (last - first) * t.min(1.0)).exp()
+    }
+
+    /// Part of the rates of all but the means in this iteration: 1 until densification ends, then log-linear down.
+    pub fn late_factor(&self, iteration: u32) -> f64 {
+        let (done, all) = (iteration.saturating_sub(self.densify_end), self.iterations.saturating_sub(self.densify_end));
+        self.late_factor.powf((f64::from(done) / f64::from(all.max(1))).min(1.0))
     }
 
     /// Whether Gaussians are still densified at or after `iteration`, so that their gradients must be observed.

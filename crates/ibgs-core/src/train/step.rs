@@ -71,6 +71,8 @@ pub struct Trainer {
     photos: Arc<SourceStore>,
     /// What goes beyond plain splatting.
     stages: Option<ImageStages>,
+    /// The first Gaussians came with planes of their own.
+    has_planes: bool,
     /// Views still to come in this epoch.
     queue: Vec<usize>,
     extent: f64,
@@ -130,6 +132,7 @@ impl Trainer {
             cameras,
             photos,
             stages,
+            has_planes: start.offsets.iter().any(|&offset| offset != 0.0),
         };
         // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
         // Gaussians grow fast.
@@ -209,7 +212,7 @@ impl Trainer {
         self.iteration += 1;
         let iteration = self.iteration;
         let index = self.next_view();
-        if self.schedule.shapes_normals_at(iteration, self.cameras.len()) {
+        if !self.has_planes && self.schedule.shapes_normals_at(iteration, self.cameras.len()) {
             self.raster.shape_normals(&self.splats);
         }
         let target = self.photos.photo(index)?;
@@ -242,7 +245,8 @@ impl Trainer {
             self.statistics.observe(&self.gpu, screen, &forward.workspace, forward.frame.size, near_depth);
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
-        self.optimizer.step(&self.gpu, gradients, &Rates::new(&self.config.learning_rates, mean_rate));
+        let rates = Rates::new(&self.config.learning_rates, mean_rate, self.schedule.late_factor(iteration));
+        self.optimizer.step(&self.gpu, gradients, &rates);
         let news = self.recorder.record(
             &self.gpu,
             &total.scratch.stats,

@@ -11,6 +11,7 @@ impl Default for TrainConfig {
             method: Method::Ibgs,
             iterations: 30_000,
             schedule_scaling: true,
+            init: None,
             seed: 0,
             sh_degree: 2,
             sh_interval: None,
@@ -61,6 +62,7 @@ impl Default for LearningRates {
             sh_rest_divisor: 20.0,
             normal: 1e-3,
             offset_factor: 0.5,
+            late_factor: 1.0,
         }
     }
 }

@@ -26,7 +26,19 @@ pub struct Stages {
 
 impl Stages {
     /// The milestones of `config`, unset ones by `scaled`; none for a method that has no such stages.
-    pub(super) fn new(config: &TrainConfig, scaled: impl Fn(u32) -> u32) -> Option<Self> {
+    ///
+    /// A run that begins with a finished model has its own, as parts of the run: surface losses from 5 % on, the residual
+    /// from 10 %, burn-in until 25 %, rates halved at 60 % and 85 %.
+    pub(super) fn new(config: &TrainConfig, iterations: u32, reference: impl Fn(u32) -> u32) -> Option<Self> {
+        let warm = |milestone: u32| match milestone {
+            7_000 => iterations / 20,
+            10_000 => iterations / 10,
+            3_000 => iterations * 3 / 20,
+            18_000 => iterations * 3 / 5,
+            25_000 => iterations * 17 / 20,
+            other => reference(other),
+        };
+        let scaled = |milestone: u32| if config.init.is_some() { warm(milestone) } else { reference(milestone) };
         if config.method != Method::Ibgs {
             return None;
         }
