@@ -24,6 +24,8 @@ use std::time::{Duration, Instant};
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
 const DEMO_ITERATIONS: [u32; 2] = [1_000, 10_000];
+/// Size of the residual network's images in the demo scene, relative to the photos.
+const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
 /// Iterations of a run that begins with a finished model, when none are asked for.
 const WARM_ITERATIONS: u32 = 3_000;
 const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
@@ -249,6 +251,7 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
     if args.config.is_none() {
         config.iterations = args.iterations.unwrap_or(DEMO_ITERATIONS[size]);
         config.densify.max_splats = args.max_splats.unwrap_or(DEMO_SPLATS[size]);
+        config.residual.factor = args.stages.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
     }
     config.data.eval = true;
     let dataset = demo::load(&options, None, true)?;

@@ -11,48 +11,19 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::camera::Camera;
 use ibgs_core::fuse::{WarpOptions, Warper};
 use ibgs_core::gpu::Pass;
+use ibgs_core::raster::Room;
 use ibgs_core::residual::features::{FeatureInputs, Features};
-use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
-use ibgs_core::residual::{Hourglass, Residual, ResidualTask, Variant};
-use npyz::npz::NpzArchive;
-use std::io::Read;
+use ibgs_core::residual::layers::WEIGHTS;
+use ibgs_core::residual::{Hourglass, Residual, ResidualTask, Variant, weights};
+use std::path::Path;
 
 /// Packed slots that enter the network.
 const SLOTS: usize = 3;
 
-/// The flat weights of a PyTorch state dict: a zip of a pickle and of one file of floats a tensor. In the pickle the name
-/// of a tensor is followed by the number of its file; both are texts, "X", length (u32), bytes.
+/// The dump's network.
 fn load_weights() -> Vec<f32> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/golden/color_aggregation_network.pth");
-    let mut archive = NpzArchive::open(path).expect("the state dict opens");
-    let zip = archive.zip_archive();
-    let mut read = |name: &str| {
-        let mut bytes = Vec::new();
-        let path = format!("color_aggregation_network/{name}");
-        zip.by_name(&path).expect("part of the state dict").read_to_end(&mut bytes).expect("readable");
-        bytes
-    };
-    let pickle = read("data.pkl");
-    let text = |at: usize| -> Option<&str> {
-        let length = u32::from_le_bytes(pickle.get(at + 1..at + 5)?.try_into().ok()?) as usize;
-        let text = std::str::from_utf8(pickle.get(at + 5..at + 5 + length)?).ok()?;
-        (pickle[at] == b'X').then_some(text)
-    };
-    let texts: Vec<&str> = (0..pickle.len()).filter_map(text).collect();
-    let mut weights = Vec::with_capacity(WEIGHTS);
-    for layer in LAYERS {
-        for (part, count) in [("weight", layer.weights()), ("bias", layer.outputs)] {
-            let name = format!("{}.{part}", layer.name);
-            let from = texts.iter().position(|t| *t == name).unwrap_or_else(|| panic!("no tensor {name}"));
-            let number = |t: &&&str| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit());
-            let file = texts[from..].iter().find(number).expect("the tensor's file");
-            let bytes = read(&format!("data/{file}"));
-            assert_eq!(bytes.len(), 4 * count, "{name}");
-            weights.extend(bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
-        }
-    }
-    assert_eq!(weights.len(), WEIGHTS);
-    weights
+    weights::load(Path::new(path)).unwrap()
 }
 
 /// The target camera as the residual stage must see it to have the dump's rays, which pass through x = column.
@@ -142,6 +113,10 @@ fn the_network_gives_the_dumped_residual() {
     println!("rays within {by_ray:.1e}; residual within {worst:.1e}, {mean:.1e} in the mean");
     assert!(by_ray <= 1e-3, "rays: {by_ray:e}");
     assert!(worst <= 5e-4, "residual: {worst:e}");
+    let sum: Vec<f64> = residual.iter().zip(golden.base.as_flattened()).map(|(r, base)| f64::from(*r) + base).collect();
+    let db = psnr(&sum, golden.arrays.get("final").image(0).as_flattened());
+    println!("final from the dump's own inputs: {db:.1} dB");
+    assert!(db >= 80.0, "final from the dump's own inputs: {db:.1} dB");
 }
 
 /// Source of each of the first packed slots, 255 where there is none.
@@ -188,7 +163,7 @@ fn a_published_model_gives_its_final_image() {
     let gpu = gpu();
     let (raster, model, view) = (rasterizer(), scene_splats(&scene), view_of(&scene, 0.0));
     let base = raster.render(&model, &view).unwrap();
-    let forward = raster.surface(&model, &view).unwrap();
+    let forward = raster.surface(&model, &view, Room::Checked).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
     let options = WarpOptions { visible: SLOTS as u32, ..WarpOptions::default() };
     let (warped, seen) = Warper::new(gpu.clone(), options).warp(&forward, &sources).unwrap();

@@ -49,7 +49,7 @@ pub struct StageArgs {
     intersections: Option<u32>,
     /// Run the residual network at 1, 0.5 or 0.25 of the image's size.
     #[arg(long)]
-    residual_factor: Option<f64>,
+    pub(super) residual_factor: Option<f64>,
     /// Correct the exposure, for photos taken with changing exposure.
     #[arg(long)]
     exposure: bool,

@@ -34,7 +34,8 @@ mod tests {
     use super::*;
     use crate::residual::layers::{ENC1, WEIGHTS};
 
-    const PUBLISHED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/golden/color_aggregation_network.pth");
+    const PUBLISHED: &str =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/golden/color_aggregation_network.pth");
 
     #[test]
     fn published_network_loads() {

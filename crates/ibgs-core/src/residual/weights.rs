@@ -1,7 +1,7 @@
 //! The residual network's weights on the host: names and shapes of the published state dict, initial values, files.
 
-use super::pth::read_pth;
 use super::layers::{LAYERS, Layer, MLP1, MLP2, WEIGHTS};
+use super::pth::read_pth;
 use crate::files::{WriteError, write_atomically};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

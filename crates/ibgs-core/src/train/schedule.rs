@@ -122,7 +122,8 @@ impl Schedule {
 
     /// Part of the rates of all but the means in this iteration: 1 until densification ends, then log-linear down.
     pub fn late_factor(&self, iteration: u32) -> f64 {
-        let (done, all) = (iteration.saturating_sub(self.densify_end), self.iterations.saturating_sub(self.densify_end));
+        let (done, all) =
+            (iteration.saturating_sub(self.densify_end), self.iterations.saturating_sub(self.densify_end));
         self.late_factor.powf((f64::from(done) / f64::from(all.max(1))).min(1.0))
     }
 
@@ -243,6 +244,31 @@ mod tests {
         let s = schedule(1);
         assert_eq!((s.sh_interval, s.densify_end, s.opacity_reset_interval), (1, 1, 1));
         assert!(s.evaluate_at(1) && s.save_at(1) && !s.densify_at(1) && !s.reset_opacity_at(1));
+    }
+
+    #[test]
+    fn a_finished_model_has_a_short_schedule_without_densification() {
+        let config = TrainConfig { init: Some("model.ply".into()), ..TrainConfig::default() };
+        let s = Schedule::new(&config, 3_000);
+        assert!(times(3_000, |i| s.densify_at(i) || s.reset_opacity_at(i)).is_empty());
+        assert_eq!((s.sh_degree(1), s.sh_degree(2)), (1, 2));
+        assert!((s.mean_lr(0, 1.0) / 1.6e-5 - 1.0).abs() < 1e-12);
+        assert_eq!((s.surface_from(), s.residual_from()), (Some(151), Some(301)));
+        assert!(s.burn_in(750).is_some() && s.burn_in(751).is_none());
+        assert_eq!([1_799, 1_800, 2_549, 2_550].map(|i| s.network_lr(i)), [1e-3, 5e-4, 5e-4, 2.5e-4]);
+    }
+
+    #[test]
+    fn late_rates_fall_after_densification() {
+        let mut config = TrainConfig::default();
+        config.learning_rates.late_factor = 0.01;
+        let s = Schedule::new(&config, 30_000);
+        let near = |i: u32, expected: f64| assert!((s.late_factor(i) / expected - 1.0).abs() < 1e-9, "{i}");
+        near(1, 1.0);
+        near(15_000, 1.0);
+        near(22_500, 0.1);
+        near(30_000, 0.01);
+        assert_eq!(schedule(30_000).late_factor(29_999), 1.0);
     }
 
     #[test]

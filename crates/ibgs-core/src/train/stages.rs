@@ -126,6 +126,11 @@ impl ImageStages {
         &self.options
     }
 
+    /// Sources of a training view.
+    pub fn neighbours(&self, index: usize) -> &[usize] {
+        &self.neighbours[index]
+    }
+
     /// What a renderer of the model needs.
     pub fn part(&self, photos: Arc<SourceStore>) -> ImagePart {
         let (cameras, network, options) = (self.cameras.clone(), self.network.clone(), self.options.clone());

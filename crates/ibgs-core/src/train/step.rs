@@ -256,6 +256,18 @@ impl Trainer {
         if let Some(telemetry) = news {
             self.note(telemetry)?;
         }
+        self.prefetch()
+    }
+
+    /// Uploads what the next iteration reads while the GPU still works on this one; nothing to do where all photos fit.
+    fn prefetch(&self) -> Result<(), TrainError> {
+        if let (Some(stages), Some(&next)) = (&self.stages, self.queue.last()) {
+            let mut wanted = vec![next];
+            if self.schedule.surface_loss_at(self.iteration + 1) {
+                wanted.extend(stages.neighbours(next));
+            }
+            self.photos.prefetch(&wanted)?;
+        }
         Ok(())
     }
 

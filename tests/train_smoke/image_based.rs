@@ -1,0 +1,99 @@
+//! The image-based stages in short trainings.
+
+use super::{dataset, plain, run, trainer};
+use crate::common::gpu;
+use ibgs_core::eval::score_view;
+use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::scene::Gaussians;
+use ibgs_core::train::Trainer;
+use ibgs_core::train::config::{Method, TrainConfig};
+use std::sync::Arc;
+
+/// Surface losses after 10 iterations, the residual after 14, burn-in for 8.
+fn staged(iterations: u32) -> TrainConfig {
+    let mut config = TrainConfig { method: Method::Ibgs, ..plain(iterations) };
+    config.surface.start = Some(10);
+    config.residual.start = Some(14);
+    config.residual.burn_in = Some(8);
+    config.residual.halve_at = Some(Vec::new());
+    config
+}
+
+fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {
+    let gaussians = trainer.splats().download().unwrap();
+    gaussians.validate().unwrap();
+    (gaussians, trainer.renderer().part().map(|part| part.network.to_values().unwrap()))
+}
+
+#[test]
+fn every_stage_trains_what_it_should() {
+    let dataset = dataset();
+    let mut trainer = trainer(&dataset, &staged(60));
+    // The tiny demo has 8 training views: depths are kept from the first iteration on, so normals take shape at once.
+    run(&mut trainer, 10);
+    let (before, network) = model(&trainer);
+    assert!(network.is_none(), "no residual yet");
+    assert!(before.offsets.iter().all(|&offset| offset == 0.0), "no surface loss has moved the planes");
+    assert!(before.normals.iter().any(|normal| *normal != [0.0, 0.0, 1.0]), "normals are the shortest axes");
+    run(&mut trainer, 14);
+    let (surface, _) = model(&trainer);
+    assert!(surface.offsets.iter().any(|&offset| offset != 0.0), "the surface losses move the planes");
+    run(&mut trainer, 60);
+    let view = &dataset.views[dataset.train[2]];
+    let (frame, scores) = score_view(&trainer.renderer(), view).unwrap();
+    let (base, image) = (scores.base.psnr, scores.image.unwrap().psnr);
+    println!("training view: base {base:.2} dB, final {image:.2} dB");
+    assert!(image > base + 0.5, "the residual must help: base {base:.2} dB, final {image:.2} dB");
+    let visibility = frame.visibility().unwrap().unwrap();
+    assert!(visibility.contains(&0) || visibility.contains(&3), "{visibility:?}");
+    assert!(frame.depth().unwrap().unwrap().iter().any(|&z| z > 0.0));
+    assert!(!trainer.overflowed());
+}
+
+/// With the same seed also the network is the same, bit for bit, and so are frames and models when the photos have to be
+/// streamed.
+#[test]
+fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
+    let dataset = dataset();
+    let config = staged(30);
+    let mut first = trainer(&dataset, &config);
+    run(&mut first, 30);
+    let expected = model(&first);
+    assert!(expected.1.is_some());
+    // Room for two of eight photos.
+    let photo = 4 * 48 * 36;
+    let mut streamed_config = config.clone();
+    streamed_config.sources.memory = MemoryBudget::Bytes(2 * photo);
+    let mut streamed = trainer(&dataset, &streamed_config);
+    run(&mut streamed, 30);
+    assert!(expected == model(&streamed), "streamed sources gave another model");
+    let frame = |trainer: &Trainer| {
+        trainer.renderer().render(&dataset.views[dataset.test[0]].camera).unwrap().image().unwrap().unwrap().rgb
+    };
+    let (ours, theirs) = (frame(&first), frame(&streamed));
+    assert!(ours == theirs && ours.iter().any(|&v| v > 0.0), "streamed sources gave another frame");
+}
+
+/// A finished model gets planes and a network; its Gaussians are neither densified nor reset.
+#[test]
+fn a_finished_model_is_a_start() {
+    let dataset = dataset();
+    let mut base = trainer(&dataset, &plain(60));
+    run(&mut base, 60);
+    let start = base.splats().download().unwrap();
+    let config = TrainConfig { method: Method::Ibgs, init: Some("model.ply".into()), iterations: 60, ..plain(60) };
+    let config = TrainConfig { densify: Default::default(), opacity_reset: Default::default(), ..config };
+    let raster = Arc::new(crate::common::rasterizer());
+    let mut warm = Trainer::from_gaussians(raster, &dataset, &config, &start).unwrap();
+    run(&mut warm, 60);
+    let (after, network) = model(&warm);
+    assert_eq!(after.len(), start.len());
+    assert!(network.is_some() && after.normals != start.normals);
+    let view = &dataset.views[dataset.train[2]];
+    let scores = score_view(&warm.renderer(), view).unwrap().1;
+    let before = score_view(&base.renderer(), view).unwrap().1.base.psnr;
+    let image = scores.image.unwrap().psnr;
+    println!("training view: {before:.2} dB before, final {image:.2} dB");
+    assert!(image > before, "{before:.2} dB before, final {image:.2} dB");
+    gpu().wait().unwrap();
+}
