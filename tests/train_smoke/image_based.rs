@@ -1,13 +1,26 @@
 //! The image-based stages in short trainings.
 
-use super::{dataset, plain, run, trainer};
+use super::{plain, run, trainer};
+use crate::cli::tiny_demo;
 use crate::common::gpu;
+use ibgs_core::dataset::Dataset;
+use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::eval::score_view;
 use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::scene::Gaussians;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{Method, TrainConfig};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
+
+/// The tiny demo with so many views that neighbours see the same: 28 training views of 48 x 36.
+fn dataset() -> Dataset {
+    static DATASET: OnceLock<Dataset> = OnceLock::new();
+    let trace = || {
+        let cache = tempfile::tempdir().unwrap();
+        demo::load(&DemoOptions { views: 32, ..tiny_demo() }, Some(cache.path()), false).unwrap()
+    };
+    DATASET.get_or_init(trace).clone()
+}
 
 /// Surface losses after 10 iterations, the residual after 14, burn-in for 8.
 fn staged(iterations: u32) -> TrainConfig {
@@ -28,8 +41,8 @@ fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {
 #[test]
 fn every_stage_trains_what_it_should() {
     let dataset = dataset();
-    let mut trainer = trainer(&dataset, &staged(60));
-    // The tiny demo has 8 training views: depths are kept from the first iteration on, so normals take shape at once.
+    let mut trainer = trainer(&dataset, &staged(50));
+    // Depths are kept from two epochs before the surface losses on, here from the first iteration: normals take shape.
     run(&mut trainer, 10);
     let (before, network) = model(&trainer);
     assert!(network.is_none(), "no residual yet");
@@ -38,7 +51,7 @@ fn every_stage_trains_what_it_should() {
     run(&mut trainer, 14);
     let (surface, _) = model(&trainer);
     assert!(surface.offsets.iter().any(|&offset| offset != 0.0), "the surface losses move the planes");
-    run(&mut trainer, 60);
+    run(&mut trainer, 50);
     let view = &dataset.views[dataset.train[2]];
     let (frame, scores) = score_view(&trainer.renderer(), view).unwrap();
     let (base, image) = (scores.base.psnr, scores.image.unwrap().psnr);
@@ -55,17 +68,17 @@ fn every_stage_trains_what_it_should() {
 #[test]
 fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
     let dataset = dataset();
-    let config = staged(30);
+    let config = staged(26);
     let mut first = trainer(&dataset, &config);
-    run(&mut first, 30);
+    run(&mut first, 26);
     let expected = model(&first);
     assert!(expected.1.is_some());
-    // Room for two of eight photos.
+    // Room for two of 28 photos.
     let photo = 4 * 48 * 36;
     let mut streamed_config = config.clone();
     streamed_config.sources.memory = MemoryBudget::Bytes(2 * photo);
     let mut streamed = trainer(&dataset, &streamed_config);
-    run(&mut streamed, 30);
+    run(&mut streamed, 26);
     assert!(expected == model(&streamed), "streamed sources gave another model");
     let frame = |trainer: &Trainer| {
         trainer.renderer().render(&dataset.views[dataset.test[0]].camera).unwrap().image().unwrap().unwrap().rgb
@@ -78,14 +91,14 @@ fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
 #[test]
 fn a_finished_model_is_a_start() {
     let dataset = dataset();
-    let mut base = trainer(&dataset, &plain(60));
-    run(&mut base, 60);
+    let mut base = trainer(&dataset, &plain(40));
+    run(&mut base, 40);
     let start = base.splats().download().unwrap();
-    let config = TrainConfig { method: Method::Ibgs, init: Some("model.ply".into()), iterations: 60, ..plain(60) };
+    let config = TrainConfig { method: Method::Ibgs, init: Some("model.ply".into()), ..plain(40) };
     let config = TrainConfig { densify: Default::default(), opacity_reset: Default::default(), ..config };
     let raster = Arc::new(crate::common::rasterizer());
     let mut warm = Trainer::from_gaussians(raster, &dataset, &config, &start).unwrap();
-    run(&mut warm, 60);
+    run(&mut warm, 40);
     let (after, network) = model(&warm);
     assert_eq!(after.len(), start.len());
     assert!(network.is_some() && after.normals != start.normals);

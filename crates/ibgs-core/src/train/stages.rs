@@ -108,7 +108,8 @@ impl ImageStages {
         let exposure = e.enabled.then(|| ExposureScalars::new(gpu, cameras.len(), scalars)).transpose()?;
         Ok(Self {
             neighbours: cameras.iter().enumerate().map(sources).collect(),
-            depths: DepthCache::new(options.sources.memory.bytes(gpu)),
+            // All of them: one that is rendered anew would be of another model, and the training another one.
+            depths: DepthCache::new(None),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.exposure),
             normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
