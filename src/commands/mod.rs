@@ -47,6 +47,7 @@ pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
 pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset> {
     let options = LoadOptions {
         resolution: data.resolution.parse()?,
+        resampler: data.resampler.parse()?,
         images: data.images.clone(),
         max_resolution: data.max_resolution,
         eval: data.eval,
@@ -154,7 +155,10 @@ impl Scores {
 pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol {
     let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
     Protocol {
-        resampler: if resized { "Lanczos3, or the scene's own reduced photos" } else { "none" }.to_owned(),
+        resampler: match resized {
+            true => format!("{}, or the scene's own reduced photos", config.data.resampler),
+            false => "none".to_owned(),
+        },
         factor: config.data.resolution.clone(),
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.clone(),

@@ -151,6 +151,7 @@ fn published_options(args: &ModelArgs) -> TrainConfig {
     let mut config = TrainConfig::default();
     config.data.eval = true;
     config.data.principal_point = "centred".to_owned();
+    config.data.resampler = "bicubic".to_owned();
     config.data.resolution = args.resolution.clone().unwrap_or(config.data.resolution);
     config.sources.distances = Distances::Absolute;
     config

@@ -53,6 +53,9 @@ pub struct Args {
     /// Divide the photos by 1, 2, 4 or 8, or resize them to a width in pixels.
     #[arg(short, long)]
     resolution: Option<String>,
+    /// How photos are made smaller; `bicubic` is the published code's way.
+    #[arg(long, value_parser = ["lanczos3", "bicubic"])]
+    resampler: Option<String>,
     /// Photo folder inside the scene.
     #[arg(short, long)]
     images: Option<String>,
@@ -151,6 +154,7 @@ impl Args {
         let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
         set_some(&mut c.data.source, &source);
         set(&mut c.data.resolution, &self.resolution);
+        set(&mut c.data.resampler, &self.resampler);
         set_some(&mut c.data.images, &self.images);
         set_some(&mut c.data.max_resolution, &self.max_resolution);
         set(&mut c.data.eval_split_every, &self.eval_split_every);
@@ -232,6 +236,7 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
     let usual = DataConfig::default();
     let given = [
         ("--resolution", data.resolution != usual.resolution),
+        ("--resampler", data.resampler != usual.resampler),
         ("--images", data.images != usual.images),
         ("--max-resolution", data.max_resolution != usual.max_resolution),
         ("--eval-split-every", data.eval_split_every != usual.eval_split_every),

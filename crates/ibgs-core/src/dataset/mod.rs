@@ -13,7 +13,7 @@ mod split;
 mod undistort;
 
 pub use error::DatasetError;
-pub use options::{LoadOptions, PrincipalPoint, Resolution};
+pub use options::{LoadOptions, PrincipalPoint, Resampler, Resolution};
 
 use crate::camera::Camera;
 use glam::{DVec2, DVec3};

@@ -3,7 +3,7 @@
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Lens, Pose};
 use super::undistort::undistort;
-use super::{Dataset, LoadOptions, Photo, PrincipalPoint, View};
+use super::{Dataset, LoadOptions, Photo, PrincipalPoint, Resampler, View};
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Rgba, RgbaImage};
 use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
@@ -110,21 +110,25 @@ fn decode(path: &Path) -> Result<RgbaImage, DatasetError> {
     decode_any(path).map(DynamicImage::into_rgba8)
 }
 
-/// Lanczos-3 (image crate, antialiased) on the 8-bit sRGB values, colours weighted by alpha. Where the kernel reaches
+/// The resampler (image crate, antialiased) on the 8-bit sRGB values, colours weighted by alpha. Where the kernel reaches
 /// transparent pixels its negative lobes would overshoot and shift the picture, so a triangle kernel stands in there.
-pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32) -> RgbaImage {
+pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32, resampler: Resampler) -> RgbaImage {
+    let filter = match resampler {
+        Resampler::Lanczos3 => FilterType::Lanczos3,
+        Resampler::Bicubic => FilterType::CatmullRom,
+    };
     if photo.dimensions() == (width, height) {
         return photo;
     }
     if photo.pixels().all(|pixel| pixel.0[3] == u8::MAX) {
-        return imageops::resize(&photo, width, height, FilterType::Lanczos3);
+        return imageops::resize(&photo, width, height, filter);
     }
     // The image crate clamps floats to 0..1: at half the range an overshoot of alpha stays visible.
     let weighted: ImageBuffer<Rgba<f32>, Vec<f32>> = ImageBuffer::from_fn(photo.width(), photo.height(), |x, y| {
         let [r, g, b, a] = photo.get_pixel(x, y).0.map(|v| f32::from(v) / 255.0);
         Rgba([r * a, g * a, b * a, a].map(|v| v / 2.0))
     });
-    let sharp = imageops::resize(&weighted, width, height, FilterType::Lanczos3);
+    let sharp = imageops::resize(&weighted, width, height, filter);
     let soft = imageops::resize(&weighted, width, height, FilterType::Triangle);
     RgbaImage::from_fn(width, height, |x, y| {
         let whole = (sharp.get_pixel(x, y).0[3] - 0.5).abs() < 0.25 / 255.0;
@@ -185,7 +189,7 @@ fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError
         image = to_image(undistorted.photo, &frame.photo)?;
     }
     let (width, height) = options.target_size(width, height, frame.prescaled);
-    let image = resample(image, width, height);
+    let image = resample(image, width, height, options.resampler);
     let mut camera = lens.pinhole(&frame.pose).resized(width, height);
     if options.principal_point == PrincipalPoint::Centred {
         camera = camera.centred();

@@ -87,6 +87,8 @@ pub struct DataConfig {
     pub source: Option<PathBuf>,
     /// Factor 1, 2, 4 or 8 to divide the photos by, or a target width in pixels.
     pub resolution: String,
+    /// How photos are made smaller: `lanczos3`, or `bicubic` as in the published code.
+    pub resampler: String,
     /// Photo folder inside the scene; unset: found by the loader.
     pub images: Option<String>,
     /// Longest side that a photo may have, in pixels; unset: no limit.

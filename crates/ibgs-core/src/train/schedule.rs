@@ -37,7 +37,9 @@ pub struct Schedule {
     pub mean_lr_initial: f64,
     /// Rate of the means at the end, for extent 1.
     pub mean_lr_final: f64,
-    /// Part of the other rates that is left at the end.
+    /// Part of the Gaussians' other rates that counts.
+    pub rate_factor: f64,
+    /// Part of these that is left at the end.
     pub late_factor: f64,
     /// Iterations over which the rate of the means falls.
     pub mean_iterations: u32,
@@ -63,8 +65,10 @@ pub struct Schedule {
     pub stages: Option<Stages>,
 }
 
-/// Rate of the means at the start of a run that begins with a finished model, times the rate at the end.
-const WARM_MEAN_RATE: f64 = 10.0;
+/// A run that begins with a finished model: rate of the means at its start, times the rate at the end, and part of the
+/// other rates of the Gaussians. At full rates a model that has converged first loses what it had.
+const WARM_MEAN_RATE: f64 = 1.0;
+const WARM_RATES: f64 = 0.1;
 
 impl Schedule {
     /// Resolves the milestones of `config` for a run of `n_iterations`. With `schedule-scaling` they follow
@@ -93,6 +97,7 @@ impl Schedule {
             // A finished model's means are near where they belong.
             mean_lr_initial: if warm { WARM_MEAN_RATE * rates.mean_final } else { rates.mean_initial },
             mean_lr_final: rates.mean_final,
+            rate_factor: if warm { WARM_RATES } else { 1.0 },
             late_factor: rates.late_factor,
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
             densify_start,
@@ -120,11 +125,11 @@ impl Schedule {
         extent * (first + (last - first) * t.min(1.0)).exp()
     }
 
-    /// Part of the rates of all but the means in this iteration: 1 until densification ends, then log-linear down.
+    /// Part of the rates of all but the means in this iteration: the same until densification ends, then log-linear down.
     pub fn late_factor(&self, iteration: u32) -> f64 {
         let (done, all) =
             (iteration.saturating_sub(self.densify_end), self.iterations.saturating_sub(self.densify_end));
-        self.late_factor.powf((f64::from(done) / f64::from(all.max(1))).min(1.0))
+        self.rate_factor * self.late_factor.powf((f64::from(done) / f64::from(all.max(1))).min(1.0))
     }
 
     /// Whether Gaussians are still densified at or after `iteration`, so that their gradients must be observed.
@@ -252,7 +257,7 @@ mod tests {
         let s = Schedule::new(&config, 3_000);
         assert!(times(3_000, |i| s.densify_at(i) || s.reset_opacity_at(i)).is_empty());
         assert_eq!((s.sh_degree(1), s.sh_degree(2)), (1, 2));
-        assert!((s.mean_lr(0, 1.0) / 1.6e-5 - 1.0).abs() < 1e-12);
+        assert!((s.mean_lr(0, 1.0) / 1.6e-6 - 1.0).abs() < 1e-12 && s.late_factor(1) == 0.1);
         assert_eq!((s.surface_from(), s.residual_from()), (Some(151), Some(301)));
         assert!(s.burn_in(750).is_some() && s.burn_in(751).is_none());
         assert_eq!([1_799, 1_800, 2_549, 2_550].map(|i| s.network_lr(i)), [1e-3, 5e-4, 5e-4, 2.5e-4]);

@@ -134,6 +134,13 @@ impl TrainConfig {
             format!("`{principal}`"),
             "it must be `true` or `centred`",
         )?;
+        let resampler = self.data.resampler.as_str();
+        check.require(
+            matches!(resampler, "lanczos3" | "bicubic"),
+            "data.resampler",
+            format!("`{resampler}`"),
+            "it must be `lanczos3` or `bicubic`",
+        )?;
         let side = self.data.max_resolution;
         check.require(side != Some(0), "data.max-resolution", 0, at_least_1)?;
         let random = self.data.random_points;

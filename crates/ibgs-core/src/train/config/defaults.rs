@@ -39,6 +39,7 @@ impl Default for DataConfig {
         Self {
             source: None,
             resolution: "1".to_owned(),
+            resampler: "lanczos3".to_owned(),
             images: None,
             max_resolution: None,
             eval: false,
