@@ -127,9 +127,6 @@ pub struct LearningRates {
     pub normal: f64,
     /// Plane offsets have the rate of the means times this.
     pub offset_factor: f64,
-    /// From the end of densification on the rates of all but the means fall, log-linear, to this part of them at the last
-    /// iteration; 1: they stay, as published.
-    pub late_factor: f64,
 }
 
 /// Constants of Adam for the Gaussians (method.md section 1).

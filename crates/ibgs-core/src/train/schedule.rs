@@ -39,8 +39,6 @@ pub struct Schedule {
     pub mean_lr_final: f64,
     /// Part of the Gaussians' other rates that counts.
     pub rate_factor: f64,
-    /// Part of these that is left at the end.
-    pub late_factor: f64,
     /// Iterations over which the rate of the means falls.
     pub mean_iterations: u32,
     /// Densification comes after this iteration.
@@ -98,7 +96,6 @@ impl Schedule {
             mean_lr_initial: if warm { WARM_MEAN_RATE * rates.mean_final } else { rates.mean_initial },
             mean_lr_final: rates.mean_final,
             rate_factor: if warm { WARM_RATES } else { 1.0 },
-            late_factor: rates.late_factor,
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
             densify_start,
             densify_end: densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(15_000) }),
@@ -123,13 +120,6 @@ impl Schedule {
         let t = f64::from(iteration) / f64::from(self.mean_iterations.max(1));
         let (first, last) = (self.mean_lr_initial.ln(), self.mean_lr_final.ln());
         extent * (first + (last - first) * t.min(1.0)).exp()
-    }
-
-    /// Part of the rates of all but the means in this iteration: the same until densification ends, then log-linear down.
-    pub fn late_factor(&self, iteration: u32) -> f64 {
-        let (done, all) =
-            (iteration.saturating_sub(self.densify_end), self.iterations.saturating_sub(self.densify_end));
-        self.rate_factor * self.late_factor.powf((f64::from(done) / f64::from(all.max(1))).min(1.0))
     }
 
     /// Whether Gaussians are still densified at or after `iteration`, so that their gradients must be observed.
@@ -257,23 +247,10 @@ mod tests {
         let s = Schedule::new(&config, 3_000);
         assert!(times(3_000, |i| s.densify_at(i) || s.reset_opacity_at(i)).is_empty());
         assert_eq!((s.sh_degree(1), s.sh_degree(2)), (1, 2));
-        assert!((s.mean_lr(0, 1.0) / 1.6e-6 - 1.0).abs() < 1e-12 && s.late_factor(1) == 0.1);
+        assert!((s.mean_lr(0, 1.0) / 1.6e-6 - 1.0).abs() < 1e-12 && s.rate_factor == 0.1);
         assert_eq!((s.surface_from(), s.residual_from()), (Some(151), Some(301)));
         assert!(s.burn_in(750).is_some() && s.burn_in(751).is_none());
         assert_eq!([1_799, 1_800, 2_549, 2_550].map(|i| s.network_lr(i)), [1e-3, 5e-4, 5e-4, 2.5e-4]);
-    }
-
-    #[test]
-    fn late_rates_fall_after_densification() {
-        let mut config = TrainConfig::default();
-        config.learning_rates.late_factor = 0.01;
-        let s = Schedule::new(&config, 30_000);
-        let near = |i: u32, expected: f64| assert!((s.late_factor(i) / expected - 1.0).abs() < 1e-9, "{i}");
-        near(1, 1.0);
-        near(15_000, 1.0);
-        near(22_500, 0.1);
-        near(30_000, 0.01);
-        assert_eq!(schedule(30_000).late_factor(29_999), 1.0);
     }
 
     #[test]

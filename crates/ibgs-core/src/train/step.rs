@@ -245,7 +245,7 @@ impl Trainer {
             self.statistics.observe(&self.gpu, screen, &forward.workspace, forward.frame.size, near_depth);
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
-        let rates = Rates::new(&self.config.learning_rates, mean_rate, self.schedule.late_factor(iteration));
+        let rates = Rates::new(&self.config.learning_rates, mean_rate, self.schedule.rate_factor);
         self.optimizer.step(&self.gpu, gradients, &rates);
         let news = self.recorder.record(
             &self.gpu,

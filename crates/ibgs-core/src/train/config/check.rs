@@ -169,7 +169,6 @@ fn check_rates(rates: &LearningRates, check: &Check<'_>) -> Result<(), ConfigErr
             ("sh-rest-divisor", rates.sh_rest_divisor, Range::Positive),
             ("normal", rates.normal, Range::NotNegative),
             ("offset-factor", rates.offset_factor, Range::NotNegative),
-            ("late-factor", rates.late_factor, Range::Positive),
         ],
     )
 }

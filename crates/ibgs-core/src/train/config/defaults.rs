@@ -63,7 +63,6 @@ impl Default for LearningRates {
             sh_rest_divisor: 20.0,
             normal: 1e-3,
             offset_factor: 0.5,
-            late_factor: 1.0,
         }
     }
 }
