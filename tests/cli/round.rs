@@ -39,7 +39,8 @@ fn a_scene_becomes_a_model_that_every_command_reads() {
 /// Exactly the files that a run of 30 iterations leaves, and what is in them.
 fn check_model_folder(sandbox: &Sandbox) {
     let pictures = |n: u32, kinds: &[&str]| -> Vec<String> {
-        let names = kinds.iter().map(|kind| ["000", "008"].map(|v| format!("test/ours_{n}/{kind}/images/view_{v}.png")));
+        let names =
+            kinds.iter().map(|kind| ["000", "008"].map(|v| format!("test/ours_{n}/{kind}/images/view_{v}.png")));
         names.flatten().collect()
     };
     let mut expected: Vec<String> = [
@@ -78,7 +79,10 @@ fn check_model_folder(sandbox: &Sandbox) {
     for line in sandbox.text("model/multi_view.json").lines() {
         let view: Value = serde_json::from_str(line).unwrap();
         let sources = view["nearest_name"].as_array().unwrap();
-        assert!(!sources.is_empty() && sources.iter().all(|s| split["train"].as_array().unwrap().contains(s)), "{line}");
+        assert!(
+            !sources.is_empty() && sources.iter().all(|s| split["train"].as_array().unwrap().contains(s)),
+            "{line}"
+        );
         assert!(!sources.contains(&view["ref_name"]), "{line}");
     }
     let training = &sandbox.json("model/result_training.json")["ours_30"];
@@ -207,7 +211,9 @@ fn check_report(sandbox: &Sandbox, stdout: &str) {
         assert!(report[name].as_f64().unwrap() > 0.0, "{report}");
     }
     let size = |name: &str| fs::metadata(sandbox.path(name)).unwrap().len();
-    let photos = files_in(&sandbox.path("scene/images")).into_iter().filter(|name| !name.contains("_000") && !name.contains("_008"));
+    let photos = files_in(&sandbox.path("scene/images"))
+        .into_iter()
+        .filter(|name| !name.contains("_000") && !name.contains("_008"));
     let storage = json!({
         "gaussians": size(&format!("model/{PLY}")),
         "network": size(&format!("model/{NETWORK}")),
@@ -284,7 +290,11 @@ fn a_model_is_kept_unless_overwriting_is_asked_for() {
     assert!(sandbox.path("model/point_cloud/iteration_2/point_cloud.ply").is_file());
     assert!(sandbox.path("model/point_cloud/iteration_2/residual_network.safetensors").is_file());
     for name in of_the_old_model.map(|name| sandbox.path("model").join(name)) {
-        assert!(!fs::read_to_string(&name).is_ok_and(|text| text.contains("ours_3")), "{} is of the old model", name.display());
+        assert!(
+            !fs::read_to_string(&name).is_ok_and(|text| text.contains("ours_3")),
+            "{} is of the old model",
+            name.display()
+        );
     }
     assert_eq!(sandbox.text("model/notes.txt"), "mine");
 }

@@ -325,7 +325,9 @@ impl OutputFolder {
             }
         }
         let scores = [Scored::Base, Scored::Final].map(Scored::files);
-        for file in scores.as_flattened().iter().chain(&["result_fps_mem.json", "result_training.json", "multi_view.json"]) {
+        for file in
+            scores.as_flattened().iter().chain(&["result_fps_mem.json", "result_training.json", "multi_view.json"])
+        {
             let path = self.root.join(file);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

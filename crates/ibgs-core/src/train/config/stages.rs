@@ -94,13 +94,6 @@ impl Default for ResidualConfig {
 
 impl Default for ExposureConfig {
     fn default() -> Self {
-        Self {
-            enabled: false,
-            scalars_from: None,
-            learning_rate: 1e-3,
-            beta1: 0.9,
-            beta2: 0.99,
-            epsilon: 1e-8,
-        }
+        Self { enabled: false, scalars_from: None, learning_rate: 1e-3, beta1: 0.9, beta2: 0.99, epsilon: 1e-8 }
     }
 }
