@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use ibgs_core::bench::{self, Timing};
 use ibgs_core::camera::Camera;
 use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
-use ibgs_core::train::config::Method;
+use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
 use serde_json::json;
 use std::path::PathBuf;
@@ -50,9 +50,14 @@ pub fn run(args: &Args) -> Result<()> {
     if args.iterations == 0 {
         bail!("option `--iterations` is 0; it must be at least 1");
     }
+    let mut config = TrainConfig::default();
     let (gaussians, camera) = match &args.model {
         Some(path) => {
             let folder = OutputFolder::open(path)?;
+            // Folders of other programs have none.
+            if folder.config_path().exists() {
+                config = folder.read_config()?;
+            }
             let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
             let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
             let camera = folder.read_cameras()?.first().context("the model has no cameras")?.camera;
@@ -62,8 +67,8 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let gpu = open_gpu(args.adapter.as_ref())?;
     let measure = |method| -> Result<Timing> {
-        let timing = bench::measure(&gpu, &gaussians, &camera, method, args.iterations)?;
-        print(method, &timing, gaussians.len(), &camera);
+        let timing = bench::measure(&gpu, &gaussians, &camera, (method, &config), args.iterations)?;
+        print((method, &config), &timing, gaussians.len(), &camera);
         Ok(timing)
     };
     let (base, image) = (measure(Method::Gs3)?, measure(Method::Ibgs)?);
@@ -103,10 +108,10 @@ fn synthetic(args: &Args) -> Result<(Gaussians, Camera)> {
     Ok(bench::synthetic(args.gaussians, args.sh_degree, width, height))
 }
 
-fn print(method: Method, timing: &Timing, gaussians: usize, camera: &Camera) {
+fn print((method, config): (Method, &TrainConfig), timing: &Timing, gaussians: usize, camera: &Camera) {
     let (name, sources) = match method {
-        Method::Gs3 => ("3dgs", ""),
-        _ => ("ibgs", ", 4 sources"),
+        Method::Gs3 => ("3dgs", String::new()),
+        _ => ("ibgs", format!(", {} sources", config.sources.used.min(bench::NEIGHBOURS))),
     };
     println!(
         "{name}: {gaussians} Gaussians, {} x {}, {} tile intersections{sources}",

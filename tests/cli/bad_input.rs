@@ -151,7 +151,7 @@ fn wrong_usage_ends_with_2() {
     wrong("render model --views some", &["some"]);
     wrong("render model --outputs base,colour", &["colour"]);
     wrong("render model --source-memory -1", &["-1"]);
-    wrong("export model", &["required", "--output"]);
+    wrong("export model", &["required"]);
     wrong("render model -o frames", &["required"]);
     wrong("paint", &["paint"]);
     assert_eq!(sandbox.run("").code, Some(2));
