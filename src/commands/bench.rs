@@ -1,9 +1,11 @@
 //! `ibgs bench`
 
+use super::model::is_bundle;
 use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bench::{self, Timing};
+use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
 use ibgs_core::train::config::{Method, TrainConfig};
@@ -20,7 +22,7 @@ const MOST_GAUSSIANS: usize = 50_000_000;
 /// Options of `ibgs bench`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Model folder; left out: a synthetic scene.
+    /// Model folder or `.ibgs` bundle; left out: a synthetic scene.
     model: Option<PathBuf>,
     /// Gaussians of the synthetic scene.
     #[arg(long, default_value_t = 100_000)]
@@ -51,7 +53,13 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("option `--iterations` is 0; it must be at least 1");
     }
     let mut config = TrainConfig::default();
+    let no_cameras = "the model has no cameras";
     let (gaussians, camera) = match &args.model {
+        Some(path) if is_bundle(path) => {
+            let bundle = Bundle::read(path)?;
+            config = bundle.config;
+            (bundle.gaussians, bundle.cameras.first().context(no_cameras)?.camera)
+        }
         Some(path) => {
             let folder = OutputFolder::open(path)?;
             // Folders of other programs have none.
@@ -60,7 +68,7 @@ pub fn run(args: &Args) -> Result<()> {
             }
             let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
             let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-            let camera = folder.read_cameras()?.first().context("the model has no cameras")?.camera;
+            let camera = folder.read_cameras()?.first().context(no_cameras)?.camera;
             (gaussians, camera)
         }
         None => synthetic(args)?,

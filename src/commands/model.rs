@@ -122,9 +122,13 @@ pub fn gaussians(args: &ModelArgs) -> Result<Gaussians> {
     Ok(load(args)?.gaussians)
 }
 
+/// Whether a path names a one-file bundle, there or not.
+pub fn is_bundle(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "ibgs") && !path.is_dir()
+}
+
 fn load(args: &ModelArgs) -> Result<Loaded> {
-    let is_bundle = args.model.extension().is_some_and(|e| e == "ibgs") && !args.model.is_dir();
-    let loaded = if is_bundle { from_bundle(&args.model)? } else { from_folder(args)? };
+    let loaded = if is_bundle(&args.model) { from_bundle(&args.model)? } else { from_folder(args)? };
     let name = args.model.display();
     if let Some(other) = args.iteration.filter(|&n| n != loaded.iteration) {
         bail!("{name} holds iteration {} alone, not {other}; leave `--iteration` out", loaded.iteration);

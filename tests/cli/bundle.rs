@@ -51,6 +51,11 @@ fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {
         rendered.iter().all(|picture| expected.contains(picture)),
         "without its scene the bundle shows another view"
     );
+    let info = sandbox.succeeds("info small.ibgs");
+    for fragment in ["10 views and 8 photos", "iteration 30, a residual network", " Gaussians, spherical harmonics"] {
+        assert!(info.stdout.contains(fragment), "{info}");
+    }
+    assert!(sandbox.succeeds("bench small.ibgs --iterations 1").stdout.contains("48 x 36"));
     sandbox.fails("eval small.ibgs", &["scene"]);
     sandbox.fails("export model -o other.ibgs", &["scene"]);
     sandbox.succeeds("eval small.ibgs --source moved");
@@ -75,11 +80,19 @@ fn bundles_that_cannot_be_used() {
     let whole = fs::read(sandbox.path("a.ibgs")).unwrap();
     let all_fail = |name: &str, fragments: &[&str]| {
         let fragments = [&[name], fragments].concat();
-        for command in ["render NAME", "eval NAME", "export NAME -o other.ibgs", "export NAME -o other.ply"] {
+        for command in [
+            "render NAME",
+            "eval NAME",
+            "export NAME -o other.ibgs",
+            "export NAME -o other.ply",
+            "info NAME",
+            "bench NAME",
+        ] {
             sandbox.fails(&command.replace("NAME", name), &fragments);
         }
     };
-    all_fail("nowhere.ibgs", &["cannot read the bundle", "check the path"]);
+    all_fail("nowhere.ibgs", &["check the path"]);
+    sandbox.fails("render nowhere.ibgs", &["cannot read the bundle nowhere.ibgs"]);
     sandbox.write("b.ibgs", &whole[..whole.len() / 2]);
     all_fail("b.ibgs", &["is no whole `.ibgs` bundle"]);
     sandbox.write("b.ibgs", b"");

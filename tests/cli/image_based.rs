@@ -92,15 +92,15 @@ fn source_memory_changes_no_picture() {
 fn a_finished_model_is_trained_on() {
     let (sandbox, _) = Sandbox::with_trained();
     let start = format!("{LAST}/point_cloud.ply");
-    let outcome = sandbox.succeeds(&format!("train scene --init {start} --iterations 10 --eval -m warm"));
-    assert!(outcome.stderr.contains("iteration 10: test final PSNR "), "{outcome}");
-    let folder = sandbox.path("warm/point_cloud/iteration_10");
+    let outcome = sandbox.succeeds(&format!("train scene --init {start} --iterations 7 --eval -m warm"));
+    assert!(outcome.stderr.contains("iteration 7: test final PSNR "), "{outcome}");
+    let folder = sandbox.path("warm/point_cloud/iteration_7");
     assert!(folder.join("residual_network.safetensors").is_file());
     let count = |path: &str| {
         let info = sandbox.succeeds(&format!("info {path}")).stdout;
         info.split(": ").nth(1).unwrap().split(' ').next().unwrap().parse::<u32>().unwrap()
     };
-    assert_eq!(count("warm/point_cloud/iteration_10/point_cloud.ply"), count(&start), "nothing is densified");
+    assert_eq!(count("warm/point_cloud/iteration_7/point_cloud.ply"), count(&start), "nothing is densified");
     // The options name the start by a path that holds from everywhere.
     fs::create_dir(sandbox.path("elsewhere")).unwrap();
     let mut command = sandbox.command("train --config ../warm/config.toml -m again");
@@ -108,7 +108,7 @@ fn a_finished_model_is_trained_on() {
         super::Outcome::of("train --config ../warm/config.toml", command.current_dir(sandbox.path("elsewhere")));
     again.assert_success();
     for name in ["point_cloud.ply", "residual_network.safetensors"] {
-        let file = |folder: &str| fs::read(sandbox.path(&format!("{folder}/point_cloud/iteration_10/{name}"))).unwrap();
+        let file = |folder: &str| fs::read(sandbox.path(&format!("{folder}/point_cloud/iteration_7/{name}"))).unwrap();
         assert!(file("warm") == file("elsewhere/again"), "{name} differs");
     }
     sandbox.fails("train scene --init nowhere.ply -m out", &["nowhere.ply"]);
