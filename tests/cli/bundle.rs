@@ -58,7 +58,6 @@ fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {
     assert!(sandbox.succeeds("bench small.ibgs --iterations 1").stdout.contains("48 x 36"));
     sandbox.fails("eval small.ibgs", &["scene"]);
     sandbox.fails("export model -o other.ibgs", &["scene"]);
-    sandbox.succeeds("eval small.ibgs --source moved");
     // Gaussians alone need neither scene nor GPU, and come from both alike.
     sandbox.succeeds("export model -o folder.ply");
     sandbox.succeeds("export small.ibgs -o bundle.ply");
