@@ -3,6 +3,8 @@
 mod bad_input;
 mod bad_machine;
 mod bad_model;
+mod bundle;
+mod image_based;
 #[cfg(unix)]
 mod interrupt;
 mod round;
@@ -18,6 +20,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -64,6 +67,32 @@ impl Sandbox {
         let gaussians = from_points(&dataset.points, config.sh_degree, config.initial_opacity).unwrap();
         write_ply(&folder.point_cloud_path(3), &gaussians, PlyFlavor::Full).unwrap();
         (sandbox, folder)
+    }
+
+    /// The tiny demo in `scene/` and in `model/` what a default run of 30 iterations makes of it, trained once for all
+    /// tests; with what the run told.
+    fn with_trained() -> (Self, &'static str) {
+        static TRAINED: OnceLock<(Snapshot, String)> = OnceLock::new();
+        let (files, told) = TRAINED.get_or_init(|| {
+            let (sandbox, _) = Self::with_scene();
+            let told = sandbox.succeeds("train scene --iterations 30 --eval -m model").stderr;
+            let relative = |path: PathBuf| path.strip_prefix(sandbox.work.path()).unwrap().to_owned();
+            (snapshot(sandbox.work.path()).into_iter().map(|(path, content)| (relative(path), content)).collect(), told)
+        });
+        let sandbox = Self::new();
+        for (path, content) in files.iter().filter_map(|(path, content)| Some((path, content.as_ref()?))) {
+            write_file(&sandbox.work.path().join(path), content);
+        }
+        sandbox.set_source("model", &sandbox.path("scene"));
+        (sandbox, told)
+    }
+
+    /// Makes a model's options name another scene folder.
+    fn set_source(&self, model: &str, scene: &Path) {
+        let config = self.path(model).join("config.toml");
+        let mut options = TrainConfig::load(&config).unwrap();
+        options.data.source = Some(scene.to_owned());
+        options.save(&config).unwrap();
     }
 
     /// The program with arguments parted by spaces, on the adapter of the tests.

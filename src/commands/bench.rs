@@ -1,12 +1,14 @@
 //! `ibgs bench`
 
+use super::model::is_bundle;
 use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bench::{self, Timing};
+use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
-use ibgs_core::train::config::Method;
+use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
 use serde_json::json;
 use std::path::PathBuf;
@@ -20,7 +22,7 @@ const MOST_GAUSSIANS: usize = 50_000_000;
 /// Options of `ibgs bench`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Model folder; left out: a synthetic scene.
+    /// Model folder or `.ibgs` bundle; left out: a synthetic scene.
     model: Option<PathBuf>,
     /// Gaussians of the synthetic scene.
     #[arg(long, default_value_t = 100_000)]
@@ -50,20 +52,31 @@ pub fn run(args: &Args) -> Result<()> {
     if args.iterations == 0 {
         bail!("option `--iterations` is 0; it must be at least 1");
     }
+    let mut config = TrainConfig::default();
+    let no_cameras = "the model has no cameras";
     let (gaussians, camera) = match &args.model {
+        Some(path) if is_bundle(path) => {
+            let bundle = Bundle::read(path)?;
+            config = bundle.config;
+            (bundle.gaussians, bundle.cameras.first().context(no_cameras)?.camera)
+        }
         Some(path) => {
             let folder = OutputFolder::open(path)?;
+            // Folders of other programs have none.
+            if folder.config_path().exists() {
+                config = folder.read_config()?;
+            }
             let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
             let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-            let camera = folder.read_cameras()?.first().context("the model has no cameras")?.camera;
+            let camera = folder.read_cameras()?.first().context(no_cameras)?.camera;
             (gaussians, camera)
         }
         None => synthetic(args)?,
     };
     let gpu = open_gpu(args.adapter.as_ref())?;
     let measure = |method| -> Result<Timing> {
-        let timing = bench::measure(&gpu, &gaussians, &camera, method, args.iterations)?;
-        print(method, &timing, gaussians.len(), &camera);
+        let timing = bench::measure(&gpu, &gaussians, &camera, (method, &config), args.iterations)?;
+        print((method, &config), &timing, gaussians.len(), &camera);
         Ok(timing)
     };
     let (base, image) = (measure(Method::Gs3)?, measure(Method::Ibgs)?);
@@ -103,10 +116,10 @@ fn synthetic(args: &Args) -> Result<(Gaussians, Camera)> {
     Ok(bench::synthetic(args.gaussians, args.sh_degree, width, height))
 }
 
-fn print(method: Method, timing: &Timing, gaussians: usize, camera: &Camera) {
+fn print((method, config): (Method, &TrainConfig), timing: &Timing, gaussians: usize, camera: &Camera) {
     let (name, sources) = match method {
-        Method::Gs3 => ("3dgs", ""),
-        _ => ("ibgs", ", 4 sources"),
+        Method::Gs3 => ("3dgs", String::new()),
+        _ => ("ibgs", format!(", {} sources", config.sources.used.min(bench::NEIGHBOURS))),
     };
     println!(
         "{name}: {gaussians} Gaussians, {} x {}, {} tile intersections{sources}",

@@ -6,7 +6,6 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::eval::{Cache, Score, ViewScores, frames_per_second};
-use ibgs_core::files::write_atomically;
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -44,10 +43,7 @@ pub fn run(args: &Args) -> Result<()> {
         println!("{sentence}");
     }
     println!("LPIPS not computed");
-    let path = model.folder.root().join("result_fps_mem.json");
-    let all = json!({ format!("ours_{}", model.iteration): report });
-    write_atomically(&path, |out| serde_json::to_writer_pretty(out, &all).map_err(Into::into))?;
-    Ok(())
+    Ok(model.folder.write_result(model.iteration, "result_fps_mem.json", report)?)
 }
 
 fn cells(scores: &ViewScores) -> [String; 4] {
@@ -70,15 +66,20 @@ fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Valu
     let warm = frames_per_second(renderer, cameras, PASSES, Cache::Warm)?;
     let memory = renderer.gpu().reserved_memory();
     let network = model.network_bytes;
-    let gaussians = std::fs::metadata(model.folder.point_cloud_path(model.iteration)).map_or(0, |file| file.len());
-    let poses = std::fs::metadata(model.folder.cameras_path()).map_or(0, |file| file.len());
+    // A bundle is one file; the folder beside it may hold another model.
+    let size = |path: &Path| path.metadata().ok().filter(|_| model.bundle_bytes.is_none()).map(|file| file.len());
+    let gaussians = size(&model.folder.point_cloud_path(model.iteration));
+    let poses = size(&model.folder.cameras_path());
+    let bundle = model.bundle_bytes;
     let training = std::fs::read_to_string(model.folder.root().join("result_training.json")).ok();
     let training: Option<Value> = training.and_then(|text| serde_json::from_str(&text).ok());
     let mut report = json!({
         "FPS_warm": warm,
         "passes": PASSES,
         "gaussians": renderer.splats().len(),
-        "storage_bytes": { "gaussians": gaussians, "network": network, "poses": poses, "photos": photos },
+        "storage_bytes": {
+            "gaussians": gaussians, "network": network, "poses": poses, "photos": photos, "bundle": bundle,
+        },
         "memory_reserved_bytes": memory,
         "training": training.as_ref().and_then(|t| t.get(format!("ours_{}", model.iteration))),
         "device": renderer.gpu().describe(),

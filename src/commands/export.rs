@@ -1,7 +1,7 @@
 //! `ibgs export`
 
 use super::Model;
-use super::model::ModelArgs;
+use super::model::{ModelArgs, gaussians};
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
@@ -35,13 +35,15 @@ pub fn run(args: &Args) -> Result<()> {
     if !matches!(kind, "ibgs" | "ply") {
         bail!("{} must end in `.ibgs` or `.ply`", args.output.display());
     }
-    let mut model = Model::open(&args.model)?;
-    let gaussians = model.renderer.splats().download()?;
     if kind == "ply" {
         let flavor = if args.plain { PlyFlavor::Plain } else { PlyFlavor::Full };
-        write_ply(&args.output, &gaussians, flavor)?;
-        return Ok(());
+        return Ok(write_ply(&args.output, &gaussians(&args.model)?, flavor)?);
     }
+    if args.plain {
+        bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
+    }
+    let mut model = Model::open(&args.model)?;
+    let gaussians = model.renderer.splats().download()?;
     let network = model.renderer.part().map(|part| part.network.to_values()).transpose()?;
     let network = network.map(|values| ibgs_core::residual::weights::to_bytes(&values)).transpose()?;
     let dataset = model.dataset(&args.model)?.clone();

@@ -1,18 +1,20 @@
 //! `ibgs info`
 
+use super::model::is_bundle;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
+use ibgs_core::bundle::Bundle;
 use ibgs_core::dataset;
 use ibgs_core::gpu::device::lacking;
 use ibgs_core::gpu::list_adapters;
-use ibgs_core::scene::read_ply;
+use ibgs_core::scene::{Gaussians, read_ply};
 use ibgs_core::train::output::OutputFolder;
 use std::path::{Path, PathBuf};
 
 /// Options of `ibgs info`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene folder, model folder or PLY file; left out: the adapters of this machine.
+    /// Scene folder, model folder, `.ibgs` bundle or PLY file; left out: the adapters of this machine.
     path: Option<PathBuf>,
 }
 
@@ -22,6 +24,7 @@ pub fn run(args: &Args) -> Result<()> {
         None => adapters(),
         Some(path) if !path.exists() => bail!("{} does not exist; check the path", path.display()),
         Some(path) if path.extension().is_some_and(|e| e == "ply") => model_file(path),
+        Some(path) if is_bundle(path) => bundle(path),
         Some(path) if path.join("point_cloud").is_dir() => model_folder(path),
         Some(path) => scene(path),
     }
@@ -52,7 +55,11 @@ fn adapters() -> Result<()> {
 }
 
 fn model_file(path: &Path) -> Result<()> {
-    let g = read_ply(path)?;
+    gaussians(path, &read_ply(path)?);
+    Ok(())
+}
+
+fn gaussians(path: &Path, g: &Gaussians) {
     println!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
     let bounds = |axis: usize| {
         let values = g.means.iter().map(|m| m[axis]);
@@ -62,6 +69,14 @@ fn model_file(path: &Path) -> Result<()> {
         let (low, high) = bounds(axis);
         println!("   {name} from {low:.3} to {high:.3}");
     }
+}
+
+fn bundle(path: &Path) -> Result<()> {
+    let bundle = Bundle::read(path)?;
+    let network = if bundle.network.is_some() { "a" } else { "no" };
+    println!("{}: bundle with {} views and {} photos", path.display(), bundle.cameras.len(), bundle.photos.len());
+    println!("   iteration {}, {network} residual network", bundle.iteration);
+    gaussians(path, &bundle.gaussians);
     Ok(())
 }
 

@@ -59,6 +59,8 @@ pub struct Model {
     dataset: Option<Dataset>,
     /// Bytes of the residual network's file.
     pub network_bytes: u64,
+    /// Bytes of the bundle, where the model is one.
+    pub bundle_bytes: Option<u64>,
 }
 
 /// A model before it is on the device.
@@ -70,6 +72,7 @@ struct Loaded {
     gaussians: Gaussians,
     network: Option<Vec<f32>>,
     network_bytes: u64,
+    bundle_bytes: Option<u64>,
     /// Training photos by name, where the model brings them.
     photos: Option<HashMap<String, Arc<Photo>>>,
     /// Another program wrote it: the scene tells its cameras.
@@ -79,8 +82,7 @@ struct Loaded {
 impl Model {
     /// Opens a model.
     pub fn open(args: &ModelArgs) -> Result<Self> {
-        let is_bundle = args.model.extension().is_some_and(|e| e == "ibgs") && args.model.is_file();
-        let mut loaded = if is_bundle { from_bundle(&args.model)? } else { from_folder(args)? };
+        let mut loaded = load(args)?;
         if let Some(memory) = args.source_memory {
             loaded.config.sources.memory = memory;
         }
@@ -97,8 +99,8 @@ impl Model {
         let splats = Splats::upload(&loaded.gaussians, &gpu)?;
         let background = [if loaded.config.white_background { 1.0 } else { 0.0 }; 3];
         let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part);
-        let Loaded { folder, config, iteration, cameras, network_bytes, .. } = loaded;
-        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes })
+        let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, .. } = loaded;
+        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes, bundle_bytes })
     }
 
     /// Depth and normals of every frame, also of a model that does not need them.
@@ -115,8 +117,31 @@ impl Model {
     }
 }
 
+/// The Gaussians alone: neither scene nor adapter are needed.
+pub fn gaussians(args: &ModelArgs) -> Result<Gaussians> {
+    Ok(load(args)?.gaussians)
+}
+
+/// Whether a path names a one-file bundle, there or not.
+pub fn is_bundle(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "ibgs") && !path.is_dir()
+}
+
+fn load(args: &ModelArgs) -> Result<Loaded> {
+    let loaded = if is_bundle(&args.model) { from_bundle(&args.model)? } else { from_folder(args)? };
+    let name = args.model.display();
+    if let Some(other) = args.iteration.filter(|&n| n != loaded.iteration) {
+        bail!("{name} holds iteration {} alone, not {other}; leave `--iteration` out", loaded.iteration);
+    }
+    if args.resolution.is_some() && !loaded.foreign {
+        bail!("{name} says itself which photos it was trained on; leave `--resolution` out");
+    }
+    Ok(loaded)
+}
+
 fn from_bundle(path: &Path) -> Result<Loaded> {
     let bundle = Bundle::read(path)?;
+    let bundle_bytes = Some(path.metadata()?.len());
     let network_bytes = bundle.network.as_ref().map_or(0, |bytes| bytes.len() as u64);
     let network = bundle.network.map(|bytes| weights::from_bytes(&bytes, path)).transpose()?;
     Ok(Loaded {
@@ -127,6 +152,7 @@ fn from_bundle(path: &Path) -> Result<Loaded> {
         gaussians: bundle.gaussians,
         network,
         network_bytes,
+        bundle_bytes,
         photos: Some(bundle.photos.into_iter().collect()),
         foreign: false,
     })
@@ -142,8 +168,10 @@ fn from_folder(args: &ModelArgs) -> Result<Loaded> {
     let network = path.as_deref().map(weights::load).transpose()?;
     let network_bytes = path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-    let cameras = folder.read_cameras()?;
-    Ok(Loaded { config, iteration, cameras, gaussians, network, network_bytes, photos: None, foreign, folder })
+    // Those of the scene take the place of a foreign folder's.
+    let cameras = if foreign && args.source.is_some() { Vec::new() } else { folder.read_cameras()? };
+    let (bundle_bytes, photos) = (None, None);
+    Ok(Loaded { folder, config, iteration, cameras, gaussians, network, network_bytes, bundle_bytes, photos, foreign })
 }
 
 /// How the published code trains and measures: its model folders have no options file of ours.

@@ -7,7 +7,6 @@ use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
-use ibgs_core::files::write_atomically;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
@@ -190,6 +189,7 @@ pub fn run(args: &Args) -> Result<()> {
     config.validate()?;
     // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
     refuse_output(args)?;
+    let start = config.init.as_deref().map(read_ply).transpose()?;
     let scene = config.data.source.clone().map(|source| load_scene(&config.data, config.seed, &source)).transpose()?;
     if scene.is_none() {
         refuse_scene_options(&config.data)?;
@@ -202,9 +202,8 @@ pub fn run(args: &Args) -> Result<()> {
     let started = Instant::now();
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
     gpu.warm_up();
-    let trainer = match &config.init {
-        Some(path) => {
-            let start = read_ply(path)?;
+    let trainer = match start {
+        Some(start) => {
             config.sh_degree = start.sh_degree;
             Trainer::from_gaussians(raster.clone(), &dataset, &config, &start)?
         }
@@ -254,7 +253,9 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
     let size = usize::from(!software);
     // An options file counts in full: one that an earlier run wrote must give that run again.
     if args.config.is_none() {
-        config.iterations = args.iterations.unwrap_or(DEMO_ITERATIONS[size]);
+        let usual = DEMO_ITERATIONS[size];
+        let usual = if args.init.is_some() { usual.min(WARM_ITERATIONS) } else { usual };
+        config.iterations = args.iterations.unwrap_or(usual);
         config.densify.max_splats = args.max_splats.unwrap_or(DEMO_SPLATS[size]);
         config.residual.factor = args.stages.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
     }
@@ -390,10 +391,11 @@ impl Run {
         // Without planes the file is exactly what other programs write and read.
         let planes = self.config.method == Method::Ibgs;
         let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
-        write_ply(&self.folder.point_cloud_path(iteration), &gaussians, flavor)?;
+        // The network first: a folder holds a model once it holds its Gaussians, and never a model without its network.
         if let Some(part) = self.trainer.renderer().part() {
             part.network.save(&self.folder.network_save_path(iteration))?;
         }
+        write_ply(&self.folder.point_cloud_path(iteration), &gaussians, flavor)?;
         Ok(())
     }
 
@@ -421,14 +423,12 @@ impl Run {
 
     /// Writes how long the training took, for `ibgs eval`.
     fn write_time(&self) -> Result<()> {
-        let time = json!({ format!("ours_{}", self.trainer.iteration()): {
+        let time = json!({
             "seconds": self.training.as_secs_f64(),
             "iterations": self.trainer.iteration(),
             "device": self.raster.gpu().describe(),
-        } });
-        let path = self.folder.root().join("result_training.json");
-        write_atomically(&path, |out| serde_json::to_writer_pretty(out, &time).map_err(Into::into))?;
-        Ok(())
+        });
+        Ok(self.folder.write_result(self.trainer.iteration(), "result_training.json", time)?)
     }
 }
 

@@ -84,6 +84,12 @@ fn options_that_make_no_sense() {
     train("-r 0", &["--resolution", "`0`"]);
     train("--max-resolution 0", &["max-resolution", "0"]);
     train("--config nowhere.toml", &["nowhere.toml"]);
+    train("--sources 9", &["`sources.used` is 9", "1 and 8"]);
+    train("--visible-sources 0", &["`sources.visible` is 0", "1 and 4"]);
+    train("--source-angle 0", &["`sources.max-angle-deg` is 0"]);
+    train("--intersections 3", &["`surface.intersections` is 3", "2, 4, 6 or 8"]);
+    train("--residual-factor 0.3", &["`residual.factor` is 0.3", "1, 0.5 or 0.25"]);
+    train("--init nowhere.ply", &["nowhere.ply"]);
     sandbox.fails("train scene -m out --images nowhere", &["nowhere"]);
     sandbox.fails("bench --iterations 0", &["--iterations"]);
     sandbox.fails("bench --size 64", &["--size", "`64`", "WIDTHxHEIGHT"]);
@@ -107,12 +113,16 @@ fn options_of_a_scene_on_disk_do_not_pass_silently_for_the_built_in_one() {
 #[test]
 fn option_files_with_mistakes() {
     let (sandbox, _) = Sandbox::with_scene();
-    let cases: [(&str, &[&str]); 5] = [
+    let cases: [(&str, &[&str]); 8] = [
         ("seed = 1\nsead = 2\n", &["run.toml, line 2", "`sead`"]),
         ("[densify]\nintervall = 5\n", &["run.toml, line 2", "`intervall`"]),
         ("iterations = \"many\"\n", &["run.toml, line 1"]),
         ("iterations = \n", &["run.toml, line 1"]),
         ("sh-degree = 9\n", &["run.toml", "`sh-degree` is 9"]),
+        // Constants of the method, no options.
+        ("[exposure]\nmin-pixels = 64\n", &["run.toml, line 2", "`min-pixels`"]),
+        ("[exposure]\nmax-dissimilarity = 0.5\n", &["run.toml, line 2", "`max-dissimilarity`"]),
+        ("[residual]\nburn-in-gain = 1.5\n", &["run.toml", "`residual.burn-in-gain` is 1.5"]),
     ];
     for (text, fragments) in cases {
         sandbox.write("run.toml", text);
@@ -136,11 +146,17 @@ fn wrong_usage_ends_with_2() {
     wrong("train scene --principal-point middle", &["middle"]);
     wrong("train scene --seed 1.5", &["1.5"]);
     wrong("render", &["required"]);
+    wrong("train scene --source-memory much", &["much", "512MiB"]);
+    wrong("train scene --source-distance far", &["far", "adaptive"]);
     wrong("render model --views some", &["some"]);
+    wrong("render model --outputs base,colour", &["colour"]);
+    wrong("render model --source-memory -1", &["-1"]);
+    wrong("export model", &["required"]);
     wrong("render model -o frames", &["required"]);
     wrong("paint", &["paint"]);
     assert_eq!(sandbox.run("").code, Some(2));
-    for page in ["--help", "--version", "train --help", "render --help", "eval --help", "info --help", "bench --help"] {
-        assert!(!sandbox.succeeds(page).stdout.is_empty(), "{page}");
+    assert!(!sandbox.succeeds("--version").stdout.is_empty());
+    for page in ["", "train", "render", "eval", "export", "info", "bench"] {
+        assert!(!sandbox.succeeds(&format!("{page} --help")).stdout.is_empty(), "{page}");
     }
 }

@@ -8,7 +8,14 @@ use std::process::Command;
 #[test]
 fn adapters_that_are_not_there() {
     let (sandbox, _) = Sandbox::with_model();
-    let commands = ["train scene -m out --iterations 2", "train -m out", "render model", "eval model", "bench"];
+    let commands = [
+        "train scene -m out --iterations 2",
+        "train -m out",
+        "render model",
+        "eval model",
+        "bench",
+        "export model -o a.ibgs",
+    ];
     for command in commands {
         sandbox.fails(&format!("{command} --adapter nosuch"), &["--adapter nosuch", "this machine has: 0: "]);
     }
@@ -136,13 +143,18 @@ fn full_disks() {
     sandbox.fails("train scene --iterations 2 -m disk/model", &["disk/model", advice]);
     drop(disk);
     // Room for that, but not for the model: the run ends, and no part of a model is left.
-    let Some(_disk) = Disk::mount(&path, "44k") else { return };
+    let Some(disk) = Disk::mount(&path, "44k") else { return };
     let outcome = sandbox.run("train scene --iterations 2 -m disk/model");
     outcome.assert_failure(1, &["point_cloud.ply", advice]);
-    let files = super::files_in(&path);
-    assert_eq!(
-        files,
-        ["cameras.json", "config.toml", "input.ply", "multi_view.json", "split.json"]
-            .map(|name| format!("model/{name}"))
-    );
+    let mut expected = ["cameras.json", "config.toml", "input.ply", "multi_view.json", "split.json"]
+        .map(|name| format!("model/{name}"))
+        .to_vec();
+    assert_eq!(super::files_in(&path), expected);
+    drop(disk);
+    // Room for the Gaussians of the first iteration, but not for the network of the second: no model without its network.
+    let Some(_disk) = Disk::mount(&path, "200k") else { return };
+    let outcome = sandbox.run("train scene --iterations 2 -m disk/model");
+    outcome.assert_failure(1, &["iteration_2", "residual_network.safetensors", advice]);
+    expected.insert(4, "model/point_cloud/iteration_1/point_cloud.ply".to_owned());
+    assert_eq!(super::files_in(&path), expected);
 }

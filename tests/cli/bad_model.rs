@@ -8,7 +8,14 @@ const PLY: &str = "model/point_cloud/iteration_3/point_cloud.ply";
 /// Every command that opens a model fails in the same way.
 #[track_caller]
 fn all_fail(sandbox: &Sandbox, fragments: &[&str]) {
-    for command in ["render model", "render model --camera-path path.json -o frames", "eval model", "bench model"] {
+    for command in [
+        "render model",
+        "render model --camera-path path.json -o frames",
+        "eval model",
+        "bench model",
+        "export model -o model.ibgs",
+        "export model -o model.ply",
+    ] {
         sandbox.fails(command, fragments);
     }
 }

@@ -16,7 +16,8 @@ fn saved(model: &Path) -> Vec<u32> {
 #[test]
 fn an_interrupted_training_saves_and_evaluates() {
     let (sandbox, _) = Sandbox::with_scene();
-    let arguments = "train scene --iterations 1000000 --eval -m model --save-iterations 3";
+    sandbox.write("run.toml", "[surface]\nstart = 1\n[residual]\nstart = 2\n");
+    let arguments = "train scene --config run.toml --iterations 1000000 --eval -m model --save-iterations 3";
     let mut command = sandbox.command(arguments);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let first = sandbox.path("model/point_cloud/iteration_3/point_cloud.ply");
@@ -29,9 +30,16 @@ fn an_interrupted_training_saves_and_evaluates() {
     let iterations = saved(&sandbox.path("model"));
     let last = *iterations.last().unwrap();
     assert!(iterations[0] == 3 && last < 1_000_000, "{iterations:?}");
-    let results = sandbox.json("model/results_renders.json");
-    assert_eq!(results[format!("ours_{last}")]["views"], 2, "{results}");
+    for name in ["renders", "renders_aggregate"] {
+        let results = sandbox.json(&format!("model/results_{name}.json"));
+        assert_eq!(results[format!("ours_{last}")]["views"], 2, "{results}");
+    }
+    assert_eq!(sandbox.json("model/result_training.json")[format!("ours_{last}")]["iterations"], last);
+    for iteration in [3, last] {
+        let folder = sandbox.path(&format!("model/point_cloud/iteration_{iteration}"));
+        assert!(folder.join("residual_network.safetensors").is_file(), "{iteration}");
+    }
     let info = sandbox.succeeds("info model");
     assert!(info.stdout.contains(&format!("latest iteration {last}")), "{info}");
-    sandbox.succeeds("render model");
+    sandbox.succeeds("render model --outputs final");
 }

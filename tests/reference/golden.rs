@@ -95,7 +95,7 @@ fn half(bits: u16) -> f64 {
 }
 
 /// The path of a golden file, or None (said aloud with the name of the running test) where it is absent.
-fn golden_file(name: &str) -> Option<PathBuf> {
+pub fn golden_file(name: &str) -> Option<PathBuf> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/golden"));
     let path = folder.join(name);
     if path.is_file() {

@@ -2,6 +2,7 @@
 
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Photo, View};
+use crate::fuse::sources::SourceOptions;
 use crate::gpu::{Gpu, GpuError};
 use crate::raster::{RasterView, Rasterizer};
 use crate::render::render_base;
@@ -87,10 +88,17 @@ fn views(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Datase
     Ok(Dataset { path: Default::default(), views, train, test: Vec::new(), points: Vec::new(), notes: Vec::new() })
 }
 
+/// Neighbours of the measured view.
+pub const NEIGHBOURS: u32 = 4;
+
 /// Options of a training in which every stage of the method is at work from the second iteration on and nothing is densified.
-fn options(method: Method) -> TrainConfig {
-    let mut config = TrainConfig { method, iterations: 1_000_000, sh_interval: Some(1), ..TrainConfig::default() };
-    config.densify.end = Some(1);
+/// How much the stages compute is the model's own.
+fn options(method: Method, model: &TrainConfig) -> TrainConfig {
+    let usual = TrainConfig::default();
+    let sources = SourceOptions { used: model.sources.used, visible: model.sources.visible, ..usual.sources };
+    let (surface, residual, exposure) = (model.surface.clone(), model.residual.clone(), model.exposure.clone());
+    let mut config = TrainConfig { method, sources, surface, residual, exposure, ..usual };
+    (config.iterations, config.sh_interval, config.densify.end) = (1_000_000, Some(1), Some(1));
     config.learning_rates.mean_initial = 1e-9;
     config.learning_rates.mean_final = 1e-9;
     config.surface.start = Some(0);
@@ -99,8 +107,8 @@ fn options(method: Method) -> TrainConfig {
     config
 }
 
-/// Measures `iterations` frames and training iterations after as many for warm-up. The photos are the model's own
-/// pictures, so the model hardly moves.
+/// Measures `iterations` frames and training iterations after as many for warm-up, by `method` with the image-based
+/// stages as `model` has them. The photos are the model's own pictures, so the model hardly moves.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
@@ -108,12 +116,12 @@ pub fn measure(
     gpu: &Arc<Gpu>,
     gaussians: &Gaussians,
     camera: &Camera,
-    method: Method,
+    (method, model): (Method, &TrainConfig),
     iterations: u32,
 ) -> Result<Timing, TrainError> {
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
     let dataset = views(&raster, &Splats::upload(gaussians, gpu)?, camera)?;
-    let mut trainer = Trainer::from_gaussians(raster.clone(), &dataset, &options(method), gaussians)?;
+    let mut trainer = Trainer::from_gaussians(raster.clone(), &dataset, &options(method, model), gaussians)?;
     let time = |count: u32, work: &mut dyn FnMut() -> Result<(), TrainError>| -> Result<f64, TrainError> {
         gpu.wait()?;
         let start = Instant::now();

@@ -4,9 +4,12 @@
 //! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, or the built-in demo scene).
 //! 2. [`scene`] turns the points into Gaussians, on the host and on the device, and reads and writes PLY.
 //! 3. [`raster`] projects, sorts and blends them, forward and backward, as a burn autodiff operation.
-//! 4. [`loss`] compares the image with the photo.
-//! 5. [`train`] runs the loop: schedule, optimiser, densification, output folder.
-//! 6. [`render`] and [`eval`] use the trained model.
+//! 4. [`fuse`] chooses the source views, keeps their photos and depth maps, and warps them into the view.
+//! 5. [`residual`] makes the warped colours a residual with a small network, and adds it to the base image.
+//! 6. [`loss`] compares base and final image with the photo, and the surface with itself and with the sources.
+//! 7. [`train`] runs the loop: schedule, optimiser, densification, output folder.
+//! 8. [`render`] is the one path from a model to images, which training, [`eval`] and [`bench`] use too.
+//! 9. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR.
 //!
 //! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
 

@@ -1,7 +1,9 @@
 //! The training views' own median-depth maps, kept on the GPU until the model changes (method.md section 5).
 //!
-//! Maps are float32: the visibility test compares depths to 1 %, which half floats would resolve too, but they are the very
-//! buffers that the geometry pass wrote, so keeping them costs no copy. A map of 1 megapixel takes 4 MB, as its photo does.
+//! Maps are float32, as the geometry pass writes them: the visibility test compares depths to 1 %, which half floats would
+//! resolve too, at the cost of a kernel that converts. A renderer keeps the very buffer of a depth pass; training copies the
+//! map of each view that it has just trained, for the pass's own buffer is used again in the next iteration. A map of
+//! 1 megapixel takes 4 MB, as its photo does.
 
 use crate::gpu::Buffer;
 use std::collections::HashMap;

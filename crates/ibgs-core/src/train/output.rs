@@ -2,94 +2,46 @@
 //!
 //! ```text
 //! config.toml  cameras.json  split.json  input.ply
+//! multi_view.json                                      sources of each view
 //! point_cloud/iteration_N/point_cloud.ply
-//! multi_view.json  (sources of each view)
-//! test/ours_N/{gt,renders,renders_aggregate,predicted_residual,renders_depth,renders_normal,visibility}/NAME.png
-//! results_renders.json  per_view_renders.json  results_renders_aggregate.json  per_view_renders_aggregate.json
+//! point_cloud/iteration_N/residual_network.safetensors from the first iteration with a residual on
+//! {test,train}/ours_N/OUTPUT/NAME.png                  OUTPUT: gt, renders, renders_aggregate, predicted_residual,
+//!                                                      renders_depth, renders_normal, visibility
+//! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
+//! path/ours_N/                                         frames of a camera path
+//! results_renders.json  per_view_renders.json          scores of the base image
+//! results_renders_aggregate.json  per_view_renders_aggregate.json
+//!                                                      scores of the final image
+//! result_training.json                                 time of the training
+//! result_fps_mem.json                                  speed, memory and storage, once measured
 //! ```
+//! A folder of the published code has no `config.toml`, and its network in `color_aggregation_network.pth`.
 
 pub mod cameras;
+mod error;
 pub mod multi_view;
 pub mod results;
 
-use super::config::{ConfigError, Method, TrainConfig};
+pub use error::OutputError;
+
+use super::config::{Method, TrainConfig};
 use crate::dataset::Dataset;
 use crate::files::{self, WriteError};
 use crate::fuse::sources::First;
 use crate::residual::weights;
-use crate::scene::{SceneError, write_points_ply};
+use crate::scene::write_points_ply;
 use cameras::{CameraRecord, Split};
 use multi_view::ViewSources;
 use results::{Protocol, Scored, ViewScore};
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
-use thiserror::Error;
 
 /// What one file of the folder says about the run, by name; used to tell our folders from others.
 const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
 
 /// Extensions of photo names, which a picture's `.png` replaces.
 const PHOTO_EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "bmp", "webp"];
-
-/// Why the output folder cannot be used.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum OutputError {
-    /// A model is there already.
-    #[error(
-        "{} already holds a model trained for {iteration} iterations; choose another folder or allow overwriting it",
-        path.display()
-    )]
-    HoldsModel {
-        /// The folder.
-        path: PathBuf,
-        /// Its latest iteration.
-        iteration: u32,
-    },
-    /// The folder belongs to something else.
-    #[error(
-        "{} holds a `{file}` that no training run wrote, perhaps it is a scene folder; choose another output folder or allow overwriting it",
-        path.display()
-    )]
-    Foreign {
-        /// The folder.
-        path: PathBuf,
-        /// The file that would be replaced.
-        file: &'static str,
-    },
-    /// The folder is no model.
-    #[error("{} holds no trained model (no point_cloud/iteration_N/point_cloud.ply); train one or check the path", path.display())]
-    NoModel {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The operating system refused to read.
-    #[error("cannot read {}: {source}; check the path", path.display())]
-    Read {
-        /// File or folder.
-        path: PathBuf,
-        /// What the operating system said.
-        source: io::Error,
-    },
-    /// A JSON file of the folder does not have the form it should.
-    #[error("{} is damaged: {reason}; restore it or train again", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, with line or camera.
-        reason: String,
-    },
-    /// Writing failed.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// The options cannot be written or read.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// A PLY file cannot be written.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-}
 
 /// What to do with a model that is in the folder already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -309,15 +261,20 @@ impl OutputFolder {
         scores: &[ViewScore],
         protocol: &Protocol,
     ) -> Result<(), OutputError> {
-        let key = format!("ours_{iteration}");
         let [summary, per_view] = scored.files();
-        for (name, value) in [(summary, results::summary(scores, protocol)), (per_view, results::per_view(scores))] {
-            let path = self.root.join(name);
-            let mut all = read_object(&path)?;
-            all.insert(key.clone(), value);
-            write_json(&path, &all.into())?;
-        }
-        Ok(())
+        self.write_result(iteration, summary, results::summary(scores, protocol))?;
+        self.write_result(iteration, per_view, results::per_view(scores))
+    }
+
+    /// Adds what was measured at `iteration` to a results file, which keeps its other iterations.
+    ///
+    /// # Errors
+    /// [`OutputError::Damaged`] when the file is there and no JSON object, [`OutputError::Write`].
+    pub fn write_result(&self, iteration: u32, file: &str, value: serde_json::Value) -> Result<(), OutputError> {
+        let path = self.root.join(file);
+        let mut all = read_object(&path)?;
+        all.insert(format!("ours_{iteration}"), value);
+        Ok(write_json(&path, &all.into())?)
     }
 
     /// Sub-folders `PREFIX<number>` of a folder, with their numbers.
@@ -368,7 +325,9 @@ impl OutputFolder {
             }
         }
         let scores = [Scored::Base, Scored::Final].map(Scored::files);
-        for file in scores.as_flattened().iter().chain(&["result_fps_mem.json", "multi_view.json"]) {
+        for file in
+            scores.as_flattened().iter().chain(&["result_fps_mem.json", "result_training.json", "multi_view.json"])
+        {
             let path = self.root.join(file);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

@@ -232,7 +232,6 @@ fn check_exposure(exposure: &ExposureConfig, check: &Check<'_>) -> Result<(), Co
     check.numbers(
         "exposure.",
         &[
-            ("max-dissimilarity", exposure.max_dissimilarity, Range::NotNegative),
             ("learning-rate", exposure.learning_rate, Range::NotNegative),
             ("beta1", exposure.beta1, Range::Decay),
             ("beta2", exposure.beta2, Range::Decay),

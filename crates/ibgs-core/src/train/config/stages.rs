@@ -57,8 +57,6 @@ pub struct ExposureConfig {
     pub enabled: bool,
     /// The scalars of each photo count after this iteration; unset: 1000, scaled.
     pub scalars_from: Option<u32>,
-    /// The scalars count while 1 - SSIM of the image is below this.
-    pub max_dissimilarity: f64,
     /// Learning rate of the scalars.
     pub learning_rate: f64,
     /// Decay of Adam's first moment.
@@ -67,8 +65,6 @@ pub struct ExposureConfig {
     pub beta2: f64,
     /// Added to the root of Adam's second moment.
     pub epsilon: f64,
-    /// The affine map of the residual stage needs so many pixels that the first source sees.
-    pub min_pixels: u32,
 }
 
 impl Default for SurfaceConfig {
@@ -98,15 +94,6 @@ impl Default for ResidualConfig {
 
 impl Default for ExposureConfig {
     fn default() -> Self {
-        Self {
-            enabled: false,
-            scalars_from: None,
-            max_dissimilarity: 0.5,
-            learning_rate: 1e-3,
-            beta1: 0.9,
-            beta2: 0.99,
-            epsilon: 1e-8,
-            min_pixels: 64,
-        }
+        Self { enabled: false, scalars_from: None, learning_rate: 1e-3, beta1: 0.9, beta2: 0.99, epsilon: 1e-8 }
     }
 }
