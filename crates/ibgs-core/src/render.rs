@@ -109,13 +109,16 @@ struct ImageStage {
     depths: Mutex<DepthCache>,
 }
 
+/// The final image, and which sources its pixels see where there are any.
+type FinalImage = (Tensor<3>, Option<Arc<Lease<Seen>>>);
+
 /// A rendered view, still on the device.
 #[derive(Debug)]
 pub struct Frame {
     gpu: Arc<Gpu>,
     forward: Forward,
     /// The final image, where the model has a network; with which sources each pixel sees, where there are any.
-    image: Option<(Tensor<3>, Option<Arc<Lease<Seen>>>)>,
+    image: Option<FinalImage>,
     camera: Camera,
 }
 
@@ -199,7 +202,7 @@ impl Renderer {
         camera: &Camera,
         forward: &Forward,
         room: Room,
-    ) -> Result<(Tensor<3>, Option<Arc<Lease<Seen>>>), GpuError> {
+    ) -> Result<FinalImage, GpuError> {
         let base = forward.image();
         // A training view is no source of itself.
         let own = stage.part.cameras.iter().position(|other| other == camera);

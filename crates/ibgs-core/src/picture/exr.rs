@@ -98,6 +98,9 @@ fn channels(prefix: &str, letters: &[&str], values: &[f32]) -> Vec<AnyChannel<Fl
     letters.iter().enumerate().map(channel).collect()
 }
 
+/// Name of a layer, its channels, and its values where it is wanted.
+type NamedLayer<'a> = (&'a str, &'a [&'a str], Option<&'a [f32]>);
+
 /// Writes an EXR file in one atomic step, folders included.
 ///
 /// # Errors
@@ -108,7 +111,7 @@ fn channels(prefix: &str, letters: &[&str], values: &[f32]) -> Vec<AnyChannel<Fl
 pub fn write(path: &Path, camera: &Camera, layers: &Layers<'_>) -> Result<(), WriteError> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let visibility: Option<Vec<f32>> = layers.visibility.map(|counts| counts.iter().map(|&n| n as f32).collect());
-    let named: [(&str, &[&str], Option<&[f32]>); 6] = [
+    let named: [NamedLayer<'_>; 6] = [
         ("", &["R", "G", "B"], layers.image),
         ("base.", &["R", "G", "B"], layers.base),
         ("residual.", &["R", "G", "B"], layers.residual),
