@@ -8,7 +8,7 @@
 //! 5. [`residual`] makes the warped colours a residual with a small network, and adds it to the base image.
 //! 6. [`loss`] compares base and final image with the photo, and the surface with itself and with the sources.
 //! 7. [`train`] runs the loop: schedule, optimiser, densification, output folder.
-//! 8. [`render`] is the one path from a model to images, which training, [`eval`] and [`bench`] use too.
+//! 8. [`render`] is the one path from a model to images, which training, [`eval`] and [`mod@bench`] use too.
 //! 9. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR.
 //!
 //! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
