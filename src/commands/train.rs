@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
-const DEMO_ITERATIONS: [u32; 2] = [1_000, 10_000];
+const DEMO_ITERATIONS: [u32; 2] = [700, 10_000];
 /// Size of the residual network's images in the demo scene, relative to the photos.
 const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
 /// Iterations of a run that begins with a finished model, when none are asked for.
