@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::eval::{Cache, Score, ViewScores, frames_per_second};
+use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -97,6 +98,5 @@ fn photo_bytes(model: &Model, scene: &Path) -> Option<u64> {
         let candidates = [scene.join(&folder).join(name), scene.join(name)];
         candidates.iter().find_map(|path| path.metadata().ok()).map(|file| file.len())
     };
-    use ibgs_core::train::output::cameras::Split;
     model.cameras.iter().filter(|r| r.split != Some(Split::Test)).map(|r| size(&r.name)).sum()
 }

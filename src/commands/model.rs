@@ -97,7 +97,7 @@ impl Model {
         let gpu = open_gpu(args.adapter.as_ref())?;
         let part = loaded.network.as_ref().map(|n| image_part(&gpu, &loaded, n, dataset.as_ref())).transpose()?;
         let splats = Splats::upload(&loaded.gaussians, &gpu)?;
-        let background = [if loaded.config.white_background { 1.0 } else { 0.0 }; 3];
+        let background = loaded.config.background();
         let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part);
         let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, .. } = loaded;
         Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes, bundle_bytes })

@@ -206,8 +206,7 @@ impl Renderer {
         let base = forward.image();
         // A training view is no source of itself.
         let own = stage.part.cameras.iter().position(|other| other == camera);
-        let mut chosen = stage.finder.neighbours(camera, own);
-        chosen.truncate(stage.part.options.sources.used as usize);
+        let chosen = stage.finder.sources(camera, own);
         if chosen.is_empty() || !stage.residual.fits(camera) {
             return Ok((base, None));
         }
@@ -223,14 +222,8 @@ impl Renderer {
         let mut depths = stage.depths.lock().expect("depth cache");
         let source = |(&index, photo)| {
             let camera = stage.part.cameras[index];
-            let depth = match depths.get(index) {
-                Some(depth) => depth,
-                None => {
-                    let depth = self.raster.depth_map(&self.splats, &self.view(&camera), room)?;
-                    depths.insert(index, depth.clone());
-                    depth
-                }
-            };
+            let make = || self.raster.depth_map(&self.splats, &self.view(&camera), room);
+            let depth = depths.get_or_make(index, make)?;
             Ok(SourceView { camera, photo, depth })
         };
         chosen.iter().zip(photos).map(source).collect()
@@ -238,13 +231,6 @@ impl Renderer {
 }
 
 impl Frame {
-    fn rendered(&self, image: &Tensor<3>) -> Result<Rendered, GpuError> {
-        let Camera { width, height, .. } = self.camera;
-        let tensor = primitive(image.clone());
-        let rgb = self.gpu.read(&Gpu::bind(&tensor), (width * height * 3) as usize)?;
-        Ok(Rendered { width, height, rgb })
-    }
-
     fn pixels(&self) -> usize {
         (self.camera.width * self.camera.height) as usize
     }
@@ -254,7 +240,7 @@ impl Frame {
     /// # Errors
     /// When the device is lost; so with the others.
     pub fn base(&self) -> Result<Rendered, GpuError> {
-        self.rendered(&self.forward.image())
+        read_image(&self.gpu, self.forward.image())
     }
 
     /// The final image; none where the model has no network.
@@ -262,7 +248,7 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn image(&self) -> Result<Option<Rendered>, GpuError> {
-        self.image.as_ref().map(|(image, _)| self.rendered(image)).transpose()
+        self.image.as_ref().map(|(image, _)| read_image(&self.gpu, image.clone())).transpose()
     }
 
     /// Median depth, `[H * W]`, 0 where nothing is met; none where no surface was asked for.
@@ -294,13 +280,17 @@ impl Frame {
     }
 }
 
+/// An image `[H, W, 3]` on the host.
+fn read_image(gpu: &Gpu, image: Tensor<3>) -> Result<Rendered, GpuError> {
+    let [height, width, _] = image.dims();
+    let rgb = gpu.read(&Gpu::bind(&primitive(image)), 3 * height * width)?;
+    Ok(Rendered { width: width as u32, height: height as u32, rgb })
+}
+
 /// The base image of Gaussians alone.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
 pub fn render_base(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Rendered, GpuError> {
-    let image: Tensor<3> = raster.render(splats, &RasterView::new(*camera, splats.sh_degree()))?;
-    let tensor = primitive(image);
-    let rgb = raster.gpu().read(&Gpu::bind(&tensor), (camera.width * camera.height * 3) as usize)?;
-    Ok(Rendered { width: camera.width, height: camera.height, rgb })
+    read_image(raster.gpu(), raster.render(splats, &RasterView::new(*camera, splats.sh_degree()))?)
 }

@@ -2,7 +2,8 @@
 // photo elsewhere, summed over the pixels that count, and the derivatives of SSIM by its windowed moments. A pixel
 // counts when its slot is filled and the photo is valid there. A masked part of the photo is treated as the outside of
 // the image: both are zero there.
-#import ssim
+#import ssim_moments
+#import reduce
 #import seen
 
 // [V, P, 4]: colour and cosine.
@@ -14,11 +15,6 @@
 // (sum of 1 - SSIM, pixels that count) of each workgroup, slot by slot.
 @group(0) @binding(4) var<storage, read_write> partials: array<vec2<f32>>;
 
-var<workgroup> xs: array<f32, SIDE * SIDE>;
-var<workgroup> ys: array<f32, SIDE * SIDE>;
-var<workgroup> rows: array<f32, 5u * SIDE * TILE>;
-var<workgroup> sums: array<vec2<f32>, TILE * TILE>;
-
 @compute @workgroup_size(TILE, TILE)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -27,10 +23,7 @@ fn main(
 ) {
     let c = wid.z;
     let plane = params.size.x * params.size.y;
-    // Moments are taken about the tile's middle photo value: E[x x] - mu mu would cancel in flat bright parts.
-    let middle = min(wid.xy * TILE + TILE / 2u, params.size - 1u);
-    let middle_texel = photo[middle.y * params.size.x + middle.x];
-    let shift = select(0.5, photo_channel(middle_texel, c), photo_valid(middle_texel));
+    let shift = moment_shift(wid.xy, c);
     for (var k = local; k < SIDE * SIDE; k += TILE * TILE) {
         let p = halo_pixel(wid.xy, k);
         var x = 0.0;
@@ -45,32 +38,7 @@ fn main(
         xs[k] = x - shift;
         ys[k] = y - shift;
     }
-    workgroupBarrier();
-    for (var k = local; k < SIDE * TILE; k += TILE * TILE) {
-        let base = (k / TILE) * SIDE + k % TILE;
-        var s = array<f32, 5>();
-        for (var i = 0u; i < 2u * RADIUS + 1u; i++) {
-            let w = SSIM_WINDOW[i];
-            let x = xs[base + i];
-            let y = ys[base + i];
-            s[0] += w * x;
-            s[1] += w * y;
-            s[2] += w * x * x;
-            s[3] += w * y * y;
-            s[4] += w * x * y;
-        }
-        for (var i = 0u; i < 5u; i++) {
-            rows[i * SIDE * TILE + k] = s[i];
-        }
-    }
-    workgroupBarrier();
-    var s = array<f32, 5>();
-    for (var j = 0u; j < 2u * RADIUS + 1u; j++) {
-        let w = SSIM_WINDOW[j];
-        for (var i = 0u; i < 5u; i++) {
-            s[i] += w * rows[i * SIDE * TILE + (lid.y + j) * TILE + lid.x];
-        }
-    }
+    let s = windowed_means(lid, local);
     var result = vec2(0.0);
     let pixel = wid.xy * TILE + lid.xy;
     if all(pixel < params.size) {
@@ -80,19 +48,10 @@ fn main(
             derivatives = ssim_derivatives(s, shift);
             result = vec2(1.0 - derivatives.ssim, 1.0);
         }
-        moments[(3u * c) * plane + p] = derivatives.by_mu;
-        moments[(3u * c + 1u) * plane + p] = derivatives.by_xx;
-        moments[(3u * c + 2u) * plane + p] = derivatives.by_xy;
+        store_derivatives(c, p, derivatives);
     }
-    sums[local] = result;
-    workgroupBarrier();
-    for (var step = TILE * TILE / 2u; step > 0u; step >>= 1u) {
-        if local < step {
-            sums[local] += sums[local + step];
-        }
-        workgroupBarrier();
-    }
+    let sum = reduce(local, vec4(result, 0.0, 0.0));
     if local == 0u {
-        partials[((3u * params.slot + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sums[0];
+        partials[((3u * params.slot + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
     }
 }

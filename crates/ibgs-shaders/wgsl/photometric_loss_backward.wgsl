@@ -1,6 +1,6 @@
 // One workgroup a tile and channel of one slot: gradient of the photometric loss by the warped colours, times the
 // upstream scalar; zero where a pixel does not count. The cosine beside the colour has none.
-#import ssim
+#import ssim_maps
 #import seen
 
 @group(0) @binding(0) var<storage, read> warped: array<f32>;
@@ -12,9 +12,6 @@
 @group(0) @binding(5) var<storage, read> v_loss: array<f32>;
 @group(0) @binding(6) var<storage, read_write> v_warped: array<f32>;
 
-var<workgroup> maps: array<f32, 3u * SIDE * SIDE>;
-var<workgroup> rows: array<f32, 3u * SIDE * TILE>;
-
 @compute @workgroup_size(TILE, TILE)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -23,28 +20,7 @@ fn main(
 ) {
     let c = wid.z;
     let plane = params.size.x * params.size.y;
-    for (var k = local; k < SIDE * SIDE; k += TILE * TILE) {
-        let p = halo_pixel(wid.xy, k);
-        for (var m = 0u; m < 3u; m++) {
-            var value = 0.0;
-            if p >= 0 {
-                value = moments[(3u * c + m) * plane + u32(p)];
-            }
-            maps[m * SIDE * SIDE + k] = value;
-        }
-    }
-    workgroupBarrier();
-    for (var k = local; k < SIDE * TILE; k += TILE * TILE) {
-        let base = (k / TILE) * SIDE + k % TILE;
-        for (var m = 0u; m < 3u; m++) {
-            var sum = 0.0;
-            for (var i = 0u; i < 2u * RADIUS + 1u; i++) {
-                sum += SSIM_WINDOW[i] * maps[m * SIDE * SIDE + base + i];
-            }
-            rows[m * SIDE * TILE + k] = sum;
-        }
-    }
-    workgroupBarrier();
+    load_maps(wid.xy, c, local);
     let pixel = wid.xy * TILE + lid.xy;
     if any(pixel >= params.size) {
         return;
@@ -54,12 +30,7 @@ fn main(
     let texel = photo[p];
     var v = 0.0;
     if photo_valid(texel) && slot_filled(seen[p], params.slot) {
-        var s = vec3(0.0);
-        for (var j = 0u; j < 2u * RADIUS + 1u; j++) {
-            for (var m = 0u; m < 3u; m++) {
-                s[m] += SSIM_WINDOW[j] * rows[m * SIDE * TILE + (lid.y + j) * TILE + lid.x];
-            }
-        }
+        let s = window_sums(lid);
         let by_ssim = s.x + 2.0 * warped[at] * s.y + photo_channel(texel, c) * s.z;
         v = -v_loss[0] * params.lambda * by_ssim / stats[1];
     }

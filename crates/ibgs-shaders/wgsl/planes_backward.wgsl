@@ -2,6 +2,7 @@
 // the raw normal and the raw offset. Departs from the published code (method.md 10.1): each plane gets its derivative once.
 #import index
 #import frame
+#import room
 
 @group(0) @binding(0) var<storage, read> means: array<f32>;
 @group(0) @binding(1) var<storage, read> normals: array<f32>;
@@ -28,8 +29,7 @@ fn main(
     let g = depth_order[rank];
     let start = offsets[rank];
     let end = start + tile_counts[g];
-    // As in project_backward: a pass that ran out of room must not teach anything.
-    let overflow = offsets[frame.count - 1u] + tile_counts[depth_order[frame.count - 1u]] > frame.capacity;
+    let overflow = ran_out_of_room();
     var v_normal = vec3(0.0);
     var v_offset = 0.0;
     if start < end && !overflow && any(planes[g] != vec4(0.0)) {

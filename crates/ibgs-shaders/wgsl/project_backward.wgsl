@@ -2,6 +2,7 @@
 // projected quantities to the raw parameters (method.md sections 1 and 2).
 #import index
 #import frame
+#import room
 #import gaussian
 #import sh
 
@@ -87,8 +88,7 @@ fn main(
     let g = depth_order[rank];
     let start = offsets[rank];
     let end = start + tile_counts[g];
-    // A pass that ran out of room saw only a part of the scene: it must not teach anything.
-    let overflow = offsets[frame.count - 1u] + tile_counts[depth_order[frame.count - 1u]] > frame.capacity;
+    let overflow = ran_out_of_room();
     if start == end || overflow {
         store_zero(g);
         // An absolute value under zero: this view does not count for densification.

@@ -2,6 +2,7 @@
 // from the published code: the bilinear read is differentiated as it was done (method.md 10.3), and the cosine has a
 // derivative (10.4).
 #import source
+#import seen
 
 @group(0) @binding(0) var<storage, read> median_depth: array<f32>;
 @group(0) @binding(1) var<storage, read> slots: array<vec2<f32>>;
@@ -47,7 +48,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let p = id.y * params.size.x + id.x;
     // The packed slot that this source has at this pixel.
     var m = 0u;
-    while m < params.visible && ((seen[p] >> (8u * m)) & 255u) != params.index {
+    while m < params.visible && slot_source(seen[p], m) != params.index {
         m++;
     }
     if m == params.visible {

@@ -39,8 +39,21 @@ impl DepthCache {
         Some(entry.map.clone())
     }
 
-    /// Keeps the map of a training view in place of an older one. The buffer must not be written any more: it may be in use
-    /// by a pass. Its memory lives as long as a clone of it does, also after it has left the cache.
+    /// The map of a training view; where there is none it is made and kept.
+    ///
+    /// # Errors
+    /// What making it meets.
+    pub fn get_or_make<E>(&mut self, view: usize, make: impl FnOnce() -> Result<Buffer, E>) -> Result<Buffer, E> {
+        if let Some(map) = self.get(view) {
+            return Ok(map);
+        }
+        let map = make()?;
+        self.insert(view, map.clone());
+        Ok(map)
+    }
+
+    /// Keeps the map of a training view in place of an older one. Passes that are submitted later may write it again. Its
+    /// memory lives as long as a clone of it does, also after it has left the cache.
     pub fn insert(&mut self, view: usize, map: Buffer) {
         self.remove(view);
         self.clock += 1;

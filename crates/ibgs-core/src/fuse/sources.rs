@@ -98,6 +98,7 @@ pub struct SourceFinder {
     /// Views with fewer candidates take more beyond the most distance; 0: never.
     fill: usize,
     kept: usize,
+    used: usize,
     first: First,
 }
 
@@ -113,6 +114,7 @@ impl SourceFinder {
             distances: [0.0, f64::INFINITY],
             fill: 0,
             kept: options.neighbours as usize,
+            used: options.used as usize,
             first,
         };
         let usual = match options.distances {
@@ -179,6 +181,13 @@ impl SourceFinder {
             }
         }
         chosen.truncate(self.kept);
+        chosen
+    }
+
+    /// Those of [`SourceFinder::neighbours`] that are read for the target: the first [`SourceOptions::used`].
+    pub fn sources(&self, target: &Camera, exclude: Option<usize>) -> Vec<usize> {
+        let mut chosen = self.neighbours(target, exclude);
+        chosen.truncate(self.used);
         chosen
     }
 }

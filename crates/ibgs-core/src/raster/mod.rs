@@ -218,7 +218,7 @@ impl Rasterizer {
                 pass.grid(&RASTERIZE, &blend, bytes_of(&frame), grid);
             }
             Some(s) => {
-                s.record_planes(&mut pass, inputs, &frame);
+                surface::record_planes(&mut pass, inputs, &s.planes, &frame);
                 s.clear_gradients(&mut pass);
                 let blend: [&Buffer; 11] = [
                     &ws.projected,
@@ -308,8 +308,7 @@ impl Rasterizer {
     /// # Errors
     /// Not enough memory, or the device is lost.
     pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<burn::tensor::Tensor<3>, GpuError> {
-        let forward = self.forward_exact(&Inputs::of(splats), view)?;
-        Ok(crate::gpu::buffer::from_primitive(forward.image))
+        Ok(self.forward_exact(&Inputs::of(splats), view)?.image())
     }
 
     /// Image and, where the view asks for one, surface of the model.

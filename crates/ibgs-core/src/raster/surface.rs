@@ -123,10 +123,6 @@ impl Surface {
             && (self.v.is_some() || !gradients)
     }
 
-    pub(super) fn record_planes(&self, pass: &mut Pass, inputs: &Inputs, frame: &Frame) {
-        record_planes(pass, inputs, &self.planes, frame);
-    }
-
     pub(super) fn clear_gradients(&self, pass: &mut Pass) {
         if let Some(v) = &self.v {
             pass.clear(&v.normal_map);

@@ -231,6 +231,11 @@ pub enum ConfigError {
 }
 
 impl TrainConfig {
+    /// Colour behind the Gaussians.
+    pub fn background(&self) -> [f32; 3] {
+        [if self.white_background { 1.0 } else { 0.0 }; 3]
+    }
+
     /// Reads options from a TOML file; fields that are left out have their defaults.
     ///
     /// # Errors

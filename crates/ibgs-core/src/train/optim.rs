@@ -36,21 +36,46 @@ impl Rates {
     }
 }
 
+/// One parameter tensor with its moments.
+pub(super) struct Slot {
+    pub parameter: Bound,
+    pub moments: [Buffer; 2],
+    /// Number of values and values a Gaussian.
+    pub count: usize,
+    pub row: usize,
+}
+
 impl Slot {
-    fn params(&self, config: &AdamConfig, rate: f64, steps: i32) -> AdamParams {
+    /// Moments at zero for a parameter with `row` values a Gaussian.
+    fn new(gpu: &Gpu, (parameter, count, row): (Bound, usize, usize)) -> Result<Self, GpuError> {
+        let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
+        Ok(Self { parameter, moments: [moment()?, moment()?], count, row })
+    }
+
+    /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest`.
+    fn record_step(
+        &self,
+        pass: &mut Pass,
+        gradient: &Buffer,
+        config: &AdamConfig,
+        [rate, rate_rest]: [f64; 2],
+        steps: i32,
+    ) {
         let correction = |beta: f64| (1.0 / (1.0 - beta.powi(steps))) as f32;
-        AdamParams {
+        let params = AdamParams {
             count: self.count as u32,
             row: self.row as u32,
-            head: self.row as u32,
+            head: 3,
             rate: rate as f32,
-            rate_rest: rate as f32,
+            rate_rest: rate_rest as f32,
             beta1: config.beta1 as f32,
             beta2: config.beta2 as f32,
             eps: config.epsilon as f32,
             correction1: correction(config.beta1),
             correction2: correction(config.beta2),
-        }
+        };
+        let [first, second] = &self.moments;
+        pass.linear(&ADAM, &[gradient, &self.parameter, first, second], bytes_of(&params), self.count);
     }
 }
 
@@ -68,19 +93,14 @@ impl TensorOptimizer {
     /// Not enough memory.
     pub fn new(gpu: &Gpu, parameter: &CubeTensor, config: AdamConfig) -> Result<Self, GpuError> {
         let count: usize = parameter.meta.shape().iter().product();
-        let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
-        let slot = Slot { parameter: Gpu::bind(parameter), moments: [moment()?, moment()?], count, row: 1 };
-        Ok(Self { slot, config, steps: 0 })
+        Ok(Self { slot: Slot::new(gpu, (Gpu::bind(parameter), count, 1))?, config, steps: 0 })
     }
 
     /// Moves the tensor one step.
     pub fn step(&mut self, gpu: &Gpu, gradient: &CubeTensor, rate: f64) {
         self.steps += 1;
-        let params = self.slot.params(&self.config, rate, self.steps);
-        let [first, second] = &self.slot.moments;
         let mut pass = Pass::new(gpu, "adam");
-        let buffers: [&Buffer; 4] = [&Gpu::bind(gradient), &self.slot.parameter, first, second];
-        pass.linear(&ADAM, &buffers, bytes_of(&params), self.slot.count);
+        self.slot.record_step(&mut pass, &Gpu::bind(gradient), &self.config, [rate; 2], self.steps);
         pass.submit();
     }
 }
@@ -92,15 +112,6 @@ pub struct Optimizer {
     config: AdamConfig,
     /// Steps taken by the base and by the planes, which begin later.
     steps: [i32; 2],
-}
-
-/// One parameter tensor with its moments.
-pub(super) struct Slot {
-    pub parameter: Bound,
-    pub moments: [Buffer; 2],
-    /// Number of values and values a Gaussian.
-    pub count: usize,
-    pub row: usize,
 }
 
 fn parameters(splats: &Splats, planes: bool) -> Vec<(Bound, usize, usize)> {
@@ -129,11 +140,8 @@ impl Optimizer {
     /// # Errors
     /// Not enough memory.
     pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, planes: bool) -> Result<Self, GpuError> {
-        let slot = |(parameter, count, row): (Bound, usize, usize)| {
-            let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
-            Ok(Slot { parameter, moments: [moment()?, moment()?], count, row })
-        };
-        let slots = parameters(splats, planes).into_iter().map(slot).collect::<Result<_, GpuError>>()?;
+        let parameters = parameters(splats, planes).into_iter();
+        let slots = parameters.map(|parameter| Slot::new(gpu, parameter)).collect::<Result<_, _>>()?;
         Ok(Self { slots, config, steps: [0; 2] })
     }
 
@@ -165,12 +173,9 @@ impl Optimizer {
             self.steps[1] += 1;
         }
         let mut pass = Pass::new(gpu, "adam");
-        for (i, ((slot, gradient), [rate, rate_rest])) in self.slots.iter().zip(&tensors).zip(rates.0).enumerate() {
+        for (i, ((slot, gradient), rates)) in self.slots.iter().zip(&tensors).zip(rates.0).enumerate() {
             let steps = self.steps[usize::from(i >= BASE)];
-            let params = AdamParams { head: 3, rate_rest: rate_rest as f32, ..slot.params(&self.config, rate, steps) };
-            let [first, second] = &slot.moments;
-            let buffers: [&Buffer; 4] = [&Gpu::bind(gradient), &slot.parameter, first, second];
-            pass.linear(&ADAM, &buffers, bytes_of(&params), slot.count);
+            slot.record_step(&mut pass, &Gpu::bind(gradient), &self.config, rates, steps);
         }
         pass.submit();
     }

@@ -11,7 +11,7 @@ use crate::fuse::sources::SourceFinder;
 use crate::fuse::{SourceView, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
-use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::gpu::{Gpu, GpuError, Pass};
 use crate::loss::{
     ExposureAdam, ExposureScalars, ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers, Target,
 };
@@ -95,11 +95,7 @@ impl ImageStages {
     pub fn new(gpu: &Arc<Gpu>, cameras: Arc<[Camera]>, config: &TrainConfig) -> Result<Self, GpuError> {
         let options = ImageOptions::new(config);
         let finder = SourceFinder::new(&cameras, &options.sources, options.first());
-        let sources = |(index, camera): (usize, &Camera)| {
-            let mut found = finder.neighbours(camera, Some(index));
-            found.truncate(options.sources.used as usize);
-            found
-        };
+        let sources = |(index, camera): (usize, &Camera)| finder.sources(camera, Some(index));
         let network = ResidualNetwork::init(gpu, config.seed);
         let residual = &config.residual;
         let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
@@ -190,18 +186,10 @@ impl ImageStages {
         let mut views = Vec::with_capacity(chosen.len());
         for (&index, photo) in chosen.iter().zip(photos) {
             let camera = self.cameras[index];
-            let depth = match self.depths.get(index) {
-                Some(depth) => depth,
-                None => {
-                    let view = RasterView {
-                        surface: Some(self.options.surface),
-                        ..RasterView::new(camera, work.splats.sh_degree())
-                    };
-                    let depth = work.raster.depth_map(work.splats, &view, Room::Checked)?;
-                    self.depths.insert(index, depth.clone());
-                    depth
-                }
-            };
+            let view =
+                RasterView { surface: Some(self.options.surface), ..RasterView::new(camera, work.splats.sh_degree()) };
+            let make = || work.raster.depth_map(work.splats, &view, Room::Checked);
+            let depth = self.depths.get_or_make(index, make)?;
             views.push(SourceView { camera, photo, depth });
         }
         Ok(views)
@@ -220,14 +208,7 @@ impl ImageStages {
         if let Some(surface) = work.forward.surface() {
             let Camera { width, height, .. } = self.cameras[work.index];
             let bytes = 4 * u64::from(width) * u64::from(height);
-            let kept: Buffer = match self.depths.get(work.index) {
-                Some(kept) => kept,
-                None => {
-                    let kept = self.gpu.allocate("median depth", bytes)?;
-                    self.depths.insert(work.index, kept.clone());
-                    kept
-                }
-            };
+            let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", bytes))?;
             pass.copy(&surface.median_depth, &kept, 0, bytes);
         }
         pass.submit();

@@ -1,7 +1,6 @@
 //! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
 
-use super::config::Method;
-use super::config::TrainConfig;
+use super::config::{Method, TrainConfig};
 use super::densify::{self, Round, Statistics};
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
@@ -162,7 +161,7 @@ impl Trainer {
 
     /// Colour behind the Gaussians.
     pub fn background(&self) -> [f32; 3] {
-        [if self.config.white_background { 1.0 } else { 0.0 }; 3]
+        self.config.background()
     }
 
     /// Iterations done.
