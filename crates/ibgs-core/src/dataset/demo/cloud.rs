@@ -14,7 +14,7 @@ const NOISE: f64 = 0.01;
 /// Share of points that lie anywhere in the room.
 const OUTLIERS: f64 = 0.02;
 /// Share of the hits on glossy and mirror-like surfaces that become points: such surfaces match badly. Their points
-/// lie on the surface, never on the mirrored room behind it.
+/// lie on the surface: mirror images in curved surfaces lie close behind it.
 const KEPT_ON_MIRRORS: f64 = 0.25;
 
 /// Points seen in random pixels of the training photos, with the colour of that pixel.

@@ -1,4 +1,4 @@
-//! The built-in demo scene: a furnished room with a lacquered sphere, a mirror and a golden ring, ray traced on the
+//! The built-in demo scene: a furnished room with a lacquered sphere, a mirror ball and a golden ring, ray traced on the
 //! CPU when first needed and cached on disk as a nerfstudio scene folder.
 //!
 //! Everything is a pure function of [`DemoOptions`]: no clock, no thread order and no libm enters a pixel, so two
@@ -26,11 +26,11 @@ use std::sync::{Arc, Mutex};
 
 pub use mesh::{TriangleMesh, mesh};
 pub use poses::{cameras, look_at};
-pub use scene::{BALL, CUBE, FRAME, GLOSSY_SPHERE, LAMP, MIRROR, RING, ROOM, TABLE, is_view_dependent};
+pub use scene::{BALL, CUBE, GLOSSY_SPHERE, LAMP, MIRROR, RING, ROOM, STAND, TABLE, is_view_dependent};
 pub use trace::{Truth, render_photo, truth};
 
 /// Version of the scene; any change to a traced pixel, a pose or a point raises it, and old caches are left behind.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Every view whose index by name is a multiple of this is held out.
 const TEST_EVERY: usize = 8;

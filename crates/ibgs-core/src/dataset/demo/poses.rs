@@ -8,12 +8,13 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// Horizontal field of view in degrees.
 const FIELD_OF_VIEW: f64 = 55.0;
-/// The arcs span this angle, centred on the side the mirror faces, in degrees.
-const SWEEP: f64 = 190.0;
+/// The arcs span this angle, centred on the -y side, in degrees. Photos stand so close together that the reflections in
+/// the curved surfaces move by a few pixels from one to the next.
+const SWEEP: f64 = 100.0;
 /// Distance of the cameras from the z axis in metres.
 const RADIUS: f64 = 1.5;
 
-/// Poses of all photos in the order of their names: arc by arc, each from left to right of the mirror.
+/// Poses of all photos in the order of their names: arc by arc, each from left to right.
 pub fn cameras(options: &DemoOptions) -> Vec<Camera> {
     let heights: &[f64] = match options.views {
         0..=9 => &[1.05],

@@ -1,4 +1,4 @@
-//! The furniture of the demo room. World axes: z up, floor at z = 0, the mirror faces -y. Lengths in metres.
+//! The furniture of the demo room. World axes: z up, floor at z = 0, photos are taken from -y. Lengths in metres.
 
 use super::numeric::sin_cos;
 use super::shape::{Entry, Form, Ray, Solid, box_normal, box_span};
@@ -12,10 +12,10 @@ pub const ROOM: u8 = 0;
 pub const TABLE: u8 = 1;
 /// Object id of the lacquered sphere: a coloured surface under a sharp clear coat.
 pub const GLOSSY_SPHERE: u8 = 2;
-/// Object id of the tilted mirror.
+/// Object id of the mirror ball.
 pub const MIRROR: u8 = 3;
-/// Object id of the wooden slab behind the mirror (matt).
-pub const FRAME: u8 = 4;
+/// Object id of the mirror ball's wooden stand (matt).
+pub const STAND: u8 = 4;
 /// Object id of the golden ring: a tinted mirror.
 pub const RING: u8 = 5;
 /// Object id of the cube with signs (matt).
@@ -219,20 +219,11 @@ fn cuboid(x: f64, y: f64, z: f64) -> Form {
     Form::Cuboid(DVec3::new(x, y, z))
 }
 
-/// Turn about z and tilt about x of the mirror, in degrees.
-const MIRROR_POSE: (f64, f64) = (-7.0, -9.0);
-
-/// Centre of the mirror, so high that its frame stands on the table.
-fn mirror_center() -> DVec3 {
-    on_table(0.06, 0.33, 0.402)
-}
-
 fn matt_objects() -> Vec<Object> {
     let upright = (0.0, 0.0);
-    let behind = rotation(MIRROR_POSE.0, MIRROR_POSE.1) * DVec3::Y * 0.018;
     vec![
         object(TABLE, cuboid(0.66, 0.56, 0.21), on_table(0.0, 0.0, -0.21), upright, Texture::Table, MATT, 0.0),
-        object(FRAME, cuboid(0.48, 0.014, 0.40), mirror_center() + behind, MIRROR_POSE, Texture::Frame, MATT, 0.0),
+        object(STAND, cuboid(0.14, 0.14, 0.05), on_table(0.10, 0.24, 0.05), upright, Texture::DarkWood, MATT, 0.0),
         object(CUBE, cuboid(0.1, 0.1, 0.1), on_table(0.46, -0.02, 0.1), (27.0, 0.0), Texture::Cube, MATT, 0.0),
         object(BALL, Form::Sphere(0.085), on_table(-0.07, -0.36, 0.085), (20.0, 25.0), Texture::Ball, MATT, 0.0),
     ]
@@ -252,9 +243,9 @@ fn shiny_objects() -> Vec<Object> {
         ),
         object(
             MIRROR,
-            cuboid(0.44, 0.012, 0.36),
-            mirror_center(),
-            MIRROR_POSE,
+            Form::Sphere(0.24),
+            on_table(0.10, 0.24, 0.34),
+            (0.0, 0.0),
             plain(DVec3::splat(0.01)),
             DVec3::new(0.86, 0.89, 0.90),
             0.0,

@@ -17,7 +17,7 @@ pub(super) enum Texture {
     /// A ball of coloured patches.
     Ball,
     /// Dark wood.
-    Frame,
+    DarkWood,
 }
 
 /// Half extents of the room, needed to place its wall paintings.
@@ -43,7 +43,7 @@ pub(super) fn albedo(texture: Texture, local: DVec3, normal: DVec3) -> DVec3 {
         Texture::Table => table(local, normal),
         Texture::Cube => cube(local, normal),
         Texture::Ball => ball(normal),
-        Texture::Frame => {
+        Texture::DarkWood => {
             let grain = noise(local.x * 9.0 + local.y * 40.0, local.z * 90.0, 41);
             DVec3::new(0.060, 0.032, 0.018) * (0.6 + 0.9 * grain)
         }
