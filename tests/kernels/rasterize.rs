@@ -3,7 +3,7 @@
 use crate::common::{assert_images_agree, gradients, render};
 use crate::reference::random_scene::{Nasty, POISON, nasty_params, poison, random_camera, random_image, random_params};
 use crate::reference::{self, Model, Params, Tensor};
-use ibgs_core::raster::RasterView;
+use ibgs_core::raster::{Dropout, RasterView};
 
 fn view(camera: ibgs_core::camera::Camera, degree: u32) -> RasterView {
     RasterView { background: [0.1, 0.5, 0.9], ..RasterView::new(camera, degree) }
@@ -118,4 +118,40 @@ fn thresholds_fall_the_same_way() {
     let twin = reference::render(&p, &camera, [0.0; 3], 0);
     let ours = render(&p, &RasterView::new(camera, 0));
     assert_images_agree("thresholds", &ours, &twin.image, 2e-5);
+}
+
+/// Gaussians that dropout leaves out might as well not be there: the same image and the same gradients, bit for bit.
+#[test]
+fn dropout_equals_a_smaller_model() {
+    let camera = random_camera(70, 50, 17);
+    let p = random_params(500, 2, 17);
+    let cotangent = random_image(70, 50, -1.0, 1.0, 17);
+    let dropout = Dropout::new(0.3, 5, 1234);
+    let kept: Vec<usize> = (0..p.len()).filter(|&i| !dropout.drops(i as u32)).collect();
+    assert!((300..400).contains(&kept.len()), "{} of 500 are left", kept.len());
+    let smaller = Params {
+        means: kept.iter().map(|&i| p.means[i]).collect(),
+        rotations: kept.iter().map(|&i| p.rotations[i]).collect(),
+        log_scales: kept.iter().map(|&i| p.log_scales[i]).collect(),
+        opacity_logits: kept.iter().map(|&i| p.opacity_logits[i]).collect(),
+        sh: kept.iter().flat_map(|&i| p.sh_of(i).to_vec()).collect(),
+        sh_degree: p.sh_degree,
+    };
+    let with = RasterView { dropout, ..view(camera, 2) };
+    let image = render(&p, &with);
+    assert_eq!(image, render(&smaller, &view(camera, 2)));
+    assert_ne!(image, render(&p, &view(camera, 2)));
+    let (ours, truth) = (gradients(&p, &with, &cotangent), gradients(&smaller, &view(camera, 2), &cotangent));
+    for name in Tensor::ALL {
+        let (all, few) = (ours.get(name), truth.get(name));
+        let stride = all.len() / p.len();
+        assert!(few.iter().any(|v| *v != 0.0), "{name:?}: nothing to compare");
+        let mut rows = few.chunks_exact(stride);
+        for (i, row) in all.chunks_exact(stride).enumerate() {
+            match dropout.drops(i as u32) {
+                true => assert!(row.iter().all(|v| *v == 0.0), "{name:?} of {i}, which is left out"),
+                false => assert_eq!(Some(row), rows.next(), "{name:?} of {i}"),
+            }
+        }
+    }
 }

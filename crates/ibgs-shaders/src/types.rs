@@ -22,8 +22,10 @@ pub struct Frame {
     pub count: u32,
     /// Image size in pixels.
     pub size: [u32; 2],
-    /// Image size in tiles.
-    pub tiles: [u32; 2],
+    /// Gaussians whose hash with the seed is smaller are left out; 0: none.
+    pub dropout_below: u32,
+    /// Seed of that hash.
+    pub dropout_seed: u32,
     /// Background colour.
     pub background: [f32; 3],
     /// Active spherical-harmonics degree.

@@ -28,6 +28,13 @@ fn cull(i: u32) {
     tile_counts[i] = 0u;
 }
 
+// PCG hash of Jarzynski and Olano, JCGT 9(3), 2020.
+fn dropout_hash(value: u32) -> u32 {
+    let state = value * 747796405u + 2891336453u;
+    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
 // Not yet clamped at 0: what is not finite must show.
 fn splat_color(i: u32, direction: vec3<f32>) -> vec3<f32> {
     let basis = sh_basis(direction, frame.sh_degree);
@@ -50,6 +57,10 @@ fn main(
     if i >= frame.count {
         return;
     }
+    if dropout_hash(i ^ frame.dropout_seed) < frame.dropout_below {
+        cull(i);
+        return;
+    }
     let mean = load3(i);
     let view = view_rotate(mean) + view_translation();
     let q = rotations[i];
@@ -69,7 +80,7 @@ fn main(
         return;
     }
     let shape = vec3(1.0 / e.cov.x, e.cov.y / e.cov.x, e.cov.x / e.det);
-    let rect = tile_rect(e.xy, radius, frame.tiles);
+    let rect = tile_rect(e.xy, radius, frame_tiles());
     var hits = 0u;
     for (var y = rect.y; y < rect.w; y++) {
         for (var x = rect.x; x < rect.z; x++) {

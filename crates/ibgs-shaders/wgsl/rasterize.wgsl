@@ -25,7 +25,7 @@ fn main(
     let pixel = wid.xy * TILE + lid.xy;
     let inside = all(pixel < frame.size);
     let at = vec2<f32>(pixel);
-    let tile = wid.y * frame.tiles.x + wid.x;
+    let tile = wid.y * frame_tiles().x + wid.x;
     let start = tile_ranges[2u * tile];
     let end = tile_ranges[2u * tile + 1u];
     if local == 0u {

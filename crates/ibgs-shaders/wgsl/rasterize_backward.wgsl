@@ -39,7 +39,7 @@ fn main(
     let pixel = wid.xy * TILE + lid.xy;
     let origin = vec2<f32>(wid.xy * TILE);
     let at = vec2<f32>(pixel);
-    let tile = wid.y * frame.tiles.x + wid.x;
+    let tile = wid.y * frame_tiles().x + wid.x;
     let start = tile_ranges[2u * tile];
     let length = tile_ranges[2u * tile + 1u] - start;
 

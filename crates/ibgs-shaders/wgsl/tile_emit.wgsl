@@ -30,19 +30,20 @@ fn main(
     let a = projected[3u * g];
     let b = projected[3u * g + 1u];
     let shape = vec3(a.zw, b.x);
-    let rect = tile_rect(a.xy, b.w, frame.tiles);
+    let tiles = frame_tiles();
+    let rect = tile_rect(a.xy, b.w, tiles);
     var at = start;
     for (var y = rect.y; y < rect.w; y++) {
         for (var x = rect.x; x < rect.z; x++) {
             if at < end && tile_hit(vec2(x, y), a.xy, shape, b.y) {
-                isect_tiles[at] = y * frame.tiles.x + x;
+                isect_tiles[at] = y * tiles.x + x;
                 isect_to_gaussian[at] = g;
                 at++;
             }
         }
     }
     for (; at < end; at++) {
-        isect_tiles[at] = frame.tiles.x * frame.tiles.y;
+        isect_tiles[at] = tiles.x * tiles.y;
         isect_to_gaussian[at] = g;
     }
 }

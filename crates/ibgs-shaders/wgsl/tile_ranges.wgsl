@@ -23,8 +23,8 @@ fn main(
     }
     sorted_gaussians[k] = isect_to_gaussian[sorted_isects[k]];
     let tile = sorted_tiles[k];
-    let tiles = frame.tiles.x * frame.tiles.y;
-    if tile >= tiles {
+    let tiles = frame_tiles();
+    if tile >= tiles.x * tiles.y {
         return;
     }
     if k == 0u || sorted_tiles[k - 1u] != tile {

@@ -1,6 +1,6 @@
 //! The rasterizer as a burn autodiff operation.
 
-use super::{Forward, Inputs, RasterView, Rasterizer};
+use super::{Forward, Inputs, RasterView, Rasterizer, tile_grid};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::Splats;
 use burn::backend::Autodiff;
@@ -134,7 +134,7 @@ impl Saved {
         let ws = &self.forward.workspace;
         let frame = &self.forward.frame;
         let sorted = self.forward.sorted;
-        let grid = [frame.tiles[0], frame.tiles[1], 1];
+        let grid = tile_grid(frame);
         let (list, isects) = (ws.sorted_gaussians(sorted), &ws.tile_sort.values[sorted]);
         match &self.forward.surface {
             None => {

@@ -9,10 +9,12 @@
 //! `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
 
 mod autodiff;
+mod dropout;
 mod surface;
 mod workspace;
 
 pub use autodiff::{Leaves, RasterGradients};
+pub use dropout::Dropout;
 pub use surface::{Surface, SurfaceOptions};
 pub use workspace::Workspace;
 
@@ -44,12 +46,22 @@ pub struct RasterView {
     pub tangent_limit: f32,
     /// Normal map, median intersections and median depth beside the colour; none: colour alone.
     pub surface: Option<SurfaceOptions>,
+    /// Gaussians to leave out.
+    pub dropout: Dropout,
 }
 
 impl RasterView {
     /// Black background, the constants of method.md section 2.
     pub fn new(camera: Camera, sh_degree: u32) -> Self {
-        Self { camera, background: [0.0; 3], sh_degree, box_sigma: 3.0, tangent_limit: 1.3, surface: None }
+        Self {
+            camera,
+            background: [0.0; 3],
+            sh_degree,
+            box_sigma: 3.0,
+            tangent_limit: 1.3,
+            surface: None,
+            dropout: Dropout::default(),
+        }
     }
 
     fn frame(&self, count: usize, coefficients: usize, capacity: usize) -> Frame {
@@ -65,7 +77,8 @@ impl RasterView {
             center: c.center().as_vec3().to_array(),
             count: count as u32,
             size: [c.width, c.height],
-            tiles: [c.width.div_ceil(TILE), c.height.div_ceil(TILE)],
+            dropout_below: self.dropout.below,
+            dropout_seed: self.dropout.seed,
             background: self.background,
             sh_degree: self.sh_degree.min((coefficients as f64).sqrt() as u32 - 1),
             sh_coefficients: coefficients as u32,
@@ -209,7 +222,7 @@ impl Rasterizer {
         let bound_image = Gpu::bind(&image);
         let mut pass = Pass::new(gpu, "rasterize");
         let sorted = record_lists(&mut pass, &ws, inputs, &frame);
-        let grid = [frame.tiles[0], frame.tiles[1], 1];
+        let grid = tile_grid(&frame);
         let list = ws.sorted_gaussians(sorted);
         match &surface {
             None => {
@@ -274,7 +287,7 @@ impl Rasterizer {
             surface::record_planes(&mut pass, &inputs, &planes, &frame);
             let buffers: [&Buffer; 5] = [&ws.projected, &planes, ws.sorted_gaussians(sorted), &ws.tile_ranges, &depth];
             let params = options.frame(&view);
-            pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), [frame.tiles[0], frame.tiles[1], 1]);
+            pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), tile_grid(&frame));
             pass.submit();
             let ws = self.pool.lease(ws);
             if room == Room::Assumed {
@@ -351,6 +364,11 @@ impl Forward {
     }
 }
 
+/// Workgroups of a kernel that has one a tile.
+fn tile_grid(frame: &Frame) -> [u32; 3] {
+    [frame.size[0].div_ceil(TILE), frame.size[1].div_ceil(TILE), 1]
+}
+
 /// Records everything up to the tile lists; returns which buffer pair of the tile sort holds them.
 fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame) -> usize {
     let n = frame.count as usize;
@@ -370,7 +388,8 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame)
         [&ws.projected, depth_order, &ws.offsets, &ws.tile_counts, &ws.tile_sort.keys[0], &ws.isect_to_gaussian];
     pass.linear(&TILE_EMIT, &emit, bytes, n);
     // The number of tiles itself stands for padding, so it must be representable.
-    let bits = 32 - (frame.tiles[0] * frame.tiles[1]).leading_zeros();
+    let [x, y, _] = tile_grid(frame);
+    let bits = 32 - (x * y).leading_zeros();
     let sorted = ws.tile_sort.record(pass, &ws.total, bits);
     pass.clear(&ws.tile_ranges);
     let ranges: [&Buffer; 6] = [

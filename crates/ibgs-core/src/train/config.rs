@@ -363,6 +363,7 @@ mod tests {
             ("[residual]\nfactor = 0.3", "residual.factor"),
             ("[residual]\nhalve-at = [0]", "residual.halve-at"),
             ("[residual]\nburn-in-gain = -0.5", "residual.burn-in-gain"),
+            ("[residual]\ndropout = 1.0", "residual.dropout"),
             ("[exposure]\nlearning-rate = nan", "exposure.learning-rate"),
         ];
         for (text, field) in cases {

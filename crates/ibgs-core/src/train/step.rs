@@ -11,7 +11,7 @@ use crate::dataset::{Dataset, Point};
 use crate::fuse::source_store::SourceStore;
 use crate::gpu::{Gpu, GpuError};
 use crate::loss::ImageLoss;
-use crate::raster::{Leaves, RasterView, Rasterizer};
+use crate::raster::{Dropout, Leaves, RasterView, Rasterizer};
 use crate::render::Renderer;
 use crate::scene::{Gaussians, SceneError, Splats, from_points};
 use rand::SeedableRng;
@@ -148,6 +148,9 @@ impl Trainer {
         view.background = self.background();
         if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
             view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
+        }
+        if self.schedule.residual_at(self.iteration) {
+            view.dropout = Dropout::new(self.config.residual.dropout, self.config.seed, self.iteration);
         }
         view
     }

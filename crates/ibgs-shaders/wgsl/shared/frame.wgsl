@@ -11,9 +11,11 @@ struct Frame {
     center: vec3<f32>,
     // Number of Gaussians.
     count: u32,
-    // Image size in pixels and in tiles.
+    // Image size in pixels.
     size: vec2<u32>,
-    tiles: vec2<u32>,
+    // Gaussians whose hash with the seed is smaller are left out; 0: none.
+    dropout_below: u32,
+    dropout_seed: u32,
     background: vec3<f32>,
     // Active spherical-harmonics degree, at most the stored one.
     sh_degree: u32,
@@ -28,6 +30,11 @@ struct Frame {
 }
 
 var<immediate> frame: Frame;
+
+// Image size in tiles.
+fn frame_tiles() -> vec2<u32> {
+    return (frame.size + TILE - 1u) / TILE;
+}
 
 fn view_rotate(v: vec3<f32>) -> vec3<f32> {
     return vec3(dot(frame.row0.xyz, v), dot(frame.row1.xyz, v), dot(frame.row2.xyz, v));
