@@ -1,28 +1,39 @@
 //! Every kernel against its table entry, by naga and without a GPU: bindings with order and access, workgroup size,
 //! struct offsets, full validation.
 
-use ibgs_shaders::{Access, KERNELS, Kernel, types};
+use ibgs_shaders::{Access, KERNELS, Kernel, MATRIX_KERNELS, MatrixUnits, types};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use std::mem::offset_of;
 
-fn parse(kernel: &Kernel) -> Module {
-    let source = kernel.wgsl();
-    let module = naga::front::wgsl::parse_str(&source)
-        .unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(&source)));
-    Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES)
-        .validate(&module)
-        .unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(&source)));
+/// Every kernel's module as a GPU gets it; those for matrix units as an H100 and as a software adapter have them.
+fn modules() -> Vec<(&'static Kernel, Module)> {
+    let units = [MatrixUnits { side: 16, lanes: 32 }, MatrixUnits { side: 8, lanes: 8 }];
+    let half = MATRIX_KERNELS.iter().flat_map(|&kernel| units.map(|u| (kernel, kernel.wgsl_for(u))));
+    let all = KERNELS.iter().map(|&kernel| (kernel, kernel.wgsl())).chain(half);
+    all.map(|(kernel, source)| (kernel, parse(kernel, &source))).collect()
+}
+
+fn validator() -> Validator {
+    let capabilities = Capabilities::IMMEDIATES | Capabilities::SHADER_FLOAT16 | Capabilities::COOPERATIVE_MATRIX;
+    Validator::new(ValidationFlags::all(), capabilities)
+}
+
+fn parse(kernel: &Kernel, source: &str) -> Module {
+    let module = naga::front::wgsl::parse_str(source)
+        .unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(source)));
+    validator().validate(&module).unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(source)));
     module
 }
 
 #[test]
 fn bindings_and_workgroups_match_the_table() {
-    for kernel in KERNELS {
-        let module = parse(kernel);
+    for (kernel, module) in modules() {
         let [entry] = &module.entry_points[..] else { panic!("{}: one entry point", kernel.name) };
         assert_eq!(entry.name, "main", "{}", kernel.name);
-        assert_eq!(entry.workgroup_size, kernel.workgroup, "{}", kernel.name);
+        // Those for matrix units have a fixed number of subgroups; the table says what 32 lanes make.
+        let lanes_of_8 = kernel.needs_matrix_units() && entry.workgroup_size == [32, 1, 1];
+        assert!(lanes_of_8 || entry.workgroup_size == kernel.workgroup, "{}: {:?}", kernel.name, entry.workgroup_size);
         let mut found = 0;
         for (_, variable) in module.global_variables.iter() {
             let Some(binding) = variable.binding else { continue };
@@ -40,9 +51,8 @@ fn bindings_and_workgroups_match_the_table() {
 
 #[test]
 fn every_declared_binding_is_used() {
-    for kernel in KERNELS {
-        let module = parse(kernel);
-        let info = Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES).validate(&module).unwrap();
+    for (kernel, module) in modules() {
+        let info = validator().validate(&module).unwrap();
         for (handle, variable) in module.global_variables.iter().filter(|(_, v)| v.binding.is_some()) {
             let used = !info.get_entry_point(0)[handle].is_empty();
             assert!(used, "{}: binding {:?} is not used", kernel.name, variable.name);
@@ -52,15 +62,16 @@ fn every_declared_binding_is_used() {
 
 #[test]
 fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for() {
-    for kernel in KERNELS {
-        let module = parse(kernel);
+    for (kernel, module) in modules() {
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).unwrap();
         let size_of = |space: AddressSpace| -> u32 {
             let of_space = module.global_variables.iter().filter(|(_, v)| v.space == space);
             of_space.map(|(_, v)| layouter[v.ty].size).sum()
         };
-        assert!(size_of(AddressSpace::WorkGroup) <= 31 * 1024, "{}", kernel.name);
+        let most = if kernel.needs_matrix_units() { 40 } else { 31 };
+        let size = size_of(AddressSpace::WorkGroup);
+        assert!(size <= most * 1024, "{}: {size} bytes", kernel.name);
         assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
         assert!(kernel.immediates <= 128, "{}", kernel.name);
     }
@@ -68,8 +79,7 @@ fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for()
 
 fn check_struct(name: &str, size: usize, fields: &[(&str, usize)]) {
     let mut seen = false;
-    for kernel in KERNELS {
-        let module = parse(kernel);
+    for (kernel, module) in modules() {
         for (_, ty) in module.types.iter().filter(|(_, t)| t.name.as_deref() == Some(name)) {
             let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is a struct") };
             assert_eq!(*span as usize, size, "{name} in {}", kernel.name);
@@ -93,6 +103,10 @@ macro_rules! twin {
 
 #[test]
 fn host_structs_have_the_layout_of_their_twins() {
+    twin!(HalfPackParams { pixels, channels, quads });
+    twin!(HalfWeightsParams { weights, taps, channels_a, padded_a, channels_b, padded, outputs, quads, into });
+    twin!(HalfConvParams { size, source, mode, quads_a, quads_b, quads_out, outputs, bias, packed, packed_quads });
+    twin!(HalfHeadParams { pixels, fuse_bias, fuse, last_bias, last });
     twin!(Frame {
         row0,
         row1,

@@ -45,6 +45,12 @@ fn adapters() -> Result<()> {
         println!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
         println!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
         println!("   features           {:?}", adapter.features());
+        for m in adapter.cooperative_matrix_properties() {
+            println!(
+                "   matrix units       {:?} {}x{}x{}, sums in {:?}",
+                m.ab_type, m.m_size, m.n_size, m.k_size, m.cr_type
+            );
+        }
         let missing = lacking(adapter);
         match missing.is_empty() {
             true => println!("   usable             yes"),

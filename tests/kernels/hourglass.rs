@@ -11,6 +11,7 @@ use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoo
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::Hourglass;
+use ibgs_core::residual::half::HalfHourglass;
 use ibgs_core::residual::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -289,5 +290,35 @@ fn hourglass_speed() {
                 println!("{what} {kernel}: {ms:.3} ms in {count}");
             }
         }
+    }
+}
+
+/// The path through matrix units rounds weights and activations to half precision and sums in float32: it must be as near to
+/// the twin as that rounding, at any size.
+#[test]
+fn matrix_units_agree_with_the_twin() {
+    let gpu = gpu();
+    if gpu.matrix_units.is_none() {
+        eprintln!("SKIPPED matrix_units_agree_with_the_twin: this adapter has no matrix units that fit");
+        return;
+    }
+    for (seed, (width, height)) in (0..).zip([(4, 4), (17, 9), (33, 18), (64, 48), (75, 53)]) {
+        let (weights, x) = (random_weights(seed), random_maps(width, height, seed).0);
+        let hourglass = HalfHourglass::new(&gpu, width as u32, height as u32).unwrap().unwrap();
+        let planes = gpu.upload("x", &single(&x.data)).unwrap();
+        let uploaded = gpu.upload("weights", &single(&weights)).unwrap();
+        let residual = gpu.upload("residual", &vec![UNTOUCHED; 3 * width * height]).unwrap();
+        let mut results = Vec::new();
+        for _ in 0..2 {
+            let mut pass = Pass::new(&gpu, "hourglass");
+            hourglass.forward(&mut pass, &uploaded, &planes, &residual);
+            pass.submit();
+            results.push(gpu.read::<f32>(&residual, 3 * width * height).unwrap());
+        }
+        assert_eq!(results[0], results[1], "{width} x {height}: the second run is another one");
+        let twin = interleaved(&forward(&weights, &x).residual);
+        let error = relative_error(&double(&results[0]), &twin);
+        println!("{width} x {height}: {error:.1e}");
+        assert!(error <= 1e-3, "{width} x {height}: relative error {error:e}");
     }
 }

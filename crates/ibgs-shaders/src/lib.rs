@@ -109,7 +109,7 @@ const fn write(name: &'static str) -> Binding {
 }
 
 macro_rules! kernels {
-    ($($(#[$doc:meta])* $ident:ident = $name:literal [$($x:expr),+] ($immediates:expr): $($binding:expr),+;)+) => {
+    ($(#[$all_doc:meta])* $all:ident: $($(#[$doc:meta])* $ident:ident = $name:literal [$($x:expr),+] ($immediates:expr): $($binding:expr),+;)+) => {
         $($(#[$doc])*
         pub static $ident: Kernel = Kernel {
             name: $name,
@@ -118,12 +118,14 @@ macro_rules! kernels {
             workgroup: [$($x),+],
             immediates: $immediates as u32,
         };)+
-        /// Every kernel.
-        pub static KERNELS: &[&Kernel] = &[$(&$ident),+];
+        $(#[$all_doc])*
+        pub static $all: &[&Kernel] = &[$(&$ident),+];
     };
 }
 
 kernels! {
+    /// Every kernel that any adapter runs.
+    KERNELS:
     /// Culling, projection, colour, depth keys, tile counts.
     PROJECT = "project" [256, 1, 1] (size_of::<types::Frame>()):
         read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
@@ -304,6 +306,42 @@ kernels! {
         read("weights"), read("d1"), read("x"), read("f"), read("v_residual"), write("partials");
 }
 
+kernels! {
+    /// The kernels that need [`MatrixUnits`]: the residual network in half precision, sums in float32.
+    MATRIX_KERNELS:
+    /// Planes to half precision, channels last.
+    HALF_PACK = "half_pack" [256, 1, 1] (size_of::<types::HalfPackParams>()): read("planes"), write("packed");
+    /// A layer's weights to half precision in the order in which the matrix units read them.
+    HALF_WEIGHTS = "half_weights" [256, 1, 1] (size_of::<types::HalfWeightsParams>()):
+        read("weights"), write("packed");
+    /// 3 x 3 convolution with ReLU.
+    HALF_CONV = "half_conv" [128, 1, 1] (size_of::<types::HalfConvParams>()):
+        read("weights"), read("packed"), read("input_a"), read("input_b"), write("output");
+    /// The last two layers.
+    HALF_HEAD = "half_head" [128, 1, 1] (size_of::<types::HalfHeadParams>()):
+        read("weights"), read("packed"), read("d1"), read("x"), write("residual");
+}
+
+/// What the matrix units of an adapter multiply at once (cooperative matrices): `side` x `side` halves, summed in float32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MatrixUnits {
+    /// Rows and columns: 8 or 16.
+    pub side: u32,
+    /// Lanes of a subgroup.
+    pub lanes: u32,
+}
+
+impl MatrixUnits {
+    fn constants(self) -> String {
+        let Self { side, lanes } = self;
+        format!(
+            "enable f16;\nenable wgpu_cooperative_matrix;\nconst SIDE: u32 = {side}u;\nconst LANES: u32 = {lanes}u;\n\
+             alias MatrixA = coop_mat{side}x{side}<f16, A>;\nalias MatrixB = coop_mat{side}x{side}<f16, B>;\n\
+             alias MatrixC = coop_mat{side}x{side}<f32, C>;\n"
+        )
+    }
+}
+
 /// The shared constants as WGSL declarations.
 pub fn constants() -> String {
     use std::fmt::Write;
@@ -345,5 +383,15 @@ impl Kernel {
     /// The complete WGSL source: shared constants, imported files, the kernel.
     pub fn wgsl(&self) -> String {
         format!("{}{}", constants(), resolve(self.source))
+    }
+
+    /// Whether this is one of the [`MATRIX_KERNELS`].
+    pub fn needs_matrix_units(&self) -> bool {
+        MATRIX_KERNELS.iter().any(|kernel| kernel.name == self.name)
+    }
+
+    /// The same of one of the [`MATRIX_KERNELS`].
+    pub fn wgsl_for(&self, units: MatrixUnits) -> String {
+        format!("{}{}", units.constants(), self.wgsl())
     }
 }

@@ -375,3 +375,81 @@ pub struct HeadParams {
     /// 1: the values between the two layers are kept.
     pub keep: u32,
 }
+
+/// Planes to half precision, channels last; the twin of `HalfPackParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfPackParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// Number of planes.
+    pub channels: u32,
+    /// Values a pixel behind the packing, divided by 4.
+    pub quads: u32,
+}
+
+/// A layer's weights for the matrix units; the twin of `HalfWeightsParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfWeightsParams {
+    /// First weight.
+    pub weights: u32,
+    /// Taps: 9 or 1.
+    pub taps: u32,
+    /// Channels of input a.
+    pub channels_a: u32,
+    /// Channels of input a with padding.
+    pub padded_a: u32,
+    /// Channels of input b.
+    pub channels_b: u32,
+    /// Channels of both inputs with padding.
+    pub padded: u32,
+    /// Output channels.
+    pub outputs: u32,
+    /// Output channels with padding, divided by 4.
+    pub quads: u32,
+    /// Where the result begins, in groups of 4.
+    pub into: u32,
+}
+
+/// A 3 x 3 convolution with ReLU on the matrix units; the twin of `HalfConvParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfConvParams {
+    /// Size of the output in pixels.
+    pub size: [u32; 2],
+    /// Size of what input a is read from.
+    pub source: [u32; 2],
+    /// As [`ConvParams::mode`].
+    pub mode: u32,
+    /// Values a pixel of input a, with padding, divided by 4.
+    pub quads_a: u32,
+    /// The same of input b; 0: there is none.
+    pub quads_b: u32,
+    /// The same of the output.
+    pub quads_out: u32,
+    /// Output channels.
+    pub outputs: u32,
+    /// First bias.
+    pub bias: u32,
+    /// Where the packed weights begin, in groups of 4.
+    pub packed: u32,
+    /// Packed weights of one input channel and tap, divided by 4.
+    pub packed_quads: u32,
+}
+
+/// The last two layers on the matrix units; the twin of `HalfHeadParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfHeadParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// First bias of the layer before the last.
+    pub fuse_bias: u32,
+    /// Where its packed weights begin, in groups of 4.
+    pub fuse: u32,
+    /// First bias of the last layer.
+    pub last_bias: u32,
+    /// Where its packed weights begin, in groups of 4.
+    pub last: u32,
+}

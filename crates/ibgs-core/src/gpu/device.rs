@@ -3,7 +3,7 @@
 use super::profile::Profiler;
 use burn::tensor::Device;
 use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
-use ibgs_shaders::{KERNELS, Kernel};
+use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
@@ -95,6 +95,8 @@ pub struct Gpu {
     pub info: wgpu::AdapterInfo,
     /// Limits of the device: all that the adapter offers.
     pub limits: wgpu::Limits,
+    /// Its matrix units for products of halves; none where the adapter has none that fit our kernels.
+    pub matrix_units: Option<MatrixUnits>,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     pub(super) profiler: Mutex<Option<Profiler>>,
 }
@@ -122,6 +124,9 @@ pub fn list_adapters() -> Vec<wgpu::Adapter> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()))
 }
 
+/// Bytes of workgroup memory that our kernels for the matrix units need at 16 x 16.
+const MATRIX_MEMORY: u32 = 40 << 10;
+
 /// What an adapter lacks for a run; empty when it will do.
 pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
     let limits = adapter.limits();
@@ -141,6 +146,26 @@ pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
     missing
 }
 
+/// The matrix units that our kernels can use: halves summed in float32, squares, a fixed subgroup size.
+fn matrix_units(adapter: &wgpu::Adapter) -> Option<MatrixUnits> {
+    use wgpu::CooperativeScalarType::{F16, F32};
+    let (info, limits) = (adapter.get_info(), adapter.limits());
+    let features = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SHADER_F16;
+    let lanes = info.subgroup_min_size;
+    if !adapter.features().contains(features) || lanes != info.subgroup_max_size || !(8..=64).contains(&lanes) {
+        return None;
+    }
+    let side = |side: u32| {
+        let found = adapter.cooperative_matrix_properties().iter().any(|m| {
+            let square = [m.m_size, m.n_size, m.k_size] == [side; 3];
+            square && m.ab_type == F16 && m.cr_type == F32 && !m.saturating_accumulation
+        });
+        let memory = MATRIX_MEMORY * side / 16;
+        found && limits.max_compute_workgroup_storage_size >= memory
+    };
+    [16, 8].into_iter().find(|&s| side(s)).map(|side| MatrixUnits { side, lanes })
+}
+
 fn rank(info: &wgpu::AdapterInfo) -> u32 {
     match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
@@ -149,6 +174,14 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
         wgpu::DeviceType::Other => 3,
         wgpu::DeviceType::Cpu => 4,
     }
+}
+
+/// wgpu's consent form for features that are still in the making; we use its cooperative matrices alone, in kernels of our
+/// own whose every access is checked by tests.
+#[expect(unsafe_code, reason = "wgpu asks for it")]
+fn experimental_features() -> wgpu::ExperimentalFeatures {
+    // SAFETY: nothing is asked but to know that these features may have bugs.
+    unsafe { wgpu::ExperimentalFeatures::enabled() }
 }
 
 fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {
@@ -196,14 +229,17 @@ impl Gpu {
         }
         let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
         // burn generates code for whatever the adapter offers, so the device must have it enabled.
-        let wanted = adapter
+        let mut wanted = adapter
             .features()
             .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
+        let matrix_units = matrix_units(&adapter);
+        wanted.set(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX, matrix_units.is_some());
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("ibgs"),
             required_features: wanted,
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
+            experimental_features: experimental_features(),
             ..Default::default()
         };
         let (device, queue) =
@@ -223,6 +259,7 @@ impl Gpu {
             device,
             queue,
             info,
+            matrix_units,
             pipelines: Mutex::default(),
             profiler: Mutex::default(),
         }))
@@ -267,9 +304,13 @@ impl Gpu {
     }
 
     fn compile(&self, kernel: &'static Kernel) -> Pipeline {
+        let source = match self.matrix_units.filter(|_| kernel.needs_matrix_units()) {
+            Some(units) => kernel.wgsl_for(units),
+            None => kernel.wgsl(),
+        };
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(kernel.name),
-            source: wgpu::ShaderSource::Wgsl(kernel.wgsl().into()),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
         });
         let entries: Vec<_> = (0u32..)
             .zip(kernel.bindings)

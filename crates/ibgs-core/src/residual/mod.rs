@@ -2,6 +2,7 @@
 
 pub mod compose;
 pub mod features;
+pub mod half;
 pub mod hourglass;
 pub mod layers;
 pub mod network;

@@ -1,0 +1,111 @@
+// The last two layers of the residual network on the matrix units: f = ReLU(1 x 1 of [d1, x]), residual = 1 x 1 of f
+// (method.md section 6). A subgroup takes SIDE pixels; both layers' weights and f pass through workgroup memory.
+#import index
+
+struct HalfHeadParams {
+    pixels: u32,
+    // First bias and first packed weight (in groups of 4) of f, then of the residual.
+    fuse_bias: u32,
+    fuse: u32,
+    last_bias: u32,
+    last: u32,
+}
+
+var<immediate> params: HalfHeadParams;
+
+@group(0) @binding(0) var<storage, read> weights: array<f32>;
+@group(0) @binding(1) var<storage, read> packed: array<vec4<f16>>;
+@group(0) @binding(2) var<storage, read> d1: array<vec4<f16>>;
+@group(0) @binding(3) var<storage, read> x: array<vec4<f16>>;
+@group(0) @binding(4) var<storage, read_write> residual: array<f32>;
+
+const THREADS: u32 = 4u * LANES;
+const WIDTH: u32 = 38u;
+// Channels of d1, x and f with padding.
+const PADDED: u32 = 48u;
+const QUADS: u32 = PADDED / 4u;
+// Distances in workgroup memory; the padding avoids bank conflicts.
+const LINE: u32 = QUADS + 2u;
+const SUMS: u32 = SIDE / 4u + 1u;
+
+// [input of f][outputs], and [input of the residual][outputs].
+var<workgroup> fuse: array<vec4<f16>, 2u * PADDED * LINE>;
+var<workgroup> last: array<vec4<f16>, PADDED * SUMS>;
+// [subgroup][pixel][channels].
+var<workgroup> f: array<vec4<f16>, 4u * SIDE * LINE>;
+// A matrix of sums of each subgroup.
+var<workgroup> sums: array<vec4<f32>, 4u * SIDE * SUMS>;
+
+fn load(local: u32) {
+    for (var k = local; k < 2u * PADDED * QUADS; k += THREADS) {
+        fuse[(k / QUADS) * LINE + k % QUADS] = packed[params.fuse + k];
+    }
+    for (var k = local; k < PADDED * (SIDE / 4u); k += THREADS) {
+        last[(k / (SIDE / 4u)) * SUMS + k % (SIDE / 4u)] = packed[params.last + k];
+    }
+}
+
+fn bias(first: u32, count: u32, o: u32) -> f32 {
+    return select(0.0, weights[first + min(o, count - 1u)], o < count);
+}
+
+fn put_bias(own: u32, lane: u32, first: u32, count: u32, o: u32) {
+    workgroupBarrier();
+    for (var k = lane; k < SIDE * SIDE / 4u; k += LANES) {
+        let c = o + 4u * (k % (SIDE / 4u));
+        sums[own + (k / (SIDE / 4u)) * SUMS + k % (SIDE / 4u)] = vec4(
+            bias(first, count, c),
+            bias(first, count, c + 1u),
+            bias(first, count, c + 2u),
+            bias(first, count, c + 3u),
+        );
+    }
+    workgroupBarrier();
+}
+
+@compute @workgroup_size(THREADS)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    load(local);
+    let subgroup = local / LANES;
+    let lane = local % LANES;
+    let own = subgroup * SIDE * SUMS;
+    let own_f = subgroup * SIDE * LINE;
+    // The maps have room for whole matrices.
+    let p = (linear_workgroup(wid, groups) * 4u + subgroup) * SIDE;
+    let at = min(p, (params.pixels - 1u) / SIDE * SIDE) * QUADS;
+    for (var n = 0u; n < PADDED / SIDE; n++) {
+        put_bias(own, lane, params.fuse_bias, WIDTH, n * SIDE);
+        var c = coopLoadT<MatrixC>(&sums[own], SUMS);
+        for (var k = 0u; k < PADDED / SIDE; k++) {
+            let row = k * SIDE * LINE + n * (SIDE / 4u);
+            let left = coopLoadT<MatrixA>(&d1[at + k * (SIDE / 4u)], QUADS);
+            c = coopMultiplyAdd(left, coopLoadT<MatrixB>(&fuse[row], LINE), c);
+            let right = coopLoadT<MatrixA>(&x[at + k * (SIDE / 4u)], QUADS);
+            c = coopMultiplyAdd(right, coopLoadT<MatrixB>(&fuse[PADDED * LINE + row], LINE), c);
+        }
+        coopStoreT(c, &sums[own], SUMS);
+        workgroupBarrier();
+        for (var k = lane; k < SIDE * SIDE / 4u; k += LANES) {
+            let v = sums[own + (k / (SIDE / 4u)) * SUMS + k % (SIDE / 4u)];
+            f[own_f + (k / (SIDE / 4u)) * LINE + n * (SIDE / 4u) + k % (SIDE / 4u)] = vec4<f16>(max(v, vec4(0.0)));
+        }
+    }
+    put_bias(own, lane, params.last_bias, 3u, 0u);
+    var r = coopLoadT<MatrixC>(&sums[own], SUMS);
+    for (var k = 0u; k < PADDED / SIDE; k++) {
+        let a = coopLoadT<MatrixA>(&f[own_f + k * (SIDE / 4u)], LINE);
+        r = coopMultiplyAdd(a, coopLoadT<MatrixB>(&last[k * SIDE * SUMS], SUMS), r);
+    }
+    coopStoreT(r, &sums[own], SUMS);
+    workgroupBarrier();
+    for (var k = lane; k < 3u * SIDE; k += LANES) {
+        let pixel = p + k / 3u;
+        if pixel < params.pixels {
+            residual[3u * pixel + k % 3u] = sums[own + (k / 3u) * SUMS][k % 3u];
+        }
+    }
+}

@@ -1,0 +1,50 @@
+// One thread four outputs of an input channel and tap: a layer's weights, [outputs][inputs][taps] in float32, to
+// [taps][inputs][outputs] in half precision, inputs and outputs padded with zeros.
+#import index
+
+struct HalfWeightsParams {
+    // First weight.
+    weights: u32,
+    taps: u32,
+    // Channels of input a, and with padding; those of b, and of both with padding.
+    channels_a: u32,
+    padded_a: u32,
+    channels_b: u32,
+    padded: u32,
+    outputs: u32,
+    // Output channels with padding, divided by 4.
+    quads: u32,
+    // Where the result begins, in groups of 4.
+    into: u32,
+}
+
+var<immediate> params: HalfWeightsParams;
+
+@group(0) @binding(0) var<storage, read> weights: array<f32>;
+@group(0) @binding(1) var<storage, read_write> packed: array<vec4<f16>>;
+
+fn weight(o: u32, i: u32, tap: u32) -> f16 {
+    let second = i >= params.padded_a;
+    let own = select(i, i - params.padded_a, second);
+    let inside = o < params.outputs && own < select(params.channels_a, params.channels_b, second);
+    let channel = own + select(0u, params.channels_a, second);
+    let at = params.weights + (o * (params.channels_a + params.channels_b) + channel) * params.taps + tap;
+    return f16(select(0.0, weights[select(0u, at, inside)], inside));
+}
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let k = linear_workgroup(wid, groups) * 256u + local;
+    if k >= params.taps * params.padded * params.quads {
+        return;
+    }
+    let o = 4u * (k % params.quads);
+    let i = (k / params.quads) % params.padded;
+    let tap = k / (params.quads * params.padded);
+    packed[params.into + k] =
+        vec4(weight(o, i, tap), weight(o + 1u, i, tap), weight(o + 2u, i, tap), weight(o + 3u, i, tap));
+}
