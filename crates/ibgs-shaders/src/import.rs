@@ -4,6 +4,7 @@ const SHARED: &[(&str, &str)] = &[
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
+    ("half", include_str!("../wgsl/shared/half.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),

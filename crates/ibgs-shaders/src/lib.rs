@@ -314,12 +314,31 @@ kernels! {
     /// A layer's weights to half precision in the order in which the matrix units read them.
     HALF_WEIGHTS = "half_weights" [256, 1, 1] (size_of::<types::HalfWeightsParams>()):
         read("weights"), write("packed");
-    /// 3 x 3 convolution with ReLU.
+    /// 3 x 3 convolution, forward or gradient by the input.
     HALF_CONV = "half_conv" [128, 1, 1] (size_of::<types::HalfConvParams>()):
         read("weights"), read("packed"), read("input_a"), read("input_b"), write("output");
     /// The last two layers.
     HALF_HEAD = "half_head" [128, 1, 1] (size_of::<types::HalfHeadParams>()):
-        read("weights"), read("packed"), read("d1"), read("x"), write("residual");
+        read("weights"), read("packed"), read("d1"), read("x"), write("residual"), write("kept");
+    /// Gradient by the last layer's input.
+    HALF_HEAD_GRADIENT = "half_head_gradient" [256, 1, 1] (size_of::<types::HalfHeadGradientParams>()):
+        read("weights"), read("v_residual"), read("f"), write("v_out"), write("v_f");
+    /// Gradients by the inputs of the layer before the last.
+    HALF_HEAD_BACKWARD = "half_head_backward" [128, 1, 1] (size_of::<types::HalfHeadBackwardParams>()):
+        read("packed"), read("v_f"), write("d1"), write("f");
+    /// Convolution, partial sums of the gradient by weights and biases.
+    HALF_CONV_WEIGHTS = "half_conv_weights" [288, 1, 1] (size_of::<types::HalfConvWeightsParams>()):
+        read("v"), read("input"), write("partials");
+    /// Rows of partial sums into the flat weight gradient.
+    HALF_SUM = "half_sum" [256, 1, 1] (size_of::<types::HalfSumParams>()): read("partials"), write("sums");
+    /// Gradients in half precision to planes.
+    HALF_UNPACK = "half_unpack" [256, 1, 1] (size_of::<types::HalfUnpackParams>()): read("packed"), write("planes");
+    /// Gradient of the 2 x 2 maximum.
+    HALF_POOL_BACKWARD = "half_pool_backward" [256, 1, 1] (size_of::<types::HalfResizeParams>()):
+        read("activation"), read("v_pooled"), write("v");
+    /// Gradient of the enlargement by nearest.
+    HALF_UPSAMPLE_BACKWARD = "half_upsample_backward" [256, 1, 1] (size_of::<types::HalfResizeParams>()):
+        read("v_enlarged"), write("v");
 }
 
 /// What the matrix units of an adapter multiply at once (cooperative matrices): `side` x `side` halves, summed in float32.

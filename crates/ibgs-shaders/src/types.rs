@@ -394,8 +394,14 @@ pub struct HalfPackParams {
 pub struct HalfWeightsParams {
     /// First weight.
     pub weights: u32,
+    /// Distance between the weights of neighbouring outputs.
+    pub stride_out: u32,
+    /// Distance between the weights of neighbouring inputs.
+    pub stride_in: u32,
     /// Taps: 9 or 1.
     pub taps: u32,
+    /// 1: the taps turned by half a circle.
+    pub turned: u32,
     /// Channels of input a.
     pub channels_a: u32,
     /// Channels of input a with padding.
@@ -412,7 +418,7 @@ pub struct HalfWeightsParams {
     pub into: u32,
 }
 
-/// A 3 x 3 convolution with ReLU on the matrix units; the twin of `HalfConvParams`.
+/// A 3 x 3 convolution on the matrix units; the twin of `HalfConvParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct HalfConvParams {
@@ -436,6 +442,10 @@ pub struct HalfConvParams {
     pub packed: u32,
     /// Packed weights of one input channel and tap, divided by 4.
     pub packed_quads: u32,
+    /// As [`ConvParams::store`].
+    pub store: u32,
+    /// Padding.
+    pub pad: u32,
 }
 
 /// The last two layers on the matrix units; the twin of `HalfHeadParams`.
@@ -452,4 +462,104 @@ pub struct HalfHeadParams {
     pub last_bias: u32,
     /// Where its packed weights begin, in groups of 4.
     pub last: u32,
+    /// 1: the input of the last layer is kept.
+    pub keep: u32,
+}
+
+/// Gradient by the last layer's input; the twin of `HalfHeadGradientParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfHeadGradientParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// First weight of the last layer.
+    pub last: u32,
+    /// Gradients are multiplied by this, so that halves hold them.
+    pub scale: f32,
+}
+
+/// Gradients by the inputs of the layer before the last; the twin of `HalfHeadBackwardParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfHeadBackwardParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// Where its packed weights begin, in groups of 4.
+    pub fuse: u32,
+}
+
+/// Gradient of a convolution's weights on the matrix units; the twin of `HalfConvWeightsParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfConvWeightsParams {
+    /// Size of input and output in pixels.
+    pub size: [u32; 2],
+    /// Size of what the input is read from.
+    pub source: [u32; 2],
+    /// As [`ConvParams::mode`].
+    pub mode: u32,
+    /// Input channels.
+    pub inputs: u32,
+    /// The same with padding, divided by 4.
+    pub quads_in: u32,
+    /// Output channels with padding, divided by 4.
+    pub quads_out: u32,
+    /// Workgroups that share the image.
+    pub splits: u32,
+    /// Padding.
+    pub pad: u32,
+}
+
+/// Sum of rows of the partial sums of matrix units; the twin of `HalfSumParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfSumParams {
+    /// Rows.
+    pub splits: u32,
+    /// Groups of input channels.
+    pub groups_in: u32,
+    /// Groups of output channels.
+    pub groups_out: u32,
+    /// 9 or 1.
+    pub taps: u32,
+    /// Input channels.
+    pub inputs: u32,
+    /// Output channels.
+    pub outputs: u32,
+    /// Where the first weight's gradient goes.
+    pub into: u32,
+    /// Distance to the next output's.
+    pub stride: u32,
+    /// Where the biases' go; 0: nowhere.
+    pub bias: u32,
+    /// Inverse of the gradients' scale.
+    pub unscale: f32,
+}
+
+/// Gradients in half precision to planes; the twin of `HalfUnpackParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfUnpackParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// Number of planes.
+    pub channels: u32,
+    /// Values a pixel with padding, divided by 4.
+    pub quads: u32,
+    /// Inverse of the gradients' scale.
+    pub unscale: f32,
+}
+
+/// Gradient of the 2 x 2 maximum or of the enlargement; the twin of `HalfResizeParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfResizeParams {
+    /// The larger size.
+    pub size: [u32; 2],
+    /// The smaller size.
+    pub source: [u32; 2],
+    /// Values a pixel, divided by 4.
+    pub quads: u32,
+    /// Padding.
+    pub pad: u32,
 }

@@ -1,9 +1,11 @@
-// A 3 x 3 convolution with zero padding and ReLU on the matrix units, over one or two inputs (two: a concatenation that is
-// never stored), channels last in half precision, sums in float32 (method.md section 6).
+// A 3 x 3 convolution with zero padding on the matrix units, over one or two inputs (two: a concatenation that is never
+// stored), or with weights packed for it the gradient by the input; channels last in half precision, sums in float32
+// (method.md section 6).
 //
 // A workgroup of four subgroups makes SIDE columns x 16 rows x 3 SIDE outputs; a subgroup four rows: twelve accumulators, a
 // row's pixels by SIDE outputs each. Tile and weights pass through workgroup memory SIDE input channels at a time. A
 // subgroup's six rows of the tile serve all three rows of taps.
+#import half
 #import residual_source
 
 struct HalfConvParams {
@@ -21,7 +23,19 @@ struct HalfConvParams {
     // Where the packed weights begin, and those of one input channel and tap, in groups of 4.
     packed: u32,
     packed_quads: u32,
+    // What becomes of the sums.
+    store: u32,
+    pad: u32,
 }
+
+// Adds the bias and cuts off below zero.
+const RELU: u32 = 0u;
+// Assigns.
+const ASSIGN: u32 = 1u;
+// Adds to what is there.
+const ADD: u32 = 2u;
+// The output holds the activation whose gradient this is; the gradient takes its place where it is positive.
+const MASK: u32 = 3u;
 
 var<immediate> params: HalfConvParams;
 
@@ -93,7 +107,8 @@ fn load_kernel(local: u32, chunk: u32, group: u32) {
 }
 
 fn bias(o: u32) -> f32 {
-    return select(0.0, weights[params.bias + min(o, params.outputs - 1u)], o < params.outputs);
+    let wanted = params.store == RELU && o < params.outputs;
+    return select(0.0, weights[select(0u, params.bias + o, wanted)], wanted);
 }
 
 // Every row of a subgroup's sums becomes the biases of SIDE outputs.
@@ -107,15 +122,27 @@ fn put_bias(subgroup: u32, lane: u32, o: u32) {
     workgroupBarrier();
 }
 
-// ReLU of a subgroup's sums into the output: SIDE pixels from (x, y) on, group `q` of 4 outputs and on.
+fn finish(sum: vec4<f32>, at: u32) -> vec4<f16> {
+    var v = sum;
+    if params.store == RELU {
+        v = max(v, vec4(0.0));
+    } else if params.store == ADD {
+        v += vec4<f32>(output[at]);
+    } else if params.store == MASK {
+        v = select(vec4(0.0), v, output[at] > vec4<f16>());
+    }
+    return to_half(v);
+}
+
+// A subgroup's sums into the output: SIDE pixels from (x, y) on, group `q` of 4 outputs and on.
 fn store(subgroup: u32, lane: u32, x: u32, y: u32, q: u32) {
     workgroupBarrier();
     for (var k = lane; k < SIDE * QUADS; k += LANES) {
         let pixel = x + k / QUADS;
         let at = q + k % QUADS;
         if pixel < params.size.x && y < params.size.y && at < params.quads_out {
-            let v = max(sums[subgroup * SIDE * SUMS + (k / QUADS) * SUMS + k % QUADS], vec4(0.0));
-            output[(y * params.size.x + pixel) * params.quads_out + at] = vec4<f16>(v);
+            let i = (y * params.size.x + pixel) * params.quads_out + at;
+            output[i] = finish(sums[subgroup * SIDE * SUMS + (k / QUADS) * SUMS + k % QUADS], i);
         }
     }
     workgroupBarrier();

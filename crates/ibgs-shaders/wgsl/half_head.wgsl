@@ -1,5 +1,6 @@
 // The last two layers of the residual network on the matrix units: f = ReLU(1 x 1 of [d1, x]), residual = 1 x 1 of f
 // (method.md section 6). A subgroup takes SIDE pixels; both layers' weights and f pass through workgroup memory.
+#import half
 #import index
 
 struct HalfHeadParams {
@@ -9,6 +10,8 @@ struct HalfHeadParams {
     fuse: u32,
     last_bias: u32,
     last: u32,
+    // 1: f is kept.
+    keep: u32,
 }
 
 var<immediate> params: HalfHeadParams;
@@ -18,6 +21,7 @@ var<immediate> params: HalfHeadParams;
 @group(0) @binding(2) var<storage, read> d1: array<vec4<f16>>;
 @group(0) @binding(3) var<storage, read> x: array<vec4<f16>>;
 @group(0) @binding(4) var<storage, read_write> residual: array<f32>;
+@group(0) @binding(5) var<storage, read_write> kept: array<vec4<f16>>;
 
 const THREADS: u32 = 4u * LANES;
 const WIDTH: u32 = 38u;
@@ -91,7 +95,12 @@ fn main(
         workgroupBarrier();
         for (var k = lane; k < SIDE * SIDE / 4u; k += LANES) {
             let v = sums[own + (k / (SIDE / 4u)) * SUMS + k % (SIDE / 4u)];
-            f[own_f + (k / (SIDE / 4u)) * LINE + n * (SIDE / 4u) + k % (SIDE / 4u)] = vec4<f16>(max(v, vec4(0.0)));
+            let h = to_half(max(v, vec4(0.0)));
+            let q = n * (SIDE / 4u) + k % (SIDE / 4u);
+            f[own_f + (k / (SIDE / 4u)) * LINE + q] = h;
+            if params.keep == 1u && p < params.pixels {
+                kept[(p + k / (SIDE / 4u)) * QUADS + q] = h;
+            }
         }
     }
     put_bias(own, lane, params.last_bias, 3u, 0u);

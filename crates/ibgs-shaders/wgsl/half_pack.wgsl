@@ -1,4 +1,5 @@
 // One thread four channels of a pixel: planes in float32 to half precision, channels last, padded with zeros.
+#import half
 #import index
 
 struct HalfPackParams {
@@ -13,11 +14,10 @@ var<immediate> params: HalfPackParams;
 @group(0) @binding(0) var<storage, read> planes: array<f32>;
 @group(0) @binding(1) var<storage, read_write> packed: array<vec4<f16>>;
 
-fn plane(c: u32, p: u32) -> f16 {
-    return f16(select(0.0, planes[min(c, params.channels - 1u) * params.pixels + p], c < params.channels));
+fn plane(c: u32, p: u32) -> f32 {
+    return select(0.0, planes[min(c, params.channels - 1u) * params.pixels + p], c < params.channels);
 }
 
-// Neighbouring threads read neighbouring pixels; a group of 32 pixels writes whole lines.
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -30,6 +30,7 @@ fn main(
     }
     for (var q = 0u; q < params.quads; q++) {
         let c = 4u * q;
-        packed[p * params.quads + q] = vec4(plane(c, p), plane(c + 1u, p), plane(c + 2u, p), plane(c + 3u, p));
+        packed[p * params.quads + q] =
+            to_half(vec4(plane(c, p), plane(c + 1u, p), plane(c + 2u, p), plane(c + 3u, p)));
     }
 }

@@ -1,11 +1,17 @@
-// One thread four outputs of an input channel and tap: a layer's weights, [outputs][inputs][taps] in float32, to
-// [taps][inputs][outputs] in half precision, inputs and outputs padded with zeros.
+// One thread four outputs of an input channel and tap: a layer's weights in float32 to [taps][inputs][outputs] in half
+// precision, inputs and outputs padded with zeros. For the gradient by the input the layer's outputs are the inputs here and
+// the other way round, and the taps are turned by half a circle.
+#import half
 #import index
 
 struct HalfWeightsParams {
-    // First weight.
+    // First weight; distances between the weights of neighbouring outputs and inputs.
     weights: u32,
+    stride_out: u32,
+    stride_in: u32,
     taps: u32,
+    // 1: taps turned.
+    turned: u32,
     // Channels of input a, and with padding; those of b, and of both with padding.
     channels_a: u32,
     padded_a: u32,
@@ -23,13 +29,13 @@ var<immediate> params: HalfWeightsParams;
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
 @group(0) @binding(1) var<storage, read_write> packed: array<vec4<f16>>;
 
-fn weight(o: u32, i: u32, tap: u32) -> f16 {
+fn weight(o: u32, i: u32, tap: u32) -> f32 {
     let second = i >= params.padded_a;
     let own = select(i, i - params.padded_a, second);
     let inside = o < params.outputs && own < select(params.channels_a, params.channels_b, second);
     let channel = own + select(0u, params.channels_a, second);
-    let at = params.weights + (o * (params.channels_a + params.channels_b) + channel) * params.taps + tap;
-    return f16(select(0.0, weights[select(0u, at, inside)], inside));
+    let at = params.weights + o * params.stride_out + channel * params.stride_in + tap;
+    return select(0.0, weights[select(0u, at, inside)], inside);
 }
 
 @compute @workgroup_size(256)
@@ -44,7 +50,8 @@ fn main(
     }
     let o = 4u * (k % params.quads);
     let i = (k / params.quads) % params.padded;
-    let tap = k / (params.quads * params.padded);
+    var tap = k / (params.quads * params.padded);
+    tap = select(tap, params.taps - 1u - tap, params.turned == 1u);
     packed[params.into + k] =
-        vec4(weight(o, i, tap), weight(o + 1u, i, tap), weight(o + 2u, i, tap), weight(o + 3u, i, tap));
+        to_half(vec4(weight(o, i, tap), weight(o + 1u, i, tap), weight(o + 2u, i, tap), weight(o + 3u, i, tap)));
 }

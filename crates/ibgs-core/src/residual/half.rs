@@ -1,10 +1,14 @@
-//! The hourglass in half precision on the adapter's matrix units: rendering alone (method.md section 6).
+//! The hourglass in half precision on the adapter's matrix units, forward and backward (method.md section 6).
 //!
 //! Activations are channels last, `[pixel][channel]`, padded to a multiple of 16 channels; products of halves are summed in
 //! float32. As in [`Hourglass`](super::hourglass::Hourglass) concatenations, maxima and enlargements are never stored.
+//! Gradients are multiplied by a scale while they are halves, so that the smallest ones that matter have all their digits.
+
+mod backward;
 
 use super::layers::{self, HALF, INPUT, Layer, QUARTER};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use backward::Training;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{HalfConvParams, HalfHeadParams, HalfPackParams, HalfWeightsParams};
 use ibgs_shaders::{HALF_CONV, HALF_HEAD, HALF_PACK, HALF_WEIGHTS, MatrixUnits};
@@ -13,6 +17,15 @@ use ibgs_shaders::{HALF_CONV, HALF_HEAD, HALF_PACK, HALF_WEIGHTS, MatrixUnits};
 const ROWS: u32 = 16;
 /// Subgroups of a workgroup.
 const SUBGROUPS: u32 = 4;
+
+/// What becomes of a convolution's sums; as in `half_conv.wgsl`.
+#[derive(Clone, Copy)]
+enum Store {
+    Relu,
+    Assign,
+    Add,
+    Mask,
+}
 
 /// Channels with padding.
 fn padded(channels: usize) -> u32 {
@@ -37,6 +50,17 @@ impl Map {
         Ok(Self { buffer: gpu.allocate(what, Self::bytes(channels, size))?, channels, size })
     }
 
+    /// Another map in the same memory.
+    fn reuse(&self, channels: usize, size: [u32; 2]) -> Self {
+        let bytes = Self::bytes(channels, size);
+        assert!(bytes <= self.buffer.size, "a map does not fit its memory");
+        Self { buffer: Buffer { size: bytes, ..self.buffer.clone() }, channels, size }
+    }
+
+    fn pixels(&self) -> u32 {
+        self.size[0] * self.size[1]
+    }
+
     fn quads(&self) -> u32 {
         padded(self.channels) / 4
     }
@@ -51,31 +75,42 @@ impl Map {
     }
 }
 
-/// Where a layer's packed weights lie.
+/// A layer's weights as a convolution on the matrix units reads them: forward, or for the gradient by an input.
 #[derive(Clone, Copy, Debug)]
 struct Packed {
-    layer: &'static Layer,
-    /// Channels of the first input; those of the second follow.
-    first: usize,
-    /// First group of 4.
-    at: u32,
-    /// Output channels with padding.
-    outputs: u32,
+    weights: HalfWeightsParams,
+    bias: u32,
 }
 
 impl Packed {
-    fn inputs(&self) -> u32 {
-        let second = self.layer.inputs - self.first;
-        padded(self.first) + if second == 0 { 0 } else { padded(second) }
+    /// Forward, with `first` channels in the first input.
+    fn forward(layer: &Layer, first: usize, outputs: u32) -> Self {
+        let second = layer.inputs - first;
+        let weights = HalfWeightsParams {
+            weights: layer.offset as u32,
+            stride_out: (layer.taps * layer.inputs) as u32,
+            stride_in: layer.taps as u32,
+            taps: layer.taps as u32,
+            turned: 0,
+            channels_a: first as u32,
+            padded_a: padded(first),
+            channels_b: second as u32,
+            padded: padded(first) + if second == 0 { 0 } else { padded(second) },
+            outputs: layer.outputs as u32,
+            quads: outputs / 4,
+            into: 0,
+        };
+        Self { weights, bias: layer.bias() as u32 }
     }
 
+    /// Groups of 4 that the packed weights take.
     fn quads(&self) -> u32 {
-        self.layer.taps as u32 * self.inputs() * self.outputs / 4
+        self.weights.taps * self.weights.padded * self.weights.quads
     }
 }
 
-/// The layers with the channels of their first input.
-const LAYERS: [(&Layer, usize); 9] = [
+/// The convolutions with the channels of their first input.
+const CONVOLUTIONS: [(&Layer, usize); 7] = [
     (&layers::ENC1, INPUT),
     (&layers::ENC2, INPUT),
     (&layers::ENC3, HALF),
@@ -83,8 +118,6 @@ const LAYERS: [(&Layer, usize); 9] = [
     (&layers::DEC2, HALF),
     (&layers::UP1, HALF),
     (&layers::DEC1, INPUT),
-    (&layers::FUSE, INPUT),
-    (&layers::FINAL, INPUT),
 ];
 
 /// Memory for images of one size.
@@ -92,7 +125,11 @@ const LAYERS: [(&Layer, usize); 9] = [
 pub struct HalfHourglass {
     units: MatrixUnits,
     packed: Buffer,
-    layers: [Packed; 9],
+    convolutions: [Packed; 7],
+    fuse: Packed,
+    last: Packed,
+    planes: Buffer,
+    residual: Buffer,
     x: Map,
     e1: Map,
     e2: Map,
@@ -101,33 +138,46 @@ pub struct HalfHourglass {
     d2: Map,
     u1: Map,
     d1: Map,
+    /// The last layer's input; a stub without gradients.
+    f: Map,
+    training: Option<Training>,
+}
+
+/// Gives each its place in the packed weights, one behind the other from `at` on.
+fn place(packed: &mut Packed, at: &mut u32) {
+    packed.weights.into = *at;
+    *at += packed.quads();
 }
 
 impl HalfHourglass {
-    /// Memory for images of `width` x `height` pixels, 434 bytes a pixel; none where the adapter has no matrix units.
+    /// Memory for images of `width` x `height` pixels: 598 bytes a pixel, with `gradients` 868; none where the adapter has no
+    /// matrix units.
     ///
     /// # Errors
     /// Not enough memory, or more than the device binds at once.
-    pub fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Option<Self>, GpuError> {
+    pub fn new(gpu: &Gpu, width: u32, height: u32, gradients: bool) -> Result<Option<Self>, GpuError> {
         let Some(units) = gpu.matrix_units else { return Ok(None) };
+        let group = 3 * units.side;
         let mut at = 0;
-        let layers = LAYERS.map(|(layer, first)| {
-            let outputs = match layer.name == layers::FINAL.name {
-                true => units.side,
-                false if layer.taps == 1 => padded(layer.outputs),
-                false => (layer.outputs as u32).next_multiple_of(3 * units.side),
-            };
-            let packed = Packed { layer, first, at, outputs };
-            at += packed.quads();
-            packed
-        });
+        let mut convolutions = CONVOLUTIONS
+            .map(|(layer, first)| Packed::forward(layer, first, (layer.outputs as u32).next_multiple_of(group)));
+        convolutions.iter_mut().for_each(|packed| place(packed, &mut at));
+        let mut fuse = Packed::forward(&layers::FUSE, INPUT, padded(INPUT));
+        place(&mut fuse, &mut at);
+        let mut last = Packed::forward(&layers::FINAL, INPUT, units.side);
+        place(&mut last, &mut at);
         let [full, half, quarter] = [1, 2, 4].map(|s| [width / s, height / s]);
         let map = |what, channels, size| Map::new(gpu, what, channels, size);
-        let packed = gpu.allocate("packed weights", 8 * u64::from(at))?;
+        let training = gradients.then(|| Training::new(gpu, units, full, &mut at)).transpose()?;
+        let pixels = u64::from(width) * u64::from(height);
         Ok(Some(Self {
             units,
-            packed,
-            layers,
+            packed: gpu.allocate("packed weights", 8 * u64::from(at))?,
+            convolutions,
+            fuse,
+            last,
+            planes: gpu.allocate("hourglass planes", 4 * INPUT as u64 * pixels)?,
+            residual: gpu.allocate("residual", 12 * pixels)?,
             x: map("hourglass x", INPUT, full)?,
             e1: map("hourglass e1", INPUT, full)?,
             e2: map("hourglass e2", HALF, half)?,
@@ -136,57 +186,66 @@ impl HalfHourglass {
             d2: map("hourglass d2", HALF, half)?,
             u1: map("hourglass u1", INPUT, full)?,
             d1: map("hourglass d1", INPUT, full)?,
+            f: map("hourglass f", INPUT, if gradients { full } else { [1, 1] })?,
+            training,
         }))
     }
 
-    /// From `planes` (`[38][height * width]` in float32) to `residual` (`[height * width * 3]`). `weights`: the network's
-    /// flat weights ([`layers`]).
-    pub fn forward(&self, pass: &mut Pass, weights: &Buffer, planes: &Buffer, residual: &Buffer) {
-        self.pack(pass, weights, planes);
+    /// The input, `[38][height * width]`, for the caller to write before every pass; with gradients
+    /// [`HalfHourglass::backward`] puts its gradient there.
+    pub fn planes(&self) -> &Buffer {
+        &self.planes
+    }
+
+    /// The output of [`HalfHourglass::forward`], `[height * width * 3]`.
+    pub fn residual(&self) -> &Buffer {
+        &self.residual
+    }
+
+    /// Whether [`HalfHourglass::backward`] can run.
+    pub fn has_gradients(&self) -> bool {
+        self.training.is_some()
+    }
+
+    /// From the planes to the residual. `weights`: the network's flat weights ([`layers`]).
+    pub fn forward(&self, pass: &mut Pass, weights: &Buffer) {
         let Self { x, e1, e2, b, u2, d2, u1, d1, .. } = self;
+        let pixels = x.pixels();
+        let params = HalfPackParams { pixels, channels: INPUT as u32, quads: x.quads() };
+        pass.linear(&HALF_PACK, &[&self.planes, &x.buffer], bytes_of(&params), pixels as usize);
+        for packed in self.convolutions.iter().chain([&self.fuse, &self.last]) {
+            self.pack(pass, weights, packed);
+        }
         let steps: [(&[&Map], &Map); 7] =
             [(&[x], e1), (&[e1], e2), (&[e2], b), (&[b], u2), (&[u2, e2], d2), (&[d2], u1), (&[u1, e1], d1)];
-        for (packed, (inputs, output)) in self.layers.iter().zip(steps) {
-            self.conv(pass, weights, packed, inputs, output);
+        for (packed, (inputs, output)) in self.convolutions.iter().zip(steps) {
+            self.conv(pass, weights, packed, inputs, output, Store::Relu);
         }
-        let [fuse, last] = [self.layers[7], self.layers[8]];
-        let pixels = x.size[0] * x.size[1];
         let params = HalfHeadParams {
             pixels,
-            fuse_bias: fuse.layer.bias() as u32,
-            fuse: fuse.at,
-            last_bias: last.layer.bias() as u32,
-            last: last.at,
+            fuse_bias: self.fuse.bias,
+            fuse: self.fuse.weights.into,
+            last_bias: self.last.bias,
+            last: self.last.weights.into,
+            keep: u32::from(self.has_gradients()),
         };
-        let groups = pixels.div_ceil(SUBGROUPS * self.units.side) as usize;
-        let buffers = [weights, &self.packed, &d1.buffer, &x.buffer, residual];
-        pass.groups(&HALF_HEAD, &buffers, bytes_of(&params), groups);
+        let buffers = [weights, &self.packed, &d1.buffer, &x.buffer, &self.residual, &self.f.buffer];
+        pass.groups(&HALF_HEAD, &buffers, bytes_of(&params), self.head_groups());
     }
 
-    fn pack(&self, pass: &mut Pass, weights: &Buffer, planes: &Buffer) {
-        let pixels = self.x.size[0] * self.x.size[1];
-        let params = HalfPackParams { pixels, channels: INPUT as u32, quads: self.x.quads() };
-        pass.linear(&HALF_PACK, &[planes, &self.x.buffer], bytes_of(&params), pixels as usize);
-        for packed in &self.layers {
-            let layer = packed.layer;
-            let params = HalfWeightsParams {
-                weights: layer.offset as u32,
-                taps: layer.taps as u32,
-                channels_a: packed.first as u32,
-                padded_a: padded(packed.first),
-                channels_b: (layer.inputs - packed.first) as u32,
-                padded: packed.inputs(),
-                outputs: layer.outputs as u32,
-                quads: packed.outputs / 4,
-                into: packed.at,
-            };
-            pass.linear(&HALF_WEIGHTS, &[weights, &self.packed], bytes_of(&params), packed.quads() as usize);
-        }
+    /// Workgroups of the head's kernels.
+    fn head_groups(&self) -> usize {
+        self.x.pixels().div_ceil(SUBGROUPS * self.units.side) as usize
     }
 
-    fn conv(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed, inputs: &[&Map], output: &Map) {
+    fn pack(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed) {
+        pass.linear(&HALF_WEIGHTS, &[weights, &self.packed], bytes_of(&packed.weights), packed.quads() as usize);
+    }
+
+    fn conv(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed, inputs: &[&Map], output: &Map, store: Store) {
         let (a, b) = (inputs[0], inputs.get(1).copied());
-        assert_eq!(a.channels, packed.first, "{}: inputs", packed.layer.name);
+        assert_eq!(a.channels as u32, packed.weights.channels_a, "inputs of a convolution");
+        assert_eq!(output.channels as u32, packed.weights.outputs, "outputs of a convolution");
         let side = self.units.side;
         let params = HalfConvParams {
             size: output.size,
@@ -196,11 +255,14 @@ impl HalfHourglass {
             quads_b: b.map_or(0, Map::quads),
             quads_out: output.quads(),
             outputs: output.channels as u32,
-            bias: packed.layer.bias() as u32,
-            packed: packed.at,
-            packed_quads: packed.outputs / 4,
+            bias: packed.bias,
+            packed: packed.weights.into,
+            packed_quads: packed.weights.quads,
+            store: store as u32,
+            pad: 0,
         };
-        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(ROWS), packed.outputs / (3 * side)];
+        let groups = packed.weights.quads * 4 / (3 * side);
+        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(ROWS), groups];
         let buffers = [weights, &self.packed, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
         pass.grid(&HALF_CONV, &buffers, bytes_of(&params), grid);
     }

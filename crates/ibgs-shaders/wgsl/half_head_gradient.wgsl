@@ -1,0 +1,52 @@
+// One thread a pixel: the scaled gradient by the residual in half precision, and the gradient by f through the last layer
+// and the ReLU of f.
+#import half
+#import index
+
+struct HalfHeadGradientParams {
+    pixels: u32,
+    // First weight of the last layer.
+    last: u32,
+    scale: f32,
+}
+
+var<immediate> params: HalfHeadGradientParams;
+
+@group(0) @binding(0) var<storage, read> weights: array<f32>;
+@group(0) @binding(1) var<storage, read> v_residual: array<f32>;
+@group(0) @binding(2) var<storage, read> f: array<vec4<f16>>;
+// Channels last, padded to 16 and 48.
+@group(0) @binding(3) var<storage, read_write> v_out: array<vec4<f16>>;
+@group(0) @binding(4) var<storage, read_write> v_f: array<vec4<f16>>;
+
+const WIDTH: u32 = 38u;
+const QUADS: u32 = 12u;
+
+var<workgroup> last: array<array<vec4<f32>, QUADS>, 3>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    if local < 3u * 4u * QUADS {
+        let o = local % (4u * QUADS);
+        let w = select(0.0, weights[params.last + (local / (4u * QUADS)) * WIDTH + min(o, WIDTH - 1u)], o < WIDTH);
+        last[local / (4u * QUADS)][o / 4u][o % 4u] = w;
+    }
+    workgroupBarrier();
+    let p = linear_workgroup(wid, groups) * 256u + local;
+    if p >= params.pixels {
+        return;
+    }
+    let v = params.scale * vec3(v_residual[3u * p], v_residual[3u * p + 1u], v_residual[3u * p + 2u]);
+    v_out[4u * p] = to_half(vec4(v, 0.0));
+    v_out[4u * p + 1u] = vec4<f16>();
+    v_out[4u * p + 2u] = vec4<f16>();
+    v_out[4u * p + 3u] = vec4<f16>();
+    for (var q = 0u; q < QUADS; q++) {
+        let sum = last[0][q] * v.x + last[1][q] * v.y + last[2][q] * v.z;
+        v_f[QUADS * p + q] = to_half(select(vec4(0.0), sum, f[QUADS * p + q] > vec4<f16>()));
+    }
+}

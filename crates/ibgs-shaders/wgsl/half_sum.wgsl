@@ -1,0 +1,73 @@
+// Adds the partial sums of a layer's weight gradient in a fixed order, takes the scale back, and puts the result where the
+// layer's weights and biases lie.
+#import index
+
+struct HalfSumParams {
+    // Rows of partial sums.
+    splits: u32,
+    // Groups of 3 SIDE inputs and of 3 SIDE outputs; taps of the layer: 9, or 1, the middle one of 9 in the partial sums.
+    groups_in: u32,
+    groups_out: u32,
+    taps: u32,
+    // Channels of this input and of the output.
+    inputs: u32,
+    outputs: u32,
+    // Where the first weight's gradient goes, and the distance between outputs.
+    into: u32,
+    stride: u32,
+    // Where the biases' go; 0: nowhere.
+    bias: u32,
+    // Inverse of the gradients' scale.
+    unscale: f32,
+}
+
+var<immediate> params: HalfSumParams;
+
+@group(0) @binding(0) var<storage, read> partials: array<f32>;
+@group(0) @binding(1) var<storage, read_write> sums: array<f32>;
+
+const LINE: u32 = 3u * SIDE;
+
+// 32 values x 8 parts of the rows.
+var<workgroup> parts: array<f32, 256>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let length = params.groups_in * params.groups_out * params.taps * LINE * LINE;
+    let k = linear_workgroup(wid, groups) * 32u + local % 32u;
+    var sum = 0.0;
+    if k < length {
+        let block = k / (LINE * LINE);
+        let first = (block / params.taps) * 9u + select(4u, block % 9u, params.taps == 9u);
+        let at = first * LINE * LINE + k % (LINE * LINE);
+        let stride = params.groups_in * params.groups_out * 9u * LINE * LINE;
+        for (var row = local / 32u; row < params.splits; row += 8u) {
+            sum += partials[row * stride + at];
+        }
+    }
+    parts[local] = sum;
+    workgroupBarrier();
+    if local >= 32u || k >= length {
+        return;
+    }
+    for (var part = 1u; part < 8u; part++) {
+        sum += parts[part * 32u + local];
+    }
+    let block = k / (LINE * LINE);
+    let tap = block % params.taps;
+    let group = block / params.taps;
+    let i = (group / params.groups_out) * LINE + (k / LINE) % LINE;
+    let o = (group % params.groups_out) * LINE + k % LINE;
+    if o >= params.outputs {
+        return;
+    }
+    if i < params.inputs {
+        sums[params.into + o * params.stride + i * params.taps + tap] = sum * params.unscale;
+    } else if i == params.inputs && tap == params.taps / 2u && params.bias > 0u {
+        sums[params.bias + o] = sum * params.unscale;
+    }
+}
