@@ -38,6 +38,9 @@ pub struct ModelArgs {
     /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB`.
     #[arg(long)]
     pub source_memory: Option<ibgs_core::fuse::memory::MemoryBudget>,
+    /// `auto`: the residual network in half precision on matrix units where they pass a test; `full`: float32.
+    #[arg(long)]
+    pub precision: Option<ibgs_core::residual::Precision>,
     /// Adapter by number or part of its name; `ibgs info` lists them.
     #[arg(long)]
     pub adapter: Option<String>,
@@ -85,6 +88,9 @@ impl Model {
         let mut loaded = load(args)?;
         if let Some(memory) = args.source_memory {
             loaded.config.sources.memory = memory;
+        }
+        if let Some(precision) = args.precision {
+            loaded.config.residual.precision = precision;
         }
         let mut dataset = None;
         if loaded.foreign && args.source.is_some() {

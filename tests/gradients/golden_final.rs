@@ -14,7 +14,7 @@ use ibgs_core::gpu::Pass;
 use ibgs_core::raster::Room;
 use ibgs_core::residual::features::{FeatureInputs, Features};
 use ibgs_core::residual::layers::WEIGHTS;
-use ibgs_core::residual::{Hourglass, Residual, ResidualTask, Variant, weights};
+use ibgs_core::residual::{Hourglass, Precision, Residual, ResidualTask, Variant, weights};
 use std::path::Path;
 
 /// Packed slots that enter the network.
@@ -169,7 +169,7 @@ fn a_published_model_gives_its_final_image() {
     let (warped, seen) = Warper::new(gpu.clone(), options).warp(&forward, &sources).unwrap();
     let weights = Tensor::<1>::from_data(TensorData::new(load_weights(), [WEIGHTS]), &gpu.burn);
     let task = ResidualTask { camera: ray_camera(&scene.camera), seen: seen.clone(), gain: 1.0 };
-    let residual = Residual::new(gpu.clone(), Variant::default(), false);
+    let residual = Residual::new(gpu.clone(), Variant::default(), false, Precision::Full);
     let render =
         |warped: &Tensor<3>| values(residual.render(&task, base.clone(), warped.clone(), weights.clone()).unwrap());
     let image = render(&warped);

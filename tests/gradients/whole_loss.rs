@@ -11,7 +11,7 @@ use ibgs_core::fuse::Warper;
 use ibgs_core::loss::{ImageLoss, NormalLoss, PhotometricLoss, SurfaceBuffers, Target};
 use ibgs_core::raster::{Leaves, Surface};
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
-use ibgs_core::residual::{Factor, Residual, ResidualTask, Variant};
+use ibgs_core::residual::{Factor, Precision, Residual, ResidualTask, Variant};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -104,7 +104,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;
     let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32).tracked(&base, &surface).unwrap();
     let l_photo = PhotometricLoss::new(gpu.clone(), PHOTO as f32).tracked(warped.clone(), &seen.slots, &photo).unwrap();
-    let residual = Residual::new(gpu.clone(), case.variant, case.exposure);
+    let residual = Residual::new(gpu.clone(), case.variant, case.exposure, Precision::Full);
     let l_last = (part != Part::Side).then(|| {
         let (base, warped) = if case.detached { (base.detach(), warped.detach()) } else { (base, warped) };
         let task = ResidualTask { camera: scene.camera, seen: seen.clone(), gain: case.gain as f32 };

@@ -12,6 +12,7 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::Hourglass;
 use ibgs_core::residual::half::HalfHourglass;
+use ibgs_core::residual::half::choice::{self, WholeNumbers};
 use ibgs_core::residual::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -327,28 +328,13 @@ fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> 
     runs.pop()
 }
 
-/// Weights and maps that halves hold without any rounding, through all layers: small whole numbers, few weights an output, in the
-/// last layers more, so that every layer has a gradient.
+/// Weights and maps that halves hold without any rounding.
 fn whole_numbers(width: usize, height: usize, seed: u64) -> (Vec<f64>, Map, Map) {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut weights = vec![0.0; WEIGHTS];
-    for layer in hourglass_layers() {
-        for o in 0..layer.outputs {
-            let count = if [FINAL.name, FUSE.name, DEC1.name].contains(&layer.name) { 6 } else { 2 };
-            for _ in 0..count {
-                let at = o * layer.inputs * layer.taps + rng.random_range(0..layer.inputs * layer.taps);
-                weights[layer.offset + at] = [-1.0, 1.0][rng.random_range(0..2)];
-            }
-            weights[layer.bias() + o] = f64::from(rng.random_range(0..3));
-        }
-    }
-    let mut planes = |channels: usize, most: i32, unit: f64| {
-        let values = (0..channels * width * height).map(|_| f64::from(rng.random_range(-most..=most)) * unit);
-        Map::new(values.collect(), width, height)
-    };
-    // The mean over all values makes gradients of this size.
-    let unit = ((3 * width * height).next_power_of_two() as f64).recip();
-    (weights, planes(INPUT, 3, 1.0), planes(3, 1, unit))
+    let numbers = WholeNumbers::new(width as u32, height as u32, seed);
+    let n = width * height;
+    let v_residual = (0..3 * n).map(|i| f64::from(numbers.v_residual[(i % n) * 3 + i / n])).collect();
+    let planes = Map::new(double(&numbers.planes), width, height);
+    (double(&numbers.weights), planes, Map::new(v_residual, width, height))
 }
 
 fn assert_near(what: &str, ours: &[f32], twin: &[f64], tolerance: f64) {
@@ -397,4 +383,14 @@ fn matrix_units_give_the_gradients_of_whole_numbers() {
         }
         assert!(ours.v_weights[..ENC1.offset].iter().all(|v| *v == UNTOUCHED), "{what}: the MLP's part is left alone");
     }
+}
+
+/// The test at start-up accepts what is right.
+#[test]
+fn the_test_of_the_matrix_units_passes() {
+    let gpu = gpu();
+    let error = choice::error(&gpu).unwrap();
+    println!("matrix units: {:?}, error {error:?}", gpu.matrix_units);
+    assert_eq!(error.is_some(), gpu.matrix_units.is_some());
+    assert!(error.is_none_or(|error| error < 1e-4), "{error:?}");
 }

@@ -10,7 +10,7 @@ use crate::gpu::pool::Lease;
 use crate::gpu::{Gpu, GpuError};
 use crate::raster::{Forward, RasterView, Rasterizer, Room, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
-use crate::residual::{Factor, Residual, ResidualTask, Variant};
+use crate::residual::{Factor, Precision, Residual, ResidualTask, Variant};
 use crate::scene::Splats;
 use crate::train::config::TrainConfig;
 use burn::tensor::Tensor;
@@ -25,6 +25,8 @@ pub struct ImageOptions {
     pub surface: SurfaceOptions,
     /// Variant of the residual network.
     pub variant: Variant,
+    /// How precisely it computes.
+    pub precision: Precision,
     /// Fit the base colour's exposure to the first source.
     pub exposure: bool,
 }
@@ -42,6 +44,7 @@ impl ImageOptions {
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor),
             },
+            precision: residual.precision,
             exposure: config.exposure.enabled,
         }
     }
@@ -129,7 +132,7 @@ impl Renderer {
         let stage = |part: ImagePart| ImageStage {
             finder: SourceFinder::new(&part.cameras, &part.options.sources, part.options.first()),
             warper: Warper::new(gpu.clone(), part.options.warp()),
-            residual: Residual::new(gpu.clone(), part.options.variant, part.options.exposure),
+            residual: Residual::new(gpu.clone(), part.options.variant, part.options.exposure, part.options.precision),
             depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(&gpu))),
             part,
         };

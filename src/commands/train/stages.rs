@@ -50,6 +50,9 @@ pub struct StageArgs {
     /// Run the residual network at 1, 0.5 or 0.25 of the image's size.
     #[arg(long)]
     pub(super) residual_factor: Option<f64>,
+    /// `auto`: the residual network in half precision on matrix units where they pass a test; `full`: float32.
+    #[arg(long)]
+    precision: Option<ibgs_core::residual::Precision>,
     /// Correct the exposure, for photos taken with changing exposure.
     #[arg(long)]
     exposure: bool,
@@ -74,6 +77,7 @@ impl StageArgs {
         set(&mut c.sources.memory, &self.source_memory);
         set(&mut c.surface.intersections, &self.intersections);
         set(&mut c.residual.factor, &self.residual_factor);
+        set(&mut c.residual.precision, &self.precision);
         c.exposure.enabled |= self.exposure;
     }
 }

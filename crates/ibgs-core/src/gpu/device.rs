@@ -5,7 +5,7 @@ use burn::tensor::Device;
 use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
 use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// Storage buffers that the widest kernel binds.
 const STORAGE_BUFFERS: u32 = 18;
@@ -97,6 +97,8 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     /// Its matrix units for products of halves; none where the adapter has none that fit our kernels.
     pub matrix_units: Option<MatrixUnits>,
+    /// What the test of the matrix units came to.
+    pub(crate) matrix_units_pay: OnceLock<bool>,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     pub(super) profiler: Mutex<Option<Profiler>>,
 }
@@ -260,6 +262,7 @@ impl Gpu {
             queue,
             info,
             matrix_units,
+            matrix_units_pay: OnceLock::new(),
             pipelines: Mutex::default(),
             profiler: Mutex::default(),
         }))

@@ -5,6 +5,7 @@
 //! Gradients are multiplied by a scale while they are halves, so that the smallest ones that matter have all their digits.
 
 mod backward;
+pub mod choice;
 
 use super::layers::{self, HALF, INPUT, Layer, QUARTER};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};

@@ -2,8 +2,10 @@
 
 use super::compose::{Compose, ComposeBuffers, ComposeGradients};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
+use super::half::choice;
 use super::hourglass::Hourglass;
-use super::variant::Variant;
+use super::path::Path;
+use super::variant::{Precision, Variant};
 use crate::camera::Camera;
 use crate::fuse::{ExposureFit, Seen};
 use crate::gpu::buffer::{from_primitive, primitive};
@@ -37,12 +39,14 @@ pub struct Residual {
     pool: Arc<Pool<Scratch>>,
     variant: Variant,
     exposure: bool,
+    /// In half precision on the matrix units.
+    half: bool,
 }
 
 /// Memory of one image size.
 #[derive(Debug)]
 struct Scratch {
-    hourglass: Hourglass,
+    network: Path,
     size: [u32; 2],
     slots: u32,
     backward: Option<BackwardScratch>,
@@ -109,9 +113,9 @@ impl Saved {
             colour = corrected;
         }
         let inputs = feature_inputs(seen, colour, &warped, &weights);
-        self.features().record(&mut pass, &inputs, scratch.hourglass.x());
-        scratch.hourglass.forward(&mut pass, &weights);
-        let residual = scratch.hourglass.residual();
+        self.features().record(&mut pass, &inputs, scratch.network.x());
+        scratch.network.forward(&mut pass, &weights);
+        let residual = scratch.network.residual();
         let buffers = ComposeBuffers { active: &seen.active, base: colour, residual, image: &image };
         self.compose().record(&mut pass, &buffers);
         pass.submit();
@@ -132,9 +136,9 @@ impl Saved {
         let composed =
             ComposeGradients { active: &seen.active, v_image: &v_image, v_residual: &own.v_residual, v_base: v_colour };
         self.compose().record_backward(&mut pass, &composed);
-        scratch.hourglass.backward(&mut pass, &weights, &own.v_residual, &b_weights);
+        scratch.network.backward(&mut pass, &weights, &own.v_residual, &b_weights);
         let inputs = feature_inputs(seen, colour, &warped, &weights);
-        let v_x = scratch.hourglass.v_x();
+        let v_x = scratch.network.v_x();
         let gradients = FeatureGradients { v_x, v_weights: &b_weights, scratch: &own.features };
         self.features().record_backward(&mut pass, &inputs, &gradients);
         if inputs_learn {
@@ -156,8 +160,9 @@ fn feature_inputs<'a>(seen: &'a Seen, base: &'a Buffer, warped: &'a Buffer, weig
 
 impl Residual {
     /// A residual stage without any memory yet; `exposure`: the base colour is first fitted to the first source.
-    pub fn new(gpu: Arc<Gpu>, variant: Variant, exposure: bool) -> Self {
-        Self { gpu, pool: Arc::default(), variant, exposure }
+    pub fn new(gpu: Arc<Gpu>, variant: Variant, exposure: bool, precision: Precision) -> Self {
+        let half = precision == Precision::Auto && choice::pays(&gpu);
+        Self { gpu, pool: Arc::default(), variant, exposure, half }
     }
 
     /// Whether an image of this size is large enough for the network at its factor; a smaller one has no residual.
@@ -184,7 +189,7 @@ impl Residual {
             })
         };
         Ok(Scratch {
-            hourglass: Hourglass::new(gpu, low[0], low[1], gradients)?,
+            network: Path::new(gpu, low, gradients, self.half)?,
             size,
             slots,
             backward: gradients.then(backward).transpose()?,

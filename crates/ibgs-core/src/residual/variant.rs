@@ -50,6 +50,30 @@ pub enum Factor {
     Quarter,
 }
 
+/// How precisely the network computes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    /// Float32 throughout.
+    #[default]
+    Full,
+    /// Halves on matrix units, their products summed in float32, where the adapter has such units that pass a test of results
+    /// and speed; otherwise as `full`.
+    Auto,
+}
+
+impl std::str::FromStr for Precision {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "full" => Ok(Self::Full),
+            "auto" => Ok(Self::Auto),
+            other => Err(format!("`{other}` is neither `auto` nor `full`")),
+        }
+    }
+}
+
 /// One choice of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]

@@ -107,7 +107,7 @@ impl ImageStages {
             // All of them: one that is rendered anew would be of another model, and the training another one.
             depths: DepthCache::new(None),
             warper: Warper::new(gpu.clone(), options.warp()),
-            residual: Residual::new(gpu.clone(), options.variant, options.exposure),
+            residual: Residual::new(gpu.clone(), options.variant, options.exposure, options.precision),
             normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
             photometric_loss: PhotometricLoss::new(gpu.clone(), config.surface.photometric_weight as f32),
             network_optimizer: TensorOptimizer::new(gpu, &primitive(network.weights.val()), adam)?,

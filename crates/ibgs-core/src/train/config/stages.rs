@@ -1,6 +1,6 @@
 //! Options of the image-based stages: surface losses, residual network, exposure (method.md sections 3, 6, 7 and 8).
 
-use crate::residual::variant::{Aggregation, Inputs, Output};
+use crate::residual::variant::{Aggregation, Inputs, Output, Precision};
 use serde::{Deserialize, Serialize};
 
 /// Median intersections and the losses on the surface that they give (method.md sections 3 and 7).
@@ -44,6 +44,8 @@ pub struct ResidualConfig {
     pub dropout: f64,
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's.
     pub factor: f64,
+    /// `auto`: in half precision on matrix units where they pass a test; `full`: float32.
+    pub precision: Precision,
     /// What the network reads: `differences`, `source-colors`, `differences-only`.
     pub inputs: Inputs,
     /// What its output is: `residual`, `color`.
@@ -89,6 +91,7 @@ impl Default for ResidualConfig {
             epsilon: 1e-8,
             dropout: 0.1,
             factor: 1.0,
+            precision: Precision::Auto,
             inputs: Inputs::Differences,
             output: Output::Residual,
             aggregation: Aggregation::Mean,

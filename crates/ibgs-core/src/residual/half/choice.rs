@@ -1,0 +1,135 @@
+//! Whether the matrix units are right and fast on this adapter: a test against the portable path when they are first wanted.
+
+use crate::gpu::{Gpu, GpuError, Pass};
+use crate::residual::layers::{self, INPUT, LAYERS, WEIGHTS};
+use crate::residual::path::Path;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::time::{Duration, Instant};
+
+/// Size at which the two paths are compared; odd, so that every border is met.
+const COMPARED: [u32; 2] = [75, 53];
+/// Size at which they are timed.
+const TIMED: [u32; 2] = [640, 480];
+/// Passes that are timed, of which the fastest counts; the first is slow.
+const PASSES: usize = 4;
+/// Largest difference, as a part of the largest value.
+const TOLERANCE: f32 = 1e-4;
+
+/// A network and maps that halves hold without any rounding through all layers: small whole numbers, few weights an output, in
+/// the last layers more, so that every layer has a gradient.
+#[derive(Clone, Debug)]
+pub struct WholeNumbers {
+    /// The network's flat weights.
+    pub weights: Vec<f32>,
+    /// `[38][height * width]`.
+    pub planes: Vec<f32>,
+    /// `[height * width * 3]`; of the size that a mean over all values gives.
+    pub v_residual: Vec<f32>,
+}
+
+impl WholeNumbers {
+    /// For an image of `width` x `height` pixels.
+    pub fn new(width: u32, height: u32, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut weights = vec![0.0; WEIGHTS];
+        for layer in &LAYERS[2..] {
+            let last = [layers::FINAL.name, layers::FUSE.name, layers::DEC1.name].contains(&layer.name);
+            let length = layer.inputs * layer.taps;
+            for o in 0..layer.outputs {
+                for _ in 0..if last { 6 } else { 2 } {
+                    let at = layer.offset + o * length + rng.random_range(0..length);
+                    weights[at] = if rng.random() { 1.0 } else { -1.0 };
+                }
+                weights[layer.bias() + o] = rng.random_range(0..3u8).into();
+            }
+        }
+        let pixels = width as usize * height as usize;
+        let unit = ((3 * pixels).next_power_of_two() as f32).recip();
+        let mut values =
+            |count: usize, most: i8| (0..count).map(|_| f32::from(rng.random_range(-most..=most))).collect::<Vec<_>>();
+        let planes = values(INPUT * pixels, 3);
+        let v_residual = values(3 * pixels, 1).iter().map(|v| v * unit).collect();
+        Self { weights, planes, v_residual }
+    }
+}
+
+/// What a path makes of them: residual, gradient by the planes, gradient by the weights.
+type Results = [Vec<f32>; 3];
+
+/// The results of a path, and the time of the fastest of several forward and backward passes.
+fn run(gpu: &Gpu, size: [u32; 2], half: bool, passes: usize) -> Result<(Results, Duration), GpuError> {
+    let WholeNumbers { weights, planes, v_residual } = WholeNumbers::new(size[0], size[1], 0);
+    let [weights, v_residual] = [gpu.upload("weights", &weights)?, gpu.upload("v_residual", &v_residual)?];
+    let v_weights = gpu.upload("v_weights", &vec![0.0f32; WEIGHTS])?;
+    let path = Path::new(gpu, size, true, half)?;
+    let mut fastest = Duration::MAX;
+    for _ in 0..passes {
+        gpu.queue.write_buffer(&path.x().buffer, path.x().offset, bytemuck::cast_slice(&planes));
+        gpu.queue.submit([]);
+        gpu.wait()?;
+        let start = Instant::now();
+        let mut pass = Pass::new(gpu, "self-test");
+        path.forward(&mut pass, &weights);
+        path.backward(&mut pass, &weights, &v_residual, &v_weights);
+        pass.submit();
+        gpu.wait()?;
+        fastest = fastest.min(start.elapsed());
+    }
+    let pixels = (size[0] * size[1]) as usize;
+    let read = |buffer, count| gpu.read(buffer, count);
+    let results = [read(path.residual(), 3 * pixels)?, read(path.v_x(), INPUT * pixels)?, read(&v_weights, WEIGHTS)?];
+    Ok((results, fastest))
+}
+
+/// Largest difference, as a part of the largest value.
+fn difference(a: &[f32], b: &[f32]) -> f32 {
+    let largest = b.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    // What is no number must not pass for small.
+    let apart = apart.fold(0.0f32, |m, v| if v.is_nan() { f32::INFINITY } else { m.max(v) });
+    if apart == 0.0 { 0.0 } else { apart / largest }
+}
+
+/// Whether the matrix units give the portable path's results, and sooner. Runs once for each [`Gpu`]; false on software
+/// adapters, whose matrix units save nothing.
+pub fn pays(gpu: &Gpu) -> bool {
+    let test = || {
+        if gpu.is_software() || gpu.matrix_units.is_none() {
+            return Ok(false);
+        }
+        match error(gpu)? {
+            Some(error) if error > TOLERANCE => {
+                eprintln!("warning: the matrix units of {} are wrong by {error:.1e} and are not used", gpu.info.name);
+                Ok(false)
+            }
+            Some(_) => faster(gpu),
+            None => Ok(false),
+        }
+    };
+    *gpu.matrix_units_pay.get_or_init(|| {
+        test().unwrap_or_else(|error: GpuError| {
+            eprintln!("warning: the matrix units could not be tested and are not used: {error}");
+            false
+        })
+    })
+}
+
+/// By how much the matrix units' results differ from the portable path's where no value needs rounding, as a part of the
+/// largest value; none without matrix units.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn error(gpu: &Gpu) -> Result<Option<f32>, GpuError> {
+    if gpu.matrix_units.is_none() {
+        return Ok(None);
+    }
+    // Twice over: the second pass must not see anything of the first.
+    let half = run(gpu, COMPARED, true, 2)?.0;
+    let full = run(gpu, COMPARED, false, 1)?.0;
+    Ok(Some(half.iter().zip(&full).map(|(a, b)| difference(a, b)).fold(0.0, f32::max)))
+}
+
+fn faster(gpu: &Gpu) -> Result<bool, GpuError> {
+    Ok(run(gpu, TIMED, true, PASSES)?.1 < run(gpu, TIMED, false, PASSES)?.1)
+}
