@@ -375,3 +375,13 @@ pub struct HeadParams {
     /// 1: the values between the two layers are kept.
     pub keep: u32,
 }
+
+/// Multiply-adds in registers; the twin of `FmaParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FmaParams {
+    /// Threads.
+    pub count: u32,
+    /// Steps of [`BENCH_FMAS`](crate::BENCH_FMAS) multiply-adds.
+    pub steps: u32,
+}
