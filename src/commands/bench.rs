@@ -181,3 +181,33 @@ fn load(path: &Path) -> Result<Scene> {
     let camera = folder.read_cameras()?.first().context(no_cameras)?.camera;
     Ok(Scene { name, gaussians, camera, config })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn lists_are_varied_one_at_a_time() {
+        let line = "bench --gaussians 1k,2k --size 8x6,9x7 --sources 4,2,1 --intersections 4,2";
+        let changes = Line::parse_from(line.split(' ')).args.changes().unwrap();
+        let rows: Vec<_> = changes.iter().map(|c| (c.gaussians, c.size, c.sources, c.intersections)).collect();
+        let row = |n, size, m, k| (Some(n), Some(size), Some(m), Some(k));
+        let expected = [
+            row(1000, [8, 6], 4, 4),
+            row(2000, [8, 6], 4, 4),
+            row(1000, [9, 7], 4, 4),
+            row(1000, [8, 6], 2, 4),
+            row(1000, [8, 6], 1, 4),
+            row(1000, [8, 6], 4, 2),
+        ];
+        assert_eq!(rows, expected);
+        assert_eq!(Line::parse_from(["bench", "model"]).args.changes().unwrap().len(), 1);
+    }
+}

@@ -3,13 +3,13 @@
 use super::Sandbox;
 use ibgs_core::bench::{Report, Stage, Work};
 
-/// Three rows: the usual values, another number of Gaussians, other sources and medians.
+/// Two rows: the usual values, and another number of Gaussians.
 #[test]
 fn a_growth_table_of_a_tiny_scene() {
     let sandbox = Sandbox::new();
-    let lists = "--gaussians 200,1k --size 33x24 --sources 4 --intersections 4,2";
+    let lists = "--gaussians 200,1k --size 20x12 --sources 2 --intersections 2";
     let outcome = sandbox.succeeds(&format!("bench {lists} --iterations 5 --json out/bench.json"));
-    for fragment in ["measured: copy ", "synthetic: 200 Gaussians", "33 x 24", ", 4 sources, K = 4", "floor ms"] {
+    for fragment in ["measured: copy ", "synthetic: 200 Gaussians", "20 x 12", ", 2 sources, K = 2", "floor ms"] {
         assert!(outcome.stdout.contains(fragment), "`{fragment}` is not in {outcome}");
     }
     for work in Work::ALL {
@@ -21,13 +21,13 @@ fn a_growth_table_of_a_tiny_scene() {
     assert_eq!(report.runs, 5);
     let rows: Vec<_> =
         report.configurations.iter().map(|c| (c.load.gaussians, c.width, c.load.sources, c.load.medians)).collect();
-    assert_eq!(rows, [(200, 33, 4, 4), (1000, 33, 4, 4), (200, 33, 4, 2)]);
-    let table = outcome.stdout.lines().filter(|line| line.contains("33x24")).count();
+    assert_eq!(rows, [(200, 20, 2, 2), (1000, 20, 2, 2)]);
+    let table = outcome.stdout.lines().filter(|line| line.contains("20x12")).count();
     assert_eq!(table, rows.len(), "{outcome}");
     for configuration in &report.configurations {
         let load = &configuration.load;
         assert!(load.gaussians_in_view <= load.gaussians && load.intersections >= load.gaussians_in_view, "{load:?}");
-        assert!(load.pairs > 0 && load.pixels == 33 * 24 && load.tiles == 3 * 2 && load.slots_used > 0, "{load:?}");
+        assert!(load.pairs > 0 && load.pixels == 20 * 12 && load.tiles == 2 && load.slots_used > 0, "{load:?}");
         let works: Vec<_> = configuration.timings.iter().map(|timing| timing.work).collect();
         assert_eq!(works, Work::ALL);
         for timing in &configuration.timings {
@@ -38,7 +38,7 @@ fn a_growth_table_of_a_tiny_scene() {
                 let found = found.unwrap_or_else(|| panic!("no {stage} in {timing:?}"));
                 assert!(found.floor_ms.unwrap() > 0.0, "{found:?}");
                 assert_eq!(found.ms.is_some(), report.device.timestamps, "{found:?}");
-                assert!(found.ms.is_none_or(|ms| ms > 0.0), "{found:?} in {:?}", timing.work);
+                assert!(found.ms.is_none_or(|ms| ms >= 0.0), "{found:?} in {:?}", timing.work);
             }
         }
         let memory = configuration.memory.as_ref().unwrap();
@@ -47,12 +47,6 @@ fn a_growth_table_of_a_tiny_scene() {
         assert!(memory.kinds.iter().any(|kind| kind.name == "Adam moments"), "{:?}", memory.kinds);
         println!("{} bytes allocated, {} estimated", memory.allocated_bytes, configuration.estimated_bytes);
     }
-    let own = report.configurations[0].timing(Work::FinalIteration).unwrap();
-    let without = |stage: &str| {
-        Work::ALL.into_iter().all(|work| {
-            let timing = report.configurations[0].timing(work).unwrap();
-            work.is_image_based() || timing.stages.iter().all(|timing| timing.stage != stage)
-        })
-    };
-    assert!(own.stages.iter().any(|timing| timing.stage == "warp") && without("warp"));
+    let base = report.configurations[0].timing(Work::BaseIteration).unwrap();
+    assert!(base.stages.iter().all(|timing| timing.stage != "warp"), "{base:?}");
 }

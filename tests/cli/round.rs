@@ -23,6 +23,7 @@ fn a_scene_becomes_a_model_that_every_command_reads() {
     let (sandbox, told) = Sandbox::with_trained();
     assert!(told.contains("8 training views, 2 test views, 300 initial points"), "{told}");
     assert!(told.contains("trained 30 iterations"), "{told}");
+    assert!(told.contains("memory: needs about ") && told.contains(" at 300 Gaussians, "), "{told}");
     // No residual at the first evaluation, base and final image at the last.
     assert!(told.contains("iteration 7: test PSNR "), "{told}");
     assert!(told.contains("iteration 30: test final PSNR ") && told.contains(", base PSNR "), "{told}");
@@ -229,8 +230,8 @@ fn bench(sandbox: &Sandbox) {
     let config = sandbox.text("model/config.toml");
     sandbox.write("model/config.toml", config.replace("used = 4", "used = 2"));
     let before = snapshot(&sandbox.path("model"));
-    let outcome = sandbox.succeeds("bench model --iterations 5");
-    assert!(outcome.stdout.contains("48 x 36") && outcome.stdout.contains(", 2 sources"), "{outcome}");
+    let outcome = sandbox.succeeds("bench model --iterations 5 --size 24x18");
+    assert!(outcome.stdout.contains("24 x 18") && outcome.stdout.contains(", 2 sources"), "{outcome}");
     assert!(snapshot(&sandbox.path("model")) == before);
 }
 

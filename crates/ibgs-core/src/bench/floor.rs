@@ -109,8 +109,11 @@ impl Floor {
     }
 }
 
-/// The hourglass' layers with the halvings of the size at which each is computed, and that of its inputs.
-const LAYERS: [(Layer, u32, &[(usize, u32)]); 9] = [
+/// A layer, the halvings of the size at which it is computed, and channels and halvings of each input.
+type Placed = (Layer, u32, &'static [(usize, u32)]);
+
+/// The hourglass.
+const LAYERS: [Placed; 9] = [
     (ENC1, 0, &[(INPUT, 0)]),
     (ENC2, 1, &[(INPUT, 0)]),
     (ENC3, 2, &[(ENC2.outputs, 1)]),
@@ -130,7 +133,7 @@ impl Load {
 
     /// Inputs and outputs of every layer once, and its multiply-adds.
     fn hourglass(&self) -> Floor {
-        let layer = |(layer, at, inputs): &(Layer, u32, &[(usize, u32)])| {
+        let layer = |(layer, at, inputs): &Placed| {
             let read: f64 = inputs.iter().map(|&(channels, at)| channels as f64 * self.network_pixels(at)).sum();
             let pixels = self.network_pixels(*at);
             Floor::new(4.0 * (read + layer.outputs as f64 * pixels), 2.0 * layer.weights() as f64 * pixels)

@@ -1,22 +1,25 @@
 //! Runs frames and iterations and times them.
 
 use super::floor::Load;
+use super::median;
 use super::rates::Rates;
 use super::report::{Configuration, StageTiming, Timing};
 use super::scene::{Setting, options, views};
 use super::stage::{Stage, Work};
-use super::{LEAST_RUNS, median};
 use crate::gpu::{Gpu, MemoryReport};
 use crate::memory::{Demand, Estimate};
 use crate::raster::{RasterView, Rasterizer, Room};
 use crate::render::Renderer;
 use crate::residual::Factor;
-use crate::scene::Splats;
+use crate::scene::{MAX_SH_DEGREE, Splats};
 use crate::train::config::{Method, TrainConfig};
 use crate::train::{TrainError, Trainer};
 use ibgs_shaders::TILE;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Iterations until the degree of the spherical harmonics is the model's.
+const SETTLING: u32 = MAX_SH_DEGREE + 1;
 
 /// Something to run again and again.
 type Run<'a> = &'a mut dyn FnMut() -> Result<(), TrainError>;
@@ -42,9 +45,10 @@ impl Clock<'_> {
     }
 
     fn timing(&self, work: Work, run: Run) -> Result<Timing, TrainError> {
-        self.elapsed(self.runs, run)?;
-        let single = (0..self.runs).map(|_| self.elapsed(1, run)).collect::<Result<Vec<_>, _>>()?;
+        self.elapsed(2, run)?;
+        // Also the warm-up of the single runs.
         let in_a_row_ms = self.elapsed(self.runs, run)? / f64::from(self.runs);
+        let single = (0..self.runs).map(|_| self.elapsed(1, run)).collect::<Result<Vec<_>, _>>()?;
         let stages = self.stages(work, run)?;
         let fastest_ms = single.iter().copied().fold(f64::INFINITY, f64::min);
         let floor_ms = stages.iter().filter_map(|stage| stage.floor_ms).sum();
@@ -136,7 +140,7 @@ fn image_based(
     drop(splats);
     let mut trainer = Trainer::from_gaussians(raster.clone(), &dataset, config, setting.gaussians)?;
     // The first iterations make depth maps and lift the degree of the spherical harmonics.
-    for _ in 0..LEAST_RUNS {
+    for _ in 0..SETTLING {
         trainer.step()?;
     }
     load.slots_used = slots_used(&trainer.renderer(), setting)?;
@@ -180,7 +184,7 @@ fn base(
     let config = options(Method::Gs3, setting.config);
     let mut trainer = Trainer::from_gaussians(raster.clone(), &dataset, &config, setting.gaussians)?;
     let clock = Clock { gpu, rates, load, runs };
-    for _ in 0..LEAST_RUNS {
+    for _ in 0..SETTLING {
         trainer.step()?;
     }
     let iteration = clock.timing(Work::BaseIteration, &mut || trainer.step())?;
