@@ -75,10 +75,10 @@ pub fn print_growth(configurations: &[Configuration]) {
         let load = &configuration.load;
         let size = format!("{}x{}", configuration.width, configuration.height);
         let ms = |work: Work| configuration.timing(work).map_or("-".to_owned(), |timing| format!("{:.3}", timing.ms));
-        let [base, warm, cold, plain, image] = Work::ALL.map(ms);
+        let [base, warm, cold, plain, full] = Work::ALL.map(ms);
         let memory = configuration.memory.as_ref().map_or("-".to_owned(), |m| Bytes(m.allocated_bytes).to_string());
         println!(
-            "{:>10} {size:>11} {:>7} {:>2} {:>13} {base:>10} {warm:>11} {cold:>11} {plain:>13} {image:>13} {memory:>10}",
+            "{:>10} {size:>11} {:>7} {:>2} {:>13} {base:>10} {warm:>11} {cold:>11} {plain:>13} {full:>13} {memory:>10}",
             load.gaussians, load.sources, load.medians, load.intersections
         );
     }

@@ -79,8 +79,8 @@ pub(super) fn views(
     Ok(Dataset { path: Default::default(), views, train, test: Vec::new(), points: Vec::new(), notes: Vec::new() })
 }
 
-/// Options of a training in which every stage of the method is at work from the second iteration on, no Gaussian is left
-/// out and nothing is densified. How much the stages compute is the model's own.
+/// Options of a training in which every stage of the method is at work from the second iteration on, no Gaussian is
+/// left out and nothing is densified. How much the stages compute is the model's own.
 pub(super) fn options(method: Method, model: &TrainConfig) -> TrainConfig {
     let usual = TrainConfig::default();
     let sources = SourceOptions { used: model.sources.used, visible: model.sources.visible, ..usual.sources };

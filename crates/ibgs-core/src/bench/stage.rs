@@ -153,8 +153,8 @@ impl Stage {
         }
     }
 
-    /// The stage of a kernel in a pass. A kernel of the residual's passes that is not known by its name counts as one of
-    /// the hourglass.
+    /// The stage of a kernel in a pass. A kernel of the residual's passes that is not known by its name counts as one
+    /// of the hourglass.
     pub fn of(pass: &'static str, kernel: &'static str) -> Self {
         match (pass, kernel) {
             ("depth map", _) => DepthMaps,
