@@ -4,22 +4,22 @@
 //! and what densification and evaluation need beside it. Bytes are as the modules allocate them; where these change, the
 //! test that compares the estimate with the allocator's report fails. With N Gaussians of C coefficients a channel, room
 //! for I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V slots, M
-//! sources and `ibgs` (for `3dgs` the parts in brackets fall away):
+//! sources and `ibgs` (for `3dgs` the parts in braces fall away):
 //!
 //! | part | bytes |
 //! |---|---|
 //! | photos | 4 a pixel of all training photos, within `--source-memory` |
 //! | Gaussians | (60 + 12 C) N |
-//! | optimiser | 2 (44 + 12 C [+ 16]) N, 16 N of statistics [, 8 a weight of the network] |
-//! | gradients | (60 + 12 C [+ 16]) N, 16 N of placeholders |
-//! | raster | 77 N + 21 I + 48 [64] I + 8 T + 8 P [, 93 N + 21 I + 8 T + 8 P once more for depth maps] |
-//! | images | 24 P [+ 48 P + 64 V P] |
-//! | surface | [16 N + (32 + 20 K) P] |
-//! | network | [(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure 24 P] |
-//! | losses | 36 P [twice, and 36 V P] |
-//! | depth maps | [4 a pixel of all training photos] |
+//! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
+//! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
+//! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
+//! | images | 24 P {+ 48 P + 64 V P} |
+//! | surface | {16 N + (32 + 20 K) P} |
+//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure 24 P} |
+//! | losses | 36 P {twice, and 36 V P} |
+//! | depth maps | {4 a pixel of all training photos} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
-//! | evaluation | [608 p + (64 + 16 V + 4 M + 12 K) P, where there are views to evaluate] |
+//! | evaluation | {608 p + (64 + 16 V + 4 M + 12 K) P, where there are views to evaluate} |
 
 use crate::camera::Camera;
 use crate::residual::Factor;
