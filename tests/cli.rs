@@ -3,6 +3,7 @@
 mod bad_input;
 mod bad_machine;
 mod bad_model;
+mod bench;
 mod bundle;
 mod image_based;
 #[cfg(unix)]

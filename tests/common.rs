@@ -16,13 +16,15 @@ use std::sync::{Arc, OnceLock};
 /// The GPU; a machine without any adapter fails the tests. `IBGS_TEST_ADAPTER` chooses one by name.
 pub fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    let open = || {
-        let choice = std::env::var("IBGS_TEST_ADAPTER").map_or(AdapterChoice::Best, AdapterChoice::Named);
-        let gpu = Gpu::open(&choice).expect("the tests need a GPU adapter; a software one will do");
-        println!("adapter: {}", gpu.describe());
-        gpu
-    };
-    GPU.get_or_init(open).clone()
+    GPU.get_or_init(open_gpu).clone()
+}
+
+/// The same adapter once more, as a device that no other test uses.
+pub fn open_gpu() -> Arc<Gpu> {
+    let choice = std::env::var("IBGS_TEST_ADAPTER").map_or(AdapterChoice::Best, AdapterChoice::Named);
+    let gpu = Gpu::open(&choice).expect("the tests need a GPU adapter; a software one will do");
+    println!("adapter: {}", gpu.describe());
+    gpu
 }
 
 /// A fresh rasterizer on it.

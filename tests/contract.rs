@@ -205,4 +205,5 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(PoolParams { size, channels, pad });
     twin!(UpsampleParams { size, source, channels, pad });
     twin!(HeadParams { pixels, fuse, fuse_bias, last, last_bias, keep });
+    twin!(FmaParams { count, steps });
 }

@@ -3,6 +3,7 @@
 mod events;
 mod image_based;
 mod inputs;
+mod memory;
 
 use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};

@@ -1,42 +1,48 @@
 //! `ibgs bench`
 
+mod lists;
+mod tables;
+
 use super::model::is_bundle;
 use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::bench::{self, Timing};
+use ibgs_core::bench::{self, DeviceReport, LEAST_RUNS, Rates, Report, Setting};
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
-use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Largest image side in pixels.
-const MAX_SIDE: u32 = 16_384;
+/// Gaussians of a synthetic scene, and its image size.
+const USUAL: (usize, [u32; 2]) = (100_000, [960, 540]);
 
-/// Gaussians of a synthetic scene.
-const MOST_GAUSSIANS: usize = 50_000_000;
-
-/// Options of `ibgs bench`.
+/// Options of `ibgs bench`. Lists make a table: the first value of each is the usual one, and each other value is
+/// measured with the first ones of the other lists.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Model folder or `.ibgs` bundle; left out: a synthetic scene.
-    model: Option<PathBuf>,
-    /// Gaussians of the synthetic scene.
-    #[arg(long, default_value_t = 100_000)]
-    gaussians: usize,
-    /// Image size of the synthetic scene, WIDTHxHEIGHT.
-    #[arg(long, default_value = "960x540")]
-    size: String,
+    /// Model folders or `.ibgs` bundles; left out: a synthetic scene.
+    models: Vec<PathBuf>,
+    /// Gaussians of the synthetic scene, such as `100k,1M`.
+    #[arg(long, conflicts_with = "models")]
+    gaussians: Option<String>,
+    /// Image sizes, WIDTHxHEIGHT or `540p`, `1080p`, `4k`; left out: a model's own, or 960x540.
+    #[arg(long)]
+    size: Option<String>,
+    /// Numbers of sources.
+    #[arg(long, value_delimiter = ',')]
+    sources: Option<Vec<u32>>,
+    /// Numbers of median intersections of a pixel.
+    #[arg(long, value_delimiter = ',')]
+    intersections: Option<Vec<u32>>,
     /// Spherical-harmonics degree of the synthetic scene.
     #[arg(long, default_value_t = 2)]
     sh_degree: u32,
-    /// Iterations measured after as many for warm-up.
+    /// Runs that each median is of, after as many for warm-up.
     #[arg(long, default_value_t = 20)]
     iterations: u32,
-    /// Also write the figures to a JSON file.
+    /// Also write everything to a JSON file.
     #[arg(long)]
     json: Option<PathBuf>,
     /// Adapter by number or part of its name; `ibgs info` lists them.
@@ -44,97 +50,164 @@ pub struct Args {
     adapter: Option<String>,
 }
 
+/// A model with the camera to see it by, and its options.
+struct Scene {
+    name: String,
+    gaussians: Gaussians,
+    camera: Camera,
+    config: TrainConfig,
+}
+
+/// What a row of the table changes.
+#[derive(Clone, Copy, Default)]
+struct Change {
+    gaussians: Option<usize>,
+    size: Option<[u32; 2]>,
+    sources: Option<u32>,
+    intersections: Option<u32>,
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    if args.gaussians > MOST_GAUSSIANS {
-        bail!("option `--gaussians` is {}; it must be at most {MOST_GAUSSIANS}", args.gaussians);
+    check(args)?;
+    let changes = args.changes()?;
+    // Models before the device: mistakes that need none come first.
+    let models = args.models.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
+    for change in &changes {
+        change.apply(&mut TrainConfig::default()).validate()?;
     }
-    if args.iterations == 0 {
-        bail!("option `--iterations` is 0; it must be at least 1");
-    }
-    let mut config = TrainConfig::default();
-    let no_cameras = "the model has no cameras";
-    let (gaussians, camera) = match &args.model {
-        Some(path) if is_bundle(path) => {
-            let bundle = Bundle::read(path)?;
-            config = bundle.config;
-            (bundle.gaussians, bundle.cameras.first().context(no_cameras)?.camera)
-        }
-        Some(path) => {
-            let folder = OutputFolder::open(path)?;
-            // Folders of other programs have none.
-            if folder.config_path().exists() {
-                config = folder.read_config()?;
-            }
-            let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
-            let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-            let camera = folder.read_cameras()?.first().context(no_cameras)?.camera;
-            (gaussians, camera)
-        }
-        None => synthetic(args)?,
-    };
     let gpu = open_gpu(args.adapter.as_ref())?;
-    let measure = |method| -> Result<Timing> {
-        let timing = bench::measure(&gpu, &gaussians, &camera, (method, &config), args.iterations)?;
-        print((method, &config), &timing, gaussians.len(), &camera);
-        Ok(timing)
+    let rates = Rates::measure(&gpu)?;
+    tables::print_rates(&rates);
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let device = DeviceReport::new(&gpu);
+    let mut report = Report { version, device, rates, runs: args.iterations, configurations: Vec::new() };
+    let scenes: Vec<Option<Scene>> = match models.is_empty() {
+        true => vec![None],
+        false => models.into_iter().map(Some).collect(),
     };
-    let (base, image) = (measure(Method::Gs3)?, measure(Method::Ibgs)?);
+    for mut scene in scenes {
+        let first = report.configurations.len();
+        for change in &changes {
+            let mut made = None;
+            let scene = match &mut scene {
+                Some(model) => model,
+                None => made.insert(synthetic(change, args.sh_degree)),
+            };
+            let mut config = scene.config.clone();
+            let size = change.size.unwrap_or([scene.camera.width, scene.camera.height]);
+            let setting = Setting {
+                gaussians: &scene.gaussians,
+                camera: scene.camera.resized(size[0], size[1]),
+                config: change.apply(&mut config),
+            };
+            let measured = bench::measure(&gpu, &rates, &scene.name, &setting, args.iterations)?;
+            if report.configurations.len() == first {
+                tables::print_stages(&measured);
+            }
+            report.configurations.push(measured);
+        }
+        tables::print_growth(&report.configurations[first..]);
+    }
     if let Some(path) = &args.json {
-        let one = |timing: &Timing| {
-            let stages: Vec<_> = timing.stages.iter().map(|(name, ms)| json!({"stage": name, "ms": ms})).collect();
-            json!({
-                "intersections": timing.intersections,
-                "frame_ms": timing.frame_ms,
-                "cold_frame_ms": timing.cold_frame_ms,
-                "iteration_ms": timing.iteration_ms,
-                "memory_reserved_bytes": timing.memory,
-                "stages_ms": stages,
-            })
-        };
-        let report = json!({
-            "device": gpu.describe(),
-            "gaussians": gaussians.len(),
-            "size": [camera.width, camera.height],
-            "3dgs": one(&base),
-            "ibgs": one(&image),
-        });
         ibgs_core::files::write_atomically(path, |out| serde_json::to_writer_pretty(out, &report).map_err(Into::into))?;
     }
     Ok(())
 }
 
-fn synthetic(args: &Args) -> Result<(Gaussians, Camera)> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-    let size = args.size.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
-    let Some((width, height)) = size else {
-        bail!("option `--size` is `{}`; write it as WIDTHxHEIGHT, each from 1 to {MAX_SIDE}", args.size);
-    };
+fn check(args: &Args) -> Result<()> {
+    if args.iterations < LEAST_RUNS {
+        bail!("option `--iterations` is {}; it must be at least {LEAST_RUNS}", args.iterations);
+    }
     if args.sh_degree > MAX_SH_DEGREE {
         bail!("option `--sh-degree` is {}; it must be 0, 1, 2 or 3", args.sh_degree);
     }
-    Ok(bench::synthetic(args.gaussians, args.sh_degree, width, height))
+    Ok(())
 }
 
-fn print((method, config): (Method, &TrainConfig), timing: &Timing, gaussians: usize, camera: &Camera) {
-    let (name, sources) = match method {
-        Method::Gs3 => ("3dgs", String::new()),
-        _ => ("ibgs", format!(", {} sources", config.sources.used.min(bench::NEIGHBOURS))),
-    };
-    println!(
-        "{name}: {gaussians} Gaussians, {} x {}, {} tile intersections{sources}",
-        camera.width, camera.height, timing.intersections
-    );
-    let line = |name: &str, ms: f64| println!("{name:<32} {ms:>9.3} ms");
-    for (name, ms) in &timing.stages {
-        line(name, *ms);
+impl Args {
+    /// The first value of each list, then each other value of one list at a time.
+    fn changes(&self) -> Result<Vec<Change>> {
+        let counts = self.gaussians.as_deref().map(lists::counts).transpose()?.unwrap_or_default();
+        let sizes = self.size.as_deref().map(lists::sizes).transpose()?.unwrap_or_default();
+        let sources = self.sources.as_deref().unwrap_or_default();
+        let intersections = self.intersections.as_deref().unwrap_or_default();
+        let usual = Change {
+            gaussians: counts.first().copied(),
+            size: sizes.first().copied(),
+            sources: sources.first().copied(),
+            intersections: intersections.first().copied(),
+        };
+        let mut all = vec![usual];
+        all.extend(counts.iter().skip(1).map(|&n| Change { gaussians: Some(n), ..usual }));
+        all.extend(sizes.iter().skip(1).map(|&size| Change { size: Some(size), ..usual }));
+        all.extend(sources.iter().skip(1).map(|&m| Change { sources: Some(m), ..usual }));
+        all.extend(intersections.iter().skip(1).map(|&k| Change { intersections: Some(k), ..usual }));
+        Ok(all)
     }
-    line("frame, wall clock", timing.frame_ms);
-    if let Some(cold) = timing.cold_frame_ms {
-        line("frame with depth maps of sources", cold);
+}
+
+impl Change {
+    fn apply<'a>(&self, config: &'a mut TrainConfig) -> &'a TrainConfig {
+        if let Some(sources) = self.sources {
+            config.sources.used = sources;
+        }
+        if let Some(intersections) = self.intersections {
+            config.surface.intersections = intersections;
+        }
+        config
     }
-    line("iteration, wall clock", timing.iteration_ms);
-    if let Some(memory) = timing.memory {
-        println!("{:<32} {:>9.1} MiB", "device memory reserved", memory as f64 / f64::from(1 << 20));
+}
+
+fn synthetic(change: &Change, sh_degree: u32) -> Scene {
+    let (count, [width, height]) = (change.gaussians.unwrap_or(USUAL.0), change.size.unwrap_or(USUAL.1));
+    let (gaussians, camera) = bench::synthetic(count, sh_degree, width, height);
+    Scene { name: "synthetic".to_owned(), gaussians, camera, config: TrainConfig::default() }
+}
+
+fn load(path: &Path) -> Result<Scene> {
+    let no_cameras = "the model has no cameras";
+    let name = path.display().to_string();
+    if is_bundle(path) {
+        let Bundle { config, gaussians, cameras, .. } = Bundle::read(path)?;
+        let camera = cameras.first().context(no_cameras)?.camera;
+        return Ok(Scene { name, gaussians, camera, config });
+    }
+    let folder = OutputFolder::open(path)?;
+    // Folders of other programs have none.
+    let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
+    let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
+    let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
+    let camera = folder.read_cameras()?.first().context(no_cameras)?.camera;
+    Ok(Scene { name, gaussians, camera, config })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn lists_are_varied_one_at_a_time() {
+        let line = "bench --gaussians 1k,2k --size 8x6,9x7 --sources 4,2,1 --intersections 4,2";
+        let changes = Line::parse_from(line.split(' ')).args.changes().unwrap();
+        let rows: Vec<_> = changes.iter().map(|c| (c.gaussians, c.size, c.sources, c.intersections)).collect();
+        let row = |n, size, m, k| (Some(n), Some(size), Some(m), Some(k));
+        let expected = [
+            row(1000, [8, 6], 4, 4),
+            row(2000, [8, 6], 4, 4),
+            row(1000, [9, 7], 4, 4),
+            row(1000, [8, 6], 2, 4),
+            row(1000, [8, 6], 1, 4),
+            row(1000, [8, 6], 4, 2),
+        ];
+        assert_eq!(rows, expected);
+        assert_eq!(Line::parse_from(["bench", "model"]).args.changes().unwrap().len(), 1);
     }
 }

@@ -1,5 +1,6 @@
 //! `ibgs train`
 
+mod estimate;
 mod stages;
 
 use super::{load_scene, open_gpu, protocol, score_test_views};
@@ -217,6 +218,7 @@ pub fn run(args: &Args) -> Result<()> {
         dataset.points.len(),
         folder.root().display()
     );
+    eprintln!("{}", estimate::sentence(&trainer, &raster, &dataset, &config));
     let mut run = Run { trainer, raster, dataset, config, folder, training: Duration::ZERO };
     run.train()?;
     run.write_time()?;

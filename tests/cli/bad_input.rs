@@ -91,7 +91,11 @@ fn options_that_make_no_sense() {
     train("--residual-factor 0.3", &["`residual.factor` is 0.3", "1, 0.5 or 0.25"]);
     train("--init nowhere.ply", &["nowhere.ply"]);
     sandbox.fails("train scene -m out --images nowhere", &["nowhere"]);
-    sandbox.fails("bench --iterations 0", &["--iterations"]);
+    sandbox.fails("bench --iterations 0", &["--iterations", "at least 5"]);
+    sandbox.fails("bench --gaussians 1k,many", &["--gaussians", "`many`", "100k"]);
+    sandbox.fails("bench --size 4k,480q", &["--size", "`480q`", "1080p"]);
+    sandbox.fails("bench --sources 4,9", &["`sources.used` is 9", "1 and 8"]);
+    sandbox.fails("bench --intersections 3", &["`surface.intersections` is 3", "2, 4, 6 or 8"]);
     sandbox.fails("bench --size 64", &["--size", "`64`", "WIDTHxHEIGHT"]);
     sandbox.fails("bench --size 0x5", &["--size", "0x5"]);
     sandbox.fails("bench --size 99999x5", &["--size", "99999x5", "16384"]);

@@ -48,8 +48,8 @@ fn places_that_cannot_be_written() {
     sandbox.fails("train scene --iterations 2 -m file --overwrite", &["file", advice]);
     sandbox.fails("train scene --iterations 2 -m file/below", &["file/below", advice]);
     sandbox.fails("render model --camera-path path.json -o file/below", &["file/below", advice]);
-    sandbox.fails("bench --gaussians 9 --size 16x16 --iterations 1 --json file/below", &["file/below", advice]);
-    sandbox.fails("bench --gaussians 9 --size 16x16 --iterations 1 --json model", &["model", advice]);
+    sandbox.fails("bench --gaussians 9 --size 16x16 --iterations 5 --json file/below", &["file/below", advice]);
+    sandbox.fails("bench --gaussians 9 --size 16x16 --iterations 5 --json model", &["model", advice]);
 }
 
 /// A capable adapter does it, another one says what does not fit.
@@ -59,8 +59,8 @@ fn sizes_beyond_an_adapter() {
     sandbox.write("path.json", path_json(4000, 3000));
     let commands = [
         "render model --camera-path path.json -o frames",
-        "bench --gaussians 9 --size 4000x3000 --iterations 1",
-        "bench --gaussians 800000 --sh-degree 3 --size 16x16 --iterations 1",
+        "bench --gaussians 9 --size 4000x3000 --iterations 5",
+        "bench --gaussians 800000 --sh-degree 3 --size 16x16 --iterations 5",
     ];
     for command in commands {
         let outcome = sandbox.run(command);

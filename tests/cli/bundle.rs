@@ -55,7 +55,7 @@ fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {
     for fragment in ["10 views and 8 photos", "iteration 30, a residual network", " Gaussians, spherical harmonics"] {
         assert!(info.stdout.contains(fragment), "{info}");
     }
-    assert!(sandbox.succeeds("bench small.ibgs --iterations 1").stdout.contains("48 x 36"));
+    assert!(sandbox.succeeds("bench small.ibgs --iterations 5 --size 8x6").stdout.contains(" 8 x 6"));
     sandbox.fails("eval small.ibgs", &["scene"]);
     sandbox.fails("export model -o other.ibgs", &["scene"]);
     // Gaussians alone need neither scene nor GPU, and come from both alike.

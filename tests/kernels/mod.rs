@@ -1,6 +1,7 @@
 //! Each kernel against its twin.
 
 mod adam;
+mod bench_rates;
 mod compose;
 mod densify;
 mod exposure;

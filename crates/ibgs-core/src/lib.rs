@@ -9,7 +9,8 @@
 //! 6. [`loss`] compares base and final image with the photo, and the surface with itself and with the sources.
 //! 7. [`train`] runs the loop: schedule, optimiser, densification, output folder.
 //! 8. [`render`] is the one path from a model to images, which training, [`eval`] and [`mod@bench`] use too.
-//! 9. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR.
+//! 9. [`memory`] reckons what a training will take.
+//! 10. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR.
 //!
 //! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
 
@@ -24,6 +25,7 @@ pub mod fuse;
 pub mod gpu;
 pub mod image_io;
 pub mod loss;
+pub mod memory;
 pub mod picture;
 pub mod raster;
 pub mod render;

@@ -56,6 +56,9 @@ pub const EXPOSURE_VARIANCE: f32 = 1e-8;
 /// The exposure scalars count while 1 - SSIM of the unmodified image is under this.
 pub const EXPOSURE_SSIM: f32 = 0.5;
 
+/// Multiply-adds of a thread of `bench_fma` in one step.
+pub const BENCH_FMAS: u32 = 128;
+
 /// The one-dimensional SSIM window, normalised to sum 1.
 pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
     let mut window = std::array::from_fn(|i| {
@@ -304,6 +307,11 @@ kernels! {
     /// The last two layers, partial sums of the gradient by weights and biases.
     RESIDUAL_HEAD_WEIGHTS = "residual_head_weights" [192, 1, 1] (size_of::<types::HeadParams>()):
         read("weights"), read("d1"), read("x"), read("f"), read("v_residual"), write("partials");
+    // How fast the device is.
+    /// A copy of a large buffer.
+    BENCH_COPY = "bench_copy" [256, 1, 1] (4): read("values"), write("copied");
+    /// Multiply-adds in registers.
+    BENCH_FMA = "bench_fma" [256, 1, 1] (size_of::<types::FmaParams>()): read("factor_and_summand"), write("sums");
 }
 
 kernels! {
@@ -371,6 +379,7 @@ pub fn constants() -> String {
         ("SORT_BINS", SORT_BINS),
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),
+        ("BENCH_FMAS", BENCH_FMAS),
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }

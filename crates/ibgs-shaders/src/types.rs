@@ -563,3 +563,13 @@ pub struct HalfResizeParams {
     /// Padding.
     pub pad: u32,
 }
+
+/// Multiply-adds in registers; the twin of `FmaParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FmaParams {
+    /// Threads.
+    pub count: u32,
+    /// Steps of [`BENCH_FMAS`](crate::BENCH_FMAS) multiply-adds.
+    pub steps: u32,
+}

@@ -4,7 +4,8 @@ use super::profile::Profiler;
 use burn::tensor::Device;
 use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
 use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
-use std::collections::HashMap;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock};
 
 /// Storage buffers that the widest kernel binds.
@@ -81,6 +82,28 @@ pub enum AdapterChoice {
     Best,
     /// By index of [`list_adapters`] or by a part of its name.
     Named(String),
+}
+
+/// Device memory as wgpu's allocator counts it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MemoryReport {
+    /// Bytes taken from the driver: what is allocated, and what the allocator keeps for later.
+    pub reserved_bytes: u64,
+    /// Bytes of all buffers.
+    pub allocated_bytes: u64,
+    /// The buffers by kind, the largest first.
+    pub kinds: Vec<MemoryKind>,
+}
+
+/// Buffers of one label.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MemoryKind {
+    /// Label of the buffers. burn's tensors have none: wgpu's own name for that stands here.
+    pub name: String,
+    /// Bytes of them all.
+    pub bytes: u64,
+    /// How many there are.
+    pub buffers: u64,
 }
 
 /// The shared device with everything that outlives a single pass.
@@ -289,6 +312,33 @@ impl Gpu {
     /// does not tell.
     pub fn reserved_memory(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|report| report.total_reserved_bytes)
+    }
+
+    /// What lies in device memory now, ours and burn's; none where the driver does not tell.
+    pub fn memory_report(&self) -> Option<MemoryReport> {
+        let report = self.device.generate_allocator_report()?;
+        let mut kinds: BTreeMap<String, MemoryKind> = BTreeMap::new();
+        for allocation in &report.allocations {
+            let kind = kinds.entry(allocation.name.clone()).or_insert_with(|| MemoryKind {
+                name: allocation.name.clone(),
+                bytes: 0,
+                buffers: 0,
+            });
+            kind.bytes += allocation.size;
+            kind.buffers += 1;
+        }
+        let mut kinds: Vec<_> = kinds.into_values().collect();
+        kinds.sort_by_key(|kind| std::cmp::Reverse(kind.bytes));
+        Some(MemoryReport {
+            reserved_bytes: report.total_reserved_bytes,
+            allocated_bytes: report.total_allocated_bytes,
+            kinds,
+        })
+    }
+
+    /// Gives memory back that burn keeps for reuse.
+    pub fn release_unused(&self) {
+        self.burn.memory_cleanup();
     }
 
     /// Waits until everything submitted so far is done.

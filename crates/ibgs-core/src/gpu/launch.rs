@@ -6,14 +6,15 @@ use ibgs_shaders::Kernel;
 /// One encoder of kernel dispatches.
 pub struct Pass<'a> {
     gpu: &'a Gpu,
+    label: &'static str,
     encoder: wgpu::CommandEncoder,
 }
 
 impl<'a> Pass<'a> {
-    /// An empty pass.
-    pub fn new(gpu: &'a Gpu, label: &str) -> Self {
+    /// An empty pass; measurements tell kernels apart by its label too.
+    pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
-        Self { gpu, encoder }
+        Self { gpu, label, encoder }
     }
 
     /// Dispatches enough workgroups for `items` threads in a row.
@@ -58,7 +59,7 @@ impl<'a> Pass<'a> {
             entries: &entries,
         });
         let mut profiler = self.gpu.profiler.lock().expect("profiler");
-        let query = profiler.as_mut().and_then(|p| p.begin(kernel.name));
+        let query = profiler.as_mut().and_then(|p| p.begin((self.label, kernel.name)));
         let timestamp_writes = match (&*profiler, query) {
             (Some(p), Some(index)) => Some(wgpu::ComputePassTimestampWrites {
                 query_set: &p.set,

@@ -1,26 +1,42 @@
-//! GPU time by kernel, from timestamps around every dispatch. Off unless asked for: it waits after every submit.
+//! GPU time by pass and kernel, from timestamps around every dispatch. Off unless asked for: it waits after every submit.
 
 use super::{Gpu, GpuError};
 use std::collections::BTreeMap;
 
-const QUERIES: u32 = 512;
+const QUERIES: u32 = 1024;
+
+/// A kernel within a pass, by the label of the pass and the name of the kernel.
+pub type Launch = (&'static str, &'static str);
+
+/// What a kernel took within the passes of one label.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Label of the pass.
+    pub pass: &'static str,
+    /// Name of the kernel.
+    pub kernel: &'static str,
+    /// Milliseconds in all.
+    pub ms: f64,
+    /// Dispatches.
+    pub dispatches: u64,
+}
 
 /// Collects timestamps.
 pub(super) struct Profiler {
     pub set: wgpu::QuerySet,
     resolve: wgpu::Buffer,
-    /// Kernel of each pair of timestamps recorded since the last submit.
-    pub pending: Vec<&'static str>,
-    /// Nanoseconds by kernel, and how often it ran.
-    totals: BTreeMap<&'static str, (f64, u64)>,
+    /// What each pair of timestamps recorded since the last submit belongs to.
+    pub pending: Vec<Launch>,
+    /// Nanoseconds by launch, and how often it ran.
+    totals: BTreeMap<Launch, (f64, u64)>,
 }
 
 impl Profiler {
     /// Index of the next pair of queries, or none when the set is full.
-    pub fn begin(&mut self, kernel: &'static str) -> Option<u32> {
+    pub fn begin(&mut self, launch: Launch) -> Option<u32> {
         let index = 2 * self.pending.len() as u32;
         (index + 2 <= QUERIES).then(|| {
-            self.pending.push(kernel);
+            self.pending.push(launch);
             index
         })
     }
@@ -54,11 +70,23 @@ impl Gpu {
         true
     }
 
-    /// Stops measuring: (kernel, milliseconds in all, dispatches).
+    /// What was measured since the start or the last call; measuring goes on.
+    pub fn take_profile(&self) -> Vec<Measured> {
+        let mut profiler = self.profiler.lock().expect("profiler");
+        let totals = profiler.as_mut().map(|p| std::mem::take(&mut p.totals)).unwrap_or_default();
+        let one = |((pass, kernel), (ns, dispatches))| Measured { pass, kernel, ms: ns * 1e-6, dispatches };
+        totals.into_iter().map(one).collect()
+    }
+
+    /// Stops measuring: (kernel, milliseconds in all, dispatches) whatever the pass.
     pub fn finish_profile(&self) -> Vec<(&'static str, f64, u64)> {
         let profiler = self.profiler.lock().expect("profiler").take();
-        let totals = profiler.map(|p| p.totals).unwrap_or_default();
-        totals.into_iter().map(|(kernel, (ns, count))| (kernel, ns * 1e-6, count)).collect()
+        let mut kernels: BTreeMap<&'static str, (f64, u64)> = BTreeMap::new();
+        for ((_, kernel), (ns, count)) in profiler.map(|p| p.totals).unwrap_or_default() {
+            let entry = kernels.entry(kernel).or_default();
+            *entry = (entry.0 + ns * 1e-6, entry.1 + count);
+        }
+        kernels.into_iter().map(|(kernel, (ms, count))| (kernel, ms, count)).collect()
     }
 
     /// Reads the timestamps of the last submit.
@@ -72,8 +100,8 @@ impl Gpu {
         let view = super::Buffer { buffer: profiler.resolve.clone(), offset: 0, size };
         let ticks: Vec<u64> = self.read(&view, 2 * pending.len())?;
         let period = f64::from(self.queue.get_timestamp_period());
-        for (kernel, pair) in pending.iter().zip(ticks.chunks_exact(2)) {
-            let entry = profiler.totals.entry(kernel).or_default();
+        for (launch, pair) in pending.iter().zip(ticks.chunks_exact(2)) {
+            let entry = profiler.totals.entry(*launch).or_default();
             entry.0 += pair[1].saturating_sub(pair[0]) as f64 * period;
             entry.1 += 1;
         }

@@ -1,0 +1,52 @@
+//! `ibgs bench` on a tiny scene, and what it writes.
+
+use super::Sandbox;
+use ibgs_core::bench::{Report, Stage, Work};
+
+/// Two rows: the usual values, and another number of Gaussians.
+#[test]
+fn a_growth_table_of_a_tiny_scene() {
+    let sandbox = Sandbox::new();
+    let lists = "--gaussians 200,1k --size 20x12 --sources 2 --intersections 2";
+    let outcome = sandbox.succeeds(&format!("bench {lists} --iterations 5 --json out/bench.json"));
+    for fragment in ["measured: copy ", "synthetic: 200 Gaussians", "20 x 12", ", 2 sources, K = 2", "floor ms"] {
+        assert!(outcome.stdout.contains(fragment), "`{fragment}` is not in {outcome}");
+    }
+    for work in Work::ALL {
+        assert!(outcome.stdout.contains(work.title()), "{outcome}");
+    }
+    let report: Report = serde_json::from_str(&sandbox.text("out/bench.json")).unwrap();
+    assert!(report.rates.bytes_per_second > 0.0 && report.rates.operations_per_second > 0.0, "{:?}", report.rates);
+    assert!(!report.device.name.is_empty() && report.device.limits.max_buffer_size > 0, "{:?}", report.device);
+    assert_eq!(report.runs, 5);
+    let rows: Vec<_> =
+        report.configurations.iter().map(|c| (c.load.gaussians, c.width, c.load.sources, c.load.medians)).collect();
+    assert_eq!(rows, [(200, 20, 2, 2), (1000, 20, 2, 2)]);
+    let table = outcome.stdout.lines().filter(|line| line.contains("20x12")).count();
+    assert_eq!(table, rows.len(), "{outcome}");
+    for configuration in &report.configurations {
+        let load = &configuration.load;
+        assert!(load.gaussians_in_view <= load.gaussians && load.intersections >= load.gaussians_in_view, "{load:?}");
+        assert!(load.pairs > 0 && load.pixels == 20 * 12 && load.tiles == 2 && load.slots_used > 0, "{load:?}");
+        let works: Vec<_> = configuration.timings.iter().map(|timing| timing.work).collect();
+        assert_eq!(works, Work::ALL);
+        for timing in &configuration.timings {
+            assert!(timing.ms > 0.0 && timing.fastest_ms <= timing.ms && timing.in_a_row_ms > 0.0, "{timing:?}");
+            assert!(timing.floor_ms > 0.0, "{timing:?}");
+            for stage in timing.work.stages(load.exposure).into_iter().map(Stage::name) {
+                let found = timing.stages.iter().find(|timing| timing.stage == stage);
+                let found = found.unwrap_or_else(|| panic!("no {stage} in {timing:?}"));
+                assert!(found.floor_ms.unwrap() > 0.0, "{found:?}");
+                assert_eq!(found.ms.is_some(), report.device.timestamps, "{found:?}");
+                assert!(found.ms.is_none_or(|ms| ms >= 0.0), "{found:?} in {:?}", timing.work);
+            }
+        }
+        let memory = configuration.memory.as_ref().unwrap();
+        let kinds: u64 = memory.kinds.iter().map(|kind| kind.bytes).sum();
+        assert_eq!(kinds, memory.allocated_bytes);
+        assert!(memory.kinds.iter().any(|kind| kind.name == "Adam moments"), "{:?}", memory.kinds);
+        println!("{} bytes allocated, {} estimated", memory.allocated_bytes, configuration.estimated_bytes);
+    }
+    let base = report.configurations[0].timing(Work::BaseIteration).unwrap();
+    assert!(base.stages.iter().all(|timing| timing.stage != "warp"), "{base:?}");
+}
