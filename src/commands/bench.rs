@@ -39,6 +39,9 @@ pub struct Args {
     /// Spherical-harmonics degree of the synthetic scene.
     #[arg(long, default_value_t = 2)]
     sh_degree: u32,
+    /// Precision of the residual network, `auto` or `full`; left out: the model's own, or `full`.
+    #[arg(long)]
+    precision: Option<ibgs_core::residual::Precision>,
     /// Runs that each median is of, after as many for warm-up.
     #[arg(long, default_value_t = 20)]
     iterations: u32,
@@ -95,6 +98,9 @@ pub fn run(args: &Args) -> Result<()> {
                 None => made.insert(synthetic(change, args.sh_degree)),
             };
             let mut config = scene.config.clone();
+            if let Some(precision) = args.precision {
+                config.residual.precision = precision;
+            }
             let size = change.size.unwrap_or([scene.camera.width, scene.camera.height]);
             let setting = Setting {
                 gaussians: &scene.gaussians,

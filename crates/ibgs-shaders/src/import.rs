@@ -5,6 +5,7 @@ const SHARED: &[(&str, &str)] = &[
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("half", include_str!("../wgsl/shared/half.wgsl")),
+    ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),

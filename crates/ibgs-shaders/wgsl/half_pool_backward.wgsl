@@ -1,17 +1,5 @@
 // As residual_pool_backward in half precision, channels last: one thread four channels of a pixel before the maximum.
-#import half
-#import index
-
-struct HalfResizeParams {
-    // Larger and smaller size.
-    size: vec2<u32>,
-    source: vec2<u32>,
-    // Values a pixel, divided by 4.
-    quads: u32,
-    pad: u32,
-}
-
-var<immediate> params: HalfResizeParams;
+#import half_resize
 
 @group(0) @binding(0) var<storage, read> activation: array<vec4<f16>>;
 @group(0) @binding(1) var<storage, read> v_pooled: array<vec4<f16>>;

@@ -1,5 +1,6 @@
 //! Choosing an adapter, creating the one device that burn and our kernels share.
 
+use super::matrix::{experimental_features, matrix_units};
 use super::profile::Profiler;
 use burn::tensor::Device;
 use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
@@ -149,9 +150,6 @@ pub fn list_adapters() -> Vec<wgpu::Adapter> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()))
 }
 
-/// Bytes of workgroup memory that our kernels for the matrix units need at 16 x 16.
-const MATRIX_MEMORY: u32 = 40 << 10;
-
 /// What an adapter lacks for a run; empty when it will do.
 pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
     let limits = adapter.limits();
@@ -171,26 +169,6 @@ pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
     missing
 }
 
-/// The matrix units that our kernels can use: halves summed in float32, squares, a fixed subgroup size.
-fn matrix_units(adapter: &wgpu::Adapter) -> Option<MatrixUnits> {
-    use wgpu::CooperativeScalarType::{F16, F32};
-    let (info, limits) = (adapter.get_info(), adapter.limits());
-    let features = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SHADER_F16;
-    let lanes = info.subgroup_min_size;
-    if !adapter.features().contains(features) || lanes != info.subgroup_max_size || !(8..=64).contains(&lanes) {
-        return None;
-    }
-    let side = |side: u32| {
-        let found = adapter.cooperative_matrix_properties().iter().any(|m| {
-            let square = [m.m_size, m.n_size, m.k_size] == [side; 3];
-            square && m.ab_type == F16 && m.cr_type == F32 && !m.saturating_accumulation
-        });
-        let memory = MATRIX_MEMORY * side / 16;
-        found && limits.max_compute_workgroup_storage_size >= memory
-    };
-    [16, 8].into_iter().find(|&s| side(s)).map(|side| MatrixUnits { side, lanes })
-}
-
 fn rank(info: &wgpu::AdapterInfo) -> u32 {
     match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
@@ -199,14 +177,6 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
         wgpu::DeviceType::Other => 3,
         wgpu::DeviceType::Cpu => 4,
     }
-}
-
-/// wgpu's consent form for features that are still in the making; we use its cooperative matrices alone, in kernels of our
-/// own whose every access is checked by tests.
-#[expect(unsafe_code, reason = "wgpu asks for it")]
-fn experimental_features() -> wgpu::ExperimentalFeatures {
-    // SAFETY: nothing is asked but to know that these features may have bugs.
-    unsafe { wgpu::ExperimentalFeatures::enabled() }
 }
 
 fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {

@@ -3,6 +3,7 @@
 pub mod buffer;
 pub mod device;
 pub mod launch;
+mod matrix;
 pub mod pool;
 pub mod profile;
 pub mod scan;

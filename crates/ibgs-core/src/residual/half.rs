@@ -7,6 +7,7 @@
 mod backward;
 pub mod choice;
 
+use super::hourglass::{Mode, Store};
 use super::layers::{self, HALF, INPUT, Layer, QUARTER};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use backward::Training;
@@ -18,15 +19,6 @@ use ibgs_shaders::{HALF_CONV, HALF_HEAD, HALF_PACK, HALF_WEIGHTS, MatrixUnits};
 const ROWS: u32 = 16;
 /// Subgroups of a workgroup.
 const SUBGROUPS: u32 = 4;
-
-/// What becomes of a convolution's sums; as in `half_conv.wgsl`.
-#[derive(Clone, Copy)]
-enum Store {
-    Relu,
-    Assign,
-    Add,
-    Mask,
-}
 
 /// Channels with padding.
 fn padded(channels: usize) -> u32 {
@@ -64,15 +56,6 @@ impl Map {
 
     fn quads(&self) -> u32 {
         padded(self.channels) / 4
-    }
-
-    /// How a convolution of size `size` reads it; as in `shared/residual_source.wgsl`.
-    fn mode(&self, size: [u32; 2]) -> u32 {
-        match self.size[0].cmp(&size[0]) {
-            std::cmp::Ordering::Equal => 0,
-            std::cmp::Ordering::Greater => 1,
-            std::cmp::Ordering::Less => 2,
-        }
     }
 }
 
@@ -251,7 +234,7 @@ impl HalfHourglass {
         let params = HalfConvParams {
             size: output.size,
             source: a.size,
-            mode: a.mode(output.size),
+            mode: Mode::of(a.size, output.size) as u32,
             quads_a: a.quads(),
             quads_b: b.map_or(0, Map::quads),
             quads_out: output.quads(),

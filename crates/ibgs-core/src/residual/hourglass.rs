@@ -28,15 +28,26 @@ const HEAD_PIXELS: usize = 512;
 
 /// How a convolution reads its input; as in `shared/residual_source.wgsl`.
 #[derive(Clone, Copy)]
-enum Mode {
+pub(super) enum Mode {
     Same,
     Pooled,
     Nearest,
 }
 
-/// What becomes of a convolution's sums; as in `residual_conv.wgsl`.
+impl Mode {
+    /// For an input of size `source` and a convolution of size `size`.
+    pub(super) fn of(source: [u32; 2], size: [u32; 2]) -> Self {
+        match source[0].cmp(&size[0]) {
+            std::cmp::Ordering::Equal => Self::Same,
+            std::cmp::Ordering::Greater => Self::Pooled,
+            std::cmp::Ordering::Less => Self::Nearest,
+        }
+    }
+}
+
+/// What becomes of a convolution's sums; as in `residual_conv.wgsl` and `half_conv.wgsl`.
 #[derive(Clone, Copy)]
-enum Store {
+pub(super) enum Store {
     Relu,
     Assign,
     Add,
@@ -100,11 +111,7 @@ impl Map {
 
     /// How a convolution of size `size` reads these planes.
     fn mode(&self, size: [u32; 2]) -> Mode {
-        match self.size[0].cmp(&size[0]) {
-            std::cmp::Ordering::Equal => Mode::Same,
-            std::cmp::Ordering::Greater => Mode::Pooled,
-            std::cmp::Ordering::Less => Mode::Nearest,
-        }
+        Mode::of(self.size, size)
     }
 }
 

@@ -1,7 +1,8 @@
 //! From the gradient by the residual to those by the planes and by the weights.
 
-use super::{HalfHourglass, Map, Packed, Store, padded, place};
+use super::{HalfHourglass, Map, Packed, padded, place};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::residual::hourglass::{Mode, Store};
 use crate::residual::layers::{self, HALF, INPUT, Layer, QUARTER};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{
@@ -198,7 +199,7 @@ impl HalfHourglass {
         let params = HalfConvWeightsParams {
             size: v.size,
             source: input.size,
-            mode: input.mode(v.size),
+            mode: Mode::of(input.size, v.size) as u32,
             inputs,
             quads_in: input.quads(),
             quads_out: v.quads(),
