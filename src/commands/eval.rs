@@ -65,7 +65,7 @@ fn row(name: &str, [a, b, c, d]: [String; 4], with_final: bool) {
 fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
     let renderer = &model.renderer;
     let warm = frames_per_second(renderer, cameras, PASSES, Cache::Warm)?;
-    let memory = renderer.gpu().reserved_memory();
+    let memory = renderer.gpu().memory_report().map(|report| report.reserved_bytes);
     let network = model.network_bytes;
     // A bundle is one file; the folder beside it may hold another model.
     let size = |path: &Path| path.metadata().ok().filter(|_| model.bundle_bytes.is_none()).map(|file| file.len());

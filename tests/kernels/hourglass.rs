@@ -9,6 +9,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::module::{conv2d, interpolate, max_pool2d};
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoolOptions};
 use burn::tensor::{Tensor, TensorData};
+use ibgs_core::gpu::profile::Measured;
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::Hourglass;
 use ibgs_core::residual::half::HalfHourglass;
@@ -287,7 +288,7 @@ fn hourglass_speed() {
     for (what, run) in [("forward", &forward as &dyn Fn()), ("backward", &backward)] {
         if gpu.start_profile() {
             run();
-            for (kernel, ms, count) in gpu.finish_profile() {
+            for Measured { kernel, ms, dispatches: count, .. } in gpu.finish_profile() {
                 println!("{what} {kernel}: {ms:.3} ms in {count}");
             }
         }

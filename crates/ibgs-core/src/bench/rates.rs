@@ -44,7 +44,7 @@ fn time(
     pass.submit();
     gpu.wait()?;
     let clock = 1e3 * start.elapsed().as_secs_f64();
-    let measured: f64 = gpu.finish_profile().iter().map(|(_, ms, _)| ms).sum();
+    let measured: f64 = gpu.finish_profile().iter().map(|measured| measured.ms).sum();
     Ok(if by_timestamps && measured > 0.0 { measured } else { clock })
 }
 

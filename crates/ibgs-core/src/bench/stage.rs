@@ -181,9 +181,10 @@ impl Stage {
             ("residual backward", "residual_compose_backward" | "exposure_apply_backward") => ComposeBackward,
             ("residual backward", kernel) if kernel.starts_with("residual_features") => FeaturesBackward,
             ("residual backward", "residual_inputs_backward") => FeaturesBackward,
-            ("residual backward", kernel) if kernel.ends_with("_weights") || kernel == "residual_sum" => {
-                HourglassWeights
-            }
+            (
+                "residual backward",
+                "residual_conv_weights" | "residual_head_weights" | "residual_sum" | "half_conv_weights" | "half_sum",
+            ) => HourglassWeights,
             ("residual backward", _) => HourglassBackward,
             (_, kernel) => Other(kernel),
         }
@@ -205,6 +206,8 @@ mod tests {
         assert_eq!(Stage::of("residual", "residual_conv"), Hourglass);
         assert_eq!(Stage::of("residual backward", "residual_conv"), HourglassBackward);
         assert_eq!(Stage::of("residual backward", "residual_head_weights"), HourglassWeights);
+        assert_eq!(Stage::of("residual backward", "half_sum"), HourglassWeights);
+        assert_eq!(Stage::of("residual backward", "half_weights"), HourglassBackward);
         assert_eq!(Stage::of("depth map", "project"), DepthMaps);
         assert_eq!(Stage::of("shape normals", "shortest_axis"), Other("shortest_axis"));
     }

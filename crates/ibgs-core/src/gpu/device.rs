@@ -278,12 +278,6 @@ impl Gpu {
         }
     }
 
-    /// Bytes of device memory that are reserved now, ours and burn's, with what is kept for reuse; none where the driver
-    /// does not tell.
-    pub fn reserved_memory(&self) -> Option<u64> {
-        self.device.generate_allocator_report().map(|report| report.total_reserved_bytes)
-    }
-
     /// What lies in device memory now, ours and burn's; none where the driver does not tell.
     pub fn memory_report(&self) -> Option<MemoryReport> {
         let report = self.device.generate_allocator_report()?;

@@ -78,15 +78,11 @@ impl Gpu {
         totals.into_iter().map(one).collect()
     }
 
-    /// Stops measuring: (kernel, milliseconds in all, dispatches) whatever the pass.
-    pub fn finish_profile(&self) -> Vec<(&'static str, f64, u64)> {
-        let profiler = self.profiler.lock().expect("profiler").take();
-        let mut kernels: BTreeMap<&'static str, (f64, u64)> = BTreeMap::new();
-        for ((_, kernel), (ns, count)) in profiler.map(|p| p.totals).unwrap_or_default() {
-            let entry = kernels.entry(kernel).or_default();
-            *entry = (entry.0 + ns * 1e-6, entry.1 + count);
-        }
-        kernels.into_iter().map(|(kernel, (ms, count))| (kernel, ms, count)).collect()
+    /// Stops measuring; what [`Gpu::take_profile`] would give.
+    pub fn finish_profile(&self) -> Vec<Measured> {
+        let measured = self.take_profile();
+        *self.profiler.lock().expect("profiler") = None;
+        measured
     }
 
     /// Reads the timestamps of the last submit.
