@@ -3,6 +3,7 @@
 use crate::common::gpu;
 use crate::reference::random_scene::random_params;
 use bytemuck::bytes_of;
+use glam::DVec3;
 use ibgs_core::gpu::Pass;
 use ibgs_core::train::config::DensifyConfig;
 use ibgs_core::train::densify::{Observations, Plan, Round, plan};
@@ -14,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 const FRESH: u32 = 1 << 31;
 
 fn round() -> Round {
-    Round { extent: 1.0, transparent: true, large: false }
+    Round { centre: DVec3::ZERO, extent: 1.0, transparent: true, large: false }
 }
 
 /// One Gaussian each: (gradient sum, absolute sum, views, radius), log scale, opacity logit.
@@ -78,6 +79,18 @@ fn pruning_takes_the_transparent_and_later_the_large() {
     assert_eq!(planned(&rows, &config, &round()).sources, [1, 2]);
     assert_eq!(planned(&rows, &config, &Round { large: true, ..round() }).sources, [2]);
     assert_eq!(planned(&rows, &config, &Round { transparent: false, ..round() }).sources, [0, 1, 2]);
+}
+
+#[test]
+fn far_ones_may_be_larger() {
+    // At 0, 1 and 2 from the origin, and so at 3, 2 and 1 from the cameras' centre.
+    let rows = [([0.0; 4], 0.25f32.ln(), 1.0); 3];
+    let far = Round { centre: DVec3::new(3.0, 0.0, 0.0), large: true, ..round() };
+    let config = DensifyConfig::default();
+    assert_eq!(planned(&rows, &config, &far).sources, [0]);
+    let by_extent = DensifyConfig { prune_scale_by_distance: false, ..config };
+    assert_eq!(planned(&rows, &by_extent, &far).sources, [0; 0]);
+    assert_eq!(planned(&rows, &by_extent, &Round { extent: 2.6, ..far }).sources, [0, 1, 2]);
 }
 
 #[test]

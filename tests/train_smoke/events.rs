@@ -82,6 +82,7 @@ fn pruning_removes_the_transparent_and_the_large() {
 
     config.densify.prune_opacity = 0.0;
     config.densify.prune_scale = 0.05;
+    config.densify.prune_scale_by_distance = false;
     config.densify.prune_scale_after = Some(5);
     let mut trainer = trainer(&dataset, &config);
     let limit = (0.05 * trainer.extent()).ln() as f32;

@@ -63,9 +63,9 @@ impl Camera {
     }
 }
 
-/// Scene extent: 1.1 x the largest distance of a camera from the mean camera position (method.md section 1).
-pub fn scene_extent<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> f64 {
+/// Mean camera position, and the scene extent: 1.1 x the largest distance of a camera from it (method.md section 1).
+pub fn scene_extent<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> (DVec3, f64) {
     let count = cameras.clone().count().max(1) as f64;
     let mean = cameras.clone().map(Camera::center).sum::<DVec3>() / count;
-    1.1 * cameras.map(|c| c.center().distance(mean)).fold(0.0, f64::max)
+    (mean, 1.1 * cameras.map(|c| c.center().distance(mean)).fold(0.0, f64::max))
 }

@@ -70,7 +70,7 @@ const TRIES: usize = 8;
 /// Random points that some camera sees: a random view, a random pixel of it, a depth between [`DEPTHS`] whose
 /// logarithm is uniform, the colour of that pixel. The extent is that of the cameras, 1 where they coincide.
 fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
-    let extent = scene_extent(views.iter().map(|view| &view.camera));
+    let (_, extent) = scene_extent(views.iter().map(|view| &view.camera));
     let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut point = || {

@@ -10,7 +10,7 @@ use crate::scene::{SceneError, Splats};
 use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
 use bytemuck::bytes_of;
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
 use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE};
 use rand::Rng;
@@ -37,6 +37,8 @@ pub struct Observations {
 /// Which prunings apply in a round.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
+    /// Mean position of the cameras.
+    pub centre: DVec3,
     /// Scene extent in world units.
     pub extent: f64,
     /// Prune by opacity.
@@ -128,9 +130,13 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut C
     let fates = fates(o, config, round.extent);
     let mut plan = Plan::default();
     let shrink = config.split_divisor.ln() as f32;
-    let keep = |i: usize, log_scale: &[f32; 3]| {
+    let keep = |i: usize, mean: &[f32; 3], log_scale: &[f32; 3]| {
         let transparent = round.transparent && sigmoid(o.opacity_logits[i]) < config.prune_opacity;
-        let large = round.large && largest_scale(log_scale) > config.prune_scale * round.extent;
+        let length = match config.prune_scale_by_distance {
+            true => round.extent.max(Vec3::from(*mean).as_dvec3().distance(round.centre)),
+            false => round.extent,
+        };
+        let large = round.large && largest_scale(log_scale) > config.prune_scale * length;
         let wide = round.large
             && config.prune_screen_radius > 0.0
             && f64::from(o.statistics[i][3]) > config.prune_screen_radius;
@@ -141,7 +147,7 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut C
         sound && !(transparent || large || wide)
     };
     let push = |plan: &mut Plan, i: usize, fresh: bool, mean: [f32; 3], log_scale: [f32; 3]| {
-        if keep(i, &log_scale) {
+        if keep(i, &mean, &log_scale) {
             plan.sources.push(i as u32 | if fresh { FRESH } else { 0 });
             plan.means.push(mean);
             plan.log_scales.push(log_scale);

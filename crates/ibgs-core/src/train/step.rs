@@ -14,6 +14,7 @@ use crate::loss::ImageLoss;
 use crate::raster::{Dropout, Leaves, RasterView, Rasterizer};
 use crate::render::Renderer;
 use crate::scene::{Gaussians, SceneError, Splats, from_points};
+use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -74,6 +75,7 @@ pub struct Trainer {
     has_planes: bool,
     /// Views still to come in this epoch.
     queue: Vec<usize>,
+    centre: DVec3,
     extent: f64,
     rng: ChaCha8Rng,
     iteration: u32,
@@ -112,6 +114,7 @@ impl Trainer {
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, cameras.clone(), config)).transpose()?;
+        let (centre, extent) = scene_extent(cameras.iter());
         let trainer = Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations),
@@ -120,7 +123,8 @@ impl Trainer {
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),
-            extent: usable_extent(scene_extent(cameras.iter())),
+            centre,
+            extent: usable_extent(extent),
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,
             overflowed: false,
@@ -297,6 +301,7 @@ impl Trainer {
         let before = self.splats.len();
         let observations = self.statistics.observations(&self.gpu, &self.optimizer)?;
         let round = Round {
+            centre: self.centre,
             extent: self.extent,
             transparent: self.schedule.prune_transparent(self.iteration),
             large: self.schedule.prune_large(self.iteration),

@@ -90,6 +90,7 @@ impl Default for DensifyConfig {
             max_splats: 5_000_000,
             prune_opacity: 0.05,
             prune_scale: 0.1,
+            prune_scale_by_distance: true,
             prune_scale_after: None,
             prune_screen_radius: 0.0,
         }
