@@ -320,15 +320,24 @@ impl Gpu {
         entry.or_insert_with(|| Arc::new(self.compile(kernel))).clone()
     }
 
+    /// A kernel of ours, with bounds checks but without wgpu's guard against endless loops: it nearly doubles the time of a
+    /// loop that does little in each step, and keeps drivers from unrolling it.
+    #[expect(unsafe_code, reason = "wgpu asks for it")]
+    fn module(&self, label: &str, source: &str) -> wgpu::ShaderModule {
+        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
+        let descriptor =
+            wgpu::ShaderModuleDescriptor { label: Some(label), source: wgpu::ShaderSource::Wgsl(source.into()) };
+        // SAFETY: every kernel is part of this program, and each of their loops goes in steps of at least 1 to a bound that it
+        // does not move.
+        unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
+    }
+
     fn compile(&self, kernel: &'static Kernel) -> Pipeline {
         let source = match self.matrix_units.filter(|_| kernel.needs_matrix_units()) {
             Some(units) => kernel.wgsl_for(units),
             None => kernel.wgsl(),
         };
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(kernel.name),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
+        let module = self.module(kernel.name, &source);
         let entries: Vec<_> = (0u32..)
             .zip(kernel.bindings)
             .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
