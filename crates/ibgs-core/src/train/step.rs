@@ -153,7 +153,7 @@ impl Trainer {
         if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
             view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
         }
-        if self.schedule.residual_at(self.iteration) {
+        if self.schedule.drops_at(self.iteration) {
             view.dropout = Dropout::new(self.config.residual.dropout, self.config.seed, self.iteration);
         }
         view
