@@ -69,7 +69,7 @@ fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for()
             let of_space = module.global_variables.iter().filter(|(_, v)| v.space == space);
             of_space.map(|(_, v)| layouter[v.ty].size).sum()
         };
-        let most = if kernel.needs_matrix_units() { 40 } else { 31 };
+        let most = if kernel.needs_matrix_units() { 47 } else { 31 };
         let size = size_of(AddressSpace::WorkGroup);
         assert!(size <= most * 1024, "{}: {size} bytes", kernel.name);
         assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
@@ -103,7 +103,6 @@ macro_rules! twin {
 
 #[test]
 fn host_structs_have_the_layout_of_their_twins() {
-    twin!(HalfPackParams { pixels, channels, quads });
     twin!(HalfWeightsParams {
         weights,
         stride_out,
@@ -115,7 +114,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         channels_b,
         padded,
         outputs,
-        quads,
+        groups,
         into,
     });
     twin!(HalfConvParams {
@@ -128,7 +127,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         outputs,
         bias,
         packed,
-        packed_quads,
+        packed_groups,
         store,
         pad,
     });

@@ -5,7 +5,8 @@ use crate::reference::features::{EMPTY, View};
 use crate::reference::finite::assert_gradient;
 use crate::reference::random_scene::{exact, random_camera, random_image};
 use crate::reference::relative_error;
-use ibgs_core::gpu::{Buffer, Pass};
+use half::f16;
+use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::features::{FeatureGradients, FeatureInputs, Features, InputGradients, MLP_WEIGHTS};
 use ibgs_core::residual::layers::INPUT;
 use ibgs_core::residual::{Aggregation, Factor, Inputs, Output, Variant};
@@ -94,10 +95,29 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
     let out = InputGradients { v_warped: &v_warped, v_base: &v_base };
     features.record_inputs_backward(&mut pass, &inputs, &gradients, &out);
     pass.submit();
+    if gpu.matrix_units.is_some() {
+        assert_halves(&gpu, &features, &inputs, &read(&x, INPUT * n));
+    }
     let mut v_weights = read(&v_weights, MLP_WEIGHTS + 5);
     assert!(v_weights.split_off(MLP_WEIGHTS).iter().all(|v| v.is_nan()), "the hourglass' gradients are not touched");
     let v_base = read(&v_base, 3 * pixels).iter().map(|v| v - 0.5).collect();
     OnGpu { x: read(&x, INPUT * n), v_warped: read(&v_warped, 4 * view.warped.len()), v_base, v_weights }
+}
+
+/// The input of the hourglass on matrix units is the same, rounded and turned.
+fn assert_halves(gpu: &Gpu, features: &Features, inputs: &FeatureInputs, planes: &[f64]) {
+    const PADDED: usize = 48;
+    let n = planes.len() / INPUT;
+    let x = gpu.upload("test", &vec![u16::MAX; PADDED * n]).unwrap();
+    let mut pass = Pass::new(gpu, "features");
+    features.record_half(&mut pass, inputs, &x);
+    pass.submit();
+    for (i, bits) in gpu.read::<u16>(&x, PADDED * n).unwrap().into_iter().enumerate() {
+        let (p, channel) = (i / PADDED, i % PADDED);
+        let expected = if channel < INPUT { planes[channel * n + p] } else { 0.0 };
+        let error = (f16::from_bits(bits).to_f64() - expected).abs();
+        assert!(error <= expected.abs() / 1024.0 + 1e-6, "pixel {p}, channel {channel}: {error:e} of {expected}");
+    }
 }
 
 fn check(what: &str, view: &View, seed: u64) {

@@ -15,6 +15,7 @@ use ibgs_core::residual::Hourglass;
 use ibgs_core::residual::half::HalfHourglass;
 use ibgs_core::residual::half::choice::{self, WholeNumbers};
 use ibgs_core::residual::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS};
+use ibgs_core::residual::path::Path;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -257,41 +258,38 @@ fn the_twin_is_the_network_of_ordinary_layers() {
 fn hourglass_speed() {
     let gpu = gpu();
     let (width, height) = (960usize, 540usize);
-    let hourglass = Hourglass::new(&gpu, width as u32, height as u32, true).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(10);
-    fill(&gpu, hourglass.x(), &uniform(INPUT * width * height, 1.0, &mut rng));
+    let planes = uniform(INPUT * width * height, 1.0, &mut rng);
     let weights = gpu.upload("weights", &single(&random_weights(11))).unwrap();
     let v_residual = gpu.upload("v_residual", &single(&uniform(3 * width * height, 1.0, &mut rng))).unwrap();
     let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
-    let forward = || {
-        let mut pass = Pass::new(&gpu, "forward");
-        hourglass.forward(&mut pass, &weights);
-        pass.submit();
-    };
-    let backward = || {
-        let mut pass = Pass::new(&gpu, "backward");
-        hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);
-        pass.submit();
-    };
-    let repeat = if gpu.is_software() { 1 } else { 20 };
-    let time = |what: &str, run: &dyn Fn()| {
-        run();
-        gpu.wait().unwrap();
-        let start = Instant::now();
-        (0..repeat).for_each(|_| run());
-        gpu.wait().unwrap();
-        println!("{what}: {:.3} ms", 1e3 * start.elapsed().as_secs_f64() / f64::from(repeat));
-    };
-    time("forward", &forward);
-    // Repeated without a forward in between the numbers are meaningless, the work is the same.
-    time("backward", &backward);
-    for (what, run) in [("forward", &forward as &dyn Fn()), ("backward", &backward)] {
-        if gpu.start_profile() {
-            run();
-            for Measured { kernel, ms, dispatches: count, .. } in gpu.finish_profile() {
-                println!("{what} {kernel}: {ms:.3} ms in {count}");
+    for (precision, half) in [("full", false), ("half", true)] {
+        let path = Path::new(&gpu, [width as u32, height as u32], true, half).unwrap();
+        path.write_input(&gpu, &single(&planes));
+        let run = |what: &'static str, run: &dyn Fn(&mut Pass)| {
+            let once = || {
+                let mut pass = Pass::new(&gpu, what);
+                run(&mut pass);
+                pass.submit();
+            };
+            let repeat = if gpu.is_software() { 1 } else { 20 };
+            once();
+            gpu.wait().unwrap();
+            let start = Instant::now();
+            (0..repeat).for_each(|_| once());
+            gpu.wait().unwrap();
+            println!("{precision} {what}: {:.3} ms", 1e3 * start.elapsed().as_secs_f64() / f64::from(repeat));
+            if gpu.start_profile() {
+                (0..repeat).for_each(|_| once());
+                for Measured { kernel, ms, dispatches, .. } in gpu.finish_profile() {
+                    let [ms, dispatches] = [ms, dispatches as f64].map(|sum| sum / f64::from(repeat));
+                    println!("    {kernel}: {ms:.3} ms in {dispatches}");
+                }
             }
-        }
+        };
+        run("forward", &|pass| path.forward(pass, &weights));
+        // Repeated without a forward in between the numbers are meaningless, the work is the same.
+        run("backward", &|pass| path.backward(pass, &weights, &v_residual, &v_weights));
     }
 }
 
@@ -305,14 +303,14 @@ fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> 
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
     let mut runs = Vec::new();
     for _ in 0..2 {
-        fill(&gpu, hourglass.planes(), &x.data);
+        hourglass.write_input(&gpu, &single(&x.data));
         let mut pass = Pass::new(&gpu, "hourglass");
         hourglass.forward(&mut pass, &weights);
         hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
         runs.push(OnGpu {
             residual: gpu.read(hourglass.residual(), 3 * n).unwrap(),
-            v_x: gpu.read(hourglass.planes(), INPUT * n).unwrap(),
+            v_x: gpu.read(hourglass.v_x(), INPUT * n).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
         });
     }
@@ -320,7 +318,7 @@ fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> 
     assert_eq!(runs[0].v_x, runs[1].v_x, "v_x repeats");
     assert_eq!(runs[0].v_weights, runs[1].v_weights, "v_weights repeat");
     let rendering = HalfHourglass::new(&gpu, x.width as u32, x.height as u32, false).unwrap()?;
-    fill(&gpu, rendering.planes(), &x.data);
+    rendering.write_input(&gpu, &single(&x.data));
     let mut pass = Pass::new(&gpu, "hourglass");
     rendering.forward(&mut pass, &weights);
     pass.submit();

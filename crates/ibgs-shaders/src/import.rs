@@ -1,4 +1,5 @@
-//! `#import name` puts `wgsl/shared/name.wgsl` in place, once.
+//! `#import name` puts `wgsl/shared/name.wgsl` in place, once. The lines between `#repeat name count` and `#end` come `count`
+//! times, with the number of the repetition in place of `$name`: drivers do not unroll every loop that they should.
 
 const SHARED: &[(&str, &str)] = &[
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
@@ -10,6 +11,7 @@ const SHARED: &[(&str, &str)] = &[
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),
     ("residual_feature", include_str!("../wgsl/shared/residual_feature.wgsl")),
+    ("residual_features_main", include_str!("../wgsl/shared/residual_features_main.wgsl")),
     ("residual_head", include_str!("../wgsl/shared/residual_head.wgsl")),
     ("residual_head_kernel", include_str!("../wgsl/shared/residual_head_kernel.wgsl")),
     ("residual_input", include_str!("../wgsl/shared/residual_input.wgsl")),
@@ -34,11 +36,33 @@ const SHARED: &[(&str, &str)] = &[
 /// Replaces every `#import name` line by the shared file of that name, each file once.
 ///
 /// # Panics
-/// When a kernel imports a file that does not exist: a mistake in this crate, caught by its tests.
+/// When a kernel imports a file that does not exist, or a repetition has no count: mistakes in this crate, caught by its tests.
 pub fn resolve(source: &str) -> String {
     let mut done = Vec::new();
     let mut out = String::new();
     expand(source, &mut done, &mut out);
+    repeat(&out)
+}
+
+fn repeat(source: &str) -> String {
+    let mut out = String::new();
+    let mut lines = source.lines();
+    while let Some(line) = lines.next() {
+        let Some(repetition) = line.trim_start().strip_prefix("#repeat ") else {
+            out.push_str(line);
+            out.push('\n');
+            continue;
+        };
+        let parsed = repetition.split_once(' ').and_then(|(name, count)| Some((name, count.parse::<usize>().ok()?)));
+        let Some((name, count)) = parsed else { panic!("WGSL repetition without name and count: {repetition}") };
+        let body: Vec<&str> = lines.by_ref().take_while(|line| line.trim_start() != "#end").collect();
+        for number in 0..count {
+            for line in &body {
+                out.push_str(&line.replace(&format!("${name}"), &number.to_string()));
+                out.push('\n');
+            }
+        }
+    }
     out
 }
 
@@ -63,6 +87,12 @@ fn expand<'a>(source: &'a str, done: &mut Vec<&'a str>, out: &mut String) {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn repeats_with_the_number_in_place() {
+        let text = super::resolve("a\n    #repeat k 2\n    let x$k = $ku;\n    #end\nb\n");
+        assert_eq!(text, "a\n    let x0 = 0u;\n    let x1 = 1u;\nb\n");
+    }
+
     #[test]
     fn imports_once() {
         let text = super::resolve("#import index\n#import index\nfn f() {}\n");

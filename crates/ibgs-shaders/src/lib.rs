@@ -317,8 +317,9 @@ kernels! {
 kernels! {
     /// The kernels that need [`MatrixUnits`]: the residual network in half precision, sums in float32.
     MATRIX_KERNELS:
-    /// Planes to half precision, channels last.
-    HALF_PACK = "half_pack" [256, 1, 1] (size_of::<types::HalfPackParams>()): read("planes"), write("packed");
+    /// The hourglass' input in half precision, channels last.
+    HALF_FEATURES = "half_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
+        read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"), write("x");
     /// A layer's weights to half precision in the order in which the matrix units read them.
     HALF_WEIGHTS = "half_weights" [256, 1, 1] (size_of::<types::HalfWeightsParams>()):
         read("weights"), write("packed");

@@ -3,8 +3,9 @@
 // (method.md section 6).
 //
 // A workgroup of four subgroups makes SIDE columns x 16 rows x 3 SIDE outputs; a subgroup four rows: twelve accumulators, a
-// row's pixels by SIDE outputs each. Tile and weights pass through workgroup memory SIDE input channels at a time. A
-// subgroup's six rows of the tile serve all three rows of taps.
+// row's pixels by SIDE outputs each. The tile passes through workgroup memory SIDE input channels at a time. A subgroup's six
+// rows of the tile serve all three rows of taps. Weights are read as whole matrices, [input channels / SIDE][tap]
+// [outputs / SIDE][output][input].
 #import half
 #import residual_source
 
@@ -20,9 +21,9 @@ struct HalfConvParams {
     outputs: u32,
     // First bias.
     bias: u32,
-    // Where the packed weights begin, and those of one input channel and tap, in groups of 4.
+    // Where the packed weights begin, in groups of 4, and groups of SIDE outputs.
     packed: u32,
-    packed_quads: u32,
+    packed_groups: u32,
     // What becomes of the sums.
     store: u32,
     pad: u32,
@@ -45,65 +46,132 @@ var<immediate> params: HalfConvParams;
 @group(0) @binding(3) var<storage, read> input_b: array<vec4<f16>>;
 @group(0) @binding(4) var<storage, read_write> output: array<vec4<f16>>;
 
-const THREADS: u32 = 4u * LANES;
-const ROWS: u32 = 18u;
+// Subgroups of a workgroup.
+const SUBGROUPS: u32 = 4u;
+const THREADS: u32 = SUBGROUPS * LANES;
+const ROWS: u32 = 4u * SUBGROUPS + 2u;
 const COLUMNS: u32 = SIDE + 2u;
 // Groups of 4 channels that pass at a time, and distances in workgroup memory; the padding avoids bank conflicts.
 const QUADS: u32 = SIDE / 4u;
 const PIXEL: u32 = QUADS + 2u;
 const LINE: u32 = COLUMNS * PIXEL;
-const CHANNEL: u32 = 3u * QUADS + 2u;
-const SUMS: u32 = QUADS + 1u;
+const OUTPUT: u32 = QUADS + 1u;
+const MATRIX: u32 = SIDE * OUTPUT;
+const SUMS: u32 = 3u * QUADS + 1u;
+// Pixels that the workgroup, or a subgroup, takes in one step.
+const PIXELS: u32 = THREADS / QUADS;
+const OUT_PIXELS: u32 = LANES / QUADS;
+const NOWHERE: u32 = 0xffffffffu;
+// The repetitions below are enough.
+const_assert 12u * PIXELS >= ROWS * COLUMNS;
+const_assert 2u * OUT_PIXELS >= SIDE;
+const_assert 14u * THREADS >= 27u * SIDE * QUADS;
 
 // [row][column][channels].
 var<workgroup> tile: array<vec4<f16>, ROWS * LINE>;
-// [tap][input channel][outputs].
-var<workgroup> kernel: array<vec4<f16>, 9u * SIDE * CHANNEL>;
-// A matrix of sums of each subgroup.
-var<workgroup> sums: array<vec4<f32>, 4u * SIDE * SUMS>;
+// [tap][outputs / SIDE][output][inputs].
+var<workgroup> kernel: array<vec4<f16>, 27u * MATRIX>;
+// Three matrices of sums of each subgroup: [subgroup][pixel][outputs].
+var<workgroup> sums: array<vec4<f32>, SUBGROUPS * SIDE * SUMS>;
 
-fn read_a(at: u32) -> vec4<f16> {
-    if params.mode == POOLED {
-        let right = params.quads_a;
-        let below = params.source.x * params.quads_a;
-        return max(max(input_a[at], input_a[at + right]), max(input_a[at + below], input_a[at + below + right]));
-    }
-    return input_a[at];
+// Where a pixel of the tile lies in an input of `quads` groups of 4 channels, or outside of it.
+struct Place {
+    at: u32,
+    inside: bool,
 }
 
-fn load_tile(local: u32, origin: vec2<i32>, second: bool, first: u32) {
-    let quads = select(params.quads_a, params.quads_b, second);
-    for (var k = local; k < ROWS * COLUMNS * QUADS; k += THREADS) {
-        let q = k % QUADS;
-        let column = (k / QUADS) % COLUMNS;
-        let row = k / (QUADS * COLUMNS);
-        // Input b always has the size of the output.
-        let mode = select(params.mode, SAME, second);
-        let source = select(params.source, params.size, second);
-        let x = source_of(origin.x + i32(column) - 1, params.size.x, source.x, mode);
-        let y = source_of(origin.y + i32(row) - 1, params.size.y, source.y, mode);
-        var v = vec4<f16>();
-        if x >= 0 && y >= 0 && first + q < quads {
-            let at = (u32(y) * source.x + u32(x)) * quads + first + q;
-            if second {
-                v = input_b[at];
-            } else {
-                v = read_a(at);
-            }
-        }
-        tile[row * LINE + column * PIXEL + q] = v;
+fn place(p: u32, origin: vec2<i32>, source: vec2<u32>, mode: u32, quads: u32) -> Place {
+    let x = source_of(origin.x + i32(p % COLUMNS) - 1, params.size.x, source.x, mode);
+    let y = source_of(origin.y + i32(p / COLUMNS) - 1, params.size.y, source.y, mode);
+    let inside = x >= 0 && y >= 0;
+    return Place(select(0u, (u32(y) * source.x + u32(x)) * quads, inside), inside);
+}
+
+fn read_b(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
+    let spot = place(p, origin, params.size, SAME, params.quads_b);
+    return select(vec4<f16>(), input_b[spot.at + q], spot.inside);
+}
+
+fn read_same(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
+    let spot = place(p, origin, params.size, SAME, params.quads_a);
+    return select(vec4<f16>(), input_a[spot.at + q], spot.inside);
+}
+
+fn read_nearest(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
+    let spot = place(p, origin, params.source, NEAREST, params.quads_a);
+    return select(vec4<f16>(), input_a[spot.at + q], spot.inside);
+}
+
+fn read_pooled(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
+    let spot = place(p, origin, params.source, POOLED, params.quads_a);
+    let at = spot.at + q;
+    let below = at + params.source.x * params.quads_a;
+    let upper = max(input_a[at], input_a[at + params.quads_a]);
+    let lower = max(input_a[below], input_a[below + params.quads_a]);
+    return select(vec4<f16>(), max(upper, lower), spot.inside);
+}
+
+fn put(p: u32, q: u32, v: vec4<f16>) {
+    if p < ROWS * COLUMNS {
+        tile[(p / COLUMNS) * LINE + (p % COLUMNS) * PIXEL + q] = v;
     }
 }
 
-// `chunk` counts SIDE channels of both inputs together.
+// Channels `chunk` SIDE and on of both inputs together. The reads of all steps are under way together.
+fn load_tile(local: u32, origin: vec2<i32>, chunk: u32) {
+    let p = local / QUADS;
+    let own = local % QUADS;
+    let q = chunk * QUADS + own;
+    if chunk * QUADS >= params.quads_a {
+        #repeat n 12
+        let v$n = read_b(p + $nu * PIXELS, q - params.quads_a, origin);
+        #end
+        #repeat n 12
+        put(p + $nu * PIXELS, own, v$n);
+        #end
+    } else if params.mode == POOLED {
+        #repeat n 12
+        let v$n = read_pooled(p + $nu * PIXELS, q, origin);
+        #end
+        #repeat n 12
+        put(p + $nu * PIXELS, own, v$n);
+        #end
+    } else if params.mode == NEAREST {
+        #repeat n 12
+        let v$n = read_nearest(p + $nu * PIXELS, q, origin);
+        #end
+        #repeat n 12
+        put(p + $nu * PIXELS, own, v$n);
+        #end
+    } else {
+        #repeat n 12
+        let v$n = read_same(p + $nu * PIXELS, q, origin);
+        #end
+        #repeat n 12
+        put(p + $nu * PIXELS, own, v$n);
+        #end
+    }
+}
+
+fn read_kernel(k: u32, chunk: u32, group: u32) -> vec4<f16> {
+    let tap = k / (3u * SIDE * QUADS);
+    return packed[params.packed + ((9u * chunk + tap) * params.packed_groups + 3u * group) * SIDE * QUADS
+        + k % (3u * SIDE * QUADS)];
+}
+
+fn put_kernel(k: u32, v: vec4<f16>) {
+    if k < 27u * SIDE * QUADS {
+        kernel[(k / QUADS) * OUTPUT + k % QUADS] = v;
+    }
+}
+
 fn load_kernel(local: u32, chunk: u32, group: u32) {
-    let padded = 4u * (params.quads_a + params.quads_b);
-    for (var k = local; k < 9u * SIDE * 3u * QUADS; k += THREADS) {
-        let q = k % (3u * QUADS);
-        let i = k / (3u * QUADS);
-        let row = (i / SIDE) * padded + chunk * SIDE + i % SIDE;
-        kernel[i * CHANNEL + q] = packed[params.packed + row * params.packed_quads + group * 3u * QUADS + q];
-    }
+    #repeat n 14
+    let v$n = read_kernel(local + $nu * THREADS, chunk, group);
+    #end
+    #repeat n 14
+    put_kernel(local + $nu * THREADS, v$n);
+    #end
 }
 
 fn bias(o: u32) -> f32 {
@@ -111,71 +179,53 @@ fn bias(o: u32) -> f32 {
     return select(0.0, weights[select(0u, params.bias + o, wanted)], wanted);
 }
 
-// Every row of a subgroup's sums becomes the biases of SIDE outputs.
-fn put_bias(subgroup: u32, lane: u32, o: u32) {
-    workgroupBarrier();
-    for (var k = lane; k < SIDE * QUADS; k += LANES) {
-        let c = o + 4u * (k % QUADS);
-        sums[subgroup * SIDE * SUMS + (k / QUADS) * SUMS + k % QUADS] =
-            vec4(bias(c), bias(c + 1u), bias(c + 2u), bias(c + 3u));
-    }
-    workgroupBarrier();
+fn biases(o: u32) -> vec4<f32> {
+    return vec4(bias(o), bias(o + 1u), bias(o + 2u), bias(o + 3u));
 }
 
-fn finish(sum: vec4<f32>, at: u32) -> vec4<f16> {
+fn finish(sum: vec4<f32>, old: vec4<f16>) -> vec4<f16> {
     var v = sum;
     if params.store == RELU {
         v = max(v, vec4(0.0));
     } else if params.store == ADD {
-        v += vec4<f32>(output[at]);
+        v += vec4<f32>(old);
     } else if params.store == MASK {
-        v = select(vec4(0.0), v, output[at] > vec4<f16>());
+        v = select(vec4(0.0), v, old > vec4<f16>());
     }
     return to_half(v);
 }
 
-// A subgroup's sums into the output: SIDE pixels from (x, y) on, group `q` of 4 outputs and on.
-fn store(subgroup: u32, lane: u32, x: u32, y: u32, q: u32) {
-    workgroupBarrier();
-    for (var k = lane; k < SIDE * QUADS; k += LANES) {
-        let pixel = x + k / QUADS;
-        let at = q + k % QUADS;
-        if pixel < params.size.x && y < params.size.y && at < params.quads_out {
-            let i = (y * params.size.x + pixel) * params.quads_out + at;
-            output[i] = finish(sums[subgroup * SIDE * SUMS + (k / QUADS) * SUMS + k % QUADS], i);
-        }
-    }
-    workgroupBarrier();
+// Where a lane's group of 4 outputs of a pixel goes; past the output's end where there is none.
+fn goal(x: u32, y: u32, q: u32) -> u32 {
+    let inside = x < params.size.x && y < params.size.y && q < params.quads_out;
+    return select(NOWHERE, (y * params.size.x + x) * params.quads_out + q, inside);
 }
 
 @compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let subgroup = local / LANES;
     let lane = local % LANES;
-    let origin = vec2<i32>(wid.xy * vec2(SIDE, 16u));
-    let own = subgroup * SIDE * SUMS;
-    let o = wid.z * 3u * SIDE;
-    put_bias(subgroup, lane, o);
-    var c00 = coopLoadT<MatrixC>(&sums[own], SUMS);
-    var c10 = c00;
-    var c20 = c00;
-    var c30 = c00;
-    put_bias(subgroup, lane, o + SIDE);
-    var c01 = coopLoadT<MatrixC>(&sums[own], SUMS);
-    var c11 = c01;
-    var c21 = c01;
-    var c31 = c01;
-    put_bias(subgroup, lane, o + 2u * SIDE);
-    var c02 = coopLoadT<MatrixC>(&sums[own], SUMS);
-    var c12 = c02;
-    var c22 = c02;
-    var c32 = c02;
-    let chunks_a = params.quads_a / QUADS;
-    let chunks = chunks_a + params.quads_b / QUADS;
+    let origin = vec2<i32>(wid.xy * vec2(SIDE, 4u * SUBGROUPS));
+    var c00 = MatrixC();
+    var c10 = MatrixC();
+    var c20 = MatrixC();
+    var c30 = MatrixC();
+    var c01 = MatrixC();
+    var c11 = MatrixC();
+    var c21 = MatrixC();
+    var c31 = MatrixC();
+    var c02 = MatrixC();
+    var c12 = MatrixC();
+    var c22 = MatrixC();
+    var c32 = MatrixC();
+    let q = 3u * wid.z * QUADS;
+    let add0 = biases(4u * (q + lane % QUADS));
+    let add1 = biases(4u * (q + QUADS + lane % QUADS));
+    let add2 = biases(4u * (q + 2u * QUADS + lane % QUADS));
+    let chunks = (params.quads_a + params.quads_b) / QUADS;
     for (var n = 0u; n < chunks; n++) {
-        let second = n >= chunks_a;
         workgroupBarrier();
-        load_tile(local, origin, second, QUADS * select(n, n - chunks_a, second));
+        load_tile(local, origin, n);
         load_kernel(local, n, wid.z);
         workgroupBarrier();
         for (var column = 0u; column < 3u; column++) {
@@ -186,10 +236,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             let a3 = coopLoadT<MatrixA>(&tile[at + 3u * LINE], PIXEL);
             let a4 = coopLoadT<MatrixA>(&tile[at + 4u * LINE], PIXEL);
             let a5 = coopLoadT<MatrixA>(&tile[at + 5u * LINE], PIXEL);
-            var k = column * SIDE * CHANNEL;
-            let u0 = coopLoadT<MatrixB>(&kernel[k], CHANNEL);
-            let u1 = coopLoadT<MatrixB>(&kernel[k + QUADS], CHANNEL);
-            let u2 = coopLoadT<MatrixB>(&kernel[k + 2u * QUADS], CHANNEL);
+            var k = column * 3u * MATRIX;
+            let u0 = coopLoad<MatrixB>(&kernel[k], OUTPUT);
+            let u1 = coopLoad<MatrixB>(&kernel[k + MATRIX], OUTPUT);
+            let u2 = coopLoad<MatrixB>(&kernel[k + 2u * MATRIX], OUTPUT);
             c00 = coopMultiplyAdd(a0, u0, c00);
             c10 = coopMultiplyAdd(a1, u0, c10);
             c20 = coopMultiplyAdd(a2, u0, c20);
@@ -202,10 +252,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             c12 = coopMultiplyAdd(a1, u2, c12);
             c22 = coopMultiplyAdd(a2, u2, c22);
             c32 = coopMultiplyAdd(a3, u2, c32);
-            k += 3u * SIDE * CHANNEL;
-            let v0 = coopLoadT<MatrixB>(&kernel[k], CHANNEL);
-            let v1 = coopLoadT<MatrixB>(&kernel[k + QUADS], CHANNEL);
-            let v2 = coopLoadT<MatrixB>(&kernel[k + 2u * QUADS], CHANNEL);
+            k += 9u * MATRIX;
+            let v0 = coopLoad<MatrixB>(&kernel[k], OUTPUT);
+            let v1 = coopLoad<MatrixB>(&kernel[k + MATRIX], OUTPUT);
+            let v2 = coopLoad<MatrixB>(&kernel[k + 2u * MATRIX], OUTPUT);
             c00 = coopMultiplyAdd(a1, v0, c00);
             c10 = coopMultiplyAdd(a2, v0, c10);
             c20 = coopMultiplyAdd(a3, v0, c20);
@@ -218,10 +268,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             c12 = coopMultiplyAdd(a2, v2, c12);
             c22 = coopMultiplyAdd(a3, v2, c22);
             c32 = coopMultiplyAdd(a4, v2, c32);
-            k += 3u * SIDE * CHANNEL;
-            let w0 = coopLoadT<MatrixB>(&kernel[k], CHANNEL);
-            let w1 = coopLoadT<MatrixB>(&kernel[k + QUADS], CHANNEL);
-            let w2 = coopLoadT<MatrixB>(&kernel[k + 2u * QUADS], CHANNEL);
+            k += 9u * MATRIX;
+            let w0 = coopLoad<MatrixB>(&kernel[k], OUTPUT);
+            let w1 = coopLoad<MatrixB>(&kernel[k + MATRIX], OUTPUT);
+            let w2 = coopLoad<MatrixB>(&kernel[k + 2u * MATRIX], OUTPUT);
             c00 = coopMultiplyAdd(a2, w0, c00);
             c10 = coopMultiplyAdd(a3, w0, c10);
             c20 = coopMultiplyAdd(a4, w0, c20);
@@ -238,29 +288,59 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     }
     let x = u32(origin.x);
     let y = u32(origin.y) + 4u * subgroup;
-    let q = wid.z * 3u * QUADS;
-    coopStoreT(c00, &sums[own], SUMS);
-    store(subgroup, lane, x, y, q);
-    coopStoreT(c01, &sums[own], SUMS);
-    store(subgroup, lane, x, y, q + QUADS);
-    coopStoreT(c02, &sums[own], SUMS);
-    store(subgroup, lane, x, y, q + 2u * QUADS);
-    coopStoreT(c10, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 1u, q);
-    coopStoreT(c11, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 1u, q + QUADS);
-    coopStoreT(c12, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 1u, q + 2u * QUADS);
-    coopStoreT(c20, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 2u, q);
-    coopStoreT(c21, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 2u, q + QUADS);
-    coopStoreT(c22, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 2u, q + 2u * QUADS);
-    coopStoreT(c30, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 3u, q);
-    coopStoreT(c31, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 3u, q + QUADS);
-    coopStoreT(c32, &sums[own], SUMS);
-    store(subgroup, lane, x, y + 3u, q + 2u * QUADS);
+    // Named places: an index that is made inside the call has no value yet there.
+    let sums0 = subgroup * SIDE * SUMS;
+    let sums1 = sums0 + QUADS;
+    let sums2 = sums1 + QUADS;
+    let last = params.size.x * params.size.y * params.quads_out - 1u;
+    let own_p = lane / QUADS;
+    let own_q = lane % QUADS;
+    #repeat r 4
+    {
+        let t0 = goal(x + own_p, y + $ru, q + own_q);
+        let t1 = goal(x + own_p + OUT_PIXELS, y + $ru, q + own_q);
+        let t2 = goal(x + own_p, y + $ru, q + QUADS + own_q);
+        let t3 = goal(x + own_p + OUT_PIXELS, y + $ru, q + QUADS + own_q);
+        let t4 = goal(x + own_p, y + $ru, q + 2u * QUADS + own_q);
+        let t5 = goal(x + own_p + OUT_PIXELS, y + $ru, q + 2u * QUADS + own_q);
+        // What the sums are added to, or masked by.
+        var o0 = vec4<f16>();
+        var o1 = vec4<f16>();
+        var o2 = vec4<f16>();
+        var o3 = vec4<f16>();
+        var o4 = vec4<f16>();
+        var o5 = vec4<f16>();
+        if params.store >= ADD {
+            o0 = output[min(t0, last)];
+            o1 = output[min(t1, last)];
+            o2 = output[min(t2, last)];
+            o3 = output[min(t3, last)];
+            o4 = output[min(t4, last)];
+            o5 = output[min(t5, last)];
+        }
+        coopStoreT(c$r0, &sums[sums0], SUMS);
+        coopStoreT(c$r1, &sums[sums1], SUMS);
+        coopStoreT(c$r2, &sums[sums2], SUMS);
+        workgroupBarrier();
+        if t0 != NOWHERE {
+            output[t0] = finish(sums[sums0 + own_p * SUMS + own_q] + add0, o0);
+        }
+        if t1 != NOWHERE {
+            output[t1] = finish(sums[sums0 + (own_p + OUT_PIXELS) * SUMS + own_q] + add0, o1);
+        }
+        if t2 != NOWHERE {
+            output[t2] = finish(sums[sums0 + own_p * SUMS + QUADS + own_q] + add1, o2);
+        }
+        if t3 != NOWHERE {
+            output[t3] = finish(sums[sums0 + (own_p + OUT_PIXELS) * SUMS + QUADS + own_q] + add1, o3);
+        }
+        if t4 != NOWHERE {
+            output[t4] = finish(sums[sums0 + own_p * SUMS + 2u * QUADS + own_q] + add2, o4);
+        }
+        if t5 != NOWHERE {
+            output[t5] = finish(sums[sums0 + (own_p + OUT_PIXELS) * SUMS + 2u * QUADS + own_q] + add2, o5);
+        }
+        workgroupBarrier();
+    }
+    #end
 }

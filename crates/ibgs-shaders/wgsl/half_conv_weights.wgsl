@@ -34,44 +34,48 @@ const QUADS: u32 = SIDE / 4u;
 const GROUP: u32 = 3u * QUADS;
 // The padding avoids bank conflicts.
 const PIXEL: u32 = GROUP + 2u;
+// Groups of 4 values of the tiles.
+const X_VALUES: u32 = (ROWS + 2u) * COLUMNS * GROUP;
+const V_VALUES: u32 = ROWS * SIDE * GROUP;
+// The repetitions below are enough.
+const_assert 5u * THREADS >= X_VALUES;
+const_assert 3u * THREADS >= V_VALUES;
 
 var<workgroup> x_tile: array<vec4<f16>, (ROWS + 2u) * COLUMNS * PIXEL>;
 var<workgroup> v_tile: array<vec4<f16>, ROWS * SIDE * PIXEL>;
 
-fn read_input(at: u32) -> vec4<f16> {
-    if params.mode == POOLED {
-        let right = params.quads_in;
-        let below = params.source.x * params.quads_in;
-        return max(max(input[at], input[at + right]), max(input[at + below], input[at + below + right]));
+// Where the input of (x, y) lies.
+fn input_at(x: i32, y: i32) -> u32 {
+    if params.mode == NEAREST {
+        let at = vec2<u32>(vec2(x, y)) * params.source / params.size;
+        return (at.y * params.source.x + at.x) * params.quads_in;
     }
-    return input[at];
+    let step = select(1u, 2u, params.mode == POOLED);
+    return (u32(y) * params.source.x + u32(x)) * params.quads_in * step;
 }
 
-fn load(local: u32, corner: vec2<i32>, first_in: u32, first_out: u32) {
-    for (var k = local; k < (ROWS + 2u) * COLUMNS * GROUP; k += THREADS) {
-        let q = first_in + k % GROUP;
-        let column = (k / GROUP) % COLUMNS;
-        let row = k / (GROUP * COLUMNS);
-        let x = source_of(corner.x + i32(column) - 1, params.size.x, params.source.x, params.mode);
-        let y = source_of(corner.y + i32(row) - 1, params.size.y, params.source.y, params.mode);
-        var value = vec4<f16>();
-        if x >= 0 && y >= 0 && q < params.quads_in {
-            value = read_input((u32(y) * params.source.x + u32(x)) * params.quads_in + q);
-            if q == params.inputs / 4u {
-                value[params.inputs % 4u] = f16(1.0);
-            }
-        }
-        x_tile[(row * COLUMNS + column) * PIXEL + k % GROUP] = value;
+// The first channel of the padding counts as 1.
+fn with_one(value: vec4<f16>, k: u32, first_in: u32) -> vec4<f16> {
+    let channel = 4u * (first_in + k % GROUP);
+    return select(value, vec4(1.0h), vec4(channel, channel + 1u, channel + 2u, channel + 3u) == vec4(params.inputs));
+}
+
+fn read_pooled(at: u32) -> vec4<f16> {
+    let below = at + params.source.x * params.quads_in;
+    let upper = max(input[at], input[at + params.quads_in]);
+    let lower = max(input[below], input[below + params.quads_in]);
+    return max(upper, lower);
+}
+
+fn put_input(k: u32, first_in: u32, value: vec4<f16>, inside: bool) {
+    if k < X_VALUES {
+        x_tile[(k / GROUP) * PIXEL + k % GROUP] = select(vec4<f16>(), with_one(value, k, first_in), inside);
     }
-    for (var k = local; k < ROWS * SIDE * GROUP; k += THREADS) {
-        let q = first_out + k % GROUP;
-        let x = u32(corner.x) + (k / GROUP) % SIDE;
-        let y = u32(corner.y) + k / (GROUP * SIDE);
-        var value = vec4<f16>();
-        if x < params.size.x && y < params.size.y && q < params.quads_out {
-            value = v[(y * params.size.x + x) * params.quads_out + q];
-        }
-        v_tile[(k / GROUP) * PIXEL + k % GROUP] = value;
+}
+
+fn put_v(k: u32, value: vec4<f16>, inside: bool) {
+    if k < V_VALUES {
+        v_tile[(k / GROUP) * PIXEL + k % GROUP] = select(vec4<f16>(), value, inside);
     }
 }
 
@@ -95,10 +99,65 @@ fn main(
     var c20 = MatrixC();
     var c21 = MatrixC();
     var c22 = MatrixC();
-    for (var t = wid.x * share; t < end; t++) {
-        workgroupBarrier();
-        load(local, vec2<i32>(vec2(t % tiles.x, t / tiles.x) * vec2(SIDE, ROWS)), wid.y * GROUP, wid.z * GROUP);
-        workgroupBarrier();
+    let first = wid.x * share;
+    let first_in = wid.y * GROUP;
+    let first_out = wid.z * GROUP;
+    // Pixel of the tile and group of channels of each step; a pixel far out where there is none.
+    let far = i32(0x4000000);
+    #repeat n 5
+    let kx$n = local + $nu * THREADS;
+    let qx$n = first_in + kx$n % GROUP;
+    let px$n = vec2(select(far, i32((kx$n / GROUP) % COLUMNS) - 1, qx$n < params.quads_in), i32(kx$n / (GROUP * COLUMNS)) - 1);
+    var x$n = vec4<f16>();
+    #end
+    #repeat n 3
+    let kv$n = local + $nu * THREADS;
+    let qv$n = first_out + kv$n % GROUP;
+    let pv$n = vec2(select(far, i32((kv$n / GROUP) % SIDE), qv$n < params.quads_out), i32(kv$n / (GROUP * SIDE)));
+    var v$n = vec4<f16>();
+    #end
+    var inside = 0u;
+    // One step ahead of the sums.
+    for (var t = first; t < end + 1u; t++) {
+        if t > first {
+            workgroupBarrier();
+            #repeat n 5
+            put_input(kx$n, first_in, x$n, (inside & (1u << $nu)) != 0u);
+            #end
+            #repeat n 3
+            put_v(kv$n, v$n, (inside & (32u << $nu)) != 0u);
+            #end
+            workgroupBarrier();
+        }
+        if t < end {
+            let corner = vec2<i32>(vec2(t % tiles.x, t / tiles.x) * vec2(SIDE, ROWS));
+            let size = vec2<i32>(params.size);
+            inside = 0u;
+            #repeat n 5
+            let c$n = corner + px$n;
+            let in$n = c$n.x >= 0 && c$n.y >= 0 && c$n.x < size.x && c$n.y < size.y;
+            let at$n = select(0u, input_at(c$n.x, c$n.y) + qx$n, in$n);
+            inside |= select(0u, 1u << $nu, in$n);
+            #end
+            if params.mode == POOLED {
+                #repeat n 5
+                x$n = read_pooled(at$n);
+                #end
+            } else {
+                #repeat n 5
+                x$n = input[at$n];
+                #end
+            }
+            #repeat n 3
+            let d$n = corner + pv$n;
+            let iv$n = d$n.x < size.x && d$n.y < size.y;
+            v$n = v[select(0u, u32(d$n.y * size.x + d$n.x) * params.quads_out + qv$n, iv$n)];
+            inside |= select(0u, 32u << $nu, iv$n);
+            #end
+        }
+        if t == first {
+            continue;
+        }
         for (var row = 0u; row < ROWS; row++) {
             let x = ((row + tap / 3u) * COLUMNS + tap % 3u) * PIXEL;
             let g = row * SIDE * PIXEL;

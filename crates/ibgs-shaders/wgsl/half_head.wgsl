@@ -1,5 +1,5 @@
 // The last two layers of the residual network on the matrix units: f = ReLU(1 x 1 of [d1, x]), residual = 1 x 1 of f
-// (method.md section 6). A subgroup takes SIDE pixels; both layers' weights and f pass through workgroup memory.
+// (method.md section 6). A subgroup takes SIDE pixels; f passes through workgroup memory.
 #import half
 #import index
 
@@ -31,23 +31,14 @@ const QUADS: u32 = PADDED / 4u;
 // Distances in workgroup memory; the padding avoids bank conflicts.
 const LINE: u32 = QUADS + 2u;
 const SUMS: u32 = SIDE / 4u + 1u;
+// Matrices side by side, and groups of 4 values of one.
+const MATRICES: u32 = PADDED / SIDE;
+const MATRIX: u32 = SIDE * SIDE / 4u;
 
-// [input of f][outputs], and [input of the residual][outputs].
-var<workgroup> fuse: array<vec4<f16>, 2u * PADDED * LINE>;
-var<workgroup> last: array<vec4<f16>, PADDED * SUMS>;
 // [subgroup][pixel][channels].
 var<workgroup> f: array<vec4<f16>, 4u * SIDE * LINE>;
 // A matrix of sums of each subgroup.
 var<workgroup> sums: array<vec4<f32>, 4u * SIDE * SUMS>;
-
-fn load(local: u32) {
-    for (var k = local; k < 2u * PADDED * QUADS; k += THREADS) {
-        fuse[(k / QUADS) * LINE + k % QUADS] = packed[params.fuse + k];
-    }
-    for (var k = local; k < PADDED * (SIDE / 4u); k += THREADS) {
-        last[(k / (SIDE / 4u)) * SUMS + k % (SIDE / 4u)] = packed[params.last + k];
-    }
-}
 
 fn bias(first: u32, count: u32, o: u32) -> f32 {
     return select(0.0, weights[first + min(o, count - 1u)], o < count);
@@ -73,7 +64,6 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    load(local);
     let subgroup = local / LANES;
     let lane = local % LANES;
     let own = subgroup * SIDE * SUMS;
@@ -81,15 +71,16 @@ fn main(
     // The maps have room for whole matrices.
     let p = (linear_workgroup(wid, groups) * 4u + subgroup) * SIDE;
     let at = min(p, (params.pixels - 1u) / SIDE * SIDE) * QUADS;
-    for (var n = 0u; n < PADDED / SIDE; n++) {
+    for (var n = 0u; n < MATRICES; n++) {
         put_bias(own, lane, params.fuse_bias, WIDTH, n * SIDE);
         var c = coopLoadT<MatrixC>(&sums[own], SUMS);
-        for (var k = 0u; k < PADDED / SIDE; k++) {
-            let row = k * SIDE * LINE + n * (SIDE / 4u);
+        for (var k = 0u; k < MATRICES; k++) {
+            let first = params.fuse + (k * MATRICES + n) * MATRIX;
+            let second = first + MATRICES * MATRICES * MATRIX;
             let left = coopLoadT<MatrixA>(&d1[at + k * (SIDE / 4u)], QUADS);
-            c = coopMultiplyAdd(left, coopLoadT<MatrixB>(&fuse[row], LINE), c);
+            c = coopMultiplyAdd(left, coopLoad<MatrixB>(&packed[first], SIDE / 4u), c);
             let right = coopLoadT<MatrixA>(&x[at + k * (SIDE / 4u)], QUADS);
-            c = coopMultiplyAdd(right, coopLoadT<MatrixB>(&fuse[PADDED * LINE + row], LINE), c);
+            c = coopMultiplyAdd(right, coopLoad<MatrixB>(&packed[second], SIDE / 4u), c);
         }
         coopStoreT(c, &sums[own], SUMS);
         workgroupBarrier();
@@ -105,9 +96,9 @@ fn main(
     }
     put_bias(own, lane, params.last_bias, 3u, 0u);
     var r = coopLoadT<MatrixC>(&sums[own], SUMS);
-    for (var k = 0u; k < PADDED / SIDE; k++) {
+    for (var k = 0u; k < MATRICES; k++) {
         let a = coopLoadT<MatrixA>(&f[own_f + k * (SIDE / 4u)], LINE);
-        r = coopMultiplyAdd(a, coopLoadT<MatrixB>(&last[k * SIDE * SUMS], SUMS), r);
+        r = coopMultiplyAdd(a, coopLoad<MatrixB>(&packed[params.last + k * MATRIX], SIDE / 4u), r);
     }
     coopStoreT(r, &sums[own], SUMS);
     workgroupBarrier();

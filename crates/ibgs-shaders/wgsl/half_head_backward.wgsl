@@ -20,11 +20,8 @@ const THREADS: u32 = 4u * LANES;
 // Channels of d1, x and f with padding.
 const PADDED: u32 = 48u;
 const QUADS: u32 = PADDED / 4u;
-const LINE: u32 = QUADS + 2u;
 const SUMS: u32 = SIDE / 4u + 1u;
 
-// [input of f][outputs].
-var<workgroup> fuse: array<vec4<f16>, 2u * PADDED * LINE>;
 // A matrix of sums of each subgroup.
 var<workgroup> sums: array<vec4<f32>, 4u * SIDE * SUMS>;
 
@@ -34,9 +31,6 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    for (var k = local; k < 2u * PADDED * QUADS; k += THREADS) {
-        fuse[(k / QUADS) * LINE + k % QUADS] = packed[params.fuse + k];
-    }
     let subgroup = local / LANES;
     let lane = local % LANES;
     let own = subgroup * SIDE * SUMS;
@@ -52,7 +46,8 @@ fn main(
         for (var k = 0u; k < PADDED / SIDE; k++) {
             let a = coopLoadT<MatrixA>(&v_f[at + k * (SIDE / 4u)], QUADS);
             // The transpose: rows are outputs of f, columns its inputs.
-            let b = coopLoad<MatrixB>(&fuse[n * SIDE * LINE + k * (SIDE / 4u)], LINE);
+            let at_b = params.fuse + (n * (PADDED / SIDE) + k) * SIDE * (SIDE / 4u);
+            let b = coopLoadT<MatrixB>(&packed[at_b], SIDE / 4u);
             c = coopMultiplyAdd(a, b, c);
         }
         coopStoreT(c, &sums[own], SUMS);

@@ -1,6 +1,6 @@
-// One thread four outputs of an input channel and tap: a layer's weights in float32 to [taps][inputs][outputs] in half
-// precision, inputs and outputs padded with zeros. For the gradient by the input the layer's outputs are the inputs here and
-// the other way round, and the taps are turned by half a circle.
+// One thread four inputs of an output and tap: a layer's weights in float32 to matrices in half precision, [input channels /
+// SIDE][tap][outputs / SIDE][output][input], padded with zeros. For the gradient by the input the layer's outputs are the inputs
+// here and the other way round, and the taps are turned by half a circle.
 #import half
 #import index
 
@@ -18,8 +18,8 @@ struct HalfWeightsParams {
     channels_b: u32,
     padded: u32,
     outputs: u32,
-    // Output channels with padding, divided by 4.
-    quads: u32,
+    // Groups of SIDE outputs.
+    groups: u32,
     // Where the result begins, in groups of 4.
     into: u32,
 }
@@ -28,6 +28,8 @@ var<immediate> params: HalfWeightsParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
 @group(0) @binding(1) var<storage, read_write> packed: array<vec4<f16>>;
+
+const QUADS: u32 = SIDE / 4u;
 
 fn weight(o: u32, i: u32, tap: u32) -> f32 {
     let second = i >= params.padded_a;
@@ -45,13 +47,15 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let k = linear_workgroup(wid, groups) * 256u + local;
-    if k >= params.taps * params.padded * params.quads {
+    let tap = k / (QUADS * SIDE * params.groups);
+    let chunk = tap / params.taps;
+    if chunk * SIDE >= params.padded {
         return;
     }
-    let o = 4u * (k % params.quads);
-    let i = (k / params.quads) % params.padded;
-    var tap = k / (params.quads * params.padded);
-    tap = select(tap, params.taps - 1u - tap, params.turned == 1u);
+    let i = chunk * SIDE + 4u * (k % QUADS);
+    let o = (k / QUADS) % (SIDE * params.groups);
+    let own = tap % params.taps;
+    let source = select(own, params.taps - 1u - own, params.turned == 1u);
     packed[params.into + k] =
-        to_half(vec4(weight(o, i, tap), weight(o + 1u, i, tap), weight(o + 2u, i, tap), weight(o + 3u, i, tap)));
+        to_half(vec4(weight(o, i, source), weight(o, i + 1u, source), weight(o, i + 2u, source), weight(o, i + 3u, source)));
 }

@@ -1,91 +1,16 @@
-// One thread a pixel of the network's size: features of the visible sources, per-view MLP, mean or largest value over the
-// slots, viewing ray and base colour: the 38 planes that the hourglass reads (method.md section 6).
-#import index
-#import residual_feature
-#import residual_mlp
+// The hourglass' input as planes in float32.
+#import residual_features_main
 
-@group(0) @binding(0) var<storage, read> base: array<f32>;
-@group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> seen: array<u32>;
-@group(0) @binding(3) var<storage, read> sources_seen: array<u32>;
-@group(0) @binding(4) var<storage, read> centers: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> weights: array<f32>;
 // Planes [38][pixels].
 @group(0) @binding(6) var<storage, read_write> x: array<f32>;
-
-const THREADS: u32 = 128u;
-
-// Unit viewing direction in world space through the centre of full-size pixel p.
-fn world_ray(p: u32) -> vec3<f32> {
-    let pixel = vec2<f32>(vec2(p % params.size.x, p / params.size.x));
-    let d = (pixel - params.principal) / params.focal;
-    return normalize(params.row0.xyz * d.x + params.row1.xyz * d.y + params.row2.xyz);
-}
 
 fn put(channel: u32, i: u32, v: vec4<f32>) {
     let plane = params.low.x * params.low.y;
     let at = channel * plane + i;
     x[at] = v.x;
     x[at + plane] = v.y;
-    x[at + 2u * plane] = v.z;
-    x[at + 3u * plane] = v.w;
-}
-
-fn put_ray_and_base(i: u32, ray: vec3<f32>, color: vec3<f32>) {
-    put(RAY_CHANNEL, i, vec4(ray, color.x));
-    let plane = params.low.x * params.low.y;
-    x[(BASE_CHANNEL + 1u) * plane + i] = color.y;
-    x[(BASE_CHANNEL + 2u) * plane + i] = color.z;
-}
-
-fn merge(sum: vec4<f32>, v: vec4<f32>) -> vec4<f32> {
-    return select(sum + v, max(sum, v), params.largest == 1u);
-}
-
-@compute @workgroup_size(THREADS)
-fn main(
-    @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    load_mlp(local, THREADS);
-    let i = linear_workgroup(wid, groups) * THREADS + local;
-    if i >= params.low.x * params.low.y {
-        return;
+    if channel < RAY_CHANNEL + 4u {
+        x[at + 2u * plane] = v.z;
+        x[at + 3u * plane] = v.w;
     }
-    let c = resize_corners(vec2(i % params.low.x, i / params.low.x), params.size, params.low);
-    // ReLU gives no negative value: zero is the neutral one of the mean and of the largest alike.
-    let z = vec4(0.0);
-    var sum = Hidden(z, z, z, z, z, z, z, z);
-    let used = used_slots();
-    for (var m = 0u; m < used; m++) {
-        let f = feature(c, m);
-        let h = mlp_output(f.head, f.tail);
-        sum.a = merge(sum.a, h.a);
-        sum.b = merge(sum.b, h.b);
-        sum.c = merge(sum.c, h.c);
-        sum.d = merge(sum.d, h.d);
-        sum.e = merge(sum.e, h.e);
-        sum.f = merge(sum.f, h.f);
-        sum.g = merge(sum.g, h.g);
-        sum.h = merge(sum.h, h.h);
-    }
-    let scale = select(1.0 / f32(max(used, 1u)), 1.0, params.largest == 1u);
-    put(0u, i, scale * sum.a);
-    put(4u, i, scale * sum.b);
-    put(8u, i, scale * sum.c);
-    put(12u, i, scale * sum.d);
-    put(16u, i, scale * sum.e);
-    put(20u, i, scale * sum.f);
-    put(24u, i, scale * sum.g);
-    put(28u, i, scale * sum.h);
-    var ray = world_ray(c.at.x);
-    var color = base_at(c.at.x);
-    if resized() {
-        let w = c.weight;
-        ray = w.x * ray + w.y * world_ray(c.at.y) + w.z * world_ray(c.at.z) + w.w * world_ray(c.at.w);
-        ray = normalize(ray);
-        color = w.x * color + w.y * base_at(c.at.y) + w.z * base_at(c.at.z) + w.w * base_at(c.at.w);
-    }
-    put_ray_and_base(i, ray, select(color, vec3(0.0), params.inputs == INPUTS_DIFFERENCES_ONLY));
 }

@@ -175,7 +175,7 @@ impl Stage {
             (_, "project_backward") => ProjectBackward,
             ("rasterize", _) => Sort,
             ("residual", "exposure_sums" | "exposure_solve" | "exposure_apply") => ExposureFit,
-            ("residual", "residual_features") => Features,
+            ("residual", "residual_features" | "half_features") => Features,
             ("residual", "residual_compose") => Compose,
             ("residual", _) => Hourglass,
             ("residual backward", "residual_compose_backward" | "exposure_apply_backward") => ComposeBackward,

@@ -3,7 +3,7 @@
 use ibgs_shaders::MatrixUnits;
 
 /// Bytes of workgroup memory that our kernels for the matrix units need at 16 x 16.
-const MATRIX_MEMORY: u32 = 40 << 10;
+const MATRIX_MEMORY: u32 = 47 << 10;
 
 /// Subgroups of the largest of their workgroups.
 const SUBGROUPS: u32 = 9;
@@ -24,7 +24,8 @@ pub(super) fn matrix_units(adapter: &wgpu::Adapter) -> Option<MatrixUnits> {
             square && m.ab_type == F16 && m.cr_type == F32 && !m.saturating_accumulation
         });
         let memory = MATRIX_MEMORY * side / 16;
-        found && limits.max_compute_workgroup_storage_size >= memory
+        // Enough threads for what a workgroup loads.
+        found && 8 * lanes >= side * side && limits.max_compute_workgroup_storage_size >= memory
     };
     [16, 8].into_iter().find(|&s| side(s)).map(|side| MatrixUnits { side, lanes })
 }

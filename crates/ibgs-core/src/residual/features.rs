@@ -7,7 +7,10 @@ use crate::camera::Camera;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
-use ibgs_shaders::{RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD, RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD};
+use ibgs_shaders::{
+    HALF_FEATURES, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD, RESIDUAL_FEATURES_SUM,
+    RESIDUAL_INPUTS_BACKWARD,
+};
 
 /// Most packed slots a pixel.
 pub const MAX_SLOTS: u32 = 4;
@@ -128,9 +131,18 @@ impl Features {
     /// Records the hourglass' input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
     /// base colour (zeros with [`Inputs::DifferencesOnly`]).
     pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+        self.record_with(&RESIDUAL_FEATURES, pass, inputs, x);
+    }
+
+    /// The same in half precision, channels last and padded with zeros: `[w h][48]`.
+    pub fn record_half(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+        self.record_with(&HALF_FEATURES, pass, inputs, x);
+    }
+
+    fn record_with(&self, kernel: &'static Kernel, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
         let FeatureInputs { base, warped, seen, active, centers, weights } = *inputs;
         let buffers = [base, warped, seen, active, centers, weights, x];
-        pass.linear(&RESIDUAL_FEATURES, &buffers, bytes_of(&self.params), self.low_pixels());
+        pass.linear(kernel, &buffers, bytes_of(&self.params), self.low_pixels());
     }
 
     /// Records the gradient by the MLP's weights, and by the features into the scratch memory. It is all that burn-in

@@ -12,8 +12,10 @@ use super::layers::{self, HALF, INPUT, Layer, QUARTER};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use backward::Training;
 use bytemuck::bytes_of;
-use ibgs_shaders::types::{HalfConvParams, HalfHeadParams, HalfPackParams, HalfWeightsParams};
-use ibgs_shaders::{HALF_CONV, HALF_HEAD, HALF_PACK, HALF_WEIGHTS, MatrixUnits};
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use ibgs_shaders::types::{HalfConvParams, HalfHeadParams, HalfWeightsParams};
+use ibgs_shaders::{HALF_CONV, HALF_HEAD, HALF_WEIGHTS, MatrixUnits};
 
 /// Rows of a convolution's workgroup.
 const ROWS: u32 = 16;
@@ -67,8 +69,8 @@ struct Packed {
 }
 
 impl Packed {
-    /// Forward, with `first` channels in the first input.
-    fn forward(layer: &Layer, first: usize, outputs: u32) -> Self {
+    /// Forward, with `first` channels in the first input and `groups` groups of a matrix' side of outputs.
+    fn forward(layer: &Layer, first: usize, groups: u32) -> Self {
         let second = layer.inputs - first;
         let weights = HalfWeightsParams {
             weights: layer.offset as u32,
@@ -81,15 +83,15 @@ impl Packed {
             channels_b: second as u32,
             padded: padded(first) + if second == 0 { 0 } else { padded(second) },
             outputs: layer.outputs as u32,
-            quads: outputs / 4,
+            groups,
             into: 0,
         };
         Self { weights, bias: layer.bias() as u32 }
     }
 
     /// Groups of 4 that the packed weights take.
-    fn quads(&self) -> u32 {
-        self.weights.taps * self.weights.padded * self.weights.quads
+    fn quads(&self, units: MatrixUnits) -> u32 {
+        self.weights.taps * self.weights.padded * self.weights.groups * units.side / 4
     }
 }
 
@@ -112,7 +114,8 @@ pub struct HalfHourglass {
     convolutions: [Packed; 7],
     fuse: Packed,
     last: Packed,
-    planes: Buffer,
+    /// The gradient by the input as planes in float32; a stub without gradients.
+    v_x: Buffer,
     residual: Buffer,
     x: Map,
     e1: Map,
@@ -128,28 +131,32 @@ pub struct HalfHourglass {
 }
 
 /// Gives each its place in the packed weights, one behind the other from `at` on.
-fn place(packed: &mut Packed, at: &mut u32) {
+fn place(packed: &mut Packed, units: MatrixUnits, at: &mut u32) {
     packed.weights.into = *at;
-    *at += packed.quads();
+    *at += packed.quads(units);
+}
+
+/// Groups of a matrix' side of a convolution's outputs; a workgroup makes three.
+fn groups(outputs: usize, units: MatrixUnits) -> u32 {
+    (outputs as u32).next_multiple_of(3 * units.side) / units.side
 }
 
 impl HalfHourglass {
-    /// Memory for images of `width` x `height` pixels: 598 bytes a pixel, with `gradients` 868; none where the adapter has no
+    /// Memory for images of `width` x `height` pixels: 446 bytes a pixel, with `gradients` 868; none where the adapter has no
     /// matrix units.
     ///
     /// # Errors
     /// Not enough memory, or more than the device binds at once.
     pub fn new(gpu: &Gpu, width: u32, height: u32, gradients: bool) -> Result<Option<Self>, GpuError> {
         let Some(units) = gpu.matrix_units else { return Ok(None) };
-        let group = 3 * units.side;
         let mut at = 0;
-        let mut convolutions = CONVOLUTIONS
-            .map(|(layer, first)| Packed::forward(layer, first, (layer.outputs as u32).next_multiple_of(group)));
-        convolutions.iter_mut().for_each(|packed| place(packed, &mut at));
-        let mut fuse = Packed::forward(&layers::FUSE, INPUT, padded(INPUT));
-        place(&mut fuse, &mut at);
-        let mut last = Packed::forward(&layers::FINAL, INPUT, units.side);
-        place(&mut last, &mut at);
+        let mut convolutions =
+            CONVOLUTIONS.map(|(layer, first)| Packed::forward(layer, first, groups(layer.outputs, units)));
+        convolutions.iter_mut().for_each(|packed| place(packed, units, &mut at));
+        let mut fuse = Packed::forward(&layers::FUSE, INPUT, padded(INPUT) / units.side);
+        place(&mut fuse, units, &mut at);
+        let mut last = Packed::forward(&layers::FINAL, INPUT, 1);
+        place(&mut last, units, &mut at);
         let [full, half, quarter] = [1, 2, 4].map(|s| [width / s, height / s]);
         let map = |what, channels, size| Map::new(gpu, what, channels, size);
         let training = gradients.then(|| Training::new(gpu, units, full, &mut at)).transpose()?;
@@ -160,7 +167,7 @@ impl HalfHourglass {
             convolutions,
             fuse,
             last,
-            planes: gpu.allocate("hourglass planes", 4 * INPUT as u64 * pixels)?,
+            v_x: gpu.allocate("hourglass v_x", 4 * INPUT as u64 * if gradients { pixels } else { 1 })?,
             residual: gpu.allocate("residual", 12 * pixels)?,
             x: map("hourglass x", INPUT, full)?,
             e1: map("hourglass e1", INPUT, full)?,
@@ -175,10 +182,28 @@ impl HalfHourglass {
         }))
     }
 
-    /// The input, `[38][height * width]`, for the caller to write before every pass; with gradients
-    /// [`HalfHourglass::backward`] puts its gradient there.
-    pub fn planes(&self) -> &Buffer {
-        &self.planes
+    /// The input in half precision, `[height * width][48]`, for the caller to write before every pass.
+    pub fn x(&self) -> &Buffer {
+        &self.x.buffer
+    }
+
+    /// Writes the input from planes, `[38][height * width]`.
+    pub fn write_input(&self, gpu: &Gpu, planes: &[f32]) {
+        let (pixels, channels) = (self.x.pixels() as usize, padded(INPUT) as usize);
+        let mut packed = vec![f16::ZERO; pixels * channels];
+        for (channel, plane) in planes.chunks_exact(pixels).enumerate() {
+            plane.iter().enumerate().for_each(|(p, v)| packed[p * channels + channel] = f16::from_f32(*v));
+        }
+        gpu.queue.write_buffer(
+            &self.x.buffer.buffer,
+            self.x.buffer.offset,
+            bytemuck::cast_slice(packed.reinterpret_cast()),
+        );
+    }
+
+    /// The gradient by the input after [`HalfHourglass::backward`], `[38][height * width]`.
+    pub fn v_x(&self) -> &Buffer {
+        &self.v_x
     }
 
     /// The output of [`HalfHourglass::forward`], `[height * width * 3]`.
@@ -191,12 +216,10 @@ impl HalfHourglass {
         self.training.is_some()
     }
 
-    /// From the planes to the residual. `weights`: the network's flat weights ([`layers`]).
+    /// From the input to the residual. `weights`: the network's flat weights ([`layers`]).
     pub fn forward(&self, pass: &mut Pass, weights: &Buffer) {
         let Self { x, e1, e2, b, u2, d2, u1, d1, .. } = self;
         let pixels = x.pixels();
-        let params = HalfPackParams { pixels, channels: INPUT as u32, quads: x.quads() };
-        pass.linear(&HALF_PACK, &[&self.planes, &x.buffer], bytes_of(&params), pixels as usize);
         for packed in self.convolutions.iter().chain([&self.fuse, &self.last]) {
             self.pack(pass, weights, packed);
         }
@@ -223,7 +246,12 @@ impl HalfHourglass {
     }
 
     fn pack(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed) {
-        pass.linear(&HALF_WEIGHTS, &[weights, &self.packed], bytes_of(&packed.weights), packed.quads() as usize);
+        pass.linear(
+            &HALF_WEIGHTS,
+            &[weights, &self.packed],
+            bytes_of(&packed.weights),
+            packed.quads(self.units) as usize,
+        );
     }
 
     fn conv(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed, inputs: &[&Map], output: &Map, store: Store) {
@@ -241,12 +269,11 @@ impl HalfHourglass {
             outputs: output.channels as u32,
             bias: packed.bias,
             packed: packed.weights.into,
-            packed_quads: packed.weights.quads,
+            packed_groups: packed.weights.groups,
             store: store as u32,
             pad: 0,
         };
-        let groups = packed.weights.quads * 4 / (3 * side);
-        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(ROWS), groups];
+        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(ROWS), packed.weights.groups / 3];
         let buffers = [weights, &self.packed, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
         pass.grid(&HALF_CONV, &buffers, bytes_of(&params), grid);
     }

@@ -7,7 +7,7 @@ pub mod hourglass;
 pub mod layers;
 pub mod network;
 mod operation;
-mod path;
+pub mod path;
 pub mod pth;
 pub mod variant;
 pub mod weights;

@@ -113,7 +113,7 @@ impl Saved {
             colour = corrected;
         }
         let inputs = feature_inputs(seen, colour, &warped, &weights);
-        self.features().record(&mut pass, &inputs, scratch.network.x());
+        scratch.network.record_input(&mut pass, &self.features(), &inputs);
         scratch.network.forward(&mut pass, &weights);
         let residual = scratch.network.residual();
         let buffers = ComposeBuffers { active: &seen.active, base: colour, residual, image: &image };

@@ -1,18 +1,24 @@
 //! The hourglass in one of its two precisions.
 
+use super::features::{FeatureInputs, Features};
 use super::half::HalfHourglass;
 use super::hourglass::Hourglass;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 
 /// Memory of one image size, in float32 or in half precision on matrix units.
 #[derive(Debug)]
-pub(super) enum Path {
+pub enum Path {
+    /// Float32.
     Full(Box<Hourglass>),
+    /// Half precision on matrix units.
     Half(Box<HalfHourglass>),
 }
 
 impl Path {
     /// On the matrix units where `half` is wanted and the adapter has some.
+    ///
+    /// # Errors
+    /// Not enough memory, or more than the device binds at once.
     pub fn new(gpu: &Gpu, [width, height]: [u32; 2], gradients: bool, half: bool) -> Result<Self, GpuError> {
         let half = if half { HalfHourglass::new(gpu, width, height, gradients)? } else { None };
         Ok(match half {
@@ -21,19 +27,27 @@ impl Path {
         })
     }
 
-    /// The input, `[38][height * width]`, for the caller to write.
-    pub fn x(&self) -> &Buffer {
+    /// Records the input.
+    pub fn record_input(&self, pass: &mut Pass, features: &Features, inputs: &FeatureInputs) {
         match self {
-            Self::Full(path) => path.x(),
-            Self::Half(path) => path.planes(),
+            Self::Full(path) => features.record(pass, inputs, path.x()),
+            Self::Half(path) => features.record_half(pass, inputs, path.x()),
         }
     }
 
-    /// The gradient by the input after [`Path::backward`].
+    /// Writes the input from planes, `[38][height * width]`.
+    pub fn write_input(&self, gpu: &Gpu, planes: &[f32]) {
+        match self {
+            Self::Full(path) => gpu.queue.write_buffer(&path.x().buffer, path.x().offset, bytemuck::cast_slice(planes)),
+            Self::Half(path) => path.write_input(gpu, planes),
+        }
+    }
+
+    /// The gradient by the input after [`Path::backward`], `[38][height * width]`.
     pub fn v_x(&self) -> &Buffer {
         match self {
             Self::Full(path) => path.v_x(),
-            Self::Half(path) => path.planes(),
+            Self::Half(path) => path.v_x(),
         }
     }
 
@@ -54,6 +68,9 @@ impl Path {
     }
 
     /// From the gradient by the residual to those by x and by the weights.
+    ///
+    /// # Panics
+    /// When made without gradients: a bug of ours.
     pub fn backward(&self, pass: &mut Pass, weights: &Buffer, v_residual: &Buffer, v_weights: &Buffer) {
         match self {
             Self::Full(path) => path.backward(pass, weights, v_residual, v_weights),

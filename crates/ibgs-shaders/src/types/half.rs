@@ -2,18 +2,6 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// Planes to half precision, channels last; the twin of `HalfPackParams`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct HalfPackParams {
-    /// Number of pixels.
-    pub pixels: u32,
-    /// Number of planes.
-    pub channels: u32,
-    /// Values a pixel behind the packing, divided by 4.
-    pub quads: u32,
-}
-
 /// A layer's weights for the matrix units; the twin of `HalfWeightsParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -38,8 +26,8 @@ pub struct HalfWeightsParams {
     pub padded: u32,
     /// Output channels.
     pub outputs: u32,
-    /// Output channels with padding, divided by 4.
-    pub quads: u32,
+    /// Groups of SIDE outputs.
+    pub groups: u32,
     /// Where the result begins, in groups of 4.
     pub into: u32,
 }
@@ -66,8 +54,8 @@ pub struct HalfConvParams {
     pub bias: u32,
     /// Where the packed weights begin, in groups of 4.
     pub packed: u32,
-    /// Packed weights of one input channel and tap, divided by 4.
-    pub packed_quads: u32,
+    /// Groups of SIDE outputs of the packed weights.
+    pub packed_groups: u32,
     /// As [`ConvParams::store`](super::ConvParams::store).
     pub store: u32,
     /// Padding.

@@ -1,6 +1,6 @@
 //! From the gradient by the residual to those by the planes and by the weights.
 
-use super::{HalfHourglass, Map, Packed, padded, place};
+use super::{HalfHourglass, Map, Packed, groups as side_groups, padded, place};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::residual::hourglass::{Mode, Store};
 use crate::residual::layers::{self, HALF, INPUT, Layer, QUARTER};
@@ -40,7 +40,7 @@ pub(super) struct Training {
 
 impl Packed {
     /// For the gradient by the inputs `first..first + channels` of a layer.
-    fn turned(layer: &Layer, first: usize, channels: usize, group: u32) -> Self {
+    fn turned(layer: &Layer, first: usize, channels: usize, groups: u32) -> Self {
         let weights = HalfWeightsParams {
             weights: (layer.offset + layer.taps * first) as u32,
             stride_out: layer.taps as u32,
@@ -52,7 +52,7 @@ impl Packed {
             channels_b: 0,
             padded: padded(layer.outputs),
             outputs: channels as u32,
-            quads: (channels as u32).next_multiple_of(group) / 4,
+            groups,
             into: 0,
         };
         Self { weights, bias: 0 }
@@ -84,8 +84,8 @@ impl Training {
             (&layers::ENC2, 0, INPUT),
             (&layers::ENC1, 0, INPUT),
         ]
-        .map(|(layer, first, channels)| Packed::turned(layer, first, channels, group));
-        turned.iter_mut().for_each(|packed| place(packed, at));
+        .map(|(layer, first, channels)| Packed::turned(layer, first, channels, side_groups(channels, units)));
+        turned.iter_mut().for_each(|packed| place(packed, units, at));
         // The padding's first channel counts as 1 in the sums.
         let blocks = groups(INPUT as u32 + 1, units) * groups(INPUT as u32, units) * 9;
         let row = 4 * u64::from(blocks * group * group);
@@ -116,7 +116,7 @@ fn upsample_backward(pass: &mut Pass, v_enlarged: &Map, v: &Map) {
 }
 
 impl HalfHourglass {
-    /// From `v_residual`, `[height * width * 3]`, to the gradient by the planes, in their place, and the hourglass' part of
+    /// From `v_residual`, `[height * width * 3]`, to the gradient by the input as planes, and the hourglass' part of
     /// `v_weights` (from the first weight of e1 to the end), which is assigned; the rest of `v_weights` is left alone.
     ///
     /// Consumes what the last [`HalfHourglass::forward`] kept: one backward for each forward, with the same weights.
@@ -172,7 +172,7 @@ impl HalfHourglass {
         by_input(pass, 8, v_e1, v_x, Store::Add);
         let pixels = x.pixels();
         let params = HalfUnpackParams { pixels, channels: INPUT as u32, quads: v_x.quads(), unscale: t.scale.recip() };
-        pass.linear(&HALF_UNPACK, &[&v_x.buffer, &self.planes], bytes_of(&params), pixels as usize);
+        pass.linear(&HALF_UNPACK, &[&v_x.buffer, &self.v_x], bytes_of(&params), pixels as usize);
     }
 
     /// The residual's gradient in half precision, and that by f.

@@ -65,7 +65,7 @@ fn run(gpu: &Gpu, size: [u32; 2], half: bool, passes: usize) -> Result<(Results,
     let path = Path::new(gpu, size, true, half)?;
     let mut fastest = Duration::MAX;
     for _ in 0..passes {
-        gpu.queue.write_buffer(&path.x().buffer, path.x().offset, bytemuck::cast_slice(&planes));
+        path.write_input(gpu, &planes);
         gpu.queue.submit([]);
         gpu.wait()?;
         let start = Instant::now();

@@ -92,7 +92,7 @@ impl Default for ResidualConfig {
             epsilon: 1e-8,
             dropout: 0.1,
             factor: 1.0,
-            precision: Precision::Full,
+            precision: Precision::Auto,
             inputs: Inputs::Differences,
             output: Output::Residual,
             aggregation: Aggregation::Mean,
