@@ -6,7 +6,7 @@ use bytemuck::bytes_of;
 use glam::DVec3;
 use ibgs_core::gpu::Pass;
 use ibgs_core::train::config::DensifyConfig;
-use ibgs_core::train::densify::{Observations, Plan, Round, plan};
+use ibgs_core::train::densify::{Observations, Plan, Round, distance_length, plan};
 use ibgs_shaders::types::{GatherParams, ObserveParams, OpacityResetParams};
 use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE, OPACITY_RESET};
 use rand::SeedableRng;
@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 const FRESH: u32 = 1 << 31;
 
 fn round() -> Round {
-    Round { centre: DVec3::ZERO, extent: 1.0, transparent: true, large: false }
+    Round { extent: 1.0, prune_length: 1.0, transparent: true, large: false }
 }
 
 /// One Gaussian each: (gradient sum, absolute sum, views, radius), log scale, opacity logit.
@@ -82,15 +82,16 @@ fn pruning_takes_the_transparent_and_later_the_large() {
 }
 
 #[test]
-fn far_ones_may_be_larger() {
-    // At 0, 1 and 2 from the origin, and so at 3, 2 and 1 from the cameras' centre.
+fn far_scenes_are_measured_by_their_distance() {
+    let far = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [1e6, 0.0, 0.0], [x - 1.0, 0.0, 0.0], [x + 0.5, 0.0, 0.0]];
+    let centre = DVec3::new(-1.0, 0.0, 0.0);
+    assert_eq!(distance_length(&far(9.0), centre, 2.0), 8.5);
+    assert_eq!(distance_length(&far(2.0), centre, 2.0), 2.0);
+    assert_eq!(distance_length(&[], centre, 2.0), 2.0);
     let rows = [([0.0; 4], 0.25f32.ln(), 1.0); 3];
-    let far = Round { centre: DVec3::new(3.0, 0.0, 0.0), large: true, ..round() };
-    let config = DensifyConfig::default();
-    assert_eq!(planned(&rows, &config, &far).sources, [0]);
-    let by_extent = DensifyConfig { prune_scale_by_distance: false, ..config };
-    assert_eq!(planned(&rows, &by_extent, &far).sources, [0; 0]);
-    assert_eq!(planned(&rows, &by_extent, &Round { extent: 2.6, ..far }).sources, [0, 1, 2]);
+    let round = Round { large: true, ..round() };
+    assert_eq!(planned(&rows, &DensifyConfig::default(), &round).sources, [0; 0]);
+    assert_eq!(planned(&rows, &DensifyConfig::default(), &Round { prune_length: 3.0, ..round }).sources, [0, 1, 2]);
 }
 
 #[test]

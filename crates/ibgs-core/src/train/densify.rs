@@ -37,10 +37,10 @@ pub struct Observations {
 /// Which prunings apply in a round.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
-    /// Mean position of the cameras.
-    pub centre: DVec3,
     /// Scene extent in world units.
     pub extent: f64,
+    /// The length whose part `prune-scale` is the largest scale.
+    pub prune_length: f64,
     /// Prune by opacity.
     pub transparent: bool,
     /// Prune by scale (and screen radius, where that is on).
@@ -73,6 +73,18 @@ fn sigmoid(x: f32) -> f64 {
 
 fn largest_scale(log_scale: &[f32; 3]) -> f64 {
     f64::from(log_scale.iter().fold(f32::MIN, |a, &b| a.max(b))).exp()
+}
+
+/// How far half of the Gaussians are at least from the ball that the cameras fill, where that is more than the extent; the extent
+/// elsewhere. `centre`: mean camera position.
+pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
+    let mut distances: Vec<f64> = means.iter().map(|m| Vec3::from(*m).as_dvec3().distance(centre)).collect();
+    if distances.is_empty() {
+        return extent;
+    }
+    let middle = distances.len() / 2;
+    let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+    extent.max(*median - extent)
 }
 
 /// A sample of the Gaussian, by Box and Muller.
@@ -130,13 +142,9 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut C
     let fates = fates(o, config, round.extent);
     let mut plan = Plan::default();
     let shrink = config.split_divisor.ln() as f32;
-    let keep = |i: usize, mean: &[f32; 3], log_scale: &[f32; 3]| {
+    let keep = |i: usize, log_scale: &[f32; 3]| {
         let transparent = round.transparent && sigmoid(o.opacity_logits[i]) < config.prune_opacity;
-        let length = match config.prune_scale_by_distance {
-            true => round.extent.max(Vec3::from(*mean).as_dvec3().distance(round.centre)),
-            false => round.extent,
-        };
-        let large = round.large && largest_scale(log_scale) > config.prune_scale * length;
+        let large = round.large && largest_scale(log_scale) > config.prune_scale * round.prune_length;
         let wide = round.large
             && config.prune_screen_radius > 0.0
             && f64::from(o.statistics[i][3]) > config.prune_screen_radius;
@@ -147,7 +155,7 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut C
         sound && !(transparent || large || wide)
     };
     let push = |plan: &mut Plan, i: usize, fresh: bool, mean: [f32; 3], log_scale: [f32; 3]| {
-        if keep(i, &mean, &log_scale) {
+        if keep(i, &log_scale) {
             plan.sources.push(i as u32 | if fresh { FRESH } else { 0 });
             plan.means.push(mean);
             plan.log_scales.push(log_scale);

@@ -127,11 +127,6 @@ impl Schedule {
         iteration < self.densify_end
     }
 
-    /// Whether an iteration leaves out some Gaussians: while the residual is trained, once their number is settled.
-    pub fn drops_at(&self, iteration: u32) -> bool {
-        self.residual_at(iteration) && !self.observes(iteration)
-    }
-
     /// Whether a round of densification and pruning follows this iteration.
     pub fn densify_at(&self, iteration: u32) -> bool {
         iteration > self.densify_start
@@ -186,7 +181,6 @@ fn scale(reference: u32, n: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::config::Method;
 
     fn schedule(n: u32) -> Schedule {
         Schedule::new(&TrainConfig::default(), n)
@@ -257,17 +251,6 @@ mod tests {
         assert_eq!((s.surface_from(), s.residual_from()), (Some(151), Some(301)));
         assert!(s.burn_in(750).is_some() && s.burn_in(751).is_none());
         assert_eq!([1_799, 1_800, 2_549, 2_550].map(|i| s.network_lr(i)), [1e-3, 5e-4, 5e-4, 2.5e-4]);
-    }
-
-    #[test]
-    fn dropout_waits_for_the_end_of_densification() {
-        let s = schedule(30_000);
-        assert!(s.residual_at(14_999) && !s.drops_at(14_999) && s.drops_at(15_000));
-        let warm = TrainConfig { init: Some("model.ply".into()), ..TrainConfig::default() };
-        let s = Schedule::new(&warm, 3_000);
-        assert!(!s.drops_at(300) && s.drops_at(301));
-        let base = TrainConfig { method: Method::Gs3, ..TrainConfig::default() };
-        assert!(!Schedule::new(&base, 30_000).drops_at(30_000));
     }
 
     #[test]

@@ -14,7 +14,6 @@ use crate::loss::ImageLoss;
 use crate::raster::{Dropout, Leaves, RasterView, Rasterizer};
 use crate::render::Renderer;
 use crate::scene::{Gaussians, SceneError, Splats, from_points};
-use glam::DVec3;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -75,8 +74,9 @@ pub struct Trainer {
     has_planes: bool,
     /// Views still to come in this epoch.
     queue: Vec<usize>,
-    centre: DVec3,
     extent: f64,
+    /// What the pruning by scale measures by.
+    prune_length: f64,
     rng: ChaCha8Rng,
     iteration: u32,
     overflowed: bool,
@@ -115,6 +115,11 @@ impl Trainer {
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, cameras.clone(), config)).transpose()?;
         let (centre, extent) = scene_extent(cameras.iter());
+        let extent = usable_extent(extent);
+        let prune_length = match config.densify.prune_scale_by_distance {
+            true => densify::distance_length(&start.means, centre, extent),
+            false => extent,
+        };
         let trainer = Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations),
@@ -123,8 +128,8 @@ impl Trainer {
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),
-            centre,
-            extent: usable_extent(extent),
+            extent,
+            prune_length,
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,
             overflowed: false,
@@ -153,7 +158,7 @@ impl Trainer {
         if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
             view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
         }
-        if self.schedule.drops_at(self.iteration) {
+        if self.schedule.residual_at(self.iteration) {
             view.dropout = Dropout::new(self.config.residual.dropout, self.config.seed, self.iteration);
         }
         view
@@ -301,8 +306,8 @@ impl Trainer {
         let before = self.splats.len();
         let observations = self.statistics.observations(&self.gpu, &self.optimizer)?;
         let round = Round {
-            centre: self.centre,
             extent: self.extent,
+            prune_length: self.prune_length,
             transparent: self.schedule.prune_transparent(self.iteration),
             large: self.schedule.prune_large(self.iteration),
         };

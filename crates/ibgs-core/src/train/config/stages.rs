@@ -39,9 +39,8 @@ pub struct ResidualConfig {
     pub beta2: f64,
     /// Added to the root of Adam's second moment.
     pub epsilon: f64,
-    /// Share of the Gaussians that each iteration of the residual leaves out at random after densification, 0 to below 1, so
-    /// that the base errs in training as it does on views it was not trained on; 0: none, as published. A departure from
-    /// method.md.
+    /// Share of the Gaussians that each iteration of the residual leaves out at random, 0 to below 1, so that the base errs in
+    /// training as it does on views it was not trained on; 0: none, as published. A departure from method.md.
     pub dropout: f64,
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's.
     pub factor: f64,
