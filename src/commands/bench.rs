@@ -39,9 +39,9 @@ pub struct Args {
     /// Spherical-harmonics degree of the synthetic scene.
     #[arg(long, default_value_t = 2)]
     sh_degree: u32,
-    /// Precision of the residual network, `auto` or `full`; left out: the model's own, or `full`.
-    #[arg(long)]
-    precision: Option<ibgs_core::residual::Precision>,
+    /// Precision of the residual network, in frames and in training: `auto` or `full`.
+    #[arg(long, default_value = "auto")]
+    precision: ibgs_core::residual::Precision,
     /// Runs that each median is of, after as many for warm-up.
     #[arg(long, default_value_t = 20)]
     iterations: u32,
@@ -98,9 +98,7 @@ pub fn run(args: &Args) -> Result<()> {
                 None => made.insert(synthetic(change, args.sh_degree)),
             };
             let mut config = scene.config.clone();
-            if let Some(precision) = args.precision {
-                config.residual.precision = precision;
-            }
+            config.residual.precision = args.precision;
             let size = change.size.unwrap_or([scene.camera.width, scene.camera.height]);
             let setting = Setting {
                 gaussians: &scene.gaussians,

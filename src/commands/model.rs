@@ -39,8 +39,8 @@ pub struct ModelArgs {
     #[arg(long)]
     pub source_memory: Option<ibgs_core::fuse::memory::MemoryBudget>,
     /// `auto`: the residual network in half precision on matrix units where they pass a test; `full`: float32.
-    #[arg(long)]
-    pub precision: Option<ibgs_core::residual::Precision>,
+    #[arg(long, default_value = "auto")]
+    pub precision: ibgs_core::residual::Precision,
     /// Adapter by number or part of its name; `ibgs info` lists them.
     #[arg(long)]
     pub adapter: Option<String>,
@@ -89,9 +89,7 @@ impl Model {
         if let Some(memory) = args.source_memory {
             loaded.config.sources.memory = memory;
         }
-        if let Some(precision) = args.precision {
-            loaded.config.residual.precision = precision;
-        }
+        loaded.config.residual.precision = args.precision;
         let mut dataset = None;
         if loaded.foreign && args.source.is_some() {
             let found = scene_as_split(&loaded.config, args)?;

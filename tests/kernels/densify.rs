@@ -85,8 +85,8 @@ fn pruning_takes_the_transparent_and_later_the_large() {
 fn far_scenes_are_measured_by_their_distance() {
     let far = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [1e6, 0.0, 0.0], [x - 1.0, 0.0, 0.0], [x + 0.5, 0.0, 0.0]];
     let centre = DVec3::new(-1.0, 0.0, 0.0);
-    assert_eq!(distance_length(&far(9.0), centre, 2.0), 8.5);
-    assert_eq!(distance_length(&far(2.0), centre, 2.0), 2.0);
+    assert_eq!(distance_length(&far(9.0), centre, 2.0), 10.5);
+    assert_eq!(distance_length(&far(4.0), centre, 2.0), 2.0);
     assert_eq!(distance_length(&[], centre, 2.0), 2.0);
     let rows = [([0.0; 4], 0.25f32.ln(), 1.0); 3];
     let round = Round { large: true, ..round() };

@@ -175,8 +175,8 @@ pub struct DensifyConfig {
     pub prune_opacity: f64,
     /// Gaussians with a larger scale, times the extent, are removed after `prune-scale-after`.
     pub prune_scale: f64,
-    /// Measure that scale by how far the cameras are from half of the first Gaussians, where that is more than the extent: the
-    /// extent of a capture that faces forward says nothing of its scene. A departure from method.md.
+    /// Measure that scale by the median distance of the first Gaussians from the mean camera where that is over three extents:
+    /// the extent of a capture that faces forward says nothing of its scene. A departure from method.md.
     pub prune_scale_by_distance: bool,
     /// Pruning by scale begins after this iteration; unset: the interval of the opacity resets.
     pub prune_scale_after: Option<u32>,

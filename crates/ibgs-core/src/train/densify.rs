@@ -75,8 +75,11 @@ fn largest_scale(log_scale: &[f32; 3]) -> f64 {
     f64::from(log_scale.iter().fold(f32::MIN, |a, &b| a.max(b))).exp()
 }
 
-/// How far half of the Gaussians are at least from the ball that the cameras fill, where that is more than the extent; the extent
-/// elsewhere. `centre`: mean camera position.
+/// From this many extents on a scene is far from its cameras.
+const FAR: f64 = 3.0;
+
+/// The median distance of the Gaussians from the mean camera position `centre` where they are far from the cameras; the extent
+/// elsewhere.
 pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
     let mut distances: Vec<f64> = means.iter().map(|m| Vec3::from(*m).as_dvec3().distance(centre)).collect();
     if distances.is_empty() {
@@ -84,7 +87,7 @@ pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
     }
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
-    extent.max(*median - extent)
+    if *median > FAR * extent { *median } else { extent }
 }
 
 /// A sample of the Gaussian, by Box and Muller.

@@ -44,7 +44,7 @@ pub struct ResidualConfig {
     pub dropout: f64,
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's.
     pub factor: f64,
-    /// `auto`: in half precision on matrix units where they pass a test; `full`: float32.
+    /// In training; `auto`: in half precision on matrix units where they pass a test; `full`: float32.
     pub precision: Precision,
     /// What the network reads: `differences`, `source-colors`, `differences-only`.
     pub inputs: Inputs,
@@ -91,7 +91,7 @@ impl Default for ResidualConfig {
             epsilon: 1e-8,
             dropout: 0.1,
             factor: 1.0,
-            precision: Precision::Auto,
+            precision: Precision::Full,
             inputs: Inputs::Differences,
             output: Output::Residual,
             aggregation: Aggregation::Mean,
