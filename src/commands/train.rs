@@ -77,8 +77,8 @@ pub struct Args {
     /// Keep the milestones of a 30,000-iteration run whatever `--iterations` says.
     #[arg(long)]
     no_schedule_scaling: bool,
-    /// Degree of the spherical harmonics, 0 to 3.
-    #[arg(long)]
+    /// Degree of the spherical harmonics, 0 to 3; with `--init` that of its file.
+    #[arg(long, conflicts_with = "init")]
     sh_degree: Option<u32>,
     /// Begin with the Gaussians of a PLY file of this scene, and train in short what goes beyond them.
     #[arg(long)]

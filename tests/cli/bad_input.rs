@@ -144,6 +144,7 @@ fn wrong_usage_ends_with_2() {
     };
     wrong("train --no-such-option", &["--no-such-option"]);
     wrong("train scene --iterations many", &["many", "--iterations"]);
+    wrong("train scene --init model.ply --sh-degree 3", &["--sh-degree", "--init"]);
     wrong("train scene --iterations -5", &["-5"]);
     wrong("train scene --method other", &["other", "--method"]);
     wrong("train scene -s scene", &["cannot be used with"]);

@@ -164,8 +164,10 @@ fn networks_and_photos_that_cannot_be_used() {
     // Without its file the model is one of Gaussians alone.
     fs::remove_file(sandbox.path(NETWORK)).unwrap();
     sandbox.fails("render model --outputs final", &["model", "no residual network"]);
-    sandbox.succeeds("render model --outputs base");
+    let outcome = sandbox.succeeds("render model --outputs base");
+    assert!(outcome.stderr.contains("residual_network.safetensors is missing"), "{outcome}");
     sandbox.write(NETWORK, whole);
+    assert!(!sandbox.succeeds("render model --outputs base").stderr.contains("missing"));
 
     let photo = "scene/images/view_003.png";
     let small = image::RgbImage::new(24, 18);
