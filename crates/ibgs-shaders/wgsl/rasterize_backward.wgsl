@@ -111,13 +111,16 @@ fn main(
         let e = local / LANES;
         let lane = local % LANES;
         let a = entries[3u * e];
-        let k = entries[3u * e + 1u].x;
+        let b = entries[3u * e + 1u];
+        let k = b.x;
+        // w and q are zero elsewhere.
+        let rows = tile_rows(a.y - origin.y, vec3(a.zw, k), b.y) * TILE;
         var v_color = vec3(0.0);
         var v_log_opacity = 0.0;
         var v_xy = vec2(0.0);
         var v_abs = vec2(0.0);
         var v_cov = vec3(0.0);
-        for (var i = lane; i < PIXELS; i += LANES) {
+        for (var i = rows.x + lane; i < rows.y; i += LANES) {
             let w = pairs[e * PIXELS + i];
             let q = pairs[(CHUNK + e) * PIXELS + i];
             v_color += w * vec3(pixel_v[i], pixel_v[PIXELS + i], pixel_v[2u * PIXELS + i]);

@@ -167,7 +167,10 @@ fn main(
 
         let e = local / LANES;
         let a = entries[4u * e];
-        let k = entries[4u * e + 1u].x;
+        let b = entries[4u * e + 1u];
+        let k = b.x;
+        // w, q and h are zero elsewhere.
+        let rows = tile_rows(a.y - origin.y, vec3(a.zw, k), b.y) * TILE;
         var v_color = vec3(0.0);
         var v_log_opacity = 0.0;
         var v_xy = vec2(0.0);
@@ -175,7 +178,7 @@ fn main(
         var v_cov = vec3(0.0);
         var v_facing = vec3(0.0);
         var v_ray = vec3(0.0);
-        for (var i = local % LANES; i < PIXELS; i += LANES) {
+        for (var i = rows.x + local % LANES; i < rows.y; i += LANES) {
             let w = parts[e * PIXELS + i];
             let q = parts[(CHUNK + e) * PIXELS + i];
             let h = parts[(2u * CHUNK + e) * PIXELS + i];

@@ -15,6 +15,14 @@ fn falloff(d: vec2<f32>, shape: vec3<f32>) -> f32 {
     return 0.5 * (d.x * d.x * shape.x + u * u * shape.z);
 }
 
+// The first row of a tile, and the one behind the last, where a Gaussian may have alpha >= 1/255; `y`: its mean from the tile's
+// first row on.
+fn tile_rows(y: f32, shape: vec3<f32>, opacity: f32) -> vec2<u32> {
+    let variance = 1.0 / shape.z + shape.y * shape.y / shape.x;
+    let reach = sqrt(2.0 * max(log(255.0 * opacity) + 0.01, 0.0) * variance);
+    return vec2<u32>(clamp(vec2(floor(y - reach), ceil(y + reach) + 1.0), vec2(0.0), vec2(f32(TILE))));
+}
+
 // False only where every pixel of the tile has alpha < 1/255: the smallest falloff over the tile's pixel centres lies
 // at the mean or on an edge that faces it.
 fn tile_hit(tile: vec2<u32>, xy: vec2<f32>, shape: vec3<f32>, opacity: f32) -> bool {
