@@ -301,9 +301,9 @@ fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> 
     let weights = gpu.upload("weights", &single(weights)).unwrap();
     let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
+    hourglass.write_input(&gpu, &single(&x.data));
     let mut runs = Vec::new();
     for _ in 0..2 {
-        hourglass.write_input(&gpu, &single(&x.data));
         let mut pass = Pass::new(&gpu, "hourglass");
         hourglass.forward(&mut pass, &weights);
         hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);

@@ -6,6 +6,7 @@ const SHARED: &[(&str, &str)] = &[
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("half", include_str!("../wgsl/shared/half.wgsl")),
+    ("half_conv_tile", include_str!("../wgsl/shared/half_conv_tile.wgsl")),
     ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
@@ -36,7 +37,7 @@ const SHARED: &[(&str, &str)] = &[
 /// Replaces every `#import name` line by the shared file of that name, each file once.
 ///
 /// # Panics
-/// When a kernel imports a file that does not exist, or a repetition has no count: mistakes in this crate, caught by its tests.
+/// When a kernel imports a file that does not exist, or a repetition has no count or end: mistakes in this crate, caught by its tests.
 pub fn resolve(source: &str) -> String {
     let mut done = Vec::new();
     let mut out = String::new();
@@ -44,6 +45,7 @@ pub fn resolve(source: &str) -> String {
     repeat(&out)
 }
 
+/// Repetitions may hold others.
 fn repeat(source: &str) -> String {
     let mut out = String::new();
     let mut lines = source.lines();
@@ -55,12 +57,21 @@ fn repeat(source: &str) -> String {
         };
         let parsed = repetition.split_once(' ').and_then(|(name, count)| Some((name, count.parse::<usize>().ok()?)));
         let Some((name, count)) = parsed else { panic!("WGSL repetition without name and count: {repetition}") };
-        let body: Vec<&str> = lines.by_ref().take_while(|line| line.trim_start() != "#end").collect();
-        for number in 0..count {
-            for line in &body {
-                out.push_str(&line.replace(&format!("${name}"), &number.to_string()));
-                out.push('\n');
+        let (mut body, mut depth) = (String::new(), 1);
+        while depth > 0 {
+            let Some(line) = lines.next() else { panic!("WGSL repetition without end: {repetition}") };
+            match line.trim_start() {
+                "#end" => depth -= 1,
+                inner if inner.starts_with("#repeat ") => depth += 1,
+                _ => {}
             }
+            if depth > 0 {
+                body.push_str(line);
+                body.push('\n');
+            }
+        }
+        for number in 0..count {
+            out.push_str(&repeat(&body.replace(&format!("${name}"), &number.to_string())));
         }
     }
     out
@@ -91,6 +102,12 @@ mod tests {
     fn repeats_with_the_number_in_place() {
         let text = super::resolve("a\n    #repeat k 2\n    let x$k = $ku;\n    #end\nb\n");
         assert_eq!(text, "a\n    let x0 = 0u;\n    let x1 = 1u;\nb\n");
+    }
+
+    #[test]
+    fn repetitions_hold_others() {
+        let text = super::resolve("#repeat r 2\n#repeat k 2\nlet x$r$k;\n#end\nlet y$r;\n#end\n");
+        assert_eq!(text, "let x00;\nlet x01;\nlet y0;\nlet x10;\nlet x11;\nlet y1;\n");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Whether the matrix units are right and fast on this adapter: a test against the portable path when they are first wanted.
 
-use crate::gpu::{Gpu, GpuError, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::residual::layers::{self, INPUT, LAYERS, WEIGHTS};
 use crate::residual::path::Path;
 use rand::{Rng, SeedableRng};
@@ -57,29 +57,51 @@ impl WholeNumbers {
 /// What a path makes of them: residual, gradient by the planes, gradient by the weights.
 type Results = [Vec<f32>; 3];
 
-/// The results of a path, and the time of the fastest of several forward and backward passes.
-fn run(gpu: &Gpu, size: [u32; 2], half: bool, passes: usize) -> Result<(Results, Duration), GpuError> {
-    let WholeNumbers { weights, planes, v_residual } = WholeNumbers::new(size[0], size[1], 0);
-    let [weights, v_residual] = [gpu.upload("weights", &weights)?, gpu.upload("v_residual", &v_residual)?];
-    let v_weights = gpu.upload("v_weights", &vec![0.0f32; WEIGHTS])?;
-    let path = Path::new(gpu, size, true, half)?;
-    let mut fastest = Duration::MAX;
-    for _ in 0..passes {
-        path.write_input(gpu, &planes);
-        gpu.queue.submit([]);
-        gpu.wait()?;
-        let start = Instant::now();
-        let mut pass = Pass::new(gpu, "self-test");
-        path.forward(&mut pass, &weights);
-        path.backward(&mut pass, &weights, &v_residual, &v_weights);
-        pass.submit();
-        gpu.wait()?;
-        fastest = fastest.min(start.elapsed());
+/// A path with whole numbers to work on.
+struct Trial<'a> {
+    gpu: &'a Gpu,
+    path: Path,
+    pixels: usize,
+    weights: Buffer,
+    v_residual: Buffer,
+    v_weights: Buffer,
+}
+
+impl<'a> Trial<'a> {
+    fn new(gpu: &'a Gpu, [width, height]: [u32; 2], numbers: &WholeNumbers, half: bool) -> Result<Self, GpuError> {
+        let path = Path::new(gpu, [width, height], true, half)?;
+        path.write_input(gpu, &numbers.planes);
+        Ok(Self {
+            gpu,
+            path,
+            pixels: width as usize * height as usize,
+            weights: gpu.upload("weights", &numbers.weights)?,
+            v_residual: gpu.upload("v_residual", &numbers.v_residual)?,
+            v_weights: gpu.upload("v_weights", &vec![0.0f32; WEIGHTS])?,
+        })
     }
-    let pixels = (size[0] * size[1]) as usize;
-    let read = |buffer, count| gpu.read(buffer, count);
-    let results = [read(path.residual(), 3 * pixels)?, read(path.v_x(), INPUT * pixels)?, read(&v_weights, WEIGHTS)?];
-    Ok((results, fastest))
+
+    /// Forward and backward, and the time of both.
+    fn pass(&self) -> Result<Duration, GpuError> {
+        self.gpu.queue.submit([]);
+        self.gpu.wait()?;
+        let start = Instant::now();
+        let mut pass = Pass::new(self.gpu, "self-test");
+        self.path.forward(&mut pass, &self.weights);
+        self.path.backward(&mut pass, &self.weights, &self.v_residual, &self.v_weights);
+        pass.submit();
+        self.gpu.wait()?;
+        Ok(start.elapsed())
+    }
+
+    fn results(&self) -> Result<Results, GpuError> {
+        let read = |buffer, count| self.gpu.read(buffer, count);
+        Ok([
+            read(self.path.residual(), 3 * self.pixels)?,
+            read(self.path.v_x(), INPUT * self.pixels)?,
+            read(&self.v_weights, WEIGHTS)?,
+        ])
+    }
 }
 
 /// Largest difference, as a part of the largest value.
@@ -124,12 +146,22 @@ pub fn error(gpu: &Gpu) -> Result<Option<f32>, GpuError> {
     if gpu.matrix_units.is_none() {
         return Ok(None);
     }
+    let numbers = WholeNumbers::new(COMPARED[0], COMPARED[1], 0);
+    let [half, full] = [true, false].map(|half| Trial::new(gpu, COMPARED, &numbers, half));
+    let (half, full) = (half?, full?);
     // Twice over: the second pass must not see anything of the first.
-    let half = run(gpu, COMPARED, true, 2)?.0;
-    let full = run(gpu, COMPARED, false, 1)?.0;
+    half.pass()?;
+    half.pass()?;
+    full.pass()?;
+    let (half, full) = (half.results()?, full.results()?);
     Ok(Some(half.iter().zip(&full).map(|(a, b)| difference(a, b)).fold(0.0, f32::max)))
 }
 
 fn faster(gpu: &Gpu) -> Result<bool, GpuError> {
-    Ok(run(gpu, TIMED, true, PASSES)?.1 < run(gpu, TIMED, false, PASSES)?.1)
+    let numbers = WholeNumbers::new(TIMED[0], TIMED[1], 0);
+    let fastest = |half| {
+        let trial = Trial::new(gpu, TIMED, &numbers, half)?;
+        (0..PASSES).try_fold(Duration::MAX, |fastest, _| Ok(fastest.min(trial.pass()?)))
+    };
+    Ok(fastest(true)? < fastest(false)?)
 }
