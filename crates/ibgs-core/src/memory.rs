@@ -184,15 +184,15 @@ impl Estimate {
 
     fn add_raster(&mut self, sizes: &Sizes, image_based: bool) {
         let Sizes { n, room, pixels, tiles, .. } = *sizes;
-        let bins = |keys: u64| 4 * keys.div_ceil(SORT_BLOCK.into()) * u64::from(SORT_BINS);
+        let bins = |keys: u64| 4 * (keys.div_ceil(SORT_BLOCK.into()) + 1) * u64::from(SORT_BINS);
         // The views whose depth maps are made have a workspace beside the iteration's.
         let workspaces = if image_based { 2 } else { 1 };
         self.add("raster", "projected Gaussians", 48 * n, workspaces);
         self.add("raster", "tile counts and offsets", 4 * n, 3 * workspaces);
         self.add("raster", "depth sort", 4 * n, 4 * workspaces);
-        self.add("raster", "depth sort histograms", bins(n), 2 * workspaces);
+        self.add("raster", "depth sort histograms", bins(n), workspaces);
         self.add("raster", "tile sort", 4 * room, 4 * workspaces);
-        self.add("raster", "tile sort histograms", bins(room), 2 * workspaces);
+        self.add("raster", "tile sort histograms", bins(room), workspaces);
         self.add("raster", "intersections", 4 * room, workspaces);
         self.add("raster", "intersection gradients", 16 * room, if image_based { 4 } else { 3 });
         self.add("raster", "tile ranges", 8 * tiles, workspaces);

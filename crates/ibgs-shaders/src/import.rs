@@ -9,6 +9,7 @@ const SHARED: &[(&str, &str)] = &[
     ("half_conv_tile", include_str!("../wgsl/shared/half_conv_tile.wgsl")),
     ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
+    ("lanes", include_str!("../wgsl/shared/lanes.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),
     ("residual_feature", include_str!("../wgsl/shared/residual_feature.wgsl")),

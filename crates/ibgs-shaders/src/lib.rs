@@ -144,12 +144,14 @@ kernels! {
     /// Radix sort, digit histograms.
     SORT_COUNT = "sort_count" [256, 1, 1] (size_of::<types::SortParams>()):
         read("keys"), read("count"), write("histogram");
+    /// Radix sort, prefix sums along the rows of the histogram.
+    SORT_ROWS = "sort_rows" [256, 1, 1] (size_of::<types::SortParams>()): read("count"), write("histogram");
     /// Radix sort, stable scatter.
     SORT_SCATTER = "sort_scatter" [256, 1, 1] (size_of::<types::SortParams>()):
-        read("keys_in"), read("values_in"), read("count"), read("starts"), write("keys_out"), write("values_out");
+        read("keys_in"), read("values_in"), read("count"), read("histogram"), write("keys_out"), write("values_out");
     /// Tile intersections in depth order.
     TILE_EMIT = "tile_emit" [256, 1, 1] (size_of::<types::Frame>()):
-        read("projected"), read("depth_order"), read("offsets"), read("tile_counts"),
+        read("projected"), read("depth_order"), read("offsets"), read("count"),
         write("isect_tiles"), write("isect_to_gaussian");
     /// Start and end of each tile's list.
     TILE_RANGES = "tile_ranges" [256, 1, 1] (size_of::<types::Frame>()):

@@ -81,11 +81,11 @@ fn main(
     }
     let shape = vec3(1.0 / e.cov.x, e.cov.y / e.cov.x, e.cov.x / e.det);
     let rect = tile_rect(e.xy, radius, frame_tiles());
+    let cover = tile_cover(e.xy, radius, shape, opacity, frame_tiles());
     var hits = 0u;
-    for (var y = rect.y; y < rect.w; y++) {
-        for (var x = rect.x; x < rect.z; x++) {
-            hits += u32(tile_hit(vec2(x, y), e.xy, shape, opacity));
-        }
+    for (var row = cover.rect.y; row < cover.rect.w; row++) {
+        let span = tile_span(row, cover);
+        hits += span.y - span.x;
     }
     let color = splat_color(i, normalize(mean - frame.center));
     if any(rect.xy >= rect.zw) || not_finite3(color) {

@@ -1,4 +1,5 @@
-// Radix sort, counting: histogram of one 8-bit digit for every block of SORT_BLOCK keys, stored digit-major.
+// Radix sort, counting: histogram of one 8-bit digit for every block of SORT_BLOCK keys, stored digit-major. Only the columns of
+// blocks that hold keys are written.
 #import index
 #import sort_params
 
@@ -18,9 +19,6 @@ fn main(
     let n = min(count[0], params.capacity);
     if block * SORT_BLOCK >= n {
         // Nothing to sort here: the buffers hold more than there are keys.
-        if block < params.blocks {
-            histogram[local * params.blocks + block] = 0u;
-        }
         return;
     }
     atomicStore(&bins[local], 0u);

@@ -3,12 +3,13 @@
 // its own in the intersection of the eight masks.
 #import index
 #import sort_params
+#import lanes
 
 @group(0) @binding(0) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(1) var<storage, read> values_in: array<u32>;
 @group(0) @binding(2) var<storage, read> count: array<u32>;
-// Exclusive prefix sum of the digit-major histogram: where each digit of each block starts.
-@group(0) @binding(3) var<storage, read> starts: array<u32>;
+// By digit and block: how many keys of the blocks before have the digit; behind that, by digit, how many of all.
+@group(0) @binding(3) var<storage, read> histogram: array<u32>;
 @group(0) @binding(4) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(5) var<storage, read_write> values_out: array<u32>;
 
@@ -28,7 +29,8 @@ fn main(
     if block * SORT_BLOCK >= n {
         return;
     }
-    next[local] = starts[local * params.blocks + block];
+    let smaller = scan_block(local, histogram[SORT_BINS * params.blocks + local]).exclusive;
+    next[local] = smaller + histogram[local * params.blocks + block];
     let word = local >> 5u;
     let lane = local & 31u;
     let rounds = min(SORT_BLOCK, n - block * SORT_BLOCK + 255u) / 256u;

@@ -1,4 +1,5 @@
-// One thread a Gaussian in depth order: writes its (tile, Gaussian) intersections from the scanned offset on.
+// One thread an intersection, in depth order and by rows of tiles within a Gaussian: its tile and its Gaussian. The Gaussian is
+// found in the scanned offsets, so that one that covers the whole image keeps no thread longer than any other.
 #import index
 #import frame
 #import tile
@@ -6,9 +7,24 @@
 @group(0) @binding(0) var<storage, read> projected: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> depth_order: array<u32>;
 @group(0) @binding(2) var<storage, read> offsets: array<u32>;
-@group(0) @binding(3) var<storage, read> tile_counts: array<u32>;
+@group(0) @binding(3) var<storage, read> count: array<u32>;
 @group(0) @binding(4) var<storage, read_write> isect_tiles: array<u32>;
 @group(0) @binding(5) var<storage, read_write> isect_to_gaussian: array<u32>;
+
+// The last rank whose intersections start at `k` or before: those without any share their offset with the next.
+fn rank_of(k: u32) -> u32 {
+    var first = 0u;
+    var behind = frame.count;
+    while behind - first > 1u {
+        let middle = (first + behind) / 2u;
+        if offsets[middle] <= k {
+            first = middle;
+        } else {
+            behind = middle;
+        }
+    }
+    return first;
+}
 
 @compute @workgroup_size(256)
 fn main(
@@ -16,34 +32,27 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let rank = linear_workgroup(wid, groups) * 256u + local;
-    if rank >= frame.count {
+    let k = linear_workgroup(wid, groups) * 256u + local;
+    if k >= min(count[0], frame.capacity) {
         return;
     }
+    let rank = rank_of(k);
     let g = depth_order[rank];
-    // Never more than was counted, never past the end; what is left over is padded with an absent tile.
-    let start = offsets[rank];
-    let end = min(start + tile_counts[g], frame.capacity);
-    if start >= end {
-        return;
-    }
     let a = projected[3u * g];
     let b = projected[3u * g + 1u];
-    let shape = vec3(a.zw, b.x);
     let tiles = frame_tiles();
-    let rect = tile_rect(a.xy, b.w, tiles);
-    var at = start;
-    for (var y = rect.y; y < rect.w; y++) {
-        for (var x = rect.x; x < rect.z; x++) {
-            if at < end && tile_hit(vec2(x, y), a.xy, shape, b.y) {
-                isect_tiles[at] = y * tiles.x + x;
-                isect_to_gaussian[at] = g;
-                at++;
-            }
+    let cover = tile_cover(a.xy, b.w, vec3(a.zw, b.x), b.y, tiles);
+    // Should rounding find fewer here than were counted, what is left over belongs to an absent tile.
+    var tile = tiles.x * tiles.y;
+    var before = k - offsets[rank];
+    for (var row = cover.rect.y; row < cover.rect.w; row++) {
+        let span = tile_span(row, cover);
+        if before < span.y - span.x {
+            tile = row * tiles.x + span.x + before;
+            break;
         }
+        before -= span.y - span.x;
     }
-    for (; at < end; at++) {
-        isect_tiles[at] = tiles.x * tiles.y;
-        isect_to_gaussian[at] = g;
-    }
+    isect_tiles[k] = tile;
+    isect_to_gaussian[k] = g;
 }

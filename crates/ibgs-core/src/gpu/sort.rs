@@ -1,10 +1,9 @@
 //! Stable radix sort of u32 keys with u32 values, 8 bits a pass.
 
-use super::scan::Scan;
 use super::{Buffer, Gpu, GpuError, Pass};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::SortParams;
-use ibgs_shaders::{SORT_BINS, SORT_BLOCK, SORT_COUNT, SORT_SCATTER};
+use ibgs_shaders::{SORT_BINS, SORT_BLOCK, SORT_COUNT, SORT_ROWS, SORT_SCATTER};
 
 /// Two pairs of key and value buffers, and scratch, for at most `capacity` keys.
 #[derive(Debug)]
@@ -13,10 +12,8 @@ pub struct Sort {
     pub keys: [Buffer; 2],
     /// Values, in step with the keys.
     pub values: [Buffer; 2],
+    /// A row of blocks for each digit, and one more row with the digits' totals.
     histogram: Buffer,
-    starts: Buffer,
-    total: Buffer,
-    scan: Scan,
     capacity: usize,
 }
 
@@ -28,14 +25,11 @@ impl Sort {
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self, GpuError> {
         let capacity = capacity.max(1);
         let keys = || gpu.allocate("sort keys", 4 * capacity as u64);
-        let bins = capacity.div_ceil(SORT_BLOCK as usize) * SORT_BINS as usize;
+        let bins = (capacity.div_ceil(SORT_BLOCK as usize) + 1) * SORT_BINS as usize;
         Ok(Self {
             keys: [keys()?, keys()?],
             values: [keys()?, keys()?],
             histogram: gpu.allocate("sort histogram", 4 * bins as u64)?,
-            starts: gpu.allocate("sort histogram", 4 * bins as u64)?,
-            total: gpu.allocate("sort histogram", 4)?,
-            scan: Scan::new(gpu, bins)?,
             capacity,
         })
     }
@@ -60,8 +54,8 @@ impl Sort {
             };
             let immediates = bytes_of(&params);
             pass.groups(&SORT_COUNT, &[&self.keys[from], count, &self.histogram], immediates, blocks);
-            self.scan.record(pass, &self.histogram, &self.starts, &self.total, blocks * SORT_BINS as usize);
-            let buffers = [&self.keys[from], &self.values[from], count, &self.starts, &self.keys[to], &self.values[to]];
+            pass.groups(&SORT_ROWS, &[count, &self.histogram], immediates, SORT_BINS as usize);
+            let buffers = [&self.keys[from], &self.values[from], count, &self.histogram, &self.keys[to], &self.values[to]];
             pass.groups(&SORT_SCATTER, &buffers, immediates, blocks);
         }
         (passes % 2) as usize

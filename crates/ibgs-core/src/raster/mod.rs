@@ -385,8 +385,8 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame)
     pass.linear(&GATHER, &[&ws.tile_counts, depth_order, &ws.counts_by_depth], bytes_of(&frame.count), n);
     ws.scan.record(pass, &ws.counts_by_depth, &ws.offsets, &ws.total, n);
     let emit: [&Buffer; 6] =
-        [&ws.projected, depth_order, &ws.offsets, &ws.tile_counts, &ws.tile_sort.keys[0], &ws.isect_to_gaussian];
-    pass.linear(&TILE_EMIT, &emit, bytes, n);
+        [&ws.projected, depth_order, &ws.offsets, &ws.total, &ws.tile_sort.keys[0], &ws.isect_to_gaussian];
+    pass.linear(&TILE_EMIT, &emit, bytes, ws.isects());
     // The number of tiles itself stands for padding, so it must be representable.
     let [x, y, _] = tile_grid(frame);
     let bits = 32 - (x * y).leading_zeros();

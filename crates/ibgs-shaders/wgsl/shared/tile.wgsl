@@ -1,4 +1,4 @@
-// Which tiles a projected Gaussian touches. The counter and the emitter both walk `tile_rect` with `tile_hit`.
+// Which tiles a projected Gaussian touches. The counter and the emitter both walk the rows of `tile_cover` with `tile_span`.
 
 // Tiles of the box: x0, y0, x1, y1, the last two exclusive.
 fn tile_rect(xy: vec2<f32>, radius: f32, tiles: vec2<u32>) -> vec4<u32> {
@@ -23,27 +23,48 @@ fn tile_rows(y: f32, shape: vec3<f32>, opacity: f32) -> vec2<u32> {
     return vec2<u32>(clamp(vec2(floor(y - reach), ceil(y + reach) + 1.0), vec2(0.0), vec2(f32(TILE))));
 }
 
-// False only where every pixel of the tile has alpha < 1/255: the smallest falloff over the tile's pixel centres lies
-// at the mean or on an edge that faces it.
-fn tile_hit(tile: vec2<u32>, xy: vec2<f32>, shape: vec3<f32>, opacity: f32) -> bool {
-    let cut = log(255.0 * opacity) + 0.01;
-    let lo = vec2<f32>(tile * TILE) - xy;
-    let hi = lo + f32(TILE - 1u);
-    let facing = clamp(vec2(0.0), lo, hi);
-    if all(facing == vec2(0.0)) {
-        return cut > 0.0;
+// Which rows of tiles a Gaussian may reach with alpha >= 1/255, and what their spans are computed from.
+struct TileCover {
+    // Tiles of the box: x0, y0, x1, y1, the last two exclusive; no rows where no alpha reaches 1/255.
+    rect: vec4<u32>,
+    xy: vec2<f32>,
+    // The outline is the ellipse where alpha is 1/255. Half its height, y where it goes farthest right, and dx/dy of the line
+    // through the mean that halves its rows.
+    reach: f32,
+    rightmost: f32,
+    lean: f32,
+    // Half the width of the row at height y is this times sqrt(reach^2 - y^2).
+    width: f32,
+}
+
+fn tile_cover(xy: vec2<f32>, radius: f32, shape: vec3<f32>, opacity: f32, tiles: vec2<u32>) -> TileCover {
+    let cut = 2.0 * (log(255.0 * opacity) + 0.01);
+    // Of the covariance: xy / xx, then yy without cancellation.
+    let yy = 1.0 / shape.z + shape.y * shape.y / shape.x;
+    let reach = sqrt(max(cut, 0.0) * yy);
+    var rect = tile_rect(xy, radius, tiles);
+    // A row of tiles is reached where its pixel centres, from 16 y to 16 y + 15, are.
+    let rows = vec2(ceil((xy.y - reach - f32(TILE - 1u)) / f32(TILE)), floor((xy.y + reach) / f32(TILE)) + 1.0);
+    let limited = vec2<u32>(clamp(rows, vec2(f32(rect.y)), vec2(f32(rect.w))));
+    rect.y = limited.x;
+    rect.w = select(limited.x, limited.y, cut > 0.0);
+    let width = inverseSqrt(shape.x * shape.z) / yy;
+    return TileCover(rect, xy, reach, shape.y * sqrt(max(cut, 0.0) / shape.x), shape.y / (shape.x * yy), width);
+}
+
+// First tile of a row, and the one behind the last, with a pixel of alpha >= 1/255. The outline's part between the row's first
+// and last pixel centres goes farthest right at its rightmost point or, where that lies elsewhere, at the nearer end; left
+// likewise, as the outline is symmetric about the mean.
+fn tile_span(row: u32, cover: TileCover) -> vec2<u32> {
+    let lo = f32(row * TILE) - cover.xy.y;
+    let ends = clamp(vec2(-cover.rightmost, cover.rightmost), vec2(lo), vec2(lo + f32(TILE - 1u)));
+    let inside = (cover.reach - ends) * (cover.reach + ends);
+    if any(inside < vec2(0.0)) {
+        return vec2(cover.rect.x);
     }
-    var best = 1e30;
-    if facing.x != 0.0 {
-        // Along x = const the smallest falloff is where d.y = (xy / xx) d.x.
-        let y = clamp(shape.y * facing.x, lo.y, hi.y);
-        best = falloff(vec2(facing.x, y), shape);
-    }
-    if facing.y != 0.0 {
-        // d/dx of the falloff is zero at x = y m k / (1 / xx + m^2 k).
-        let mk = shape.y * shape.z;
-        let x = clamp(facing.y * mk / (shape.x + shape.y * mk), lo.x, hi.x);
-        best = min(best, falloff(vec2(x, facing.y), shape));
-    }
-    return best < cut;
+    let reach = cover.xy.x + cover.lean * ends + vec2(-cover.width, cover.width) * sqrt(inside);
+    let first = ceil((reach.x - f32(TILE - 1u)) / f32(TILE));
+    let behind = floor(reach.y / f32(TILE)) + 1.0;
+    let span = vec2<u32>(clamp(vec2(first, behind), vec2(f32(cover.rect.x)), vec2(f32(cover.rect.z))));
+    return vec2(span.x, max(span.x, span.y));
 }
