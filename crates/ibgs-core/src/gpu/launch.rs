@@ -7,6 +7,9 @@ use ibgs_shaders::Kernel;
 pub struct Pass<'a> {
     gpu: &'a Gpu,
     label: &'static str,
+    /// Dispatches in a row share a compute pass: each one costs the host command buffers of its own. Before `encoder`, which
+    /// cannot do anything else while it is open.
+    open: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
 }
 
@@ -14,7 +17,7 @@ impl<'a> Pass<'a> {
     /// An empty pass; measurements tell kernels apart by its label too.
     pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
-        Self { gpu, label, encoder }
+        Self { gpu, label, open: None, encoder }
     }
 
     /// Dispatches enough workgroups for `items` threads in a row.
@@ -59,6 +62,9 @@ impl<'a> Pass<'a> {
             entries: &entries,
         });
         let mut profiler = self.gpu.profiler.lock().expect("profiler");
+        if profiler.is_some() {
+            self.open = None;
+        }
         let query = profiler.as_mut().and_then(|p| p.begin((self.label, kernel.name)));
         let timestamp_writes = match (&*profiler, query) {
             (Some(p), Some(index)) => Some(wgpu::ComputePassTimestampWrites {
@@ -68,9 +74,10 @@ impl<'a> Pass<'a> {
             }),
             _ => None,
         };
-        let mut pass = self
-            .encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(kernel.name), timestamp_writes });
+        let pass = self.open.get_or_insert_with(|| {
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(self.label), timestamp_writes };
+            self.encoder.begin_compute_pass(&descriptor).forget_lifetime()
+        });
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group, &[]);
         if !immediates.is_empty() {
@@ -81,6 +88,7 @@ impl<'a> Pass<'a> {
 
     /// Sets a buffer to zero.
     pub fn clear(&mut self, buffer: &Buffer) {
+        self.open = None;
         self.encoder.clear_buffer(&buffer.buffer, buffer.offset, Some(buffer.size));
     }
 
@@ -91,11 +99,13 @@ impl<'a> Pass<'a> {
 
     /// Copies the first `bytes` into a mappable buffer.
     pub(crate) fn copy_out(&mut self, source: &Buffer, target: &wgpu::Buffer, at: u64, bytes: u64) {
+        self.open = None;
         self.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
     }
 
     /// Submits everything recorded.
     pub fn submit(mut self) {
+        self.open = None;
         if let Some(profiler) = &*self.gpu.profiler.lock().expect("profiler") {
             profiler.resolve(&mut self.encoder);
         }
