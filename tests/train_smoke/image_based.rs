@@ -7,6 +7,7 @@ use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::eval::score_view;
 use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::fuse::sources::Draw;
 use ibgs_core::scene::Gaussians;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{Method, TrainConfig};
@@ -85,6 +86,25 @@ fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
     };
     let (ours, theirs) = (frame(&first), frame(&streamed));
     assert!(ours == theirs && ours.iter().any(|&v| v > 0.0), "streamed sources gave another frame");
+}
+
+/// Drawing other sources each time makes another network than reading the nearest ones; without more candidates than are
+/// read both are the same.
+#[test]
+fn sources_are_drawn_among_the_candidates() {
+    let dataset = dataset();
+    let network = |draw, neighbours| {
+        let mut config = staged(18);
+        config.sources.draw = draw;
+        config.sources.neighbours = neighbours;
+        let mut trainer = trainer(&dataset, &config);
+        run(&mut trainer, 18);
+        model(&trainer).1.unwrap()
+    };
+    let nearest = network(Draw::Nearest, 4);
+    assert!(nearest == network(Draw::Random, 4));
+    assert!(nearest == network(Draw::Nearest, 8));
+    assert!(nearest != network(Draw::Random, 8));
 }
 
 /// A finished model gets planes and a network; its Gaussians are neither densified nor reset.

@@ -194,34 +194,25 @@ impl Renderer {
 
     fn render_in(&self, camera: &Camera, room: Room) -> Result<Frame, GpuError> {
         let gpu = self.gpu().clone();
+        // The sources' depth maps first: what they were made in then serves the frame.
+        let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
         let forward = self.raster.surface(&self.splats, &self.view(camera), room)?;
-        let image = self.image.as_ref().map(|stage| self.final_image(stage, camera, &forward, room)).transpose()?;
+        let image = match (&self.image, sources) {
+            (Some(stage), Some(sources)) => Some(final_image(stage, camera, &forward, &sources)?),
+            _ => None,
+        };
         Ok(Frame { gpu, forward, image, camera: *camera })
     }
 
-    fn final_image(
-        &self,
-        stage: &ImageStage,
-        camera: &Camera,
-        forward: &Forward,
-        room: Room,
-    ) -> Result<FinalImage, GpuError> {
-        let base = forward.image();
+    /// The sources of a view; none where it has none or is too small for the network.
+    fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Vec<SourceView>, GpuError> {
         // A training view is no source of itself.
         let own = stage.part.cameras.iter().position(|other| other == camera);
-        let chosen = stage.finder.sources(camera, own);
-        if chosen.is_empty() || !stage.residual.fits(camera) {
-            return Ok((base, None));
-        }
-        let sources = self.sources(stage, &chosen, room)?;
-        let (warped, seen) = stage.warper.warp(forward, &sources)?;
-        let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
-        let weights = stage.part.network.weights.val();
-        Ok((stage.residual.render(&task, base, warped, weights)?, Some(seen)))
-    }
-
-    fn sources(&self, stage: &ImageStage, chosen: &[usize], room: Room) -> Result<Vec<SourceView>, GpuError> {
-        let photos = stage.part.photos.photos(chosen)?;
+        let chosen = match stage.residual.fits(camera) {
+            true => stage.finder.sources(camera, own),
+            false => Vec::new(),
+        };
+        let photos = stage.part.photos.photos(&chosen)?;
         let mut depths = stage.depths.lock().expect("depth cache");
         let source = |(&index, photo)| {
             let camera = stage.part.cameras[index];
@@ -231,6 +222,22 @@ impl Renderer {
         };
         chosen.iter().zip(photos).map(source).collect()
     }
+}
+
+fn final_image(
+    stage: &ImageStage,
+    camera: &Camera,
+    forward: &Forward,
+    sources: &[SourceView],
+) -> Result<FinalImage, GpuError> {
+    let base = forward.image();
+    if sources.is_empty() {
+        return Ok((base, None));
+    }
+    let (warped, seen) = stage.warper.warp(forward, sources)?;
+    let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
+    let weights = stage.part.network.weights.val();
+    Ok((stage.residual.render(&task, base, warped, weights)?, Some(seen)))
 }
 
 impl Frame {

@@ -37,6 +37,17 @@ pub enum Distances {
     Absolute,
 }
 
+/// Which candidates an iteration of training reads. Rendering reads the first ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Draw {
+    /// Others each time: the network learns what photos are worth that stand elsewhere. A departure from method.md.
+    #[default]
+    Random,
+    /// The first ones, as published.
+    Nearest,
+}
+
 /// Options of the neighbour choice and of reading the sources (method.md sections 4 and 5).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -53,6 +64,8 @@ pub struct SourceOptions {
     pub neighbours: u32,
     /// Of these so many are read: M, 1 to 8.
     pub used: u32,
+    /// Which ones training reads.
+    pub draw: Draw,
     /// At a pixel the first so many that see its point are used: V, 1 to 4.
     pub visible: u32,
     /// A source sees a point when its own depth there differs by less than this share.
@@ -70,6 +83,7 @@ impl Default for SourceOptions {
             max_distance: None,
             neighbours: 8,
             used: 4,
+            draw: Draw::Random,
             visible: 3,
             depth_agreement: 0.01,
             memory: MemoryBudget::Auto,

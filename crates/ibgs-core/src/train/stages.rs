@@ -7,7 +7,7 @@ use super::schedule::Schedule;
 use crate::camera::Camera;
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
-use crate::fuse::sources::SourceFinder;
+use crate::fuse::sources::{Draw, SourceFinder};
 use crate::fuse::{SourceView, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
@@ -20,6 +20,8 @@ use crate::render::{ImageOptions, ImagePart};
 use crate::residual::{Residual, ResidualNetwork, ResidualTask};
 use crate::scene::Splats;
 use burn::tensor::{Gradients, Tensor};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
 /// What the image-based stages keep from iteration to iteration.
@@ -27,8 +29,9 @@ pub(super) struct ImageStages {
     gpu: Arc<Gpu>,
     cameras: Arc<[Camera]>,
     options: ImageOptions,
-    /// Sources of each training view.
+    /// Candidates for the sources of each training view, best first.
     neighbours: Vec<Vec<usize>>,
+    seed: u64,
     /// Median depth of each training view when it was last trained.
     depths: DepthCache,
     warper: Warper,
@@ -95,7 +98,7 @@ impl ImageStages {
     pub fn new(gpu: &Arc<Gpu>, cameras: Arc<[Camera]>, config: &TrainConfig) -> Result<Self, GpuError> {
         let options = ImageOptions::new(config);
         let finder = SourceFinder::new(&cameras, &options.sources, options.first());
-        let sources = |(index, camera): (usize, &Camera)| finder.sources(camera, Some(index));
+        let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = ResidualNetwork::init(gpu, config.seed);
         let residual = &config.residual;
         let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
@@ -103,7 +106,8 @@ impl ImageStages {
         let scalars = ExposureAdam { rate: e.learning_rate, beta1: e.beta1, beta2: e.beta2, eps: e.epsilon };
         let exposure = e.enabled.then(|| ExposureScalars::new(gpu, cameras.len(), scalars)).transpose()?;
         Ok(Self {
-            neighbours: cameras.iter().enumerate().map(sources).collect(),
+            neighbours: cameras.iter().enumerate().map(candidates).collect(),
+            seed: config.seed,
             // All of them: one that is rendered anew would be of another model, and the training another one.
             depths: DepthCache::new(None),
             warper: Warper::new(gpu.clone(), options.warp()),
@@ -123,9 +127,20 @@ impl ImageStages {
         &self.options
     }
 
-    /// Sources of a training view.
-    pub fn neighbours(&self, index: usize) -> &[usize] {
-        &self.neighbours[index]
+    /// Sources of a training view in an iteration, best first.
+    pub fn sources_of(&self, index: usize, iteration: u32) -> Vec<usize> {
+        let candidates = &self.neighbours[index];
+        let used = candidates.len().min(self.options.sources.used as usize);
+        match self.options.sources.draw {
+            Draw::Nearest => candidates[..used].to_vec(),
+            Draw::Random => {
+                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+                rng.set_stream(iteration.into());
+                let mut picks = rand::seq::index::sample(&mut rng, candidates.len(), used).into_vec();
+                picks.sort_unstable();
+                picks.into_iter().map(|pick| candidates[pick]).collect()
+            }
+        }
     }
 
     /// What a renderer of the model needs.
@@ -181,8 +196,8 @@ impl ImageStages {
     }
 
     fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {
-        let chosen = &self.neighbours[work.index];
-        let photos = work.photos.photos(chosen)?;
+        let chosen = self.sources_of(work.index, work.iteration);
+        let photos = work.photos.photos(&chosen)?;
         let mut views = Vec::with_capacity(chosen.len());
         for (&index, photo) in chosen.iter().zip(photos) {
             let camera = self.cameras[index];

@@ -275,7 +275,7 @@ impl Trainer {
         if let (Some(stages), Some(&next)) = (&self.stages, self.queue.last()) {
             let mut wanted = vec![next];
             if self.schedule.surface_loss_at(self.iteration + 1) {
-                wanted.extend(stages.neighbours(next));
+                wanted.extend(stages.sources_of(next, self.iteration + 1));
             }
             self.photos.prefetch(&wanted)?;
         }

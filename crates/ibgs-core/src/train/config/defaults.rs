@@ -80,7 +80,7 @@ impl Default for DensifyConfig {
             end: None,
             interval: None,
             grad_threshold: 2e-4,
-            near_depth: 0.37,
+            near_depth: 1.0,
             scale_threshold: 0.001,
             abs_split: true,
             abs_grad_threshold: 8e-4,
