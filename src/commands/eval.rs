@@ -5,14 +5,11 @@ use super::{Model, protocol, score_test_views};
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
-use ibgs_core::eval::{Cache, Score, ViewScores, frames_per_second};
+use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
 use std::path::Path;
-
-/// Passes over the test views when frames are counted.
-const PASSES: u32 = 5;
 
 /// Options of `ibgs eval`.
 #[derive(ClapArgs)]
@@ -64,7 +61,7 @@ fn row(name: &str, [a, b, c, d]: [String; 4], with_final: bool) {
 /// Speed, memory and storage.
 fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
     let renderer = &model.renderer;
-    let warm = frames_per_second(renderer, cameras, PASSES, Cache::Warm)?;
+    let warm = frames_per_second(renderer, cameras, Cache::Warm)?;
     let memory = renderer.gpu().memory_report().map(|report| report.reserved_bytes);
     let network = model.network_bytes;
     // A bundle is one file; the folder beside it may hold another model.
@@ -76,7 +73,7 @@ fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Valu
     let training: Option<Value> = training.and_then(|text| serde_json::from_str(&text).ok());
     let mut report = json!({
         "FPS_warm": warm,
-        "passes": PASSES,
+        "least_passes": PASSES,
         "gaussians": renderer.splats().len(),
         "storage_bytes": {
             "gaussians": gaussians, "network": network, "poses": poses, "photos": photos, "bundle": bundle,
@@ -86,7 +83,7 @@ fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Valu
         "device": renderer.gpu().describe(),
     });
     if renderer.part().is_some() {
-        report["FPS_cold"] = json!(frames_per_second(renderer, cameras, PASSES, Cache::Cold)?);
+        report["FPS_cold"] = json!(frames_per_second(renderer, cameras, Cache::Cold)?);
     }
     Ok(report)
 }

@@ -6,7 +6,7 @@ use crate::gpu::GpuError;
 use crate::render::{Frame, Rendered, Renderer};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
 use rayon::prelude::*;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// PSNR and SSIM of an image rounded to 8 bits against a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,6 +127,9 @@ pub fn score_view(renderer: &Renderer, view: &View) -> Result<(Frame, ViewScores
     Ok((frame, ViewScores { base, image }))
 }
 
+/// Least passes over the views when frames are counted.
+pub const PASSES: u32 = 5;
+
 /// What is kept from frame to frame when frames are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cache {
@@ -136,24 +139,31 @@ pub enum Cache {
     Warm,
 }
 
-/// Frames per second over all views, `passes` times, the GPU finished before the clock stops.
+/// Frames a second over all views, again and again until there were [`PASSES`] and a second is over, the GPU finished before
+/// the clock stops. Before that they are rendered for half a second, as GPUs that were idle run slower for a while.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
-pub fn frames_per_second(renderer: &Renderer, cameras: &[Camera], passes: u32, cache: Cache) -> Result<f64, GpuError> {
+pub fn frames_per_second(renderer: &Renderer, cameras: &[Camera], cache: Cache) -> Result<f64, GpuError> {
+    let until = |passes: u32, least: Duration| {
+        let start = Instant::now();
+        let mut done = 0;
+        while done < passes || start.elapsed() < least {
+            for camera in cameras {
+                if cache == Cache::Cold {
+                    renderer.forget_depths();
+                }
+                renderer.render_unchecked(camera)?;
+            }
+            renderer.gpu().wait()?;
+            done += 1;
+        }
+        Ok(f64::from(done) * cameras.len() as f64 / start.elapsed().as_secs_f64())
+    };
+    // Checked, so that there is room for every intersection.
     for camera in cameras {
         renderer.render(camera)?;
     }
-    renderer.gpu().wait()?;
-    let start = Instant::now();
-    for _ in 0..passes {
-        for camera in cameras {
-            if cache == Cache::Cold {
-                renderer.forget_depths();
-            }
-            renderer.render_unchecked(camera)?;
-        }
-    }
-    renderer.gpu().wait()?;
-    Ok(f64::from(passes) * cameras.len() as f64 / start.elapsed().as_secs_f64())
+    until(1, Duration::from_millis(500))?;
+    until(PASSES, Duration::from_secs(1))
 }

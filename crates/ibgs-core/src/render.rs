@@ -7,8 +7,8 @@ use crate::fuse::sources::{First, SourceFinder, SourceOptions};
 use crate::fuse::{Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
-use crate::gpu::{Gpu, GpuError};
-use crate::raster::{Forward, RasterView, Rasterizer, Room, SurfaceOptions};
+use crate::gpu::{Gpu, GpuError, Pass};
+use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
 use crate::residual::{Factor, Precision, Residual, ResidualTask, Variant};
 use crate::scene::Splats;
@@ -196,12 +196,19 @@ impl Renderer {
         let gpu = self.gpu().clone();
         // The sources' depth maps first: what they were made in then serves the frame.
         let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
-        let forward = self.raster.surface(&self.splats, &self.view(camera), room)?;
-        let image = match (&self.image, sources) {
-            (Some(stage), Some(sources)) => Some(final_image(stage, camera, &forward, &sources)?),
-            _ => None,
-        };
-        Ok(Frame { gpu, forward, image, camera: *camera })
+        let (inputs, view) = (Inputs::of(&self.splats), self.view(camera));
+        loop {
+            let mut pass = Pass::new(&gpu, "rasterize");
+            let forward = self.raster.record(&mut pass, &inputs, &view, false)?;
+            let image = match (&self.image, &sources) {
+                (Some(stage), Some(sources)) => Some(record_final(&mut pass, stage, camera, &forward, sources)?),
+                _ => None,
+            };
+            pass.submit();
+            if room == Room::Assumed || self.raster.had_room(&forward)? {
+                return Ok(Frame { gpu, forward, image, camera: *camera });
+            }
+        }
     }
 
     /// The sources of a view; none where it has none or is too small for the network.
@@ -224,7 +231,9 @@ impl Renderer {
     }
 }
 
-fn final_image(
+/// Records the final image of a view, whose base image stands as it is without sources.
+fn record_final(
+    pass: &mut Pass,
     stage: &ImageStage,
     camera: &Camera,
     forward: &Forward,
@@ -234,10 +243,10 @@ fn final_image(
     if sources.is_empty() {
         return Ok((base, None));
     }
-    let (warped, seen) = stage.warper.warp(forward, sources)?;
+    let (warped, seen) = stage.warper.record_warp(pass, forward, sources)?;
     let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
     let weights = stage.part.network.weights.val();
-    Ok((stage.residual.render(&task, base, warped, weights)?, Some(seen)))
+    Ok((stage.residual.record(pass, &task, [base, warped], weights)?, Some(seen)))
 }
 
 impl Frame {

@@ -117,6 +117,8 @@ impl Saved {
     }
 }
 
+const LABEL: &str = "warp";
+
 fn tiles(size: [u32; 2]) -> [u32; 3] {
     [size[0].div_ceil(TILE), size[1].div_ceil(TILE), 1]
 }
@@ -165,6 +167,13 @@ impl Warper {
     }
 
     fn forward(&self, forward: &Forward, sources: &[SourceView]) -> Result<Saved, GpuError> {
+        let mut pass = Pass::new(&self.gpu, LABEL);
+        let saved = self.record(&mut pass, forward, sources)?;
+        pass.submit();
+        Ok(saved)
+    }
+
+    fn record(&self, pass: &mut Pass, forward: &Forward, sources: &[SourceView]) -> Result<Saved, GpuError> {
         let gpu = &*self.gpu;
         let surface = forward.surface().expect("warping needs a surface");
         assert!((1..=MAX_SOURCES).contains(&sources.len()), "warping needs one to {MAX_SOURCES} sources");
@@ -177,7 +186,7 @@ impl Warper {
         let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();
         gpu.queue.write_buffer(&seen.centers.buffer, 0, bytemuck::cast_slice(&centers));
         let bound = Gpu::bind(&warped);
-        let mut pass = Pass::new(gpu, "warp");
+        pass.relabel(LABEL);
         pass.clear(&seen.active);
         let mut used = Vec::with_capacity(sources.len());
         for (index, source) in sources.iter().enumerate() {
@@ -194,7 +203,6 @@ impl Warper {
             pass.grid(&WARP, &buffers, bytes_of(&params), tiles(params.size));
             used.push((source.clone(), params));
         }
-        pass.submit();
         let seen = Arc::new(self.pool.lease(seen));
         Ok(Saved { gpu: self.gpu.clone(), surface: surface.clone(), sources: used, seen, warped })
     }
@@ -209,6 +217,17 @@ impl Warper {
     /// Without a surface or a source: bugs of ours.
     pub fn warp(&self, forward: &Forward, sources: &[SourceView]) -> Result<(Tensor<3>, Arc<Lease<Seen>>), GpuError> {
         let saved = self.forward(forward, sources)?;
+        Ok((from_primitive(saved.warped), saved.seen))
+    }
+
+    /// As [`Warper::warp`], as a part of a pass.
+    pub(crate) fn record_warp(
+        &self,
+        pass: &mut Pass,
+        forward: &Forward,
+        sources: &[SourceView],
+    ) -> Result<(Tensor<3>, Arc<Lease<Seen>>), GpuError> {
+        let saved = self.record(pass, forward, sources)?;
         Ok((from_primitive(saved.warped), saved.seen))
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Buffer, Gpu};
 use ibgs_shaders::Kernel;
+use std::any::Any;
 
 /// One encoder of kernel dispatches.
 pub struct Pass<'a> {
@@ -11,13 +12,20 @@ pub struct Pass<'a> {
     /// cannot do anything else while it is open.
     open: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
+    kept: Vec<Box<dyn Any>>,
 }
 
 impl<'a> Pass<'a> {
     /// An empty pass; measurements tell kernels apart by its label too.
     pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
-        Self { gpu, label, open: None, encoder }
+        Self { gpu, label, open: None, encoder, kept: Vec::new() }
+    }
+
+    /// What comes next has another label in measurements.
+    pub(crate) fn relabel(&mut self, label: &'static str) {
+        self.open = None;
+        self.label = label;
     }
 
     /// Dispatches enough workgroups for `items` threads in a row.
@@ -84,6 +92,11 @@ impl<'a> Pass<'a> {
             pass.set_immediates(0, immediates);
         }
         pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+    }
+
+    /// Keeps something until the pass is submitted: memory that it uses, which nothing else may get before.
+    pub(crate) fn keep(&mut self, owner: impl Any) {
+        self.kept.push(Box::new(owner));
     }
 
     /// Sets a buffer to zero.

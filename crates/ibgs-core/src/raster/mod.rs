@@ -208,6 +208,20 @@ impl Rasterizer {
     }
 
     pub(crate) fn forward(&self, inputs: &Inputs, view: &RasterView, gradients: bool) -> Result<Forward, GpuError> {
+        let mut pass = Pass::new(&self.gpu, "rasterize");
+        let forward = self.record(&mut pass, inputs, view, gradients)?;
+        pass.submit();
+        Ok(forward)
+    }
+
+    /// Records the forward pass of a view.
+    pub(crate) fn record(
+        &self,
+        pass: &mut Pass,
+        inputs: &Inputs,
+        view: &RasterView,
+        gradients: bool,
+    ) -> Result<Forward, GpuError> {
         let gpu = &*self.gpu;
         let camera = &view.camera;
         let image = gpu.empty_like_shape(&inputs.means, &[camera.height as usize, camera.width as usize, 3]);
@@ -220,8 +234,7 @@ impl Rasterizer {
         let frame = view.frame(inputs.count(), inputs.coefficients(), ws.isects());
         let surface = view.surface.map(|o| self.leased_surface(inputs.count(), view, o, gradients)).transpose()?;
         let bound_image = Gpu::bind(&image);
-        let mut pass = Pass::new(gpu, "rasterize");
-        let sorted = record_lists(&mut pass, &ws, inputs, &frame);
+        let sorted = record_lists(pass, &ws, inputs, &frame);
         let grid = tile_grid(&frame);
         let list = ws.sorted_gaussians(sorted);
         match &surface {
@@ -231,8 +244,8 @@ impl Rasterizer {
                 pass.grid(&RASTERIZE, &blend, bytes_of(&frame), grid);
             }
             Some(s) => {
-                surface::record_planes(&mut pass, inputs, &s.planes, &frame);
-                s.clear_gradients(&mut pass);
+                surface::record_planes(pass, inputs, &s.planes, &frame);
+                s.clear_gradients(pass);
                 let blend: [&Buffer; 11] = [
                     &ws.projected,
                     &s.planes,
@@ -249,7 +262,6 @@ impl Rasterizer {
                 pass.grid(&RASTERIZE_SURFACE, &blend, bytes_of(&s.frame), grid);
             }
         }
-        pass.submit();
         Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)), surface })
     }
 
@@ -308,12 +320,20 @@ impl Rasterizer {
     pub(crate) fn forward_exact(&self, inputs: &Inputs, view: &RasterView) -> Result<Forward, GpuError> {
         loop {
             let forward = self.forward(inputs, view, false)?;
-            let needed = forward.intersections(&self.gpu)?;
-            if needed <= u64::from(forward.frame.capacity) {
+            if self.had_room(&forward)? {
                 return Ok(forward);
             }
+        }
+    }
+
+    /// Whether every intersection of a pass fitted; makes room otherwise. Waits for the GPU.
+    pub(crate) fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
+        let needed = forward.intersections(&self.gpu)?;
+        let fitted = needed <= u64::from(forward.frame.capacity);
+        if !fitted {
             self.reserve(needed);
         }
+        Ok(fitted)
     }
 
     /// Image `[H, W, 3]` of the model from a view, waiting for the exact intersection count.

@@ -62,6 +62,8 @@ struct BackwardScratch {
     v_corrected: Option<Buffer>,
 }
 
+const LABEL: &str = "residual";
+
 #[derive(Debug)]
 struct ResidualBackward;
 
@@ -101,24 +103,23 @@ impl Saved {
         Compose::new(self.scratch.size, self.variant, self.task.gain)
     }
 
-    /// The final image into `self.image`.
-    fn forward(&self) {
+    /// Records the final image into `self.image`.
+    fn record(&self, pass: &mut Pass) {
         let [base, warped, weights, image] = [&self.base, &self.warped, &self.weights, &self.image].map(Gpu::bind);
         let (scratch, seen) = (&self.scratch, &self.task.seen);
-        let mut pass = Pass::new(&self.gpu, "residual");
+        pass.relabel(LABEL);
         let mut colour: &Buffer = &base;
         if let Some((fit, corrected)) = &scratch.exposure {
-            fit.record_fit(&mut pass, &base, &warped, &seen.slots, scratch.size);
-            fit.record_apply(&mut pass, &base, corrected, scratch.size);
+            fit.record_fit(pass, &base, &warped, &seen.slots, scratch.size);
+            fit.record_apply(pass, &base, corrected, scratch.size);
             colour = corrected;
         }
         let inputs = feature_inputs(seen, colour, &warped, &weights);
-        scratch.network.record_input(&mut pass, &self.features(), &inputs);
-        scratch.network.forward(&mut pass, &weights);
+        scratch.network.record_input(pass, &self.features(), &inputs);
+        scratch.network.forward(pass, &weights);
         let residual = scratch.network.residual();
         let buffers = ComposeBuffers { active: &seen.active, base: colour, residual, image: &image };
-        self.compose().record(&mut pass, &buffers);
-        pass.submit();
+        self.compose().record(pass, &buffers);
     }
 
     /// Gradients by base colour, warped colours (both only where `inputs_learn`) and weights.
@@ -197,7 +198,8 @@ impl Residual {
         })
     }
 
-    fn run(
+    /// Memory and inputs of a pass.
+    fn prepared(
         &self,
         task: &ResidualTask,
         [base, warped, weights]: [CubeTensor; 3],
@@ -207,9 +209,7 @@ impl Residual {
         let scratch = Arc::new(self.pool.lease(self.scratch(task, slots, gradients)?));
         let image = self.gpu.empty_like_shape(&base, base.meta.shape());
         let (gpu, variant, task) = (self.gpu.clone(), self.variant, task.clone());
-        let saved = Saved { gpu, scratch, task, variant, base, warped, weights, image };
-        saved.forward();
-        Ok(saved)
+        Ok(Saved { gpu, scratch, task, variant, base, warped, weights, image })
     }
 
     /// Final image `[H, W, 3]` from base colour `[H, W, 3]` and warped colours `[V, P, 4]`.
@@ -226,8 +226,26 @@ impl Residual {
         warped: Tensor<3>,
         weights: Tensor<1>,
     ) -> Result<Tensor<3>, GpuError> {
+        let mut pass = Pass::new(&self.gpu, LABEL);
+        let image = self.record(&mut pass, task, [base, warped], weights)?;
+        pass.submit();
+        Ok(image)
+    }
+
+    /// As [`Residual::render`], as a part of a pass, of base and warped colours.
+    pub(crate) fn record(
+        &self,
+        pass: &mut Pass,
+        task: &ResidualTask,
+        [base, warped]: [Tensor<3>; 2],
+        weights: Tensor<1>,
+    ) -> Result<Tensor<3>, GpuError> {
         let inputs = [primitive(base), primitive(warped), primitive(weights)];
-        Ok(from_primitive(self.run(task, inputs, false)?.image))
+        let saved = self.prepared(task, inputs, false)?;
+        saved.record(pass);
+        let image = from_primitive(saved.image.clone());
+        pass.keep(saved);
+        Ok(image)
     }
 
     /// As [`Residual::render`] on the autodiff graph. Gradients flow into the weights, and into base and warped colours
@@ -252,7 +270,10 @@ impl Residual {
         let weights = weights.try_into_primitive::<Ad>().expect(on_graph);
         let nodes = [base.node(), warped.node(), weights.node()];
         let inputs = [base.into_primitive(), warped.into_primitive(), weights.into_primitive()];
-        let saved = self.run(task, inputs, true)?;
+        let saved = self.prepared(task, inputs, true)?;
+        let mut pass = Pass::new(&self.gpu, LABEL);
+        saved.record(&mut pass);
+        pass.submit();
         let image = saved.image.clone();
         let output = match ResidualBackward.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
             OpsKind::Tracked(prep) => prep.finish(saved, image),
