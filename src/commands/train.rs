@@ -2,6 +2,7 @@
 
 mod estimate;
 mod stages;
+mod watch;
 
 use super::{load_scene, open_gpu, protocol, score_test_views};
 use anyhow::{Context, Result, bail};
@@ -20,7 +21,8 @@ use stages::StageArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
+use watch::Watch;
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
 const DEMO_ITERATIONS: [u32; 2] = [700, 10_000];
@@ -219,16 +221,17 @@ pub fn run(args: &Args) -> Result<()> {
         folder.root().display()
     );
     eprintln!("{}", estimate::sentence(&trainer, &raster, &dataset, &config));
-    let mut run = Run { trainer, raster, dataset, config, folder, training: Duration::ZERO };
+    let mut run = Run { trainer, raster, dataset, config, folder, watch: Watch::default() };
     run.train()?;
     run.write_time()?;
     eprintln!(
         "trained {} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians",
         run.trainer.iteration(),
-        run.training.as_secs_f64(),
-        (started.elapsed() - run.training).as_secs_f64(),
+        run.watch.total().as_secs_f64(),
+        (started.elapsed() - run.watch.total()).as_secs_f64(),
         run.trainer.splats().len()
     );
+    eprintln!("stages: {}", run.watch.sentence());
     Ok(())
 }
 
@@ -311,8 +314,8 @@ struct Run {
     dataset: Dataset,
     config: TrainConfig,
     folder: OutputFolder,
-    /// Time spent in iterations alone.
-    training: Duration,
+    /// Time and memory of the iterations alone.
+    watch: Watch,
 }
 
 impl Run {
@@ -338,10 +341,11 @@ impl Run {
                 self.report(&bar);
             }
             let schedule = self.trainer.schedule();
+            self.watch.count(schedule, iteration, self.raster.gpu());
             let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
-            if save || evaluate {
+            if save || evaluate || self.watch.ends(schedule, iteration) {
                 self.raster.gpu().wait()?;
-                self.training += clock.elapsed();
+                self.watch.spent(clock.elapsed());
                 if save {
                     self.save()?;
                 }
@@ -351,7 +355,7 @@ impl Run {
                 clock = Instant::now();
             }
         }
-        self.training += clock.elapsed();
+        self.watch.spent(clock.elapsed());
         bar.finish_and_clear();
         if stop.load(Ordering::SeqCst) {
             eprintln!("stopped at iteration {}: saving and evaluating", self.trainer.iteration());
@@ -410,7 +414,7 @@ impl Run {
         let target = (&self.folder, iteration);
         let scores = score_test_views(&renderer, &self.dataset, &self.config, target, |_, _| {})?;
         scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
-        let ms = 1e3 * self.training.as_secs_f64() / f64::from(iteration.max(1));
+        let ms = 1e3 * self.watch.total().as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(
             "iteration {iteration}: test {} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
             scores.sentence(),
@@ -426,8 +430,9 @@ impl Run {
     /// Writes how long the training took, for `ibgs eval`.
     fn write_time(&self) -> Result<()> {
         let time = json!({
-            "seconds": self.training.as_secs_f64(),
+            "seconds": self.watch.total().as_secs_f64(),
             "iterations": self.trainer.iteration(),
+            "stages": self.watch.json(),
             "device": self.raster.gpu().describe(),
         });
         Ok(self.folder.write_result(self.trainer.iteration(), "result_training.json", time)?)

@@ -87,6 +87,11 @@ fn check_model_folder(sandbox: &Sandbox) {
     assert!(sources.filter(|sources| !sources.is_empty()).count() >= 8, "{text}");
     let training = &sandbox.json("model/result_training.json")["ours_30"];
     assert!(training["iterations"] == 30 && training["seconds"].as_f64().unwrap() > 0.0, "{training}");
+    let stages: Vec<&Value> = training["stages"].as_object().unwrap().values().collect();
+    let sum = |field: &str| stages.iter().map(|stage| stage[field].as_f64().unwrap()).sum::<f64>();
+    assert!(stages.len() == 3 && sum("iterations") == 30.0, "{training}");
+    assert!((sum("seconds") - training["seconds"].as_f64().unwrap()).abs() < 1e-6, "{training}");
+    assert!(stages.iter().all(|stage| stage["peak_reserved_bytes"].as_u64().is_none_or(|peak| peak > 0)), "{training}");
 }
 
 /// Figures and pictures of the last evaluation, of base and final image.
