@@ -343,7 +343,7 @@ impl Run {
             let schedule = self.trainer.schedule();
             self.watch.count(schedule, iteration, self.raster.gpu());
             let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
-            if save || evaluate || self.watch.ends(schedule, iteration) {
+            if save || evaluate || watch::stage_ends(schedule, iteration) {
                 self.raster.gpu().wait()?;
                 self.watch.spent(clock.elapsed());
                 if save {

@@ -11,7 +11,6 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::camera::Camera;
 use ibgs_core::fuse::{WarpOptions, Warper};
 use ibgs_core::gpu::Pass;
-use ibgs_core::raster::Room;
 use ibgs_core::residual::features::{FeatureInputs, Features};
 use ibgs_core::residual::layers::WEIGHTS;
 use ibgs_core::residual::{Hourglass, Precision, Residual, ResidualTask, Variant, weights};
@@ -163,7 +162,7 @@ fn a_published_model_gives_its_final_image() {
     let gpu = gpu();
     let (raster, model, view) = (rasterizer(), scene_splats(&scene), view_of(&scene, 0.0));
     let base = raster.render(&model, &view).unwrap();
-    let forward = raster.surface(&model, &view, Room::Checked).unwrap();
+    let forward = raster.surface(&model, &view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
     let options = WarpOptions { visible: SLOTS as u32, ..WarpOptions::default() };
     let (warped, seen) = Warper::new(gpu.clone(), options).warp(&forward, &sources).unwrap();

@@ -228,7 +228,7 @@ fn masked_sources_are_not_seen() {
         rgba: vec![100; 4 * (camera.width * camera.height) as usize],
     };
     sources[0].photo = ibgs_core::loss::Target::upload(&gpu, &blank).unwrap();
-    let forward = raster.surface(&scene_splats(&scene), &view_of(&scene, 0.5), Room::Checked).unwrap();
+    let forward = raster.surface(&scene_splats(&scene), &view_of(&scene, 0.5)).unwrap();
     let (warped, seen) = Warper::new(gpu.clone(), warping(&scene)).warp(&forward, &sources).unwrap();
     let pixels = (scene.camera.width * scene.camera.height) as usize;
     let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();

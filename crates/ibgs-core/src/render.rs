@@ -198,7 +198,7 @@ impl Renderer {
         let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
         let (inputs, view) = (Inputs::of(&self.splats), self.view(camera));
         loop {
-            let mut pass = Pass::new(&gpu, "rasterize");
+            let mut pass = Pass::new(&gpu, "frame");
             let forward = self.raster.record(&mut pass, &inputs, &view, false)?;
             let image = match (&self.image, &sources) {
                 (Some(stage), Some(sources)) => Some(record_final(&mut pass, stage, camera, &forward, sources)?),

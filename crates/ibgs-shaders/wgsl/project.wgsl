@@ -81,7 +81,7 @@ fn main(
     }
     let shape = vec3(1.0 / e.cov.x, e.cov.y / e.cov.x, e.cov.x / e.det);
     let rect = tile_rect(e.xy, radius, frame_tiles());
-    let cover = tile_cover(e.xy, radius, shape, opacity, frame_tiles());
+    let cover = tile_cover(rect, e.xy, shape, opacity);
     var hits = 0u;
     for (var row = cover.rect.y; row < cover.rect.w; row++) {
         let span = tile_span(row, cover);

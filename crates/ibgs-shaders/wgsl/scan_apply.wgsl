@@ -1,6 +1,7 @@
 // Last step: exclusive prefix sum inside every block, plus the block's start.
 #import index
 #import scan_block
+#import scan_length
 
 @group(0) @binding(0) var<storage, read> values: array<u32>;
 @group(0) @binding(1) var<storage, read> block_sums: array<u32>;

@@ -1,5 +1,6 @@
 // Second step: exclusive prefix sum of the block sums in place, by one workgroup; writes the grand total.
 #import scan_block
+#import scan_length
 
 @group(0) @binding(0) var<storage, read_write> block_sums: array<u32>;
 @group(0) @binding(1) var<storage, read_write> total: array<u32>;

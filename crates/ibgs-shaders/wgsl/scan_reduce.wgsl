@@ -1,6 +1,7 @@
 // First step of the prefix sum: the sum of every block of SCAN_BLOCK elements.
 #import index
 #import scan_block
+#import scan_length
 
 @group(0) @binding(0) var<storage, read> values: array<u32>;
 @group(0) @binding(1) var<storage, read_write> block_sums: array<u32>;

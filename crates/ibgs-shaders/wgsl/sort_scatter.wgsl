@@ -3,7 +3,7 @@
 // its own in the intersection of the eight masks.
 #import index
 #import sort_params
-#import lanes
+#import scan_block
 
 @group(0) @binding(0) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(1) var<storage, read> values_in: array<u32>;

@@ -41,7 +41,7 @@ fn main(
     let a = projected[3u * g];
     let b = projected[3u * g + 1u];
     let tiles = frame_tiles();
-    let cover = tile_cover(a.xy, b.w, vec3(a.zw, b.x), b.y, tiles);
+    let cover = tile_cover(tile_rect(a.xy, b.w, tiles), a.xy, vec3(a.zw, b.x), b.y);
     // Should rounding find fewer here than were counted, what is left over belongs to an absent tile.
     var tile = tiles.x * tiles.y;
     var before = k - offsets[rank];

@@ -33,12 +33,12 @@ fn stage(schedule: &Schedule, iteration: u32) -> &'static str {
     }
 }
 
-impl Watch {
-    /// Whether the stage of the iteration after this one is another: what was measured so far then belongs to this one.
-    pub fn ends(&self, schedule: &Schedule, iteration: u32) -> bool {
-        stage(schedule, iteration) != stage(schedule, iteration + 1)
-    }
+/// Whether the stage of the iteration after this one is another: what was measured so far then belongs to this one.
+pub fn stage_ends(schedule: &Schedule, iteration: u32) -> bool {
+    stage(schedule, iteration) != stage(schedule, iteration + 1)
+}
 
+impl Watch {
     /// Counts an iteration, and looks at the memory now and then.
     pub fn count(&mut self, schedule: &Schedule, iteration: u32, gpu: &Gpu) {
         let name = stage(schedule, iteration);

@@ -166,13 +166,6 @@ impl Warper {
         })
     }
 
-    fn forward(&self, forward: &Forward, sources: &[SourceView]) -> Result<Saved, GpuError> {
-        let mut pass = Pass::new(&self.gpu, LABEL);
-        let saved = self.record(&mut pass, forward, sources)?;
-        pass.submit();
-        Ok(saved)
-    }
-
     fn record(&self, pass: &mut Pass, forward: &Forward, sources: &[SourceView]) -> Result<Saved, GpuError> {
         let gpu = &*self.gpu;
         let surface = forward.surface().expect("warping needs a surface");
@@ -216,8 +209,10 @@ impl Warper {
     /// # Panics
     /// Without a surface or a source: bugs of ours.
     pub fn warp(&self, forward: &Forward, sources: &[SourceView]) -> Result<(Tensor<3>, Arc<Lease<Seen>>), GpuError> {
-        let saved = self.forward(forward, sources)?;
-        Ok((from_primitive(saved.warped), saved.seen))
+        let mut pass = Pass::new(&self.gpu, LABEL);
+        let warped = self.record_warp(&mut pass, forward, sources)?;
+        pass.submit();
+        Ok(warped)
     }
 
     /// As [`Warper::warp`], as a part of a pass.
@@ -247,7 +242,9 @@ impl Warper {
     ) -> Result<(Tensor<3>, Arc<Lease<Seen>>), GpuError> {
         type Ad = Autodiff<CubeBackend>;
         let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
-        let saved = self.forward(forward, sources)?;
+        let mut pass = Pass::new(&self.gpu, LABEL);
+        let saved = self.record(&mut pass, forward, sources)?;
+        pass.submit();
         let (warped, seen) = (saved.warped.clone(), saved.seen.clone());
         let output = match WarpBackward.prepare::<NoCheckpointing>([image.node()]).compute_bound().stateful() {
             OpsKind::Tracked(prep) => prep.finish(saved, warped),

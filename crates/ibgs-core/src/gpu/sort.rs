@@ -54,7 +54,7 @@ impl Sort {
             };
             let immediates = bytes_of(&params);
             pass.groups(&SORT_COUNT, &[&self.keys[from], count, &self.histogram], immediates, blocks);
-            pass.groups(&SORT_ROWS, &[count, &self.histogram], immediates, SORT_BINS as usize);
+            pass.grid(&SORT_ROWS, &[count, &self.histogram], immediates, [SORT_BINS, 1, 1]);
             let buffers =
                 [&self.keys[from], &self.values[from], count, &self.histogram, &self.keys[to], &self.values[to]];
             pass.groups(&SORT_SCATTER, &buffers, immediates, blocks);

@@ -153,6 +153,8 @@ pub struct Forward {
     surface: Option<Arc<Lease<Surface>>>,
 }
 
+const LABEL: &str = "rasterize";
+
 /// Rasterizes; owns the scratch memory.
 #[derive(Debug)]
 pub struct Rasterizer {
@@ -208,7 +210,7 @@ impl Rasterizer {
     }
 
     pub(crate) fn forward(&self, inputs: &Inputs, view: &RasterView, gradients: bool) -> Result<Forward, GpuError> {
-        let mut pass = Pass::new(&self.gpu, "rasterize");
+        let mut pass = Pass::new(&self.gpu, LABEL);
         let forward = self.record(&mut pass, inputs, view, gradients)?;
         pass.submit();
         Ok(forward)
@@ -234,6 +236,7 @@ impl Rasterizer {
         let frame = view.frame(inputs.count(), inputs.coefficients(), ws.isects());
         let surface = view.surface.map(|o| self.leased_surface(inputs.count(), view, o, gradients)).transpose()?;
         let bound_image = Gpu::bind(&image);
+        pass.relabel(LABEL);
         let sorted = record_lists(pass, &ws, inputs, &frame);
         let grid = tile_grid(&frame);
         let list = ws.sorted_gaussians(sorted);
@@ -313,19 +316,6 @@ impl Rasterizer {
         }
     }
 
-    /// Rasterizes without gradients and makes sure that every intersection fitted: grows and repeats otherwise.
-    ///
-    /// # Errors
-    /// Not enough memory, or the device is lost.
-    pub(crate) fn forward_exact(&self, inputs: &Inputs, view: &RasterView) -> Result<Forward, GpuError> {
-        loop {
-            let forward = self.forward(inputs, view, false)?;
-            if self.had_room(&forward)? {
-                return Ok(forward);
-            }
-        }
-    }
-
     /// Whether every intersection of a pass fitted; makes room otherwise. Waits for the GPU.
     pub(crate) fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
         let needed = forward.intersections(&self.gpu)?;
@@ -341,17 +331,20 @@ impl Rasterizer {
     /// # Errors
     /// Not enough memory, or the device is lost.
     pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<burn::tensor::Tensor<3>, GpuError> {
-        Ok(self.forward_exact(&Inputs::of(splats), view)?.image())
+        Ok(self.surface(splats, view)?.image())
     }
 
-    /// Image and, where the view asks for one, surface of the model.
+    /// Image and, where the view asks for one, surface of the model, waiting for the exact intersection count.
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
-    pub fn surface(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Forward, GpuError> {
-        match room {
-            Room::Checked => self.forward_exact(&Inputs::of(splats), view),
-            Room::Assumed => self.forward(&Inputs::of(splats), view, false),
+    pub fn surface(&self, splats: &Splats, view: &RasterView) -> Result<Forward, GpuError> {
+        let inputs = Inputs::of(splats);
+        loop {
+            let forward = self.forward(&inputs, view, false)?;
+            if self.had_room(&forward)? {
+                return Ok(forward);
+            }
         }
     }
 
@@ -360,7 +353,7 @@ impl Rasterizer {
     /// # Errors
     /// Not enough memory, or the device is lost.
     pub fn count_intersections(&self, splats: &Splats, view: &RasterView) -> Result<u64, GpuError> {
-        self.forward_exact(&Inputs::of(splats), view)?.intersections(&self.gpu)
+        self.surface(splats, view)?.intersections(&self.gpu)
     }
 }
 

@@ -15,11 +15,20 @@ fn falloff(d: vec2<f32>, shape: vec3<f32>) -> f32 {
     return 0.5 * (d.x * d.x * shape.x + u * u * shape.z);
 }
 
+// Twice the falloff at a Gaussian's outline, where alpha is 1/255 or a little less; 0 where no alpha reaches that.
+fn outline_cut(opacity: f32) -> f32 {
+    return 2.0 * max(log(255.0 * opacity) + 0.01, 0.0);
+}
+
+// yy of the covariance, without cancellation.
+fn variance_y(shape: vec3<f32>) -> f32 {
+    return 1.0 / shape.z + shape.y * shape.y / shape.x;
+}
+
 // The first row of a tile, and the one behind the last, where a Gaussian may have alpha >= 1/255; `y`: its mean from the tile's
 // first row on.
 fn tile_rows(y: f32, shape: vec3<f32>, opacity: f32) -> vec2<u32> {
-    let variance = 1.0 / shape.z + shape.y * shape.y / shape.x;
-    let reach = sqrt(2.0 * max(log(255.0 * opacity) + 0.01, 0.0) * variance);
+    let reach = sqrt(outline_cut(opacity) * variance_y(shape));
     return vec2<u32>(clamp(vec2(floor(y - reach), ceil(y + reach) + 1.0), vec2(0.0), vec2(f32(TILE))));
 }
 
@@ -37,19 +46,19 @@ struct TileCover {
     width: f32,
 }
 
-fn tile_cover(xy: vec2<f32>, radius: f32, shape: vec3<f32>, opacity: f32, tiles: vec2<u32>) -> TileCover {
-    let cut = 2.0 * (log(255.0 * opacity) + 0.01);
-    // Of the covariance: xy / xx, then yy without cancellation.
-    let yy = 1.0 / shape.z + shape.y * shape.y / shape.x;
-    let reach = sqrt(max(cut, 0.0) * yy);
-    var rect = tile_rect(xy, radius, tiles);
+// `box`: the tiles of the Gaussian's box.
+fn tile_cover(box: vec4<u32>, xy: vec2<f32>, shape: vec3<f32>, opacity: f32) -> TileCover {
+    let cut = outline_cut(opacity);
+    let yy = variance_y(shape);
+    let reach = sqrt(cut * yy);
+    var rect = box;
     // A row of tiles is reached where its pixel centres, from 16 y to 16 y + 15, are.
     let rows = vec2(ceil((xy.y - reach - f32(TILE - 1u)) / f32(TILE)), floor((xy.y + reach) / f32(TILE)) + 1.0);
     let limited = vec2<u32>(clamp(rows, vec2(f32(rect.y)), vec2(f32(rect.w))));
     rect.y = limited.x;
     rect.w = select(limited.x, limited.y, cut > 0.0);
     let width = inverseSqrt(shape.x * shape.z) / yy;
-    return TileCover(rect, xy, reach, shape.y * sqrt(max(cut, 0.0) / shape.x), shape.y / (shape.x * yy), width);
+    return TileCover(rect, xy, reach, shape.y * sqrt(cut / shape.x), shape.y / (shape.x * yy), width);
 }
 
 // First tile of a row, and the one behind the last, with a pixel of alpha >= 1/255. The outline's part between the row's first
