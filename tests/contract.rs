@@ -173,6 +173,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         agreement,
     });
     twin!(SortParams { shift, blocks, capacity, first });
+    twin!(PresentParams { size, stride, mode, range, most, gain });
     twin!(LossParams { size, tiles, lambda, slot });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
     twin!(GatherParams { count, row, fresh_zero, pad });

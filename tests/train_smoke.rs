@@ -1,7 +1,7 @@
 //! Short trainings of a tiny scene: what must happen in every run, and what must not.
 
 mod events;
-mod image_based;
+pub mod image_based;
 mod inputs;
 mod memory;
 

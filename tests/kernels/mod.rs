@@ -11,5 +11,6 @@ mod image_loss;
 mod network;
 mod normal_loss;
 mod photometric_loss;
+mod present;
 mod rasterize;
 mod scan_sort;

@@ -2,19 +2,22 @@
 
 use super::{plain, run, trainer};
 use crate::cli::tiny_demo;
-use crate::common::gpu;
+use crate::common::{gpu, rasterizer};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::eval::score_view;
 use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::fuse::source_store::SourceStore;
 use ibgs_core::fuse::sources::Draw;
-use ibgs_core::scene::Gaussians;
+use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
+use ibgs_core::residual::ResidualNetwork;
+use ibgs_core::scene::{Gaussians, Splats};
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{Method, TrainConfig};
 use std::sync::{Arc, OnceLock};
 
 /// The tiny demo with so many views that neighbours see the same: 28 training views of 48 x 36.
-fn dataset() -> Dataset {
+pub fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
@@ -24,13 +27,39 @@ fn dataset() -> Dataset {
 }
 
 /// Surface losses after 10 iterations, the residual after 14, burn-in for 8.
-fn staged(iterations: u32) -> TrainConfig {
+pub fn staged(iterations: u32) -> TrainConfig {
     let mut config = TrainConfig { method: Method::Ibgs, ..plain(iterations) };
     config.surface.start = Some(10);
     config.residual.start = Some(14);
     config.residual.burn_in = Some(8);
     config.residual.halve_at = Some(Vec::new());
     config
+}
+
+/// A model that was trained for a moment, and its scene.
+pub fn small_model() -> (Renderer, Dataset) {
+    static MODEL: OnceLock<(Gaussians, Option<Vec<f32>>)> = OnceLock::new();
+    let (dataset, config) = (dataset(), staged(40));
+    let (gaussians, network) = MODEL.get_or_init(|| {
+        let mut trainer = trainer(&dataset, &config);
+        run(&mut trainer, 40);
+        model(&trainer)
+    });
+    let part = image_part(&dataset, &config, network.as_ref().unwrap());
+    let splats = Splats::upload(gaussians, &gpu()).unwrap();
+    (Renderer::new(Arc::new(rasterizer()), splats, [0.0; 3], Some(part)), dataset)
+}
+
+/// The image-based part of a model of a dataset.
+pub fn image_part(dataset: &Dataset, config: &TrainConfig, network: &[f32]) -> ImagePart {
+    let training = || dataset.train.iter().map(|&index| &dataset.views[index]);
+    let photos = training().map(|view| view.photo.clone()).collect();
+    ImagePart {
+        cameras: training().map(|view| view.camera).collect(),
+        photos: Arc::new(SourceStore::new(gpu(), photos, None).unwrap()),
+        network: ResidualNetwork::from_values(&gpu(), network).unwrap(),
+        options: ImageOptions::new(config),
+    }
 }
 
 fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {

@@ -10,7 +10,8 @@
 //! 7. [`train`] runs the loop: schedule, optimiser, densification, output folder.
 //! 8. [`render`] is the one path from a model to images, which training, [`eval`] and [`mod@bench`] use too.
 //! 9. [`memory`] reckons what a training will take.
-//! 10. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR.
+//! 10. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on
+//!     the screen, [`video`] makes films, [`inspect`] tells why one of its pixels looks as it does.
 //!
 //! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
 
@@ -24,11 +25,14 @@ pub mod files;
 pub mod fuse;
 pub mod gpu;
 pub mod image_io;
+pub mod inspect;
 pub mod loss;
 pub mod memory;
 pub mod picture;
+pub mod present;
 pub mod raster;
 pub mod render;
 pub mod residual;
 pub mod scene;
 pub mod train;
+pub mod video;

@@ -8,7 +8,8 @@ use crate::fuse::{Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Gpu, GpuError, Pass};
-use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, SurfaceOptions};
+use crate::inspect::FrameSource;
+use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
 use crate::residual::{Factor, Precision, Residual, ResidualTask, Variant};
 use crate::scene::Splats;
@@ -112,16 +113,31 @@ struct ImageStage {
     depths: Mutex<DepthCache>,
 }
 
-/// The final image, and which sources its pixels see where there are any.
-type FinalImage = (Tensor<3>, Option<Arc<Lease<Seen>>>);
+/// The sources of a frame: which training views, and what the pass reads of them.
+struct Sources {
+    indices: Vec<usize>,
+    views: Vec<SourceView>,
+}
+
+/// The final image and what it was made from.
+#[derive(Debug)]
+pub(crate) struct FinalImage {
+    pub image: Tensor<3>,
+    /// Which sources its pixels see; none without any source.
+    pub seen: Option<Arc<Lease<Seen>>>,
+    /// Its sources, best first.
+    pub sources: Vec<FrameSource>,
+    /// How they were warped.
+    pub options: WarpOptions,
+}
 
 /// A rendered view, still on the device.
 #[derive(Debug)]
 pub struct Frame {
-    gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<Gpu>,
     forward: Forward,
-    /// The final image, where the model has a network; with which sources each pixel sees, where there are any.
-    image: Option<FinalImage>,
+    /// The final image, where the model has a network.
+    pub(crate) image: Option<FinalImage>,
     camera: Camera,
 }
 
@@ -212,9 +228,10 @@ impl Renderer {
     }
 
     /// The sources of a view; none where it has none or is too small for the network.
-    fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Vec<SourceView>, GpuError> {
-        // A training view is no source of itself.
-        let own = stage.part.cameras.iter().position(|other| other == camera);
+    fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
+        // A training view is no source of itself, at whatever size.
+        let pose = |camera: &Camera| (camera.view_from_world, camera.translation);
+        let own = stage.part.cameras.iter().position(|other| pose(other) == pose(camera));
         let chosen = match stage.residual.fits(camera) {
             true => stage.finder.sources(camera, own),
             false => Vec::new(),
@@ -227,7 +244,8 @@ impl Renderer {
             let depth = depths.get_or_make(index, make)?;
             Ok(SourceView { camera, photo, depth })
         };
-        chosen.iter().zip(photos).map(source).collect()
+        let views = chosen.iter().zip(photos).map(source).collect::<Result<_, GpuError>>()?;
+        Ok(Sources { indices: chosen, views })
     }
 }
 
@@ -237,19 +255,61 @@ fn record_final(
     stage: &ImageStage,
     camera: &Camera,
     forward: &Forward,
-    sources: &[SourceView],
+    sources: &Sources,
 ) -> Result<FinalImage, GpuError> {
-    let base = forward.image();
-    if sources.is_empty() {
-        return Ok((base, None));
+    let (base, options) = (forward.image(), stage.warper.options);
+    if sources.views.is_empty() {
+        return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
     }
-    let (warped, seen) = stage.warper.record_warp(pass, forward, sources)?;
+    let (warped, seen) = stage.warper.record_warp(pass, forward, &sources.views)?;
     let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
     let weights = stage.part.network.weights.val();
-    Ok((stage.residual.record(pass, &task, [base, warped], weights)?, Some(seen)))
+    let image = stage.residual.record(pass, &task, [base, warped], weights)?;
+    // Not the photos on the device: the store could not give their memory to others.
+    let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
+        view: index,
+        camera: source.camera,
+        photo: stage.part.photos.on_host(index).clone(),
+        depth: source.depth.clone(),
+    };
+    let sources = sources.indices.iter().zip(&sources.views).map(keep).collect();
+    Ok(FinalImage { image, seen: Some(seen), sources, options })
 }
 
 impl Frame {
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The base image, on the device.
+    pub(crate) fn base_tensor(&self) -> Tensor<3> {
+        self.forward.image()
+    }
+
+    /// The final image, on the device, and the sources that its pixels see.
+    pub(crate) fn final_tensor(&self) -> Option<(Tensor<3>, Option<&Seen>)> {
+        self.image.as_ref().map(|part| (part.image.clone(), part.seen.as_ref().map(|seen| &***seen)))
+    }
+
+    /// The surface, on the device.
+    pub(crate) fn surface(&self) -> Option<&Surface> {
+        self.forward.surface().map(|surface| &***surface)
+    }
+
+    /// Median depth at a pixel; none where nothing is met or no surface was asked for.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn depth_at(&self, x: u32, y: u32) -> Result<Option<f32>, GpuError> {
+        let Some(surface) = self.surface().filter(|_| x < self.camera.width && y < self.camera.height) else {
+            return Ok(None);
+        };
+        let at = y as usize * self.camera.width as usize + x as usize;
+        let depth = self.gpu.read_at::<f32>(&surface.median_depth, at, 1)?[0];
+        Ok(Some(depth).filter(|&z| z > 0.0 && z.is_finite()))
+    }
+
     fn pixels(&self) -> usize {
         (self.camera.width * self.camera.height) as usize
     }
@@ -267,7 +327,7 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn image(&self) -> Result<Option<Rendered>, GpuError> {
-        self.image.as_ref().map(|(image, _)| read_image(&self.gpu, image.clone())).transpose()
+        self.image.as_ref().map(|part| read_image(&self.gpu, part.image.clone())).transpose()
     }
 
     /// Median depth, `[H * W]`, 0 where nothing is met; none where no surface was asked for.
@@ -291,8 +351,8 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn visibility(&self) -> Result<Option<Vec<u32>>, GpuError> {
-        let Some((_, seen)) = &self.image else { return Ok(None) };
-        let Some(seen) = seen else { return Ok(Some(vec![0; self.pixels()])) };
+        let Some(part) = &self.image else { return Ok(None) };
+        let Some(seen) = &part.seen else { return Ok(Some(vec![0; self.pixels()])) };
         let packed: Vec<u32> = self.gpu.read(&seen.slots, self.pixels())?;
         let count = |word: u32| (0..4).filter(|m| (word >> (8 * m)) & 255 != 255).count() as u32;
         Ok(Some(packed.into_iter().map(count).collect()))

@@ -164,6 +164,9 @@ kernels! {
     RASTERIZE = "rasterize" [TILE, TILE, 1] (size_of::<types::Frame>()):
         read("projected"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry");
+    /// A part of a frame as 8-bit colours.
+    PRESENT = "present" [256, 1, 1] (size_of::<types::PresentParams>()):
+        read("values"), read("others"), read("words"), read("palette"), write("pixels");
     /// Alpha blending with normal map, median intersections and median depth.
     RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),

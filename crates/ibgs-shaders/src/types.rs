@@ -107,6 +107,24 @@ pub struct SortParams {
     pub first: u32,
 }
 
+/// What is shown of a frame; the twin of `PresentParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct PresentParams {
+    /// Width and height.
+    pub size: [u32; 2],
+    /// Pixels from one row to the next.
+    pub stride: u32,
+    /// A mode of `present.wgsl`.
+    pub mode: u32,
+    /// Depth of the brightest and of the darkest colour.
+    pub range: [f32; 2],
+    /// Number of sources that has the brightest colour.
+    pub most: u32,
+    /// Differences are shown so many times as strong.
+    pub gain: f32,
+}
+
 /// The image loss and the photometric loss; the twin of `LossParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

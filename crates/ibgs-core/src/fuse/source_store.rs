@@ -133,6 +133,14 @@ impl SourceStore {
         Ok(target)
     }
 
+    /// Photo `index` on the host.
+    ///
+    /// # Panics
+    /// When there is no such photo: a bug of ours.
+    pub fn on_host(&self, index: usize) -> &Arc<Photo> {
+        &self.photos[index]
+    }
+
     /// Several photos at once; none of them evicts another.
     ///
     /// # Errors

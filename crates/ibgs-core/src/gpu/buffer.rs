@@ -37,6 +37,7 @@ impl Gpu {
     /// # Errors
     /// When the device cannot bind that much at once, or has no memory left.
     pub fn allocate(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
+        self.check()?;
         self.check_size(what, bytes)?;
         let size = bytes.max(16).next_multiple_of(16);
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -93,11 +94,20 @@ impl Gpu {
         });
         self.wait()?;
         let failed = |e: String| GpuError::Readback(e);
-        receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        self.answer(&receiver)?.map_err(|e| failed(e.to_string()))?;
         let mapped = staging.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
         let mut values = vec![T::zeroed(); count];
         bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&mapped[..bytes as usize]);
         Ok(values)
+    }
+
+    /// As [`Gpu::read`], from the value numbered `first` on.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read_at<T: bytemuck::Pod>(&self, source: &Buffer, first: usize, count: usize) -> Result<Vec<T>, GpuError> {
+        let skipped = (first * size_of::<T>()) as u64;
+        self.read(&Buffer { offset: source.offset + skipped, ..source.clone() }, count)
     }
 
     /// A buffer that the host can map for reading.

@@ -7,7 +7,9 @@ use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
 use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Duration;
 
 /// Storage buffers that the widest kernel binds.
 const STORAGE_BUFFERS: u32 = 18;
@@ -73,6 +75,9 @@ pub enum GpuError {
     /// Results could not be read back.
     #[error("the GPU stopped answering while results were read back: {0}")]
     Readback(String),
+    /// The device is lost, or the driver refused some work.
+    #[error("the GPU has failed: {0}; the program has to be started again")]
+    Failed(String),
 }
 
 /// Which adapter to use.
@@ -111,6 +116,10 @@ pub struct MemoryKind {
 pub struct Gpu {
     /// burn's name of the device (without autodiff).
     pub burn: Device,
+    /// Where the adapter was found; windows need it.
+    pub instance: wgpu::Instance,
+    /// The adapter of the device.
+    pub adapter: wgpu::Adapter,
     /// The wgpu device that burn and our kernels share.
     pub device: wgpu::Device,
     /// Its only queue.
@@ -125,6 +134,8 @@ pub struct Gpu {
     pub(crate) matrix_units_pay: OnceLock<bool>,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     pub(super) profiler: Mutex<Option<Profiler>>,
+    /// What went wrong first, once something has.
+    fault: Arc<OnceLock<String>>,
 }
 
 /// A compiled kernel.
@@ -132,6 +143,13 @@ pub(super) struct Pipeline {
     pub layout: wgpu::BindGroupLayout,
     pub pipeline: wgpu::ComputePipeline,
 }
+
+/// Between two looks at whether the device is lost, while waiting for it.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+/// The end of some work on the device.
+#[derive(Clone, Debug)]
+pub struct Mark(wgpu::SubmissionIndex);
 
 impl std::fmt::Debug for Gpu {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -240,7 +258,13 @@ impl Gpu {
         let (device, queue) =
             pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| refused(e.to_string()))?;
         let backend = info.backend;
-        let setup = WgpuSetup { instance, adapter, device: device.clone(), queue: queue.clone(), backend };
+        let setup = WgpuSetup {
+            instance: instance.clone(),
+            adapter: adapter.clone(),
+            device: device.clone(),
+            queue: queue.clone(),
+            backend,
+        };
         // Exclusive pages: every tensor is a wgpu buffer of its own, so that one dispatch may read one tensor and
         // write another.
         let burn = Device::wgpu_options()
@@ -248,9 +272,21 @@ impl Gpu {
             .memory_config(MemoryConfiguration::ExclusivePages)
             .init()
             .map_err(|e| refused(e.to_string()))?;
+        // In place of burn's own callbacks, of which the one for errors panics.
+        let fault = Arc::new(OnceLock::new());
+        let (first, also) = (fault.clone(), fault.clone());
+        device.set_device_lost_callback(move |reason, text| {
+            let _ = first.set(format!("the device is lost ({reason:?}) {text}").trim_end().to_owned());
+        });
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            // Whoever waits for the device next hears of it.
+            let _ = also.set(error.to_string().split_whitespace().collect::<Vec<_>>().join(" "));
+        }));
         Ok(Arc::new(Gpu {
             burn,
             limits: device.limits(),
+            instance,
+            adapter,
             device,
             queue,
             info,
@@ -258,6 +294,7 @@ impl Gpu {
             matrix_units_pay: OnceLock::new(),
             pipelines: Mutex::default(),
             profiler: Mutex::default(),
+            fault,
         }))
     }
 
@@ -310,8 +347,51 @@ impl Gpu {
     /// # Errors
     /// When the device is lost.
     pub fn wait(&self) -> Result<(), GpuError> {
-        let poll = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.wait_until(None)
+    }
+
+    fn wait_until(&self, mark: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        let poll = self.device.poll(wgpu::PollType::Wait { submission_index: mark, timeout: None });
+        self.check()?;
         poll.map(|_| ()).map_err(|e| GpuError::Readback(e.to_string()))
+    }
+
+    /// What a callback of the device sends.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub(crate) fn answer<T>(&self, receiver: &Receiver<T>) -> Result<T, GpuError> {
+        loop {
+            match receiver.recv_timeout(PATIENCE) {
+                Ok(value) => return Ok(value),
+                Err(RecvTimeoutError::Timeout) => {
+                    let _ = self.device.poll(wgpu::PollType::Poll);
+                    self.check()?;
+                }
+                Err(RecvTimeoutError::Disconnected) => return Err(GpuError::Readback("no answer".to_owned())),
+            }
+        }
+    }
+
+    /// Fails once the device is lost or has refused some work: nothing it gives is right any more.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn check(&self) -> Result<(), GpuError> {
+        self.fault.get().map_or(Ok(()), |fault| Err(GpuError::Failed(fault.clone())))
+    }
+
+    /// Marks the work that has been handed to the device so far.
+    pub fn mark(&self) -> Mark {
+        Mark(self.queue.submit([]))
+    }
+
+    /// Waits until marked work is done; what came after it may still run.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn wait_for(&self, mark: Mark) -> Result<(), GpuError> {
+        self.wait_until(Some(mark.0))
     }
 
     pub(super) fn pipeline(&self, kernel: &'static Kernel) -> Arc<Pipeline> {

@@ -105,6 +105,18 @@ impl<'a> Pass<'a> {
         self.encoder.clear_buffer(&buffer.buffer, buffer.offset, Some(buffer.size));
     }
 
+    /// Copies RGBA8 pixels, `stride` from row to row (a multiple of 64), into a texture.
+    pub(crate) fn copy_to_texture(&mut self, pixels: &Buffer, stride: u32, texture: &wgpu::Texture) {
+        self.open = None;
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: pixels.offset,
+            bytes_per_row: Some(4 * stride),
+            rows_per_image: None,
+        };
+        let source = wgpu::TexelCopyBufferInfo { buffer: &pixels.buffer, layout };
+        self.encoder.copy_buffer_to_texture(source, texture.as_image_copy(), texture.size());
+    }
+
     /// Copies the first `bytes` to byte `at` of another buffer.
     pub(crate) fn copy(&mut self, source: &Buffer, target: &Buffer, at: u64, bytes: u64) {
         self.copy_out(source, &target.buffer, target.offset + at, bytes);

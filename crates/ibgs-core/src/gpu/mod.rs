@@ -10,6 +10,6 @@ pub mod scan;
 pub mod sort;
 
 pub use buffer::{Bound, Buffer};
-pub use device::{AdapterChoice, Gpu, GpuError, MemoryKind, MemoryReport, list_adapters};
+pub use device::{AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, list_adapters};
 pub use launch::Pass;
 pub use profile::Measured;

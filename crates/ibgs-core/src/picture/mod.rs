@@ -76,7 +76,7 @@ impl Picture {
     }
 }
 
-fn viridis(t: f32) -> [u8; 3] {
+pub(crate) fn viridis(t: f32) -> [u8; 3] {
     let color = VIRIDIS.eval_continuous(f64::from(t));
     [color.r, color.g, color.b]
 }
@@ -86,7 +86,7 @@ fn is_depth(z: f32) -> bool {
 }
 
 /// Depths between the first and the last hundredth; 0..1 without any.
-fn usual_range(depth: &[f32]) -> [f32; 2] {
+pub fn usual_range(depth: &[f32]) -> [f32; 2] {
     let mut known: Vec<f32> = depth.iter().copied().filter(|&z| is_depth(z)).collect();
     if known.is_empty() {
         return [0.0, 1.0];

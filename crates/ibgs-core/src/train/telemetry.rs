@@ -1,7 +1,7 @@
 //! Loss statistics and intersection counts of the running training, read back some iterations late: by then the GPU is
 //! long past them and nothing waits. The delay is a fixed number of iterations, so that a run repeats exactly.
 
-use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Mark, Pass};
 use crate::loss::ImageStats;
 use std::sync::mpsc::{Receiver, channel};
 
@@ -29,7 +29,7 @@ pub struct Telemetry {
 #[derive(Debug)]
 struct Pending {
     mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
-    submission: wgpu::SubmissionIndex,
+    mark: Mark,
     /// Room that each entry's iteration had.
     capacities: [u64; RING],
 }
@@ -80,8 +80,7 @@ impl Recorder {
             self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
                 let _ = sender.send(result);
             });
-            let submission = gpu.queue.submit([]);
-            self.pending = Some(Pending { mapped, submission, capacities: self.capacities });
+            self.pending = Some(Pending { mapped, mark: gpu.mark(), capacities: self.capacities });
         }
         if self.written % RING == DELAY { self.collect(gpu) } else { Ok(None) }
     }
@@ -89,9 +88,8 @@ impl Recorder {
     fn collect(&mut self, gpu: &Gpu) -> Result<Option<Telemetry>, GpuError> {
         let Some(pending) = self.pending.take() else { return Ok(None) };
         let failed = |e: String| GpuError::Readback(e);
-        let until = wgpu::PollType::Wait { submission_index: Some(pending.submission), timeout: None };
-        gpu.device.poll(until).map_err(|e| failed(e.to_string()))?;
-        pending.mapped.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        gpu.wait_for(pending.mark)?;
+        gpu.answer(&pending.mapped)?.map_err(|e| failed(e.to_string()))?;
         let mapped = self.staging.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&mapped[..]);
         drop(mapped);

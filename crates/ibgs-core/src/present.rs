@@ -1,0 +1,153 @@
+//! What a frame shows, into a texture of the screen, without a way through the host.
+
+use crate::gpu::buffer::primitive;
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::loss::Target;
+use crate::picture::viridis;
+use crate::render::Frame;
+use bytemuck::bytes_of;
+use ibgs_shaders::PRESENT;
+use ibgs_shaders::types::PresentParams;
+use std::sync::Arc;
+
+/// A part of a frame, in the colours of [`Picture`](crate::picture::Picture).
+#[derive(Clone, Copy, Debug)]
+pub enum Shown<'a> {
+    /// The final image; the base where the model has no network.
+    Final,
+    /// The base image.
+    Base,
+    /// Final minus base image around grey, so many times as strong.
+    Residual(f32),
+    /// Median depth: depth of the brightest and of the darkest colour.
+    Depth([f32; 2]),
+    /// Normal map.
+    Normal,
+    /// How many sources see a pixel's point; so many have the brightest colour.
+    Visibility(u32),
+    /// Final image minus a photo of the frame's size around grey, so many times as strong.
+    Difference(&'a Target, f32),
+    /// A photo of the frame's size.
+    Photo(&'a Target),
+}
+
+/// Puts frames into textures; owns the memory between.
+#[derive(Debug)]
+pub struct Presenter {
+    gpu: Arc<Gpu>,
+    palette: Buffer,
+    pixels: Option<Buffer>,
+}
+
+/// What the kernel reads; the frame keeps the memory.
+struct Inputs {
+    mode: u32,
+    values: Buffer,
+    others: Option<Buffer>,
+    words: Option<Buffer>,
+}
+
+impl Presenter {
+    /// A presenter without any memory but its palette.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: Arc<Gpu>) -> Result<Self, GpuError> {
+        let color = |i: u32| {
+            let [r, g, b] = viridis(i as f32 / 255.0);
+            u32::from_le_bytes([r, g, b, 255])
+        };
+        let palette: Vec<u32> = (0..256).map(color).collect();
+        Ok(Self { palette: gpu.upload("palette", &palette)?, pixels: None, gpu })
+    }
+
+    /// Writes a part of the frame into an RGBA8 texture of the frame's size. A part that the frame does not have is black.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// When texture, photo and frame differ in size: a bug of ours.
+    pub fn present(&mut self, frame: &Frame, shown: &Shown, texture: &wgpu::Texture) -> Result<(), GpuError> {
+        let size = [frame.camera().width, frame.camera().height];
+        assert_eq!([texture.width(), texture.height()], size, "texture and frame differ in size");
+        let gpu = self.gpu.clone();
+        let mut pass = Pass::new(&gpu, "present");
+        let (pixels, stride) = self.record(&mut pass, frame, shown)?;
+        pass.copy_to_texture(&pixels, stride, texture);
+        pass.submit();
+        Ok(())
+    }
+
+    /// The same picture on the host: RGB, row by row, 8 bits a channel.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    ///
+    /// # Panics
+    /// When photo and frame differ in size: a bug of ours.
+    pub fn picture(&mut self, frame: &Frame, shown: &Shown) -> Result<Vec<u8>, GpuError> {
+        let size = [frame.camera().width, frame.camera().height];
+        let gpu = self.gpu.clone();
+        let mut pass = Pass::new(&gpu, "present");
+        let (pixels, stride) = self.record(&mut pass, frame, shown)?;
+        pass.submit();
+        let rgba: Vec<[u8; 4]> = self.gpu.read(&pixels, stride as usize * size[1] as usize)?;
+        let rows = rgba.chunks_exact(stride as usize).map(|row| &row[..size[0] as usize]);
+        Ok(rows.flatten().flat_map(|&[r, g, b, _]| [r, g, b]).collect())
+    }
+
+    /// Records the picture; returns where it will lie, and pixels from one of its rows to the next.
+    fn record(&mut self, pass: &mut Pass, frame: &Frame, shown: &Shown) -> Result<(Buffer, u32), GpuError> {
+        let size = [frame.camera().width, frame.camera().height];
+        // Rows of copies into textures begin at multiples of 256 bytes.
+        let stride = size[0].next_multiple_of(64);
+        let bytes = 4 * u64::from(stride) * u64::from(size[1]);
+        if self.pixels.as_ref().is_none_or(|pixels| pixels.size < bytes) {
+            self.pixels = None;
+            self.pixels = Some(self.gpu.allocate("screen", bytes)?);
+        }
+        let pixels = self.pixels.clone().expect("just made");
+        let (mut range, mut most, mut gain) = ([0.0; 2], 1, 1.0);
+        match *shown {
+            Shown::Depth(wanted) => range = wanted,
+            Shown::Visibility(wanted) => most = wanted.max(1),
+            Shown::Residual(wanted) | Shown::Difference(_, wanted) => gain = wanted,
+            _ => {}
+        }
+        match inputs(frame, shown) {
+            Some(inputs) => {
+                let params = PresentParams { size, stride, mode: inputs.mode, range, most, gain };
+                let values = &inputs.values;
+                let others = inputs.others.as_ref().unwrap_or(values);
+                let words = inputs.words.as_ref().unwrap_or(values);
+                let buffers = [values, others, words, &self.palette, &pixels];
+                pass.linear(&PRESENT, &buffers, bytes_of(&params), size[0] as usize * size[1] as usize);
+            }
+            None => pass.clear(&pixels),
+        }
+        Ok((pixels, stride))
+    }
+}
+
+fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
+    let memory = |tensor| Gpu::bind(&primitive::<3>(tensor)).clone();
+    let base = || memory(frame.base_tensor());
+    let image = || frame.final_tensor().map(|(image, _)| memory(image));
+    let plain = |mode, values| Inputs { mode, values, others: None, words: None };
+    let photo = |target: &Target| {
+        let size = [frame.camera().width, frame.camera().height];
+        assert_eq!(target.size, size, "photo and frame differ in size");
+        Some(target.texels.clone())
+    };
+    Some(match shown {
+        Shown::Final => plain(0, image().unwrap_or_else(base)),
+        Shown::Base => plain(0, base()),
+        Shown::Residual(_) => Inputs { others: Some(base()), ..plain(1, image()?) },
+        Shown::Depth(_) => plain(2, frame.surface()?.median_depth.clone()),
+        Shown::Normal => plain(3, frame.surface()?.normal_map.clone()),
+        Shown::Visibility(_) => Inputs { words: Some(frame.final_tensor()?.1?.slots.clone()), ..plain(4, base()) },
+        Shown::Difference(target, _) => Inputs { words: photo(target), ..plain(5, image().unwrap_or_else(base)) },
+        Shown::Photo(target) => Inputs { words: photo(target), ..plain(6, base()) },
+    })
+}
