@@ -1,8 +1,7 @@
 //! `ibgs`: reconstruct a scene from posed photos and render new views of it.
 
-mod commands;
-
 use clap::{Parser, Subcommand};
+use ibgs::commands;
 use std::process::ExitCode;
 
 /// Reconstruct a scene from posed photos and render new views with Gaussian splatting, on any GPU with Vulkan, Metal
@@ -22,6 +21,8 @@ enum Command {
     Render(commands::render::Args),
     /// Measure a trained model on its held-out views.
     Eval(commands::eval::Args),
+    /// Look at a trained model in a window.
+    View(commands::view::Args),
     /// Write a trained model as one file.
     Export(commands::export::Args),
     /// Say what a scene, a model or a PLY file holds; without a path: the adapters of this machine.
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),
+        Command::View(args) => commands::view::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Bench(args) => commands::bench::run(&args),
@@ -42,7 +44,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", commands::sentence(&error));
+            eprintln!("error: {}", ibgs_viewer::worker::sentence(&error));
             ExitCode::FAILURE
         }
     }

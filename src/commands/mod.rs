@@ -8,6 +8,7 @@ mod model;
 mod outputs;
 pub mod render;
 pub mod train;
+pub mod view;
 
 pub use model::Model;
 pub use outputs::{Output, Place};
@@ -23,17 +24,6 @@ use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::{Protocol, Scored, ViewScore, means};
 use std::path::Path;
 use std::sync::Arc;
-
-/// An error with those of its causes that its own text does not tell already.
-pub fn sentence(error: &anyhow::Error) -> String {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    text
-}
 
 /// Opens the adapter that `--adapter` names.
 pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Options of every command that opens a model.
-#[derive(ClapArgs)]
+#[derive(ClapArgs, Clone, Default)]
 pub struct ModelArgs {
     /// Model folder, as `ibgs train` writes it, or an `.ibgs` bundle.
     pub model: PathBuf,
@@ -84,8 +84,13 @@ struct Loaded {
 }
 
 impl Model {
-    /// Opens a model.
+    /// Opens a model on the adapter that the command line names.
     pub fn open(args: &ModelArgs) -> Result<Self> {
+        Self::open_on(args, || open_gpu(args.adapter.as_ref()))
+    }
+
+    /// Opens a model on a GPU, which is asked for after the files have been read.
+    pub fn open_on(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<Self> {
         let mut loaded = load(args)?;
         if let Some(memory) = args.source_memory {
             loaded.config.sources.memory = memory;
@@ -99,7 +104,7 @@ impl Model {
         } else if loaded.network.is_some() && loaded.photos.is_none() {
             dataset = Some(scene(&loaded.config, &loaded.cameras, args)?);
         }
-        let gpu = open_gpu(args.adapter.as_ref())?;
+        let gpu = gpu()?;
         let part = loaded.network.as_ref().map(|n| image_part(&gpu, &loaded, n, dataset.as_ref())).transpose()?;
         let splats = Splats::upload(&loaded.gaussians, &gpu)?;
         let background = loaded.config.background();

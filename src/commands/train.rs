@@ -1,28 +1,27 @@
 //! `ibgs train`
 
 mod estimate;
+mod run;
 mod stages;
 mod watch;
 
-use super::{load_scene, open_gpu, protocol, score_test_views};
+pub use run::Run;
+
+use super::{load_scene, open_gpu, view};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
+use ibgs_core::scene::read_ply;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
 use ibgs_core::train::output::{Existing, OutputFolder};
-use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::json;
 use stages::StageArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use watch::Watch;
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
 const DEMO_ITERATIONS: [u32; 2] = [700, 10_000];
@@ -33,7 +32,7 @@ const WARM_ITERATIONS: u32 = 3_000;
 const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
 
 /// Options of `ibgs train`; what is given here overrides the options file.
-#[derive(ClapArgs)]
+#[derive(ClapArgs, Clone, Debug)]
 pub struct Args {
     /// Scene folder (COLMAP model with photos, or transforms.json); left out: the built-in demo scene.
     scene: Option<PathBuf>,
@@ -123,6 +122,9 @@ pub struct Args {
     white_background: bool,
     #[command(flatten)]
     stages: StageArgs,
+    /// Train in the viewer's window; closing it ends the training as Ctrl-C does.
+    #[arg(long)]
+    with_viewer: bool,
     /// Adapter by number or part of its name; `ibgs info` lists them.
     #[arg(long)]
     adapter: Option<String>,
@@ -188,20 +190,34 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    if args.with_viewer {
+        view::check_display()?;
+    }
+    let run = start(args, || open_gpu(args.adapter.as_ref()), &|_| {})?;
+    if args.with_viewer { view::look(run) } else { run.train() }
+}
+
+/// Prepares a training: `told` hears what is being done. The GPU is asked for after the files have been read.
+pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(&str)) -> Result<Run> {
     let mut config = args.config()?;
     config.validate()?;
     // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
     refuse_output(args)?;
     let start = config.init.as_deref().map(read_ply).transpose()?;
+    told("loading the photos");
     let scene = config.data.source.clone().map(|source| load_scene(&config.data, config.seed, &source)).transpose()?;
     if scene.is_none() {
         refuse_scene_options(&config.data)?;
     }
-    let gpu = open_gpu(args.adapter.as_ref())?;
+    let gpu = gpu()?;
     let dataset = match scene {
         Some(dataset) => dataset,
-        None => demo_scene(&mut config, args, &gpu)?,
+        None => {
+            told("ray tracing the demo scene; this takes some minutes the first time");
+            demo_scene(&mut config, args, &gpu)?
+        }
     };
+    told("preparing the training");
     let started = Instant::now();
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
     gpu.warm_up();
@@ -221,18 +237,7 @@ pub fn run(args: &Args) -> Result<()> {
         folder.root().display()
     );
     eprintln!("{}", estimate::sentence(&trainer, &raster, &dataset, &config));
-    let mut run = Run { trainer, raster, dataset, config, folder, watch: Watch::default() };
-    run.train()?;
-    run.write_time()?;
-    eprintln!(
-        "trained {} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians",
-        run.trainer.iteration(),
-        run.watch.total().as_secs_f64(),
-        (started.elapsed() - run.watch.total()).as_secs_f64(),
-        run.trainer.splats().len()
-    );
-    eprintln!("stages: {}", run.watch.sentence());
-    Ok(())
+    Ok(Run::new(trainer, raster, dataset, config, folder, started))
 }
 
 /// Options of photos on disk would be ignored, and still stand in the results.
@@ -305,143 +310,4 @@ fn free_folder(args: &Args, source: Option<&Path>) -> Result<PathBuf> {
     let mut candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
     let free = candidates.find_map(|n| Some(Path::new("output").join(n)).filter(|p| !p.exists() || args.overwrite));
     free.context("no free output folder")
-}
-
-/// A training run with everything that it reports to.
-struct Run {
-    trainer: Trainer,
-    raster: Arc<Rasterizer>,
-    dataset: Dataset,
-    config: TrainConfig,
-    folder: OutputFolder,
-    /// Time and memory of the iterations alone.
-    watch: Watch,
-}
-
-impl Run {
-    fn train(&mut self) -> Result<()> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let flag = stop.clone();
-        // Only one handler a process; when there is one already (in tests), that one stays.
-        let _ = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        });
-        let bar = progress_bar(self.config.iterations);
-        let mut clock = Instant::now();
-        while self.trainer.iteration() < self.config.iterations && !stop.load(Ordering::SeqCst) {
-            if let Err(error) = self.trainer.step() {
-                bar.finish_and_clear();
-                return Err(self.rescue(error.into()));
-            }
-            let iteration = self.trainer.iteration();
-            bar.set_position(u64::from(iteration));
-            if iteration.is_multiple_of(20) {
-                self.report(&bar);
-            }
-            let schedule = self.trainer.schedule();
-            self.watch.count(schedule, iteration, self.raster.gpu());
-            let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
-            if save || evaluate || watch::stage_ends(schedule, iteration) {
-                self.raster.gpu().wait()?;
-                self.watch.spent(clock.elapsed());
-                if save {
-                    self.save()?;
-                }
-                if evaluate {
-                    bar.suspend(|| self.evaluate())?;
-                }
-                clock = Instant::now();
-            }
-        }
-        self.watch.spent(clock.elapsed());
-        bar.finish_and_clear();
-        if stop.load(Ordering::SeqCst) {
-            eprintln!("stopped at iteration {}: saving and evaluating", self.trainer.iteration());
-            self.save()?;
-            self.evaluate()?;
-        }
-        if self.trainer.overflowed() {
-            eprintln!("note: some iterations had more tile intersections than there was room for, and were left out");
-        }
-        Ok(())
-    }
-
-    /// Saves what there is after an error, and says where it went.
-    fn rescue(&self, error: anyhow::Error) -> anyhow::Error {
-        let path = self.folder.point_cloud_path(self.trainer.iteration());
-        match self.save() {
-            Ok(()) => error.context(format!("training stopped; the model so far is in {}", path.display())),
-            Err(_) => error,
-        }
-    }
-
-    fn report(&self, bar: &ProgressBar) {
-        let telemetry = self.trainer.telemetry();
-        if telemetry.stats.loss == 0.0 {
-            // Nothing has come back from the GPU yet.
-            return;
-        }
-        bar.set_message(format!(
-            "loss {:.4}  PSNR {:5.2}  {} Gaussians",
-            telemetry.stats.loss,
-            telemetry.stats.psnr(),
-            self.trainer.splats().len()
-        ));
-    }
-
-    fn save(&self) -> Result<()> {
-        let iteration = self.trainer.iteration();
-        let gaussians = self.trainer.splats().download()?;
-        // Without planes the file is exactly what other programs write and read.
-        let planes = self.config.method == Method::Ibgs;
-        let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
-        // The network first: a folder holds a model once it holds its Gaussians, and never a model without its network.
-        if let Some(part) = self.trainer.renderer().part() {
-            part.network.save(&self.folder.network_save_path(iteration))?;
-        }
-        write_ply(&self.folder.point_cloud_path(iteration), &gaussians, flavor)?;
-        Ok(())
-    }
-
-    fn evaluate(&self) -> Result<()> {
-        let iteration = self.trainer.iteration();
-        if self.dataset.test.is_empty() {
-            return Ok(());
-        }
-        let renderer = self.trainer.renderer();
-        let target = (&self.folder, iteration);
-        let scores = score_test_views(&renderer, &self.dataset, &self.config, target, |_, _| {})?;
-        scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
-        let ms = 1e3 * self.watch.total().as_secs_f64() / f64::from(iteration.max(1));
-        eprintln!(
-            "iteration {iteration}: test {} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
-            scores.sentence(),
-            scores.base.len(),
-            self.trainer.splats().len()
-        );
-        if let Some(sentence) = scores.regions_sentence() {
-            eprintln!("   {sentence}");
-        }
-        Ok(())
-    }
-
-    /// Writes how long the training took, for `ibgs eval`.
-    fn write_time(&self) -> Result<()> {
-        let time = json!({
-            "seconds": self.watch.total().as_secs_f64(),
-            "iterations": self.trainer.iteration(),
-            "stages": self.watch.json(),
-            "device": self.raster.gpu().describe(),
-        });
-        Ok(self.folder.write_result(self.trainer.iteration(), "result_training.json", time)?)
-    }
-}
-
-fn progress_bar(iterations: u32) -> ProgressBar {
-    let bar = ProgressBar::new(u64::from(iterations));
-    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {eta} left";
-    bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar
 }

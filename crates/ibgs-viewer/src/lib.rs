@@ -1,1 +1,182 @@
-//! The interactive viewer. Nothing is here yet: `ibgs` is used from the command line so far.
+//! The interactive viewer: a window on a model, drawn on the device that renders it.
+//!
+//! [`app`] is the window: input, panels, what is shown. A thread of its own renders and trains ([`worker`]), so the window
+//! answers while it works. [`canvas`] puts finished frames on the screen, [`navigator`] moves the camera.
+
+pub mod app;
+pub mod canvas;
+mod curves;
+mod film;
+mod marks;
+pub mod measure;
+pub mod mode;
+pub mod navigator;
+mod panels;
+mod thumbnails;
+pub mod worker;
+
+pub use app::Viewer;
+pub use mode::Mode;
+
+use anyhow::Result;
+use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
+use eframe::{NativeOptions, egui};
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::{Photo, Point};
+use ibgs_core::eval::Score;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::render::Renderer;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A view of the scene that the camera can stand on.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Name of its photo.
+    pub name: String,
+    /// Its camera.
+    pub camera: Camera,
+    /// The model was not trained on it.
+    pub held_out: bool,
+    /// Its photo, of the camera's size.
+    pub photo: Option<Arc<Photo>>,
+}
+
+/// What stands around a model.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Stands in the window's title.
+    pub title: String,
+    /// What to open to see it again; none for what is built in.
+    pub path: Option<PathBuf>,
+    /// The views of its scene.
+    pub views: Vec<View>,
+    /// Sparse points of the scene.
+    pub points: Vec<Point>,
+    /// Where screenshots and films go.
+    pub pictures: PathBuf,
+}
+
+/// What is looked at.
+pub enum Content {
+    /// A finished model; it finds the surface of every frame.
+    Model(Arc<Renderer>),
+    /// A model that is being trained.
+    Training(Box<dyn Training>),
+}
+
+/// Something that was opened.
+pub struct Opened {
+    /// What stands around it.
+    pub scene: Scene,
+    /// What is looked at.
+    pub content: Content,
+}
+
+/// What a user may ask to open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// A model folder, a bundle, a PLY file, or a scene folder, which is trained on.
+    Path(PathBuf),
+    /// The built-in demo scene, which is trained on.
+    Demo,
+}
+
+/// Opens what a user asks for; called on the viewer's own thread.
+pub trait Open: Send + 'static {
+    /// Opens it on this GPU. `told` hears what is being done.
+    ///
+    /// # Errors
+    /// A sentence that names the file and what to do.
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened>;
+}
+
+/// A running training.
+pub trait Training: Send {
+    /// One iteration, and what is due after it: saving and measuring, of which `told` hears.
+    ///
+    /// # Errors
+    /// The device failed, a file cannot be written, or the loss is no number any more.
+    fn step(&mut self, told: &dyn Fn(&str)) -> Result<()>;
+
+    /// How far it is.
+    fn progress(&self) -> Progress;
+
+    /// A renderer of the model as it is now, used before the next step; it finds the surface of every frame.
+    fn renderer(&self) -> Renderer;
+
+    /// Writes the model as it is now; says where.
+    ///
+    /// # Errors
+    /// The device failed, or a file cannot be written.
+    fn save(&mut self) -> Result<PathBuf>;
+
+    /// Writes what is to be written at the end: called once, after the last iteration or when the window is closed before.
+    ///
+    /// # Errors
+    /// The device failed, or a file cannot be written.
+    fn finish(&mut self) -> Result<()>;
+}
+
+/// How far a training is.
+#[derive(Clone, Debug, Default)]
+pub struct Progress {
+    /// Iterations done.
+    pub iteration: u32,
+    /// Iterations of the whole run.
+    pub iterations: u32,
+    /// Stage of the schedule.
+    pub stage: &'static str,
+    /// Mean loss of recent iterations; none where nothing has come back from the GPU yet.
+    pub loss: Option<f32>,
+    /// Their mean PSNR against the training photos, in dB.
+    pub psnr: Option<f32>,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Time spent in iterations.
+    pub seconds: f64,
+    /// What was measured on the held-out views so far.
+    pub evaluations: Vec<Evaluation>,
+}
+
+/// A measurement on the held-out views.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// After so many iterations.
+    pub iteration: u32,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Mean of the base images.
+    pub base: Score,
+    /// Mean of the final images, where there were any.
+    pub image: Option<Score>,
+}
+
+/// The device of a GPU, for windows and tests.
+pub fn wgpu_setup(gpu: &Gpu) -> WgpuSetup {
+    WgpuSetup::Existing(WgpuSetupExisting {
+        instance: gpu.instance.clone(),
+        adapter: gpu.adapter.clone(),
+        device: gpu.device.clone(),
+        queue: gpu.queue.clone(),
+    })
+}
+
+/// Opens a window, on what is already open or on a start page, and returns when it is closed.
+///
+/// # Errors
+/// No display, or a device that cannot draw into windows.
+pub fn run(gpu: &Arc<Gpu>, opener: impl Open, opened: Option<Opened>) -> Result<(), eframe::Error> {
+    let options = NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("ibgs")
+            .with_app_id("ibgs")
+            .with_inner_size([1280.0, 800.0])
+            .with_min_inner_size([320.0, 240.0]),
+        wgpu_options: WgpuConfiguration { wgpu_setup: wgpu_setup(gpu), ..Default::default() },
+        ..Default::default()
+    };
+    let gpu = gpu.clone();
+    let make = move |cc: &eframe::CreationContext| Viewer::new(cc, gpu, opener, opened);
+    eframe::run_native("ibgs", options, Box::new(move |cc| Ok(Box::new(make(cc)?))))
+}

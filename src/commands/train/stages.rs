@@ -27,7 +27,7 @@ fn distance(text: &str) -> Result<Distance, String> {
 }
 
 /// Options of the residual and its sources.
-#[derive(ClapArgs)]
+#[derive(ClapArgs, Clone, Debug)]
 pub struct StageArgs {
     /// Photos of neighbouring views that are read for a view, 1 to 8.
     #[arg(long)]

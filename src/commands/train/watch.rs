@@ -25,7 +25,8 @@ pub struct Watch {
     stages: Vec<Taken>,
 }
 
-fn stage(schedule: &Schedule, iteration: u32) -> &'static str {
+/// Name of an iteration's stage.
+pub fn stage(schedule: &Schedule, iteration: u32) -> &'static str {
     match (schedule.residual_at(iteration), schedule.surface_loss_at(iteration)) {
         (true, _) => "residual",
         (false, true) => "surface",

@@ -1,0 +1,242 @@
+//! The rendered image on the screen: which frames are asked for, at which size, and the textures that egui paints.
+
+use crate::mode::{Mode, Style};
+use crate::worker::{Rendered, Request};
+use eframe::egui::TextureId;
+use eframe::egui_wgpu::RenderState;
+use ibgs_core::camera::Camera;
+use ibgs_core::gpu::{Gpu, GpuError};
+use ibgs_core::loss::Target;
+use ibgs_core::present::Presenter;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A frame that would take longer is made smaller: while the camera moves, and when it rests.
+const SLOW: [f32; 2] = [0.04, 2.0];
+/// A frame is at least this share of the window's size.
+const LEAST_SHARE: f32 = 0.125;
+/// Share of the first frame, as nothing is known of the time yet.
+const FIRST_SHARE: f32 = 0.25;
+/// Shortest and longest side of an image in pixels.
+pub(crate) const SIDES: [u32; 2] = [16, 8192];
+/// A model in training is shown again after this time, and after so many times that of a frame.
+const REFRESH: Duration = Duration::from_millis(100);
+const REFRESH_FRAMES: u32 = 8;
+
+/// What is wanted on the screen.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// The camera at the full size.
+    pub camera: Camera,
+    /// The camera moves: speed counts more than sharpness.
+    pub moving: bool,
+    /// The image is compared with a photo, so it must have its size.
+    pub exact: bool,
+    /// A resting camera's image has the full size, however long it takes.
+    pub always_sharp: bool,
+    /// Depths are shown.
+    pub with_range: bool,
+    /// Iteration of the training: another one is another model.
+    pub iteration: u32,
+    /// The training goes on.
+    pub running: bool,
+}
+
+struct Screen {
+    texture: wgpu::Texture,
+    id: TextureId,
+    /// What it shows of the last frame.
+    shown: Option<(Mode, Style, bool)>,
+}
+
+/// Asks for frames, and holds the last one and its textures.
+pub struct Canvas {
+    gpu: Arc<Gpu>,
+    presenter: Presenter,
+    screens: [Option<Screen>; 2],
+    last: Option<Rendered>,
+    arrived: Option<Instant>,
+    /// What was asked for and has not come yet, and its share of the full size.
+    awaited: Option<(Request, f32)>,
+    /// Seconds that a frame of the full size would take.
+    full_time: Option<f32>,
+    /// Nothing more has to be asked for.
+    settled: bool,
+    /// Range of the depths and the like.
+    pub style: Style,
+}
+
+impl Canvas {
+    /// A canvas without an image yet.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: Arc<Gpu>) -> Result<Self, GpuError> {
+        Ok(Self {
+            presenter: Presenter::new(gpu.clone())?,
+            gpu,
+            screens: [None, None],
+            last: None,
+            arrived: None,
+            awaited: None,
+            full_time: None,
+            settled: false,
+            style: Style { depth_range: [0.0, 1.0], gain: 1.0, most_sources: 1 },
+        })
+    }
+
+    /// The last frame.
+    pub fn last(&self) -> Option<&Rendered> {
+        self.last.as_ref()
+    }
+
+    /// Forgets all frames, for another model.
+    pub fn clear(&mut self) {
+        (self.last, self.arrived, self.awaited, self.full_time, self.settled) = (None, None, None, None, false);
+        self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
+    }
+
+    /// The frame that was asked for does not come.
+    pub fn give_up(&mut self) {
+        self.awaited = None;
+    }
+
+    /// Takes a finished frame.
+    pub fn take(&mut self, rendered: Rendered) {
+        let Some((request, share)) = self.awaited else { return };
+        if request.camera != *rendered.frame.camera() {
+            // Of what was open before.
+            return;
+        }
+        self.awaited = None;
+        self.style.most_sources = rendered.facts.most_sources;
+        if let Some(range) = rendered.range {
+            self.style.depth_range = range;
+        }
+        // The time goes with the number of pixels.
+        self.full_time = Some(rendered.time.as_secs_f32() / (share * share));
+        self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
+        self.last = Some(rendered);
+        self.arrived = Some(Instant::now());
+    }
+
+    /// The frame to ask for now, if any.
+    pub fn request(&mut self, wanted: &Wanted) -> Option<Request> {
+        if self.awaited.is_some() {
+            return None;
+        }
+        let full = &wanted.camera;
+        let share = match self.full_time {
+            _ if wanted.exact || (wanted.always_sharp && !wanted.moving) => 1.0,
+            Some(time) => (SLOW[usize::from(!wanted.moving)] / time.max(1e-5)).sqrt().clamp(LEAST_SHARE, 1.0),
+            None => FIRST_SHARE,
+        };
+        // What is sharp enough stays as it is: the time of a frame is never twice the same.
+        let enough = |last: &Rendered| {
+            let camera = last.frame.camera();
+            let now = camera.width as f32 / full.width as f32;
+            sees_the_same(camera, full) && now > 0.8 * share && now < 1.25 * share && share < 1.0
+        };
+        let side = |side: u32| ((side as f32 * share).round() as u32).clamp(SIDES[0], SIDES[1]);
+        let camera = match &self.last {
+            Some(last) if !wanted.moving && enough(last) => *last.frame.camera(),
+            _ if share < 1.0 => full.resized(side(full.width), side(full.height)),
+            _ => *full,
+        };
+        let with_range = wanted.with_range && !wanted.moving;
+        let fits = self.last.as_ref().is_some_and(|last| {
+            let aged = self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
+            *last.frame.camera() == camera
+                && (last.range.is_some() || !with_range)
+                && !(last.iteration != wanted.iteration && aged)
+        });
+        let request = (!fits).then_some(Request { camera, with_range });
+        self.awaited = request.map(|request| (request, share));
+        let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);
+        self.settled = fits && is_newest && !wanted.moving;
+        request
+    }
+
+    /// Nothing more was to be asked for when it was asked last.
+    pub fn is_settled(&self) -> bool {
+        self.settled
+    }
+
+    /// A texture that shows the last frame in a mode; two can be had at once.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn texture(
+        &mut self,
+        state: &RenderState,
+        side: usize,
+        mode: Mode,
+        photo: Option<&Target>,
+    ) -> Result<Option<TextureId>, GpuError> {
+        let Some(last) = &self.last else { return Ok(None) };
+        let camera = last.frame.camera();
+        let size = [camera.width, camera.height];
+        let photo = photo.filter(|photo| photo.size == size);
+        let screen = fitted(&self.gpu, state, &mut self.screens[side], size);
+        let now = (mode, self.style, photo.is_some());
+        if screen.shown != Some(now) {
+            self.presenter.present(&last.frame, &mode.shown(&self.style, photo), &screen.texture)?;
+            screen.shown = Some(now);
+        }
+        Ok(Some(screen.id))
+    }
+
+    /// The last frame in a mode, on the host: width, height, RGB.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn picture(&mut self, mode: Mode, photo: Option<&Target>) -> Result<Option<(u32, u32, Vec<u8>)>, GpuError> {
+        let Some(last) = &self.last else { return Ok(None) };
+        let camera = last.frame.camera();
+        let photo = photo.filter(|photo| photo.size == [camera.width, camera.height]);
+        let rgb = self.presenter.picture(&last.frame, &mode.shown(&self.style, photo))?;
+        Ok(Some((camera.width, camera.height, rgb)))
+    }
+}
+
+/// Whether two cameras differ in their number of pixels alone.
+fn sees_the_same(a: &Camera, b: &Camera) -> bool {
+    let angles = |camera: &Camera| camera.focal / glam::DVec2::new(camera.width.into(), camera.height.into());
+    a.view_from_world == b.view_from_world
+        && a.translation == b.translation
+        && angles(a).abs_diff_eq(angles(b), 1e-9 * angles(b).max_element())
+}
+
+/// A texture that frames are put into and the window paints.
+pub(crate) fn texture(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("canvas"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba8Unorm,
+        usage: wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    })
+}
+
+/// A texture of this size.
+fn fitted<'a>(gpu: &Gpu, state: &RenderState, screen: &'a mut Option<Screen>, size: [u32; 2]) -> &'a mut Screen {
+    let fits = |screen: &Screen| [screen.texture.width(), screen.texture.height()] == size;
+    if !screen.as_ref().is_some_and(fits) {
+        let texture = texture(gpu, size);
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let filter = wgpu::FilterMode::Linear;
+        let mut painter = state.renderer.write();
+        let id = match &screen {
+            Some(screen) => {
+                painter.update_egui_texture_from_wgpu_texture(&gpu.device, &view, filter, screen.id);
+                screen.id
+            }
+            None => painter.register_native_texture(&gpu.device, &view, filter),
+        };
+        *screen = Some(Screen { texture, id, shown: None });
+    }
+    screen.as_mut().expect("just made")
+}

@@ -1,0 +1,84 @@
+//! Rendering a camera path to frames and a video.
+
+use crate::mode::{Mode, Style};
+use anyhow::{Result, bail};
+use ibgs_core::camera::Camera;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::image_io::write_png;
+use ibgs_core::present::Presenter;
+use ibgs_core::render::Renderer;
+use ibgs_core::video;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A film that is asked for.
+#[derive(Clone, Debug)]
+pub struct Film {
+    /// One camera a frame.
+    pub cameras: Vec<Camera>,
+    /// Frames a second.
+    pub fps: f64,
+    /// What is shown.
+    pub mode: Mode,
+    /// How it is shown.
+    pub style: Style,
+    /// An empty or missing folder for the frames.
+    pub folder: PathBuf,
+}
+
+/// A film in work.
+pub struct Shoot {
+    film: Film,
+    presenter: Presenter,
+    done: usize,
+}
+
+impl Shoot {
+    /// Begins a film.
+    ///
+    /// # Errors
+    /// A folder that already holds something, or not enough memory.
+    pub fn begin(gpu: &Arc<Gpu>, film: Film) -> Result<Self> {
+        if film.folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
+            bail!("{} is not empty; choose another folder for the film", film.folder.display());
+        }
+        Ok(Self { presenter: Presenter::new(gpu.clone())?, film, done: 0 })
+    }
+
+    /// Frames that are done.
+    pub fn done(&self) -> usize {
+        self.done
+    }
+
+    /// Frames in all.
+    pub fn count(&self) -> usize {
+        self.film.cameras.len()
+    }
+
+    /// Renders a frame; after the last one makes the video and says what was written.
+    ///
+    /// # Errors
+    /// The device failed, or a file cannot be written.
+    pub fn next(&mut self, renderer: &Renderer) -> Result<Option<String>> {
+        if let Some(camera) = self.film.cameras.get(self.done) {
+            let frame = renderer.render(camera)?;
+            let rgb = self.presenter.picture(&frame, &self.film.mode.shown(&self.film.style, None))?;
+            let path = self.film.folder.join(video::frame_name(self.done));
+            write_png(&path, camera.width, camera.height, &rgb)?;
+            self.done += 1;
+        }
+        if self.done < self.count() {
+            return Ok(None);
+        }
+        let frames = format!("{} frames in {}", self.count(), self.film.folder.display());
+        Ok(Some(match video::encode(&self.film.folder, self.film.fps) {
+            Ok(path) => format!("{frames}; video: {}", path.display()),
+            Err(error) => format!("{frames}; {error}"),
+        }))
+    }
+
+    /// What there is of a film that was cancelled.
+    pub fn cancelled(&self) -> String {
+        format!("cancelled after {} of {} frames in {}", self.done, self.count(), self.film.folder.display())
+    }
+}

@@ -1,0 +1,68 @@
+//! What the window adds to the time of a frame.
+
+use crate::worker::{Command, News, Request, Worker};
+use crate::{Content, Open, Opened, Scene, Wanted};
+use anyhow::{Result, bail};
+use eframe::egui;
+use ibgs_core::camera::Camera;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::present::{Presenter, Shown};
+use ibgs_core::render::Renderer;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Medians over the frames, in milliseconds.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameTimes {
+    /// The renderer alone: from the call until the device has finished.
+    pub alone: f64,
+    /// The window's way: request to its thread, frame, and picture in a texture that the window can paint.
+    pub in_window: f64,
+}
+
+struct Nothing;
+
+impl Open for Nothing {
+    fn open(&self, _: &Wanted, _: &Arc<Gpu>, _: &dyn Fn(&str)) -> Result<Opened> {
+        bail!("nothing is opened here")
+    }
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() / 2).copied().unwrap_or_default()
+}
+
+/// Times frames of these cameras, all of one size, each both ways in turn; the first tenth does not count.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn measure(renderer: &Arc<Renderer>, cameras: &[Camera]) -> Result<FrameTimes> {
+    let gpu = renderer.gpu().clone();
+    let Some(Camera { width, height, .. }) = cameras.first().copied() else { bail!("there are no cameras to render") };
+    let opened = Opened { scene: Scene::default(), content: Content::Model(renderer.clone()) };
+    let worker = Worker::start(gpu.clone(), Nothing, Some(opened), egui::Context::default());
+    let mut presenter = Presenter::new(gpu.clone())?;
+    let texture = crate::canvas::texture(&gpu, [width, height]);
+    let (mut alone, mut in_window) = (Vec::new(), Vec::new());
+    for camera in cameras {
+        let start = Instant::now();
+        drop(renderer.render(camera)?);
+        gpu.wait()?;
+        alone.push(1e3 * start.elapsed().as_secs_f64());
+
+        let start = Instant::now();
+        worker.send(Command::Render(Request { camera: *camera, with_range: false }));
+        loop {
+            match worker.news.recv()? {
+                News::Rendered(rendered) => break presenter.present(&rendered.frame, &Shown::Final, &texture)?,
+                News::Failed(sentence) => bail!(sentence),
+                _ => {}
+            }
+        }
+        gpu.wait()?;
+        in_window.push(1e3 * start.elapsed().as_secs_f64());
+    }
+    let counted = |mut times: Vec<f64>| median(times.split_off(times.len() / 10));
+    Ok(FrameTimes { alone: counted(alone), in_window: counted(in_window) })
+}

@@ -1,0 +1,166 @@
+//! The bar along the top, and the line below it that tells what is done and what went wrong.
+
+use crate::app::Viewer;
+use crate::mode::Mode;
+use crate::panels::start;
+use eframe::egui::{self, Align2, Area, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
+use glam::DVec3;
+
+/// Menus, modes and camera along the top.
+pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
+    egui::Panel::top("bar").show(ui, |ui| {
+        ui.horizontal_wrapped(|ui| {
+            ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
+            ui.menu_button("Scene", |ui| {
+                start::open(viewer, ui);
+                if let Some(scene) = &viewer.scene {
+                    ui.separator();
+                    ui.weak(&scene.title);
+                }
+            });
+            if viewer.scene.is_some() {
+                show(viewer, ui);
+                ui.separator();
+                modes(viewer, ui);
+                ui.separator();
+                camera(viewer, ui);
+            }
+            ui.separator();
+            theme(ui);
+            if viewer.scene.is_some() && ui.button("?").on_hover_text("Keys and pointer").clicked() {
+                viewer.panels.shows_help = !viewer.panels.shows_help;
+            }
+        });
+    });
+}
+
+fn theme(ui: &mut Ui) {
+    ui.menu_button("Theme", |ui| {
+        let now = ui.ctx().options(|options| options.theme_preference);
+        let all =
+            [("Dark", ThemePreference::Dark), ("Light", ThemePreference::Light), ("System", ThemePreference::System)];
+        for (name, preference) in all {
+            if ui.selectable_label(now == preference, name).clicked() {
+                ui.ctx().set_theme(preference);
+                ui.close();
+            }
+        }
+    });
+}
+
+fn show(viewer: &mut Viewer, ui: &mut Ui) {
+    ui.menu_button("Show", |ui| {
+        let panels = &mut viewer.panels;
+        ui.checkbox(&mut panels.shows_cameras, "Cameras (C)").on_hover_text(
+            "Where the photos were taken: trained on in blue, held out in orange, sources of the clicked pixel in green",
+        );
+        ui.checkbox(&mut panels.shows_points, "Sparse points")
+            .on_hover_text("Points of the scene that the training began with");
+        let mut views = !panels.hides_views;
+        ui.checkbox(&mut views, "Views").on_hover_text("The list of photos");
+        panels.hides_views = !views;
+        let mut figures = !panels.hides_figures;
+        ui.checkbox(&mut figures, "Figures").on_hover_text("Size, time and memory of the image");
+        panels.hides_figures = !figures;
+        ui.checkbox(&mut panels.always_sharp, "Always sharp").on_hover_text(
+            "The image of a resting camera has all pixels, also where that takes more than two seconds",
+        );
+        ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
+        ui.separator();
+        if ui.button("Screenshot (P)").on_hover_text("Write what the canvas shows as a PNG file").clicked() {
+            viewer.screenshot();
+            ui.close();
+        }
+    });
+}
+
+fn modes(viewer: &mut Viewer, ui: &mut Ui) {
+    for (number, mode) in (1..).zip(Mode::ALL) {
+        let offered = viewer.offers(mode);
+        let text = format!("{}. Key {number}.", mode.meaning());
+        let button = ui.add_enabled_ui(offered, |ui| ui.selectable_label(viewer.mode == mode, mode.name())).inner;
+        if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
+            viewer.show_mode(mode);
+        }
+    }
+    let name = viewer.other.map_or("Split".to_owned(), |other| format!("Split: {}", other.name()));
+    ui.menu_button(name, |ui| {
+        if ui.selectable_label(viewer.other.is_none(), "No split").clicked() {
+            viewer.show_other(None);
+            ui.close();
+        }
+        for mode in Mode::ALL {
+            let offered = viewer.offers(mode);
+            let label = ui.add_enabled_ui(offered, |ui| ui.selectable_label(viewer.other == Some(mode), mode.name()));
+            if label.inner.on_hover_text(mode.meaning()).clicked() {
+                viewer.show_other(Some(mode));
+                ui.close();
+            }
+        }
+    })
+    .response
+    .on_hover_text("Show another mode right of a line that you can drag");
+    if viewer.mode.has_gain() || viewer.other.is_some_and(Mode::has_gain) {
+        let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
+        ui.add(slider).on_hover_text("Residual and difference are shown so many times as strong");
+    }
+}
+
+fn camera(viewer: &mut Viewer, ui: &mut Ui) {
+    let mut degrees = viewer.navigator.fov.to_degrees();
+    // Only what the user does may change it: a view's own angle is neither round nor always in the range.
+    let angle = DragValue::new(&mut degrees).range(10.0..=120.0).clamp_existing_to_range(false).speed(0.5);
+    let angle = angle.fixed_decimals(0).prefix("view angle ").suffix("°");
+    if ui.add(angle).on_hover_text("Vertical field of view; drag or click to change it").changed() {
+        viewer.navigator.fov = degrees.to_radians();
+        viewer.has_moved();
+    }
+    ui.menu_button("Up axis", |ui| {
+        let axes = [("X", DVec3::X), ("Y", DVec3::Y), ("Z", DVec3::Z)];
+        let signed =
+            axes.into_iter().flat_map(|(name, axis)| [(format!("+{name}"), axis), (format!("-{name}"), -axis)]);
+        for (name, up) in std::iter::once(("As in the photos".to_owned(), viewer.photos_up)).chain(signed) {
+            if ui.selectable_label(viewer.navigator.up == up, name).clicked() {
+                viewer.navigator.up = up;
+                ui.close();
+            }
+        }
+    })
+    .response
+    .on_hover_text("The axis that orbits go around");
+    if ui.button("Reset").on_hover_text("Back to the first view. Key R.").clicked() {
+        viewer.reset();
+    }
+}
+
+/// What is being done, was done, or went wrong: over the lower edge, so that the canvas keeps its size.
+pub fn status(viewer: &mut Viewer, ctx: &Context) {
+    if viewer.doing.is_none() && viewer.error.is_none() && viewer.message.is_none() {
+        return;
+    }
+    let most = (ctx.content_rect().width() - 48.0).min(900.0);
+    Area::new(Id::unique("status")).anchor(Align2::CENTER_BOTTOM, [0.0, -16.0]).show(ctx, |ui| {
+        Frame::popup(ui.style()).show(ui, |ui| {
+            ui.set_max_width(most);
+            if let Some(doing) = &viewer.doing {
+                ui.horizontal(|ui| {
+                    ui.spinner();
+                    ui.label(doing);
+                });
+            }
+            let color = ui.visuals().error_fg_color;
+            for (line, color) in [(&mut viewer.error, Some(color)), (&mut viewer.message, None)] {
+                let Some(text) = line.clone() else { continue };
+                ui.horizontal_wrapped(|ui| {
+                    match color {
+                        Some(color) => ui.colored_label(color, text),
+                        None => ui.label(text),
+                    };
+                    if ui.small_button("Close").clicked() {
+                        *line = None;
+                    }
+                });
+            }
+        });
+    });
+}

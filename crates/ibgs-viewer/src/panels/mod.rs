@@ -1,0 +1,155 @@
+//! What stands around the canvas.
+
+mod bar;
+mod path;
+mod pixel;
+mod start;
+mod training;
+mod views;
+
+pub use bar::{bar, status};
+pub use start::start;
+
+use crate::app::Viewer;
+use crate::mode::Mode;
+use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, Vec2};
+use ibgs_core::memory::Bytes;
+use path::PathEditor;
+
+/// Which panels are shown, and what they hold.
+#[derive(Default)]
+pub struct Panels {
+    /// The scene's cameras in the image.
+    pub shows_cameras: bool,
+    /// The sparse points.
+    pub shows_points: bool,
+    /// Why a pixel looks as it does.
+    pub shows_pixel: bool,
+    /// The list of views is hidden.
+    pub hides_views: bool,
+    /// Time, size and memory are hidden.
+    pub hides_figures: bool,
+    /// A resting camera's image has the full size, however long it takes.
+    pub always_sharp: bool,
+    /// The camera path's panel.
+    pub shows_path: bool,
+    /// Keys and pointer explained.
+    pub shows_help: bool,
+    /// A path that is being typed.
+    pub address: String,
+    /// The camera path.
+    pub path: PathEditor,
+}
+
+/// The panels left, right and below.
+pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
+    viewer.thumbnails.begin();
+    views::views(viewer, ui);
+    let shows_pixel = viewer.panels.shows_pixel && viewer.found.is_some();
+    if viewer.training.is_some() || shows_pixel || viewer.panels.shows_path {
+        let most = (0.5 * ui.available_width()).max(120.0);
+        egui::Panel::right("facts").default_size(300.0_f32.min(most)).max_size(most).show(ui, |ui| {
+            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                training::training(viewer, ui);
+                if viewer.panels.shows_path {
+                    path::panel(viewer, ui);
+                }
+                if shows_pixel {
+                    pixel::pixel(viewer, ui);
+                }
+            });
+        });
+    }
+    if shows_pixel {
+        pixel::strip(viewer, ui);
+    }
+    help(viewer, ui);
+}
+
+/// The line between two modes, which can be dragged.
+pub fn divider(viewer: &mut Viewer, ui: &mut Ui, image: Rect) {
+    let Some(other) = viewer.other else { return };
+    let x = image.left() + viewer.divider * image.width();
+    viewer.divider_x = Some(x);
+    let grip = Rect::from_x_y_ranges(x - 5.0..=x + 5.0, image.y_range());
+    let response =
+        ui.interact(grip, ui.scope_id().with("divider"), Sense::drag()).on_hover_cursor(CursorIcon::ResizeHorizontal);
+    if response.dragged()
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        viewer.divider = ((at.x - image.left()) / image.width().max(1.0)).clamp(0.02, 0.98);
+    }
+    let painter = ui.painter_at(image);
+    painter.vline(x, image.y_range(), Stroke::new(3.0, Color32::from_black_alpha(160)));
+    painter.vline(x, image.y_range(), Stroke::new(1.0, Color32::WHITE));
+    for (mode, align, way) in [(viewer.mode, Align2::RIGHT_BOTTOM, -8.0), (other, Align2::LEFT_BOTTOM, 8.0)] {
+        let at = egui::pos2(x + way, image.bottom() - 8.0);
+        label(&painter, at, align, mode.name().to_owned());
+    }
+}
+
+/// White text on a dark ground, seen on any picture.
+fn label(painter: &egui::Painter, at: egui::Pos2, align: Align2, text: String) {
+    let galley = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
+    let room = align.anchor_size(at, galley.size());
+    painter.rect_filled(room.expand(4.0), 3.0, Color32::from_black_alpha(150));
+    painter.galley(room.min, galley, Color32::WHITE);
+}
+
+/// Figures in the canvas' corner.
+pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
+    if viewer.panels.hides_figures {
+        return;
+    }
+    let Some(last) = viewer.canvas.last() else {
+        return label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, "rendering ...".to_owned());
+    };
+    let camera = last.frame.camera();
+    let ms = 1e3 * last.time.as_secs_f64();
+    let mut text = format!(
+        "{} x {}   {ms:.1} ms   {:.0} FPS\n{} Gaussians",
+        camera.width,
+        camera.height,
+        1e3 / ms.max(1e-3),
+        last.facts.gaussians
+    );
+    if let Some(bytes) = last.memory {
+        text += &format!("   {}", Bytes(bytes));
+    }
+    if viewer.mode == Mode::Depth || viewer.other == Some(Mode::Depth) {
+        let [near, far] = viewer.canvas.style.depth_range;
+        text += &format!("\ndepth {near:.3} (bright) to {far:.3} (dark)");
+    }
+    label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, text);
+}
+
+const HELP: [(&str, &str); 14] = [
+    ("Left drag", "orbit around the point in the middle"),
+    ("Right drag", "look around"),
+    ("Middle drag", "move sideways"),
+    ("Wheel", "nearer or farther"),
+    ("W A S D, Q E", "fly, down and up; with Shift faster"),
+    ("Double click, F", "turn to a point of the surface and orbit around it"),
+    ("Click", "see why a pixel looks as it does"),
+    ("1 to 8", "what is shown"),
+    ("Left, Right", "the view before, the next view"),
+    ("R", "back to the first view"),
+    ("C", "show the scene's cameras"),
+    ("K, Space", "add a keyframe, play the camera path"),
+    ("P", "write a screenshot"),
+    ("Escape", "close the pixel and the split view"),
+];
+
+fn help(viewer: &mut Viewer, ui: &mut Ui) {
+    let mut open = viewer.panels.shows_help;
+    egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
+        egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+            for (key, what) in HELP {
+                ui.strong(key);
+                ui.label(what);
+                ui.end_row();
+            }
+        });
+    });
+    viewer.panels.shows_help = open;
+}

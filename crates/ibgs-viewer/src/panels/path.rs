@@ -1,0 +1,227 @@
+//! The camera path: keyframes, preview, files, film.
+
+use crate::app::Viewer;
+use crate::film::Film;
+use crate::navigator::Navigator;
+use crate::worker::Command;
+use eframe::egui::{self, Color32, DragValue, ProgressBar, Slider, Stroke, TextEdit, Ui};
+use glam::{DMat3, DVec3};
+use ibgs_core::camera_path::{Keyframe, KeyframePath};
+use std::path::PathBuf;
+
+/// Seconds from one keyframe to the next, when they are set.
+const APART: f64 = 2.0;
+/// Lines that the path is drawn with between two keyframes.
+const PIECES: usize = 16;
+
+/// The path in work.
+pub struct PathEditor {
+    /// What is edited.
+    path: KeyframePath,
+    /// Where the preview stands, in seconds.
+    at: f64,
+    playing: bool,
+    /// The preview has moved: the camera follows.
+    moved: bool,
+    /// The whole duration was set by the user: new keyframes do not change it.
+    timed: bool,
+    /// Where it is saved and loaded.
+    file: String,
+    /// Frames of the film that are done, of so many.
+    pub filming: Option<(usize, usize)>,
+}
+
+impl Default for PathEditor {
+    fn default() -> Self {
+        let path =
+            KeyframePath { keyframes: Vec::new(), width: 1280, height: 720, fps: 30.0, seconds: APART, cycle: false };
+        let file = "camera_path.json".to_owned();
+        Self { path, at: 0.0, playing: false, moved: false, timed: false, file, filming: None }
+    }
+}
+
+impl PathEditor {
+    /// Number of keyframes.
+    pub fn keyframes(&self) -> usize {
+        self.path.keyframes.len()
+    }
+
+    /// Where it is saved and loaded.
+    pub fn set_file(&mut self, path: &std::path::Path) {
+        self.file = path.display().to_string();
+    }
+
+    fn retime(&mut self) {
+        if !self.timed {
+            let gaps = (self.keyframes() + usize::from(self.path.cycle)).saturating_sub(1);
+            self.path.seconds = APART * gaps.max(1) as f64;
+        }
+        self.at = self.at.min(self.path.seconds);
+    }
+
+    /// Adds a keyframe where the camera is.
+    pub fn add(&mut self, navigator: &Navigator) {
+        let Navigator { position, world_from_view, fov, .. } = *navigator;
+        self.path.keyframes.push(Keyframe { position, world_from_view, fov });
+        self.retime();
+        self.at = self.path.seconds;
+    }
+
+    /// Plays or stops.
+    pub fn toggle(&mut self) {
+        self.playing = !self.playing && self.keyframes() > 1;
+        if self.playing && self.at >= self.path.seconds {
+            self.at = 0.0;
+        }
+    }
+
+    /// Where the preview puts the camera: position, axes and field of view; none where it has not moved.
+    pub fn pose(&mut self, ui: &Ui) -> Option<(DVec3, DMat3, f64)> {
+        if self.playing {
+            self.at += f64::from(ui.input(|input| input.stable_dt).min(0.25));
+            if self.at >= self.path.seconds {
+                match self.path.cycle {
+                    true => self.at %= self.path.seconds,
+                    false => (self.at, self.playing) = (self.path.seconds, false),
+                }
+            }
+            self.moved = true;
+            ui.ctx().request_repaint();
+        }
+        if !std::mem::take(&mut self.moved) {
+            return None;
+        }
+        let key = self.path.at(self.at)?;
+        Some((key.position, key.world_from_view, key.fov))
+    }
+
+    /// Draws the path by lines in world space.
+    pub fn draw(&self, line: impl Fn([DVec3; 2], Stroke)) {
+        let count = PIECES * self.keyframes();
+        let places: Vec<DVec3> = (0..=count)
+            .filter_map(|i| Some(self.path.at(self.path.seconds * i as f64 / count.max(1) as f64)?.position))
+            .collect();
+        for ends in places.windows(2) {
+            line([ends[0], ends[1]], Stroke::new(2.0, Color32::from_rgb(255, 90, 200)));
+        }
+    }
+
+    fn film(&self, viewer: &Viewer) -> Option<Film> {
+        let pictures = &viewer.scene.as_ref()?.pictures;
+        let folder = (1..).map(|n| pictures.join(format!("film-{n}"))).find(|folder| !folder.exists())?;
+        let style = viewer.canvas.style;
+        Some(Film { cameras: self.path.frames(), fps: self.path.fps, mode: viewer.mode, style, folder })
+    }
+}
+
+/// The panel at the right.
+pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
+    let navigator = viewer.navigator;
+    let editor = &mut viewer.panels.path;
+    ui.heading("Camera path");
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Add keyframe").on_hover_text("Where the camera is now. Key K.").clicked() {
+            editor.add(&navigator);
+        }
+        let name = if editor.playing { "Stop" } else { "Play" };
+        let play = ui.add_enabled(editor.keyframes() > 1, egui::Button::new(name));
+        if play.on_hover_text("Key Space").clicked() {
+            editor.toggle();
+        }
+        if ui.add_enabled(editor.keyframes() > 0, egui::Button::new("Clear")).clicked() {
+            *editor = PathEditor { file: std::mem::take(&mut editor.file), ..PathEditor::default() };
+        }
+    });
+    keyframes(editor, &navigator, ui);
+    let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
+    let slider = Slider::new(&mut editor.at, 0.0..=seconds).suffix(" s").fixed_decimals(2);
+    if ui.add_enabled(any, slider).on_hover_text("Move along the path").changed() {
+        (editor.moved, editor.playing) = (true, false);
+    }
+    ui.horizontal_wrapped(|ui| {
+        let duration = DragValue::new(&mut editor.path.seconds).range(0.1..=3600.0).speed(0.1).suffix(" s");
+        editor.timed |= ui.add(duration).on_hover_text("Whole duration").changed();
+        ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).suffix(" FPS")).on_hover_text("Frames a second");
+        if ui.checkbox(&mut editor.path.cycle, "round").on_hover_text("Back to the first keyframe at the end").changed()
+        {
+            editor.retime();
+        }
+    });
+    ui.horizontal_wrapped(|ui| {
+        ui.add(DragValue::new(&mut editor.path.width).range(16..=8192));
+        ui.label("x");
+        ui.add(DragValue::new(&mut editor.path.height).range(16..=8192));
+        ui.label("pixels").on_hover_text("Size of the film's frames");
+    });
+    let mut result = None;
+    ui.horizontal_wrapped(|ui| {
+        let field = TextEdit::singleline(&mut editor.file).desired_width(150.0);
+        ui.add(field).on_hover_text("A camera path as nerfstudio writes and reads it");
+        let file = PathBuf::from(editor.file.trim());
+        if ui.add_enabled(editor.keyframes() > 0, egui::Button::new("Save")).clicked() {
+            result = Some(editor.path.save(&file).map(|()| format!("camera path: {}", file.display())));
+        }
+        if ui.button("Load").clicked() {
+            let loaded = KeyframePath::load(&file);
+            result = Some(loaded.map(|path| {
+                (editor.path, editor.timed, editor.at, editor.moved) = (path, true, 0.0, true);
+                format!("{} keyframes from {}", editor.keyframes(), file.display())
+            }));
+        }
+    });
+    let filming = editor.filming;
+    match result {
+        Some(Ok(message)) => viewer.message = Some(message),
+        Some(Err(error)) => viewer.error = Some(error.to_string()),
+        None => {}
+    }
+    match filming {
+        Some((done, count)) => {
+            ui.add(ProgressBar::new(done as f32 / count.max(1) as f32).text(format!("{done} of {count}")));
+            if ui.button("Cancel").clicked() {
+                viewer.send(Command::CancelFilm);
+            }
+        }
+        None => {
+            let ready = viewer.panels.path.keyframes() > 0;
+            let button = ui.add_enabled(ready, egui::Button::new("Render film"));
+            let text =
+                "Write every frame as PNG, in the mode that is shown, and a video where ffmpeg is on this machine";
+            if button.on_hover_text(text).clicked()
+                && let Some(film) = viewer.panels.path.film(viewer)
+            {
+                viewer.panels.path.filming = Some((0, film.cameras.len()));
+                viewer.send(Command::Film(Box::new(film)));
+            }
+        }
+    }
+    ui.separator();
+}
+
+fn keyframes(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
+    let (mut removed, mut shown) = (None, None);
+    for index in 0..editor.keyframes() {
+        let time = editor.path.time_of(index);
+        ui.horizontal(|ui| {
+            if ui.button(format!("{}", index + 1)).on_hover_text("Go there").clicked() {
+                shown = Some(time);
+            }
+            ui.label(format!("{time:.1} s"));
+            if ui.small_button("Set").on_hover_text("Move it to where the camera is now").clicked() {
+                let Navigator { position, world_from_view, fov, .. } = *navigator;
+                editor.path.keyframes[index] = Keyframe { position, world_from_view, fov };
+            }
+            if ui.small_button("Remove").clicked() {
+                removed = Some(index);
+            }
+        });
+    }
+    if let Some(time) = shown {
+        (editor.at, editor.moved, editor.playing) = (time, true, false);
+    }
+    if let Some(index) = removed {
+        editor.path.keyframes.remove(index);
+        editor.retime();
+        editor.playing &= editor.keyframes() > 1;
+    }
+}

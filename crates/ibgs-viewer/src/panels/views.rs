@@ -1,0 +1,71 @@
+//! The scene's views at the left.
+
+use crate::app::Viewer;
+use crate::marks;
+use eframe::egui::{self, Sense, Ui, Vec2};
+
+/// Height of a row in points.
+const ROW: f32 = 56.0;
+
+/// The list of views with their photos.
+pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
+    let Some(scene) = &viewer.scene else { return };
+    if scene.views.is_empty() || viewer.panels.hides_views {
+        return;
+    }
+    let (views, mut step, mut chosen) = (&scene.views, 0, None);
+    let (on_view, thumbnails) = (viewer.on_view, &mut viewer.thumbnails);
+    egui::Panel::left("views").default_size(190.0).max_size((0.4 * ui.available_width()).max(80.0)).show(ui, |ui| {
+        ui.horizontal(|ui| {
+            ui.heading("Views");
+            if ui.button("<").on_hover_text("The view before. Left arrow key.").clicked() {
+                step = -1;
+            }
+            if ui.button(">").on_hover_text("The next view. Right arrow key.").clicked() {
+                step = 1;
+            }
+        });
+        egui::ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, views.len(), |ui, rows| {
+            for index in rows {
+                let view = &views[index];
+                let kind = if view.held_out { "held out from training" } else { "trained on" };
+                let (rect, row) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
+                row.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &view.name));
+                if row.clicked() {
+                    chosen = Some(index);
+                }
+                let (visuals, selected) = (ui.visuals(), on_view == Some(index));
+                let fill = match (selected, row.hovered() || row.has_focus()) {
+                    (true, _) => visuals.selection.bg_fill,
+                    (false, true) => visuals.widgets.hovered.bg_fill,
+                    (false, false) => egui::Color32::TRANSPARENT,
+                };
+                let text = if selected { visuals.selection.stroke.color } else { visuals.text_color() };
+                let painter = ui.painter_at(rect);
+                painter.rect_filled(rect.shrink(1.0), 3.0, fill);
+                let room = egui::Rect::from_min_size(rect.min + Vec2::splat(4.0), Vec2::new(72.0, ROW - 8.0));
+                if let Some(texture) = thumbnails.of(ui.ctx(), index, view) {
+                    let size = texture.size_vec2();
+                    let fitted = size * (room.width() / size.x).min(room.height() / size.y);
+                    let place = egui::Rect::from_center_size(room.center(), fitted);
+                    let whole = egui::Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
+                    painter.image(texture.id(), place, whole, egui::Color32::WHITE);
+                }
+                let at = egui::pos2(room.right() + 8.0, rect.center().y);
+                let font = egui::TextStyle::Body.resolve(ui.style());
+                let name = view.name.rsplit('/').next().unwrap_or(&view.name);
+                painter.text(at - Vec2::new(0.0, 8.0), egui::Align2::LEFT_CENTER, name, font, text);
+                let (short, color) = if view.held_out { ("test", marks::HELD_OUT) } else { ("train", marks::TRAINED) };
+                let small = egui::TextStyle::Small.resolve(ui.style());
+                painter.text(at + Vec2::new(0.0, 9.0), egui::Align2::LEFT_CENTER, short, small, color);
+                row.on_hover_text(format!("{}, {kind}", view.name));
+            }
+        });
+    });
+    if step != 0 {
+        viewer.step_view(step);
+    }
+    if let Some(index) = chosen {
+        viewer.stand_on(index);
+    }
+}

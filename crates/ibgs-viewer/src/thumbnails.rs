@@ -1,0 +1,54 @@
+//! Small pictures of the scene's photos, made when they are first seen.
+
+use crate::View;
+use eframe::egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use ibgs_core::dataset::Photo;
+use image::imageops::thumbnail;
+use image::{Rgba, RgbaImage};
+use std::collections::HashMap;
+
+/// Longest side in pixels.
+const SIDE: u32 = 192;
+/// Thumbnails that are made in one go: the others come with the next ones.
+const AT_ONCE: usize = 2;
+
+/// The thumbnails made so far.
+#[derive(Default)]
+pub struct Thumbnails {
+    made: HashMap<usize, TextureHandle>,
+    /// Made since the beginning of the frame.
+    now: usize,
+}
+
+fn small(photo: &Photo) -> Option<ColorImage> {
+    let whole: RgbaImage = RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone())?;
+    let share = f64::from(SIDE) / f64::from(photo.width.max(photo.height));
+    let side = |length: u32| ((f64::from(length) * share.min(1.0)).round() as u32).max(1);
+    let mut small = thumbnail(&whole, side(photo.width), side(photo.height));
+    small.pixels_mut().for_each(|Rgba([_, _, _, a])| *a = 255);
+    let size = [small.width() as usize, small.height() as usize];
+    Some(ColorImage::from_rgba_unmultiplied(size, &small))
+}
+
+impl Thumbnails {
+    /// A new frame of the window begins.
+    pub fn begin(&mut self) {
+        self.now = 0;
+    }
+
+    /// The thumbnail of a view; none where it has no photo or its turn comes later.
+    pub fn of(&mut self, ctx: &Context, index: usize, view: &View) -> Option<TextureHandle> {
+        if let Some(made) = self.made.get(&index) {
+            return Some(made.clone());
+        }
+        let photo = view.photo.as_ref()?;
+        if self.now >= AT_ONCE {
+            ctx.request_repaint();
+            return None;
+        }
+        self.now += 1;
+        let texture = ctx.load_texture(&view.name, small(photo)?, TextureOptions::LINEAR);
+        self.made.insert(index, texture.clone());
+        Some(texture)
+    }
+}

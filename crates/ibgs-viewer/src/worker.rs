@@ -1,0 +1,425 @@
+//! The thread that opens, renders and trains. The window sends [`Command`]s and hears [`News`]; it never waits.
+
+use crate::film::{Film, Shoot};
+use crate::{Content, Open, Opened, Progress, Scene, Training, Wanted};
+use anyhow::Result;
+use eframe::egui;
+use ibgs_core::camera::Camera;
+use ibgs_core::gpu::{Gpu, GpuError, Mark};
+use ibgs_core::inspect::Inspection;
+use ibgs_core::picture::usual_range;
+use ibgs_core::render::{Frame, Renderer};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Least time between two reports of a training.
+const REPORT: Duration = Duration::from_millis(100);
+/// Least time between two looks at the memory.
+const MEMORY: Duration = Duration::from_secs(1);
+
+/// A frame that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// From where.
+    pub camera: Camera,
+    /// Find the usual range of its depths as well.
+    pub with_range: bool,
+}
+
+/// What the window asks for.
+pub enum Command {
+    /// Open something in place of what is open.
+    Open(Wanted),
+    /// Render a view; of several the last one counts.
+    Render(Request),
+    /// Tell why a pixel of a frame looks as it does.
+    Inspect {
+        /// The frame.
+        frame: Arc<Frame>,
+        /// The pixel.
+        pixel: [u32; 2],
+        /// Turn the camera to the pixel's surface point.
+        focus: bool,
+    },
+    /// The training goes on, or pauses.
+    Run(bool),
+    /// One iteration, then pause.
+    Step,
+    /// Save the model now.
+    Save,
+    /// Render a film.
+    Film(Box<Film>),
+    /// Leave the film unfinished.
+    CancelFilm,
+}
+
+/// What a model has, as a frame found it.
+#[derive(Clone, Debug)]
+pub struct ModelFacts {
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Cameras of the source photos; none without a residual network.
+    pub sources: Option<Arc<[Camera]>>,
+    /// Most sources that a pixel uses.
+    pub most_sources: u32,
+}
+
+/// A finished frame.
+pub struct Rendered {
+    /// The frame.
+    pub frame: Arc<Frame>,
+    /// The usual range of its depths, where it was asked for.
+    pub range: Option<[f32; 2]>,
+    /// From the request to the end of the GPU's work.
+    pub time: Duration,
+    /// What the model has.
+    pub facts: ModelFacts,
+    /// Device memory in use, where the driver tells.
+    pub memory: Option<u64>,
+    /// Iteration of the training.
+    pub iteration: u32,
+}
+
+/// What the window hears.
+pub enum News {
+    /// What is being done.
+    Doing(String),
+    /// Something was opened; with how far it is where it is a training.
+    Opened(Box<Scene>, Option<Progress>),
+    /// A finished frame.
+    Rendered(Box<Rendered>),
+    /// Why a pixel looks as it does.
+    Inspected {
+        /// What was found.
+        found: Box<Inspection>,
+        /// Turn the camera to the surface point.
+        focus: bool,
+    },
+    /// How far the training is; with whether it goes on.
+    Progress(Box<Progress>, bool),
+    /// The model was saved.
+    Saved(PathBuf),
+    /// Frames of the film that are done, of so many.
+    Filmed(usize, usize),
+    /// The film is finished: what was written.
+    FilmDone(String),
+    /// Something failed, in one sentence.
+    Failed(String),
+}
+
+/// The window's end.
+pub struct Worker {
+    commands: Option<Sender<Command>>,
+    /// What the worker has to tell.
+    pub news: Receiver<News>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Worker {
+    /// Starts the thread; it wakes the window when there is news.
+    pub fn start(gpu: Arc<Gpu>, opener: impl Open, opened: Option<Opened>, window: egui::Context) -> Self {
+        let (commands, orders) = channel();
+        let (sender, news) = channel();
+        let desk = Desk { gpu, opener: Box::new(opener), news: sender, window };
+        let thread = std::thread::Builder::new().name("viewer worker".to_owned());
+        let thread = thread.spawn(move || desk.work(&orders, opened)).expect("a thread can be started");
+        Self { commands: Some(commands), news, thread: Some(thread) }
+    }
+
+    /// Asks for something. False when the thread is gone.
+    pub fn send(&self, command: Command) -> bool {
+        self.commands.as_ref().is_some_and(|commands| commands.send(command).is_ok())
+    }
+}
+
+impl Drop for Worker {
+    /// Waits until a training is saved.
+    fn drop(&mut self) {
+        self.commands = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What the thread works on.
+struct Desk {
+    gpu: Arc<Gpu>,
+    opener: Box<dyn Open>,
+    news: Sender<News>,
+    window: egui::Context,
+}
+
+#[derive(Default)]
+struct Work {
+    content: Option<Content>,
+    /// The training goes on.
+    running: bool,
+    /// One iteration and no more.
+    single: bool,
+    /// `finish` has not been called yet.
+    unfinished: bool,
+    request: Option<Request>,
+    film: Option<Shoot>,
+    reported: Option<Instant>,
+    memory: Option<(Instant, Option<u64>)>,
+    /// The end of the iteration before.
+    last: Option<Mark>,
+}
+
+impl Work {
+    fn is_idle(&self) -> bool {
+        self.request.is_none() && self.film.is_none() && !self.running && !self.single
+    }
+
+    fn training(&mut self) -> Option<&mut Box<dyn Training>> {
+        match &mut self.content {
+            Some(Content::Training(training)) => Some(training),
+            _ => None,
+        }
+    }
+
+    /// A renderer of the model as it is, and the iteration.
+    fn with_renderer<T>(&self, run: impl FnOnce(&Renderer, u32) -> T) -> Option<T> {
+        match &self.content {
+            Some(Content::Model(renderer)) => Some(run(renderer, 0)),
+            Some(Content::Training(training)) => Some(run(&training.renderer(), training.progress().iteration)),
+            None => None,
+        }
+    }
+}
+
+impl Desk {
+    fn tell(&self, news: News) {
+        // Nobody listens any more once the window is closed.
+        let _ = self.news.send(news);
+        self.window.request_repaint();
+    }
+
+    fn told(&self, what: &str) {
+        self.tell(News::Doing(what.to_owned()));
+    }
+
+    fn failed(&self, error: &anyhow::Error) {
+        self.tell(News::Failed(sentence(error)));
+    }
+
+    /// Tells of an error; where the device has failed, a training saves what it has first.
+    fn failed_in(&self, work: &mut Work, error: &anyhow::Error) {
+        let lost = matches!(error.downcast_ref(), Some(GpuError::Readback(_) | GpuError::Failed(_)));
+        match lost && work.unfinished {
+            true => self.train(work),
+            false => self.failed(error),
+        }
+    }
+
+    fn work(self, orders: &Receiver<Command>, opened: Option<Opened>) {
+        let mut work = Work::default();
+        if let Some(opened) = opened {
+            self.take(&mut work, opened);
+        }
+        loop {
+            if work.is_idle() {
+                match orders.recv() {
+                    Ok(command) => self.obey(&mut work, command),
+                    Err(_) => break,
+                }
+            }
+            let closed = loop {
+                match orders.try_recv() {
+                    Ok(command) => self.obey(&mut work, command),
+                    Err(error) => break error == std::sync::mpsc::TryRecvError::Disconnected,
+                }
+            };
+            if closed {
+                break;
+            }
+            if let Some(request) = work.request.take()
+                && let Err(error) = self.render(&mut work, &request)
+            {
+                self.failed_in(&mut work, &error);
+            }
+            self.shoot(&mut work);
+            if work.running || work.single {
+                self.train(&mut work);
+            }
+        }
+        self.end(&mut work);
+    }
+
+    /// Ends a training that is still open.
+    fn end(&self, work: &mut Work) {
+        if std::mem::take(&mut work.unfinished)
+            && let Some(training) = work.training()
+        {
+            eprintln!("stopped at iteration {}: saving and measuring", training.progress().iteration);
+            if let Err(error) = training.finish() {
+                eprintln!("error: {}", sentence(&error));
+            }
+        }
+        work.content = None;
+    }
+
+    fn take(&self, work: &mut Work, opened: Opened) {
+        let progress = match &opened.content {
+            Content::Training(training) => Some(training.progress()),
+            Content::Model(_) => None,
+        };
+        *work = Work { running: progress.is_some(), unfinished: progress.is_some(), ..Work::default() };
+        work.content = Some(opened.content);
+        self.tell(News::Opened(Box::new(opened.scene), progress));
+    }
+
+    fn obey(&self, work: &mut Work, command: Command) {
+        match command {
+            Command::Open(wanted) => {
+                self.told("opening");
+                match self.opener.open(&wanted, &self.gpu, &|what| self.told(what)) {
+                    Ok(opened) => {
+                        self.end(work);
+                        self.take(work, opened);
+                    }
+                    Err(error) => self.failed(&error),
+                }
+            }
+            Command::Render(request) => work.request = Some(request),
+            Command::Inspect { frame, pixel, focus } => match frame.inspect(pixel[0], pixel[1]) {
+                Ok(Some(found)) => self.tell(News::Inspected { found: Box::new(found), focus }),
+                Ok(None) => {}
+                Err(error) => self.failed_in(work, &error.into()),
+            },
+            Command::Run(on) => {
+                work.running = on && work.unfinished;
+                self.report(work, true);
+            }
+            Command::Step => (work.running, work.single) = (false, work.unfinished),
+            Command::Save => {
+                if let Some(training) = work.training() {
+                    match training.save() {
+                        Ok(path) => self.tell(News::Saved(path)),
+                        Err(error) => self.failed(&error),
+                    }
+                }
+            }
+            Command::Film(film) => match Shoot::begin(&self.gpu, *film) {
+                Ok(shoot) => work.film = Some(shoot),
+                Err(error) => self.failed(&error),
+            },
+            Command::CancelFilm => {
+                if let Some(shoot) = work.film.take() {
+                    self.tell(News::FilmDone(shoot.cancelled()));
+                }
+            }
+        }
+    }
+
+    fn render(&self, work: &mut Work, request: &Request) -> Result<()> {
+        // What a training has still in work would count as the frame's time.
+        self.gpu.wait()?;
+        let start = Instant::now();
+        let Some(rendered) = work.with_renderer(|renderer, iteration| -> Result<Rendered> {
+            let frame = renderer.render(&request.camera)?;
+            self.gpu.wait()?;
+            let time = start.elapsed();
+            let depths = if request.with_range { frame.depth()? } else { None };
+            let facts = ModelFacts {
+                gaussians: renderer.splats().len(),
+                sources: renderer.part().map(|part| part.cameras.clone()),
+                most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
+            };
+            let range = depths.map(|depths| usual_range(&depths));
+            Ok(Rendered { frame: Arc::new(frame), range, time, facts, memory: None, iteration })
+        }) else {
+            return Ok(());
+        };
+        let rendered = Rendered { memory: self.memory(work), ..rendered? };
+        self.tell(News::Rendered(Box::new(rendered)));
+        Ok(())
+    }
+
+    /// Device memory in use; asked for now and then, as the answer lists every buffer.
+    fn memory(&self, work: &mut Work) -> Option<u64> {
+        if work.memory.is_none_or(|(at, _)| at.elapsed() > MEMORY) {
+            work.memory = Some((Instant::now(), self.gpu.memory_report().map(|report| report.reserved_bytes)));
+        }
+        work.memory.and_then(|(_, bytes)| bytes)
+    }
+
+    /// The next frame of a film.
+    fn shoot(&self, work: &mut Work) {
+        let Some(mut shoot) = work.film.take() else { return };
+        let shot = work.with_renderer(|renderer, _| shoot.next(renderer));
+        match shot {
+            Some(Ok(None)) => {
+                self.tell(News::Filmed(shoot.done(), shoot.count()));
+                work.film = Some(shoot);
+            }
+            Some(Ok(Some(written))) => self.tell(News::FilmDone(written)),
+            Some(Err(error)) => {
+                self.tell(News::FilmDone(String::new()));
+                self.failed(&error);
+            }
+            None => {}
+        }
+    }
+
+    fn train(&self, work: &mut Work) {
+        work.single = false;
+        let (gpu, last) = (&self.gpu, work.last.take());
+        let Some(training) = work.training() else { return };
+        let stepped = training.step(&|what| self.told(what));
+        // No more than two iterations wait on the device: frames would have to wait for all of them. Where it fails the next
+        // iteration tells.
+        if let Some(last) = last {
+            let _ = gpu.wait_for(last);
+        }
+        let progress = training.progress();
+        match stepped {
+            Ok(()) if progress.iteration >= progress.iterations => {
+                let finished = training.finish();
+                (work.running, work.unfinished) = (false, false);
+                match finished {
+                    Ok(()) => self.report(work, true),
+                    Err(error) => self.failed(&error),
+                }
+            }
+            Ok(()) => {
+                work.last = Some(gpu.mark());
+                self.report(work, !work.running);
+            }
+            Err(error) => {
+                // It cannot go on; what there is has been saved, or could not be.
+                (work.running, work.unfinished) = (false, false);
+                self.report(work, true);
+                self.failed(&error);
+            }
+        }
+    }
+
+    /// Reports how far the training is, now or when it is time.
+    fn report(&self, work: &mut Work, now: bool) {
+        let due = work.reported.is_none_or(|at| at.elapsed() >= REPORT);
+        let running = work.running;
+        if (now || due)
+            && let Some(training) = work.training()
+        {
+            let progress = Box::new(training.progress());
+            work.reported = Some(Instant::now());
+            self.tell(News::Progress(progress, running));
+        }
+    }
+}
+
+/// An error with those of its causes that its own text does not tell already.
+pub fn sentence(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}

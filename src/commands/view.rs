@@ -1,0 +1,236 @@
+//! `ibgs view`
+
+use super::model::{ModelArgs, is_bundle};
+use super::train::{self, Run};
+use super::{Model, open_gpu};
+use anyhow::{Context, Result, bail};
+use clap::{Args as ClapArgs, Parser};
+use glam::DVec3;
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::Point;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::Renderer;
+use ibgs_core::scene::{Gaussians, Splats, read_ply};
+use ibgs_core::train::output::cameras::Split;
+use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Most points that stand for the Gaussians of a file without a scene.
+const MOST_POINTS: usize = 50_000;
+
+/// Frames that `--measure` renders each way.
+const MEASURED: usize = 300;
+
+/// Options of `ibgs view`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Model folder, `.ibgs` bundle or PLY file; left out: a start page.
+    model: Option<PathBuf>,
+    /// Train on a scene folder in the window; without one on the built-in demo scene. `ibgs train --with-viewer` has
+    /// all options of a training.
+    #[arg(long, value_name = "SCENE", num_args = 0..=1, conflicts_with_all = ["model", "source", "iteration"])]
+    train: Option<Option<PathBuf>>,
+    /// Scene folder, when it has moved since the training.
+    #[arg(short, long, requires = "model")]
+    source: Option<PathBuf>,
+    /// Iteration; left out: the latest.
+    #[arg(long, requires = "model")]
+    iteration: Option<u32>,
+    /// For a model folder of the published code: factor or width of the photos that it was trained on.
+    #[arg(short, long, requires = "model")]
+    resolution: Option<String>,
+    /// Open no window: tell how much longer its frames take than the renderer alone.
+    #[arg(long, requires = "model")]
+    measure: bool,
+    /// Adapter by number or part of its name; `ibgs info` lists them.
+    #[arg(long)]
+    adapter: Option<String>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    if !args.measure {
+        check_display()?;
+    }
+    let gpu = || open_gpu(args.adapter.as_ref());
+    if let Some(scene) = &args.train {
+        let run = train::start(&training(scene.as_deref())?, gpu, &|_| {})?;
+        return look(run);
+    }
+    let (gpu, opened) = match &args.model {
+        None => (gpu()?, None),
+        Some(path) => {
+            let wanted = ModelArgs {
+                model: path.clone(),
+                source: args.source.clone(),
+                iteration: args.iteration,
+                resolution: args.resolution.clone(),
+                adapter: args.adapter.clone(),
+                ..ModelArgs::default()
+            };
+            let (gpu, opened) = model(&wanted, gpu)?;
+            if args.measure {
+                return measure(&gpu, opened);
+            }
+            (gpu, Some(opened))
+        }
+    };
+    Ok(ibgs_viewer::run(&gpu, Opener, opened)?)
+}
+
+/// Times frames that turn from one view to the next.
+fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
+    let Content::Model(renderer) = opened.content else { bail!("a training cannot be measured") };
+    let views = &opened.scene.views;
+    let size = if gpu.is_software() { [160, 100] } else { [1280, 800] };
+    let camera = |i: usize| Some(views.get(i % views.len().max(1))?.camera.resized(size[0], size[1]));
+    let cameras: Vec<Camera> = (0..MEASURED).filter_map(camera).collect();
+    let times = ibgs_viewer::measure::measure(&renderer, &cameras)?;
+    println!(
+        "{} x {}: renderer alone {:.3} ms, to the window's texture {:.3} ms, {:.3} ms more (medians of {} frames on {})",
+        size[0],
+        size[1],
+        times.alone,
+        times.in_window,
+        times.in_window - times.alone,
+        cameras.len(),
+        gpu.describe()
+    );
+    Ok(())
+}
+
+/// Opens a window on a training, and trains until the window is closed.
+pub fn look(run: Run) -> Result<()> {
+    let gpu = run.gpu().clone();
+    Ok(ibgs_viewer::run(&gpu, Opener, Some(trained(run)))?)
+}
+
+/// Refuses before any work what would fail after it.
+pub fn check_display() -> Result<()> {
+    let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_unix = cfg!(all(unix, not(target_os = "macos")));
+    if is_unix && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
+        bail!(
+            "there is no display for a window (neither DISPLAY nor WAYLAND_DISPLAY is set); use `ibgs train` and `ibgs render` without one"
+        );
+    }
+    Ok(())
+}
+
+/// The options of a training that the window begins.
+fn training(scene: Option<&Path>) -> Result<train::Args> {
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: train::Args,
+    }
+    let mut line = vec!["ibgs".into()];
+    if let Some(scene) = scene {
+        // Photos are held out, so that the window has something to measure on.
+        line.extend(["--eval".into(), "--".into(), scene.as_os_str().to_owned()]);
+    }
+    Ok(Line::try_parse_from(line)?.args)
+}
+
+/// Opens what is dropped into the window or chosen on its start page.
+pub struct Opener;
+
+impl Open for Opener {
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened> {
+        let gpu = || Ok(gpu.clone());
+        let path = match wanted {
+            Wanted::Demo => return Ok(trained(train::start(&training(None)?, gpu, told)?)),
+            Wanted::Path(path) => path,
+        };
+        if !path.exists() {
+            bail!("{} does not exist; check the path", path.display());
+        }
+        let is_model = path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
+        if path.is_dir() && !is_model {
+            return Ok(trained(train::start(&training(Some(path))?, gpu, told)?));
+        }
+        told("opening the model");
+        Ok(model(&ModelArgs { model: path.clone(), ..ModelArgs::default() }, gpu)?.1)
+    }
+}
+
+fn trained(run: Run) -> Opened {
+    let dataset = run.dataset();
+    let view = |(index, view): (usize, &ibgs_core::dataset::View)| View {
+        name: view.name.clone(),
+        camera: view.camera,
+        held_out: dataset.test.contains(&index),
+        photo: Some(view.photo.clone()),
+    };
+    let scene = Scene {
+        title: run.folder().root().display().to_string(),
+        path: run.source().map(Path::to_owned),
+        views: dataset.views.iter().enumerate().map(view).collect(),
+        points: dataset.points.clone(),
+        pictures: run.folder().root().to_owned(),
+    };
+    Opened { scene, content: Content::Training(Box::new(run) as Box<dyn Training>) }
+}
+
+/// Opens a model folder, a bundle or a PLY file.
+fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
+    let path = &args.model;
+    let title = path.display().to_string();
+    if !path.is_dir() && !is_bundle(path) {
+        return plain(path, title, gpu);
+    }
+    let mut model = Model::open_on(args, gpu)?.showing_surface();
+    let pictures = model.folder.root().to_owned();
+    // A model can be looked at without the photos of its scene.
+    let (photos, points) = match model.dataset(args) {
+        Ok(dataset) => {
+            let photo = |view: &ibgs_core::dataset::View| (view.name.clone(), view.photo.clone());
+            (dataset.views.iter().map(photo).collect(), dataset.points.clone())
+        }
+        Err(error) => {
+            eprintln!("note: without photos of the views: {error}");
+            (HashMap::new(), Vec::new())
+        }
+    };
+    let view = |record: &ibgs_core::train::output::cameras::CameraRecord| {
+        let size = (record.camera.width, record.camera.height);
+        let photo = photos.get(&record.name).filter(|photo| (photo.width, photo.height) == size);
+        View {
+            name: record.name.clone(),
+            camera: record.camera,
+            held_out: record.split == Some(Split::Test),
+            photo: photo.cloned(),
+        }
+    };
+    let views = model.cameras.iter().map(view).collect();
+    let gpu = model.renderer.gpu().clone();
+    let content = Content::Model(Arc::new(model.renderer));
+    let scene = Scene { title, path: Some(path.clone()), views, points, pictures };
+    Ok((gpu, Opened { scene, content }))
+}
+
+/// Opens Gaussians alone.
+fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
+    let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
+    if !is_ply && path.exists() {
+        bail!("{title} is neither a model folder, an .ibgs bundle, a PLY file nor a scene folder");
+    }
+    let gaussians = read_ply(path)?;
+    let gpu = gpu()?;
+    let splats = Splats::upload(&gaussians, &gpu)?;
+    let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu.clone())), splats, [0.0; 3], None).showing_surface();
+    let pictures = path.parent().context("a file has a folder")?.join("pictures");
+    let (views, points) = (Vec::new(), points(&gaussians));
+    let scene = Scene { title, path: Some(path.to_owned()), views, points, pictures };
+    Ok((gpu, Opened { scene, content: Content::Model(Arc::new(renderer)) }))
+}
+
+/// Some of the Gaussians as points: they tell where to look.
+fn points(gaussians: &Gaussians) -> Vec<Point> {
+    let step = gaussians.len().div_ceil(MOST_POINTS).max(1);
+    let at = |i: usize| Point { position: DVec3::from(gaussians.means[i].map(f64::from)), color: [200; 3] };
+    (0..gaussians.len()).step_by(step).map(at).collect()
+}

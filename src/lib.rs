@@ -1,0 +1,3 @@
+//! The commands of the `ibgs` program.
+
+pub mod commands;

@@ -1,0 +1,245 @@
+//! Modes, split, camera, path, screenshots.
+
+use super::*;
+use eframe::egui::{MouseWheelSource, MouseWheelUnit, Theme, TouchPhase};
+use egui_kittest::kittest::Queryable;
+use ibgs_core::camera_path::KeyframePath;
+use ibgs_viewer::Mode;
+
+const KEYS: [Key; 8] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
+
+/// The canvas' middle.
+fn middle(window: &mut Window) -> Vec<[u8; 4]> {
+    part(window, Vec2::new(0.5, 0.5), Vec2::new(0.75, 0.75))
+}
+
+#[test]
+fn every_mode_shows_something_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(small(folder.path())));
+    assert_eq!((window.state().mode(), window.state().on_view()), (Mode::Final, Some(0)));
+    let mut seen: Vec<Vec<[u8; 4]>> = Vec::new();
+    for (key, mode) in KEYS.into_iter().zip(Mode::ALL) {
+        press(&mut window, key);
+        assert_eq!(window.state().mode(), mode);
+        let picture = middle(&mut window);
+        // The Gaussians of so short a training are still round: they all have one normal.
+        let varies = picture.iter().any(|p| *p != picture[0]);
+        assert!(varies || mode == Mode::Normal, "{mode:?} shows one colour");
+        assert!(!seen.contains(&picture), "{mode:?} shows what another mode does");
+        seen.push(picture);
+    }
+    // By pointer as well; the photo is of the view, so moving leaves it.
+    window.get_by_label("Depth").click();
+    settle(&mut window);
+    assert_eq!(window.state().mode(), Mode::Depth);
+    press(&mut window, Key::Num8);
+    window.key_down(Key::W);
+    window.run_steps(2);
+    window.key_up(Key::W);
+    settle(&mut window);
+    assert_eq!((window.state().mode(), window.state().on_view()), (Mode::Final, None));
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn the_window_looks_as_it_should() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(untrained(folder.path())));
+    window.state_mut().show_figures(false);
+    // Thumbnails come a few at a time.
+    window.run_steps(20);
+    snapshot(&mut window, "dark", 300);
+    window.ctx.set_theme(Theme::Light);
+    window.run_steps(3);
+    snapshot(&mut window, "light", 300);
+    press(&mut window, Key::C);
+    window.state_mut().show_other(Some(Mode::Depth));
+    settle(&mut window);
+    snapshot(&mut window, "split with cameras", 300);
+    press(&mut window, Key::Escape);
+    press(&mut window, Key::C);
+    window.get_by_label("?").click();
+    window.run_steps(3);
+    snapshot(&mut window, "keys", 300);
+    // Small windows keep all in reach.
+    window.set_size(Vec2::new(360.0, 300.0));
+    settle(&mut window);
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn a_split_shows_two_modes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(small(folder.path())));
+    let left = |window: &mut Window| part(window, Vec2::new(0.45, 0.4), Vec2::new(0.55, 0.6));
+    let right = |window: &mut Window| part(window, Vec2::new(0.7, 0.4), Vec2::new(0.8, 0.6));
+    let whole = (left(&mut window), right(&mut window));
+    press(&mut window, Key::Num4);
+    let depth = (left(&mut window), right(&mut window));
+    press(&mut window, Key::Num1);
+    window.state_mut().show_other(Some(Mode::Depth));
+    settle(&mut window);
+    assert_eq!(window.state().other_mode(), Some(Mode::Depth));
+    assert!(left(&mut window) == whole.0 && right(&mut window) == depth.1, "final left, depth right");
+    let from = Pos2::new(window.state().divider().unwrap(), 250.0);
+    drag(&mut window, PointerButton::Primary, from, Vec2::new(-180.0, 0.0));
+    assert!(left(&mut window) == depth.0 && right(&mut window) == depth.1, "the line stands left of both");
+    assert_eq!(window.state().on_view(), Some(0), "dragging the line moves no camera");
+    // One picture of both is written.
+    press(&mut window, Key::P);
+    assert!(window.state().message().unwrap().contains("0001.png"));
+    let written = image::open(folder.path().join("screenshots/0001.png")).unwrap();
+    assert_eq!(Some([written.width(), written.height()]), window.state().image_size());
+    window.state_mut().show_other(Some(Mode::Photo));
+    settle(&mut window);
+    assert_eq!(window.state().other_mode(), Some(Mode::Photo));
+    window.key_down(Key::W);
+    window.run_steps(2);
+    window.key_up(Key::W);
+    settle(&mut window);
+    assert_eq!(window.state().other_mode(), None, "away from the view there is no photo");
+}
+
+#[test]
+fn models_without_a_network_or_photos_offer_what_they_have() {
+    let (renderer, dataset) = small_model();
+    let (raster, splats) = (crate::common::rasterizer(), renderer.splats().clone());
+    let renderer = ibgs_core::render::Renderer::new(Arc::new(raster), splats, [0.0; 3], None);
+    let view = View { name: "one".to_owned(), camera: dataset.views[0].camera, held_out: false, photo: None };
+    let scene = Scene { views: vec![view], ..Scene::default() };
+    let content = Content::Model(Arc::new(renderer.showing_surface()));
+    let mut window = window(Some(Opened { scene, content }));
+    let offered: Vec<Mode> = Mode::ALL.into_iter().filter(|mode| window.state().offers(*mode)).collect();
+    assert_eq!(offered, [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal]);
+    for key in [Key::Num3, Key::Num6, Key::Num7, Key::Num8] {
+        press(&mut window, key);
+        assert_eq!(window.state().mode(), Mode::Final);
+    }
+    window.state_mut().show_other(Some(Mode::Visibility));
+    assert_eq!(window.state().other_mode(), None);
+}
+
+#[test]
+fn a_scene_without_views_can_be_looked_at() {
+    let (renderer, dataset) = small_model();
+    let scene = Scene { points: dataset.points, ..Scene::default() };
+    let content = Content::Model(Arc::new(renderer.showing_surface()));
+    let mut window = window(Some(Opened { scene, content }));
+    press(&mut window, Key::ArrowRight);
+    press(&mut window, Key::R);
+    assert_eq!((window.state().on_view(), window.state().error()), (None, None));
+    let picture = middle(&mut window);
+    assert!(picture.iter().any(|p| *p != picture[0]), "the camera looks at the points");
+}
+
+#[test]
+fn keys_and_pointer_move_the_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(small(folder.path())));
+    press(&mut window, Key::ArrowRight);
+    assert_eq!(window.state().on_view(), Some(1));
+    press(&mut window, Key::ArrowLeft);
+    press(&mut window, Key::ArrowLeft);
+    let last = window.state().on_view();
+    assert!(last > Some(1), "{last:?}");
+    window.get_by_label("Reset").click();
+    settle(&mut window);
+    assert_eq!(window.state().on_view(), Some(0));
+
+    let before = *window.state().navigator();
+    window.key_down(Key::W);
+    window.run_steps(5);
+    window.key_up(Key::W);
+    settle(&mut window);
+    let flown = *window.state().navigator();
+    let way = flown.position - before.position;
+    assert!(way.length() > 0.0 && way.normalize().dot(before.world_from_view.z_axis) > 0.999);
+
+    let dragged = |window: &mut Window, with| {
+        drag(window, with, CANVAS, Vec2::splat(30.0));
+        *window.state().navigator()
+    };
+    let orbited = dragged(&mut window, PointerButton::Primary);
+    assert!(orbited.pivot().abs_diff_eq(flown.pivot(), 1e-9) && orbited.position.distance(flown.position) > 1e-3);
+    let turned = dragged(&mut window, PointerButton::Secondary);
+    assert!(turned.position == orbited.position && turned.pivot().distance(orbited.pivot()) > 1e-3);
+    let panned = dragged(&mut window, PointerButton::Middle);
+    assert!(panned.world_from_view == turned.world_from_view && panned.position != turned.position);
+    window.event(Event::MouseWheel {
+        unit: MouseWheelUnit::Line,
+        delta: Vec2::new(0.0, 1.0),
+        phase: TouchPhase::Move,
+        source: MouseWheelSource::Wheel,
+        modifiers: Modifiers::NONE,
+    });
+    window.run_steps(20);
+    let zoomed = *window.state().navigator();
+    assert!(zoomed.distance < panned.distance && zoomed.pivot().abs_diff_eq(panned.pivot(), 1e-6));
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn a_camera_path_is_made_played_kept_and_filmed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(untrained(folder.path())));
+    window.state_mut().show_path(true);
+    window.state_mut().show_figures(false);
+    for view in [0, 5, 9] {
+        window.state_mut().stand_on(view);
+        settle(&mut window);
+        press(&mut window, Key::K);
+    }
+    assert_eq!(window.state().keyframes(), 3);
+    window.get_by_label("Add keyframe").click();
+    settle(&mut window);
+    assert_eq!(window.state().keyframes(), 4);
+    window.run_steps(20);
+    snapshot(&mut window, "camera path", 300);
+    // Play moves the camera along.
+    let before = window.state().navigator().position;
+    window.key_press(Key::Space);
+    until(&mut window, "moved", |viewer| viewer.navigator().position.distance(before) > 1e-3);
+    window.key_press(Key::Space);
+    settle(&mut window);
+
+    let file = folder.path().join("path.json");
+    window.state_mut().set_path_file(&file);
+    window.run_steps(2);
+    window.get_by_label("Save").click();
+    window.run_steps(2);
+    assert!(window.state().message().unwrap().contains("path.json"), "{:?}", window.state().error());
+    let saved = KeyframePath::load(&file).unwrap();
+    assert_eq!(saved.keyframes.len(), 4);
+    window.get_by_label("Clear").click();
+    window.run_steps(2);
+    assert_eq!(window.state().keyframes(), 0);
+    std::fs::write(&file, serde_json::to_string(&shortened(&file)).unwrap()).unwrap();
+    window.get_by_label("Load").click();
+    settle(&mut window);
+    assert_eq!(window.state().keyframes(), 4, "{:?}", window.state().error());
+
+    window.get_by_label("Render film").click();
+    until(&mut window, "filmed", |viewer| viewer.message().is_some_and(|text| text.contains("frames in")));
+    for (index, there) in [(0, true), (2, true), (3, false)] {
+        let path = folder.path().join(format!("film-1/{index:05}.png"));
+        assert_eq!(path.exists(), there, "{}", path.display());
+    }
+    let frame = image::open(folder.path().join("film-1/00001.png")).unwrap();
+    assert_eq!((frame.width(), frame.height()), (64, 48));
+    // A path that is none changes nothing.
+    std::fs::write(&file, "{}").unwrap();
+    window.get_by_label("Load").click();
+    window.run_steps(2);
+    assert!(window.state().error().unwrap().contains("path.json"));
+    assert_eq!(window.state().keyframes(), 4);
+}
+
+/// The saved path with three small frames.
+fn shortened(file: &Path) -> serde_json::Value {
+    let mut path: serde_json::Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+    for (field, value) in [("render_width", 64.0), ("render_height", 48.0), ("fps", 3.0), ("seconds", 1.0)] {
+        path[field] = if field.starts_with("render") { (value as u32).into() } else { value.into() };
+    }
+    path
+}

@@ -1,0 +1,91 @@
+//! Training in the window.
+
+use super::*;
+use crate::train_smoke::image_based::{dataset, staged};
+use egui_kittest::kittest::Queryable;
+use ibgs::commands::train::Run;
+use ibgs_core::gpu::AdapterChoice;
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::train::Trainer;
+use ibgs_core::train::output::{Existing, OutputFolder};
+
+fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
+    let (dataset, mut config) = (dataset(), staged(iterations));
+    config.residual.factor = 0.25;
+    let raster = Arc::new(Rasterizer::new(gpu.clone()));
+    let trainer = Trainer::new(raster.clone(), &dataset, &config).unwrap();
+    let output = OutputFolder::create(&folder.join("model"), Existing::Keep).unwrap();
+    output.write_start(&config, &dataset).unwrap();
+    let scene = surroundings(&dataset, folder);
+    let run = Run::new(trainer, raster, dataset, config, output, Instant::now());
+    Opened { scene, content: Content::Training(Box::new(run)) }
+}
+
+fn iteration(viewer: &Viewer) -> u32 {
+    viewer.progress().unwrap().0.iteration
+}
+
+#[test]
+fn a_training_can_be_watched_paused_stepped_and_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = Vec2::new(1000.0, 640.0);
+    let mut window = window_on(&gpu(), Some(training(&gpu(), folder.path(), 50)), size);
+    until(&mut window, "on its way", |viewer| iteration(viewer) >= 5);
+    window.get_by_label("Pause").click();
+    until(&mut window, "paused", |viewer| !viewer.progress().unwrap().1);
+    settle(&mut window);
+    let paused = iteration(window.state());
+    assert!(paused < 50);
+    window.run_steps(20);
+    assert_eq!(iteration(window.state()), paused);
+    window.get_by_label("Step").click();
+    until(&mut window, "a step further", |viewer| iteration(viewer) == paused + 1);
+    window.get_by_label("Save").click();
+    until(&mut window, "saved", |viewer| viewer.message().is_some());
+    let saved = folder.path().join(format!("model/point_cloud/iteration_{}/point_cloud.ply", paused + 1));
+    assert!(saved.is_file(), "{:?}", window.state().message());
+    window.get_by_label("Go on").click();
+    until(&mut window, "trained", |viewer| iteration(viewer) == 50 && !viewer.progress().unwrap().1);
+    let (progress, _) = window.state().progress().unwrap();
+    let measured = progress.evaluations.last().unwrap();
+    assert_eq!((measured.iteration, progress.iterations), (50, 50));
+    assert!(progress.loss.is_some() && measured.image.is_some(), "{progress:?}");
+    settle(&mut window);
+    window.state_mut().show_figures(false);
+    window.run_steps(30);
+    // The message names a temporary folder, and the time is never the same.
+    window.get_by_label("Close").click();
+    window.run_steps(5);
+    snapshot(&mut window, "training", 4000);
+    assert!(window.state().offers(ibgs_viewer::Mode::Residual), "the network is there");
+    assert!(folder.path().join("model/point_cloud/iteration_50/point_cloud.ply").is_file());
+    assert_eq!(window.state().error(), None);
+}
+
+/// Closing the window ends the training as Ctrl-C does: saved and measured.
+#[test]
+fn a_closed_window_leaves_a_saved_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(training(&gpu(), folder.path(), 10_000)));
+    until(&mut window, "on its way", |viewer| iteration(viewer) >= 3);
+    drop(window);
+    let output = OutputFolder::open(&folder.path().join("model")).unwrap();
+    let latest = output.latest_iteration().unwrap().unwrap();
+    assert!((3..10_000).contains(&latest), "{latest}");
+}
+
+/// A device that goes away: a sentence in place of a crash, and the model of before on disk.
+#[test]
+fn a_lost_device_is_survived() {
+    let folder = tempfile::tempdir().unwrap();
+    // One of its own: the other tests need theirs.
+    let own = Gpu::open(&AdapterChoice::Best).unwrap();
+    let mut window = window_on(&own, Some(training(&own, folder.path(), 10_000)), Vec2::new(500.0, 320.0));
+    until(&mut window, "on its way", |viewer| iteration(viewer) >= 3);
+    own.device.destroy();
+    until(&mut window, "told", |viewer| viewer.error().is_some_and(|error| error.contains("the model so far is in")));
+    let error = window.state().error().unwrap().to_owned();
+    assert!(!error.contains('\n') && error.contains("the device is lost"), "{error}");
+    let output = OutputFolder::open(&folder.path().join("model")).unwrap();
+    assert!(output.latest_iteration().unwrap().is_some(), "{error}");
+}
