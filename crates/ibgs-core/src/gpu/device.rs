@@ -279,8 +279,12 @@ impl Gpu {
             let _ = first.set(format!("the device is lost ({reason:?}) {text}").trim_end().to_owned());
         });
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            // Whoever waits for the device next hears of it.
-            let _ = also.set(error.to_string().split_whitespace().collect::<Vec<_>>().join(" "));
+            let text = error.to_string();
+            // A window's surface that could not be set up in time (a software adapter was busy) is set up again.
+            if !text.contains("Surface::configure") {
+                // Whoever waits for the device next hears of it.
+                let _ = also.set(text.split_whitespace().collect::<Vec<_>>().join(" "));
+            }
         }));
         Ok(Arc::new(Gpu {
             burn,
