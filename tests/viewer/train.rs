@@ -85,7 +85,7 @@ fn a_lost_device_is_survived() {
     own.device.destroy();
     until(&mut window, "told", |viewer| viewer.error().is_some_and(|error| error.contains("the model so far is in")));
     let error = window.state().error().unwrap().to_owned();
-    assert!(!error.contains('\n') && error.contains("the device is lost"), "{error}");
+    assert!(!error.contains('\n') && error.contains("the GPU has failed"), "{error}");
     let output = OutputFolder::open(&folder.path().join("model")).unwrap();
     assert!(output.latest_iteration().unwrap().is_some(), "{error}");
 }

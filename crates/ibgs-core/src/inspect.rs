@@ -7,10 +7,8 @@
 use crate::camera::Camera;
 use crate::dataset::Photo;
 use crate::fuse::WarpOptions;
-use crate::gpu::buffer::primitive;
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::render::Frame;
-use burn::tensor::Tensor;
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
@@ -236,11 +234,9 @@ impl Frame {
             return Ok(None);
         }
         let at = y as usize * camera.width as usize + x as usize;
-        let color = |tensor: Tensor<3>| -> Result<[f32; 3], GpuError> {
-            Ok(gpu.read_at(&Gpu::bind(&primitive(tensor)), at, 1)?[0])
-        };
-        let base = color(self.base_tensor())?;
-        let image = self.image.as_ref().map(|part| color(part.image.clone())).transpose()?;
+        let color = |memory: &Buffer| -> Result<[f32; 3], GpuError> { Ok(gpu.read_at(memory, at, 1)?[0]) };
+        let base = color(self.base_memory())?;
+        let image = self.image_memory().map(color).transpose()?;
         let residual = image.map(|image| std::array::from_fn(|c| image[c] - base[c]));
         let mut found = Inspection { pixel: [x, y], base, image, residual, ..Inspection::default() };
         let Some(surface) = self.surface() else { return Ok(Some(found)) };

@@ -1,6 +1,5 @@
 //! What a frame shows, into a texture of the screen, without a way through the host.
 
-use crate::gpu::buffer::primitive;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::loss::Target;
 use crate::picture::viridis;
@@ -131,9 +130,8 @@ impl Presenter {
 }
 
 fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
-    let memory = |tensor| Gpu::bind(&primitive::<3>(tensor)).clone();
-    let base = || memory(frame.base_tensor());
-    let image = || frame.final_tensor().map(|(image, _)| memory(image));
+    let base = || frame.base_memory().clone();
+    let image = || frame.image_memory().cloned();
     let plain = |mode, values| Inputs { mode, values, others: None, words: None };
     let photo = |target: &Target| {
         let size = [frame.camera().width, frame.camera().height];
@@ -146,7 +144,7 @@ fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
         Shown::Residual(_) => Inputs { others: Some(base()), ..plain(1, image()?) },
         Shown::Depth(_) => plain(2, frame.surface()?.median_depth.clone()),
         Shown::Normal => plain(3, frame.surface()?.normal_map.clone()),
-        Shown::Visibility(_) => Inputs { words: Some(frame.final_tensor()?.1?.slots.clone()), ..plain(4, base()) },
+        Shown::Visibility(_) => Inputs { words: Some(frame.seen()?.slots.clone()), ..plain(4, base()) },
         Shown::Difference(target, _) => Inputs { words: photo(target), ..plain(5, image().unwrap_or_else(base)) },
         Shown::Photo(target) => Inputs { words: photo(target), ..plain(6, base()) },
     })

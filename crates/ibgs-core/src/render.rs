@@ -7,7 +7,7 @@ use crate::fuse::sources::{First, SourceFinder, SourceOptions};
 use crate::fuse::{Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
-use crate::gpu::{Gpu, GpuError, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
 use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
@@ -138,6 +138,9 @@ pub struct Frame {
     forward: Forward,
     /// The final image, where the model has a network.
     pub(crate) image: Option<FinalImage>,
+    /// Where base and final image lie; their tensors keep the memory.
+    base_memory: Buffer,
+    image_memory: Option<Buffer>,
     camera: Camera,
 }
 
@@ -221,8 +224,12 @@ impl Renderer {
                 _ => None,
             };
             pass.submit();
+            // Asked for while the device works; burn takes its time to tell.
+            let memory = |tensor: Tensor<3>| Gpu::bind(&primitive(tensor)).clone();
+            let base_memory = memory(forward.image());
+            let image_memory = image.as_ref().map(|part| memory(part.image.clone()));
             if room == Room::Assumed || self.raster.had_room(&forward)? {
-                return Ok(Frame { gpu, forward, image, camera: *camera });
+                return Ok(Frame { gpu, forward, image, base_memory, image_memory, camera: *camera });
             }
         }
     }
@@ -282,14 +289,19 @@ impl Frame {
         &self.camera
     }
 
-    /// The base image, on the device.
-    pub(crate) fn base_tensor(&self) -> Tensor<3> {
-        self.forward.image()
+    /// The base image, on the device, `[H, W, 3]`.
+    pub(crate) fn base_memory(&self) -> &Buffer {
+        &self.base_memory
     }
 
-    /// The final image, on the device, and the sources that its pixels see.
-    pub(crate) fn final_tensor(&self) -> Option<(Tensor<3>, Option<&Seen>)> {
-        self.image.as_ref().map(|part| (part.image.clone(), part.seen.as_ref().map(|seen| &***seen)))
+    /// The final image, on the device, `[H, W, 3]`.
+    pub(crate) fn image_memory(&self) -> Option<&Buffer> {
+        self.image_memory.as_ref()
+    }
+
+    /// The sources that the pixels see, on the device.
+    pub(crate) fn seen(&self) -> Option<&Seen> {
+        self.image.as_ref()?.seen.as_ref().map(|seen| &***seen)
     }
 
     /// The surface, on the device.
@@ -319,7 +331,7 @@ impl Frame {
     /// # Errors
     /// When the device is lost; so with the others.
     pub fn base(&self) -> Result<Rendered, GpuError> {
-        read_image(&self.gpu, self.forward.image())
+        self.read(&self.base_memory)
     }
 
     /// The final image; none where the model has no network.
@@ -327,7 +339,12 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn image(&self) -> Result<Option<Rendered>, GpuError> {
-        self.image.as_ref().map(|part| read_image(&self.gpu, part.image.clone())).transpose()
+        self.image_memory.as_ref().map(|memory| self.read(memory)).transpose()
+    }
+
+    fn read(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
+        let Camera { width, height, .. } = self.camera;
+        Ok(Rendered { width, height, rgb: self.gpu.read(memory, 3 * self.pixels())? })
     }
 
     /// Median depth, `[H * W]`, 0 where nothing is met; none where no surface was asked for.

@@ -317,12 +317,14 @@ impl Desk {
     }
 
     fn render(&self, work: &mut Work, request: &Request) -> Result<()> {
-        // What a training has still in work would count as the frame's time.
-        self.gpu.wait()?;
+        if work.unfinished {
+            // What a training has still in work would count as the frame's time.
+            self.gpu.wait()?;
+        }
         let start = Instant::now();
         let Some(rendered) = work.with_renderer(|renderer, iteration| -> Result<Rendered> {
+            // It has waited for the device's answer.
             let frame = renderer.render(&request.camera)?;
-            self.gpu.wait()?;
             let time = start.elapsed();
             let depths = if request.with_range { frame.depth()? } else { None };
             let facts = ModelFacts {

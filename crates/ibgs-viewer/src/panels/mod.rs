@@ -106,12 +106,11 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
     };
     let camera = last.frame.camera();
     let ms = 1e3 * last.time.as_secs_f64();
+    let fps = 1e3 / ms.max(1e-3);
+    let decimals = usize::from(fps < 10.0);
     let mut text = format!(
-        "{} x {}   {ms:.1} ms   {:.0} FPS\n{} Gaussians",
-        camera.width,
-        camera.height,
-        1e3 / ms.max(1e-3),
-        last.facts.gaussians
+        "{} x {}   {ms:.1} ms   {fps:.decimals$} FPS\n{} Gaussians",
+        camera.width, camera.height, last.facts.gaussians
     );
     if let Some(bytes) = last.memory {
         text += &format!("   {}", Bytes(bytes));
