@@ -413,9 +413,9 @@ impl Viewer {
                         self.message = Some(written);
                     }
                 }
+                News::NoFrame => self.canvas.give_up(),
                 News::Failed(sentence) => {
                     self.doing = None;
-                    self.canvas.give_up();
                     self.error = Some(sentence);
                 }
             }

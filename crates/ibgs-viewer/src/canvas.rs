@@ -58,6 +58,8 @@ pub struct Canvas {
     arrived: Option<Instant>,
     /// What was asked for and has not come yet, and its share of the full size.
     awaited: Option<(Request, f32)>,
+    /// What could not be rendered.
+    refused: Option<Request>,
     /// Seconds that a frame of the full size would take.
     full_time: Option<f32>,
     /// Nothing more has to be asked for.
@@ -79,6 +81,7 @@ impl Canvas {
             last: None,
             arrived: None,
             awaited: None,
+            refused: None,
             full_time: None,
             settled: false,
             style: Style { depth_range: [0.0, 1.0], gain: 1.0, most_sources: 1 },
@@ -92,13 +95,14 @@ impl Canvas {
 
     /// Forgets all frames, for another model.
     pub fn clear(&mut self) {
-        (self.last, self.arrived, self.awaited, self.full_time, self.settled) = (None, None, None, None, false);
+        (self.last, self.arrived, self.awaited, self.refused) = (None, None, None, None);
+        (self.full_time, self.settled) = (None, false);
         self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
     }
 
-    /// The frame that was asked for does not come.
+    /// The frame that was asked for does not come, and is not asked for again.
     pub fn give_up(&mut self) {
-        self.awaited = None;
+        self.refused = self.awaited.take().map(|(request, _)| request);
     }
 
     /// Takes a finished frame.
@@ -150,7 +154,7 @@ impl Canvas {
                 && (last.range.is_some() || !with_range)
                 && !(last.iteration != wanted.iteration && aged)
         });
-        let request = (!fits).then_some(Request { camera, with_range });
+        let request = (!fits).then_some(Request { camera, with_range }).filter(|wanted| self.refused != Some(*wanted));
         self.awaited = request.map(|request| (request, share));
         let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);
         self.settled = fits && is_newest && !wanted.moving;

@@ -108,6 +108,8 @@ pub enum News {
     FilmDone(String),
     /// Something failed, in one sentence.
     Failed(String),
+    /// The frame that was asked for could not be rendered.
+    NoFrame,
 }
 
 /// The window's end.
@@ -240,6 +242,7 @@ impl Desk {
             if let Some(request) = work.request.take()
                 && let Err(error) = self.render(&mut work, &request)
             {
+                self.tell(News::NoFrame);
                 self.failed_in(&mut work, &error);
             }
             self.shoot(&mut work);
