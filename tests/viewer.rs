@@ -28,13 +28,7 @@ type Window = Harness<'static, Viewer>;
 
 /// What stands around a model of a dataset.
 fn surroundings(dataset: &Dataset, pictures: &Path) -> Scene {
-    let view = |(index, view): (usize, &ibgs_core::dataset::View)| View {
-        name: view.name.clone(),
-        camera: view.camera,
-        held_out: dataset.test.contains(&index),
-        photo: Some(view.photo.clone()),
-    };
-    let views = dataset.views.iter().enumerate().map(view).collect();
+    let views = View::all(dataset);
     let (title, points) = ("small".to_owned(), dataset.points.clone());
     Scene { title, views, points, pictures: pictures.to_owned(), path: None }
 }

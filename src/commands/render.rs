@@ -8,6 +8,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::CameraPath;
 use ibgs_core::train::output::cameras::Split;
+use ibgs_core::video::frame_name;
 use std::path::PathBuf;
 
 /// Which of the scene's views to render.
@@ -70,10 +71,8 @@ fn render_path(model: &Model, cameras: &[Camera], args: &Args, outputs: &[Output
         match (args.exr, outputs) {
             (true, _) => write_exr(&frame, camera, outputs, &folder.join(format!("{index:05}.exr")))?,
             // The usual frames of a film lie side by side; where more is asked for, each kind has its folder.
-            (false, [_]) => write_pictures(&frame, outputs, |_| folder.join(format!("{index:05}.png")))?,
-            (false, _) => {
-                write_pictures(&frame, outputs, |kind| folder.join(kind.folder()).join(format!("{index:05}.png")))?
-            }
+            (false, [_]) => write_pictures(&frame, outputs, |_| folder.join(frame_name(index)))?,
+            (false, _) => write_pictures(&frame, outputs, |kind| folder.join(kind.folder()).join(frame_name(index)))?,
         }
         bar.inc(1);
     }

@@ -159,16 +159,10 @@ impl Open for Opener {
 
 fn trained(run: Run) -> Opened {
     let dataset = run.dataset();
-    let view = |(index, view): (usize, &ibgs_core::dataset::View)| View {
-        name: view.name.clone(),
-        camera: view.camera,
-        held_out: dataset.test.contains(&index),
-        photo: Some(view.photo.clone()),
-    };
     let scene = Scene {
         title: run.folder().root().display().to_string(),
         path: run.source().map(Path::to_owned),
-        views: dataset.views.iter().enumerate().map(view).collect(),
+        views: View::all(dataset),
         points: dataset.points.clone(),
         pictures: run.folder().root().to_owned(),
     };

@@ -51,6 +51,11 @@ impl Camera {
         self.view_from_world.transpose() * DVec3::Z
     }
 
+    /// Whether it stands and looks as another one does, whatever its lens and size.
+    pub fn has_pose_of(&self, other: &Camera) -> bool {
+        self.view_from_world == other.view_from_world && self.translation == other.translation
+    }
+
     /// The same camera for a photo resized to `width` x `height`.
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let scale = DVec2::new(f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
@@ -61,6 +66,11 @@ impl Camera {
     pub fn centred(&self) -> Camera {
         Camera { principal: DVec2::new(f64::from(self.width), f64::from(self.height)) / 2.0, ..*self }
     }
+}
+
+/// A length to measure by: the extent itself, or 1 of cameras that all stand at one place and have none.
+pub fn usable_extent(extent: f64) -> f64 {
+    if extent > 1e-6 { extent } else { 1.0 }
 }
 
 /// Mean camera position, and the scene extent: 1.1 x the largest distance of a camera from it (method.md section 1).

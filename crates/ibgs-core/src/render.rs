@@ -237,8 +237,7 @@ impl Renderer {
     /// The sources of a view; none where it has none or is too small for the network.
     fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
         // A training view is no source of itself, at whatever size.
-        let pose = |camera: &Camera| (camera.view_from_world, camera.translation);
-        let own = stage.part.cameras.iter().position(|other| pose(other) == pose(camera));
+        let own = stage.part.cameras.iter().position(|other| other.has_pose_of(camera));
         let chosen = match stage.residual.fits(camera) {
             true => stage.finder.sources(camera, own),
             false => Vec::new(),

@@ -1,18 +1,23 @@
-//! The window: input, camera, what is open, and what stands around the canvas.
+//! The window: camera, what is open, and what stands around the canvas.
+
+mod framing;
+mod input;
+mod news;
+mod screenshot;
 
 use crate::canvas::{Canvas, SIDES, Wanted as WantedFrame};
 use crate::curves::Curves;
 use crate::mode::Mode;
-use crate::navigator::{Navigator, up_axis};
+use crate::navigator::Navigator;
 use crate::panels::{self, Panels};
 use crate::thumbnails::Thumbnails;
-use crate::worker::{Command, News, Worker};
+use crate::worker::{Command, Worker};
 use crate::{Open, Opened, Progress, Scene, Wanted, marks};
-use eframe::egui::{self, Color32, Key, PointerButton, Pos2, Rect, Sense, Ui, Vec2, ViewportCommand};
-use glam::{DVec2, DVec3};
-use ibgs_core::camera::{Camera, scene_extent};
+use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
+use framing::fitted;
+use glam::DVec3;
+use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError};
-use ibgs_core::image_io::write_png;
 use ibgs_core::inspect::Inspection;
 use ibgs_core::loss::Target;
 use serde::{Deserialize, Serialize};
@@ -22,31 +27,6 @@ use std::time::{Duration, Instant};
 
 /// The picture is made sharp when the camera has rested so long.
 const REST: Duration = Duration::from_millis(150);
-/// Longest time between the clicks of a double click.
-const DOUBLE_CLICK: Duration = Duration::from_millis(320);
-/// Radians of a drag over the height of the canvas.
-const TURN: f64 = 3.0;
-/// Scene extents that the camera flies in a second.
-const SPEED: f64 = 0.3;
-/// Recently opened paths that are kept.
-const RECENT: usize = 8;
-
-const MODE_KEYS: [Key; 8] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
-
-/// Keys that do something once.
-const SINGLE_KEYS: [Key; 8] =
-    [Key::ArrowLeft, Key::ArrowRight, Key::R, Key::C, Key::P, Key::K, Key::Space, Key::Escape];
-
-/// Keys that fly, with their direction: right, down, forward.
-const FLY_KEYS: [(Key, DVec3); 6] = [
-    (Key::W, DVec3::Z),
-    (Key::S, DVec3::NEG_Z),
-    (Key::D, DVec3::X),
-    (Key::A, DVec3::NEG_X),
-    (Key::E, DVec3::NEG_Y),
-    (Key::Q, DVec3::Y),
-];
-
 /// What is kept from one start of the program to the next.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -329,37 +309,6 @@ impl Viewer {
         }
     }
 
-    /// Writes what the canvas shows as a picture.
-    pub fn screenshot(&mut self) {
-        match self.write_screenshot() {
-            Ok(Some(path)) => self.message = Some(format!("screenshot: {}", path.display())),
-            Ok(None) => {}
-            Err(error) => self.error = Some(crate::worker::sentence(&error)),
-        }
-    }
-
-    fn write_screenshot(&mut self) -> anyhow::Result<Option<PathBuf>> {
-        let photo = self.photo()?;
-        let Some((width, height, mut rgb)) = self.canvas.picture(self.mode, photo.as_ref())? else { return Ok(None) };
-        if let Some(other) = self.other
-            && let Some((_, _, right)) = self.canvas.picture(other, photo.as_ref())?
-        {
-            let from = (self.divider * width as f32).round() as usize;
-            let rows = rgb.chunks_exact_mut(3 * width as usize).zip(right.chunks_exact(3 * width as usize));
-            rows.for_each(|(left, right)| left[3 * from..].copy_from_slice(&right[3 * from..]));
-        }
-        let folder = self.scene.as_ref().map(|scene| scene.pictures.join("screenshots")).unwrap_or_default();
-        let path = loop {
-            self.screenshots += 1;
-            let path = folder.join(format!("{:04}.png", self.screenshots));
-            if !path.exists() {
-                break path;
-            }
-        };
-        write_png(&path, width, height, &rgb)?;
-        Ok(Some(path))
-    }
-
     /// The camera of the canvas. That of a view keeps its ratio, and its size where the photo is compared with.
     fn camera(&self) -> Camera {
         let [width, height] = self.room;
@@ -387,173 +336,6 @@ impl Viewer {
         Ok(self.photo.as_ref().map(|(_, target)| target.clone()))
     }
 
-    /// Takes what the worker has to tell.
-    fn listen(&mut self, ctx: &egui::Context) {
-        while let Ok(news) = self.worker.news.try_recv() {
-            match news {
-                News::Doing(what) => self.doing = Some(what),
-                News::Opened(scene, progress) => self.opened(*scene, progress, ctx),
-                News::Rendered(rendered) => {
-                    self.canvas.take(*rendered);
-                    self.leave_what_is_not_offered();
-                }
-                News::Inspected { found, focus } => self.inspected(*found, focus),
-                News::Progress(progress, running) => {
-                    self.doing = None;
-                    if let Some(trained) = &mut self.training {
-                        trained.curves.add(&progress);
-                        (trained.progress, trained.running) = (*progress, running);
-                    }
-                }
-                News::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
-                News::Filmed(done, count) => self.panels.path.filming = Some((done, count)),
-                News::FilmDone(written) => {
-                    self.panels.path.filming = None;
-                    if !written.is_empty() {
-                        self.message = Some(written);
-                    }
-                }
-                News::NoFrame => self.canvas.give_up(),
-                News::Failed(sentence) => {
-                    self.doing = None;
-                    self.error = Some(sentence);
-                }
-            }
-        }
-    }
-
-    fn opened(&mut self, scene: Scene, progress: Option<Progress>, ctx: &egui::Context) {
-        ctx.send_viewport_cmd(ViewportCommand::Title(format!("{} - ibgs", scene.title)));
-        if let Some(path) = scene.path.as_ref().and_then(|path| std::path::absolute(path).ok()) {
-            self.settings.recent.retain(|other| *other != path);
-            self.settings.recent.insert(0, path);
-            self.settings.recent.truncate(RECENT);
-        }
-        let cameras = || scene.views.iter().map(|view| &view.camera);
-        let (mean, extent) = scene_extent(cameras());
-        self.extent = if extent > 1e-6 { extent } else { 1.0 };
-        self.center = looked_at(cameras()).unwrap_or(mean);
-        if scene.views.is_empty() && !scene.points.is_empty() {
-            (self.center, self.extent) = middle(scene.points.iter().map(|point| point.position));
-        }
-        self.photos_up = up_axis(cameras());
-        self.navigator.up = self.photos_up;
-        self.training = progress.map(|progress| Trained { progress, running: true, curves: Curves::default() });
-        (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
-        (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);
-        (self.coming, self.clicked) = (None, None);
-        self.thumbnails = Thumbnails::default();
-        self.panels = Panels { always_sharp: self.panels.always_sharp, ..Panels::default() };
-        self.canvas.clear();
-        self.reset();
-    }
-
-    fn inspected(&mut self, inspection: Inspection, focus: bool) {
-        if focus {
-            (self.coming, self.clicked) = (None, None);
-            if let Some(point) = inspection.point {
-                self.navigator.focus(point);
-                self.has_moved();
-            }
-            return;
-        }
-        let sources = self.canvas.last().and_then(|last| last.facts.sources.clone());
-        let view_of = |index: usize| {
-            let camera = sources.as_ref()?.get(index)?;
-            self.scene.as_ref()?.views.iter().position(|view| view.camera == *camera)
-        };
-        let views = inspection.sources.iter().map(|source| view_of(source.view)).collect();
-        self.coming = Some(Found { inspection, views });
-    }
-
-    /// Shows the pixel that was clicked once it is certain that no second click follows: its panels move the canvas.
-    fn show_found(&mut self, ctx: &egui::Context) {
-        let Some(clicked) = self.clicked.filter(|_| self.coming.is_some()) else { return };
-        match DOUBLE_CLICK.checked_sub(clicked.elapsed()) {
-            Some(rest) => ctx.request_repaint_after(rest),
-            None => {
-                self.found = self.coming.take();
-                self.panels.shows_pixel = true;
-            }
-        }
-    }
-
-    fn keys(&mut self, ui: &Ui) {
-        if ui.ctx().egui_wants_keyboard_input() || self.scene.is_none() {
-            return;
-        }
-        // A widget that was reached by Tab takes these itself.
-        let focused = ui.memory(|memory| memory.focused().is_some());
-        let (pressed, down, shift, dt) = ui.input(|input| {
-            let taken = |key| focused && matches!(key, Key::Space | Key::ArrowLeft | Key::ArrowRight);
-            let keys = MODE_KEYS.into_iter().chain(SINGLE_KEYS).filter(|&key| !taken(key));
-            let command = input.modifiers.command || input.modifiers.ctrl || input.modifiers.alt;
-            let pressed: Vec<Key> = keys.filter(|&key| !command && input.key_pressed(key)).collect();
-            let fly = FLY_KEYS.iter().filter(|(key, _)| !command && input.key_down(*key));
-            let down: DVec3 = fly.map(|(_, direction)| *direction).sum();
-            (pressed, down, input.modifiers.shift, f64::from(input.stable_dt.min(0.1)))
-        });
-        for key in pressed {
-            match key {
-                Key::ArrowLeft => self.step_view(-1),
-                Key::ArrowRight => self.step_view(1),
-                Key::R => self.reset(),
-                Key::C => self.panels.shows_cameras = !self.panels.shows_cameras,
-                Key::P => self.screenshot(),
-                Key::K => self.panels.path.add(&self.navigator),
-                Key::Space => self.panels.path.toggle(),
-                Key::Escape => (self.found, self.other) = (None, None),
-                _ => {
-                    let at = MODE_KEYS.iter().position(|&other| other == key).unwrap_or_default();
-                    self.show_mode(Mode::ALL[at]);
-                }
-            }
-        }
-        if down != DVec3::ZERO {
-            let speed = SPEED * self.extent * if shift { 4.0 } else { 1.0 };
-            self.navigator.fly(down * speed * dt);
-            self.has_moved();
-        }
-    }
-
-    fn pointer(&mut self, ui: &Ui, response: &egui::Response, image: Rect) {
-        let delta = response.drag_delta() / image.height().max(1.0);
-        let (x, y) = (f64::from(delta.x), f64::from(delta.y));
-        if delta != Vec2::ZERO {
-            // Dragging moves what is seen along with the pointer; right of it lies what a turn about up brings to the left.
-            if response.dragged_by(PointerButton::Primary) {
-                self.navigator.orbit(TURN * x, TURN * y);
-            } else if response.dragged_by(PointerButton::Secondary) {
-                self.navigator.look(TURN * x * 0.5, TURN * y * 0.5);
-            } else if response.dragged_by(PointerButton::Middle) {
-                self.navigator.pan(DVec2::new(x, y));
-            }
-            self.has_moved();
-        }
-        let scroll = ui.input(|input| input.smooth_scroll_delta.y);
-        if response.hovered() && scroll != 0.0 {
-            self.navigator.zoom(f64::from(scroll) / 50.0);
-            self.has_moved();
-        }
-        let pressed_f = || response.hovered() && ui.input(|input| input.key_pressed(Key::F));
-        let focus = response.double_clicked() || pressed_f();
-        if focus || response.clicked() {
-            let at = response.interact_pointer_pos().or_else(|| ui.input(|input| input.pointer.latest_pos()));
-            self.inspect(at.map(|at| (at - image.min) / image.size()), focus);
-        }
-    }
-
-    /// Asks about a place of the canvas, 0 to 1 in both directions.
-    fn inspect(&mut self, place: Option<Vec2>, focus: bool) {
-        let inside = |place: &Vec2| (0.0..1.0).contains(&place.x) && (0.0..1.0).contains(&place.y);
-        let (Some(place), Some(last)) = (place.filter(inside), self.canvas.last()) else { return };
-        let camera = last.frame.camera();
-        let pixel = [(place.x * camera.width as f32) as u32, (place.y * camera.height as f32) as u32];
-        let frame = last.frame.clone();
-        self.clicked = (!focus).then(Instant::now);
-        self.send(Command::Inspect { frame, pixel, focus });
-    }
-
     fn central(&mut self, ui: &mut Ui, frame: &eframe::Frame) -> Result<(), GpuError> {
         let room = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(room, Sense::click_and_drag());
@@ -563,7 +345,7 @@ impl Viewer {
         let camera = self.camera();
         self.pointer(ui, &response, fitted(room, camera.width as f32 / camera.height as f32));
         if let Some(pose) = self.panels.path.pose(ui) {
-            (self.navigator.position, self.navigator.world_from_view, self.navigator.fov) = pose;
+            self.navigator.follow(&pose);
             self.has_moved();
         }
         let camera = self.camera();
@@ -615,49 +397,6 @@ impl Viewer {
     }
 }
 
-/// The largest part of a room with this ratio of width and height, in its middle.
-fn fitted(room: Rect, ratio: f32) -> Rect {
-    let size = match room.width() / room.height().max(1.0) > ratio {
-        true => Vec2::new(room.height() * ratio, room.height()),
-        false => Vec2::new(room.width(), room.width() / ratio),
-    };
-    Rect::from_center_size(room.center(), size)
-}
-
-/// Median place of some points, and their median distance from it.
-fn middle(points: impl Iterator<Item = DVec3> + Clone) -> (DVec3, f64) {
-    let median = |values: &mut dyn Iterator<Item = f64>| {
-        let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or_default()
-    };
-    let axis = |of: fn(DVec3) -> f64| median(&mut points.clone().map(of));
-    let center = DVec3::new(axis(|p| p.x), axis(|p| p.y), axis(|p| p.z));
-    let extent = median(&mut points.map(|point| point.distance(center)));
-    (center, if extent > 1e-6 { extent } else { 1.0 })
-}
-
-/// The point nearest to all optical axes: what a capture looks at.
-fn looked_at<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<DVec3> {
-    // Sum of (I - f f^T) (p - c) = 0 over the cameras.
-    let mut matrix = glam::DMat3::ZERO;
-    let mut right = DVec3::ZERO;
-    for camera in cameras.clone() {
-        let f = camera.forward();
-        let across = glam::DMat3::IDENTITY - glam::DMat3::from_cols(f * f.x, f * f.y, f * f.z);
-        matrix += across;
-        right += across * camera.center();
-    }
-    let count = cameras.clone().count() as f64;
-    // Nearly parallel axes meet nowhere.
-    if count < 2.0 || matrix.determinant() < 1e-3 * count.powi(3) {
-        return None;
-    }
-    let point = matrix.inverse() * right;
-    let ahead = cameras.filter(|camera| camera.to_view(point).z > 0.0).count() as f64;
-    (point.is_finite() && ahead > 0.5 * count).then_some(point)
-}
-
 impl eframe::App for Viewer {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.listen(ui.ctx());
@@ -681,39 +420,5 @@ impl eframe::App for Viewer {
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {
         eframe::set_value(storage, eframe::APP_KEY, &self.settings);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_ring_of_cameras_looks_at_its_middle() {
-        let target = DVec3::new(1.0, -2.0, 0.5);
-        let ring: Vec<Camera> = (0..8)
-            .map(|i| {
-                let mut navigator = Navigator::facing(target, 3.0);
-                navigator.orbit(f64::from(i) * 0.7, 0.3);
-                navigator.camera(64, 48)
-            })
-            .collect();
-        assert!(looked_at(ring.iter()).unwrap().abs_diff_eq(target, 1e-9));
-        // Cameras that face forward side by side meet nowhere; neither does one alone.
-        let row: Vec<Camera> =
-            (0..4).map(|i| Navigator::facing(DVec3::new(f64::from(i), 0.0, 0.0), 3.0).camera(64, 48)).collect();
-        assert_eq!(looked_at(row.iter()), None);
-        assert_eq!(looked_at(ring[..1].iter()), None);
-    }
-
-    #[test]
-    fn images_fit_into_any_room() {
-        let room = Rect::from_min_size(Pos2::new(10.0, 20.0), Vec2::new(200.0, 100.0));
-        for ratio in [0.1, 1.0, 2.0, 5.0] {
-            let image = fitted(room, ratio);
-            assert!(room.expand(0.01).contains_rect(image) && image.center() == room.center());
-            assert!((image.width() / image.height() - ratio).abs() < 1e-3);
-            assert!((image.width() - 200.0).abs() < 1e-3 || (image.height() - 100.0).abs() < 1e-3);
-        }
     }
 }

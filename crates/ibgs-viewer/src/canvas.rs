@@ -206,9 +206,7 @@ impl Canvas {
 /// Whether two cameras differ in their number of pixels alone.
 fn sees_the_same(a: &Camera, b: &Camera) -> bool {
     let angles = |camera: &Camera| camera.focal / glam::DVec2::new(camera.width.into(), camera.height.into());
-    a.view_from_world == b.view_from_world
-        && a.translation == b.translation
-        && angles(a).abs_diff_eq(angles(b), 1e-9 * angles(b).max_element())
+    a.has_pose_of(b) && angles(a).abs_diff_eq(angles(b), 1e-9 * angles(b).max_element())
 }
 
 /// A texture that frames are put into and the window paints.

@@ -22,7 +22,7 @@ use anyhow::Result;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use eframe::{NativeOptions, egui};
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::{Photo, Point};
+use ibgs_core::dataset::{self, Dataset, Photo, Point};
 use ibgs_core::eval::Score;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::Renderer;
@@ -40,6 +40,19 @@ pub struct View {
     pub held_out: bool,
     /// Its photo, of the camera's size.
     pub photo: Option<Arc<Photo>>,
+}
+
+impl View {
+    /// The views of a scene.
+    pub fn all(dataset: &Dataset) -> Vec<View> {
+        let view = |(index, view): (usize, &dataset::View)| View {
+            name: view.name.clone(),
+            camera: view.camera,
+            held_out: dataset.test.contains(&index),
+            photo: Some(view.photo.clone()),
+        };
+        dataset.views.iter().enumerate().map(view).collect()
+    }
 }
 
 /// What stands around a model.

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
+use ibgs_core::camera_path::Keyframe;
 
 /// Least angle between the optical axis and the up axis when orbiting, in radians.
 const POLE: f64 = 0.05;
@@ -60,19 +61,19 @@ impl Navigator {
         self.position + self.forward() * self.distance
     }
 
+    /// Where it stands, as a keyframe.
+    pub fn keyframe(&self) -> Keyframe {
+        Keyframe { position: self.position, world_from_view: self.world_from_view, fov: self.fov }
+    }
+
+    /// Stands where a keyframe does; the pivot stays as far ahead.
+    pub fn follow(&mut self, key: &Keyframe) {
+        (self.position, self.world_from_view, self.fov) = (key.position, key.world_from_view, key.fov);
+    }
+
     /// The camera for an image of this size, its principal point in the middle.
     pub fn camera(&self, width: u32, height: u32) -> Camera {
-        let size = DVec2::new(f64::from(width), f64::from(height));
-        let focal = 0.5 * size.y / (0.5 * self.fov).tan();
-        let view_from_world = self.world_from_view.transpose();
-        Camera {
-            width,
-            height,
-            focal: DVec2::splat(focal),
-            principal: 0.5 * size,
-            view_from_world,
-            translation: -(view_from_world * self.position),
-        }
+        self.keyframe().camera(width, height)
     }
 
     /// Turned by `yaw` about the up axis and by `pitch` about its own right axis, but never over a pole.

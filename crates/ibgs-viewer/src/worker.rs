@@ -104,8 +104,8 @@ pub enum News {
     Saved(PathBuf),
     /// Frames of the film that are done, of so many.
     Filmed(usize, usize),
-    /// The film is finished: what was written.
-    FilmDone(String),
+    /// The film has ended: what was written, where nothing failed.
+    FilmDone(Option<String>),
     /// Something failed, in one sentence.
     Failed(String),
     /// The frame that was asked for could not be rendered.
@@ -313,7 +313,7 @@ impl Desk {
             },
             Command::CancelFilm => {
                 if let Some(shoot) = work.film.take() {
-                    self.tell(News::FilmDone(shoot.cancelled()));
+                    self.tell(News::FilmDone(Some(shoot.cancelled())));
                 }
             }
         }
@@ -362,9 +362,9 @@ impl Desk {
                 self.tell(News::Filmed(shoot.done(), shoot.count()));
                 work.film = Some(shoot);
             }
-            Some(Ok(Some(written))) => self.tell(News::FilmDone(written)),
+            Some(Ok(written)) => self.tell(News::FilmDone(written)),
             Some(Err(error)) => {
-                self.tell(News::FilmDone(String::new()));
+                self.tell(News::FilmDone(None));
                 self.failed(&error);
             }
             None => {}

@@ -6,7 +6,7 @@ use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
 use super::stages::{ImageStages, Total, Work};
 use super::telemetry::{Recorder, Telemetry};
-use crate::camera::{Camera, scene_extent};
+use crate::camera::{Camera, scene_extent, usable_extent};
 use crate::dataset::{Dataset, Point};
 use crate::fuse::source_store::SourceStore;
 use crate::gpu::{Gpu, GpuError};
@@ -45,11 +45,6 @@ fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
         return Cow::Borrowed(points);
     }
     (0..most).map(|i| points[i * points.len() / most]).collect()
-}
-
-/// Cameras that all stand at one place have no extent to measure lengths by.
-fn usable_extent(extent: f64) -> f64 {
-    if extent > 1e-6 { extent } else { 1.0 }
 }
 
 /// A running training.

@@ -5,7 +5,7 @@ use crate::film::Film;
 use crate::navigator::Navigator;
 use crate::worker::Command;
 use eframe::egui::{self, Color32, DragValue, ProgressBar, Slider, Stroke, TextEdit, Ui};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use ibgs_core::camera_path::{Keyframe, KeyframePath};
 use std::path::PathBuf;
 
@@ -61,8 +61,7 @@ impl PathEditor {
 
     /// Adds a keyframe where the camera is.
     pub fn add(&mut self, navigator: &Navigator) {
-        let Navigator { position, world_from_view, fov, .. } = *navigator;
-        self.path.keyframes.push(Keyframe { position, world_from_view, fov });
+        self.path.keyframes.push(navigator.keyframe());
         self.retime();
         self.at = self.path.seconds;
     }
@@ -75,8 +74,8 @@ impl PathEditor {
         }
     }
 
-    /// Where the preview puts the camera: position, axes and field of view; none where it has not moved.
-    pub fn pose(&mut self, ui: &Ui) -> Option<(DVec3, DMat3, f64)> {
+    /// Where the preview puts the camera; none where it has not moved.
+    pub fn pose(&mut self, ui: &Ui) -> Option<Keyframe> {
         if self.playing {
             self.at += f64::from(ui.input(|input| input.stable_dt).min(0.25));
             if self.at >= self.path.seconds {
@@ -91,8 +90,7 @@ impl PathEditor {
         if !std::mem::take(&mut self.moved) {
             return None;
         }
-        let key = self.path.at(self.at)?;
-        Some((key.position, key.world_from_view, key.fov))
+        self.path.at(self.at)
     }
 
     /// Draws the path by lines in world space.
@@ -208,8 +206,7 @@ fn keyframes(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
             }
             ui.label(format!("{time:.1} s"));
             if ui.small_button("Set").on_hover_text("Move it to where the camera is now").clicked() {
-                let Navigator { position, world_from_view, fov, .. } = *navigator;
-                editor.path.keyframes[index] = Keyframe { position, world_from_view, fov };
+                editor.path.keyframes[index] = navigator.keyframe();
             }
             if ui.small_button("Remove").clicked() {
                 removed = Some(index);

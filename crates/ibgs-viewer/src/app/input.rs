@@ -1,0 +1,106 @@
+//! Keys and pointer.
+
+use super::Viewer;
+use crate::mode::Mode;
+use crate::worker::Command;
+use eframe::egui::{self, Key, PointerButton, Rect, Ui, Vec2};
+use glam::{DVec2, DVec3};
+use std::time::Instant;
+
+/// Radians of a drag over the height of the canvas.
+const TURN: f64 = 3.0;
+/// Scene extents that the camera flies in a second.
+const SPEED: f64 = 0.3;
+const MODE_KEYS: [Key; 8] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
+
+/// Keys that do something once.
+const SINGLE_KEYS: [Key; 8] =
+    [Key::ArrowLeft, Key::ArrowRight, Key::R, Key::C, Key::P, Key::K, Key::Space, Key::Escape];
+
+/// Keys that fly, with their direction: right, down, forward.
+const FLY_KEYS: [(Key, DVec3); 6] = [
+    (Key::W, DVec3::Z),
+    (Key::S, DVec3::NEG_Z),
+    (Key::D, DVec3::X),
+    (Key::A, DVec3::NEG_X),
+    (Key::E, DVec3::NEG_Y),
+    (Key::Q, DVec3::Y),
+];
+
+impl Viewer {
+    pub(super) fn keys(&mut self, ui: &Ui) {
+        if ui.ctx().egui_wants_keyboard_input() || self.scene.is_none() {
+            return;
+        }
+        // A widget that was reached by Tab takes these itself.
+        let focused = ui.memory(|memory| memory.focused().is_some());
+        let (pressed, down, shift, dt) = ui.input(|input| {
+            let taken = |key| focused && matches!(key, Key::Space | Key::ArrowLeft | Key::ArrowRight);
+            let keys = MODE_KEYS.into_iter().chain(SINGLE_KEYS).filter(|&key| !taken(key));
+            let command = input.modifiers.command || input.modifiers.ctrl || input.modifiers.alt;
+            let pressed: Vec<Key> = keys.filter(|&key| !command && input.key_pressed(key)).collect();
+            let fly = FLY_KEYS.iter().filter(|(key, _)| !command && input.key_down(*key));
+            let down: DVec3 = fly.map(|(_, direction)| *direction).sum();
+            (pressed, down, input.modifiers.shift, f64::from(input.stable_dt.min(0.1)))
+        });
+        for key in pressed {
+            match key {
+                Key::ArrowLeft => self.step_view(-1),
+                Key::ArrowRight => self.step_view(1),
+                Key::R => self.reset(),
+                Key::C => self.panels.shows_cameras = !self.panels.shows_cameras,
+                Key::P => self.screenshot(),
+                Key::K => self.panels.path.add(&self.navigator),
+                Key::Space => self.panels.path.toggle(),
+                Key::Escape => (self.found, self.other) = (None, None),
+                _ => {
+                    let at = MODE_KEYS.iter().position(|&other| other == key).unwrap_or_default();
+                    self.show_mode(Mode::ALL[at]);
+                }
+            }
+        }
+        if down != DVec3::ZERO {
+            let speed = SPEED * self.extent * if shift { 4.0 } else { 1.0 };
+            self.navigator.fly(down * speed * dt);
+            self.has_moved();
+        }
+    }
+
+    pub(super) fn pointer(&mut self, ui: &Ui, response: &egui::Response, image: Rect) {
+        let delta = response.drag_delta() / image.height().max(1.0);
+        let (x, y) = (f64::from(delta.x), f64::from(delta.y));
+        if delta != Vec2::ZERO {
+            // Dragging moves what is seen along with the pointer; right of it lies what a turn about up brings to the left.
+            if response.dragged_by(PointerButton::Primary) {
+                self.navigator.orbit(TURN * x, TURN * y);
+            } else if response.dragged_by(PointerButton::Secondary) {
+                self.navigator.look(TURN * x * 0.5, TURN * y * 0.5);
+            } else if response.dragged_by(PointerButton::Middle) {
+                self.navigator.pan(DVec2::new(x, y));
+            }
+            self.has_moved();
+        }
+        let scroll = ui.input(|input| input.smooth_scroll_delta.y);
+        if response.hovered() && scroll != 0.0 {
+            self.navigator.zoom(f64::from(scroll) / 50.0);
+            self.has_moved();
+        }
+        let pressed_f = || response.hovered() && ui.input(|input| input.key_pressed(Key::F));
+        let focus = response.double_clicked() || pressed_f();
+        if focus || response.clicked() {
+            let at = response.interact_pointer_pos().or_else(|| ui.input(|input| input.pointer.latest_pos()));
+            self.inspect(at.map(|at| (at - image.min) / image.size()), focus);
+        }
+    }
+
+    /// Asks about a place of the canvas, 0 to 1 in both directions.
+    fn inspect(&mut self, place: Option<Vec2>, focus: bool) {
+        let inside = |place: &Vec2| (0.0..1.0).contains(&place.x) && (0.0..1.0).contains(&place.y);
+        let (Some(place), Some(last)) = (place.filter(inside), self.canvas.last()) else { return };
+        let camera = last.frame.camera();
+        let pixel = [(place.x * camera.width as f32) as u32, (place.y * camera.height as f32) as u32];
+        let frame = last.frame.clone();
+        self.clicked = (!focus).then(Instant::now);
+        self.send(Command::Inspect { frame, pixel, focus });
+    }
+}

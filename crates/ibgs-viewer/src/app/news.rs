@@ -1,0 +1,111 @@
+//! What the worker has to tell.
+
+use super::framing::{looked_at, middle};
+use super::{Found, Trained, Viewer};
+use crate::curves::Curves;
+use crate::mode::Mode;
+use crate::navigator::up_axis;
+use crate::panels::Panels;
+use crate::thumbnails::Thumbnails;
+use crate::worker::News;
+use crate::{Progress, Scene};
+use eframe::egui::{self, ViewportCommand};
+use ibgs_core::camera::{scene_extent, usable_extent};
+use ibgs_core::inspect::Inspection;
+use std::time::Duration;
+
+/// Longest time between the clicks of a double click.
+const DOUBLE_CLICK: Duration = Duration::from_millis(320);
+/// Recently opened paths that are kept.
+const RECENT: usize = 8;
+
+impl Viewer {
+    /// Takes what the worker has to tell.
+    pub(super) fn listen(&mut self, ctx: &egui::Context) {
+        while let Ok(news) = self.worker.news.try_recv() {
+            match news {
+                News::Doing(what) => self.doing = Some(what),
+                News::Opened(scene, progress) => self.opened(*scene, progress, ctx),
+                News::Rendered(rendered) => {
+                    self.canvas.take(*rendered);
+                    self.leave_what_is_not_offered();
+                }
+                News::Inspected { found, focus } => self.inspected(*found, focus),
+                News::Progress(progress, running) => {
+                    self.doing = None;
+                    if let Some(trained) = &mut self.training {
+                        trained.curves.add(&progress);
+                        (trained.progress, trained.running) = (*progress, running);
+                    }
+                }
+                News::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
+                News::Filmed(done, count) => self.panels.path.filming = Some((done, count)),
+                News::FilmDone(written) => {
+                    self.panels.path.filming = None;
+                    self.message = written.or(self.message.take());
+                }
+                News::NoFrame => self.canvas.give_up(),
+                News::Failed(sentence) => {
+                    self.doing = None;
+                    self.error = Some(sentence);
+                }
+            }
+        }
+    }
+
+    fn opened(&mut self, scene: Scene, progress: Option<Progress>, ctx: &egui::Context) {
+        ctx.send_viewport_cmd(ViewportCommand::Title(format!("{} - ibgs", scene.title)));
+        if let Some(path) = scene.path.as_ref().and_then(|path| std::path::absolute(path).ok()) {
+            self.settings.recent.retain(|other| *other != path);
+            self.settings.recent.insert(0, path);
+            self.settings.recent.truncate(RECENT);
+        }
+        let cameras = || scene.views.iter().map(|view| &view.camera);
+        let (mean, extent) = scene_extent(cameras());
+        self.extent = usable_extent(extent);
+        self.center = looked_at(cameras()).unwrap_or(mean);
+        if scene.views.is_empty() && !scene.points.is_empty() {
+            (self.center, self.extent) = middle(scene.points.iter().map(|point| point.position));
+        }
+        self.photos_up = up_axis(cameras());
+        self.navigator.up = self.photos_up;
+        self.training = progress.map(|progress| Trained { progress, running: true, curves: Curves::default() });
+        (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
+        (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);
+        (self.coming, self.clicked) = (None, None);
+        self.thumbnails = Thumbnails::default();
+        self.panels = Panels { always_sharp: self.panels.always_sharp, ..Panels::default() };
+        self.canvas.clear();
+        self.reset();
+    }
+
+    fn inspected(&mut self, inspection: Inspection, focus: bool) {
+        if focus {
+            (self.coming, self.clicked) = (None, None);
+            if let Some(point) = inspection.point {
+                self.navigator.focus(point);
+                self.has_moved();
+            }
+            return;
+        }
+        let sources = self.canvas.last().and_then(|last| last.facts.sources.clone());
+        let view_of = |index: usize| {
+            let camera = sources.as_ref()?.get(index)?;
+            self.scene.as_ref()?.views.iter().position(|view| view.camera == *camera)
+        };
+        let views = inspection.sources.iter().map(|source| view_of(source.view)).collect();
+        self.coming = Some(Found { inspection, views });
+    }
+
+    /// Shows the pixel that was clicked once it is certain that no second click follows: its panels move the canvas.
+    pub(super) fn show_found(&mut self, ctx: &egui::Context) {
+        let Some(clicked) = self.clicked.filter(|_| self.coming.is_some()) else { return };
+        match DOUBLE_CLICK.checked_sub(clicked.elapsed()) {
+            Some(rest) => ctx.request_repaint_after(rest),
+            None => {
+                self.found = self.coming.take();
+                self.panels.shows_pixel = true;
+            }
+        }
+    }
+}
