@@ -200,7 +200,20 @@ impl Renderer {
     /// # Errors
     /// Not enough memory, or the device is lost.
     pub fn render(&self, camera: &Camera) -> Result<Frame, GpuError> {
-        self.render_in(camera, Room::Checked)
+        self.render_in(camera, Room::Checked, |_| Ok(()))
+    }
+
+    /// As [`Renderer::render`]; `then` hands work on the frame to the device before the one wait for both. It is called again
+    /// where the frame has to be rendered again.
+    ///
+    /// # Errors
+    /// Not enough memory, the device is lost, or what `then` finds.
+    pub fn render_and(
+        &self,
+        camera: &Camera,
+        then: impl FnMut(&Frame) -> Result<(), GpuError>,
+    ) -> Result<Frame, GpuError> {
+        self.render_in(camera, Room::Checked, then)
     }
 
     /// As [`Renderer::render`] without waiting: for timing and for viewers that have rendered about the same view before.
@@ -208,10 +221,15 @@ impl Renderer {
     /// # Errors
     /// Not enough memory.
     pub fn render_unchecked(&self, camera: &Camera) -> Result<Frame, GpuError> {
-        self.render_in(camera, Room::Assumed)
+        self.render_in(camera, Room::Assumed, |_| Ok(()))
     }
 
-    fn render_in(&self, camera: &Camera, room: Room) -> Result<Frame, GpuError> {
+    fn render_in(
+        &self,
+        camera: &Camera,
+        room: Room,
+        mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
+    ) -> Result<Frame, GpuError> {
         let gpu = self.gpu().clone();
         // The sources' depth maps first: what they were made in then serves the frame.
         let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
@@ -228,8 +246,10 @@ impl Renderer {
             let memory = |tensor: Tensor<3>| Gpu::bind(&primitive(tensor)).clone();
             let base_memory = memory(forward.image());
             let image_memory = image.as_ref().map(|part| memory(part.image.clone()));
-            if room == Room::Assumed || self.raster.had_room(&forward)? {
-                return Ok(Frame { gpu, forward, image, base_memory, image_memory, camera: *camera });
+            let frame = Frame { gpu: gpu.clone(), forward, image, base_memory, image_memory, camera: *camera };
+            then(&frame)?;
+            if room == Room::Assumed || self.raster.had_room(&frame.forward)? {
+                return Ok(frame);
             }
         }
     }

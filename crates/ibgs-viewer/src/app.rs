@@ -359,13 +359,14 @@ impl Viewer {
             iteration: self.training.as_ref().map_or(0, |trained| trained.progress.iteration),
             running: self.training.as_ref().is_some_and(|trained| trained.running),
         };
+        let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
         // A device that has failed once gives nothing any more.
         if self.gpu.check().is_ok()
             && let Some(request) = self.canvas.request(&wanted)
         {
-            self.send(Command::Render(request));
+            let sheet = self.canvas.sheet(state, &request, self.mode);
+            self.send(Command::Render(Box::new(request), sheet));
         }
-        let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
         let painter = ui.painter_at(room);
         painter.rect_filled(room, 0.0, Color32::BLACK);
         let photo = self.photo()?;

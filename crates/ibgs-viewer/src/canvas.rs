@@ -1,7 +1,7 @@
 //! The rendered image on the screen: which frames are asked for, at which size, and the textures that egui paints.
 
 use crate::mode::{Mode, Style};
-use crate::worker::{Rendered, Request};
+use crate::worker::{Rendered, Request, Sheet};
 use eframe::egui::TextureId;
 use eframe::egui_wgpu::RenderState;
 use ibgs_core::camera::Camera;
@@ -54,6 +54,8 @@ pub struct Canvas {
     gpu: Arc<Gpu>,
     presenter: Presenter,
     screens: [Option<Screen>; 2],
+    /// Where the picture of the awaited frame goes, which then changes places with the first screen.
+    spare: Option<Screen>,
     last: Option<Rendered>,
     arrived: Option<Instant>,
     /// What was asked for and has not come yet, and its share of the full size.
@@ -78,13 +80,14 @@ impl Canvas {
             presenter: Presenter::new(gpu.clone())?,
             gpu,
             screens: [None, None],
+            spare: None,
             last: None,
             arrived: None,
             awaited: None,
             refused: None,
             full_time: None,
             settled: false,
-            style: Style { depth_range: [0.0, 1.0], gain: 1.0, most_sources: 1 },
+            style: Style::default(),
         })
     }
 
@@ -97,7 +100,7 @@ impl Canvas {
     pub fn clear(&mut self) {
         (self.last, self.arrived, self.awaited, self.refused) = (None, None, None, None);
         (self.full_time, self.settled) = (None, false);
-        self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
+        self.screens.iter_mut().chain([&mut self.spare]).flatten().for_each(|screen| screen.shown = None);
     }
 
     /// The frame that was asked for does not come, and is not asked for again.
@@ -120,6 +123,9 @@ impl Canvas {
         // The time goes with the number of pixels.
         self.full_time = Some(rendered.time.as_secs_f32() / (share * share));
         self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
+        if self.spare.as_ref().is_some_and(|spare| spare.shown.is_some()) {
+            std::mem::swap(&mut self.spare, &mut self.screens[0]);
+        }
         self.last = Some(rendered);
         self.arrived = Some(Instant::now());
     }
@@ -161,6 +167,15 @@ impl Canvas {
         request
     }
 
+    /// Where the picture of a requested frame goes; nowhere yet in modes that need a photo.
+    pub fn sheet(&mut self, state: &RenderState, request: &Request, mode: Mode) -> Option<Sheet> {
+        let camera = &request.camera;
+        let screen = fitted(&self.gpu, state, &mut self.spare, [camera.width, camera.height]);
+        screen.shown = (!mode.needs_photo()).then_some((mode, self.style, false));
+        let texture = screen.shown.map(|_| screen.texture.clone())?;
+        Some(Sheet { texture, mode, style: self.style })
+    }
+
     /// Nothing more was to be asked for when it was asked last.
     pub fn is_settled(&self) -> bool {
         self.settled
@@ -182,7 +197,7 @@ impl Canvas {
         let size = [camera.width, camera.height];
         let photo = photo.filter(|photo| photo.size == size);
         let screen = fitted(&self.gpu, state, &mut self.screens[side], size);
-        let now = (mode, self.style, photo.is_some());
+        let now = (mode, self.style, mode.needs_photo() && photo.is_some());
         if screen.shown != Some(now) {
             self.presenter.present(&last.frame, &mode.shown(&self.style, photo), &screen.texture)?;
             screen.shown = Some(now);

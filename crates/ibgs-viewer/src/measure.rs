@@ -1,12 +1,12 @@
 //! What the window adds to the time of a frame.
 
-use crate::worker::{Command, News, Request, Worker};
+use crate::mode::{Mode, Style};
+use crate::worker::{Command, News, Request, Sheet, Worker};
 use crate::{Content, Open, Opened, Scene, Wanted};
 use anyhow::{Result, bail};
 use eframe::egui;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::present::{Presenter, Shown};
 use ibgs_core::render::Renderer;
 use std::sync::Arc;
 use std::time::Instant;
@@ -42,8 +42,8 @@ pub fn measure(renderer: &Arc<Renderer>, cameras: &[Camera]) -> Result<FrameTime
     let Some(Camera { width, height, .. }) = cameras.first().copied() else { bail!("there are no cameras to render") };
     let opened = Opened { scene: Scene::default(), content: Content::Model(renderer.clone()) };
     let worker = Worker::start(gpu.clone(), Nothing, Some(opened), egui::Context::default());
-    let mut presenter = Presenter::new(gpu.clone())?;
     let texture = crate::canvas::texture(&gpu, [width, height]);
+    let sheet = Sheet { texture, mode: Mode::Final, style: Style::default() };
     let (mut alone, mut in_window) = (Vec::new(), Vec::new());
     for camera in cameras {
         let start = Instant::now();
@@ -52,10 +52,11 @@ pub fn measure(renderer: &Arc<Renderer>, cameras: &[Camera]) -> Result<FrameTime
         alone.push(1e3 * start.elapsed().as_secs_f64());
 
         let start = Instant::now();
-        worker.send(Command::Render(Request { camera: *camera, with_range: false }));
+        let request = Request { camera: *camera, with_range: false };
+        worker.send(Command::Render(Box::new(request), Some(sheet.clone())));
         loop {
             match worker.news.recv()? {
-                News::Rendered(rendered) => break presenter.present(&rendered.frame, &Shown::Final, &texture)?,
+                News::Rendered(_) => break,
                 News::Failed(sentence) => bail!(sentence),
                 _ => {}
             }

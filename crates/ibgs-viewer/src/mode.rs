@@ -37,6 +37,12 @@ pub struct Style {
     pub most_sources: u32,
 }
 
+impl Default for Style {
+    fn default() -> Self {
+        Self { depth_range: [0.0, 1.0], gain: 1.0, most_sources: 1 }
+    }
+}
+
 impl Mode {
     /// All of them; the number keys from 1 on.
     pub const ALL: [Mode; 8] = [

@@ -1,6 +1,7 @@
 //! The thread that opens, renders and trains. The window sends [`Command`]s and hears [`News`]; it never waits.
 
 use crate::film::{Film, Shoot};
+use crate::mode::{Mode, Style};
 use crate::{Content, Open, Opened, Progress, Scene, Training, Wanted};
 use anyhow::Result;
 use eframe::egui;
@@ -8,6 +9,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::inspect::Inspection;
 use ibgs_core::picture::usual_range;
+use ibgs_core::present::Presenter;
 use ibgs_core::render::{Frame, Renderer};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,12 +31,23 @@ pub struct Request {
     pub with_range: bool,
 }
 
+/// Where a frame's picture goes.
+#[derive(Clone, Debug)]
+pub struct Sheet {
+    /// A texture of the frame's size that the window does not paint now.
+    pub texture: wgpu::Texture,
+    /// What it is to show; nothing that needs a photo.
+    pub mode: Mode,
+    /// How.
+    pub style: Style,
+}
+
 /// What the window asks for.
 pub enum Command {
     /// Open something in place of what is open.
     Open(Wanted),
     /// Render a view; of several the last one counts.
-    Render(Request),
+    Render(Box<Request>, Option<Sheet>),
     /// Tell why a pixel of a frame looks as it does.
     Inspect {
         /// The frame.
@@ -164,7 +177,8 @@ struct Work {
     single: bool,
     /// `finish` has not been called yet.
     unfinished: bool,
-    request: Option<Request>,
+    request: Option<(Box<Request>, Option<Sheet>)>,
+    presenter: Option<Presenter>,
     film: Option<Shoot>,
     reported: Option<Instant>,
     memory: Option<(Instant, Option<u64>)>,
@@ -239,8 +253,8 @@ impl Desk {
             if closed {
                 break;
             }
-            if let Some(request) = work.request.take()
-                && let Err(error) = self.render(&mut work, &request)
+            if let Some((request, sheet)) = work.request.take()
+                && let Err(error) = self.render(&mut work, &request, sheet.as_ref())
             {
                 self.tell(News::NoFrame);
                 self.failed_in(&mut work, &error);
@@ -288,7 +302,7 @@ impl Desk {
                     Err(error) => self.failed(&error),
                 }
             }
-            Command::Render(request) => work.request = Some(request),
+            Command::Render(request, sheet) => work.request = Some((request, sheet)),
             Command::Inspect { frame, pixel, focus } => match frame.inspect(pixel[0], pixel[1]) {
                 Ok(Some(found)) => self.tell(News::Inspected { found: Box::new(found), focus }),
                 Ok(None) => {}
@@ -319,15 +333,22 @@ impl Desk {
         }
     }
 
-    fn render(&self, work: &mut Work, request: &Request) -> Result<()> {
+    fn render(&self, work: &mut Work, request: &Request, sheet: Option<&Sheet>) -> Result<()> {
         if work.unfinished {
             // What a training has still in work would count as the frame's time.
             self.gpu.wait()?;
         }
         let start = Instant::now();
+        let mut presenter = match work.presenter.take() {
+            Some(presenter) => presenter,
+            None => Presenter::new(self.gpu.clone())?,
+        };
         let Some(rendered) = work.with_renderer(|renderer, iteration| -> Result<Rendered> {
             // It has waited for the device's answer.
-            let frame = renderer.render(&request.camera)?;
+            let frame = renderer.render_and(&request.camera, |frame| match sheet {
+                Some(sheet) => presenter.present(frame, &sheet.mode.shown(&sheet.style, None), &sheet.texture),
+                None => Ok(()),
+            })?;
             let time = start.elapsed();
             let depths = if request.with_range { frame.depth()? } else { None };
             let facts = ModelFacts {
@@ -340,6 +361,7 @@ impl Desk {
         }) else {
             return Ok(());
         };
+        work.presenter = Some(presenter);
         let rendered = Rendered { memory: self.memory(work), ..rendered? };
         self.tell(News::Rendered(Box::new(rendered)));
         Ok(())
