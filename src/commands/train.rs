@@ -16,7 +16,7 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::read_ply;
 use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{DataConfig, Method, TrainConfig};
+use ibgs_core::train::config::{DataConfig, Method, Strategy, TrainConfig};
 use ibgs_core::train::output::{Existing, OutputFolder};
 use stages::StageArgs;
 use std::path::{Path, PathBuf};
@@ -99,6 +99,9 @@ pub struct Args {
     /// Iterations between two densifications.
     #[arg(long)]
     densify_interval: Option<u32>,
+    /// How Gaussians are added and removed: `absgs` splits by absolute gradients; `mcmc` moves them and grows to `--max-splats`.
+    #[arg(long, value_name = "STRATEGY", value_parser = ["default", "absgs", "mcmc"])]
+    densify: Option<String>,
     /// Iterations between two opacity resets.
     #[arg(long)]
     opacity_reset_interval: Option<u32>,
@@ -177,7 +180,13 @@ impl Args {
         set_some(&mut c.densify.end, &self.densify_end);
         set_some(&mut c.densify.interval, &self.densify_interval);
         set_some(&mut c.opacity_reset.interval, &self.opacity_reset_interval);
-        set(&mut c.densify.max_splats, &self.max_splats);
+        match self.densify.as_deref() {
+            Some("absgs") => c.densify.strategy = Strategy::AbsGs,
+            Some("mcmc") => c.densify.strategy = Strategy::Mcmc,
+            Some(_) => c.densify.strategy = Strategy::Default,
+            None => {}
+        }
+        set_some(&mut c.densify.max_splats, &self.max_splats);
         set(&mut c.eval_every, &self.eval_every);
         set_some(&mut c.eval_iterations, &self.eval_iterations);
         set_some(&mut c.save_iterations, &self.save_iterations);
@@ -266,7 +275,7 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
         let usual = DEMO_ITERATIONS[size];
         let usual = if args.init.is_some() { usual.min(WARM_ITERATIONS) } else { usual };
         config.iterations = args.iterations.unwrap_or(usual);
-        config.densify.max_splats = args.max_splats.unwrap_or(DEMO_SPLATS[size]);
+        config.densify.max_splats = args.max_splats.or(Some(DEMO_SPLATS[size]));
         config.residual.factor = args.stages.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
     }
     config.data.eval = true;

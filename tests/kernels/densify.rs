@@ -5,7 +5,7 @@ use crate::reference::random_scene::random_params;
 use bytemuck::bytes_of;
 use glam::DVec3;
 use ibgs_core::gpu::Pass;
-use ibgs_core::train::config::DensifyConfig;
+use ibgs_core::train::config::{DensifyConfig, Strategy};
 use ibgs_core::train::densify::{Observations, Plan, Round, distance_length, plan};
 use ibgs_shaders::types::{GatherParams, ObserveParams, OpacityResetParams};
 use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE, OPACITY_RESET};
@@ -73,6 +73,24 @@ fn absolute_gradients_split_wide_ones_and_the_largest_win() {
 }
 
 #[test]
+fn absgs_splits_by_the_absolute_gradient_alone() {
+    let (small, large) = (0.0005f32.ln(), 0.05f32.ln());
+    let rows = [
+        ([1e-3, 0.0, 1.0, 90.0], large, 1.0),
+        ([0.0, 5e-4, 1.0, 1.0], large, 1.0),
+        ([0.0, 3e-4, 1.0, 90.0], large, 1.0),
+        ([3e-4, 0.0, 1.0, 1.0], small, 1.0),
+        ([1e-4, 9e-3, 1.0, 1.0], small, 1.0),
+    ];
+    let config = DensifyConfig { strategy: Strategy::AbsGs, abs_max_per_round: 0, ..DensifyConfig::default() };
+    let plan = planned(&rows, &config, &round());
+    assert_eq!(plan.sources, [0, 2, 3, 4, FRESH | 3, FRESH | 1, FRESH | 1]);
+    // Where there is room for one, gradients are weighed by their thresholds.
+    let one = DensifyConfig { max_splats: Some(6), ..config };
+    assert_eq!(planned(&rows, &one, &round()).counts, [1, 0, 0]);
+}
+
+#[test]
 fn pruning_takes_the_transparent_and_later_the_large() {
     let rows = [([0.0; 4], 0.01f32.ln(), -3.5), ([0.0; 4], 0.2f32.ln(), 1.0), ([0.0; 4], 0.01f32.ln(), 1.0)];
     let config = DensifyConfig::default();
@@ -97,7 +115,7 @@ fn far_scenes_are_measured_by_their_distance() {
 #[test]
 fn the_cap_is_never_passed() {
     let rows: Vec<_> = (0..50).map(|i| ([1e-3 * (1 + i) as f32, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)).collect();
-    let config = DensifyConfig { max_splats: 55, ..DensifyConfig::default() };
+    let config = DensifyConfig { max_splats: Some(55), ..DensifyConfig::default() };
     let plan = planned(&rows, &config, &round());
     assert_eq!(plan.sources.len(), 55);
     // The largest gradients.

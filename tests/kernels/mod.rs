@@ -8,6 +8,7 @@ mod exposure;
 mod features;
 mod hourglass;
 mod image_loss;
+mod mcmc;
 mod network;
 mod normal_loss;
 mod photometric_loss;

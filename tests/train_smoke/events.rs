@@ -1,8 +1,9 @@
 //! Densification, pruning and opacity resets happen when the schedule says, and only then. Those of an iteration come
 //! before the next one's step, so they show one step later.
 
-use super::{dataset, densifying, plain, run, trained, trainer};
+use super::{dataset, densifying, plain, psnr, run, trained, trainer};
 use ibgs_core::train::Trainer;
+use ibgs_core::train::config::Strategy;
 
 fn opacities(trainer: &Trainer) -> Vec<f32> {
     let logits = trainer.splats().download().unwrap().opacity_logits;
@@ -59,7 +60,7 @@ fn the_most_gaussians_are_not_exceeded() {
     let mut config = densifying(45, 45);
     let free = trained(&dataset, &config).len();
     assert!(free > 340, "only {free} Gaussians without a limit");
-    config.densify.max_splats = 340;
+    config.densify.max_splats = Some(340);
     let mut trainer = trainer(&dataset, &config);
     let mut most = 0;
     while trainer.iteration() < 45 {
@@ -67,6 +68,26 @@ fn the_most_gaussians_are_not_exceeded() {
         most = most.max(trainer.splats().len());
     }
     assert_eq!(most, 340);
+}
+
+#[test]
+fn every_strategy_trains_and_repeats() {
+    let dataset = dataset();
+    for strategy in [Strategy::AbsGs, Strategy::Mcmc] {
+        let mut config = densifying(60, 60);
+        config.densify.strategy = strategy;
+        config.densify.max_splats = Some(330);
+        let mut first = trainer(&dataset, &config);
+        let view = &dataset.views[dataset.train[0]];
+        let early = psnr(&first, view);
+        run(&mut first, 60);
+        let late = psnr(&first, view);
+        assert!(late > early + 0.5, "{strategy:?}: from {early} to {late} dB");
+        let grown = first.splats().len();
+        // MCMC reaches its cap, the other one only keeps it.
+        assert!((301..=330).contains(&grown) && (strategy != Strategy::Mcmc || grown == 330), "{strategy:?}: {grown}");
+        assert!(trained(&dataset, &config) == trained(&dataset, &config), "{strategy:?}: another model");
+    }
 }
 
 #[test]

@@ -224,6 +224,9 @@ kernels! {
     /// Rows of the next model from rows of the last.
     DENSIFY_GATHER = "densify_gather" [256, 1, 1] (size_of::<types::GatherParams>()):
         read("sources"), read("previous"), write("next");
+    /// Random steps of the means.
+    MCMC_NOISE = "mcmc_noise" [256, 1, 1] (size_of::<types::McmcNoiseParams>()):
+        read("rotations"), read("log_scales"), read("opacity_logits"), write("means");
     /// Opacity clamped from above.
     OPACITY_RESET = "opacity_reset" [256, 1, 1] (size_of::<types::OpacityResetParams>()):
         write("opacity_logits"), write("moment1"), write("moment2");

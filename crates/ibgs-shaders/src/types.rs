@@ -165,6 +165,18 @@ pub struct AdamParams {
     pub correction2: f32,
 }
 
+/// Random steps of the means; the twin of `McmcNoiseParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct McmcNoiseParams {
+    /// Number of Gaussians.
+    pub count: u32,
+    /// Seed of this iteration.
+    pub seed: u32,
+    /// Gain of the steps of a transparent Gaussian.
+    pub strength: f32,
+}
+
 /// Densification statistics; the twin of `ObserveParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

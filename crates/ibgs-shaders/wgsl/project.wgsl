@@ -2,6 +2,7 @@
 #import index
 #import frame
 #import gaussian
+#import hash
 #import tile
 #import sh
 
@@ -28,13 +29,6 @@ fn cull(i: u32) {
     tile_counts[i] = 0u;
 }
 
-// PCG hash of Jarzynski and Olano, JCGT 9(3), 2020.
-fn dropout_hash(value: u32) -> u32 {
-    let state = value * 747796405u + 2891336453u;
-    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return (word >> 22u) ^ word;
-}
-
 // Not yet clamped at 0: what is not finite must show.
 fn splat_color(i: u32, direction: vec3<f32>) -> vec3<f32> {
     let basis = sh_basis(direction, frame.sh_degree);
@@ -57,7 +51,7 @@ fn main(
     if i >= frame.count {
         return;
     }
-    if dropout_hash(i ^ frame.dropout_seed) < frame.dropout_below {
+    if hash(i ^ frame.dropout_seed) < frame.dropout_below {
         cull(i);
         return;
     }

@@ -12,7 +12,7 @@ use ibgs_core::train::config::TrainConfig;
 pub fn sentence(trainer: &Trainer, raster: &Rasterizer, dataset: &Dataset, config: &TrainConfig) -> String {
     let cameras: Vec<Camera> = dataset.train.iter().map(|&index| dataset.views[index].camera).collect();
     let gaussians = trainer.splats().len() as u64;
-    let most = u64::from(config.densify.max_splats);
+    let most = u64::from(config.densify.most());
     let grows = config.init.is_none() && gaussians < most;
     let now = Demand {
         config,

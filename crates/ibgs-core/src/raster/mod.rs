@@ -15,6 +15,7 @@ mod workspace;
 
 pub use autodiff::{Leaves, RasterGradients};
 pub use dropout::Dropout;
+pub(crate) use dropout::hash;
 pub use surface::{Surface, SurfaceOptions};
 pub use workspace::Workspace;
 

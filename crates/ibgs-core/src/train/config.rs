@@ -51,8 +51,10 @@ pub struct TrainConfig {
     pub white_background: bool,
     /// Weight of 1 - SSIM in the image loss; L1 has the rest.
     pub ssim_weight: f64,
-    /// Opacity of the first Gaussians.
-    pub initial_opacity: f64,
+    /// Opacity of the first Gaussians; unset: 0.1, with MCMC 0.5.
+    pub initial_opacity: Option<f64>,
+    /// Scale of the first Gaussians, times the distance of their neighbours; unset: 1, with MCMC 0.1.
+    pub initial_scale: Option<f64>,
     /// Evaluate every so many iterations; 0: only at `eval-iterations`.
     pub eval_every: u32,
     /// Iterations to evaluate at besides the last; unset: 7000, scaled.
@@ -141,14 +143,30 @@ pub struct AdamConfig {
     pub epsilon: f64,
 }
 
+/// How Gaussians are added and removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Strategy {
+    /// By gradients of the projected means and, for wide Gaussians, by absolute gradients (method.md section 7).
+    #[default]
+    Default,
+    /// AbsGS (Ye et al., 2024): the absolute gradient alone says what is split.
+    AbsGs,
+    /// 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., 2024): moves, noise and a cap.
+    Mcmc,
+}
+
 /// Densification and pruning (method.md section 7). Lengths are multiples of the scene extent, gradients are by the
 /// projected mean in units of half the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct DensifyConfig {
+    /// How Gaussians are added and removed: `default`, `absgs`, `mcmc`.
+    pub strategy: Strategy,
     /// Rounds come after this iteration; unset: 500, scaled only in runs under 5000 iterations.
     pub start: Option<u32>,
-    /// Rounds come before this iteration; unset: 15000, scaled.
+    /// Rounds come before this iteration; unset: 15000, with MCMC 25000, scaled.
     pub end: Option<u32>,
     /// Rounds come at multiples of this; unset: 100, scaled only in runs under 5000 iterations.
     pub interval: Option<u32>,
@@ -163,14 +181,16 @@ pub struct DensifyConfig {
     pub abs_split: bool,
     /// Mean norm of the absolute gradient from which a Gaussian is split.
     pub abs_grad_threshold: f64,
+    /// With AbsGS: mean norm of the absolute gradient from which a large Gaussian is split.
+    pub absgs_threshold: f64,
     /// Largest screen radius, in pixels, that such a split needs to be exceeded.
     pub abs_min_radius: f64,
     /// Such splits in one round.
     pub abs_max_per_round: u32,
     /// A split divides the scales by this.
     pub split_divisor: f64,
-    /// Gaussians in all.
-    pub max_splats: u32,
+    /// Gaussians in all; unset: 5 million, with MCMC, which grows to it, 1 million.
+    pub max_splats: Option<u32>,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
     /// Gaussians with a larger scale, times the extent, are removed after `prune-scale-after`.
@@ -182,6 +202,31 @@ pub struct DensifyConfig {
     pub prune_scale_after: Option<u32>,
     /// Gaussians with a larger screen radius, in pixels, are removed after `prune-scale-after`; 0: never.
     pub prune_screen_radius: f64,
+    /// What only the strategy `mcmc` uses.
+    pub mcmc: McmcConfig,
+}
+
+/// Constants of the strategy `mcmc`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct McmcConfig {
+    /// Noise of the means, times their learning rate.
+    pub noise: f64,
+    /// Weight of the mean opacity in the loss.
+    pub opacity_weight: f64,
+    /// Weight of the mean scale in the loss.
+    pub scale_weight: f64,
+    /// Gaussians up to this opacity are moved elsewhere.
+    pub dead_opacity: f64,
+    /// Their number grows by this factor a round.
+    pub growth: f64,
+}
+
+impl DensifyConfig {
+    /// Gaussians in all.
+    pub fn most(&self) -> u32 {
+        self.max_splats.unwrap_or(if self.strategy == Strategy::Mcmc { 1_000_000 } else { 5_000_000 })
+    }
 }
 
 /// Opacity resets (method.md section 7).
@@ -234,6 +279,12 @@ pub enum ConfigError {
 }
 
 impl TrainConfig {
+    /// Opacity and relative scale of the first Gaussians.
+    pub fn start(&self) -> [f64; 2] {
+        let [opacity, scale] = if self.densify.strategy == Strategy::Mcmc { [0.5, 0.1] } else { [0.1, 1.0] };
+        [self.initial_opacity.unwrap_or(opacity), self.initial_scale.unwrap_or(scale)]
+    }
+
     /// Colour behind the Gaussians.
     pub fn background(&self) -> [f32; 3] {
         [if self.white_background { 1.0 } else { 0.0 }; 3]
@@ -348,6 +399,8 @@ mod tests {
             ("iterations = 0", "iterations"),
             ("sh-degree = 4", "sh-degree"),
             ("ssim-weight = nan", "ssim-weight"),
+            ("initial-scale = 0.0", "initial-scale"),
+            ("[densify.mcmc]\ngrowth = 0.5", "densify.mcmc.growth"),
             ("eval-iterations = [0]", "eval-iterations"),
             ("[data]\neval-split-every = 1", "data.eval-split-every"),
             ("[data]\nprincipal-point = \"middle\"", "data.principal-point"),

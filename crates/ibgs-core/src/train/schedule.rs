@@ -4,7 +4,7 @@ mod stages;
 
 pub use stages::Stages;
 
-use super::config::TrainConfig;
+use super::config::{Strategy, TrainConfig};
 
 /// Length of the run that the reference milestones belong to.
 pub const REFERENCE_ITERATIONS: u32 = 30_000;
@@ -41,6 +41,8 @@ pub struct Schedule {
     pub rate_factor: f64,
     /// Iterations over which the rate of the means falls.
     pub mean_iterations: u32,
+    /// How Gaussians are added and removed.
+    pub strategy: Strategy,
     /// Densification comes after this iteration.
     pub densify_start: u32,
     /// Densification comes before this iteration.
@@ -88,6 +90,7 @@ impl Schedule {
             None => vec![scaled(FIRST_REPORT)],
         };
         let rates = &config.learning_rates;
+        let densify_end = if densify.strategy == Strategy::Mcmc { 25_000 } else { 15_000 };
         Self {
             iterations: n_iterations,
             max_sh_degree: config.sh_degree,
@@ -97,8 +100,9 @@ impl Schedule {
             mean_lr_final: rates.mean_final,
             rate_factor: if warm { WARM_RATES } else { 1.0 },
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
+            strategy: densify.strategy,
             densify_start,
-            densify_end: densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(15_000) }),
+            densify_end: densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(densify_end) }),
             densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(100)),
             opacity_reset_interval: reset_interval,
             white_reset: config.white_background.then_some(densify_start),
@@ -122,9 +126,9 @@ impl Schedule {
         extent * (first + (last - first) * t.min(1.0)).exp()
     }
 
-    /// Whether Gaussians are still densified at or after `iteration`, so that their gradients must be observed.
+    /// Whether Gaussians are still densified by their gradients at or after `iteration`, so that these must be observed.
     pub fn observes(&self, iteration: u32) -> bool {
-        iteration < self.densify_end
+        self.strategy != Strategy::Mcmc && iteration < self.densify_end
     }
 
     /// Whether a round of densification and pruning follows this iteration.
@@ -134,10 +138,12 @@ impl Schedule {
             && iteration.is_multiple_of(self.densify_interval.max(1))
     }
 
-    /// Whether opacities are reset after this iteration; never once densification has ended.
+    /// Whether opacities are reset after this iteration; never once densification has ended, nor with MCMC.
     pub fn reset_opacity_at(&self, iteration: u32) -> bool {
         let regular = iteration > 0 && iteration.is_multiple_of(self.opacity_reset_interval.max(1));
-        iteration < self.densify_end && (regular || self.white_reset == Some(iteration))
+        self.strategy != Strategy::Mcmc
+            && iteration < self.densify_end
+            && (regular || self.white_reset == Some(iteration))
     }
 
     /// Whether a round at this iteration prunes large Gaussians too.
@@ -289,6 +295,16 @@ mod tests {
         let white = TrainConfig { white_background: true, ..TrainConfig::default() };
         assert!(kept(&Schedule::new(&white, 30_000), 30_000).is_empty());
         assert_eq!(kept(&Schedule::new(&white, 3_000), 3_000)[..5], [60, 80, 100, 120, 140]);
+    }
+
+    #[test]
+    fn mcmc_goes_on_longer_and_resets_nothing() {
+        let mut config = TrainConfig { white_background: true, ..TrainConfig::default() };
+        config.densify.strategy = Strategy::Mcmc;
+        let s = Schedule::new(&config, 30_000);
+        assert!(times(30_000, |i| s.reset_opacity_at(i) || s.observes(i)).is_empty());
+        assert_eq!(times(30_000, |i| s.densify_at(i)).last(), Some(&24_900));
+        assert_eq!((config.densify.most(), config.start()), (1_000_000, [0.5, 0.1]));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
 
-use super::config::{Method, TrainConfig};
-use super::densify::{self, Round, Statistics};
+use super::config::{Method, Strategy, TrainConfig};
+use super::densify::{self, Round, Statistics, mcmc};
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
 use super::stages::{ImageStages, Total, Work};
@@ -83,8 +83,10 @@ impl Trainer {
     /// # Errors
     /// Not enough memory, no training view, points that are no positions.
     pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
-        let points = thinned(&dataset.points, config.densify.max_splats as usize);
-        let start = from_points(&points, config.sh_degree, config.initial_opacity)?;
+        let points = thinned(&dataset.points, config.densify.most() as usize);
+        let [opacity, scale] = config.start();
+        let mut start = from_points(&points, config.sh_degree, opacity)?;
+        start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
         Self::from_gaussians(raster, dataset, config, &start)
     }
 
@@ -244,7 +246,11 @@ impl Trainer {
         if let Some(stages) = &mut self.stages {
             stages.finish(&work, &total, &mut gradients)?;
         }
-        let gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
+        let mut gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
+        let is_mcmc = self.config.densify.strategy == Strategy::Mcmc;
+        if is_mcmc {
+            mcmc::penalise(&mut gradients, &self.splats, &self.config.densify.mcmc);
+        }
         if self.schedule.observes(iteration) {
             let screen = gradients.screen.clone();
             let near_depth = self.config.densify.near_depth * self.extent;
@@ -253,6 +259,10 @@ impl Trainer {
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
         let rates = Rates::new(&self.config.learning_rates, mean_rate, self.schedule.rate_factor);
         self.optimizer.step(&self.gpu, gradients, &rates);
+        if is_mcmc {
+            let strength = self.config.densify.mcmc.noise * mean_rate;
+            mcmc::add_noise(&self.gpu, &self.splats, strength, self.config.seed, iteration);
+        }
         let news = self.recorder.record(
             &self.gpu,
             &total.scratch.stats,

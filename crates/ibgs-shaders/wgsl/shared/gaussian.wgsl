@@ -1,4 +1,5 @@
 // Covariance of a Gaussian and its EWA projection (method.md section 2).
+#import quaternion
 
 struct Ewa {
     // Projected mean, pixel-index coordinates.
@@ -13,18 +14,6 @@ struct Ewa {
     // Rows of J R Rq S.
     m0: vec3<f32>,
     m1: vec3<f32>,
-}
-
-fn quaternion_matrix(q: vec4<f32>) -> mat3x3<f32> {
-    let w = q.x;
-    let x = q.y;
-    let y = q.z;
-    let z = q.w;
-    return mat3x3<f32>(
-        vec3(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
-        vec3(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
-        vec3(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
-    );
 }
 
 // `view`: mean in view space; `axes`: columns of R Rq; `scale`: activated scales.

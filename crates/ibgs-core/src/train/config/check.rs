@@ -93,7 +93,8 @@ impl TrainConfig {
             "",
             &[
                 ("ssim-weight", self.ssim_weight, Range::Unit),
-                ("initial-opacity", self.initial_opacity, Range::Inside),
+                ("initial-opacity", self.start()[0], Range::Inside),
+                ("initial-scale", self.start()[1], Range::Positive),
                 ("opacity-reset.max-opacity", self.opacity_reset.max_opacity, Range::Inside),
                 ("adam.beta1", self.adam.beta1, Range::Decay),
                 ("adam.beta2", self.adam.beta2, Range::Decay),
@@ -145,7 +146,7 @@ impl TrainConfig {
         check.require(side != Some(0), "data.max-resolution", 0, at_least_1)?;
         let random = self.data.random_points;
         check.require(random >= 1, "data.random-points", random, at_least_1)?;
-        let splats = self.densify.max_splats;
+        let splats = self.densify.most();
         check.require(splats >= 1, "densify.max-splats", splats, at_least_1)?;
         let listed = [("eval-iterations", &self.eval_iterations), ("save-iterations", &self.save_iterations)];
         listed.into_iter().try_for_each(|(field, list)| {
@@ -181,11 +182,17 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
             ("scale-threshold", densify.scale_threshold, Range::NotNegative),
             ("near-depth", densify.near_depth, Range::NotNegative),
             ("abs-grad-threshold", densify.abs_grad_threshold, Range::Positive),
+            ("absgs-threshold", densify.absgs_threshold, Range::Positive),
             ("abs-min-radius", densify.abs_min_radius, Range::NotNegative),
             ("split-divisor", densify.split_divisor, Range::AboveOne),
             ("prune-opacity", densify.prune_opacity, Range::Decay),
             ("prune-scale", densify.prune_scale, Range::Positive),
             ("prune-screen-radius", densify.prune_screen_radius, Range::NotNegative),
+            ("mcmc.noise", densify.mcmc.noise, Range::NotNegative),
+            ("mcmc.opacity-weight", densify.mcmc.opacity_weight, Range::NotNegative),
+            ("mcmc.scale-weight", densify.mcmc.scale_weight, Range::NotNegative),
+            ("mcmc.dead-opacity", densify.mcmc.dead_opacity, Range::Inside),
+            ("mcmc.growth", densify.mcmc.growth, Range::AboveOne),
         ],
     )
 }

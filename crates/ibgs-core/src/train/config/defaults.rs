@@ -1,8 +1,8 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
 use super::{
-    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, ResidualConfig,
-    SourceOptions, SurfaceConfig, TrainConfig,
+    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
+    ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
 };
 
 impl Default for TrainConfig {
@@ -17,7 +17,8 @@ impl Default for TrainConfig {
             sh_interval: None,
             white_background: false,
             ssim_weight: 0.2,
-            initial_opacity: 0.1,
+            initial_opacity: None,
+            initial_scale: None,
             eval_every: 0,
             eval_iterations: None,
             save_iterations: None,
@@ -76,6 +77,7 @@ impl Default for AdamConfig {
 impl Default for DensifyConfig {
     fn default() -> Self {
         Self {
+            strategy: Strategy::Default,
             start: None,
             end: None,
             interval: None,
@@ -84,16 +86,24 @@ impl Default for DensifyConfig {
             scale_threshold: 0.001,
             abs_split: true,
             abs_grad_threshold: 8e-4,
+            absgs_threshold: 4e-4,
             abs_min_radius: 20.0,
             abs_max_per_round: 50_000,
             split_divisor: 1.6,
-            max_splats: 5_000_000,
+            max_splats: None,
             prune_opacity: 0.05,
             prune_scale: 0.1,
             prune_scale_by_distance: true,
             prune_scale_after: None,
             prune_screen_radius: 0.0,
+            mcmc: McmcConfig::default(),
         }
+    }
+}
+
+impl Default for McmcConfig {
+    fn default() -> Self {
+        Self { noise: 5e5, opacity_weight: 0.01, scale_weight: 0.01, dead_opacity: 0.005, growth: 1.05 }
     }
 }
 
