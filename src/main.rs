@@ -21,6 +21,8 @@ enum Command {
     Render(commands::render::Args),
     /// Measure a trained model on its held-out views.
     Eval(commands::eval::Args),
+    /// Train and measure all scenes of a benchmark or all runs of a study.
+    Suite(commands::suite::Args),
     /// Look at a trained model in a window.
     View(commands::view::Args),
     /// Write a trained model as one file.
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),
+        Command::Suite(args) => commands::suite::run(&args),
         Command::View(args) => commands::view::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Info(args) => commands::info::run(&args),

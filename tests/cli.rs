@@ -9,6 +9,7 @@ mod image_based;
 #[cfg(unix)]
 mod interrupt;
 mod round;
+mod suite;
 
 use crate::scene_files::write_file;
 use ibgs_core::dataset::demo::{self, DemoOptions};

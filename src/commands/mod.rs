@@ -7,6 +7,7 @@ pub mod info;
 mod model;
 mod outputs;
 pub mod render;
+pub mod suite;
 pub mod train;
 pub mod view;
 

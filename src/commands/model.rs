@@ -239,7 +239,7 @@ fn scene(config: &TrainConfig, records: &[CameraRecord], args: &ModelArgs) -> Re
             "{} has no config.toml that names its scene; give the scene folder with `--source`",
             args.model.display()
         ),
-        None => demo_scene(records)?,
+        None => demo_scene(records, config.data.demo_exposure_seed)?,
     };
     let split = |wanted: Split| {
         let named = records.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
@@ -255,9 +255,13 @@ fn scene(config: &TrainConfig, records: &[CameraRecord], args: &ModelArgs) -> Re
 }
 
 /// The demo scene in the size that the model's cameras have.
-fn demo_scene(records: &[CameraRecord]) -> Result<Dataset> {
+fn demo_scene(records: &[CameraRecord], exposure_seed: Option<u64>) -> Result<Dataset> {
     let width = records.first().context("the model has no cameras")?.camera.width;
     let presets = [DemoOptions::small(), DemoOptions::large()];
     let preset = presets.into_iter().find(|p| p.width == width).context("the model's demo scene has another size")?;
-    Ok(demo::load(&preset, None, true)?)
+    let mut dataset = demo::load(&preset, None, true)?;
+    if let Some(seed) = exposure_seed {
+        demo::change_exposure(&mut dataset, seed);
+    }
+    Ok(dataset)
 }

@@ -279,7 +279,10 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
         config.residual.factor = args.stages.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
     }
     config.data.eval = true;
-    let dataset = demo::load(&options, None, true)?;
+    let mut dataset = demo::load(&options, None, true)?;
+    if let Some(seed) = config.data.demo_exposure_seed {
+        demo::change_exposure(&mut dataset, seed);
+    }
     for note in &dataset.notes {
         eprintln!("note: {note}");
     }

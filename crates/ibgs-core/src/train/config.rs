@@ -103,6 +103,8 @@ pub struct DataConfig {
     pub principal_point: String,
     /// Number of random points where the scene has none.
     pub random_points: u32,
+    /// Gives every photo of the demo scene another exposure, by this seed; unset: the same for all.
+    pub demo_exposure_seed: Option<u64>,
 }
 
 /// Learning rates (method.md section 1).

@@ -6,6 +6,7 @@
 
 mod cache;
 mod cloud;
+mod exposure;
 mod mesh;
 mod numeric;
 mod poses;
@@ -24,6 +25,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+pub use exposure::change_exposure;
 pub use mesh::{TriangleMesh, mesh};
 pub use poses::{cameras, look_at};
 pub use scene::{BALL, CUBE, GLOSSY_SPHERE, LAMP, MIRROR, RING, ROOM, STAND, TABLE, is_view_dependent};

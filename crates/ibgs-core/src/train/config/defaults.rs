@@ -47,6 +47,7 @@ impl Default for DataConfig {
             eval_split_every: 8,
             principal_point: "true".to_owned(),
             random_points: 100_000,
+            demo_exposure_seed: None,
         }
     }
 }

@@ -1,0 +1,208 @@
+//! `ibgs suite`: all scenes of a benchmark, or all runs of a study.
+
+mod config;
+mod summary;
+
+use anyhow::{Context, Result, bail};
+use clap::Args as ClapArgs;
+use config::{Job, Suite};
+use ibgs_core::files;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use summary::Figures;
+
+/// `2/5`: the second of five parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Shard {
+    part: usize,
+    of: usize,
+}
+
+fn shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/').and_then(|(part, of)| Some((part.parse().ok()?, of.parse().ok()?)));
+    match numbers {
+        Some((part, of)) if 1 <= part && part <= of => Ok(Shard { part, of }),
+        _ => Err("give PART/COUNT, for instance 2/5 for the second of five parts".to_owned()),
+    }
+}
+
+/// Options of `ibgs suite`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Configuration (TOML): scenes, options, runs, published figures; `configs/` holds those of the usual benchmarks.
+    config: PathBuf,
+    /// Folder that holds the scenes, each in a folder of its name.
+    #[arg(long, default_value = ".")]
+    data: PathBuf,
+    /// Where models, logs and the summary go [default: output/NAME of the configuration's file].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Only these scenes.
+    #[arg(long, value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Only these runs.
+    #[arg(long, value_delimiter = ',')]
+    runs: Vec<String>,
+    /// Iterations of every run, in place of the configuration's.
+    #[arg(long)]
+    iterations: Option<u32>,
+    /// Adapters to work on at the same time, by number or part of their names: one process each.
+    #[arg(long, visible_alias = "adapter", value_delimiter = ',')]
+    adapters: Vec<String>,
+    /// Work on this part alone, PART/COUNT; each part on its own machine.
+    #[arg(long, value_parser = shard)]
+    shard: Option<Shard>,
+    /// Train nothing; only write the summary of what is there.
+    #[arg(long)]
+    summary_only: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let mut suite = Suite::load(&args.config)?;
+    suite.keep(&args.scenes, &args.runs)?;
+    let name = args.config.file_stem().and_then(|name| name.to_str()).unwrap_or("suite");
+    let output = args.output.clone().unwrap_or_else(|| Path::new("output").join(name));
+    let jobs = suite.jobs(&args.data, &output, args.iterations)?;
+    let missing: Vec<&str> = suite.missing(&args.data).collect();
+    for scene in &missing {
+        eprintln!("note: {} has no scene `{scene}`; it is left out", args.data.display());
+    }
+    if jobs.is_empty() {
+        bail!("{} has none of the scenes of {}", args.data.display(), args.config.display());
+    }
+    let failed = if args.summary_only { Vec::new() } else { work(&jobs, args)? };
+    let figures: Vec<Figures> = jobs.iter().map(Figures::read).collect::<Result<_>>()?;
+    let text = summary::text(&suite, &jobs, &figures);
+    println!("{text}");
+    let write = |name: &str, text: &str| {
+        let path = output.join(name);
+        files::write_atomically(&path, |out| out.write_all(text.as_bytes()))
+    };
+    files::create_folder(&output)?;
+    write("summary.md", &text)?;
+    write("summary.json", &format!("{:#}\n", summary::json(&suite, &jobs, &figures)))?;
+    eprintln!("summary in {}", output.join("summary.md").display());
+    match failed.first() {
+        None => Ok(()),
+        Some(first) => {
+            bail!("{} of {} runs failed; the first one's log is {}", failed.len(), jobs.len(), first.display())
+        }
+    }
+}
+
+/// Does what is not done yet, a process a job, as many at once as there are adapters; the logs of what failed.
+fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
+    let mine = |(index, _): &(usize, &Job)| args.shard.is_none_or(|s| index % s.of == s.part - 1);
+    let todo: Vec<&Job> = jobs.iter().enumerate().filter(mine).map(|(_, job)| job).collect();
+    let (done, todo): (Vec<&Job>, VecDeque<&Job>) = {
+        let (done, todo): (Vec<&Job>, Vec<&Job>) = todo.into_iter().partition(|job| job.is_done());
+        (done, todo.into())
+    };
+    if !done.is_empty() {
+        eprintln!("{} of {} runs are there already", done.len(), done.len() + todo.len());
+    }
+    let program = std::env::current_exe().context("cannot find this program's own file")?;
+    let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
+    // Ctrl-C reaches the processes too, which save and end; no other one begins.
+    let stopped = AtomicBool::new(false);
+    let next = || {
+        let mut queue = queue.lock().expect("queue");
+        let job = queue.pop_front().filter(|_| !stopped.load(Ordering::Relaxed));
+        job.map(|job| (job, count - queue.len()))
+    };
+    let adapters: Vec<Option<&String>> = match args.adapters.is_empty() {
+        true => vec![None],
+        false => args.adapters.iter().map(Some).collect(),
+    };
+    ctrlc::set_handler(|| {}).context("cannot watch for Ctrl-C")?;
+    std::thread::scope(|scope| {
+        let worker = |adapter| {
+            while let Some((job, number)) = next() {
+                eprintln!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
+                match job.run(&program, adapter) {
+                    Ok(status) if status.success() && job.is_done() => {}
+                    Ok(status) if was_interrupted(job, status) => stopped.store(true, Ordering::Relaxed),
+                    Ok(_) => {
+                        eprintln!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
+                        failed.lock().expect("list").push(job.log());
+                    }
+                    Err(error) => {
+                        eprintln!("{number}/{count} {}: failed: {error:#}", job.title());
+                        failed.lock().expect("list").push(job.log());
+                    }
+                }
+            }
+        };
+        for adapter in adapters {
+            scope.spawn(move || worker(adapter));
+        }
+    });
+    if stopped.into_inner() {
+        bail!("stopped; the same command goes on with what is left");
+    }
+    Ok(failed.into_inner().expect("list"))
+}
+
+/// A training that Ctrl-C ended saves, measures and ends well, before its last iteration.
+fn was_interrupted(job: &Job, status: ExitStatus) -> bool {
+    status.success() && !job.is_done()
+}
+
+impl Job {
+    /// The file that holds what the processes told.
+    fn log(&self) -> PathBuf {
+        self.folder.with_extension("log")
+    }
+
+    fn last_line(&self) -> String {
+        let text = std::fs::read_to_string(self.log()).unwrap_or_default();
+        text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no word").to_owned()
+    }
+
+    /// Whether the last iteration was measured.
+    fn is_done(&self) -> bool {
+        Figures::read(self).is_ok_and(|figures| figures.is_complete())
+    }
+
+    /// Trains and measures in processes of their own.
+    fn run(&self, program: &Path, adapter: Option<&String>) -> Result<ExitStatus> {
+        if let Some(parent) = self.folder.parent() {
+            files::create_folder(parent)?;
+        }
+        let options = self.folder.with_extension("toml");
+        self.config.save(&options)?;
+        let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;
+        let spawn = |arguments: &[&str]| -> Result<ExitStatus> {
+            let mut command = Command::new(program);
+            command.arg(arguments[0]).args(&arguments[1..]);
+            command.args(adapter.iter().flat_map(|name| ["--adapter", name.as_str()]));
+            command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log.try_clone()?);
+            Ok(command.status()?)
+        };
+        let [folder, options] = [&self.folder, &options].map(|path| path.to_str().context("a path is not UTF-8"));
+        let (folder, options) = (folder?, options?);
+        let status = spawn(&["train", "--config", options, "-m", folder, "--overwrite"])?;
+        match status.success() {
+            true => spawn(&["eval", folder]),
+            false => Ok(status),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_counted_from_one() {
+        assert_eq!(shard("2/5"), Ok(Shard { part: 2, of: 5 }));
+        for bad in ["0/5", "6/5", "2", "a/b", "1/0", "-1/2"] {
+            assert!(shard(bad).unwrap_err().contains("PART/COUNT"), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! The configuration of a suite: which scenes, with which options, beside which published figures.
+
+use anyhow::{Context, Result, bail};
+use ibgs_core::train::config::TrainConfig;
+use serde::Deserialize;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// A benchmark or a study.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Suite {
+    /// Its name in the summary.
+    pub title: String,
+    /// What a reader must know of its figures.
+    #[serde(default)]
+    pub note: String,
+    /// Options of all runs, as in `config.toml` of a training run.
+    #[serde(default)]
+    options: Table,
+    /// The scenes.
+    pub scenes: Vec<Scene>,
+    /// What is trained on each scene; left out: the options above.
+    #[serde(default = "one_run")]
+    pub runs: Vec<Run>,
+    /// Figures of the literature to stand beside ours.
+    #[serde(default)]
+    pub published: Vec<Published>,
+}
+
+/// One scene.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Scene {
+    /// Its name, and that of its folder.
+    pub name: String,
+    /// Its folder in the data folder, where it is not the name.
+    folder: Option<PathBuf>,
+    /// The built-in demo scene.
+    #[serde(default)]
+    demo: bool,
+    /// Options of this scene.
+    #[serde(default)]
+    options: Table,
+}
+
+/// A way to train.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Run {
+    /// Its name.
+    pub name: String,
+    /// Options of this run.
+    #[serde(default)]
+    options: Table,
+}
+
+/// A row of a published table; what it does not state is left out.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Published {
+    /// Method, or variant of the method.
+    pub method: String,
+    /// Scene or benchmark; left out: the mean over the scenes.
+    #[serde(default)]
+    pub on: String,
+    /// dB.
+    pub psnr: Option<f64>,
+    /// Structural similarity.
+    pub ssim: Option<f64>,
+    /// With VGG.
+    pub lpips: Option<f64>,
+    /// F1 of the mesh.
+    pub f1: Option<f64>,
+    /// Frames a second.
+    pub fps: Option<f64>,
+    /// Of training.
+    pub minutes: Option<f64>,
+    /// Storage in MB.
+    pub storage_mb: Option<f64>,
+    /// Peak GPU memory of rendering, in GB.
+    pub memory_gb: Option<f64>,
+    /// Millions of Gaussians.
+    pub gaussians_m: Option<f64>,
+}
+
+fn one_run() -> Vec<Run> {
+    vec![Run { name: "ibgs".to_owned(), options: Table::new() }]
+}
+
+/// One training with its measurement.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Name of the run.
+    pub run: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Its options.
+    pub config: TrainConfig,
+    /// Its model folder.
+    pub folder: PathBuf,
+}
+
+impl Job {
+    /// `scene, run`.
+    pub fn title(&self) -> String {
+        format!("{}, {}", self.scene, self.run)
+    }
+}
+
+/// Puts the entries of `over` into `under`, tables entry by entry.
+fn merge(under: &mut Table, over: &Table) {
+    for (key, value) in over {
+        match (under.get_mut(key), value) {
+            (Some(Value::Table(under)), Value::Table(over)) => merge(under, over),
+            _ => {
+                under.insert(key.clone(), value.clone());
+            }
+        }
+    }
+}
+
+/// A name that is a part of a path.
+fn is_plain(name: &str) -> bool {
+    !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', ':', '\0'])
+}
+
+impl Suite {
+    /// Reads a configuration.
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read the configuration {}; check the path", path.display()))?;
+        Self::from_text(&text).with_context(|| format!("{} is no configuration of a suite", path.display()))
+    }
+
+    fn from_text(text: &str) -> Result<Self> {
+        let suite: Self = toml::from_str(text).map_err(|error| {
+            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+            anyhow::anyhow!("line {}: {}", before.matches('\n').count() + 1, error.message().replace('\n', ", "))
+        })?;
+        for (what, names) in [
+            ("scene", suite.scenes.iter().map(|scene| &scene.name).collect::<Vec<_>>()),
+            ("run", suite.runs.iter().map(|run| &run.name).collect()),
+        ] {
+            let mut seen = HashSet::new();
+            for name in names {
+                if !is_plain(name) {
+                    bail!("the {what} `{name}` must have a name without `/` that does not begin with a dot");
+                }
+                if !seen.insert(name) {
+                    bail!("there are two {what}s `{name}`; give them different names");
+                }
+            }
+        }
+        // Mistakes show before anything is trained.
+        for scene in &suite.scenes {
+            for run in &suite.runs {
+                suite.config(scene, run)?;
+            }
+        }
+        Ok(suite)
+    }
+
+    /// Keeps the named scenes and runs alone; all of them where none is named.
+    pub fn keep(&mut self, scenes: &[String], runs: &[String]) -> Result<()> {
+        let known = |what: &str, wanted: &[String], names: Vec<&String>| {
+            let unknown = wanted.iter().find(|name| !names.contains(name));
+            let list = || names.iter().map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
+            unknown.map_or(Ok(()), |name| bail!("the configuration has no {what} `{name}`; it has {}", list()))
+        };
+        known("scene", scenes, self.scenes.iter().map(|scene| &scene.name).collect())?;
+        known("run", runs, self.runs.iter().map(|run| &run.name).collect())?;
+        self.scenes.retain(|scene| scenes.is_empty() || scenes.contains(&scene.name));
+        self.runs.retain(|run| runs.is_empty() || runs.contains(&run.name));
+        Ok(())
+    }
+
+    fn config(&self, scene: &Scene, run: &Run) -> Result<TrainConfig> {
+        let mut table = self.options.clone();
+        merge(&mut table, &scene.options);
+        merge(&mut table, &run.options);
+        let place = format!("options of scene `{}` and run `{}`", scene.name, run.name);
+        Ok(TrainConfig::from_text(&toml::to_string(&table)?, Path::new(&place))?)
+    }
+
+    fn source(scene: &Scene, data: &Path) -> PathBuf {
+        data.join(scene.folder.as_deref().unwrap_or(Path::new(&scene.name)))
+    }
+
+    /// Scenes that the data folder does not have.
+    pub fn missing<'a>(&'a self, data: &'a Path) -> impl Iterator<Item = &'a str> {
+        let missing = |scene: &&Scene| !scene.demo && !Self::source(scene, data).exists();
+        self.scenes.iter().filter(missing).map(|scene| scene.name.as_str())
+    }
+
+    /// Every run of every scene that is there.
+    pub fn jobs(&self, data: &Path, output: &Path, iterations: Option<u32>) -> Result<Vec<Job>> {
+        let missing: HashSet<&str> = self.missing(data).collect();
+        let mut jobs = Vec::new();
+        for scene in self.scenes.iter().filter(|scene| !missing.contains(scene.name.as_str())) {
+            for run in &self.runs {
+                let mut config = self.config(scene, run)?;
+                config.iterations = iterations.unwrap_or(config.iterations);
+                config.data.eval = true;
+                config.data.source = match scene.demo {
+                    true => None,
+                    false => Some(std::path::absolute(Self::source(scene, data))?),
+                };
+                config.validate()?;
+                let folder = output.join(&run.name).join(&scene.name);
+                jobs.push(Job { run: run.name.clone(), scene: scene.name.clone(), config, folder });
+            }
+        }
+        Ok(jobs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"
+        title = "Study"
+        options = { iterations = 7000, data = { resolution = "2" } }
+        [[scenes]]
+        name = "one"
+        options.data.max-resolution = 100
+        [[scenes]]
+        name = "two"
+        folder = "elsewhere/two"
+        [[scenes]]
+        name = "demo"
+        demo = true
+        [[runs]]
+        name = "plain"
+        [[runs]]
+        name = "wide"
+        options = { iterations = 10, data = { resolution = "4" } }
+    "#;
+
+    #[test]
+    fn options_are_merged_from_suite_scene_and_run() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("one")).unwrap();
+        let mut suite = Suite::from_text(TEXT).unwrap();
+        assert_eq!(suite.missing(folder.path()).collect::<Vec<_>>(), ["two"]);
+        let jobs = suite.jobs(folder.path(), Path::new("out"), None).unwrap();
+        let titles: Vec<String> = jobs.iter().map(Job::title).collect();
+        assert_eq!(titles, ["one, plain", "one, wide", "demo, plain", "demo, wide"]);
+        let [plain, wide] = [&jobs[0], &jobs[1]];
+        assert_eq!((plain.config.iterations, plain.config.data.resolution.as_str()), (7000, "2"));
+        assert_eq!((wide.config.iterations, wide.config.data.resolution.as_str()), (10, "4"));
+        assert_eq!((plain.config.data.max_resolution, wide.config.data.max_resolution), (Some(100), Some(100)));
+        assert!(plain.config.data.source.is_some() && jobs[2].config.data.source.is_none());
+        assert_eq!(wide.folder, Path::new("out/wide/one"));
+        suite.keep(&["demo".to_owned()], &["wide".to_owned()]).unwrap();
+        assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3)).unwrap()[0].config.iterations, 3);
+        assert!(
+            suite.keep(&["three".to_owned()], &[]).unwrap_err().to_string().contains("no scene `three`; it has demo")
+        );
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let refused = |text: &str| format!("{:#}", Suite::from_text(text).unwrap_err());
+        let scene = "title = \"a\"\n[[scenes]]\nname = \"one\"\n";
+        for (text, words) in [
+            ("title = \"a\"", "missing field `scenes`"),
+            (&format!("{scene}sice = 3"), "line 4: unknown field `sice`"),
+            (&format!("{scene}[[scenes]]\nname = \"one\""), "two scenes `one`"),
+            (&format!("{scene}[[scenes]]\nname = \"../one\""), "`../one` must have a name without"),
+            (
+                &format!("{scene}[[runs]]\nname = \"r\"\noptions = {{ sh-degree = 7 }}"),
+                "run `r`: option `sh-degree` is 7",
+            ),
+            (&format!("{scene}[[runs]]\nname = \"r\"\noptions = {{ sh-degre = 1 }}"), "unknown field `sh-degre`"),
+        ] {
+            assert!(refused(text).contains(words), "{}", refused(text));
+        }
+    }
+
+    #[test]
+    fn every_configuration_of_the_project_loads() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+        let mut count = 0;
+        for folder in ["benchmarks", "studies"] {
+            for file in std::fs::read_dir(root.join(folder)).unwrap() {
+                let path = file.unwrap().path();
+                if path.extension().is_some_and(|extension| extension == "toml") {
+                    Suite::load(&path).unwrap();
+                    count += 1;
+                }
+            }
+        }
+        assert!(count > 10, "only {count} configurations");
+    }
+}

@@ -1,0 +1,81 @@
+//! `ibgs suite`: trains what is there, goes on where it stopped, and sets the figures beside published ones.
+
+use super::Sandbox;
+use std::fs;
+
+const CONFIG: &str = r#"
+title = "Two ways"
+note = "A test."
+options = { iterations = 4 }
+
+[[scenes]]
+name = "scene"
+
+[[scenes]]
+name = "elsewhere"
+
+[[runs]]
+name = "ibgs"
+
+[[runs]]
+name = "base alone"
+options = { method = "3dgs" }
+
+[[published]]
+method = "another"
+on = "scene"
+psnr = 99.0
+ssim = 0.5
+fps = 7
+"#;
+
+#[test]
+fn a_suite_trains_goes_on_and_summarises() {
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.write("two.toml", CONFIG);
+    let first = sandbox.succeeds("suite two.toml --shard 2/2");
+    assert!(first.stderr.contains("has no scene `elsewhere`"), "{first}");
+    assert!(first.stdout.contains("Not measured yet: scene, ibgs."), "{first}");
+    assert!(sandbox.path("output/two/base alone/scene/results_renders.json").exists());
+    assert!(!sandbox.path("output/two/ibgs").exists());
+    // A half-done run is begun anew.
+    fs::create_dir_all(sandbox.path("output/two/ibgs/scene/point_cloud")).unwrap();
+    let second = sandbox.succeeds("suite two.toml");
+    assert!(second.stderr.contains("1 of 2 runs are there already"), "{second}");
+    assert!(second.stderr.contains("1/1 scene, ibgs: training"), "{second}");
+    assert!(!second.stdout.contains("Not measured yet"), "{second}");
+    for words in
+        ["# Two ways", "A test.", "## scene", "another (published) | 99.00 | 0.5000", "## elsewhere", "Not there."]
+    {
+        assert!(second.stdout.contains(words), "`{words}` is not in {second}");
+    }
+    let summary = sandbox.json("output/two/summary.json");
+    let measured = summary["measured"].as_array().unwrap();
+    assert_eq!(measured.len(), 2);
+    for job in measured {
+        let figures = &job["figures"];
+        for name in ["PSNR", "SSIM", "base_PSNR", "gaussians_m", "FPS", "storage_mb", "minutes"] {
+            assert!(figures[name].as_f64().is_some_and(|value| value > 0.0), "{name}: {figures}");
+        }
+    }
+    assert_eq!(sandbox.text("output/two/summary.md").trim(), second.stdout.trim());
+    let third = sandbox.succeeds("suite two.toml --summary-only --runs ibgs");
+    assert!(!third.stdout.contains("base alone") && !third.stderr.contains("training"), "{third}");
+}
+
+#[test]
+fn a_suite_that_cannot_be_run_says_why() {
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.write("two.toml", CONFIG);
+    sandbox.fails("suite none.toml", &["cannot read the configuration none.toml"]);
+    sandbox.fails("suite two.toml --data scene", &["scene has none of the scenes of two.toml"]);
+    sandbox.fails("suite two.toml --scenes other", &["no scene `other`; it has scene, elsewhere"]);
+    sandbox.fails("suite two.toml --runs other", &["no run `other`; it has ibgs, base alone"]);
+    sandbox.write("bad.toml", CONFIG.replace("method = \"3dgs\"", "method = \"4dgs\""));
+    sandbox.fails("suite bad.toml", &["bad.toml is no configuration", "run `base alone`", "4dgs"]);
+    // A broken scene fails alone, and the log says why.
+    sandbox.write("scene/transforms.json", "{");
+    let outcome = sandbox.run("suite two.toml");
+    outcome.assert_failure(1, &["2 of 2 runs failed", ".log"]);
+    assert!(sandbox.text("output/two/ibgs/scene.log").contains("transforms.json"), "{outcome}");
+}
