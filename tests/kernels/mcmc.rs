@@ -52,7 +52,7 @@ fn the_transparent_move_and_the_number_grows_to_the_cap() {
     let opacities: Vec<f32> = (0..100).map(|i| if i % 10 == 0 { 0.004 } else { 0.5 }).collect();
     let plan = planned(&opacities, &config(1000));
     assert_eq!((plan.sources.len(), plan.counts), (105, [5, 0, 10]));
-    assert!(plan.sources.iter().all(|s| (s & !FRESH) % 10 != 0), "nothing comes from a dead one");
+    assert!(plan.sources.iter().all(|s| !(s & !FRESH).is_multiple_of(10)), "nothing comes from a dead one");
     let logits = plan.opacity_logits.as_ref().unwrap();
     for (k, source) in plan.sources.iter().enumerate() {
         let source = source & !FRESH;
