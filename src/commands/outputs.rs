@@ -47,7 +47,8 @@ impl Output {
         matches!(self, Output::Depth | Output::Normal)
     }
 
-    fn kind(self) -> PictureKind {
+    /// The kind of picture.
+    pub fn kind(self) -> PictureKind {
         match self {
             Output::Final => PictureKind::Final,
             Output::Base => PictureKind::Base,

@@ -5,10 +5,9 @@ use super::outputs::{write_exr, write_pictures};
 use super::{Model, Output, Place};
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
-use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::CameraPath;
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::video::frame_name;
+use ibgs_core::video::{self, frame_name};
 use std::path::PathBuf;
 
 /// Which of the scene's views to render.
@@ -42,6 +41,9 @@ pub struct Args {
     /// Write EXR files with the true values in place of pictures.
     #[arg(long)]
     exr: bool,
+    /// Also make a video of the frames of a camera path, with ffmpeg.
+    #[arg(long, requires = "camera_path", conflicts_with = "exr")]
+    video: bool,
 }
 
 /// Runs the command.
@@ -57,12 +59,13 @@ pub fn run(args: &Args) -> Result<()> {
         model = model.showing_surface();
     }
     match path {
-        Some(path) => render_path(&model, &path.cameras, args, &outputs),
+        Some(path) => render_path(&model, &path, args, &outputs),
         None => render_views(&model, args, &outputs),
     }
 }
 
-fn render_path(model: &Model, cameras: &[Camera], args: &Args, outputs: &[Output]) -> Result<()> {
+fn render_path(model: &Model, path: &CameraPath, args: &Args, outputs: &[Output]) -> Result<()> {
+    let cameras = &path.cameras;
     let default = || model.folder.root().join("path").join(format!("ours_{}", model.iteration));
     let folder = args.output.clone().unwrap_or_else(default);
     let bar = indicatif::ProgressBar::new(cameras.len() as u64);
@@ -78,6 +81,15 @@ fn render_path(model: &Model, cameras: &[Camera], args: &Args, outputs: &[Output
     }
     bar.finish_and_clear();
     eprintln!("{} frames in {}", cameras.len(), folder.display());
+    if args.video {
+        let folders = match outputs {
+            [_] => vec![folder],
+            _ => outputs.iter().map(|output| folder.join(output.kind().folder())).collect(),
+        };
+        for folder in folders {
+            eprintln!("video: {}", video::encode(&folder, path.fps)?.display());
+        }
+    }
     Ok(())
 }
 

@@ -121,6 +121,7 @@ fn camera_paths_with_mistakes() {
         (path_json("48", "50", "1e999"), "line 1"),
         (path_json("48", "50", "\"one\""), "line 1"),
         (path_json("48", "50", "1, 1"), "line 1"),
+        (path_json("48", "50", "1").replacen('{', r#"{"fps":0,"#, 1), "`fps` is 0"),
         (r#"{"camera_path":[],"render_width":48,"render_height":36}"#.to_owned(), "`camera_path` is empty"),
         (r#"{"render_width":48,"render_height":36}"#.to_owned(), "camera_path"),
         ("not json".to_owned(), "line 1"),

@@ -163,6 +163,8 @@ fn render_camera_path(sandbox: &Sandbox, camera: &Camera) {
     sandbox.succeeds("render model --camera-path path.json");
     sandbox.succeeds("render model --camera-path path.json --outputs base -o frames");
     assert_eq!(files_in(&sandbox.path("frames")), ["00000.png", "00001.png"]);
+    #[cfg(unix)]
+    make_video(sandbox);
     let picture = |path: &str| image::open(sandbox.path(path)).unwrap().into_rgb8();
     assert_eq!(picture("frames/00000.png"), picture("model/path/ours_30/renders/00000.png"));
     for kind in ["renders", "renders_aggregate"] {
@@ -171,6 +173,25 @@ fn render_camera_path(sandbox: &Sandbox, camera: &Camera) {
         let view = picture(&format!("model/test/ours_30/{kind}/images/view_000.png"));
         let largest = frame.iter().zip(view.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(largest <= 2, "frame and view of {kind} differ by {largest} of 255");
+    }
+}
+
+/// A video is what the machine's ffmpeg makes of the frames; without one the frames are there, and a sentence.
+#[cfg(unix)]
+fn make_video(sandbox: &Sandbox) {
+    use std::os::unix::fs::PermissionsExt;
+    let arguments = "render model --camera-path path.json --outputs base,final -o film --video";
+    sandbox.write("bin/none", "");
+    let run = || super::Outcome::of(arguments, sandbox.command(arguments).env("PATH", sandbox.path("bin")));
+    run().assert_failure(1, &["there is no `ffmpeg`"]);
+    assert_eq!(files_in(&sandbox.path("film/renders")), ["00000.png", "00001.png"]);
+    // In its place something that tells what it was asked for.
+    sandbox.write("bin/ffmpeg", "#!/bin/sh\nfor last; do :; done\necho \"$@\" > \"$last\"\n");
+    std::fs::set_permissions(sandbox.path("bin/ffmpeg"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    run().assert_success();
+    for kind in ["renders", "renders_aggregate"] {
+        let asked = sandbox.text(&format!("film/{kind}/film.mp4"));
+        assert!(asked.contains("-framerate 24 ") && asked.contains(&format!("film/{kind}/%05d.png")), "{asked}");
     }
 }
 

@@ -54,6 +54,8 @@ pub enum CameraPathError {
 pub struct CameraPath {
     /// One camera a frame.
     pub cameras: Vec<Camera>,
+    /// Frames a second.
+    pub fps: f64,
 }
 
 impl CameraPath {

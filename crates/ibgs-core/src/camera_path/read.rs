@@ -54,7 +54,11 @@ pub fn load<T>(path: &Path, parse: impl Fn(&str) -> Result<T, String>) -> Result
 pub fn parse_frames(text: &str) -> Result<CameraPath, String> {
     let (width, height) = size(text)?;
     let cameras = frames(text)?.iter().map(|frame| frame.camera(width, height)).collect();
-    Ok(CameraPath { cameras })
+    let fps = read::<Plan>(text)?.fps.unwrap_or(USUAL_FPS);
+    if !(fps > 0.0 && fps.is_finite()) {
+        return Err(format!("`fps` is {fps}; it must be a finite number above 0"));
+    }
+    Ok(CameraPath { cameras, fps })
 }
 
 /// The keyframes, or the frames where the file has no keyframes.
