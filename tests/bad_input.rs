@@ -85,10 +85,10 @@ fn records_that_make_no_sense() {
     );
     changed_fails(
         |m| {
-            m.cameras[0].model = (5, "OPENCV_FISHEYE");
-            m.cameras[0].params = vec![10.0; 8];
+            m.cameras[0].model = (11, "RAD_TAN_THIN_PRISM_FISHEYE");
+            m.cameras[0].params = vec![10.0; 16];
         },
-        &["camera 1", "OPENCV_FISHEYE is not supported"],
+        &["camera 1", "RAD_TAN_THIN_PRISM_FISHEYE is not supported"],
     );
     changed_fails(|m| m.cameras[0].model = (77, "WARPED"), &["camera 1", "is not supported"]);
     let twice = |m: &mut Model| m.cameras.push(m.cameras[0].clone());

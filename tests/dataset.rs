@@ -1,8 +1,11 @@
 //! The loaders: formats, names, poses, split, points, options.
 
+mod archive;
+mod points;
+
 use crate::scene_files::{Camera, Image, Model, SIMPLE_PINHOLE, write_file, write_photo};
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use ibgs_core::dataset::{self, Dataset, LoadOptions, PrincipalPoint, Resolution, SceneKind};
+use ibgs_core::dataset::{self, Alpha, Dataset, LoadOptions, Point, PrincipalPoint, Resolution, SceneKind};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
@@ -105,53 +108,6 @@ fn every_eighth_view_or_the_split_file() {
     assert_note(&given, "2 training and 1 test views, 7 unused");
 }
 
-#[test]
-fn points_from_ply_or_at_random() {
-    let mut model = Model::small(3);
-    model.points.clear();
-    let folder = model.scene();
-    let options = LoadOptions { random_points: 500, seed: 4, ..Default::default() };
-    let random = load(folder.path(), &options);
-    assert_eq!(random.points.len(), 500);
-    assert_note(&random, "500 random ones");
-    let again = load(folder.path(), &options);
-    assert!(random.points.iter().zip(&again.points).all(|(a, b)| a.position == b.position));
-    for point in &random.points {
-        assert_eq!(point.color, [90, 120, 150]);
-        let seen = random.views.iter().any(|view| {
-            let (uv, depth) = view.camera.project(point.position);
-            let inside = uv.cmpge(DVec2::ZERO).all() && uv.x <= 12.0 && uv.y <= 8.0;
-            depth > 0.0 && inside
-        });
-        assert!(seen);
-    }
-    let header = |format: &str, count: u32| {
-        format!(
-            "ply\r\nformat {format} 1.0\ncomment made by hand\nelement vertex {count}\nproperty double x\nproperty \
-             float nx\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar \
-             blue\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
-        )
-    };
-    let mut little = header("binary_little_endian", 1).into_bytes();
-    little.extend(1.5_f64.to_le_bytes());
-    [0.0_f32, -2.0, 3.25].iter().for_each(|value| little.extend(value.to_le_bytes()));
-    little.extend([9, 8, 7]);
-    let mut big = header("binary_big_endian", 1).into_bytes();
-    big.extend(1.5_f64.to_be_bytes());
-    [0.0_f32, -2.0, 3.25].iter().for_each(|value| big.extend(value.to_be_bytes()));
-    big.extend([9, 8, 7]);
-    let ascii = header("ascii", 2) + "1.5 0 -2 3.25 9 8 7\nnan 0 0 0 1 1 1\n";
-    for bytes in [little, big, ascii.into_bytes()] {
-        write_file(&folder.path().join("points3D.ply"), bytes);
-        let loaded = load(folder.path(), &options);
-        assert_eq!(loaded.points.len(), 1);
-        assert_eq!(loaded.points[0].position, DVec3::new(1.5, -2.0, 3.25));
-        assert_eq!(loaded.points[0].color, [9, 8, 7]);
-        assert_note(&loaded, "initial points from");
-    }
-    assert_note(&load_plain(folder.path()), "1 initial points are not finite");
-}
-
 /// A `transforms.json` with `head` fields and frames of `(file_path, extra fields)` under one pose.
 pub fn transforms(head: &str, frames: &[(&str, &str)]) -> String {
     let frames: Vec<String> = frames
@@ -215,8 +171,40 @@ fn blender_scenes_keep_their_split() {
     let eval = load(folder.path(), &LoadOptions { eval: true, ..Default::default() });
     assert_eq!((&eval.train[..], &eval.test[..]), (&[1, 2][..], &[0][..]));
     assert_eq!(eval.views[0].name, "test/r_0.png");
-    assert_eq!(eval.views[0].photo.rgba[..4], [5, 6, 7, 100]);
+    // c alpha + background (1 - alpha) with alpha = 100 / 255, over black, over white, or not at all.
+    assert_eq!(eval.views[0].photo.rgba[..4], [2, 2, 3, 255]);
+    assert_note(&eval, "background colour (0, 0, 0)");
+    let white = LoadOptions { background: [255; 3], ..Default::default() };
+    assert_eq!(load(folder.path(), &white).views[0].photo.rgba[..4], [157, 157, 158, 255]);
+    let masked = LoadOptions { alpha: Some(Alpha::Mask), ..Default::default() };
+    assert_eq!(load(folder.path(), &masked).views[0].photo.rgba[..4], [5, 6, 7, 100]);
     assert_eq!(load_plain(folder.path()).train.len(), 3);
+}
+
+/// A thing in the middle of transparent photos: random points lie on the rays through it, as far away as it can be.
+#[test]
+fn random_points_of_blender_scenes_show_the_thing() {
+    let folder = tempfile::tempdir().unwrap();
+    let thing = |u: f64, v: f64| {
+        let inside = (u - 8.0).abs() < 2.0 && (v - 8.0).abs() < 2.0;
+        [200, 100, 50, if inside { 255 } else { 0 }]
+    };
+    for name in ["train/r_0.png", "train/r_1.png"] {
+        write_photo(&folder.path().join(name), 16, 16, thing);
+    }
+    let pose = |x: f64| format!("[[1,0,0,{x}],[0,1,0,0],[0,0,1,4],[0,0,0,1]]");
+    let frame = |i: u32, x: f64| format!(r#"{{"file_path": "./train/r_{i}", "transform_matrix": {}}}"#, pose(x));
+    let json = format!(r#"{{"camera_angle_x": 0.7, "frames": [{}, {}]}}"#, frame(0, -1.0), frame(1, 1.0));
+    write_file(&folder.path().join("transforms_train.json"), json);
+    let options = LoadOptions { random_points: 400, background: [255; 3], ..Default::default() };
+    let dataset = load(folder.path(), &options);
+    assert_note(&dataset, "400 random ones");
+    let on_thing = dataset.points.iter().filter(|point| point.color == [200, 100, 50]).count();
+    // Eight tries at a sixteenth of the pixels.
+    assert!((120..260).contains(&on_thing), "{on_thing}");
+    let extent = 1.1;
+    let nearest = |p: &Point| dataset.views.iter().map(|v| v.camera.center().distance(p.position)).fold(9e9, f64::min);
+    assert!(dataset.points.iter().all(|p| nearest(p) < 2.0 * extent + 1e-9));
 }
 
 #[test]
@@ -237,13 +225,13 @@ fn option_enums_round_trip() {
 #[test]
 fn unsupported_models_are_shown_by_inspect() {
     let mut model = Model::small(2);
-    model.cameras[0].model = (5, "OPENCV_FISHEYE");
-    model.cameras[0].params = vec![1.0; 8];
+    model.cameras[0].model = (11, "RAD_TAN_THIN_PRISM_FISHEYE");
+    model.cameras[0].params = vec![1.0; 16];
     let image = Image { name: "gone.png".into(), ..model.images[0].clone() };
     let folder = model.scene();
     model.images.push(image);
     model.write_binary(folder.path());
     let info = dataset::inspect(folder.path()).unwrap();
-    assert_eq!((info.cameras[0].model.as_str(), info.cameras[0].focal), ("OPENCV_FISHEYE", None));
+    assert_eq!((info.cameras[0].model.as_str(), info.cameras[0].focal), ("RAD_TAN_THIN_PRISM_FISHEYE", None));
     assert_eq!(info.missing, ["gone.png"]);
 }

@@ -1,5 +1,8 @@
 //! What becomes of the photos: undistortion, resampling, alpha, and the cameras that go with them.
 
+mod colors;
+mod fisheye;
+
 use crate::dataset::{assert_note, load, load_plain, transforms};
 use crate::scene_files::{Camera, Model, PINHOLE, write_file, write_photo};
 use glam::DVec2;
@@ -55,15 +58,24 @@ fn undistort(target: DVec2, k: [f64; 8]) -> DVec2 {
     (0..100).fold(target, |p, _| p + target - distort(p, k))
 }
 
-/// A scene of two photos of the pattern through one camera.
+/// A scene of two photos of the pattern through one camera with OpenCV's distortion.
 fn pattern_scene(camera: &Camera, photo_size: [u32; 2], k: [f64; 8]) -> tempfile::TempDir {
+    pattern_scene_through(camera, photo_size, |p| undistort(p, k))
+}
+
+/// The same through any lens; `undistort` takes distorted normalised coordinates to those of the pinhole.
+fn pattern_scene_through(
+    camera: &Camera,
+    photo_size: [u32; 2],
+    undistort: impl Fn(DVec2) -> DVec2,
+) -> tempfile::TempDir {
     let mut model = Model::small(2);
     model.cameras = vec![camera.clone()];
     let folder = tempfile::tempdir().unwrap();
     model.write_binary(folder.path());
     let (focal, principal) = match camera.params.as_slice() {
         [f, cx, cy] | [f, cx, cy, _] if camera.model.1.starts_with("SIMPLE") => ([*f; 2], [*cx, *cy]),
-        [f, cx, cy, _, _] => ([*f; 2], [*cx, *cy]),
+        [f, cx, cy, _, _] if camera.model.1.starts_with("RADIAL") => ([*f; 2], [*cx, *cy]),
         params => ([params[0], params[1]], [params[2], params[3]]),
     };
     let scale = DVec2::from(camera.size.map(|side| side as f64)) / DVec2::from(photo_size.map(f64::from));
@@ -71,7 +83,7 @@ fn pattern_scene(camera: &Camera, photo_size: [u32; 2], k: [f64; 8]) -> tempfile
         let path = folder.path().join("images").join(&image.name);
         write_photo(&path, photo_size[0], photo_size[1], |u, v| {
             let uv = DVec2::new(u, v) * scale;
-            pattern(undistort((uv - DVec2::from(principal)) / DVec2::from(focal), k))
+            pattern(undistort((uv - DVec2::from(principal)) / DVec2::from(focal)))
         });
     }
     folder

@@ -3,6 +3,7 @@
 use image::{Rgba, RgbaImage};
 use std::fmt::Write as _;
 use std::fs;
+use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 /// A camera of a COLMAP model; `model` is its number and name.
@@ -29,6 +30,7 @@ pub struct Image {
 pub struct ModelPoint {
     pub xyz: [f64; 3],
     pub rgb: [u8; 3],
+    pub error: f64,
     pub track: Vec<(u32, u32)>,
 }
 
@@ -53,7 +55,8 @@ impl Model {
             t: [0.25 * index as f64, -0.1, 2.0],
             observations: vec![(1.5, 2.5, 7), (3.0, 4.0, -1)],
         };
-        let point = |x: f64| ModelPoint { xyz: [x, 0.5, 3.0], rgb: [10, 200, 30], track: vec![(1, 0), (2, 1)] };
+        let track = vec![(1, 0), (2, 1)];
+        let point = |x: f64| ModelPoint { xyz: [x, 0.5, 3.0], rgb: [10, 200, 30], error: 0.5, track: track.clone() };
         Model {
             cameras: vec![Camera { id: 1, model: PINHOLE, size: [12, 8], params: vec![10.0, 11.0, 6.5, 3.75] }],
             images: (0..count).map(image).collect(),
@@ -96,7 +99,7 @@ impl Model {
             out.extend((index as u64 + 1).to_le_bytes());
             point.xyz.iter().for_each(|value| out.extend(value.to_le_bytes()));
             out.extend(point.rgb);
-            out.extend(0.5_f64.to_le_bytes());
+            out.extend(point.error.to_le_bytes());
             out.extend((point.track.len() as u64).to_le_bytes());
             for (image, index) in &point.track {
                 out.extend(image.to_le_bytes());
@@ -135,7 +138,7 @@ impl Model {
         let mut out = "# Points\n".to_owned();
         for (index, point) in self.points.iter().enumerate() {
             let ([x, y, z], [r, g, b]) = (point.xyz, point.rgb);
-            let _ = write!(out, "{} {x:?} {y:?} {z:?} {r} {g} {b} 0.5", index + 1);
+            let _ = write!(out, "{} {x:?} {y:?} {z:?} {r} {g} {b} {:?}", index + 1, point.error);
             point.track.iter().for_each(|(i, j)| write!(out, " {i} {j}").unwrap());
             out.push('\n');
         }
@@ -189,6 +192,36 @@ pub fn write_photo(path: &Path, w: u32, h: u32, pixel: impl Fn(f64, f64) -> [u8;
     } else {
         image.save(path).unwrap();
     }
+}
+
+/// A ZIP archive of files.
+pub fn zip_of(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in files {
+        let small = bytes.len() < 1 << 20;
+        let method = if small { zip::CompressionMethod::Stored } else { zip::CompressionMethod::Deflated };
+        writer.start_file(*name, zip::write::SimpleFileOptions::default().compression_method(method)).unwrap();
+        writer.write_all(bytes).unwrap();
+    }
+    writer.finish().unwrap().into_inner()
+}
+
+/// A ZIP archive of all files of a folder, with a prefix for their names.
+pub fn zip_of_folder(folder: &Path, prefix: &str) -> Vec<u8> {
+    let mut files = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(inner) = open.pop() {
+        for path in fs::read_dir(inner).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_str().unwrap().replace('\\', "/");
+                files.push((format!("{prefix}{name}"), fs::read(path).unwrap()));
+            }
+        }
+    }
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
+    zip_of(&files)
 }
 
 /// The folder of a real scene, or none, said loudly.

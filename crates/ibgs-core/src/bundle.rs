@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 use zip::result::ZipError;
-use zip::write::FileOptions;
+use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 /// Version of the layout.
@@ -154,7 +154,7 @@ impl Bundle {
         let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
         let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| no_bundle(error.to_string()))?;
         let mut parts = Parts { path, zip };
-        if parts.zip.file_names().all(|name| name != "ibgs.json") {
+        if parts.zip.index_for_name("ibgs.json").is_none() {
             return Err(no_bundle("it is a ZIP archive of something else".to_owned()));
         }
         let header: Header = parts.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
@@ -164,7 +164,7 @@ impl Bundle {
         let gaussians = parts.parse("point_cloud.ply", |bytes| {
             read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new("point_cloud.ply"))
         })?;
-        let has_network = parts.zip.file_names().any(|name| name == "network.bin");
+        let has_network = parts.zip.index_for_name("network.bin").is_some();
         let network = has_network.then(|| parts.bytes("network.bin")).transpose()?;
         let cameras = parts.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
         let sources = parts.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
@@ -226,7 +226,7 @@ impl Parts<'_> {
 
 /// Adds a part as it is, without the time of day: equal models make equal files.
 fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) -> io::Result<()> {
-    let options = FileOptions::default()
+    let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(DateTime::default())
         .large_file(bytes.len() as u64 >= u64::from(u32::MAX));

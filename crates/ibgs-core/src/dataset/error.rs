@@ -16,7 +16,7 @@ pub enum DatasetError {
     /// The folder holds no scene that is understood.
     #[error(
         "{} is not a scene: it has neither sparse/0/cameras.bin (or .txt, or directly in sparse/) nor \
-         transforms.json nor transforms_train.json; give the folder that holds one of them", path.display()
+         transforms.json nor transforms_train.json; give the folder (or a .zip of it) that holds one of them", path.display()
     )]
     NotAScene {
         /// The folder given.
@@ -107,7 +107,7 @@ pub enum DatasetError {
     #[error(
         "{}, {camera}: camera model {model} is not supported; undistort the photos first (for example with \
          `colmap image_undistorter`) or use one of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
-         FULL_OPENCV", path.display()
+         FULL_OPENCV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE, THIN_PRISM_FISHEYE, FOV", path.display()
     )]
     CameraModel {
         /// The file.
@@ -189,7 +189,7 @@ pub enum DatasetError {
         first: PathBuf,
     },
     /// A photo does not decode.
-    #[error("photo {} does not decode: {cause}; replace it with a whole JPEG or PNG file", path.display())]
+    #[error("photo {} does not decode: {cause}; replace it with a whole JPEG, PNG or EXR file", path.display())]
     Photo {
         /// The photo.
         path: PathBuf,
@@ -214,6 +214,17 @@ pub enum DatasetError {
         /// What is wrong, with line or byte.
         problem: String,
     },
+    /// An archive that cannot be unpacked.
+    #[error("{}: {problem}; pack the scene again, as plain files in a ZIP archive", path.display())]
+    Archive {
+        /// The archive.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// Trouble with the files of an archive: the message with the archive's name in its paths.
+    #[error("{0}")]
+    InArchive(String),
     /// An option outside its range.
     #[error("option {option}: `{value}` is not allowed; use {allowed}")]
     Option {

@@ -1,16 +1,31 @@
-//! The camera as the scene file states it: a pinhole with polynomial distortion.
+//! The camera as the scene file states it: a pinhole or fisheye with polynomial distortion.
 
 use crate::camera::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use std::f64::consts::PI;
 
-/// Radial and tangential distortion of normalised view coordinates `x = X/Z, y = Y/Z` with `r2 = x^2 + y^2`:
-/// `x (1 + sum radial[i] r2^(i+1)) / (1 + sum rational[i] r2^(i+1)) + 2 p1 x y + p2 (r2 + 2 x^2)`, and the
-/// same for y with p1 and p2 changing places (OpenCV's and COLMAP's convention).
+/// What a lens does to the distance r = tan(theta) from the optical axis before the polynomial.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Projection {
+    /// r stays.
+    #[default]
+    Perspective,
+    /// r becomes the angle theta itself (COLMAP's fisheye models, OpenCV's fisheye).
+    Equidistant,
+    /// r becomes atan(2 r tan(omega / 2)) / omega (COLMAP's FOV); omega = 0 is a pinhole.
+    Fov(f64),
+}
+
+/// Distortion of normalised view coordinates `x = X/Z, y = Y/Z`. After the projection, with `r2 = x^2 + y^2`:
+/// `x (1 + sum radial[i] r2^(i+1)) / (1 + sum rational[i] r2^(i+1)) + 2 p1 x y + p2 (r2 + 2 x^2) + s1 r2`, and the
+/// same for y with p1 and p2 changing places and s2 (OpenCV's and COLMAP's convention).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Distortion {
+    pub projection: Projection,
     pub radial: [f64; 4],
     pub rational: [f64; 3],
     pub tangential: [f64; 2],
+    pub prism: [f64; 2],
 }
 
 /// Intrinsics with distortion, for photos of `width` x `height`.
@@ -23,11 +38,31 @@ pub(crate) struct Lens {
     pub distortion: Distortion,
 }
 
+/// Degrees. With its focal length and size kept, an equidistant fisheye of 180 degrees becomes a pinhole of 115, and one
+/// that looks all around one of 145.
+const MAX_FISHEYE_VIEW: f64 = 150.0;
+
 /// Rotation and translation, world to view, COLMAP axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pose {
     pub view_from_world: DMat3,
     pub translation: DVec3,
+}
+
+impl Projection {
+    /// The factor of a coordinate at distance `r`.
+    fn factor(self, r: f64) -> f64 {
+        // Below, sine and angle agree to all digits.
+        const SMALL: f64 = 1e-9;
+        match self {
+            Projection::Equidistant if r > SMALL => r.atan() / r,
+            Projection::Fov(omega) if omega.abs() > SMALL => {
+                let slope = 2.0 * (0.5 * omega).tan();
+                if r > SMALL { (r * slope).atan() / (r * omega) } else { slope / omega }
+            }
+            _ => 1.0,
+        }
+    }
 }
 
 impl Distortion {
@@ -44,11 +79,13 @@ impl Distortion {
 
     /// Undistorted to distorted normalised coordinates.
     pub(crate) fn distort(&self, p: DVec2) -> DVec2 {
+        let p = p * self.projection.factor(p.length());
         let r2 = p.length_squared();
-        let [p1, p2] = self.tangential;
+        let ([p1, p2], [s1, s2]) = (self.tangential, self.prism);
         let xy = 2.0 * p.x * p.y;
-        p * self.radial_factor(r2)
-            + DVec2::new(p1 * xy + p2 * (r2 + 2.0 * p.x * p.x), p2 * xy + p1 * (r2 + 2.0 * p.y * p.y))
+        let x = p1 * xy + p2 * (r2 + 2.0 * p.x * p.x) + s1 * r2;
+        let y = p2 * xy + p1 * (r2 + 2.0 * p.y * p.y) + s2 * r2;
+        p * self.radial_factor(r2) + DVec2::new(x, y)
     }
 
     /// The largest radius up to `limit` below which the distorted radius still grows. Beyond it the polynomial
@@ -58,7 +95,8 @@ impl Distortion {
         let mut previous = 0.0;
         for step in 1..=STEPS {
             let radius = limit * step as f64 / STEPS as f64;
-            let distorted = radius * self.radial_factor(radius * radius);
+            let projected = radius * self.projection.factor(radius);
+            let distorted = projected * self.radial_factor(projected * projected);
             // Also true for NaN and for a pole of the rational part, where the sign jumps.
             if distorted.partial_cmp(&previous) != Some(std::cmp::Ordering::Greater) {
                 return limit * (step - 1) as f64 / STEPS as f64;
@@ -67,24 +105,52 @@ impl Distortion {
         }
         limit
     }
+
+    /// Whether all coefficients are usable numbers.
+    fn is_usable(&self) -> bool {
+        let omega = if let Projection::Fov(omega) = self.projection { omega } else { 0.0 };
+        let polynomial = self.radial.iter().chain(&self.rational);
+        polynomial.chain(&self.tangential).chain(&self.prism).all(|k| k.is_finite()) && omega.abs() < PI
+    }
 }
 
 impl Lens {
     /// What is wrong with the numbers, if anything.
     pub(crate) fn problem(&self) -> Option<String> {
-        let coefficients = self.distortion;
-        let mut all = coefficients.radial.iter().chain(&coefficients.rational);
         if self.width == 0 || self.height == 0 {
             Some(format!("the image size {} x {} is empty", self.width, self.height))
         } else if !self.focal.is_finite() || self.focal.min_element() <= 0.0 {
             Some(format!("the focal length {} is not a positive number", self.focal))
         } else if !self.principal.is_finite() {
             Some(format!("the principal point {} is not finite", self.principal))
-        } else if !all.all(|k| k.is_finite()) || coefficients.tangential.iter().any(|p| !p.is_finite()) {
-            Some("a distortion coefficient is not finite".to_owned())
+        } else if !self.distortion.is_usable() {
+            Some("a distortion coefficient is not finite (or omega of FOV not below pi)".to_owned())
+        } else if self.is_fisheye() && self.field_of_view().max_element() > MAX_FISHEYE_VIEW {
+            let DVec2 { x, y } = self.field_of_view();
+            Some(format!(
+                "the undistorted photo would show {x:.1} x {y:.1} degrees, more than {MAX_FISHEYE_VIEW}: the focal \
+                 length {} is too short for a fisheye of {} x {} pixels",
+                self.focal, self.width, self.height
+            ))
         } else {
             None
         }
+    }
+
+    /// Whether the lens bends more than a pinhole can show.
+    pub(crate) fn is_fisheye(&self) -> bool {
+        self.distortion.projection != Projection::Perspective
+    }
+
+    /// Degrees across that the pinhole of [`Lens::pinhole`] shows, horizontally and vertically.
+    pub(crate) fn field_of_view(&self) -> DVec2 {
+        let size = DVec2::new(f64::from(self.width), f64::from(self.height));
+        let angle = |pixels: f64, focal: f64| (pixels / focal).atan().to_degrees();
+        let (low, high) = (self.principal, size - self.principal);
+        DVec2::new(
+            angle(low.x, self.focal.x) + angle(high.x, self.focal.x),
+            angle(low.y, self.focal.y) + angle(high.y, self.focal.y),
+        )
     }
 
     /// The same lens for a photo resized to `width` x `height`.
@@ -142,5 +208,85 @@ impl Pose {
         let rotation = DMat3::from_quat(DQuat::from_mat3(&matrix).normalize());
         let view_from_world = rotation.transpose();
         Ok(Pose { view_from_world, translation: -(view_from_world * center) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lenses() -> Vec<Distortion> {
+        let equidistant = Distortion { projection: Projection::Equidistant, ..Distortion::default() };
+        vec![
+            Distortion { radial: [-0.1, 0.03, 0.0, 0.0], tangential: [0.004, -0.003], ..Distortion::default() },
+            Distortion { radial: [0.1, -0.05, 0.02, 0.0], rational: [0.15, -0.02, 0.01], ..Distortion::default() },
+            equidistant,
+            Distortion { radial: [0.05, -0.01, 0.003, -0.0004], ..equidistant },
+            Distortion {
+                radial: [0.03, -0.02, 0.001, -0.0002],
+                tangential: [0.002, -0.001],
+                prism: [0.0015, -0.0025],
+                ..equidistant
+            },
+            Distortion { projection: Projection::Fov(0.9), ..Distortion::default() },
+            Distortion { projection: Projection::Fov(-1.4), ..Distortion::default() },
+        ]
+    }
+
+    /// The inverse, by Newton's method with differences.
+    fn undistort(lens: &Distortion, target: DVec2) -> DVec2 {
+        const STEP: f64 = 1e-6;
+        (0..60).fold(target, |p, _| {
+            let slope = |along: DVec2| (lens.distort(p + along * STEP) - lens.distort(p - along * STEP)) / (2.0 * STEP);
+            p - glam::DMat2::from_cols(slope(DVec2::X), slope(DVec2::Y)).inverse() * (lens.distort(p) - target)
+        })
+    }
+
+    #[test]
+    fn distortion_and_its_inverse_cancel() {
+        for lens in lenses() {
+            for (i, j) in (-6..=6).flat_map(|i| (-6..=6).map(move |j| (i, j))) {
+                let p = DVec2::new(f64::from(i), f64::from(j)) * 0.15;
+                let there = lens.distort(p);
+                assert!(undistort(&lens, there).distance(p) < 1e-9, "{lens:?} at {p}");
+                assert!(lens.distort(undistort(&lens, there)).distance(there) < 1e-9, "{lens:?} at {p}");
+            }
+        }
+    }
+
+    #[test]
+    fn projections_have_their_known_values() {
+        let at = |projection, p: DVec2| Distortion { projection, ..Distortion::default() }.distort(p);
+        let close = |a: DVec2, b: DVec2| assert!(a.distance(b) < 1e-12, "{a} {b}");
+        close(at(Projection::Equidistant, DVec2::new(1.0, 0.0)), DVec2::new(PI / 4.0, 0.0));
+        close(at(Projection::Equidistant, DVec2::new(0.0, -(3.0_f64.sqrt()))), DVec2::new(0.0, -PI / 3.0));
+        close(at(Projection::Equidistant, DVec2::ZERO), DVec2::ZERO);
+        // 2 tan(omega / 2) = 2 at a right angle: r = 1/2 becomes (pi/4) / (pi/2).
+        close(at(Projection::Fov(PI / 2.0), DVec2::new(0.3, 0.4)), DVec2::new(0.3, 0.4));
+        close(at(Projection::Fov(PI / 2.0), DVec2::new(0.5, 0.0)), DVec2::new(0.5, 0.0));
+        close(at(Projection::Fov(PI / 2.0), DVec2::new(50.0, 0.0)), DVec2::new(100.0_f64.atan() / (PI / 2.0), 0.0));
+        for projection in [Projection::Fov(0.0), Projection::Fov(1e-10)] {
+            close(at(projection, DVec2::new(0.7, -0.2)), DVec2::new(0.7, -0.2));
+        }
+        // No step where the small radii begin.
+        for projection in [Projection::Equidistant, Projection::Fov(1.2)] {
+            let [below, above] = [0.999e-9, 1.001e-9].map(|r| projection.factor(r));
+            assert!((below - above).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_fisheye_beyond_half_a_turn_stays_a_pinhole_of_bounded_view() {
+        let lens = |focal: f64| Lens {
+            width: 1000,
+            height: 1000,
+            focal: DVec2::splat(focal),
+            principal: DVec2::splat(500.0),
+            distortion: Distortion { projection: Projection::Equidistant, ..Distortion::default() },
+        };
+        let half_turn = lens(1000.0 / PI);
+        assert!((half_turn.field_of_view().x - 115.04).abs() < 0.01, "{}", half_turn.field_of_view());
+        assert_eq!((half_turn.problem(), lens(500.0 / PI).problem()), (None, None));
+        assert!(lens(100.0).problem().unwrap().contains("degrees"));
     }
 }

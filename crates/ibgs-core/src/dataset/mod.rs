@@ -1,6 +1,8 @@
 //! Posed photos from disk or from the built-in demo scene. Uses no GPU code.
 
+mod archive;
 mod colmap;
+mod decode;
 pub mod demo;
 mod error;
 mod lens;
@@ -12,10 +14,12 @@ mod points_ply;
 mod split;
 mod undistort;
 
+pub use archive::is_archive;
 pub use error::DatasetError;
-pub use options::{LoadOptions, PrincipalPoint, Resampler, Resolution};
+pub use options::{Alpha, ColorSpace, LoadOptions, PrincipalPoint, Resampler, Resolution};
 
 use crate::camera::Camera;
+use archive::Unpacked;
 use glam::{DVec2, DVec3};
 use photos::Frame;
 use serde::Serialize;
@@ -150,10 +154,21 @@ pub(crate) struct Scene {
     notes: Vec<String>,
 }
 
-/// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder or a
-/// `transforms.json`.
+/// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder, a ZIP archive
+/// of one, or a `transforms.json`.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
     options.check()?;
+    if !is_archive(path) {
+        return load_folder(path, options);
+    }
+    let unpacked = Unpacked::new(path)?;
+    let loaded = load_folder(&unpacked.root(), options);
+    let dataset = loaded.map_err(|error| DatasetError::InArchive(unpacked.told(&error.to_string())))?;
+    let notes = dataset.notes.iter().map(|note| unpacked.told(note)).collect();
+    Ok(Dataset { path: path.to_owned(), notes, ..dataset })
+}
+
+fn load_folder(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
     let mut scene = match format_of(path)? {
         Format::Colmap => colmap::read(path, options)?,
         Format::Transforms => nerf::read(path, options)?,
@@ -175,6 +190,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
     if !scene.missing.is_empty() {
         dataset.notes.push(missing_note(&scene.missing, scene.frames.len()));
     }
+    let usual = if scene.kind == SceneKind::Blender { Alpha::Composite } else { Alpha::Mask };
+    let options = &LoadOptions { alpha: options.alpha.or(Some(usual)), ..options.clone() };
     photos::load_views(&scene.frames, options, &mut dataset)?;
     let root = root(path);
     split::split(&mut dataset, scene.held_out, root, options)?;
@@ -184,6 +201,17 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
 
 /// Reads a scene's metadata for `ibgs info`.
 pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
+    if !is_archive(path) {
+        return inspect_folder(path);
+    }
+    let unpacked = Unpacked::new(path)?;
+    let inspected = inspect_folder(&unpacked.root());
+    let info = inspected.map_err(|error| DatasetError::InArchive(unpacked.told(&error.to_string())))?;
+    let missing = info.missing.iter().map(|name| unpacked.told(name)).collect();
+    Ok(SceneInfo { path: path.to_owned(), missing, ..info })
+}
+
+fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
     match format_of(path)? {
         Format::Colmap => colmap::inspect(path),
         Format::Transforms => nerf::inspect(path),

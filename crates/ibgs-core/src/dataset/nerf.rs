@@ -2,12 +2,13 @@
 //!
 //! Poses are camera-to-world with OpenGL axes; focal lengths come from `fl_x` or `camera_angle_x`; any intrinsic
 //! may stand in the file or in a frame, the frame wins. Distortion follows nerfstudio: `k1 .. k4` are the factors
-//! of `r^2 .. r^8`.
+//! of `r^2 .. r^8`, and with `OPENCV_FISHEYE` (or instant-ngp's `is_fisheye`) of the angle's even powers.
 
 use super::colmap::{reduced_folder, reduced_note};
+use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes};
-use super::lens::{Distortion, Lens, Pose};
-use super::photos::{Frame, clean_name, find_mask, find_photo, photo_size};
+use super::lens::{Distortion, Lens, Pose, Projection};
+use super::photos::{Frame, clean_name, find_mask, find_photo};
 use super::{CameraInfo, LoadOptions, Scene, SceneInfo, SceneKind, points};
 use glam::DVec2;
 use serde::Deserialize;
@@ -53,7 +54,8 @@ struct FileJson {
 }
 
 /// Camera models whose distortion is the polynomial of [`Distortion`].
-const MODELS: [&str; 6] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE"];
+const MODELS: [&str; 7] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE", FISHEYE];
+const FISHEYE: &str = "OPENCV_FISHEYE";
 
 impl Intrinsics {
     /// This frame's values, the file's where the frame is silent. A focal length in the frame hides the file's
@@ -83,9 +85,6 @@ impl Intrinsics {
 
     /// The model's name where it cannot be undistorted here.
     fn unsupported_model(&self) -> Option<String> {
-        if self.is_fisheye == Some(true) {
-            return Some("fisheye (is_fisheye)".to_owned());
-        }
         self.camera_model.clone().filter(|model| !MODELS.contains(&model.as_str()))
     }
 
@@ -110,15 +109,18 @@ impl Intrinsics {
         let Some(fx) = fl_x.or(fl_y) else {
             return Err("there is no focal length: fl_x or camera_angle_x is missing".to_owned());
         };
+        let fisheye = self.is_fisheye == Some(true) || self.camera_model.as_deref() == Some(FISHEYE);
         let lens = Lens {
             width,
             height,
             focal: DVec2::new(fx, fl_y.unwrap_or(fx)),
             principal: DVec2::new(self.cx.unwrap_or(size.x / 2.0), self.cy.unwrap_or(size.y / 2.0)),
             distortion: Distortion {
+                projection: if fisheye { Projection::Equidistant } else { Projection::Perspective },
                 radial: [self.k1, self.k2, self.k3, self.k4].map(Option::unwrap_or_default),
                 rational: [0.0; 3],
                 tangential: [self.p1, self.p2].map(Option::unwrap_or_default),
+                prism: [0.0; 2],
             },
         };
         lens.problem().map_or(Ok(lens), Err)
@@ -296,7 +298,12 @@ pub(crate) fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
     }
     let cameras = cameras.iter().enumerate().map(|(index, (lens, images))| CameraInfo {
         id: index.to_string(),
-        model: if lens.distortion.is_none() { "PINHOLE" } else { "OPENCV" }.to_owned(),
+        model: match (lens.is_fisheye(), lens.distortion.is_none()) {
+            (true, _) => FISHEYE,
+            (false, true) => "PINHOLE",
+            (false, false) => "OPENCV",
+        }
+        .to_owned(),
         width: lens.width,
         height: lens.height,
         focal: Some(lens.focal),

@@ -132,6 +132,58 @@ impl FromStr for Resampler {
     }
 }
 
+/// What the alpha channel of a photo means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Alpha {
+    /// Pixels under one half are masked: they leave losses and metrics, and no other view reads them.
+    Mask,
+    /// The photo lies over the background colour.
+    Composite,
+}
+
+impl FromStr for Alpha {
+    type Err = DatasetError;
+
+    fn from_str(text: &str) -> Result<Self, DatasetError> {
+        match text.trim() {
+            "mask" => Ok(Alpha::Mask),
+            "composite" => Ok(Alpha::Composite),
+            _ => Err(DatasetError::Option {
+                option: "--alpha",
+                value: text.to_owned(),
+                allowed: "`mask` or `composite`",
+            }),
+        }
+    }
+}
+
+/// What the values of a photo mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ColorSpace {
+    /// They are taken as they are.
+    Srgb,
+    /// Linear light: converted to sRGB before they become 8 bits.
+    Linear,
+}
+
+impl FromStr for ColorSpace {
+    type Err = DatasetError;
+
+    fn from_str(text: &str) -> Result<Self, DatasetError> {
+        match text.trim() {
+            "srgb" => Ok(ColorSpace::Srgb),
+            "linear" => Ok(ColorSpace::Linear),
+            _ => Err(DatasetError::Option {
+                option: "--color-space",
+                value: text.to_owned(),
+                allowed: "`srgb` or `linear`",
+            }),
+        }
+    }
+}
+
 /// How to load a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -150,6 +202,15 @@ pub struct LoadOptions {
     pub eval_split_every: usize,
     /// Which principal point the cameras get.
     pub principal_point: PrincipalPoint,
+    /// What the photos' alpha means; unset: `Composite` in Blender scenes, `Mask` in others.
+    pub alpha: Option<Alpha>,
+    /// Colour under photos with [`Alpha::Composite`].
+    pub background: [u8; 3],
+    /// What the photos' values mean; unset: `Linear` in EXR files, `Srgb` in others.
+    pub color_space: Option<ColorSpace>,
+    /// Leaves out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images (method.md
+    /// section 10.9).
+    pub filter_points: bool,
     /// Seed of the random points.
     pub seed: u64,
     /// Number of random points where the scene has none.
@@ -169,6 +230,10 @@ impl Default for LoadOptions {
             eval: false,
             eval_split_every: 8,
             principal_point: PrincipalPoint::True,
+            alpha: None,
+            background: [0; 3],
+            color_space: None,
+            filter_points: false,
             seed: 0,
             random_points: 100_000,
             progress: false,

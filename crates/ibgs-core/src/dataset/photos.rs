@@ -1,11 +1,13 @@
-//! Finding, decoding and resampling photos.
+//! Finding, loading and resampling photos.
 
-use super::error::{DatasetError, read_bytes};
+use super::decode::{apply_mask, decode};
+use super::error::DatasetError;
 use super::lens::{Lens, Pose};
 use super::undistort::undistort;
-use super::{Dataset, LoadOptions, Photo, PrincipalPoint, Resampler, View};
+use super::{Alpha, Dataset, LoadOptions, Photo, PrincipalPoint, Resampler, View};
+use glam::DVec2;
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Rgba, RgbaImage};
+use image::{ImageBuffer, Rgba, RgbaImage};
 use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -25,7 +27,7 @@ pub(crate) struct Frame {
 }
 
 /// Extensions that stand in for each other: reduced folders often hold PNG copies of JPEG names.
-const EXTENSIONS: [&str; 6] = ["jpg", "JPG", "jpeg", "JPEG", "png", "PNG"];
+const EXTENSIONS: [&str; 8] = ["jpg", "JPG", "jpeg", "JPEG", "png", "PNG", "exr", "EXR"];
 
 /// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
 const MAX_BLANK: f64 = 0.9;
@@ -60,56 +62,6 @@ pub(crate) fn find_mask(scene: &Path, name: &str) -> Option<PathBuf> {
     find_photo(&folder, name)
 }
 
-/// Width and height in the file's header.
-pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
-    ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(|cause| DatasetError::read(path, &cause))?
-        .into_dimensions()
-        .map_err(|cause| DatasetError::Photo { path: path.to_owned(), cause: cause.to_string() })
-}
-
-/// Decodes a whole file.
-fn decode_any(path: &Path) -> Result<DynamicImage, DatasetError> {
-    let refuse = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
-    let bytes = read_bytes(path)?;
-    // The JPEG decoder fills what is missing with grey and says nothing.
-    if image::guess_format(&bytes).ok() == Some(ImageFormat::Jpeg) && !jpeg_is_whole(&bytes) {
-        return Err(refuse("the JPEG data ends early".to_owned()));
-    }
-    let image = image::load_from_memory(&bytes).map_err(|cause| refuse(cause.to_string()))?;
-    if image.width() == 0 || image.height() == 0 {
-        return Err(refuse("it has no pixels".to_owned()));
-    }
-    Ok(image)
-}
-
-/// Walks the segments of a JPEG file up to its end marker; what follows that is of no interest.
-fn jpeg_is_whole(bytes: &[u8]) -> bool {
-    const START: u8 = 0xd8;
-    const END: u8 = 0xd9;
-    let mut rest = bytes;
-    // In compressed data 0xff is followed by 0 or a restart marker, so looking for 0xff also skips a scan.
-    while let Some(at) = rest.iter().position(|byte| *byte == 0xff) {
-        rest = &rest[at + 1..];
-        match rest {
-            [END, ..] => return true,
-            [0x00 | 0x01 | 0xff | START | 0xd0..=0xd7, ..] => {}
-            [_, high, low, ..] => {
-                let length = usize::from(u16::from_be_bytes([*high, *low]));
-                rest = rest.get(1 + length..).unwrap_or_default();
-            }
-            _ => return false,
-        }
-    }
-    false
-}
-
-/// Decodes to 8-bit RGBA. EXIF orientation is ignored: poses and intrinsics refer to the pixels as stored.
-fn decode(path: &Path) -> Result<RgbaImage, DatasetError> {
-    decode_any(path).map(DynamicImage::into_rgba8)
-}
-
 /// The resampler (image crate, antialiased) on the 8-bit sRGB values, colours weighted by alpha. Where the kernel reaches
 /// transparent pixels its negative lobes would overshoot and shift the picture, so a triangle kernel stands in there.
 pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32, resampler: Resampler) -> RgbaImage {
@@ -140,21 +92,6 @@ pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32, resampler: Res
     })
 }
 
-/// Lowers alpha to the mask's brightness (white keeps, black drops); masks of another size are resized.
-fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), DatasetError> {
-    let mask = decode_any(path)?.into_luma8();
-    let (width, height) = photo.dimensions();
-    let mask = if mask.dimensions() == (width, height) {
-        mask
-    } else {
-        imageops::resize(&mask, width, height, FilterType::Triangle)
-    };
-    for (pixel, keep) in photo.pixels_mut().zip(mask.pixels()) {
-        pixel.0[3] = pixel.0[3].min(keep.0[0]);
-    }
-    Ok(())
-}
-
 /// A loaded view and what happened to it on the way.
 struct Loaded {
     view: View,
@@ -162,12 +99,14 @@ struct Loaded {
     rescaled: Option<([u32; 2], [u32; 2])>,
     prescaled: bool,
     masked: bool,
+    /// Degrees across that are left of a fisheye.
+    fisheye: Option<DVec2>,
     /// Share of blank pixels after undistortion, where the lens was distorted.
     blank: Option<f64>,
 }
 
 fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError> {
-    let mut image = decode(&frame.photo)?;
+    let mut image = decode(&frame.photo, options)?;
     if let Some(mask) = &frame.mask {
         apply_mask(&mut image, mask)?;
     }
@@ -196,7 +135,9 @@ fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError
     }
     let photo = Arc::new(Photo { width, height, rgba: image.into_raw() });
     let view = View { name: frame.name.clone(), camera, photo };
-    Ok(Loaded { view, rescaled, prescaled: frame.prescaled, masked: frame.mask.is_some(), blank })
+    let (prescaled, masked) = (frame.prescaled, frame.mask.is_some());
+    let fisheye = lens.is_fisheye().then(|| lens.field_of_view());
+    Ok(Loaded { view, rescaled, prescaled, masked, fisheye, blank })
 }
 
 fn to_image(photo: Photo, path: &Path) -> Result<RgbaImage, DatasetError> {
@@ -233,6 +174,10 @@ pub(crate) fn load_views(frames: &[Frame], options: &LoadOptions, dataset: &mut 
     bar.finish_and_clear();
     let loaded = loaded.into_iter().flatten().collect::<Result<Vec<Loaded>, _>>()?;
     add_notes(&loaded, &mut dataset.notes);
+    if options.alpha == Some(Alpha::Composite) {
+        let [r, g, b] = options.background;
+        dataset.notes.push(format!("transparent pixels lie over the background colour ({r}, {g}, {b})"));
+    }
     dataset.views.extend(loaded.into_iter().map(|loaded| loaded.view));
     Ok(())
 }
@@ -277,6 +222,15 @@ fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
              are blank (alpha 0)",
             photos(undistorted.len()),
             worst * 100.0
+        ));
+    }
+    let views = || loaded.iter().filter_map(|one| one.fisheye);
+    if let Some(widest) = views().max_by(|a, b| a.element_sum().total_cmp(&b.element_sum())) {
+        notes.push(format!(
+            "{} through a fisheye: a pinhole shows at most {:.0} x {:.0} degrees of each, the rest is cropped",
+            photos(views().count()),
+            widest.x,
+            widest.y
         ));
     }
 }

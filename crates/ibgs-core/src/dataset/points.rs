@@ -2,7 +2,7 @@
 
 use super::error::DatasetError;
 use super::points_ply;
-use super::{Dataset, LoadOptions, Point, View};
+use super::{Alpha, Dataset, LoadOptions, Point, View};
 use crate::camera::scene_extent;
 use glam::DVec2;
 use rand::{Rng, SeedableRng};
@@ -26,7 +26,8 @@ pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, Datase
     Ok(None)
 }
 
-/// Fills `dataset.points`: `model` points, else those of a file, else random ones. Never leaves it empty.
+/// Fills `dataset.points`: those of `init.ply`, which somebody made for this, else `model` points, else those of a file,
+/// else random ones. Never leaves it empty.
 pub(crate) fn fill(
     dataset: &mut Dataset,
     model: Vec<Point>,
@@ -34,11 +35,13 @@ pub(crate) fn fill(
     root: &Path,
     options: &LoadOptions,
 ) -> Result<(), DatasetError> {
-    files.extend(["points3D.ply", "init.ply"].map(|name| root.join(name)));
+    files.push(root.join("points3D.ply"));
     let mut points = model;
-    if points.is_empty()
-        && let Some(cloud) = from_files(&files)?
-    {
+    let mut cloud = from_files(&[root.join("init.ply")])?;
+    if cloud.is_none() && points.is_empty() {
+        cloud = from_files(&files)?;
+    }
+    if let Some(cloud) = cloud {
         let count = cloud.points.len();
         dataset.notes.push(format!("{count} initial points from {}", cloud.path.display()));
         points = cloud.points;
@@ -64,14 +67,19 @@ pub(crate) fn fill(
 /// Depths of random points, in scene extents: near enough for a camera ring that looks inward (its subject lies
 /// at about 1), far enough for a small forward-facing rig.
 const DEPTHS: [f64; 2] = [0.3, 30.0];
-/// Tries to hit a pixel that is not masked.
+/// The same where photos show a single thing with nothing behind it.
+const DEPTHS_OF_ONE_THING: [f64; 2] = [0.3, 2.0];
+/// Tries to hit a pixel that is neither masked nor background.
 const TRIES: usize = 8;
 
-/// Random points that some camera sees: a random view, a random pixel of it, a depth between [`DEPTHS`] whose
-/// logarithm is uniform, the colour of that pixel. The extent is that of the cameras, 1 where they coincide.
+/// Random points that some camera sees: a random view, a random pixel of it that shows something, a depth between
+/// [`DEPTHS`] whose logarithm is uniform, the colour of that pixel. The extent is that of the cameras, 1 where they coincide.
 fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
     let (_, extent) = scene_extent(views.iter().map(|view| &view.camera));
     let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
+    let background = (options.alpha == Some(Alpha::Composite)).then_some(options.background);
+    let [near, far] = if background.is_some() { DEPTHS_OF_ONE_THING } else { DEPTHS };
+    let shows = |[r, g, b, a]: [u8; 4]| a >= 128 && Some([r, g, b]) != background;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut point = || {
         let view = &views[rng.random_range(0..views.len())];
@@ -83,14 +91,14 @@ fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
         };
         let mut drawn = pixel();
         for _ in 1..TRIES {
-            if drawn.2[3] >= 128 {
+            if shows(drawn.2) {
                 break;
             }
             drawn = pixel();
         }
         let (x, y, [r, g, b, _]) = drawn;
         let ray = view.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-        let depth = extent * DEPTHS[0] * (DEPTHS[1] / DEPTHS[0]).powf(rng.random::<f64>());
+        let depth = extent * near * (far / near).powf(rng.random::<f64>());
         Point { position: view.camera.center() + ray * depth, color: [r, g, b] }
     };
     if views.is_empty() { Vec::new() } else { (0..options.random_points).map(|_| point()).collect() }

@@ -1,9 +1,14 @@
-//! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue`.
+//! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue`, or the constant
+//! coefficients `f_dc_0 ..` of Gaussians. Normals and whatever else is there are skipped.
 
 use super::Point;
 use super::error::{DatasetError, read_bytes};
 use glam::DVec3;
+use std::f64::consts::FRAC_2_SQRT_PI;
 use std::path::Path;
+
+/// Constant basis function of the spherical harmonics.
+const SH_C0: f64 = FRAC_2_SQRT_PI / 4.0;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
@@ -85,8 +90,8 @@ struct Header {
 struct Columns {
     position: [usize; 3],
     color: Option<[usize; 3]>,
-    /// Brings a colour to 0..255: 255 for float colours, 1 for integer ones.
-    color_scale: f64,
+    /// Brings a colour to 0..255: factor, then summand.
+    color_scale: [f64; 2],
 }
 
 impl Header {
@@ -141,12 +146,19 @@ impl Header {
         let find = |name: &str| self.properties.iter().position(|property| property.0 == name);
         let need = |name: &str| find(name).ok_or(format!("vertex property {name} is missing"));
         let position = [need("x")?, need("y")?, need("z")?];
-        let color = match (find("red"), find("green"), find("blue")) {
-            (Some(red), Some(green), Some(blue)) => Some([red, green, blue]),
-            _ => None,
+        let all = |names: [&str; 3]| {
+            let [a, b, c] = names.map(find);
+            Some([a?, b?, c?])
         };
-        let float = color.is_some_and(|[red, ..]| matches!(self.properties[red].1, Scalar::F32 | Scalar::F64));
-        Ok(Columns { position, color, color_scale: if float { 255.0 } else { 1.0 } })
+        let own = all(["red", "green", "blue"]);
+        let color = own.or_else(|| all(["f_dc_0", "f_dc_1", "f_dc_2"]));
+        let color_scale = match (own, color.map(|[first, ..]| self.properties[first].1)) {
+            (None, _) => [255.0 * SH_C0, 127.5],
+            (_, Some(Scalar::F32 | Scalar::F64)) => [255.0, 0.0],
+            (_, Some(Scalar::U16)) => [1.0 / 257.0, 0.0],
+            _ => [1.0, 0.0],
+        };
+        Ok(Columns { position, color, color_scale })
     }
 }
 
@@ -162,9 +174,9 @@ fn format(name: &str) -> Option<Format> {
 impl Columns {
     /// Mid-grey where the file has no colours.
     fn point(&self, values: &[f64]) -> Point {
-        let color = self
-            .color
-            .map_or([128; 3], |columns| columns.map(|column| (values[column] * self.color_scale).round() as u8));
+        let [factor, summand] = self.color_scale;
+        let level = |column: usize| (values[column] * factor + summand).round() as u8;
+        let color = self.color.map_or([128; 3], |columns| columns.map(level));
         Point { position: DVec3::from_array(self.position.map(|column| values[column])), color }
     }
 }

@@ -1,5 +1,6 @@
 //! COLMAP's binary files, little endian. No count in them is trusted before it is compared with the file's length.
 
+use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, model_by_id};
 use crate::dataset::Point;
 use crate::dataset::error::{DatasetError, read_bytes};
@@ -153,8 +154,8 @@ pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>, DatasetError> {
     Ok(images)
 }
 
-/// Reads `points3D.bin`; errors and tracks are skipped.
-pub(super) fn points(path: &Path) -> Result<Vec<Point>, DatasetError> {
+/// Reads `points3D.bin`.
+pub(super) fn points(path: &Path) -> Result<Vec<SparsePoint>, DatasetError> {
     let bytes = read_bytes(path)?;
     let mut reader = Reader::new(path, &bytes);
     let count = reader.count("points", POINT_BYTES)?;
@@ -163,9 +164,13 @@ pub(super) fn points(path: &Path) -> Result<Vec<Point>, DatasetError> {
         reader.u64("a point id")?;
         let position = DVec3::from_array(reader.f64s("a point position")?);
         let color = reader.take("a point colour")?;
-        reader.f64s::<1>("a point error")?;
-        reader.skip_list("track elements", TRACK_BYTES)?;
-        points.push(Point { position, color });
+        let [error] = reader.f64s("a point error")?;
+        let mut track = vec![0; reader.count("track elements", TRACK_BYTES)?];
+        for image in &mut track {
+            *image = reader.u32("a track's image id")?;
+            reader.u32("a track's observation")?;
+        }
+        points.push(SparsePoint { point: Point { position, color }, error, images: distinct(track) });
     }
     reader.finish("points", count)?;
     Ok(points)

@@ -1,13 +1,15 @@
 //! COLMAP models, binary or text: `cameras`, `images`, `points3D` in `sparse/0` or `sparse`.
 
 mod binary;
+mod sparse;
 mod text;
 
 use super::error::DatasetError;
-use super::lens::{Distortion, Lens, Pose};
+use super::lens::{Distortion, Lens, Pose, Projection};
 use super::photos::{self, Frame, find_mask, find_photo};
-use super::{CameraInfo, LoadOptions, Point, Resolution, Scene, SceneKind};
+use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
 use glam::DVec2;
+use sparse::SparsePoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -82,7 +84,7 @@ impl ModelFiles {
     }
 
     /// The cloud; none where the file is absent.
-    fn points(&self) -> Result<Vec<Point>, DatasetError> {
+    fn points(&self) -> Result<Vec<SparsePoint>, DatasetError> {
         let path = self.path("points3D");
         match (path.is_file(), self.text) {
             (false, _) => Ok(Vec::new()),
@@ -130,6 +132,32 @@ impl CameraRecord {
                 distortion.radial[..3].copy_from_slice(&[*k1, *k2, *k3]);
                 distortion.rational = [*k4, *k5, *k6];
                 distortion.tangential = [*p1, *p2];
+                ([*fx, *fy], [*cx, *cy])
+            }
+            ("SIMPLE_RADIAL_FISHEYE", [f, cx, cy, k1]) => {
+                distortion.projection = Projection::Equidistant;
+                distortion.radial[0] = *k1;
+                ([*f; 2], [*cx, *cy])
+            }
+            ("RADIAL_FISHEYE", [f, cx, cy, k1, k2]) => {
+                distortion.projection = Projection::Equidistant;
+                distortion.radial[..2].copy_from_slice(&[*k1, *k2]);
+                ([*f; 2], [*cx, *cy])
+            }
+            ("OPENCV_FISHEYE", [fx, fy, cx, cy, k1, k2, k3, k4]) => {
+                distortion.projection = Projection::Equidistant;
+                distortion.radial = [*k1, *k2, *k3, *k4];
+                ([*fx, *fy], [*cx, *cy])
+            }
+            ("THIN_PRISM_FISHEYE", [fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, s1, s2]) => {
+                distortion.projection = Projection::Equidistant;
+                distortion.radial = [*k1, *k2, *k3, *k4];
+                distortion.tangential = [*p1, *p2];
+                distortion.prism = [*s1, *s2];
+                ([*fx, *fy], [*cx, *cy])
+            }
+            ("FOV", [fx, fy, cx, cy, omega]) => {
+                distortion.projection = Projection::Fov(*omega);
                 ([*fx, *fy], [*cx, *cy])
             }
             _ => return None,
@@ -230,12 +258,16 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
             None => missing.push(folder.join(name)),
         }
     }
+    let mut points = files.points()?;
+    if options.filter_points {
+        points = sparse::reliable(points, &mut notes);
+    }
     Ok(Scene {
         kind: kind(&files),
         listing: images_path,
         frames,
         missing,
-        points: files.points()?,
+        points: points.into_iter().map(|sparse| sparse.point).collect(),
         point_files: vec![files.folder.join("points3D.ply")],
         held_out: None,
         notes,

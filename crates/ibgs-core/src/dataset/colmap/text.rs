@@ -1,5 +1,6 @@
 //! COLMAP's text files. Lines count from 1; blank lines and lines that start with `#` are comments.
 
+use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, model_by_name};
 use crate::dataset::Point;
 use crate::dataset::error::{DatasetError, read_text};
@@ -124,8 +125,8 @@ fn name_field(line: &str) -> &str {
     rest
 }
 
-/// Reads `points3D.txt`: `POINT3D_ID X Y Z R G B ERROR TRACK[]`; errors and tracks are skipped.
-pub(super) fn points(path: &Path) -> Result<Vec<Point>, DatasetError> {
+/// Reads `points3D.txt`: `POINT3D_ID X Y Z R G B ERROR TRACK[]`, where the track is pairs of IMAGE_ID POINT2D_IDX.
+pub(super) fn points(path: &Path) -> Result<Vec<SparsePoint>, DatasetError> {
     let text = read_text(path)?;
     let mut points = Vec::new();
     for (number, line) in records(&text) {
@@ -133,7 +134,13 @@ pub(super) fn points(path: &Path) -> Result<Vec<Point>, DatasetError> {
         fields.number::<u64>("the point id")?;
         let position = DVec3::from_array(fields.numbers("the point position")?);
         let color = fields.numbers("the point colour")?;
-        points.push(Point { position, color });
+        let error = fields.number("the point error")?;
+        let mut track = Vec::new();
+        while fields.rest.clone().next().is_some() {
+            track.push(fields.number("an image id of the track")?);
+            fields.number::<u32>("an observation of the track")?;
+        }
+        points.push(SparsePoint { point: Point { position, color }, error, images: distinct(track) });
     }
     Ok(points)
 }

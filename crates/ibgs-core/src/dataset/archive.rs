@@ -1,0 +1,104 @@
+//! A scene in a ZIP archive: unpacked into a temporary folder, which goes when the photos have been read.
+
+use super::DatasetError;
+use super::photos::clean_name;
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+use zip::ZipArchive;
+
+/// An archive may unpack to so many times its own size, and so many bytes more: photos hardly shrink, and text files of
+/// COLMAP by five times.
+const MOST_TIMES: u64 = 20;
+const MOST_BYTES_MORE: u64 = 64 << 20;
+
+/// What file managers add of their own.
+const CLUTTER: [&str; 3] = ["__MACOSX", ".DS_Store", "Thumbs.db"];
+
+/// Bits of a Unix mode that tell files, folders and links apart.
+const KIND: u32 = 0o170_000;
+const PLAIN: [u32; 3] = [0, 0o100_000, 0o040_000];
+
+/// Whether a path names a ZIP archive, by its extension.
+pub fn is_archive(path: &Path) -> bool {
+    path.is_file() && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("zip"))
+}
+
+/// An unpacked archive; dropping it removes its files.
+pub(crate) struct Unpacked {
+    archive: PathBuf,
+    folder: TempDir,
+}
+
+impl Unpacked {
+    /// Unpacks an archive of plain files and folders.
+    pub fn new(path: &Path) -> Result<Unpacked, DatasetError> {
+        let refuse = |problem: String| DatasetError::Archive { path: path.to_owned(), problem };
+        let file = File::open(path).map_err(|cause| DatasetError::read(path, &cause))?;
+        let size = file.metadata().map_err(|cause| DatasetError::read(path, &cause))?.len();
+        let broken = |error: zip::result::ZipError| refuse(format!("it is no whole ZIP archive ({error})"));
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(broken)?;
+        let folder = tempfile::Builder::new().prefix("ibgs-scene-").tempdir();
+        let folder = folder.map_err(|cause| refuse(format!("no temporary folder can be made for it ({cause})")))?;
+        let most = size.saturating_mul(MOST_TIMES).saturating_add(MOST_BYTES_MORE);
+        let mut left = most;
+        for index in 0..zip.len() {
+            let bytes = unpack_entry(&mut zip, index, folder.path(), left).map_err(refuse)?;
+            left = left.checked_sub(bytes).ok_or_else(|| {
+                refuse(format!(
+                    "it unpacks to more than {most} bytes ({MOST_TIMES} times its size and {} MiB), which no scene does",
+                    MOST_BYTES_MORE >> 20
+                ))
+            })?;
+        }
+        Ok(Unpacked { archive: path.to_owned(), folder })
+    }
+
+    /// The scene's folder: the archive's own, or the only folder in it.
+    pub fn root(&self) -> PathBuf {
+        let top = self.folder.path().to_owned();
+        let entries = || fs::read_dir(&top).into_iter().flatten().flatten().map(|entry| entry.path());
+        match entries().next() {
+            Some(only) if only.is_dir() && entries().count() == 1 && super::format_of(&top).is_err() => only,
+            _ => top,
+        }
+    }
+
+    /// A message about the files with the archive's name in place of the temporary folder's.
+    pub fn told(&self, message: &str) -> String {
+        message.replace(&self.folder.path().display().to_string(), &self.archive.display().to_string())
+    }
+}
+
+/// Unpacks one entry; gives its size, or more than `most` where it is larger.
+fn unpack_entry(zip: &mut ZipArchive<BufReader<File>>, index: usize, folder: &Path, most: u64) -> Result<u64, String> {
+    let entry = zip.by_index_raw(index).map_err(|error| format!("entry {index} is damaged ({error})"))?;
+    let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
+    let about = |problem: &str| format!("its entry `{}` {problem}", name.escape_default());
+    let inside = clean_name(&name).ok_or_else(|| about("is absolute or contains `..`"))?;
+    if inside.split('/').any(|part| CLUTTER.contains(&part)) {
+        return Ok(0);
+    }
+    if entry.unix_mode().is_some_and(|mode| !PLAIN.contains(&(mode & KIND))) {
+        return Err(about("is a link or no plain file"));
+    }
+    if entry.encrypted() {
+        return Err(about("is encrypted"));
+    }
+    let path = folder.join(inside);
+    let unwritable = |cause: io::Error| about(&format!("cannot be unpacked to {} ({cause})", folder.display()));
+    if entry.is_dir() {
+        return fs::create_dir_all(path).map(|()| 0).map_err(unwritable);
+    }
+    if entry.size() > most {
+        return Ok(entry.size());
+    }
+    drop(entry);
+    let entry = zip.by_index(index).map_err(|error| about(&format!("cannot be read ({error})")))?;
+    path.parent().map_or(Ok(()), fs::create_dir_all).map_err(unwritable)?;
+    let mut file = File::create_new(path).map_err(unwritable)?;
+    // Sizes in the archive may lie.
+    let written = io::copy(&mut entry.take(most.saturating_add(1)), &mut file);
+    written.map_err(|cause| about(&format!("cannot be unpacked ({cause})")))
+}

@@ -1,0 +1,175 @@
+//! From a photo's file to 8-bit RGBA: decoding, colour space, alpha, masks.
+
+use super::error::{DatasetError, read_bytes};
+use super::{Alpha, ColorSpace, LoadOptions};
+use exr::meta::MetaData;
+use exr::prelude::{ReadChannels, ReadLayers, RgbaChannels, Vec2, read};
+use image::imageops::{self, FilterType};
+use image::{DynamicImage, ImageFormat, ImageReader, Rgba, Rgba32FImage, RgbaImage};
+use std::io::{BufReader, Cursor, Read};
+use std::path::Path;
+
+const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+/// Longest side and most pixels of an EXR photo: a few bytes can promise any size.
+const EXR_SIDE: usize = 65_535;
+const EXR_PIXELS: usize = 1 << 28;
+
+/// Width and height in the file's header.
+pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
+    let unreadable = |cause: std::io::Error| DatasetError::read(path, &cause);
+    let broken = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
+    let mut file = BufReader::new(std::fs::File::open(path).map_err(unreadable)?);
+    let mut start = [0_u8; 4];
+    if file.read_exact(&mut start).is_ok() && start == EXR_MAGIC {
+        let meta = MetaData::read_from_file(path, false).map_err(|cause| broken(cause.to_string()))?;
+        let Vec2(width, height) = exr_size(&meta).map_err(broken)?;
+        return Ok((width as u32, height as u32));
+    }
+    ImageReader::open(path)
+        .and_then(ImageReader::with_guessed_format)
+        .map_err(unreadable)?
+        .into_dimensions()
+        .map_err(|cause| broken(cause.to_string()))
+}
+
+/// Decodes to 8-bit RGBA. EXIF orientation is ignored: poses and intrinsics refer to the pixels as stored.
+pub(crate) fn decode(path: &Path, options: &LoadOptions) -> Result<RgbaImage, DatasetError> {
+    let (image, usual) = decode_any(path)?;
+    let linear = options.color_space.unwrap_or(usual) == ColorSpace::Linear;
+    let composite = options.alpha == Some(Alpha::Composite) && image.color().has_alpha();
+    if !linear && !composite {
+        // Rounds to the nearest of 256 levels, also from 16 bits and floats.
+        return Ok(image.into_rgba8());
+    }
+    let mut image = image.into_rgba32f();
+    for Rgba([r, g, b, a]) in image.pixels_mut() {
+        for (color, background) in [r, g, b].into_iter().zip(options.background) {
+            if linear {
+                *color = srgb(*color);
+            }
+            if composite {
+                *color = *color * *a + f32::from(background) / 255.0 * (1.0 - *a);
+            }
+        }
+        if composite {
+            *a = 1.0;
+        }
+    }
+    Ok(DynamicImage::from(image).into_rgba8())
+}
+
+/// Lowers alpha to the mask's brightness (white keeps, black drops); masks of another size are resized.
+pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), DatasetError> {
+    let mask = decode_any(path)?.0.into_luma8();
+    let (width, height) = photo.dimensions();
+    let mask = if mask.dimensions() == (width, height) {
+        mask
+    } else {
+        imageops::resize(&mask, width, height, FilterType::Triangle)
+    };
+    for (pixel, keep) in photo.pixels_mut().zip(mask.pixels()) {
+        pixel.0[3] = pixel.0[3].min(keep.0[0]);
+    }
+    Ok(())
+}
+
+/// Decodes a whole file; and the colour space that its format usually has.
+fn decode_any(path: &Path) -> Result<(DynamicImage, ColorSpace), DatasetError> {
+    let refuse = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
+    let bytes = read_bytes(path)?;
+    if bytes.starts_with(&EXR_MAGIC) {
+        return Ok((decode_exr(&bytes).map_err(refuse)?.into(), ColorSpace::Linear));
+    }
+    // The JPEG decoder fills what is missing with grey and says nothing.
+    if image::guess_format(&bytes).ok() == Some(ImageFormat::Jpeg) && !jpeg_is_whole(&bytes) {
+        return Err(refuse("the JPEG data ends early".to_owned()));
+    }
+    let image = image::load_from_memory(&bytes).map_err(|cause| refuse(cause.to_string()))?;
+    if image.width() == 0 || image.height() == 0 {
+        return Err(refuse("it has no pixels".to_owned()));
+    }
+    Ok((image, ColorSpace::Srgb))
+}
+
+/// Walks the segments of a JPEG file up to its end marker; what follows that is of no interest.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    const START: u8 = 0xd8;
+    const END: u8 = 0xd9;
+    let mut rest = bytes;
+    // In compressed data 0xff is followed by 0 or a restart marker, so looking for 0xff also skips a scan.
+    while let Some(at) = rest.iter().position(|byte| *byte == 0xff) {
+        rest = &rest[at + 1..];
+        match rest {
+            [END, ..] => return true,
+            [0x00 | 0x01 | 0xff | START | 0xd0..=0xd7, ..] => {}
+            [_, high, low, ..] => {
+                let length = usize::from(u16::from_be_bytes([*high, *low]));
+                rest = rest.get(1 + length..).unwrap_or_default();
+            }
+            _ => return false,
+        }
+    }
+    false
+}
+
+/// Linear light to sRGB, both 1 at white.
+fn srgb(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Size of the picture, which is the display window.
+fn exr_size(meta: &MetaData) -> Result<Vec2<usize>, String> {
+    let header = meta.headers.first().ok_or("it has no layer")?;
+    let sizes = meta.headers.iter().map(|header| header.layer_size);
+    let display = header.shared_attributes.display_window.size;
+    for Vec2(width, height) in sizes.chain([display]) {
+        let small = width <= EXR_SIDE && height <= EXR_SIDE && width * height <= EXR_PIXELS;
+        if !small || width == 0 || height == 0 {
+            return Err(format!("a size of {width} x {height} pixels makes no sense"));
+        }
+    }
+    if meta.headers.iter().any(|header| header.deep) {
+        return Err("deep data is not supported".to_owned());
+    }
+    Ok(display)
+}
+
+/// The first layer with channels R, G and B, as values in its own colour space with straight alpha (OpenEXR multiplies
+/// colours by it); transparent where the data window leaves a part of the display window out.
+fn decode_exr(bytes: &[u8]) -> Result<Rgba32FImage, String> {
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|cause| cause.to_string())?;
+    let Vec2(width, height) = exr_size(&meta)?;
+    let create = |size: Vec2<usize>, _: &RgbaChannels| Rgba32FImage::new(size.0 as u32, size.1 as u32);
+    let set = |image: &mut Rgba32FImage, at: Vec2<usize>, (r, g, b, a): (f32, f32, f32, f32)| {
+        // What is no number is black; and black stays where nothing is opaque.
+        let straight = |color: f32| if color.is_nan() || a <= 0.0 { 0.0 } else { color / a };
+        let pixel = [straight(r), straight(g), straight(b), if a > 0.0 { a.min(1.0) } else { 0.0 }];
+        image.put_pixel(at.0 as u32, at.1 as u32, Rgba(pixel));
+    };
+    let reader = read().no_deep_data().largest_resolution_level().rgba_channels(create, set);
+    let whole = reader.first_valid_layer().all_attributes().from_buffered(Cursor::new(bytes));
+    let whole = whole.map_err(|cause| cause.to_string())?;
+    let offset = whole.layer_data.attributes.layer_position - whole.attributes.display_window.position;
+    let pixels = whole.layer_data.channel_data.pixels;
+    let (width, height) = (width as u32, height as u32);
+    if offset == Vec2(0, 0) && pixels.dimensions() == (width, height) {
+        return Ok(pixels);
+    }
+    let mut shown = Rgba32FImage::new(width, height);
+    imageops::replace(&mut shown, &pixels, i64::from(offset.0), i64::from(offset.1));
+    Ok(shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_srgb_curve_has_its_known_values() {
+        // From IEC 61966-2-1: middle grey, the joint of the two parts, the ends.
+        for (linear, encoded) in [(0.0, 0.0), (0.002, 0.025_84), (0.003_130_8, 0.040_45), (0.214_041, 0.5), (1.0, 1.0)]
+        {
+            assert!((srgb(linear) - encoded).abs() < 1e-5, "{linear}: {} for {encoded}", srgb(linear));
+        }
+    }
+}
