@@ -112,7 +112,10 @@ pub fn scene_splats(scene: &Scene) -> Splats {
 /// A twin's source on the device; its colours are 8-bit.
 pub fn source_view(source: &Source) -> SourceView {
     let byte = |v: &f64| (v * 255.0).round() as u8;
-    let rgba = source.photo.iter().flat_map(|[r, g, b]| [byte(r), byte(g), byte(b), 255]).collect();
+    // Alpha under one half masks.
+    let alpha = |valid: bool| if valid { 128 } else { 127 };
+    let texel = |([r, g, b], valid): (&[f64; 3], &bool)| [byte(r), byte(g), byte(b), alpha(*valid)];
+    let rgba = source.photo.iter().zip(&source.valid).flat_map(texel).collect();
     let photo = Photo { width: source.camera.width, height: source.camera.height, rgba };
     let depth: Vec<f32> = source.depth.iter().map(|d| *d as f32).collect();
     SourceView {

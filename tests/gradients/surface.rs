@@ -96,6 +96,44 @@ fn random_walls_follow_the_twin() {
     }
 }
 
+/// Masked texels of the sources are not read: by forward and backward as in the twin, and their colours reach nothing.
+#[test]
+fn masked_texels_of_sources_are_not_read() {
+    for (seed, k) in [(1, 4), (3, 8)] {
+        let mut scene = wall(seed, k);
+        let open = scene.outputs();
+        for (m, source) in scene.sources.iter_mut().enumerate() {
+            source.photo.iter_mut().flatten().for_each(|v| *v = (*v * 255.0).round() / 255.0);
+            // Stripes, wide and narrow, and single texels; a landing may touch one with any of its corners.
+            let width = source.camera.width as usize;
+            let masked = |i: usize| (i % width + i / width + 3 * m) % 11 < 3 || (i * (2 * m + 3)) % 29 == 0;
+            source.valid = (0..source.photo.len()).map(|i| !masked(i)).collect();
+        }
+        let v = random_cotangents(&scene, seed);
+        let (geometry, warp) = scene.run();
+        let truth = scene.grads(&geometry, &v);
+        let masked = scene.outputs();
+        assert!(
+            relative_error(masked.warped.as_flattened(), open.warped.as_flattened()) > 0.1,
+            "the mask hides little"
+        );
+        assert!(warp.slot.iter().any(|slot| *slot >= 0), "the mask hides everything");
+        let run = |scene: &Scene| surface(scene, &view_of(scene, 0.5), warping(scene), &v);
+        let ours = run(&scene);
+        assert_eq!(ours.slot, warp.slot, "masked wall {seed}: packed slots");
+        assert_outputs(&format!("masked wall {seed}"), &ours.outputs, &masked, 2e-5);
+        for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
+            assert_gradient(&format!("masked wall {seed} {name}"), ours.grad(name), grad(&truth, name), 1e-3);
+        }
+        for source in &mut scene.sources {
+            let hidden = source.photo.iter_mut().zip(&source.valid).filter(|(_, valid)| !**valid);
+            hidden.for_each(|(color, _)| *color = color.map(|v| 1.0 - v));
+        }
+        let other = run(&scene);
+        assert!(ours.outputs == other.outputs && ours.grads == other.grads, "masked colours were read");
+    }
+}
+
 /// The depth-only pass gives the very same depths as the full one.
 #[test]
 fn depth_maps_are_the_median_depths() {
@@ -136,6 +174,7 @@ pub(super) fn golden_dump() -> Option<(Golden, Scene)> {
     let source = |(i, camera): (usize, &ibgs_core::camera::Camera)| Source {
         camera: *camera,
         photo: golden.arrays.get("src_images").image(i).into_iter().map(byte_color).collect(),
+        valid: vec![true; pixels],
         depth: depths[i * pixels..][..pixels].to_vec(),
     };
     let scene = Scene {

@@ -102,7 +102,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let image_loss = ImageLoss::new(gpu.clone(), LAMBDA as f32);
     let surface = buffers(forward.surface().unwrap());
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;
-    let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32).tracked(&base, &surface).unwrap();
+    let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32).tracked(&base, &surface, &photo).unwrap();
     let l_photo = PhotometricLoss::new(gpu.clone(), PHOTO as f32).tracked(warped.clone(), &seen.slots, &photo).unwrap();
     let residual = Residual::new(gpu.clone(), case.variant, case.exposure, Precision::Full);
     let l_last = (part != Part::Side).then(|| {

@@ -1,13 +1,14 @@
 //! The normal loss against its twin, forward and backward.
 
 use crate::common::{gpu, values};
-use crate::reference::normal_loss::{depth_normals, normal_loss, normal_loss_backward};
+use crate::reference::normal_loss::{Surface, depth_normals, normal_loss, normal_loss_backward};
 use crate::reference::random_scene::{exact, random_camera, random_image};
 use crate::reference::relative_error;
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::camera::Camera;
+use ibgs_core::dataset::Photo;
 use ibgs_core::gpu::Pass;
-use ibgs_core::loss::{NormalLoss, SurfaceBuffers};
+use ibgs_core::loss::{NormalLoss, SurfaceBuffers, Target};
 
 const WEIGHT: f64 = 0.03;
 /// What stands in the gradient buffers before.
@@ -20,9 +21,11 @@ struct OnGpu {
     v_normal: Vec<f64>,
 }
 
-/// Loss and gradients on the GPU; the upstream gradient is 3. The gradients are what was added to zero.
-fn on_gpu(camera: &Camera, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnGpu {
-    let gpu = gpu();
+/// Loss and gradients on the GPU; the upstream gradient is 3. The gradients are what was added to `before`.
+fn on_gpu(seen: Surface, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnGpu {
+    let (gpu, camera) = (gpu(), seen.camera);
+    let rgba = seen.valid.iter().flat_map(|valid| [7, 7, 7, if *valid { 128 } else { 127 }]).collect();
+    let photo = Target::upload(&gpu, &Photo { width: camera.width, height: camera.height, rgba }).unwrap();
     let narrow = |v: &[f64]| -> Vec<f32> { v.iter().map(|x| *x as f32).collect() };
     let surface = SurfaceBuffers {
         depth: gpu.upload("depth", &narrow(depth)).unwrap(),
@@ -36,7 +39,7 @@ fn on_gpu(camera: &Camera, depth: &[f64], normal: &[[f64; 3]], before: f32) -> O
     let image = Tensor::<3>::from_data(TensorData::new(vec![0.5f32; 3 * pixels], shape), &gpu.burn);
     let leaf = image.autodiff().require_grad();
     let produced = leaf.clone() * 2.0;
-    let loss = NormalLoss::new(gpu.clone(), WEIGHT as f32).tracked(&produced, &surface).unwrap();
+    let loss = NormalLoss::new(gpu.clone(), WEIGHT as f32).tracked(&produced, &surface, &photo).unwrap();
     let mut grads = (loss.clone() * 3.0 + produced.sum()).backward();
     let by_image = values(leaf.grad_remove(&mut grads).unwrap());
     assert!(by_image.iter().all(|v| *v == 2.0), "the image has no gradient from the normal loss");
@@ -73,12 +76,15 @@ fn loss_and_gradients_follow_the_twin_at_every_size() {
     for (seed, (width, height)) in (0..).zip([(1, 1), (2, 5), (3, 3), (13, 9), (16, 16), (33, 17), (70, 50)]) {
         let camera = random_camera(width, height, seed);
         let (depth, normal) = surface(&camera, seed, seed % 2 == 1);
-        let ours = on_gpu(&camera, &depth, &normal, 0.0);
+        // Every other size has a mask.
+        let valid: Vec<bool> = (0..depth.len()).map(|i| seed % 2 == 0 || i % 5 != 1).collect();
+        let seen = Surface { camera: &camera, valid: &valid };
+        let ours = on_gpu(seen, &depth, &normal, 0.0);
         let what = format!("{width} x {height}");
-        let expected = normal_loss(&camera, &depth, &normal, WEIGHT);
+        let expected = normal_loss(seen, &depth, &normal, WEIGHT);
         let error = (ours.loss - expected).abs() / expected;
         let nd = relative_error(&ours.depth_normals, depth_normals(&camera, &depth).as_flattened());
-        let (v_depth, v_normal) = normal_loss_backward(&camera, &depth, &normal, 3.0 * WEIGHT);
+        let (v_depth, v_normal) = normal_loss_backward(seen, &depth, &normal, 3.0 * WEIGHT);
         let by_depth = relative_error(&ours.v_depth, &v_depth);
         let by_normal = relative_error(&ours.v_normal, v_normal.as_flattened());
         println!(
@@ -98,8 +104,9 @@ fn loss_and_gradients_follow_the_twin_at_every_size() {
 fn gradients_are_added_to_what_is_there() {
     let camera = random_camera(33, 17, 5);
     let (depth, normal) = surface(&camera, 5, true);
-    let fresh = on_gpu(&camera, &depth, &normal, 0.0);
-    let added = on_gpu(&camera, &depth, &normal, BEFORE);
+    let seen = Surface { camera: &camera, valid: &vec![true; depth.len()] };
+    let fresh = on_gpu(seen, &depth, &normal, 0.0);
+    let added = on_gpu(seen, &depth, &normal, BEFORE);
     let same = |sum: &[f64], part: &[f64]| {
         let expected = |v: &f64| f64::from(BEFORE + *v as f32);
         sum.iter().zip(part).all(|(a, b)| *a == expected(b))
@@ -112,7 +119,7 @@ fn a_frontal_plane_faces_the_camera_and_its_own_normals_cost_only_the_border() {
     let camera = random_camera(24, 16, 7);
     let depth = vec![2.5; 24 * 16];
     let normal = vec![[0.0, 0.0, -1.0]; 24 * 16];
-    let ours = on_gpu(&camera, &depth, &normal, 0.0);
+    let ours = on_gpu(Surface { camera: &camera, valid: &[true; 24 * 16] }, &depth, &normal, 0.0);
     let inner = |i: usize| (1..23).contains(&(i % 24)) && (1..15).contains(&(i / 24));
     for (i, nd) in ours.depth_normals.chunks_exact(3).enumerate() {
         let expected = if inner(i) { [0.0, 0.0, -1.0] } else { [0.0; 3] };
@@ -121,4 +128,19 @@ fn a_frontal_plane_faces_the_camera_and_its_own_normals_cost_only_the_border() {
     let border = (24.0 * 16.0 - 22.0 * 14.0) / (24.0 * 16.0);
     assert!((ours.loss - WEIGHT * border).abs() < 1e-8, "{} for a border of {border}", ours.loss);
     assert!(ours.v_depth.iter().all(|v| v.abs() < 1e-9), "nothing to gain by another depth");
+}
+
+#[test]
+fn what_the_photo_masks_has_no_part() {
+    let camera = random_camera(33, 17, 6);
+    let (depth, normal) = surface(&camera, 6, false);
+    // The right half is masked: beside the border of the mask its depth still makes the normals of the left half.
+    let valid: Vec<bool> = (0..depth.len()).map(|i| i % 33 < 16).collect();
+    let masked = on_gpu(Surface { camera: &camera, valid: &valid }, &depth, &normal, BEFORE);
+    let open = on_gpu(Surface { camera: &camera, valid: &vec![true; depth.len()] }, &depth, &normal, BEFORE);
+    assert!(masked.loss > 0.0 && masked.loss < 0.7 * open.loss, "{} of {}", masked.loss, open.loss);
+    for (i, v) in masked.v_depth.iter().enumerate().filter(|(i, _)| i % 33 > 16) {
+        assert!(*v == f64::from(BEFORE) && masked.v_normal[3 * i..3 * i + 3] == [f64::from(BEFORE); 3], "pixel {i}");
+    }
+    assert!(open.v_depth.iter().enumerate().any(|(i, v)| i % 33 > 16 && *v != f64::from(BEFORE)));
 }

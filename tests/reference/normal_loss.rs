@@ -37,23 +37,36 @@ pub fn depth_normals(camera: &Camera, depth: &[f64]) -> Map {
     (0..depth.len()).map(normal).collect()
 }
 
-/// weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N)).
-pub fn normal_loss(camera: &Camera, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> f64 {
-    let term = |(nd, n): (&[f64; 3], &[f64; 3])| {
+/// What the camera sees of the surface, and which pixels its photo masks.
+#[derive(Clone, Copy)]
+pub struct Surface<'a> {
+    pub camera: &'a Camera,
+    /// Not masked.
+    pub valid: &'a [bool],
+}
+
+/// weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N)); masked pixels add nothing to the sums.
+pub fn normal_loss(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> f64 {
+    let term = |((nd, n), valid): ((&[f64; 3], &[f64; 3]), &bool)| {
         let (nd, n) = (DVec3::from(*nd), DVec3::from(*n));
-        L1 * (nd - n).abs().element_sum() + DOT * (1.0 - nd.dot(n))
+        if *valid { L1 * (nd - n).abs().element_sum() + DOT * (1.0 - nd.dot(n)) } else { 0.0 }
     };
-    weight * depth_normals(camera, depth).iter().zip(normal).map(term).sum::<f64>() / depth.len() as f64
+    let normals = depth_normals(surface.camera, depth);
+    weight * normals.iter().zip(normal).zip(surface.valid).map(term).sum::<f64>() / depth.len() as f64
 }
 
 /// Gradients of `normal_loss` by depth and by normal map. Where a component of the two normals is equal the absolute
 /// difference passes nothing.
-pub fn normal_loss_backward(camera: &Camera, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> (Vec<f64>, Map) {
+pub fn normal_loss_backward(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> (Vec<f64>, Map) {
+    let camera = surface.camera;
     let share = weight / depth.len() as f64;
     let sign = |d: f64| if d == 0.0 { 0.0 } else { d.signum() };
     let mut v_depth = vec![0.0; depth.len()];
     let mut v_normal = vec![[0.0; 3]; depth.len()];
     for (i, nd) in depth_normals(camera, depth).into_iter().enumerate() {
+        if !surface.valid[i] {
+            continue;
+        }
         let (nd, n) = (DVec3::from(nd), DVec3::from(normal[i]));
         let signs = DVec3::from_array((nd - n).to_array().map(sign));
         v_normal[i] = (-share * (L1 * signs + DOT * nd)).to_array();

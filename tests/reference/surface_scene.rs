@@ -116,6 +116,7 @@ pub fn golden_scene(golden: &GoldenGradients) -> Scene {
     let source = |(i, camera): (usize, &Camera)| Source {
         camera: *camera,
         photo: golden.arrays.get(&format!("source/{i}/photo")).rows().into_iter().map(byte_color).collect(),
+        valid: vec![true; (camera.width * camera.height) as usize],
         depth: golden.arrays.get(&format!("source/{i}/depth")).data.clone(),
     };
     Scene {
@@ -191,7 +192,8 @@ pub fn wall(seed: u64, k: usize) -> Scene {
     for (i, step) in steps.into_iter().enumerate() {
         let camera = beside(&scene.camera, step, 0.05 * (i as f64 - 1.0));
         let depth = scene.geometry(&camera).depth;
-        scene.sources.push(Source { camera, photo: smooth_photo(&camera, seed + i as u64), depth });
+        let (photo, valid) = (smooth_photo(&camera, seed + i as u64), vec![true; depth.len()]);
+        scene.sources.push(Source { camera, photo, valid, depth });
     }
     scene
 }

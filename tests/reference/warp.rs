@@ -16,6 +16,8 @@ pub struct Source {
     pub camera: Camera,
     /// Colours in 0..1.
     pub photo: Vec<[f64; 3]>,
+    /// Texels of the photo that are not masked.
+    pub valid: Vec<bool>,
     /// The view's own median depth, a constant; 0 where it met nothing.
     pub depth: Vec<f64>,
 }
@@ -62,6 +64,11 @@ impl Bilinear {
     pub fn read<const N: usize>(&self, image: &[[f64; N]]) -> [f64; N] {
         let DVec2 { x: a, y: b } = self.fraction;
         self.sum(image, [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b])
+    }
+
+    /// Whether all texels read are valid.
+    fn is_valid(&self, valid: &[bool]) -> bool {
+        self.texels.iter().all(|t| valid[*t])
     }
 
     /// Derivatives of the value read by u and by v.
@@ -154,7 +161,9 @@ impl<'a> Pair<'a> {
         let median = self.land(ray, depth)?;
         let [stored] = median.read.read(self.source.depth.as_chunks().0);
         let agrees = stored > 0.0 && (stored - median.depth).abs() / median.depth < DEPTH_AGREEMENT;
-        let land = |(k, slot): (usize, &Slot)| Some((k, self.land(ray, slot.depth)?));
+        // A read that touches a masked texel does not count.
+        let unmasked = |landing: &Landing| landing.read.is_valid(&self.source.valid);
+        let land = |(k, slot): (usize, &Slot)| Some((k, self.land(ray, slot.depth).filter(unmasked)?));
         let landings: Vec<_> = slots.iter().enumerate().filter_map(land).collect();
         if !agrees || landings.is_empty() {
             return None;

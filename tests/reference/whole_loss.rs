@@ -10,7 +10,7 @@ use super::geometry::Geometry;
 use super::geometry_backward::{Cotangents, GeometryGrads};
 use super::hourglass::{self, Map as Planes};
 use super::image_loss::{Map, image_loss, image_loss_backward};
-use super::normal_loss::{normal_loss, normal_loss_backward};
+use super::normal_loss::{Surface, normal_loss, normal_loss_backward};
 use super::photometric_loss::{Masked, photometric_loss, photometric_loss_backward};
 use super::surface_scene::{Scene, grad};
 
@@ -140,11 +140,17 @@ impl Case {
         let [lw, lh] = view.low();
         let network = hourglass::forward(&self.weights, &Planes::new(view.input(), lw, lh));
         let image = self.composition(&view).compose(&view.base, &pixels_of(&network.residual));
-        let masked = Masked { photo: &self.photo, valid: &vec![true; pixels], width, height };
+        let valid = vec![true; pixels];
+        let masked = Masked { photo: &self.photo, valid: &valid, width, height };
         let losses = Losses {
             base: image_loss(base, &self.photo, width, height, LAMBDA),
             last: image_loss(&image, &self.photo, width, height, LAMBDA),
-            normal: normal_loss(&self.scene.camera, &geometry.depth, &geometry.normal, NORMAL),
+            normal: normal_loss(
+                Surface { camera: &self.scene.camera, valid: &valid },
+                &geometry.depth,
+                &geometry.normal,
+                NORMAL,
+            ),
             photo: photometric_loss(&masked, &warped, &visible, PHOTO),
         };
         Run { geometry, warped, visible, affine, view, network, image, losses }
@@ -175,9 +181,11 @@ impl Case {
         let [width, height] = self.size();
         let pixels = width * height;
         let Geometry { base, normal, depth, .. } = &run.geometry;
-        let masked = Masked { photo: &self.photo, valid: &vec![true; pixels], width, height };
+        let valid = vec![true; pixels];
+        let masked = Masked { photo: &self.photo, valid: &valid, width, height };
         let (last, weights) = self.last_backward(run);
-        let (v_depth, v_normal) = normal_loss_backward(&self.scene.camera, depth, normal, NORMAL);
+        let (v_depth, v_normal) =
+            normal_loss_backward(Surface { camera: &self.scene.camera, valid: &valid }, depth, normal, NORMAL);
         let mut v = Cotangents {
             base: halved(image_loss_backward(&base.image, &self.photo, width, height, LAMBDA)),
             normal: v_normal,

@@ -3,7 +3,7 @@
 use crate::reference::exposure::{exposed_loss, exposed_loss_backward};
 use crate::reference::finite::assert_gradient;
 use crate::reference::image_loss::Map;
-use crate::reference::normal_loss::{normal_loss, normal_loss_backward};
+use crate::reference::normal_loss::{Surface, normal_loss, normal_loss_backward};
 use crate::reference::photometric_loss::{Masked, photometric_loss, photometric_loss_backward};
 use crate::reference::random_scene::{random_camera, random_image};
 
@@ -14,17 +14,19 @@ fn normal_loss_gradients_agree_with_finite_differences() {
     let camera = random_camera(11, 7, 3);
     let mut depth: Vec<f64> = random_image(11, 7, 2.0, 3.0, 1).iter().map(|v| v[0]).collect();
     let normal = random_image(11, 7, -1.0, 1.0, 2);
-    let (v_depth, v_normal) = normal_loss_backward(&camera, &depth, &normal, 0.7);
-    let by_depth = assert_gradient("depth", &depth, &v_depth, TOLERANCE, |z| normal_loss(&camera, z, &normal, 0.7));
+    let valid: Vec<bool> = (0..depth.len()).map(|i| i % 7 != 3).collect();
+    let seen = Surface { camera: &camera, valid: &valid };
+    let (v_depth, v_normal) = normal_loss_backward(seen, &depth, &normal, 0.7);
+    let by_depth = assert_gradient("depth", &depth, &v_depth, TOLERANCE, |z| normal_loss(seen, z, &normal, 0.7));
     let by_normal = assert_gradient("normal", normal.as_flattened(), v_normal.as_flattened(), TOLERANCE, |n| {
-        normal_loss(&camera, &depth, n.as_chunks().0, 0.7)
+        normal_loss(seen, &depth, n.as_chunks().0, 0.7)
     });
     println!("by depth {by_depth:.1e}, by normal {by_normal:.1e}");
     // Two pairs without depth: no normal, no gradient.
     for at in [5 * 11 + 4, 5 * 11 + 6, 2 * 11 + 2, 4 * 11 + 2] {
         depth[at] = 0.0;
     }
-    let (v_depth, _) = normal_loss_backward(&camera, &depth, &normal, 0.7);
+    let (v_depth, _) = normal_loss_backward(seen, &depth, &normal, 0.7);
     assert!(v_depth.iter().all(|v| v.is_finite()));
 }
 

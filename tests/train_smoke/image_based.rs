@@ -62,7 +62,8 @@ pub fn image_part(dataset: &Dataset, config: &TrainConfig, network: &[f32]) -> I
     }
 }
 
-fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {
+/// Gaussians and network as they stand.
+pub fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {
     let gaussians = trainer.splats().download().unwrap();
     gaussians.validate().unwrap();
     (gaussians, trainer.renderer().part().map(|part| part.network.to_values().unwrap()))

@@ -1,6 +1,6 @@
 //! Photos and models of every kind train.
 
-use super::{dataset, densifying, plain, psnr, run, trained, trainer};
+use super::{dataset, densifying, image_based, plain, psnr, run, trained, trainer};
 use glam::DVec2;
 use ibgs_core::dataset::{Dataset, Photo, View, demo};
 use ibgs_core::train::config::TrainConfig;
@@ -37,6 +37,27 @@ fn what_a_mask_covers_does_not_matter() {
     let opposite = |alpha: u8| repainted(&dataset, |_, x, _, rgba| rgba[3] = if x < 20 { alpha } else { 255 });
     assert!(trained(&opposite(127), &config) == trained(&opposite(0), &config), "alpha under one half is masked");
     assert!(trained(&opposite(128), &config) == trained(&opposite(255), &config), "alpha from one half on is not");
+}
+
+/// The same through all stages: normal and photometric loss, warping of the sources, residual.
+#[test]
+fn what_a_mask_covers_does_not_matter_to_other_views() {
+    let (dataset, config) = (image_based::dataset(), image_based::staged(24));
+    let masked = |red: u8, alpha: u8| {
+        repainted(&dataset, |view, x, y, rgba| {
+            if (x + 5 * view as u32) % 48 < 16 && y > 8 {
+                rgba.copy_from_slice(&[red, 255 - red, y as u8, alpha]);
+            }
+        })
+    };
+    let all = |dataset: &Dataset| {
+        let mut trainer = trainer(dataset, &config);
+        run(&mut trainer, config.iterations);
+        image_based::model(&trainer)
+    };
+    let first = all(&masked(0, 127));
+    assert!(first == all(&masked(255, 0)), "masked pixels reached the model or the network");
+    assert!(first != all(&masked(255, 255)), "the mask made no difference");
 }
 
 #[test]

@@ -10,6 +10,7 @@ const SHARED: &[(&str, &str)] = &[
     ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
     ("hash", include_str!("../wgsl/shared/hash.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
+    ("photo", include_str!("../wgsl/shared/photo.wgsl")),
     ("quaternion", include_str!("../wgsl/shared/quaternion.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),

@@ -1,12 +1,14 @@
 // One workgroup a tile: adds the gradients of the normal loss by median depth and normal map, times the upstream
-// scalar. A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
+// scalar. Pixels that are masked in the photo have no part in it. A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
 #import depth_normal
+#import photo
 
 @group(0) @binding(0) var<storage, read> depth: array<f32>;
 @group(0) @binding(1) var<storage, read> normal: array<f32>;
-@group(0) @binding(2) var<storage, read> v_loss: array<f32>;
-@group(0) @binding(3) var<storage, read_write> v_depth: array<f32>;
-@group(0) @binding(4) var<storage, read_write> v_normal: array<f32>;
+@group(0) @binding(2) var<storage, read> photo: array<u32>;
+@group(0) @binding(3) var<storage, read> v_loss: array<f32>;
+@group(0) @binding(4) var<storage, read_write> v_depth: array<f32>;
+@group(0) @binding(5) var<storage, read_write> v_normal: array<f32>;
 
 // A tile with one pixel around it.
 const EDGE: u32 = TILE + 2u;
@@ -24,7 +26,7 @@ fn scale() -> f32 {
 
 fn slope_gradient(at: vec2<u32>) -> vec2<f32> {
     let nd = depth_normal(at);
-    if nd.inverse == 0.0 {
+    if nd.inverse == 0.0 || !photo_valid(photo[at.y * params.size.x + at.x]) {
         return vec2(0.0);
     }
     let n = normal_at(at);
@@ -70,6 +72,9 @@ fn main(
     // row above.
     v_depth[p] += slopes[k - 1u].x * depth_at(at - vec2(2, 0)) - slopes[k + 1u].x * depth_at(at + vec2(2, 0))
         + slopes[k + EDGE].y * depth_at(at + vec2(0, 2)) - slopes[k - EDGE].y * depth_at(at - vec2(0, 2));
+    if !photo_valid(photo[p]) {
+        return;
+    }
     let nd = depth_normal(pixel).normal;
     let v_n = -scale() * (NORMAL_L1 * sign(nd - normal_at(pixel)) + NORMAL_DOT * nd);
     v_normal[3u * p] += v_n.x;

@@ -228,8 +228,8 @@ impl Load {
             }
             Stage::ImageLoss => Floor::new(52.0 * p, 660.0 * p).times(images),
             Stage::ImageLossBackward => Floor::new(64.0 * p, 396.0 * p).times(images),
-            Stage::NormalLoss => Floor::new(16.0 * p, 60.0 * p),
-            Stage::NormalLossBackward => Floor::new(48.0 * p, 120.0 * p),
+            Stage::NormalLoss => Floor::new(20.0 * p, 60.0 * p),
+            Stage::NormalLossBackward => Floor::new(52.0 * p, 120.0 * p),
             Stage::PhotometricLoss => Floor::new((8.0 + 52.0 * a) * p, 660.0 * a * p),
             Stage::PhotometricLossBackward => Floor::new((8.0 + 52.0 * a + 16.0 * v) * p, 396.0 * a * p),
             _ => return None,

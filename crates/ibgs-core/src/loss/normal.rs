@@ -4,6 +4,7 @@
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::loss::Target;
 use burn::backend::Autodiff;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -78,7 +79,8 @@ struct Scratch {
     groups: usize,
 }
 
-/// `weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N))` over all pixels; owns its scratch memory.
+/// `weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N))` over all pixels, of which those that the photo masks add
+/// nothing to the sums; owns its scratch memory.
 #[derive(Debug)]
 pub struct NormalLoss {
     gpu: Arc<Gpu>,
@@ -94,6 +96,7 @@ struct NormalBackward;
 struct Saved {
     gpu: Arc<Gpu>,
     surface: SurfaceBuffers,
+    photo: Target,
     params: SurfaceParams,
 }
 
@@ -103,10 +106,11 @@ impl Backward<CubeBackend, 1> for NormalBackward {
     /// Registers nothing for the parent: the gradients go into the surface's own buffers.
     fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
         let v_loss = grads.consume::<CubeBackend>(&ops.node);
-        let Saved { gpu, surface, params } = &ops.state;
+        let Saved { gpu, surface, photo, params } = &ops.state;
         let upstream = Gpu::bind(&v_loss);
         let mut pass = Pass::new(gpu, "normal loss backward");
-        let buffers: [&Buffer; 5] = [&surface.depth, &surface.normal, &upstream, &surface.v_depth, &surface.v_normal];
+        let buffers: [&Buffer; 6] =
+            [&surface.depth, &surface.normal, &photo.texels, &upstream, &surface.v_depth, &surface.v_normal];
         pass.grid(&NORMAL_LOSS_BACKWARD, &buffers, bytes_of(params), surface.tiles());
         pass.submit();
     }
@@ -131,7 +135,7 @@ impl NormalLoss {
         Ok(self.pool.lease(made))
     }
 
-    fn forward(&self, like: &CubeTensor, surface: &SurfaceBuffers) -> Result<CubeTensor, GpuError> {
+    fn forward(&self, like: &CubeTensor, surface: &SurfaceBuffers, photo: &Target) -> Result<CubeTensor, GpuError> {
         let gpu = &*self.gpu;
         let tiles = surface.tiles();
         let groups = tiles[0] * tiles[1];
@@ -139,7 +143,7 @@ impl NormalLoss {
         let loss = gpu.empty_like_shape(like, &[1]);
         let bound = Gpu::bind(&loss);
         let mut pass = Pass::new(gpu, "normal loss");
-        let buffers = [&surface.depth, &surface.normal, &scratch.partials];
+        let buffers = [&surface.depth, &surface.normal, &photo.texels, &scratch.partials];
         pass.grid(&NORMAL_LOSS, &buffers, bytes_of(&surface.params(self.weight)), tiles);
         let mean = MeanParams { count: groups, weight: self.weight };
         pass.groups(&LOSS_MEAN, &[&scratch.partials, &bound, &scratch.stats], bytes_of(&mean), 1);
@@ -147,7 +151,7 @@ impl NormalLoss {
         Ok(loss)
     }
 
-    /// Loss `[1]` of the surface behind a tracked image. The image only places the loss in the graph: it gets no
+    /// Loss `[1]` of the surface behind a tracked image; masked pixels of the photo have no part in it. The image only places the loss in the graph: it gets no
     /// gradient from here, but whatever made it runs its backward pass after this one and finds `v_depth` and
     /// `v_normal` complete.
     ///
@@ -155,14 +159,15 @@ impl NormalLoss {
     /// Not enough memory.
     ///
     /// # Panics
-    /// When the image is not on the autodiff graph: a bug of ours.
-    pub fn tracked(&self, image: &Tensor<3>, surface: &SurfaceBuffers) -> Result<Tensor<1>, GpuError> {
+    /// When the image is not on the autodiff graph, or the photo has another size: bugs of ours.
+    pub fn tracked(&self, image: &Tensor<3>, surface: &SurfaceBuffers, photo: &Target) -> Result<Tensor<1>, GpuError> {
         type Ad = Autodiff<CubeBackend>;
+        assert_eq!(surface.size, photo.size, "surface and photo differ in size");
         let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
         let node = image.node();
-        let loss = self.forward(&image.into_primitive(), surface)?;
+        let loss = self.forward(&image.into_primitive(), surface, photo)?;
         let params = surface.params(self.weight);
-        let saved = Saved { gpu: self.gpu.clone(), surface: surface.clone(), params };
+        let saved = Saved { gpu: self.gpu.clone(), surface: surface.clone(), photo: photo.clone(), params };
         let output = match NormalBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
             OpsKind::Tracked(prep) => prep.finish(saved, loss),
             OpsKind::UnTracked(prep) => prep.finish(loss),

@@ -162,7 +162,7 @@ impl ImageStages {
         let mut total = Total::base(base_loss, base_scratch);
         if work.schedule.normal_loss_at(work.iteration) {
             let surface = surface_buffers(work.forward.surface().expect("the surface stage has one"));
-            total.add_surface_loss(self.normal_loss.tracked(work.image, &surface)?);
+            total.add_surface_loss(self.normal_loss.tracked(work.image, &surface, work.target)?);
         }
         if work.schedule.surface_loss_at(work.iteration) && !self.neighbours[work.index].is_empty() {
             self.add_sources(work, &mut total)?;

@@ -1,4 +1,5 @@
 // Shared pieces of the losses with SSIM (method.md section 7): an 11 x 11 Gaussian window, separable, zero padding.
+#import photo
 
 struct LossParams {
     size: vec2<u32>,
@@ -22,16 +23,6 @@ fn halo_pixel(tile: vec2<u32>, k: u32) -> i32 {
         return -1;
     }
     return at.y * i32(params.size.x) + at.x;
-}
-
-// Channel c of a packed RGBA8 photo, in 0..1.
-fn photo_channel(texel: u32, c: u32) -> f32 {
-    return f32((texel >> (8u * c)) & 255u) / 255.0;
-}
-
-// Alpha under one half marks a pixel that leaves the loss.
-fn photo_valid(texel: u32) -> bool {
-    return (texel >> 24u) >= 128u;
 }
 
 struct SsimDerivatives {
