@@ -13,23 +13,24 @@ use std::time::{Duration, Instant};
 pub struct Score {
     /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
     pub psnr: f64,
-    /// Mean SSIM over pixels and channels, 11 x 11 Gaussian window, zero padding.
+    /// Mean SSIM over the valid pixels and channels, 11 x 11 Gaussian window, zero padding; 1 without a valid pixel.
     pub ssim: f64,
 }
 
 /// Compares an image with a photo of the same size. Pixels whose alpha is under one half do not count: the photo takes
-/// the image's value there.
+/// the image's value there, for the windows of those beside it.
 ///
 /// # Panics
 /// When the sizes differ: a bug of ours.
 pub fn score(image: &Rendered, photo: &Photo) -> Score {
     assert_eq!((image.width, image.height), (photo.width, photo.height), "image and photo differ in size");
     let rendered = image.to_rgb8();
-    let (mut squares, mut valid) = (0.0, 0usize);
+    let mut squares = 0.0;
+    let mut valid = Vec::with_capacity(rendered.len() / 3);
     let mut planes = vec![[Vec::new(), Vec::new()], [Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
     for (x, y) in rendered.chunks_exact(3).zip(photo.rgba.chunks_exact(4)) {
         let counts = y[3] >= 128;
-        valid += usize::from(counts);
+        valid.push(counts);
         for c in 0..3 {
             let a = f64::from(x[c]) / 255.0;
             let b = if counts { f64::from(y[c]) / 255.0 } else { a };
@@ -39,8 +40,9 @@ pub fn score(image: &Rendered, photo: &Photo) -> Score {
         }
     }
     let (width, height) = (image.width as usize, image.height as usize);
-    let ssim: f64 = planes.par_iter().map(|[a, b]| ssim_plane(a, b, width, height)).sum();
-    Score { psnr: -10.0 * (squares / (3 * valid.max(1)) as f64).log10(), ssim: ssim / 3.0 }
+    let ssim: f64 = planes.par_iter().map(|[a, b]| ssim_plane(a, b, &valid, width, height)).sum();
+    let count = valid.iter().filter(|counts| **counts).count();
+    Score { psnr: -10.0 * (squares / (3 * count.max(1)) as f64).log10(), ssim: ssim / 3.0 }
 }
 
 /// Squared errors summed over a part of several images rounded to 8 bits.
@@ -92,19 +94,25 @@ fn blur(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
     out
 }
 
-fn ssim_plane(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
+/// Mean over the valid pixels.
+fn ssim_plane(a: &[f64], b: &[f64], valid: &[bool], width: usize, height: usize) -> f64 {
+    let counted: Vec<usize> = (0..a.len()).filter(|i| valid[*i]).collect();
+    if counted.is_empty() {
+        return 1.0;
+    }
     let product = |p: &[f64], q: &[f64]| p.iter().zip(q).map(|(x, y)| x * y).collect::<Vec<_>>();
     let jobs = [a.to_vec(), b.to_vec(), product(a, a), product(b, b), product(a, b)];
     let means: Vec<_> = jobs.par_iter().map(|p| blur(p, width, height)).collect();
     let (c1, c2) = (f64::from(SSIM_C1), f64::from(SSIM_C2));
-    let sum: f64 = (0..a.len())
-        .map(|i| {
+    let sum: f64 = counted
+        .iter()
+        .map(|&i| {
             let [ma, mb, aa, bb, ab] = [0, 1, 2, 3, 4].map(|m| means[m][i]);
             let (va, vb, cov) = (aa - ma * ma, bb - mb * mb, ab - ma * mb);
             (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
         })
         .sum();
-    sum / a.len() as f64
+    sum / counted.len() as f64
 }
 
 /// Scores of one view: the base image's, and the final one's where the model has a network.
@@ -166,4 +174,44 @@ pub fn frames_per_second(renderer: &Renderer, cameras: &[Camera], cache: Cache) 
     }
     until(1, Duration::from_millis(500))?;
     until(PASSES, Duration::from_secs(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: u32 = 48;
+
+    /// A photo of noise, and an image that equals it on the left and is its negative on the right.
+    fn half_right(alpha: impl Fn(usize) -> u8) -> (Rendered, Photo) {
+        let noise = |i: usize| ((i * 7919 + i * i * 31) % 251) as u8;
+        let pixels = (SIDE * SIDE) as usize;
+        let rgba = (0..pixels).flat_map(|i| [noise(i), noise(i + 9), noise(i + 5), alpha(i)]).collect();
+        let photo = Photo { width: SIDE, height: SIDE, rgba };
+        let level = |i: usize, v: u8| f32::from(if i % SIDE as usize >= 24 { 255 - v } else { v }) / 255.0;
+        let shown = photo.rgba.chunks_exact(4).enumerate();
+        let rgb = shown.flat_map(|(i, p)| [level(i, p[0]), level(i, p[1]), level(i, p[2])]).collect();
+        (Rendered { width: SIDE, height: SIDE, rgb }, photo)
+    }
+
+    #[test]
+    fn masked_pixels_leave_both_figures() {
+        let (image, photo) = half_right(|_| 255);
+        let open = score(&image, &photo);
+        // Without the right half nothing is wrong but for the windows that reach into it.
+        let (_, left) = half_right(|i| if i % 48 < 24 { 255 } else { 127 });
+        let good = score(&image, &left);
+        assert!(good.psnr.is_infinite() && good.ssim == 1.0, "{good:?}");
+        // Without the left half only what is wrong counts: both figures are worse, and not by chance.
+        let (_, right) = half_right(|i| if i % 48 < 24 { 0 } else { 128 });
+        let bad = score(&image, &right);
+        assert!((bad.psnr - (open.psnr - 10.0 * 2f64.log10())).abs() < 1e-9, "{bad:?} {open:?}");
+        assert!(bad.ssim < 0.1 && open.ssim > 0.3, "{bad:?} {open:?}");
+        // What lies under a mask does not matter.
+        let mut other = right.clone();
+        other.rgba.chunks_exact_mut(4).filter(|p| p[3] == 0).for_each(|p| p[..3].copy_from_slice(&[1, 2, 3]));
+        assert_eq!(score(&image, &other), bad);
+        let (_, nothing) = half_right(|_| 0);
+        assert_eq!(score(&image, &nothing).ssim, 1.0);
+    }
 }
