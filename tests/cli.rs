@@ -6,6 +6,7 @@ mod bad_model;
 mod bench;
 mod bundle;
 mod image_based;
+mod inputs;
 #[cfg(unix)]
 mod interrupt;
 mod round;

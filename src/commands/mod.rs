@@ -19,7 +19,7 @@ use ibgs_core::dataset::{self, Dataset, LoadOptions, View, demo};
 use ibgs_core::eval::{Region, Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use ibgs_core::render::{Frame, Renderer};
-use ibgs_core::train::config::{DataConfig, TrainConfig};
+use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::{Protocol, Scored, ViewScore, means};
@@ -34,8 +34,9 @@ pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
     Ok(gpu)
 }
 
-/// Loads the scene that a run was configured with.
-pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset> {
+/// Loads the scene that a run was configured with, from `source`.
+pub fn load_scene(config: &TrainConfig, source: &Path) -> Result<Dataset> {
+    let data = &config.data;
     let options = LoadOptions {
         resolution: data.resolution.parse()?,
         resampler: data.resampler.parse()?,
@@ -44,7 +45,12 @@ pub fn load_scene(data: &DataConfig, seed: u64, source: &Path) -> Result<Dataset
         eval: data.eval,
         eval_split_every: data.eval_split_every as usize,
         principal_point: data.principal_point.parse()?,
-        seed,
+        alpha: data.alpha,
+        // What lies under transparent photos is what lies behind the Gaussians.
+        background: config.background().map(|v| (v * 255.0).round() as u8),
+        color_space: data.color_space,
+        filter_points: data.filter_points,
+        seed: config.seed,
         random_points: data.random_points as usize,
         progress: true,
     };

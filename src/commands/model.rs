@@ -228,13 +228,13 @@ fn image_part(gpu: &Arc<Gpu>, loaded: &Loaded, network: &[f32], dataset: Option<
 /// Loads the scene of a model that does not say how it was split.
 fn scene_as_split(config: &TrainConfig, args: &ModelArgs) -> Result<Dataset> {
     let source = args.source.as_ref().context("give the scene folder with `--source`")?;
-    load_scene(&config.data, config.seed, source)
+    load_scene(config, source)
 }
 
 /// Loads the scene that a model was trained on, with the model's own split.
 fn scene(config: &TrainConfig, records: &[CameraRecord], args: &ModelArgs) -> Result<Dataset> {
     let mut dataset = match args.source.as_ref().or(config.data.source.as_ref()) {
-        Some(source) => load_scene(&config.data, config.seed, source)?,
+        Some(source) => load_scene(config, source)?,
         None if args.model.is_dir() && !args.model.join("config.toml").exists() => bail!(
             "{} has no config.toml that names its scene; give the scene folder with `--source`",
             args.model.display()

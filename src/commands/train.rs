@@ -10,8 +10,8 @@ pub use run::Run;
 use super::{load_scene, open_gpu, view};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::{Alpha, ColorSpace, Dataset};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::read_ply;
@@ -34,7 +34,7 @@ const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
 /// Options of `ibgs train`; what is given here overrides the options file.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct Args {
-    /// Scene folder (COLMAP model with photos, or transforms.json); left out: the built-in demo scene.
+    /// Scene folder (COLMAP model with photos, or transforms.json) or a .zip of one; left out: the built-in demo scene.
     scene: Option<PathBuf>,
     /// The same as SCENE.
     #[arg(short, long, conflicts_with = "scene")]
@@ -72,6 +72,16 @@ pub struct Args {
     /// `true`: the scene's own principal point; `centred`: the image centre, as the published code assumes.
     #[arg(long, value_parser = ["true", "centred"])]
     principal_point: Option<String>,
+    /// `mask`: transparent pixels of photos do not count; `composite`: the photos lie over the background colour
+    /// [default: composite in Blender scenes, mask in others].
+    #[arg(long)]
+    alpha: Option<Alpha>,
+    /// Values of the photos: `srgb` as they are, `linear` light [default: linear in EXR files, srgb in others].
+    #[arg(long)]
+    color_space: Option<ColorSpace>,
+    /// Leave out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images.
+    #[arg(long)]
+    filter_points: bool,
     /// Number of iterations; the milestones follow.
     #[arg(long, alias = "total-train-iters")]
     iterations: Option<u32>,
@@ -166,6 +176,9 @@ impl Args {
         set_some(&mut c.data.max_resolution, &self.max_resolution);
         set(&mut c.data.eval_split_every, &self.eval_split_every);
         set(&mut c.data.principal_point, &self.principal_point);
+        set_some(&mut c.data.alpha, &self.alpha);
+        set_some(&mut c.data.color_space, &self.color_space);
+        c.data.filter_points |= self.filter_points;
         c.data.eval |= self.eval || self.eval_split_every.is_some();
         set(&mut c.iterations, &self.iterations);
         c.schedule_scaling &= !self.no_schedule_scaling;
@@ -214,7 +227,7 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
     refuse_output(args)?;
     let start = config.init.as_deref().map(read_ply).transpose()?;
     told("loading the photos");
-    let scene = config.data.source.clone().map(|source| load_scene(&config.data, config.seed, &source)).transpose()?;
+    let scene = config.data.source.clone().map(|source| load_scene(&config, &source)).transpose()?;
     if scene.is_none() {
         refuse_scene_options(&config.data)?;
     }
@@ -258,6 +271,9 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
         ("--images", data.images != usual.images),
         ("--max-resolution", data.max_resolution != usual.max_resolution),
         ("--eval-split-every", data.eval_split_every != usual.eval_split_every),
+        ("--alpha", data.alpha != usual.alpha),
+        ("--color-space", data.color_space != usual.color_space),
+        ("--filter-points", data.filter_points != usual.filter_points),
         ("--principal-point", data.principal_point != usual.principal_point),
     ];
     match given.iter().find(|(_, given)| *given) {

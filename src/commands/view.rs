@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, Parser};
 use glam::DVec3;
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::Point;
+use ibgs_core::dataset::{self, Point};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
@@ -149,7 +149,7 @@ impl Open for Opener {
             bail!("{} does not exist; check the path", path.display());
         }
         let is_model = path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
-        if path.is_dir() && !is_model {
+        if dataset::is_archive(path) || path.is_dir() && !is_model {
             return Ok(trained(train::start(&training(Some(path))?, gpu, told)?));
         }
         told("opening the model");

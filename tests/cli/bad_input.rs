@@ -107,9 +107,16 @@ fn options_that_make_no_sense() {
 #[test]
 fn options_of_a_scene_on_disk_do_not_pass_silently_for_the_built_in_one() {
     let sandbox = Sandbox::new();
-    for option in
-        ["-r 2", "--images images_2", "--max-resolution 100", "--principal-point centred", "--eval-split-every 4"]
-    {
+    for option in [
+        "-r 2",
+        "--alpha composite",
+        "--color-space linear",
+        "--filter-points",
+        "--images images_2",
+        "--max-resolution 100",
+        "--principal-point centred",
+        "--eval-split-every 4",
+    ] {
         sandbox.fails(&format!("train --iterations 1 -m out {option}"), &["built-in demo scene"]);
     }
 }
@@ -117,11 +124,13 @@ fn options_of_a_scene_on_disk_do_not_pass_silently_for_the_built_in_one() {
 #[test]
 fn option_files_with_mistakes() {
     let (sandbox, _) = Sandbox::with_scene();
-    let cases: [(&str, &[&str]); 8] = [
+    let cases: [(&str, &[&str]); 10] = [
         ("seed = 1\nsead = 2\n", &["run.toml, line 2", "`sead`"]),
         ("[densify]\nintervall = 5\n", &["run.toml, line 2", "`intervall`"]),
         ("iterations = \"many\"\n", &["run.toml, line 1"]),
         ("iterations = \n", &["run.toml, line 1"]),
+        ("[data]\nalpha = \"half\"\n", &["run.toml, line 2", "`half`", "composite"]),
+        ("[data]\ncolor-space = \"xyz\"\n", &["run.toml, line 2", "`xyz`"]),
         ("sh-degree = 9\n", &["run.toml", "`sh-degree` is 9"]),
         // Constants of the method, no options.
         ("[exposure]\nmin-pixels = 64\n", &["run.toml, line 2", "`min-pixels`"]),
@@ -149,6 +158,8 @@ fn wrong_usage_ends_with_2() {
     wrong("train scene --method other", &["other", "--method"]);
     wrong("train scene -s scene", &["cannot be used with"]);
     wrong("train scene --principal-point middle", &["middle"]);
+    wrong("train scene --alpha half", &["--alpha", "`half`", "`mask` or `composite`"]);
+    wrong("train scene --color-space xyz", &["--color-space", "`xyz`", "`srgb` or `linear`"]);
     wrong("train scene --seed 1.5", &["1.5"]);
     wrong("render", &["required"]);
     wrong("train scene --source-memory much", &["much", "512MiB"]);

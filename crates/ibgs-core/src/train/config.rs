@@ -10,6 +10,7 @@ mod stages;
 pub use crate::fuse::sources::SourceOptions;
 pub use stages::{ExposureConfig, ResidualConfig, SurfaceConfig};
 
+use crate::dataset::{Alpha, ColorSpace};
 use crate::files::{self, WriteError};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -85,7 +86,7 @@ pub struct TrainConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct DataConfig {
-    /// Scene folder; unset: the built-in demo scene.
+    /// Scene folder or a ZIP archive of one; unset: the built-in demo scene.
     pub source: Option<PathBuf>,
     /// Factor 1, 2, 4 or 8 to divide the photos by, or a target width in pixels.
     pub resolution: String,
@@ -101,6 +102,13 @@ pub struct DataConfig {
     pub eval_split_every: u32,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     pub principal_point: String,
+    /// What the photos' alpha means: `mask`, or `composite` over the background colour; unset: `composite` in Blender
+    /// scenes, `mask` in others.
+    pub alpha: Option<Alpha>,
+    /// What the photos' values mean: `srgb`, or `linear` light; unset: `linear` in EXR files, `srgb` in others.
+    pub color_space: Option<ColorSpace>,
+    /// Leave out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images.
+    pub filter_points: bool,
     /// Number of random points where the scene has none.
     pub random_points: u32,
     /// Gives every photo of the demo scene another exposure, by this seed; unset: the same for all.
@@ -368,6 +376,8 @@ mod tests {
         assert_eq!(TrainConfig::load(&path).unwrap(), config);
         config.data.source = Some("a folder/scene".into());
         config.data.images = Some("images_4".to_owned());
+        config.data.alpha = Some(Alpha::Composite);
+        config.data.color_space = Some(ColorSpace::Linear);
         config.eval_iterations = Some(vec![1, 2, 300]);
         config.densify.end = Some(1234);
         config.learning_rates.mean_initial = 1.0 / 3.0;

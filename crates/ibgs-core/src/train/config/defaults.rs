@@ -46,6 +46,9 @@ impl Default for DataConfig {
             eval: false,
             eval_split_every: 8,
             principal_point: "true".to_owned(),
+            alpha: None,
+            color_space: None,
+            filter_points: false,
             random_points: 100_000,
             demo_exposure_seed: None,
         }

@@ -1,0 +1,222 @@
+//! Every form of scene trains through the program, and the model finds it again.
+
+use super::{Outcome, Sandbox, files_in};
+use crate::scene_files::{Model, zip_of_folder};
+use exr::prelude::write_rgba_file;
+use glam::DVec2;
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::{Dataset, demo};
+use image::{Rgba, RgbaImage};
+use std::fs;
+use std::path::Path;
+
+/// A PNG photo as the program wrote it.
+fn picture(sandbox: &Sandbox, name: &str) -> image::RgbImage {
+    image::open(sandbox.path(name)).unwrap_or_else(|error| panic!("{name}: {error}")).into_rgb8()
+}
+
+/// PSNR of the base image as a results file has it.
+fn psnr(sandbox: &Sandbox, model: &str, iteration: u32) -> f64 {
+    let results = sandbox.json(&format!("{model}/results_renders.json"));
+    results[format!("ours_{iteration}")]["PSNR"].as_f64().unwrap()
+}
+
+#[test]
+fn a_zipped_scene_trains_and_is_found_again() {
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.write("far/away.zip", zip_of_folder(&sandbox.path("scene"), "tiny demo/"));
+    let plain = sandbox.succeeds("train scene --eval --iterations 6 -m plain").stderr;
+    assert!(plain.contains("8 training views, 2 test views, 300 initial points"), "{plain}");
+    fs::remove_dir_all(sandbox.path("scene")).unwrap();
+    // Unpacked files are gone when the program ends.
+    let with_temporary = |arguments: &str| {
+        let temporary = tempfile::tempdir().unwrap();
+        let outcome = Outcome::of(arguments, sandbox.command(arguments).env("TMPDIR", temporary.path()));
+        outcome.assert_success();
+        let left: Vec<String> = files_in(temporary.path()).into_iter().filter(|f| f.contains("ibgs-scene-")).collect();
+        assert!(left.is_empty(), "`ibgs {arguments}` left {left:?}");
+        outcome
+    };
+    let told = with_temporary("train far/away.zip --eval --iterations 6");
+    assert!(told.stderr.contains("8 training views, 2 test views, 300 initial points"), "{told}");
+    let config = sandbox.text("output/away/config.toml");
+    assert!(config.contains("far/away.zip"), "{config}");
+    // The same scene gives the same model.
+    let ply = "point_cloud/iteration_6/point_cloud.ply";
+    let [a, b] = ["plain", "output/away"].map(|model| fs::read(sandbox.path(&format!("{model}/{ply}"))).unwrap());
+    assert!(a == b, "the archive gave another model");
+    fs::remove_dir_all(sandbox.path("output/away/test")).unwrap();
+    with_temporary("eval output/away");
+    assert_eq!(psnr(&sandbox, "output/away", 6), psnr(&sandbox, "plain", 6));
+    with_temporary("render output/away --outputs final");
+    let info = with_temporary("info far/away.zip").stdout;
+    assert!(info.contains("away.zip") && info.contains("10 photos, 300 points"), "{info}");
+    sandbox.write("far/away.zip", "nothing");
+    sandbox.fails("train far/away.zip -m out", &["away.zip", "no whole ZIP archive"]);
+    sandbox.fails("eval output/away", &["away.zip", "no whole ZIP archive"]);
+}
+
+/// The demo's photos, transparent in their upper third.
+fn write_blender_scene(sandbox: &Sandbox, dataset: &Dataset) {
+    let camera = &dataset.views[0].camera;
+    let angle = 2.0 * (0.5 * f64::from(camera.width) / camera.focal.x).atan();
+    for (file, views) in [("train", &dataset.train), ("test", &dataset.test)] {
+        let frames: Vec<String> = views
+            .iter()
+            .map(|&index| {
+                let view = &dataset.views[index];
+                let photo = RgbaImage::from_fn(48, 36, |x, y| {
+                    let at = 4 * (y * 48 + x) as usize;
+                    let [r, g, b] = [0, 1, 2].map(|c| view.photo.rgba[at + c]);
+                    Rgba([r, g, b, if y < 12 { 0 } else { 255 }])
+                });
+                let name = format!("{file}/r_{index}");
+                fs::create_dir_all(sandbox.path(&format!("blender/{file}"))).unwrap();
+                photo.save(sandbox.path(&format!("blender/{name}.png"))).unwrap();
+                format!(r#"{{"file_path": "./{name}", "transform_matrix": {}}}"#, opengl(&view.camera))
+            })
+            .collect();
+        let json = format!(r#"{{"camera_angle_x": {angle}, "frames": [{}]}}"#, frames.join(","));
+        sandbox.write(&format!("blender/transforms_{file}.json"), json);
+    }
+}
+
+/// Rows of the camera-to-world matrix with OpenGL axes.
+fn opengl(camera: &Camera) -> String {
+    let world = camera.view_from_world.transpose();
+    let (x, y, z, c) = (world.x_axis, -world.y_axis, -world.z_axis, camera.center());
+    let row = |i: usize| format!("[{:?},{:?},{:?},{:?}]", x[i], y[i], z[i], c[i]);
+    format!("[{},{},{},[0,0,0,1]]", row(0), row(1), row(2))
+}
+
+#[test]
+fn blender_scenes_train_and_are_measured_over_their_background() {
+    let (sandbox, dataset) = Sandbox::with_scene();
+    write_blender_scene(&sandbox, &dataset);
+    let test = dataset.test[0];
+    sandbox.write("few.toml", "[data]\nrandom-points = 1500\n");
+    let mut means = Vec::new();
+    for (option, corner) in [("", [0; 3]), ("--white-background", [255; 3])] {
+        let model = format!("out{}", corner[0]);
+        let train = "train blender --config few.toml --eval --iterations 20 --method 3dgs";
+        let outcome = sandbox.succeeds(&format!("{train} -m {model} {option}"));
+        assert!(outcome.stderr.contains("8 training views, 2 test views, 1500 initial points"), "{outcome}");
+        assert!(outcome.stderr.contains("the scene has no initial points"), "{outcome}");
+        let truth = picture(&sandbox, &format!("{model}/test/ours_20/gt/test/r_{test}.png"));
+        assert_eq!(truth.get_pixel(3, 3).0, corner);
+        let trained = psnr(&sandbox, &model, 20);
+        fs::remove_dir_all(sandbox.path(&format!("{model}/test"))).unwrap();
+        sandbox.succeeds(&format!("eval {model}"));
+        assert_eq!(psnr(&sandbox, &model, 20), trained);
+        let truth = picture(&sandbox, &format!("{model}/test/ours_20/gt/test/r_{test}.png"));
+        assert_eq!(truth.get_pixel(3, 3).0, corner);
+        // The model's own background is the photo's.
+        let render = picture(&sandbox, &format!("{model}/test/ours_20/renders/test/r_{test}.png"));
+        let sum: u32 = render.rows().take(8).flatten().flat_map(|p| p.0).map(u32::from).sum();
+        means.push(f64::from(sum) / f64::from(3 * 48 * 8));
+    }
+    println!("mean level where nothing is: {:.0} on black, {:.0} on white", means[0], means[1]);
+    assert!(means[1] > means[0] + 30.0, "{means:?}");
+    let masked =
+        sandbox.succeeds("train blender --config few.toml --alpha mask --iterations 2 --method 3dgs -m masked");
+    assert!(!masked.stderr.contains("background colour"), "{masked}");
+    assert!(sandbox.text("masked/config.toml").contains("alpha = \"mask\""));
+}
+
+#[test]
+fn photos_of_linear_light_train_as_those_of_srgb() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let options = "--eval --iterations 4 --method 3dgs";
+    sandbox.succeeds(&format!("train scene {options} -m png"));
+    let folder = sandbox.path("scene/images");
+    for name in files_in(&folder) {
+        let path = folder.join(&name);
+        let photo = image::open(&path).unwrap().into_rgb8();
+        let linear = |level: u8| {
+            let v = f32::from(level) / 255.0;
+            if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+        };
+        let pixel = |x: usize, y: usize| {
+            let [r, g, b] = photo.get_pixel(x as u32, y as u32).0.map(linear);
+            (r, g, b, 1.0_f32)
+        };
+        write_rgba_file(path.with_extension("exr"), photo.width() as usize, photo.height() as usize, pixel).unwrap();
+        fs::remove_file(path).unwrap();
+    }
+    sandbox.succeeds(&format!("train scene {options} -m exr"));
+    let ply = "point_cloud/iteration_4/point_cloud.ply";
+    let [a, b] = ["png", "exr"].map(|model| fs::read(sandbox.path(&format!("{model}/{ply}"))).unwrap());
+    assert!(a == b, "photos of the same colours gave other models");
+    sandbox.succeeds(&format!("train scene {options} --color-space srgb -m raw"));
+    let mean = |model: &str| {
+        let truth = picture(&sandbox, &format!("{model}/test/ours_4/gt/images/view_000.png"));
+        truth.as_raw().iter().map(|v| f64::from(*v)).sum::<f64>() / truth.as_raw().len() as f64
+    };
+    assert!(mean("raw") < 0.8 * mean("exr"), "{} {}", mean("raw"), mean("exr"));
+    assert!(sandbox.text("raw/config.toml").contains("color-space = \"srgb\""));
+}
+
+/// The demo scene as a fisheye sees it: each fisheye pixel shows what the pinhole has on its ray.
+fn write_fisheye_photos(folder: &Path, dataset: &Dataset) {
+    for view in &dataset.views {
+        let camera = &view.camera;
+        // More of the scene, and finer.
+        let wide = Camera { focal: camera.focal * 2.0, ..camera.resized(4 * camera.width, 4 * camera.height) };
+        let wide = Camera { focal: wide.focal * 0.25, ..wide };
+        let photo = demo::render_photo(&wide, 1);
+        let fisheye = RgbaImage::from_fn(camera.width, camera.height, |x, y| {
+            let q = (DVec2::new(f64::from(x), f64::from(y)) + 0.5 - camera.principal) / camera.focal;
+            let angle = q.length();
+            let p = q * if angle > 0.0 { angle.tan() / angle } else { 1.0 };
+            let at = (p * wide.focal + wide.principal).clamp(DVec2::ZERO, DVec2::new(191.0, 143.0)).as_uvec2();
+            let from = 4 * (at.y * wide.width + at.x) as usize;
+            Rgba([0, 1, 2, 3].map(|c| photo.rgba[from + c]))
+        });
+        fisheye.save(folder.join(&view.name)).unwrap();
+    }
+}
+
+#[test]
+fn fisheye_photos_train_and_show_what_a_pinhole_would() {
+    let (sandbox, dataset) = Sandbox::with_scene();
+    let options = "--eval --iterations 4 --method 3dgs";
+    sandbox.succeeds(&format!("train scene {options} -m pinhole"));
+    write_fisheye_photos(&sandbox.path("scene/images"), &dataset);
+    let json = sandbox.text("scene/transforms.json");
+    assert!(json.contains("\"OPENCV\""), "{json}");
+    sandbox.write("scene/transforms.json", json.replace("\"OPENCV\"", "\"OPENCV_FISHEYE\""));
+    let outcome = sandbox.succeeds(&format!("train scene {options} -m fisheye"));
+    assert!(outcome.stderr.contains("10 photos through a fisheye"), "{outcome}");
+    // Means of 4 x 4 pixels: single ones of this size are full of steps.
+    let coarse = |name: &str| image::imageops::thumbnail(&picture(&sandbox, name), 12, 9).into_raw();
+    let pinhole = coarse("pinhole/test/ours_4/gt/images/view_000.png");
+    let mean = |other: Vec<u8>| {
+        let errors = pinhole.iter().zip(&other).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
+        errors.sum::<f64>() / pinhole.len() as f64
+    };
+    let as_taken = mean(coarse("scene/images/view_000.png"));
+    let undistorted = mean(coarse("fisheye/test/ours_4/gt/images/view_000.png"));
+    println!("mean difference from the pinhole's photo: {undistorted:.2} levels, {as_taken:.2} as taken");
+    assert!(undistorted < 6.0 && as_taken > 2.0 * undistorted, "{undistorted} {as_taken}");
+    let info = sandbox.succeeds("info scene").stdout;
+    assert!(info.contains("OPENCV_FISHEYE") && info.contains("undistorted on load"), "{info}");
+}
+
+#[test]
+fn unreliable_points_are_left_out_when_asked() {
+    let sandbox = Sandbox::new();
+    let mut model = Model::small(4);
+    let point = model.points[0].clone();
+    model.points = (0..12).map(|_| point.clone()).collect();
+    for (i, point) in model.points.iter_mut().enumerate() {
+        point.xyz[0] = 0.1 * i as f64;
+        point.track = if i < 7 { vec![(1, 0), (2, 0), (3, 0)] } else { vec![(1, 0), (2, 0)] };
+    }
+    model.write_photos(&sandbox.path("scene"));
+    model.write_binary(&sandbox.path("scene"));
+    let run = |options: &str| sandbox.succeeds(&format!("train scene --iterations 2 --method 3dgs {options}")).stderr;
+    assert!(run("-m all").contains("12 initial points"));
+    let told = run("-m some --filter-points");
+    assert!(told.contains("5 of 12 points left out") && told.contains("7 initial points"), "{told}");
+    assert!(sandbox.text("some/config.toml").contains("filter-points = true"));
+}
