@@ -206,7 +206,7 @@ mod tests {
         let (_, right) = half_right(|i| if i % 48 < 24 { 0 } else { 128 });
         let bad = score(&image, &right);
         assert!((bad.psnr - (open.psnr - 10.0 * 2f64.log10())).abs() < 1e-9, "{bad:?} {open:?}");
-        assert!(bad.ssim < 0.1 && open.ssim > 0.3, "{bad:?} {open:?}");
+        assert!(bad.ssim < open.ssim - 0.5, "{bad:?} {open:?}");
         // What lies under a mask does not matter.
         let mut other = right.clone();
         other.rgba.chunks_exact_mut(4).filter(|p| p[3] == 0).for_each(|p| p[..3].copy_from_slice(&[1, 2, 3]));
