@@ -30,7 +30,8 @@ pub(super) fn reliable(points: Vec<SparsePoint>, notes: &mut Vec<String>) -> Vec
         return points;
     }
     // An error that is no number, or COLMAP's -1 for unknown, tells nothing against a point.
-    let keep = |sparse: &&SparsePoint| !(sparse.error > MOST_ERROR) && sparse.images >= LEAST_IMAGES;
+    let keep =
+        |sparse: &&SparsePoint| (sparse.error <= MOST_ERROR || sparse.error.is_nan()) && sparse.images >= LEAST_IMAGES;
     let kept: Vec<SparsePoint> = points.iter().filter(keep).copied().collect();
     if kept.is_empty() {
         notes.push("filter-points: it would leave no point of the model, so all are used".to_owned());
