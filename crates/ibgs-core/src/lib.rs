@@ -28,6 +28,7 @@ pub mod image_io;
 pub mod inspect;
 pub mod loss;
 pub mod memory;
+pub mod mesh;
 pub mod picture;
 pub mod present;
 pub mod raster;
