@@ -25,6 +25,8 @@ enum Command {
     Suite(commands::suite::Args),
     /// Look at a trained model in a window.
     View(commands::view::Args),
+    /// Make a triangle mesh of a trained model, and measure it.
+    Mesh(Box<commands::mesh::Args>),
     /// Write a trained model as one file.
     Export(commands::export::Args),
     /// Say what a scene, a model or a PLY file holds; without a path: the adapters of this machine.
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => commands::eval::run(&args),
         Command::Suite(args) => commands::suite::run(&args),
         Command::View(args) => commands::view::run(&args),
+        Command::Mesh(args) => commands::mesh::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Bench(args) => commands::bench::run(&args),

@@ -9,6 +9,7 @@ mod image_based;
 mod inputs;
 #[cfg(unix)]
 mod interrupt;
+mod mesh;
 mod round;
 mod suite;
 

@@ -4,6 +4,7 @@ pub mod bench;
 pub mod eval;
 pub mod export;
 pub mod info;
+pub mod mesh;
 mod model;
 mod outputs;
 pub mod render;

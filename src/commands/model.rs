@@ -65,6 +65,8 @@ pub struct Model {
     pub network_bytes: u64,
     /// Bytes of the bundle, where the model is one.
     pub bundle_bytes: Option<u64>,
+    /// Another program wrote it.
+    foreign: bool,
 }
 
 /// A model before it is on the device.
@@ -109,13 +111,18 @@ impl Model {
         let splats = Splats::upload(&loaded.gaussians, &gpu)?;
         let background = loaded.config.background();
         let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part);
-        let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, .. } = loaded;
-        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes, bundle_bytes })
+        let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, foreign, .. } = loaded;
+        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes, bundle_bytes, foreign })
     }
 
     /// Depth and normals of every frame, also of a model that does not need them.
     pub fn showing_surface(self) -> Self {
         Self { renderer: self.renderer.showing_surface(), ..self }
+    }
+
+    /// Whether it was trained on the built-in scene.
+    pub fn is_demo(&self) -> bool {
+        self.config.data.source.is_none() && !self.foreign
     }
 
     /// The scene that the model was trained on, with the model's own split.

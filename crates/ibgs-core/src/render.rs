@@ -12,7 +12,7 @@ use crate::inspect::FrameSource;
 use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
 use crate::residual::{Factor, Precision, Residual, ResidualTask, Variant};
-use crate::scene::Splats;
+use crate::scene::{SceneError, Splats};
 use crate::train::config::TrainConfig;
 use burn::tensor::Tensor;
 use std::sync::{Arc, Mutex};
@@ -161,6 +161,20 @@ impl Renderer {
     /// Depth and normals of every frame, also of a model without an image-based part.
     pub fn showing_surface(self) -> Self {
         Self { shows_surface: true, ..self }
+    }
+
+    /// Gives every Gaussian the plane of its shortest axis where none was ever trained (method.md section 1), so that depths
+    /// mean something.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn shape_missing_planes(&self) -> Result<(), SceneError> {
+        let gaussians = self.splats.download()?;
+        if gaussians.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0]) {
+            self.raster.shape_normals(&self.splats);
+            self.forget_depths();
+        }
+        Ok(())
     }
 
     /// The GPU it works on.

@@ -5,8 +5,8 @@ use crate::camera::Camera;
 use crate::dataset::demo::{self, TriangleMesh};
 use glam::Vec3;
 
-/// Squares along the side of a box, of the true mesh; the room's are 5 centimetres or less.
-const TESSELLATION: u32 = 128;
+/// Squares along the side of a box, of the true mesh; the largest, those of the room, are 7 centimetres long.
+const TESSELLATION: u32 = 64;
 
 /// Points of the true surface.
 #[derive(Clone, Debug)]

@@ -37,6 +37,35 @@ impl Default for FusionOptions {
     }
 }
 
+impl FusionOptions {
+    /// Whether every option makes sense.
+    ///
+    /// # Errors
+    /// [`MeshError::Option`].
+    pub fn check(&self) -> Result<(), MeshError> {
+        let positive = |option, value: Option<f64>| match value {
+            Some(v) if !(v > 0.0 && v.is_finite()) => {
+                Err(MeshError::Option { option, value: v.to_string(), wanted: "a positive number" })
+            }
+            _ => Ok(()),
+        };
+        positive("the voxel size", self.voxel)?;
+        positive("the largest depth", self.max_depth)?;
+        // Under one voxel the surface would have holes; the bound above keeps the blocks near a pixel few.
+        if !(1.0..=32.0).contains(&self.truncation) {
+            let (value, wanted) = (self.truncation.to_string(), "from 1 to 32 voxels");
+            return Err(MeshError::Option { option: "the truncation", value, wanted });
+        }
+        match self.bounds {
+            Some([low, high]) if !low.cmplt(high).all() => {
+                let value = format!("{low} to {high}");
+                Err(MeshError::Option { option: "the box of the bounds", value, wanted: "larger than 0 on each axis" })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// [`FusionOptions`] with every choice made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
@@ -58,7 +87,7 @@ impl Plan {
     /// # Errors
     /// [`MeshError::Option`] for an option without sense, [`MeshError::NoSurface`] where no map has a depth.
     pub fn of(maps: &[DepthMap], options: &FusionOptions) -> Result<Self, MeshError> {
-        check(options)?;
+        options.check()?;
         let bounds = options.bounds.unwrap_or([DVec3::NEG_INFINITY, DVec3::INFINITY]);
         let total: usize = maps.iter().map(|map| map.pixels.len()).sum();
         let step = (total / SAMPLES).max(1);
@@ -108,29 +137,6 @@ pub fn maps_bytes<'a>(cameras: impl Iterator<Item = &'a Camera>) -> u64 {
 /// Whether a point lies in a box.
 pub(super) fn inside(point: DVec3, [low, high]: [DVec3; 2]) -> bool {
     point.cmpge(low).all() && point.cmple(high).all()
-}
-
-fn check(options: &FusionOptions) -> Result<(), MeshError> {
-    let positive = |option, value: Option<f64>| match value {
-        Some(v) if !(v > 0.0 && v.is_finite()) => {
-            Err(MeshError::Option { option, value: v.to_string(), wanted: "a positive number" })
-        }
-        _ => Ok(()),
-    };
-    positive("the voxel size", options.voxel)?;
-    positive("the largest depth", options.max_depth)?;
-    // Under one voxel the surface would have holes; the bound above keeps the blocks near a pixel few.
-    if !(1.0..=32.0).contains(&options.truncation) {
-        let (value, wanted) = (options.truncation.to_string(), "from 1 to 32 voxels");
-        return Err(MeshError::Option { option: "the truncation", value, wanted });
-    }
-    match options.bounds {
-        Some([low, high]) if !low.cmplt(high).all() => {
-            let value = format!("{low} to {high}");
-            Err(MeshError::Option { option: "the box of the bounds", value, wanted: "larger than 0 on each axis" })
-        }
-        _ => Ok(()),
-    }
 }
 
 /// The value with this part of the others below it. There is at least one.

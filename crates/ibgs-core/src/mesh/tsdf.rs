@@ -205,9 +205,9 @@ impl<'a> View<'a> {
         }
         let [a, b, c, d] = four.map(|pixel| pixel.inverse_depth);
         let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        // Over an edge of the surface there is nothing between the depths of its sides.
+        // At an outline a pixel tells of one of its sides alone, and which one is chance.
         if high - low > truncation * low * high {
-            return Some((nearest.inverse_depth, nearest));
+            return None;
         }
         let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
         Some((top + fy * (bottom - top), nearest))

@@ -9,11 +9,13 @@
 //!                                                      renders_depth, renders_normal, visibility
 //! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
 //! path/ours_N/                                         frames of a camera path
+//! mesh/ours_N/mesh.ply                                 triangle mesh
 //! results_renders.json  per_view_renders.json          scores of the base image
 //! results_renders_aggregate.json  per_view_renders_aggregate.json
 //!                                                      scores of the final image
 //! result_training.json                                 time of the training
 //! result_fps_mem.json                                  speed, memory and storage, once measured
+//! results_mesh.json                                    scores of the mesh, once measured
 //! ```
 //! A folder of the published code has no `config.toml`, and its network in `color_aggregation_network.pth`.
 
@@ -157,6 +159,11 @@ impl OutputFolder {
     /// `point_cloud/iteration_N/point_cloud.ply`; the PLY writer makes the folders.
     pub fn point_cloud_path(&self, iteration: u32) -> PathBuf {
         self.root.join("point_cloud").join(format!("iteration_{iteration}")).join("point_cloud.ply")
+    }
+
+    /// `mesh/ours_N/mesh.ply`.
+    pub fn mesh_path(&self, iteration: u32) -> PathBuf {
+        self.root.join("mesh").join(format!("ours_{iteration}")).join("mesh.ply")
     }
 
     /// `test/ours_N/OUTPUT/NAME.png` (or `train/...`), with the sub-folders of the photo's name and `.png` in place of
@@ -318,6 +325,7 @@ impl OutputFolder {
             (Split::Test.folder(), "ours_"),
             (Split::Train.folder(), "ours_"),
             ("path", "ours_"),
+            ("mesh", "ours_"),
         ];
         for (folder, prefix) in folders {
             for (_, path) in self.numbered(folder, prefix)? {
@@ -325,9 +333,8 @@ impl OutputFolder {
             }
         }
         let scores = [Scored::Base, Scored::Final].map(Scored::files);
-        for file in
-            scores.as_flattened().iter().chain(&["result_fps_mem.json", "result_training.json", "multi_view.json"])
-        {
+        let others = ["result_fps_mem.json", "result_training.json", "results_mesh.json", "multi_view.json"];
+        for file in scores.as_flattened().iter().chain(&others) {
             let path = self.root.join(file);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

@@ -1,0 +1,206 @@
+//! `ibgs mesh`
+
+mod compare;
+
+use super::Model;
+use super::model::ModelArgs;
+use anyhow::{Context, Result, bail};
+use clap::Args as ClapArgs;
+use glam::DVec3;
+use ibgs_core::camera::Camera;
+use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::memory::Bytes;
+use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, MeshFormat, Plan, fuse, maps_bytes};
+use ibgs_core::train::output::cameras::Split;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// What `--memory auto` stands for.
+const USUAL_MEMORY: u64 = 8 << 30;
+
+/// Options of `ibgs mesh`.
+#[derive(ClapArgs)]
+pub struct Args {
+    #[command(flatten)]
+    model: ModelArgs,
+    /// File to write, `.ply`, `.obj` or `.glb` [default: MODEL/mesh/ours_N/mesh.ply].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Side of a voxel in scene units [default: 1/512 of the scene's extent, at least the usual size of a pixel on the surface].
+    #[arg(long)]
+    voxel_size: Option<f64>,
+    /// Distances are cut off at so many voxels.
+    #[arg(long, default_value_t = 4.0)]
+    truncation: f64,
+    /// Largest depth used, in scene units [default: 3 times the median depth].
+    #[arg(long)]
+    max_depth: Option<f64>,
+    /// Box that is meshed: x0,y0,z0,x1,y1,z1 in scene units [default: everything].
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    bounds: Vec<f64>,
+    /// Leave out depths seen at a larger angle from the surface's normal, in degrees.
+    #[arg(long, default_value_t = 80.0)]
+    max_angle: f64,
+    /// Keep so many connected pieces, those with the most triangles; 0 keeps all.
+    #[arg(long, default_value_t = 50)]
+    clusters: usize,
+    /// Render the views this many pixels wide [default: as the photos].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(8..))]
+    width: Option<u32>,
+    /// Memory for depth maps, and again for voxels and mesh: `auto` (8 GiB), `none` (no limit), or a size such as `2GiB`.
+    #[arg(long, default_value = "auto")]
+    memory: MemoryBudget,
+    #[command(flatten)]
+    compare: compare::Options,
+}
+
+/// Set while a file is being written.
+static WRITING: AtomicBool = AtomicBool::new(false);
+/// Set when Ctrl-C comes meanwhile.
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let options = args.fusion()?;
+    if let Some(output) = &args.output {
+        MeshFormat::of(output)?;
+    }
+    let truth = args.compare.read()?;
+    let mut model = Model::open(&args.model)?.showing_surface();
+    args.compare.check(&model)?;
+    model.renderer.shape_missing_planes()?;
+    let cameras = args.cameras(&model)?;
+    let start = Instant::now();
+    let maps = render(&model, &cameras, args.max_angle)?;
+    let rendered = start.elapsed();
+    let (mesh, voxel) = build(&maps, &options, args.clusters)?;
+    drop(maps);
+    let path = args.output.clone().unwrap_or_else(|| model.folder.mesh_path(model.iteration));
+    write(&mesh, &path)?;
+    eprintln!(
+        "{} written: {} triangles, {} vertices; rendered in {:.1} s, meshed in {:.1} s",
+        path.display(),
+        mesh.triangles.len(),
+        mesh.positions.len(),
+        rendered.as_secs_f64(),
+        (start.elapsed() - rendered).as_secs_f64()
+    );
+    args.compare.report(truth, &mut model, &mesh, voxel, &cameras)
+}
+
+impl Args {
+    fn fusion(&self) -> Result<FusionOptions> {
+        let bounds = match self.bounds[..] {
+            [] => None,
+            [x0, y0, z0, x1, y1, z1] => Some([DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1)]),
+            _ => bail!("`--bounds` has {} numbers; give x0,y0,z0,x1,y1,z1", self.bounds.len()),
+        };
+        if !(self.max_angle > 0.0 && self.max_angle <= 90.0) {
+            bail!("`--max-angle` is {}; choose one from over 0 to 90 degrees", self.max_angle);
+        }
+        let (voxel, truncation, max_depth) = (self.voxel_size, self.truncation, self.max_depth);
+        let options = FusionOptions { voxel, truncation, max_depth, bounds, memory: self.memory_bytes() };
+        options.check()?;
+        Ok(options)
+    }
+
+    fn memory_bytes(&self) -> Option<u64> {
+        match self.memory {
+            MemoryBudget::Auto => Some(USUAL_MEMORY),
+            MemoryBudget::Unlimited => None,
+            MemoryBudget::Bytes(bytes) => Some(bytes),
+        }
+    }
+
+    /// Cameras of the training views, in the size to render.
+    fn cameras(&self, model: &Model) -> Result<Vec<Camera>> {
+        let sized = |camera: &Camera| match self.width {
+            Some(width) => {
+                let height = f64::from(camera.height) * f64::from(width) / f64::from(camera.width);
+                camera.resized(width, (height.round() as u32).max(2))
+            }
+            None => *camera,
+        };
+        let training = model.cameras.iter().filter(|record| record.split != Some(Split::Test));
+        let cameras: Vec<Camera> = training.map(|record| sized(&record.camera)).collect();
+        let needed = maps_bytes(cameras.iter());
+        match self.memory_bytes() {
+            _ if cameras.is_empty() => bail!("{} has no training views", model.folder.root().display()),
+            Some(limit) if needed > limit => Err(MeshError::DepthMaps { views: cameras.len(), needed, limit }.into()),
+            _ => Ok(cameras),
+        }
+    }
+}
+
+/// A bar that goes when it is dropped.
+fn progress(template: &str, length: usize) -> ProgressBar {
+    let bar = ProgressBar::new(length as u64);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Depths and colours of all views.
+fn render(model: &Model, cameras: &[Camera], max_angle: f64) -> Result<Vec<DepthMap>> {
+    let bar = progress("rendering {wide_bar} {pos}/{len} views, {eta} left", cameras.len());
+    let mut maps = Vec::with_capacity(cameras.len());
+    for camera in cameras {
+        let frame = model.renderer.render(camera)?;
+        let depth = frame.depth()?.context("the frame has no depth")?;
+        let image = match frame.image()? {
+            Some(image) => image,
+            None => frame.base()?,
+        };
+        maps.push(DepthMap::new(*camera, &depth, frame.normals()?.as_deref(), &image.rgb, max_angle));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(maps)
+}
+
+/// The mesh, and the size of its voxels.
+fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<(Mesh, f64)> {
+    let plan = Plan::of(maps, options)?;
+    let bar = progress("fusing {wide_bar} {percent} %, {eta} left", 0);
+    let start = Instant::now();
+    let grid = fuse(maps, &plan, &bar)?;
+    bar.finish_and_clear();
+    let seconds = start.elapsed().as_secs_f64();
+    eprintln!(
+        "voxels of {:.4}, truncation {:.4}, largest depth {:.3}: {:.1} million in {}, fused in {seconds:.1} s, {:.0} million \
+         looked at in a view per second",
+        plan.voxel,
+        plan.truncation,
+        plan.max_depth,
+        grid.voxels() as f64 * 1e-6,
+        Bytes(grid.bytes()),
+        grid.looked_at as f64 * 1e-6 / seconds
+    );
+    let mut mesh = grid.mesh()?;
+    drop(grid);
+    let all = mesh.triangles.len();
+    let pieces = mesh.keep_largest(clusters);
+    if mesh.triangles.len() < all {
+        eprintln!("the {clusters} largest of {pieces} pieces kept, {} triangles dropped", all - mesh.triangles.len());
+    }
+    Ok((mesh, plan.voxel))
+}
+
+/// Writes the mesh; Ctrl-C waits until the file is whole.
+fn write(mesh: &Mesh, path: &Path) -> Result<()> {
+    // Only one handler a process; where there is one already, that one stays.
+    let _ = ctrlc::set_handler(|| match WRITING.load(Ordering::SeqCst) {
+        true => STOPPED.store(true, Ordering::SeqCst),
+        false => std::process::exit(130),
+    });
+    WRITING.store(true, Ordering::SeqCst);
+    let written = mesh.write(path);
+    WRITING.store(false, Ordering::SeqCst);
+    if STOPPED.load(Ordering::SeqCst) {
+        std::process::exit(130);
+    }
+    Ok(written?)
+}
