@@ -290,7 +290,7 @@ fn a_model_is_kept_unless_overwriting_is_asked_for() {
     sandbox.write("taken/split.json", "{}");
     sandbox.fails("train scene --iterations 2 -m taken", &["taken", "split.json"]);
     sandbox.write("model/notes.txt", "mine");
-    let of_the_old_model = ["result_training.json", "result_fps_mem.json", "results_renders.json"];
+    let of_the_old_model = ["result_training.json", "result_fps_mem.json", "results_renders.json", "results_mesh.json"];
     for name in of_the_old_model {
         sandbox.write(&format!("model/{name}"), r#"{"ours_3": {}}"#);
     }

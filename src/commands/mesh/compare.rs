@@ -55,9 +55,9 @@ impl Options {
     /// Checks the options and reads the files; none for the demo scene or without a comparison.
     pub fn read(&self) -> Result<Option<Truth>> {
         let lengths = [("--density", self.density), ("--max-distance", self.max_distance)].into_iter();
-        let given = self.threshold.iter().map(|&t| ("--threshold", Some(t))).chain(lengths);
-        if let Some((name, Some(value))) = given.filter(|(_, v)| v.is_some_and(|v| !(v > 0.0 && v.is_finite()))).next()
-        {
+        let mut given = self.threshold.iter().map(|&t| ("--threshold", Some(t))).chain(lengths);
+        let wrong = |value: f64| !(value > 0.0 && value.is_finite());
+        if let Some((name, Some(value))) = given.find(|(_, value)| value.is_some_and(wrong)) {
             bail!("`{name}` is {value}; choose a positive number");
         }
         let Some(path) = self.compare.as_ref() else { return Ok(None) };

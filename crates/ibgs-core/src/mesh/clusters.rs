@@ -57,10 +57,8 @@ impl Mesh {
         for &vertex in self.triangles.as_flattened() {
             renamed[vertex as usize] = 0;
         }
-        let mut next = 0;
-        for name in renamed.iter_mut().filter(|name| **name != UNUSED) {
+        for (next, name) in (0..).zip(renamed.iter_mut().filter(|name| **name != UNUSED)) {
             *name = next;
-            next += 1;
         }
         let used = |i: usize| renamed[i] != UNUSED;
         retain(&mut self.positions, used);

@@ -66,11 +66,6 @@ impl DepthMap {
         Self { camera, pixels: (0..count).into_par_iter().map(pixel).collect() }
     }
 
-    /// How many pixels show a surface.
-    pub fn seen(&self) -> usize {
-        self.pixels.iter().filter(|pixel| pixel.inverse_depth > 0.0).count()
-    }
-
     /// Depth and world point of a pixel; none where there is no surface.
     pub(crate) fn point(&self, index: usize) -> Option<(f32, DVec3)> {
         let inverse = self.pixels[index].inverse_depth;

@@ -54,7 +54,7 @@ impl<'a> Neighbours<'a> {
 
     /// Which of the blocks a voxel from 0 to 8 lies in, and its index there.
     fn locate([x, y, z]: [usize; 3]) -> (usize, usize) {
-        let corner = x / SIDE | y / SIDE << 1 | z / SIDE << 2;
+        let corner = (x / SIDE) + 2 * (y / SIDE) + 4 * (z / SIDE);
         (corner, voxel_index(x % SIDE, y % SIDE, z % SIDE))
     }
 

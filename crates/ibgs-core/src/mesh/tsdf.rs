@@ -277,7 +277,8 @@ fn add_view(sums: &mut [Sum; VOXELS], view: &View, first: Vec3, truncation: f32)
                 continue;
             }
             // What lies behind a surface is known the less the deeper it is.
-            let known = if distance < truncation { 1.0 + distance.min(0.0) / truncation } else { FREE };
+            let behind = 1.0 + distance.min(0.0) / truncation;
+            let known = if distance < truncation { behind * behind } else { FREE };
             let weight = cosine * known;
             sum.weight += weight;
             sum.distance += weight * distance.min(truncation);
