@@ -71,7 +71,7 @@ fn transforms_that_make_no_sense() {
     broken(r#""fl_x": 8"#, r#""fl_x": 8, "w": 0, "h": 3"#, &["frames[0]", "w = 0"]);
     let other = r#""camera_model": "EQUIRECTANGULAR", "fl_x": 8"#;
     broken(r#""fl_x": 8"#, other, &["frames[0]", "EQUIRECTANGULAR is not supported"]);
-    broken(r#""fl_x": 8"#, r#""is_fisheye": 1, "fl_x": 8"#, &["transforms.json", "line 1"]);
+    broken(r#""fl_x": 8"#, r#""is_fisheye": 1, "fl_x": 8"#, &["transforms.json", "integer `1`"]);
     broken("images/0.png", "../0.png", &["../0.png", "`..`"]);
     broken("images/0.png", "images/1.png", &["`images/1.png` is listed twice"]);
     broken("images/0.png", "images/2.png", &["1 views"]);
