@@ -12,6 +12,7 @@
 //! 9. [`memory`] reckons what a training will take.
 //! 10. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on
 //!     the screen, [`video`] makes films, [`inspect`] tells why one of its pixels looks as it does.
+//! 11. [`mesh`] fuses the depths of all views into a triangle mesh and compares that with a true surface.
 //!
 //! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
 
