@@ -14,6 +14,7 @@ mod fuse;
 mod gradients;
 mod inspect;
 mod kernels;
+mod lpips;
 mod reference;
 mod reference_checks;
 mod scene;

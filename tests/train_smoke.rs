@@ -65,7 +65,7 @@ fn run(trainer: &mut Trainer, until: u32) {
 
 /// PSNR of a view in dB as the trainer's model stands.
 fn psnr(trainer: &Trainer, view: &View) -> f64 {
-    score_view(&trainer.renderer(), view).unwrap().1.base.psnr
+    score_view(&trainer.renderer(), view, None).unwrap().1.base.psnr
 }
 
 #[test]

@@ -3,58 +3,109 @@
 use super::model::ModelArgs;
 use super::{Model, protocol, score_test_views};
 use anyhow::{Result, bail};
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
+use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// How the images reach LPIPS' network.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Range {
+    /// Mapped to -1..1, as the `lpips` package asks for.
+    Signed,
+    /// Left in 0..1, as published figures of Gaussian splatting are taken.
+    Published,
+}
 
 /// Options of `ibgs eval`.
 #[derive(ClapArgs)]
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
+    /// Weights of LPIPS (VGG), `.pth` or `.safetensors`: the state dict of the `lpips` package's LPIPS(net='vgg'), or two
+    /// files, torchvision's vgg16 and the package's vgg.pth.
+    #[arg(long, value_name = "FILE", num_args = 1..=2)]
+    lpips_weights: Vec<PathBuf>,
+    /// Range of the images that LPIPS compares.
+    #[arg(long, value_enum, default_value = "signed", requires = "lpips_weights")]
+    lpips_range: Range,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    let weights = Some(&args.lpips_weights).filter(|files| !files.is_empty());
+    let weights = weights.map(|files| LpipsWeights::load(files)).transpose()?;
     let mut model = Model::open(&args.model)?;
     let dataset = model.dataset(&args.model)?.clone();
     if dataset.test.is_empty() {
         bail!("the scene has no held-out views; train with `--eval`");
     }
-    let with_final = model.renderer.part().is_some();
-    row("view", ["base PSNR", "SSIM", "final PSNR", "SSIM"].map(str::to_owned), with_final);
+    let range = match args.lpips_range {
+        Range::Signed => InputRange::Signed,
+        Range::Published => InputRange::Published,
+    };
+    let lpips = weights.map(|weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES));
+    let table = Table { with_final: model.renderer.part().is_some(), with_lpips: lpips.is_some() };
+    table.head();
     let target = (&model.folder, model.iteration);
-    let scores = score_test_views(&model.renderer, &dataset, &model.config, target, |name, scores| {
-        row(name, cells(scores), with_final);
+    let scores = score_test_views(&model.renderer, &dataset, &model.config, target, lpips.as_ref(), |name, scores| {
+        table.row(name, scores);
     })?;
-    let image = with_final.then(|| means(&scores.image));
-    row("mean", cells(&ViewScores { base: means(&scores.base), image }), with_final);
-    scores.write(&model.folder, model.iteration, &protocol(&model.config, &dataset, model.renderer.gpu()))?;
+    let image = table.with_final.then(|| means(&scores.image));
+    table.row("mean", &ViewScores { base: means(&scores.base), image });
+    let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
+    protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
+    scores.write(&model.folder, model.iteration, &protocol)?;
+    // Its memory is no part of the model's.
+    drop(lpips);
+    model.renderer.gpu().release_unused();
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
     let report = report(&model, &cameras, photo_bytes(&model, &dataset.path))?;
     println!("{}", serde_json::to_string_pretty(&report)?);
     if let Some(sentence) = scores.regions_sentence() {
         println!("{sentence}");
     }
-    println!("LPIPS not computed");
+    match &protocol.lpips {
+        Some(how) => println!("LPIPS: {how}"),
+        None => println!("LPIPS not computed"),
+    }
     Ok(model.folder.write_result(model.iteration, "result_fps_mem.json", report)?)
 }
 
-fn cells(scores: &ViewScores) -> [String; 4] {
-    let none = || [String::new(), String::new()];
-    let two = |score: Score| [format!("{:.3}", score.psnr), format!("{:.4}", score.ssim)];
-    let ([a, b], [c, d]) = (two(scores.base), scores.image.map_or_else(none, two));
-    [a, b, c, d]
+/// The printed table of scores.
+#[derive(Clone, Copy)]
+struct Table {
+    with_final: bool,
+    with_lpips: bool,
 }
 
-fn row(name: &str, [a, b, c, d]: [String; 4], with_final: bool) {
-    match with_final {
-        true => println!("{name:<32} {a:>10} {b:>8} {c:>11} {d:>8}"),
-        false => println!("{name:<32} {a:>10} {b:>8}"),
+impl Table {
+    fn head(self) {
+        let titles = |psnr: &str| [psnr, "SSIM", "LPIPS"].map(str::to_owned);
+        self.line("view", &titles("base PSNR"), &titles("final PSNR"));
+    }
+
+    fn row(self, name: &str, scores: &ViewScores) {
+        let cells = |score: Score| {
+            let lpips = score.lpips.map_or_else(|| "-".to_owned(), |lpips| format!("{lpips:.4}"));
+            [format!("{:.3}", score.psnr), format!("{:.4}", score.ssim), lpips]
+        };
+        self.line(name, &cells(scores.base), &scores.image.map(cells).unwrap_or_default());
+    }
+
+    fn line(self, name: &str, base: &[String; 3], image: &[String; 3]) {
+        let mut line = format!("{name:<32}");
+        for [psnr, ssim, lpips] in [base, image].into_iter().take(if self.with_final { 2 } else { 1 }) {
+            line += &format!(" {psnr:>11} {ssim:>8}");
+            if self.with_lpips {
+                line += &format!(" {lpips:>8}");
+            }
+        }
+        println!("{line}");
     }
 }
 

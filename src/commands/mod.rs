@@ -17,6 +17,7 @@ pub use outputs::{Output, Place};
 
 use anyhow::Result;
 use ibgs_core::dataset::{self, Dataset, LoadOptions, View, demo};
+use ibgs_core::eval::lpips::Lpips;
 use ibgs_core::eval::{Region, Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use ibgs_core::render::{Frame, Renderer};
@@ -62,19 +63,20 @@ pub fn load_scene(config: &TrainConfig, source: &Path) -> Result<Dataset> {
     Ok(dataset)
 }
 
-/// Renders every held-out view into the model folder, and scores it. `told` hears of each.
+/// Renders every held-out view into the model folder, and scores it, with a network by LPIPS too. `told` hears of each.
 pub fn score_test_views(
     renderer: &Renderer,
     dataset: &Dataset,
     config: &TrainConfig,
     (folder, iteration): (&OutputFolder, u32),
+    lpips: Option<&Lpips>,
     told: impl Fn(&str, &ViewScores),
 ) -> Result<Scores> {
     let mut scores = Scores::default();
     // Without a source it is the built-in scene.
     let is_demo = config.data.source.is_none();
     for view in dataset.test.iter().map(|&index| &dataset.views[index]) {
-        let (frame, scored) = score_view(renderer, view)?;
+        let (frame, scored) = score_view(renderer, view, lpips)?;
         let place = Place { folder, split: Split::Test, iteration, name: &view.name };
         place.write_outputs(&frame, &Output::of(renderer))?;
         place.write_photo(&view.photo)?;
@@ -82,7 +84,7 @@ pub fn score_test_views(
             scores.add_regions(&frame, view)?;
         }
         told(&view.name, &scored);
-        let named = |score: Score| ViewScore { name: view.name.clone(), psnr: score.psnr, ssim: score.ssim };
+        let named = |Score { psnr, ssim, lpips }: Score| ViewScore { name: view.name.clone(), psnr, ssim, lpips };
         scores.base.push(named(scored.base));
         scores.image.extend(scored.image.map(named));
     }
@@ -139,7 +141,7 @@ impl Scores {
     /// `PSNR 29.9 dB, SSIM 0.84`, of the base image too where there is a final one.
     pub fn sentence(&self) -> String {
         let one = |scores: &[ViewScore]| {
-            let Score { psnr, ssim } = means(scores);
+            let Score { psnr, ssim, .. } = means(scores);
             format!("PSNR {psnr:.3} dB, SSIM {ssim:.4}")
         };
         match self.image.is_empty() {
@@ -161,5 +163,6 @@ pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol 
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.clone(),
         device: gpu.describe(),
+        lpips: None,
     }
 }

@@ -18,6 +18,7 @@ pub mod geometry_backward;
 pub mod golden;
 pub mod hourglass;
 pub mod image_loss;
+pub mod lpips;
 pub mod normal_loss;
 pub mod photometric_loss;
 pub mod project;

@@ -84,7 +84,7 @@ fn every_stage_trains_what_it_should() {
     assert!(surface.offsets.iter().any(|&offset| offset != 0.0), "the surface losses move the planes");
     run(&mut trainer, 50);
     let view = &dataset.views[dataset.train[2]];
-    let (frame, scores) = score_view(&trainer.renderer(), view).unwrap();
+    let (frame, scores) = score_view(&trainer.renderer(), view, None).unwrap();
     let (base, image) = (scores.base.psnr, scores.image.unwrap().psnr);
     println!("training view: base {base:.2} dB, final {image:.2} dB");
     assert!(image > base + 0.1, "the residual must help: base {base:.2} dB, final {image:.2} dB");
@@ -153,8 +153,8 @@ fn a_finished_model_is_a_start() {
     assert_eq!(after.len(), start.len());
     assert!(network.is_some() && after.normals != start.normals);
     let view = &dataset.views[dataset.train[2]];
-    let scores = score_view(&warm.renderer(), view).unwrap().1;
-    let before = score_view(&base.renderer(), view).unwrap().1.base.psnr;
+    let scores = score_view(&warm.renderer(), view, None).unwrap().1;
+    let before = score_view(&base.renderer(), view, None).unwrap().1.base.psnr;
     let image = scores.image.unwrap().psnr;
     println!("training view: {before:.2} dB before, final {image:.2} dB");
     assert!(image > before, "{before:.2} dB before, final {image:.2} dB");

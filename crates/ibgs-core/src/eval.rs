@@ -1,48 +1,67 @@
 //! Image metrics and the evaluation of a model (method.md section 9).
 
+pub mod lpips;
+
 use crate::camera::Camera;
 use crate::dataset::{Photo, View};
 use crate::gpu::GpuError;
 use crate::render::{Frame, Rendered, Renderer};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
+use lpips::{Lpips, LpipsError};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
-/// PSNR and SSIM of an image rounded to 8 bits against a photo.
+/// PSNR, SSIM and LPIPS of an image rounded to 8 bits against a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
     /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
     pub psnr: f64,
     /// Mean SSIM over the valid pixels and channels, 11 x 11 Gaussian window, zero padding; 1 without a valid pixel.
     pub ssim: f64,
+    /// LPIPS, 0 for equal images; none where it was not computed.
+    pub lpips: Option<f64>,
 }
 
-/// Compares an image with a photo of the same size. Pixels whose alpha is under one half do not count: the photo takes
-/// the image's value there, for the windows of those beside it.
+/// An image and a photo that are compared, 8-bit RGB row by row. Where a photo's alpha is under one half it takes the
+/// image's value.
+struct Pair {
+    image: Vec<u8>,
+    photo: Vec<u8>,
+    /// Which pixels count.
+    valid: Vec<bool>,
+}
+
+impl Pair {
+    /// # Panics
+    /// When the sizes differ: a bug of ours.
+    fn new(image: &Rendered, photo: &Photo) -> Self {
+        assert_eq!((image.width, image.height), (photo.width, photo.height), "image and photo differ in size");
+        let rendered = image.to_rgb8();
+        let mut given = rendered.clone();
+        let valid: Vec<bool> = photo.rgba.chunks_exact(4).map(|y| y[3] >= 128).collect();
+        let pixels = given.chunks_exact_mut(3).zip(photo.rgba.chunks_exact(4)).zip(&valid);
+        for ((to, from), _) in pixels.filter(|(_, counts)| **counts) {
+            to.copy_from_slice(&from[..3]);
+        }
+        Self { image: rendered, photo: given, valid }
+    }
+}
+
+/// PSNR and SSIM of an image against a photo of the same size. Pixels whose alpha is under one half do not count: the
+/// photo takes the image's value there, for the windows of those beside it.
 ///
 /// # Panics
 /// When the sizes differ: a bug of ours.
 pub fn score(image: &Rendered, photo: &Photo) -> Score {
-    assert_eq!((image.width, image.height), (photo.width, photo.height), "image and photo differ in size");
-    let rendered = image.to_rgb8();
-    let mut squares = 0.0;
-    let mut valid = Vec::with_capacity(rendered.len() / 3);
-    let mut planes = vec![[Vec::new(), Vec::new()], [Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
-    for (x, y) in rendered.chunks_exact(3).zip(photo.rgba.chunks_exact(4)) {
-        let counts = y[3] >= 128;
-        valid.push(counts);
-        for c in 0..3 {
-            let a = f64::from(x[c]) / 255.0;
-            let b = if counts { f64::from(y[c]) / 255.0 } else { a };
-            squares += (a - b) * (a - b);
-            planes[c][0].push(a);
-            planes[c][1].push(b);
-        }
-    }
+    let pair = Pair::new(image, photo);
+    let plane = |rgb: &[u8], c: usize| rgb.chunks_exact(3).map(|p| f64::from(p[c]) / 255.0).collect::<Vec<f64>>();
+    let planes = [0, 1, 2].map(|c| [plane(&pair.image, c), plane(&pair.photo, c)]);
+    let squares: f64 = planes.iter().flat_map(|[a, b]| a.iter().zip(b)).map(|(a, b)| (a - b) * (a - b)).sum();
     let (width, height) = (image.width as usize, image.height as usize);
-    let ssim: f64 = planes.par_iter().map(|[a, b]| ssim_plane(a, b, &valid, width, height)).sum();
-    let count = valid.iter().filter(|counts| **counts).count();
-    Score { psnr: -10.0 * (squares / (3 * count.max(1)) as f64).log10(), ssim: ssim / 3.0 }
+    let ssim: f64 = planes.par_iter().map(|[a, b]| ssim_plane(a, b, &pair.valid, width, height)).sum();
+    let count = pair.valid.iter().filter(|counts| **counts).count();
+    let psnr = -10.0 * (squares / (3 * count.max(1)) as f64).log10();
+    Score { psnr, ssim: ssim / 3.0, lpips: None }
 }
 
 /// Squared errors summed over a part of several images rounded to 8 bits.
@@ -124,14 +143,18 @@ pub struct ViewScores {
     pub image: Option<Score>,
 }
 
-/// Renders a view and compares its images with its photo.
+/// Renders a view and compares its images with its photo; with a network for LPIPS by that too.
 ///
 /// # Errors
-/// Not enough memory, or the device is lost.
-pub fn score_view(renderer: &Renderer, view: &View) -> Result<(Frame, ViewScores), GpuError> {
+/// Not enough memory, the device is lost, or an image that LPIPS cannot be computed of.
+pub fn score_view(renderer: &Renderer, view: &View, lpips: Option<&Lpips>) -> Result<(Frame, ViewScores), LpipsError> {
     let frame = renderer.render(&view.camera)?;
-    let base = score(&frame.base()?, &view.photo);
-    let image = frame.image()?.map(|image| score(&image, &view.photo));
+    let scored = |image: &Rendered| {
+        let lpips = lpips.map(|network| network.distance(image, &view.photo)).transpose()?;
+        Ok::<_, LpipsError>(Score { lpips, ..score(image, &view.photo) })
+    };
+    let base = scored(&frame.base()?)?;
+    let image = frame.image()?.as_ref().map(scored).transpose()?;
     Ok((frame, ViewScores { base, image }))
 }
 

@@ -197,7 +197,7 @@ impl Run {
         }
         let renderer = self.trainer.renderer();
         let target = (&self.folder, iteration);
-        let scores = score_test_views(&renderer, &self.dataset, &self.config, target, |_, _| {})?;
+        let scores = score_test_views(&renderer, &self.dataset, &self.config, target, None, |_, _| {})?;
         scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
         let ms = 1e3 * self.watch.total().as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(

@@ -9,6 +9,7 @@ pub mod network;
 mod operation;
 pub mod path;
 pub mod pth;
+pub mod state_dict;
 pub mod variant;
 pub mod weights;
 

@@ -1,8 +1,7 @@
 //! The published code's `color_aggregation_network.pth`.
 
+use super::state_dict::StateDict;
 use super::weights::{NetworkError, assemble};
-use pytorch_reader::{DType, PytorchReader};
-use std::fs::File;
 use std::path::Path;
 
 /// Reads flat weights from a PyTorch state dict, as the published code saves it. Nothing in the file is executed: its
@@ -11,22 +10,8 @@ use std::path::Path;
 /// # Errors
 /// A file that cannot be read or is damaged, a tensor that is missing or has another shape or type, values not finite.
 pub fn read_pth(path: &Path) -> Result<Vec<f32>, NetworkError> {
-    File::open(path).map_err(|source| NetworkError::Read { path: path.to_owned(), source })?;
-    let bad = |reason: String| NetworkError::BadFile { path: path.to_owned(), reason };
-    let reader = PytorchReader::new(path).map_err(|e| bad(e.to_string()))?;
-    assemble(path, |name| {
-        let Some(tensor) = reader.get(name) else {
-            return Ok(None);
-        };
-        if tensor.dtype() != DType::F32 {
-            let found = format!("{:?}", tensor.dtype());
-            return Err(NetworkError::Type { path: path.to_owned(), tensor: name.to_owned(), found });
-        }
-        // The reader has already turned the bytes into this machine's order.
-        let bytes = tensor.read().map_err(|e| bad(e.to_string()))?;
-        let values = bytes.as_chunks().0.iter().map(|b| f32::from_ne_bytes(*b)).collect();
-        Ok(Some((tensor.shape().to_vec(), values)))
-    })
+    let file = StateDict::open_pth(path)?;
+    assemble(path, |name| file.tensor(name))
 }
 
 #[cfg(test)]

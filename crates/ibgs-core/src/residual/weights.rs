@@ -2,10 +2,11 @@
 
 use super::layers::{LAYERS, Layer, MLP1, MLP2, WEIGHTS};
 use super::pth::read_pth;
+use super::state_dict::{StateDict, Values};
 use crate::files::{WriteError, write_atomically};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView, serialize};
+use safetensors::tensor::{Dtype, SafeTensorError, TensorView, serialize};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -120,7 +121,7 @@ fn tensors() -> Vec<Named> {
 /// Flat weights from named tensors; `find` gives the shape and the values of a tensor, or None where there is none.
 pub(super) fn assemble(
     path: &Path,
-    mut find: impl FnMut(&str) -> Result<Option<(Vec<usize>, Vec<f32>)>, NetworkError>,
+    mut find: impl FnMut(&str) -> Result<Option<Values>, NetworkError>,
 ) -> Result<Vec<f32>, NetworkError> {
     let mut weights = Vec::with_capacity(WEIGHTS);
     for tensor in tensors() {
@@ -135,11 +136,6 @@ pub(super) fn assemble(
     }
     check(&path.display().to_string(), &weights)?;
     Ok(weights)
-}
-
-/// Little-endian 32-bit floats.
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
 }
 
 fn check(place: &str, weights: &[f32]) -> Result<(), NetworkError> {
@@ -187,19 +183,8 @@ pub fn read(path: &Path) -> Result<Vec<f32>, NetworkError> {
 /// # Errors
 /// As [`read`].
 pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Vec<f32>, NetworkError> {
-    let bad = |e: SafeTensorError| NetworkError::BadFile { path: path.to_owned(), reason: e.to_string() };
-    let file = SafeTensors::deserialize(bytes).map_err(bad)?;
-    assemble(path, |name| {
-        let view = match file.tensor(name) {
-            Err(SafeTensorError::TensorNotFound(_)) => return Ok(None),
-            found => found.map_err(bad)?,
-        };
-        if view.dtype() != Dtype::F32 {
-            let found = format!("{:?}", view.dtype());
-            return Err(NetworkError::Type { path: path.to_owned(), tensor: name.to_owned(), found });
-        }
-        Ok(Some((view.shape().to_vec(), floats(view.data()))))
-    })
+    let file = StateDict::of_safetensors(bytes.into(), path)?;
+    assemble(path, |name| file.tensor(name))
 }
 
 /// Writes flat weights as a safetensors file in one step, tensors named as in the published state dict.

@@ -13,6 +13,8 @@ pub struct ViewScore {
     pub psnr: f64,
     /// Structural similarity, 11 x 11 Gaussian window (method.md section 7).
     pub ssim: f64,
+    /// LPIPS (method.md section 9), where it was computed.
+    pub lpips: Option<f64>,
 }
 
 /// Which image was scored.
@@ -47,12 +49,17 @@ pub struct Protocol {
     pub principal_point: String,
     /// Name of the adapter.
     pub device: String,
+    /// Network of LPIPS and range of its images, where it was computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips: Option<String>,
 }
 
-/// Mean PSNR and SSIM over the views; not a number without any.
+/// Mean scores over the views; not a number without any. LPIPS where every view has it.
 pub fn means(scores: &[ViewScore]) -> Score {
     let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
-    Score { psnr: mean(|score| score.psnr), ssim: mean(|score| score.ssim) }
+    let lpips: Option<f64> = scores.iter().map(|score| score.lpips).sum();
+    let lpips = lpips.map(|sum| sum / scores.len() as f64);
+    Score { psnr: mean(|score| score.psnr), ssim: mean(|score| score.ssim), lpips }
 }
 
 /// Means over the views and the protocol.
@@ -61,7 +68,7 @@ pub(super) fn summary(scores: &[ViewScore], protocol: &Protocol) -> Value {
     json!({
         "SSIM": mean.ssim,
         "PSNR": mean.psnr,
-        "LPIPS": null,
+        "LPIPS": mean.lpips,
         "views": scores.len(),
         "protocol": protocol,
     })
@@ -75,6 +82,6 @@ pub(super) fn per_view(scores: &[ViewScore]) -> Value {
     json!({
         "SSIM": by_name(|score| json!(score.ssim)),
         "PSNR": by_name(|score| json!(score.psnr)),
-        "LPIPS": by_name(|_| Value::Null),
+        "LPIPS": by_name(|score| json!(score.lpips)),
     })
 }

@@ -1,0 +1,183 @@
+//! LPIPS against its double-precision twin, through files of weights as users have them.
+
+use crate::common::gpu;
+use crate::reference::lpips::{Layer, Network, distance};
+use ibgs_core::dataset::Photo;
+use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsError, LpipsWeights};
+use ibgs_core::render::Rendered;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use safetensors::tensor::{Dtype, TensorView, serialize_to_file};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// Outputs of each block's layers, and how often.
+const SHAPE: [(usize, usize); 5] = [(64, 2), (128, 2), (256, 3), (512, 3), (512, 3)];
+/// Their numbers in torchvision's network.
+const NUMBERS: [&[usize]; 5] = [&[0, 2], &[5, 7], &[10, 12, 14], &[17, 19, 21], &[24, 26, 28]];
+
+/// A network of random weights, about as large as those of a trained one.
+fn network() -> &'static Network {
+    static NETWORK: OnceLock<Network> = OnceLock::new();
+    NETWORK.get_or_init(|| {
+        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let mut inputs = 3;
+        let mut network = Network { blocks: Vec::new(), linear: Vec::new() };
+        for (outputs, count) in SHAPE {
+            let mut block = Vec::new();
+            for _ in 0..count {
+                let bound = (6.0 / (9 * inputs) as f32).sqrt();
+                let weight = (0..9 * inputs * outputs).map(|_| rng.random_range(-bound..bound)).collect();
+                block.push(Layer { weight, bias: (0..outputs).map(|_| rng.random_range(-0.1..0.1)).collect() });
+                inputs = outputs;
+            }
+            network.blocks.push(block);
+            network.linear.push((0..outputs).map(|_| rng.random_range(0.0..1.0)).collect());
+        }
+        network
+    })
+}
+
+type Named = Vec<(String, Vec<usize>, Vec<f32>)>;
+
+/// The network's tensors: trunk, then linear layers. `package`: under the names of the `lpips` package, else torchvision's.
+fn tensors(package: bool) -> (Named, Named) {
+    let (mut trunk, mut linear, mut inputs) = (Named::new(), Named::new(), 3);
+    for (b, (block, weights)) in network().blocks.iter().zip(&network().linear).enumerate() {
+        for (layer, number) in block.iter().zip(NUMBERS[b]) {
+            let outputs = layer.bias.len();
+            let name = if package { format!("net.slice{}.{number}", b + 1) } else { format!("features.{number}") };
+            trunk.push((format!("{name}.weight"), vec![outputs, inputs, 3, 3], layer.weight.clone()));
+            trunk.push((format!("{name}.bias"), vec![outputs], layer.bias.clone()));
+            inputs = outputs;
+        }
+        linear.push((format!("lin{b}.model.1.weight"), vec![1, inputs, 1, 1], weights.clone()));
+    }
+    (trunk, linear)
+}
+
+fn write(path: &Path, tensors: &Named) {
+    let view = |(name, shape, values): &(String, Vec<usize>, Vec<f32>)| {
+        (name.clone(), shape.clone(), bytemuck::cast_slice::<f32, u8>(values).to_vec())
+    };
+    let held: Vec<_> = tensors.iter().map(view).collect();
+    let views =
+        held.iter().map(|(name, shape, bytes)| (name, TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap()));
+    serialize_to_file(views, None, path).unwrap();
+}
+
+/// The network as one file under the package's names.
+pub fn write_network(path: &Path) {
+    let (mut all, linear) = tensors(true);
+    all.extend(linear);
+    write(path, &all);
+}
+
+fn photo(seed: u64, width: u32, height: u32) -> Photo {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let rgba = (0..width * height).flat_map(|_| [rng.random(), rng.random(), rng.random(), 255]).collect();
+    Photo { width, height, rgba }
+}
+
+fn rendered(photo: &Photo) -> Rendered {
+    let rgb = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).map(|v| f32::from(v) / 255.0).collect();
+    Rendered { width: photo.width, height: photo.height, rgb }
+}
+
+fn load(paths: &[PathBuf]) -> LpipsWeights {
+    LpipsWeights::load(paths).unwrap()
+}
+
+#[test]
+fn distances_agree_with_the_twin_in_both_ranges() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lpips.safetensors");
+    write_network(&path);
+    let weights = load(std::slice::from_ref(&path));
+    // Odd sizes, so that poolings leave rows and columns out.
+    let (width, height) = (35, 21);
+    let (a, mut b) = (photo(1, width, height), photo(2, width, height));
+    // Masked pixels take the image's value, whatever the photo has there.
+    for pixel in [0, 7, 100, 400] {
+        b.rgba[4 * pixel + 3] = 100;
+    }
+    let image = rendered(&a);
+    let floats = |photo: &Photo| -> Vec<f64> {
+        let pixels = photo.rgba.chunks_exact(4).zip(a.rgba.chunks_exact(4));
+        pixels
+            .flat_map(|(p, a)| if p[3] < 128 { [a[0], a[1], a[2]] } else { [p[0], p[1], p[2]] })
+            .map(|v| f64::from(v) / 255.0)
+            .collect()
+    };
+    let (x, y) = (floats(&a), floats(&b));
+    for (range, signed) in [(InputRange::Signed, true), (InputRange::Published, false)] {
+        let lpips = Lpips::new(gpu(), &weights, range, BAND_BYTES);
+        let ours = lpips.distance(&image, &b).unwrap();
+        let twin = distance(network(), [height as usize, width as usize], [&x, &y], signed);
+        println!("{range:?}: {ours} against {twin}, relative error {:.1e}", (ours / twin - 1.0).abs());
+        assert!(twin > 0.01 && (ours - twin).abs() <= 1e-4 * twin, "{range:?}: {ours} against {twin}");
+        assert!(lpips.distance(&image, &a).unwrap() < 1e-9, "an image differs from itself");
+    }
+    let lpips = Lpips::new(gpu(), &weights, InputRange::Signed, BAND_BYTES);
+    let small = photo(3, 40, 15);
+    let text = lpips.distance(&rendered(&small), &small).unwrap_err().to_string();
+    assert!(text.contains("40 x 15"), "{text}");
+}
+
+#[test]
+fn bands_give_the_distance_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lpips.safetensors");
+    write_network(&path);
+    let weights = load(&[path]);
+    let (width, height) = (16, 265);
+    let (a, b) = (photo(4, width, height), photo(5, width, height));
+    let with = |rows: u64| {
+        let bytes = rows * 4 * 64 * u64::from(width);
+        Lpips::new(gpu(), &weights, InputRange::Signed, bytes).distance(&rendered(&a), &b)
+    };
+    let whole = with(265).unwrap();
+    // Five bands of 48 rows and one of 25; four of 64 and one of 9, too few for a feature of the last block.
+    for rows in [2 * 96 + 48, 2 * 96 + 64 + 5] {
+        let banded = with(rows).unwrap();
+        println!("whole {whole}, in bands {banded}");
+        assert!((banded / whole - 1.0).abs() < 1e-5, "{banded} against {whole}");
+    }
+    let Err(LpipsError::TooWide { bytes, .. }) = with(2 * 96) else { panic!("208 rows do not fit into 192") };
+    assert_eq!(bytes, 208 * 4 * 64 * 16);
+}
+
+#[test]
+fn two_files_are_as_good_as_one_and_bad_ones_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    write_network(&path("whole.safetensors"));
+    let (trunk, mut linear) = tensors(false);
+    write(&path("vgg16.safetensors"), &trunk);
+    write(&path("vgg.safetensors"), &linear);
+    let whole = load(&[path("whole.safetensors")]);
+    assert!(load(&[path("vgg16.safetensors"), path("vgg.safetensors")]) == whole);
+    assert!(load(&[path("vgg.safetensors"), path("vgg16.safetensors")]) == whole);
+    let text = |names: &[&str]| {
+        let paths: Vec<PathBuf> = names.iter().map(|name| path(name)).collect();
+        LpipsWeights::load(&paths).unwrap_err().to_string()
+    };
+    let of_one = text(&["vgg.safetensors"]);
+    assert!(
+        of_one.contains("`net.slice1.0.weight` or `features.0.weight`") && of_one.contains("torchvision"),
+        "{of_one}"
+    );
+    assert!(text(&["vgg16.safetensors"]).contains("lin0.model.1.weight"));
+    linear[2].1 = vec![256];
+    write(&path("shape.safetensors"), &linear);
+    let shape = text(&["vgg16.safetensors", "shape.safetensors"]);
+    assert!(
+        shape.contains("lin2.model.1.weight") && shape.contains("[256]") && shape.contains("shape.safe"),
+        "{shape}"
+    );
+    linear[2].1 = vec![1, 256, 1, 1];
+    linear[3].2[5] = f32::NAN;
+    write(&path("nan.safetensors"), &linear);
+    let nan = text(&["vgg16.safetensors", "nan.safetensors"]);
+    assert!(nan.contains("value 5") && nan.contains("lin3.model.1.weight") && nan.contains("nan.safe"), "{nan}");
+}
