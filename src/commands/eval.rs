@@ -8,6 +8,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
 use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::figures::{SPEED_FILE, TIME_FILE};
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -73,7 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
         Some(how) => println!("LPIPS: {how}"),
         None => println!("LPIPS not computed"),
     }
-    Ok(model.folder.write_result(model.iteration, "result_fps_mem.json", report)?)
+    Ok(model.folder.write_result(model.iteration, SPEED_FILE, report)?)
 }
 
 /// The printed table of scores.
@@ -120,7 +121,7 @@ fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Valu
     let gaussians = size(&model.folder.point_cloud_path(model.iteration));
     let poses = size(&model.folder.cameras_path());
     let bundle = model.bundle_bytes;
-    let training = std::fs::read_to_string(model.folder.root().join("result_training.json")).ok();
+    let training = std::fs::read_to_string(model.folder.root().join(TIME_FILE)).ok();
     let training: Option<Value> = training.and_then(|text| serde_json::from_str(&text).ok());
     let mut report = json!({
         "FPS_warm": warm,

@@ -55,6 +55,7 @@ fn check_model_folder(sandbox: &Sandbox) {
         "results_renders.json",
         "results_renders_aggregate.json",
         "split.json",
+        "training_log.json",
         PLY,
         NETWORK,
         // The first save and evaluation: 7,000 of 30,000 iterations, scaled. The residual begins after 10,000.
@@ -290,7 +291,14 @@ fn a_model_is_kept_unless_overwriting_is_asked_for() {
     sandbox.write("taken/split.json", "{}");
     sandbox.fails("train scene --iterations 2 -m taken", &["taken", "split.json"]);
     sandbox.write("model/notes.txt", "mine");
-    let of_the_old_model = ["result_training.json", "result_fps_mem.json", "results_renders.json", "results_mesh.json"];
+    let of_the_old_model = [
+        "result_training.json",
+        "result_fps_mem.json",
+        "results_renders.json",
+        "results_mesh.json",
+        "training_log.json",
+        "report.html",
+    ];
     for name in of_the_old_model {
         sandbox.write(&format!("model/{name}"), r#"{"ours_3": {}}"#);
     }

@@ -13,6 +13,8 @@ use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
+use ibgs_core::train::output::figures::TIME_FILE;
+use ibgs_core::train::output::log::{LogEntry, TrainingLog};
 use ibgs_core::train::output::results::{ViewScore, means};
 use ibgs_viewer::{Evaluation, Progress, Training};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -48,6 +50,7 @@ pub struct Run {
     folder: OutputFolder,
     /// Time and memory of the iterations alone.
     watch: Watch,
+    log: TrainingLog,
     evaluations: Vec<Evaluation>,
     /// The model some time ago.
     copy: Option<Copy>,
@@ -65,8 +68,9 @@ impl Run {
         folder: OutputFolder,
         started: Instant,
     ) -> Self {
-        let (watch, evaluations, copy) = (Watch::default(), Vec::new(), None);
-        Self { trainer, raster, dataset, config, folder, watch, evaluations, copy, copied: None, started }
+        let (watch, log) = (Watch::default(), TrainingLog::default());
+        let (evaluations, copy) = (Vec::new(), None);
+        Self { trainer, raster, dataset, config, folder, watch, log, evaluations, copy, copied: None, started }
     }
 
     /// The GPU that it trains on.
@@ -135,6 +139,7 @@ impl Run {
             self.raster.gpu().wait()?;
         }
         self.watch.spent(start.elapsed());
+        self.note();
         if self.copied.is_none_or(|at| at.elapsed() >= COPY_EVERY) {
             self.copy = Some(self.to_host()?);
             self.copied = Some(Instant::now());
@@ -142,8 +147,17 @@ impl Run {
         Ok(due)
     }
 
+    /// Takes what the training tells into its log, which leaves out what it knows.
+    fn note(&mut self) {
+        let Progress { iteration, loss, psnr, gaussians, seconds, .. } = self.progress();
+        if let (Some(loss), Some(psnr)) = (loss, psnr) {
+            self.log.add(LogEntry { iteration, loss, psnr, gaussians, seconds });
+        }
+    }
+
     /// Saves and measures.
     fn settle(&mut self, due: Due) -> Result<()> {
+        self.folder.write_log(&self.log)?;
         if due.save {
             self.write(&self.to_host()?)?;
         }
@@ -227,7 +241,7 @@ impl Run {
             "stages": self.watch.json(),
             "device": self.raster.gpu().describe(),
         });
-        Ok(self.folder.write_result(self.trainer.iteration(), "result_training.json", time)?)
+        Ok(self.folder.write_result(self.trainer.iteration(), TIME_FILE, time)?)
     }
 }
 

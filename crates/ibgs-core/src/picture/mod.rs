@@ -3,6 +3,7 @@
 
 pub mod exr;
 mod scale_bar;
+pub mod web;
 
 use crate::files::WriteError;
 use crate::image_io::write_png;

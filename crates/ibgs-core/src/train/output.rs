@@ -14,13 +14,17 @@
 //! results_renders_aggregate.json  per_view_renders_aggregate.json
 //!                                                      scores of the final image
 //! result_training.json                                 time of the training
+//! training_log.json                                    loss, PSNR and Gaussians over the training
 //! result_fps_mem.json                                  speed, memory and storage, once measured
 //! results_mesh.json                                    scores of the mesh, once measured
+//! report.html                                          all of it to look at, once measured
 //! ```
 //! A folder of the published code has no `config.toml`, and its network in `color_aggregation_network.pth`.
 
 pub mod cameras;
 mod error;
+pub mod figures;
+pub mod log;
 pub mod multi_view;
 pub mod results;
 
@@ -41,6 +45,9 @@ use std::path::{Component, Path, PathBuf};
 
 /// What one file of the folder says about the run, by name; used to tell our folders from others.
 const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
+
+/// File of the report on a model.
+pub const REPORT_FILE: &str = "report.html";
 
 /// Extensions of photo names, which a picture's `.png` replaces.
 const PHOTO_EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "bmp", "webp"];
@@ -333,7 +340,14 @@ impl OutputFolder {
             }
         }
         let scores = [Scored::Base, Scored::Final].map(Scored::files);
-        let others = ["result_fps_mem.json", "result_training.json", "results_mesh.json", "multi_view.json"];
+        let others = [
+            figures::SPEED_FILE,
+            figures::TIME_FILE,
+            figures::LOG_FILE,
+            REPORT_FILE,
+            "results_mesh.json",
+            "multi_view.json",
+        ];
         for file in scores.as_flattened().iter().chain(&others) {
             let path = self.root.join(file);
             match fs::remove_file(&path) {
