@@ -1,14 +1,17 @@
 //! `ibgs eval`
 
 use super::model::ModelArgs;
+use super::report::Report;
 use super::{Model, protocol, score_test_views};
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
+use ibgs_core::dataset::{Dataset, View};
 use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
+use ibgs_core::train::output::REPORT_FILE;
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::figures::{SPEED_FILE, TIME_FILE};
+use ibgs_core::train::output::figures::{Figures, SPEED_FILE, TIME_FILE};
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -34,12 +37,18 @@ pub struct Args {
     /// Range of the images that LPIPS compares.
     #[arg(long, value_enum, default_value = "signed", requires = "lpips_weights")]
     lpips_range: Range,
+    /// File of the report, a page with figures, curves and pictures [default: MODEL/report.html].
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let weights = Some(&args.lpips_weights).filter(|files| !files.is_empty());
     let weights = weights.map(|files| LpipsWeights::load(files)).transpose()?;
+    if let Some(path) = args.report.as_ref().filter(|path| path.is_dir()) {
+        bail!("the report cannot replace the folder {}; give `--report` a file", path.display());
+    }
     let mut model = Model::open(&args.model)?;
     let dataset = model.dataset(&args.model)?.clone();
     if dataset.test.is_empty() {
@@ -65,8 +74,8 @@ pub fn run(args: &Args) -> Result<()> {
     drop(lpips);
     model.renderer.gpu().release_unused();
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
-    let report = report(&model, &cameras, photo_bytes(&model, &dataset.path))?;
-    println!("{}", serde_json::to_string_pretty(&report)?);
+    let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
+    println!("{}", serde_json::to_string_pretty(&speed)?);
     if let Some(sentence) = scores.regions_sentence() {
         println!("{sentence}");
     }
@@ -74,7 +83,23 @@ pub fn run(args: &Args) -> Result<()> {
         Some(how) => println!("LPIPS: {how}"),
         None => println!("LPIPS not computed"),
     }
-    Ok(model.folder.write_result(model.iteration, SPEED_FILE, report)?)
+    model.folder.write_result(model.iteration, SPEED_FILE, speed)?;
+    write_report(args, &model, &dataset)
+}
+
+fn write_report(args: &Args, model: &Model, dataset: &Dataset) -> Result<()> {
+    let path = args.report.clone().unwrap_or_else(|| model.folder.root().join(REPORT_FILE));
+    let views: Vec<&View> = dataset.test.iter().map(|&index| &dataset.views[index]).collect();
+    let report = Report {
+        name: &args.model.model.display().to_string(),
+        folder: &model.folder,
+        figures: &Figures::read(&model.folder, model.iteration)?,
+        views: &views,
+        options: &model.config.to_text()?,
+    };
+    report.write(&path)?;
+    eprintln!("report: {}", path.display());
+    Ok(())
 }
 
 /// The printed table of scores.
@@ -111,7 +136,7 @@ impl Table {
 }
 
 /// Speed, memory and storage.
-fn report(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
+fn speed(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
     let renderer = &model.renderer;
     let warm = frames_per_second(renderer, cameras, Cache::Warm)?;
     let memory = renderer.gpu().memory_report().map(|report| report.reserved_bytes);

@@ -8,6 +8,7 @@ pub mod mesh;
 mod model;
 mod outputs;
 pub mod render;
+pub mod report;
 pub mod suite;
 pub mod train;
 pub mod view;

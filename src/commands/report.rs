@@ -1,0 +1,250 @@
+//! The report on a model: one HTML file with its figures, curves and pictures.
+
+pub mod page;
+pub mod plot;
+
+use anyhow::{Context, Result};
+use ibgs_core::dataset::View;
+use ibgs_core::files::write_atomically;
+use ibgs_core::image_io::read_picture;
+use ibgs_core::memory::Bytes;
+use ibgs_core::picture::Picture;
+use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::figures::{Figures, Scores, Speed, Time};
+use ibgs_core::train::output::results::Protocol;
+use ibgs_core::train::output::{OutputFolder, PictureKind};
+use page::{Cell, Layer, number};
+use plot::{Plot, Series};
+use std::path::Path;
+
+/// Longest side of a picture in a page.
+pub const PICTURE_SIDE: u32 = 800;
+
+/// What a report is made of.
+pub struct Report<'a> {
+    /// What the model is called.
+    pub name: &'a str,
+    /// Where its pictures lie.
+    pub folder: &'a OutputFolder,
+    /// Its figures.
+    pub figures: &'a Figures,
+    /// The held-out views.
+    pub views: &'a [&'a View],
+    /// Its options, as TOML.
+    pub options: &'a str,
+}
+
+impl Report<'_> {
+    /// Writes it.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let figures = self.figures;
+        let mut body = format!("<p class=\"soft\">Iteration {}</p>\n", figures.iteration);
+        body += &page::section("Means over the held-out views", &self.means());
+        body += &page::section("Training", &training(figures));
+        body += &page::section("Speed, memory and storage", &costs(figures.speed.as_ref(), figures.time.as_ref()));
+        body += &page::section("Views", &self.table());
+        body += &page::section("Pictures", &self.pictures()?);
+        let options = page::escape(self.options);
+        body += &format!("<details><summary>Options</summary>\n<pre>{options}</pre></details>\n");
+        let html = page::document(self.name, &body);
+        Ok(write_atomically(path, |out| out.write_all(html.as_bytes()))?)
+    }
+
+    fn means(&self) -> String {
+        let row = |name: &str, scores: &Scores| -> Vec<Cell> {
+            let means = &scores.means;
+            let values = [number(means.psnr, 3), number(means.ssim, 4), number(means.lpips, 4)];
+            std::iter::once(name.to_owned()).chain(values).map(Cell::from).collect()
+        };
+        let [image, base] = [("final image", &self.figures.image), ("base image", &self.figures.base)]
+            .map(|(name, scores)| scores.as_ref().map(|scores| row(name, scores)));
+        let rows: Vec<_> = image.into_iter().chain(base).collect();
+        let table = page::table(&["", "PSNR in dB ↑", "SSIM ↑", "LPIPS ↓"], &rows);
+        let protocol = self.figures.protocol().map(|protocol| format!("Protocol: {}.", sentence(protocol)));
+        table + &protocol.map_or_else(String::new, |text| format!("<p class=\"soft\">{}</p>\n", page::escape(&text)))
+    }
+
+    /// Scores of every view, base and final image beside each other.
+    fn table(&self) -> String {
+        let scores: Vec<&Scores> = self.figures.image.iter().chain(&self.figures.base).collect();
+        let head: &[&str] = match scores.len() {
+            2 => &["View", "final PSNR", "SSIM", "LPIPS", "base PSNR", "SSIM", "LPIPS", "gain in dB"],
+            _ => &["View", "PSNR", "SSIM", "LPIPS"],
+        };
+        let row = |view: &&View| {
+            let mut row = vec![view.name.clone()];
+            for by_view in scores.iter().map(|scores| &scores.views) {
+                let cell = |values: &std::collections::BTreeMap<String, Option<f64>>, decimals| {
+                    number(values.get(&view.name).copied().flatten(), decimals)
+                };
+                row.extend([cell(&by_view.psnr, 3), cell(&by_view.ssim, 4), cell(&by_view.lpips, 4)]);
+            }
+            row.extend((scores.len() == 2).then(|| self.gain(&view.name)));
+            row.into_iter().map(Cell::from).collect()
+        };
+        page::table(head, &self.views.iter().map(row).collect::<Vec<_>>())
+    }
+
+    /// What the final image has more than the base image, `+1.234`.
+    fn gain(&self, view: &str) -> String {
+        let psnr = |scores: &Option<Scores>| scores.as_ref()?.views.psnr.get(view).copied().flatten();
+        let gain = psnr(&self.figures.image).zip(psnr(&self.figures.base)).map(|(image, base)| image - base);
+        gain.map_or_else(|| page::NONE.to_owned(), |gain| format!("{gain:+.3}"))
+    }
+
+    fn pictures(&self) -> Result<String> {
+        let mut cards = String::new();
+        let mut kinds: Vec<&'static str> = Vec::new();
+        for view in self.views {
+            let layers = self.layers(view)?;
+            for layer in &layers {
+                if !kinds.contains(&layer.kind) {
+                    kinds.push(layer.kind);
+                }
+            }
+            let shown = ["photo", if layers.iter().any(|layer| layer.kind == "final") { "final" } else { "base" }];
+            let size = [view.photo.width, view.photo.height];
+            cards += &format!(
+                "<div class=\"view\"><h3>{}</h3>\n<p class=\"soft\">{}</p>\n{}</div>\n",
+                page::escape(&view.name),
+                page::escape(&self.line(&view.name)),
+                page::stage(&view.name, size, &layers, shown)
+            );
+        }
+        if kinds.is_empty() {
+            return Ok(String::new());
+        }
+        let shown = ["photo", if kinds.contains(&"final") { "final" } else { "base" }];
+        let chooser = page::chooser(&kinds, shown);
+        Ok(format!("{}{chooser}<div class=\"views\">\n{cards}</div>\n", page::error_scale()))
+    }
+
+    /// `final 24.86 dB, base 23.33 dB`.
+    fn line(&self, view: &str) -> String {
+        let one = |name: &str, scores: &Option<Scores>| {
+            let psnr = scores.as_ref()?.views.psnr.get(view).copied().flatten()?;
+            Some(format!("{name} {psnr:.2} dB"))
+        };
+        let parts = [one("final", &self.figures.image), one("base", &self.figures.base)];
+        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+    }
+
+    /// The pictures of a view: photo, renders, errors, what the residual adds.
+    fn layers(&self, view: &View) -> Result<Vec<Layer>> {
+        let read = |kind: PictureKind| {
+            let iteration = self.figures.iteration;
+            read_picture(&self.folder.picture_path(Split::Test, iteration, kind.folder(), &view.name))
+        };
+        let (image, base) = (read(PictureKind::Final)?, read(PictureKind::Base)?);
+        let image = image.filter(|_| self.figures.image.is_some());
+        let error = |picture: &Option<Picture>| picture.as_ref().and_then(|picture| picture.error(&view.photo));
+        let (image_error, base_error) = (error(&image), error(&base));
+        let residual = image.as_ref().zip(base.as_ref()).and_then(|(image, base)| image.gain(base));
+        let pictures = [
+            ("photo", Some(Picture::photo(&view.photo))),
+            ("final", image),
+            ("base", base),
+            ("final, error", image_error),
+            ("base, error", base_error),
+            ("final - base, twice", residual),
+        ];
+        let layer = |(kind, picture): (&'static str, Option<Picture>)| {
+            let uri = |picture: Picture| picture.data_uri(PICTURE_SIDE);
+            let uri = picture.map(uri).transpose().with_context(|| format!("the {kind} picture of `{}`", view.name));
+            uri.map(|uri| uri.map(|uri| Layer { kind, uri })).transpose()
+        };
+        pictures.into_iter().filter_map(layer).collect()
+    }
+}
+
+/// What figures depend on, in one sentence.
+pub fn sentence(protocol: &Protocol) -> String {
+    let Protocol { resampler, factor, split, principal_point, device, lpips } = protocol;
+    let lpips = lpips.as_ref().map_or_else(|| "not computed".to_owned(), Clone::clone);
+    format!(
+        "photos at `--resolution {factor}`, resampled by {resampler}; held out {split}; principal point \
+         {principal_point}; LPIPS {lpips}; rendered on {device}"
+    )
+}
+
+/// Curves of a training.
+fn training(figures: &Figures) -> String {
+    let entries = &figures.log.entries;
+    let logged = |value: fn(&ibgs_core::train::output::log::LogEntry) -> f64| {
+        entries.iter().map(|entry| [f64::from(entry.iteration), value(entry)]).collect::<Vec<_>>()
+    };
+    let series = |name: &str, points: Vec<[f64; 2]>, marked| Series { name: name.to_owned(), points, marked };
+    let measured = |points: &[[f64; 2]]| points.to_vec();
+    let x = "iteration";
+    let psnr = vec![
+        series("held-out views, final image", measured(&figures.image_psnr), true),
+        series("held-out views, base image", measured(&figures.base_psnr), true),
+        series("training photos", logged(|entry| entry.psnr.into()), false),
+    ];
+    let plots = [
+        Plot { title: "PSNR", x, y: "dB", series: psnr },
+        Plot { title: "Loss", x, y: "loss", series: vec![series("loss", logged(|entry| entry.loss.into()), false)] },
+        Plot {
+            title: "Gaussians",
+            x,
+            y: "number",
+            series: vec![series("Gaussians", logged(|entry| entry.gaussians as f64), false)],
+        },
+    ];
+    let plots: String = plots.iter().map(Plot::html).collect();
+    if plots.is_empty() { plots } else { format!("<div class=\"plots\">\n{plots}</div>\n") }
+}
+
+/// Bytes on a disk, in millions as papers have them.
+pub fn megabytes(bytes: u64) -> String {
+    format!("{:.2} MB", bytes as f64 * 1e-6)
+}
+
+/// Seconds as people read them, `7 min 47 s`.
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0..60 => format!("{seconds:.1} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+fn costs(speed: Option<&Speed>, time: Option<&Time>) -> String {
+    let mut rows: Vec<(String, String)> = Vec::new();
+    let mut add = |name: &str, value: Option<String>| {
+        if let Some(value) = value {
+            rows.push((name.to_owned(), value));
+        }
+    };
+    let bytes = |bytes: Option<u64>| bytes.map(|bytes| Bytes(bytes).to_string());
+    if let Some(speed) = speed {
+        let fps = |fps: Option<f64>| fps.map(|fps| format!("{fps:.1}"));
+        let storage = &speed.storage_bytes;
+        add("Gaussians", speed.gaussians.map(|count| count.to_string()));
+        add("Frames a second, depth maps kept", fps(speed.fps_warm));
+        add("Frames a second, depth maps made for every frame", fps(speed.fps_cold));
+        add("Device memory", bytes(speed.memory_reserved_bytes));
+        add("Storage", storage.total().map(megabytes));
+        let parts = [
+            ("Storage: Gaussians", storage.gaussians),
+            ("Storage: network", storage.network),
+            ("Storage: photos", storage.photos),
+            ("Storage: poses", storage.poses),
+        ];
+        for (name, part) in parts {
+            add(name, part.map(megabytes));
+        }
+        add("Rendered on", Some(speed.device.clone()));
+    }
+    if let Some(time) = time {
+        let iterations = time.iterations.map_or_else(String::new, |count| format!(" ({count} iterations)"));
+        add("Training", time.seconds.map(|seconds| duration(seconds) + &iterations));
+        for (name, stage) in &time.stages {
+            let peak = bytes(stage.peak_reserved_bytes).map_or_else(String::new, |peak| format!(", peak {peak}"));
+            add(&format!("Training: {name}"), Some(format!("{}{peak}", duration(stage.seconds))));
+        }
+        add("Trained on", Some(time.device.clone()));
+    }
+    if rows.is_empty() { String::new() } else { page::list(&rows) }
+}
