@@ -21,6 +21,8 @@ enum Command {
     Render(commands::render::Args),
     /// Measure a trained model on its held-out views.
     Eval(commands::eval::Args),
+    /// Put the figures of several models beside each other.
+    Compare(commands::compare::Args),
     /// Train and measure all scenes of a benchmark or all runs of a study.
     Suite(commands::suite::Args),
     /// Look at a trained model in a window.
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),
+        Command::Compare(args) => commands::compare::run(&args),
         Command::Suite(args) => commands::suite::run(&args),
         Command::View(args) => commands::view::run(&args),
         Command::Mesh(args) => commands::mesh::run(&args),

@@ -5,11 +5,13 @@ mod bad_machine;
 mod bad_model;
 mod bench;
 mod bundle;
+mod compare;
 mod image_based;
 mod inputs;
 #[cfg(unix)]
 mod interrupt;
 mod mesh;
+mod report;
 mod round;
 mod suite;
 

@@ -58,6 +58,9 @@ pub fn run(args: &Args) -> Result<()> {
         Range::Signed => InputRange::Signed,
         Range::Published => InputRange::Published,
     };
+    // First, so that what LPIPS takes is no part of the model's memory.
+    let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
+    let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
     let lpips = weights.map(|weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES));
     let table = Table { with_final: model.renderer.part().is_some(), with_lpips: lpips.is_some() };
     table.head();
@@ -70,11 +73,6 @@ pub fn run(args: &Args) -> Result<()> {
     let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
     protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
     scores.write(&model.folder, model.iteration, &protocol)?;
-    // Its memory is no part of the model's.
-    drop(lpips);
-    model.renderer.gpu().release_unused();
-    let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
-    let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
     println!("{}", serde_json::to_string_pretty(&speed)?);
     if let Some(sentence) = scores.regions_sentence() {
         println!("{sentence}");

@@ -1,6 +1,7 @@
 //! One module a command: parse, call the core, print.
 
 pub mod bench;
+pub mod compare;
 pub mod eval;
 pub mod export;
 pub mod info;

@@ -1,0 +1,195 @@
+//! `ibgs compare`: the figures of several models beside each other.
+
+mod columns;
+mod page;
+
+use super::report::sentence;
+use anyhow::{Context, Result, bail};
+use clap::Args as ClapArgs;
+use columns::{COLUMNS, Column};
+use ibgs_core::files::write_atomically;
+use ibgs_core::train::output::OutputFolder;
+use ibgs_core::train::output::figures::Figures;
+use ibgs_core::train::output::results::Protocol;
+use serde_json::{Map, Value, json};
+use std::collections::HashSet;
+use std::path::PathBuf;
+
+/// Options of `ibgs compare`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Model folders, as `ibgs train` writes them; two or more.
+    #[arg(required = true, num_args = 2..)]
+    models: Vec<PathBuf>,
+    /// Iteration of every model; left out: the latest of each.
+    #[arg(long)]
+    iteration: Option<u32>,
+    /// Write a page with the table, the curves and the pictures beside each other.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Write the figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// A model and what is known of it.
+struct Run {
+    /// As the command line names it.
+    name: String,
+    folder: OutputFolder,
+    figures: Figures,
+}
+
+impl Run {
+    fn open(path: &PathBuf, iteration: Option<u32>) -> Result<Self> {
+        let folder = OutputFolder::open(path)?;
+        let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
+        let iteration = iteration.unwrap_or(latest);
+        if !folder.point_cloud_path(iteration).is_file() {
+            bail!("{} has no iteration {iteration}; its latest is {latest}", path.display());
+        }
+        let figures = Figures::read(&folder, iteration)?;
+        Ok(Self { name: path.display().to_string(), folder, figures })
+    }
+
+    /// What is not there, and how it is made.
+    fn missing(&self) -> Option<String> {
+        let Figures { base, speed, time, iteration, .. } = &self.figures;
+        let parts = [("scores", base.is_none()), ("speed and storage", speed.is_none())];
+        let eval: Vec<&str> = parts.into_iter().filter(|(_, missing)| *missing).map(|(what, _)| what).collect();
+        let eval = (!eval.is_empty()).then(|| {
+            let what = eval.join(", ");
+            format!("{} has no {what} of iteration {iteration}; run `ibgs eval {}`", self.name, self.name)
+        });
+        let untimed = || format!("{} does not say how long its training to iteration {iteration} took", self.name);
+        eval.or_else(|| time.is_none().then(untimed))
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let runs: Vec<Run> = args.models.iter().map(|path| Run::open(path, args.iteration)).collect::<Result<_>>()?;
+    let mut seen = HashSet::new();
+    if let Some(run) = runs.iter().find(|run| !seen.insert(&run.name)) {
+        bail!("{} is named twice; give different model folders", run.name);
+    }
+    let notes: Vec<String> = runs.iter().filter_map(Run::missing).collect();
+    let warnings = differences(&runs);
+    print_table(&runs);
+    for note in &notes {
+        eprintln!("note: {note}");
+    }
+    for warning in &warnings {
+        eprintln!("warning: {warning}");
+    }
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&to_json(&runs, &warnings, &notes))?;
+        write_atomically(path, |out| writeln!(out, "{text}"))?;
+    }
+    if let Some(path) = &args.output {
+        page::write(path, &runs, &warnings, &notes)?;
+        eprintln!("comparison: {}", path.display());
+    }
+    Ok(())
+}
+
+/// One field of a protocol.
+type Field = fn(&Protocol) -> Option<&String>;
+
+/// What runs are not measured alike by: figures that depend on it are no fair comparison.
+const FIELDS: [(&str, Field); 6] = [
+    ("resolution", |p| Some(&p.factor)),
+    ("resampler", |p| Some(&p.resampler)),
+    ("split", |p| Some(&p.split)),
+    ("principal point", |p| Some(&p.principal_point)),
+    ("device", |p| Some(&p.device)),
+    ("LPIPS", |p| p.lpips.as_ref()),
+];
+
+/// Where the protocols differ, a sentence a field; what is not known differs from nothing.
+fn differences(runs: &[Run]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for (name, field) in FIELDS {
+        let of = |run: &'_ Run| run.figures.protocol().and_then(field).map(|value| (run.name.clone(), value.clone()));
+        let known: Vec<(String, String)> = runs.iter().filter_map(of).collect();
+        if known.iter().any(|(_, value)| *value != known[0].1) {
+            let values: Vec<String> = known.iter().map(|(run, value)| format!("{run}: {value}")).collect();
+            warnings.push(format!("the models differ in {name}: {}", values.join("; ")));
+        }
+    }
+    warnings.extend(unlike_views(runs));
+    warnings
+}
+
+/// Runs that were scored on other views than the first one.
+fn unlike_views(runs: &[Run]) -> Option<String> {
+    let views = |run: &Run| -> Option<Vec<String>> {
+        Some(run.figures.base.as_ref()?.views.psnr.keys().cloned().collect()).filter(|names: &Vec<_>| !names.is_empty())
+    };
+    let known: Vec<Vec<String>> = runs.iter().filter_map(views).collect();
+    let unlike = known.iter().any(|names| *names != known[0]);
+    unlike.then(|| "the models are not measured on the same views".to_owned())
+}
+
+/// Which run is best in a column; none where fewer than two are known or all are alike.
+fn best(runs: &[Run], column: &Column) -> Option<f64> {
+    let values: Vec<f64> = runs.iter().filter_map(|run| (column.value)(&run.figures)).collect();
+    let (low, high) = (values.iter().copied().reduce(f64::min)?, values.iter().copied().reduce(f64::max)?);
+    if values.len() < 2 || low == high {
+        return None;
+    }
+    Some(if column.more_is_better { high } else { low })
+}
+
+/// Text of every column of every run, and whether it is the best one.
+fn cells(runs: &[Run]) -> Vec<Vec<(String, bool)>> {
+    let best: Vec<Option<f64>> = COLUMNS.iter().map(|column| best(runs, column)).collect();
+    let row = |run: &Run| {
+        let cell = |(column, best): (&Column, &Option<f64>)| match (column.value)(&run.figures) {
+            None => ("-".to_owned(), false),
+            Some(value) => ((column.text)(value), Some(value) == *best),
+        };
+        COLUMNS.iter().zip(&best).map(cell).collect()
+    };
+    runs.iter().map(row).collect()
+}
+
+/// The table on the terminal: a line a model, the best value of a column with a star.
+fn print_table(runs: &[Run]) {
+    let rows = cells(runs);
+    let name_width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max("model".len());
+    let texts: Vec<Vec<String>> = rows
+        .iter()
+        .map(|row| row.iter().map(|(text, best)| format!("{text}{}", if *best { "*" } else { " " })).collect())
+        .collect();
+    let head = COLUMNS.iter().map(|column| format!("{} ", column.title)).collect::<Vec<_>>();
+    let width = |c: usize| texts.iter().map(|row| row[c].chars().count()).max().unwrap_or(0).max(head[c].len());
+    let line = |name: &str, cells: &[String]| {
+        let cells: String =
+            cells.iter().enumerate().map(|(c, text)| format!("  {text:>width$}", width = width(c))).collect();
+        println!("{}", format!("{name:<name_width$}{cells}").trim_end());
+    };
+    line("model", &head);
+    for (run, row) in runs.iter().zip(&texts) {
+        line(&run.name, row);
+    }
+    println!("* the best of its column");
+}
+
+fn to_json(runs: &[Run], warnings: &[String], notes: &[String]) -> Value {
+    let one = |run: &Run| {
+        let figures = COLUMNS.iter().map(|column| (column.key.to_owned(), json!((column.value)(&run.figures))));
+        json!({
+            "model": run.name,
+            "iteration": run.figures.iteration,
+            "figures": figures.collect::<Map<_, _>>(),
+            "protocol": run.figures.protocol(),
+        })
+    };
+    json!({ "models": runs.iter().map(one).collect::<Vec<_>>(), "warnings": warnings, "notes": notes })
+}
+
+/// What a run's figures depend on, for the page.
+fn protocol_line(run: &Run) -> Option<String> {
+    run.figures.protocol().map(sentence)
+}
