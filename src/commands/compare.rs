@@ -13,7 +13,7 @@ use ibgs_core::train::output::figures::Figures;
 use ibgs_core::train::output::results::Protocol;
 use serde_json::{Map, Value, json};
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `ibgs compare`.
 #[derive(ClapArgs)]
@@ -41,7 +41,7 @@ struct Run {
 }
 
 impl Run {
-    fn open(path: &PathBuf, iteration: Option<u32>) -> Result<Self> {
+    fn open(path: &Path, iteration: Option<u32>) -> Result<Self> {
         let folder = OutputFolder::open(path)?;
         let latest = folder.latest_iteration()?.context("the folder holds no point cloud")?;
         let iteration = iteration.unwrap_or(latest);

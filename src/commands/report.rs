@@ -146,7 +146,7 @@ impl Report<'_> {
             ("base", base),
             ("final, error", image_error),
             ("base, error", base_error),
-            ("final - base, twice", residual),
+            ("residual, doubled", residual),
         ];
         let layer = |(kind, picture): (&'static str, Option<Picture>)| {
             let uri = |picture: Picture| picture.data_uri(PICTURE_SIDE);
@@ -240,7 +240,10 @@ fn costs(speed: Option<&Speed>, time: Option<&Time>) -> String {
     if let Some(time) = time {
         let iterations = time.iterations.map_or_else(String::new, |count| format!(" ({count} iterations)"));
         add("Training", time.seconds.map(|seconds| duration(seconds) + &iterations));
-        for (name, stage) in &time.stages {
+        // In the order of the training.
+        let mut stages: Vec<_> = time.stages.iter().collect();
+        stages.sort_by_key(|(name, _)| ["base", "surface", "residual"].iter().position(|known| known == name));
+        for (name, stage) in stages {
             let peak = bytes(stage.peak_reserved_bytes).map_or_else(String::new, |peak| format!(", peak {peak}"));
             add(&format!("Training: {name}"), Some(format!("{}{peak}", duration(stage.seconds))));
         }

@@ -98,7 +98,8 @@ pub fn error_scale() -> String {
     format!(
         "<figure class=\"scale\"><div style=\"background:linear-gradient(90deg,{})\"></div>\n<div class=\"ticks\">{labels}</div>\n\
          <figcaption>Error pictures: mean absolute error over red, green and blue in a range of 0 to 1; \
-         {WORST:.2} and more is brightest, masked pixels are black.</figcaption></figure>\n",
+         {WORST:.2} and more is brightest, masked pixels are black. \
+         The residual, final minus base image, is shown around grey.</figcaption></figure>\n",
         stops.join(",")
     )
 }

@@ -71,17 +71,19 @@ impl Axis {
 impl Plot {
     /// The plot as HTML; nothing where no curve has a point.
     pub fn html(&self) -> String {
-        let shown: Vec<&Series> = self.series.iter().filter(|series| !series.points.is_empty()).collect();
+        // A curve keeps its colour whether others are there or not.
+        let shown: Vec<(usize, &Series)> =
+            self.series.iter().enumerate().filter(|(_, series)| !series.points.is_empty()).collect();
         if shown.is_empty() {
             return String::new();
         }
-        let along = |axis: usize| shown.iter().flat_map(|s| &s.points).map(move |point| point[axis]);
+        let along = |axis: usize| shown.iter().flat_map(|(_, s)| &s.points).map(move |point| point[axis]);
         let [x, y] = [Axis::around(along(0)), Axis::around(along(1))];
         let mut svg = self.frame(&x, &y);
-        for (number, series) in shown.iter().enumerate() {
-            curve(&mut svg, series, number, &x, &y);
+        for (number, series) in &shown {
+            curve(&mut svg, series, *number, &x, &y);
         }
-        let legend: String = shown.iter().enumerate().map(|(number, s)| legend(number, &s.name)).collect();
+        let legend: String = shown.iter().map(|(number, s)| legend(*number, &s.name)).collect();
         format!(
             "<figure class=\"plot\"><h3>{}</h3>\n{svg}</svg>\n<figcaption>{legend}</figcaption></figure>\n",
             escape(self.title)
@@ -169,8 +171,11 @@ mod tests {
             |name: &str, points: &[[f64; 2]]| Series { name: name.into(), points: points.to_vec(), marked: true };
         let plot = |series| Plot { title: "t", x: "x", y: "y", series };
         assert_eq!(plot(vec![series("a", &[])]).html(), "");
-        let html = plot(vec![series("a<b", &[[0.0, 5.0], [100.0, 9.0]]), series("none", &[])]).html();
-        assert!(html.contains("a&lt;b") && !html.contains("none") && html.matches("<circle").count() == 2, "{html}");
+        let html = plot(vec![series("none", &[]), series("a<b", &[[0.0, 5.0], [100.0, 9.0]])]).html();
+        assert!(
+            html.contains("a&lt;b") && !html.contains("none") && html.matches("<circle class=\"c1\"").count() == 2,
+            "{html}"
+        );
         let (x, y) = (axis(&[0.0, 100.0]), axis(&[5.0, 9.0]));
         assert_eq!(place(&x, &y, [x.from, y.from]), [MARGIN[0], SIZE[1] - MARGIN[3]]);
         assert_eq!(place(&x, &y, [x.to, y.to]), [SIZE[0] - MARGIN[1], MARGIN[2]]);
