@@ -166,6 +166,8 @@ impl Run {
 
     /// Saves what there is after an error, and says where it went.
     fn rescue(&self, error: anyhow::Error) -> anyhow::Error {
+        // Curves that cannot be written either are not worth a second error.
+        let _ = self.folder.write_log(&self.log);
         let now = self.to_host().and_then(|model| self.write(&model));
         // A lost device gives nothing back any more.
         let saved = now.or_else(|error| self.copy.as_ref().map_or(Err(error), |copy| self.write(copy)));

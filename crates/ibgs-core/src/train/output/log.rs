@@ -26,6 +26,7 @@ pub struct TrainingLog {
     /// In the order of iterations.
     pub entries: Vec<LogEntry>,
     /// Iterations between two entries at least.
+    #[serde(default)]
     spacing: u32,
 }
 
