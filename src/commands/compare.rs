@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 #[derive(ClapArgs)]
 pub struct Args {
     /// Model folders, as `ibgs train` writes them; two or more.
-    #[arg(required = true, num_args = 2..)]
+    #[arg(required = true, num_args = 2.., value_name = "MODEL")]
     models: Vec<PathBuf>,
     /// Iteration of every model; left out: the latest of each.
     #[arg(long)]

@@ -156,5 +156,6 @@ fn full_disks() {
     let outcome = sandbox.run("train scene --iterations 2 -m disk/model");
     outcome.assert_failure(1, &["iteration_2", "residual_network.safetensors", advice]);
     expected.insert(4, "model/point_cloud/iteration_1/point_cloud.ply".to_owned());
+    expected.push("model/training_log.json".to_owned());
     assert_eq!(super::files_in(&path), expected);
 }

@@ -64,7 +64,11 @@ impl Axis {
         };
         let step = (self.ticks[1] - self.ticks[0]) / unit;
         let decimals = (-(step + 1e-12).log10().floor()).max(0.0) as usize;
-        self.ticks.iter().map(|tick| format!("{:.decimals$}{suffix}", tick / unit + 0.0)).collect()
+        let label = |tick: &f64| match *tick {
+            zero if zero == 0.0 && decimals == 0 => "0".to_owned(),
+            tick => format!("{:.decimals$}{suffix}", tick / unit),
+        };
+        self.ticks.iter().map(label).collect()
     }
 }
 
@@ -157,7 +161,7 @@ mod tests {
     fn axes_end_on_round_values() {
         let psnr = axis(&[18.3, 27.9]);
         assert_eq!((psnr.ticks.as_slice(), psnr.labels()[0].as_str()), (&[15.0, 20.0, 25.0, 30.0][..], "15"));
-        assert_eq!(axis(&[40.0, 29_960.0]).labels(), ["0k", "10k", "20k", "30k"]);
+        assert_eq!(axis(&[40.0, 29_960.0]).labels(), ["0", "10k", "20k", "30k"]);
         assert_eq!(axis(&[0.01, 0.19]).labels(), ["0.00", "0.05", "0.10", "0.15", "0.20"]);
         // One value, and zero alone, still make an axis.
         for single in [axis(&[7.0]), axis(&[0.0])] {

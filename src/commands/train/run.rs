@@ -157,20 +157,24 @@ impl Run {
 
     /// Saves and measures.
     fn settle(&mut self, due: Due) -> Result<()> {
-        self.folder.write_log(&self.log)?;
         if due.save {
             self.write(&self.to_host()?)?;
         }
-        if due.evaluate { self.evaluate() } else { Ok(()) }
+        if due.evaluate {
+            self.evaluate()?;
+        }
+        Ok(self.folder.write_log(&self.log)?)
     }
 
     /// Saves what there is after an error, and says where it went.
     fn rescue(&self, error: anyhow::Error) -> anyhow::Error {
-        // Curves that cannot be written either are not worth a second error.
-        let _ = self.folder.write_log(&self.log);
         let now = self.to_host().and_then(|model| self.write(&model));
         // A lost device gives nothing back any more.
         let saved = now.or_else(|error| self.copy.as_ref().map_or(Err(error), |copy| self.write(copy)));
+        // The curves belong to a model; without them the error is told all the same.
+        if saved.is_ok() {
+            let _ = self.folder.write_log(&self.log);
+        }
         match saved {
             Ok(path) => error.context(format!("training stopped; the model so far is in {}", path.display())),
             Err(_) => error,
