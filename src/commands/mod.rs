@@ -86,7 +86,13 @@ pub fn score_test_views(
             scores.add_regions(&frame, view)?;
         }
         told(&view.name, &scored);
-        let named = |Score { psnr, ssim, lpips }: Score| ViewScore { name: view.name.clone(), psnr, ssim, lpips };
+        let named = |Score { psnr, aligned_psnr, ssim, lpips }: Score| ViewScore {
+            name: view.name.clone(),
+            psnr,
+            aligned_psnr,
+            ssim,
+            lpips,
+        };
         scores.base.push(named(scored.base));
         scores.image.extend(scored.image.map(named));
     }

@@ -128,7 +128,8 @@ fn results_carry_their_protocol_and_keep_other_iterations() {
         device: "some adapter".into(),
         lpips: None,
     };
-    let score = |name: &str, psnr, ssim| ViewScore { name: name.into(), psnr, ssim, lpips: None };
+    let score =
+        |name: &str, psnr, ssim| ViewScore { name: name.into(), psnr, aligned_psnr: psnr + 1.0, ssim, lpips: None };
     let scores = [score("a", 20.0, 0.5), score("left/b", 30.0, 0.75)];
     output.write_results(7, Scored::Base, &scores, &protocol).unwrap();
     output.write_results(30, Scored::Base, &[score("a", f64::INFINITY, 1.0)], &protocol).unwrap();

@@ -6,6 +6,7 @@ use crate::camera::Camera;
 use crate::dataset::{Photo, View};
 use crate::gpu::GpuError;
 use crate::render::{Frame, Rendered, Renderer};
+use glam::{DMat3, DVec3};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
 use lpips::{Lpips, LpipsError};
 use rayon::prelude::*;
@@ -16,6 +17,9 @@ use std::time::{Duration, Instant};
 pub struct Score {
     /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
     pub psnr: f64,
+    /// The same after the affine map of the image's colours that brings it nearest to the photo: where nothing can foretell
+    /// the photo's exposure.
+    pub aligned_psnr: f64,
     /// Mean SSIM over the valid pixels and channels, 11 x 11 Gaussian window, zero padding; 1 without a valid pixel.
     pub ssim: f64,
     /// LPIPS, 0 for equal images; none where it was not computed.
@@ -56,12 +60,46 @@ pub fn score(image: &Rendered, photo: &Photo) -> Score {
     let pair = Pair::new(image, photo);
     let plane = |rgb: &[u8], c: usize| rgb.chunks_exact(3).map(|p| f64::from(p[c]) / 255.0).collect::<Vec<f64>>();
     let planes = [0, 1, 2].map(|c| [plane(&pair.image, c), plane(&pair.photo, c)]);
-    let squares: f64 = planes.iter().flat_map(|[a, b]| a.iter().zip(b)).map(|(a, b)| (a - b) * (a - b)).sum();
     let (width, height) = (image.width as usize, image.height as usize);
     let ssim: f64 = planes.par_iter().map(|[a, b]| ssim_plane(a, b, &pair.valid, width, height)).sum();
-    let count = pair.valid.iter().filter(|counts| **counts).count();
-    let psnr = -10.0 * (squares / (3 * count.max(1)) as f64).log10();
-    Score { psnr, ssim: ssim / 3.0, lpips: None }
+    let aligned_psnr = psnr(&planes, &pair.valid, alignment(&planes, &pair.valid));
+    let psnr = psnr(&planes, &pair.valid, (DMat3::IDENTITY, DVec3::ZERO));
+    Score { psnr, aligned_psnr, ssim: ssim / 3.0, lpips: None }
+}
+
+/// An image's and a photo's values of each channel.
+type Planes = [[Vec<f64>; 2]; 3];
+
+/// Colours of the valid pixels.
+fn colors<'a>(planes: &'a Planes, valid: &'a [bool]) -> impl Iterator<Item = [DVec3; 2]> + 'a {
+    let color = move |i: usize, side: usize| DVec3::new(planes[0][side][i], planes[1][side][i], planes[2][side][i]);
+    (0..valid.len()).filter(|&i| valid[i]).map(move |i| [color(i, 0), color(i, 1)])
+}
+
+/// PSNR in dB over the valid pixels after an affine map of the image's colours.
+fn psnr(planes: &Planes, valid: &[bool], (map, offset): (DMat3, DVec3)) -> f64 {
+    let mapped = |image: DVec3| (map * image + offset).clamp(DVec3::ZERO, DVec3::ONE);
+    let error = |[image, photo]: [DVec3; 2]| (mapped(image) - photo).length_squared();
+    let (squares, count) = colors(planes, valid).fold((0.0, 0), |(sum, count), pair| (sum + error(pair), count + 1));
+    -10.0 * (squares / (3 * count.max(1)) as f64).log10()
+}
+
+/// The affine map of an image's colours to a photo's, by least squares; pulled to the identity by a hair, for images of a
+/// single colour.
+fn alignment(planes: &Planes, valid: &[bool]) -> (DMat3, DVec3) {
+    const RIDGE: f64 = 1e-8;
+    let count = valid.iter().filter(|counts| **counts).count().max(1) as f64;
+    let [image_mean, photo_mean] = colors(planes, valid)
+        .fold([DVec3::ZERO; 2], |[a, b], [image, photo]| [a + image, b + photo])
+        .map(|sum| sum / count);
+    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z) * (1.0 / count);
+    let [own, cross] = colors(planes, valid).fold([DMat3::ZERO; 2], |[own, cross], [image, photo]| {
+        let (image, photo) = (image - image_mean, photo - photo_mean);
+        [own + outer(image, image), cross + outer(photo, image)]
+    });
+    let ridge = DMat3::IDENTITY * RIDGE;
+    let map = (cross + ridge) * (own + ridge).inverse();
+    (map, photo_mean - map * image_mean)
 }
 
 /// Squared errors summed over a part of several images rounded to 8 bits.
@@ -236,5 +274,34 @@ mod tests {
         assert_eq!(score(&image, &other), bad);
         let (_, nothing) = half_right(|_| 0);
         assert_eq!(score(&image, &nothing).ssim, 1.0);
+    }
+
+    fn pair(change: impl Fn([f32; 3]) -> [f32; 3]) -> (Rendered, Photo) {
+        let (width, height) = (24, 16);
+        let color = |i: u32| [0.2 + 0.5 * ((i * 7) % 61) as f32 / 61.0, 0.3 + 0.3 * (i % 24) as f32 / 24.0, 0.4];
+        let rgb: Vec<f32> = (0..width * height).flat_map(color).collect();
+        let byte = |v: f32| (v * 255.0 + 0.5) as u8;
+        let changed = rgb.chunks_exact(3).flat_map(|c| {
+            let [r, g, b] = change([c[0], c[1], c[2]]).map(byte);
+            [r, g, b, 255]
+        });
+        let photo = Photo { width, height, rgba: changed.collect() };
+        (Rendered { width, height, rgb }, photo)
+    }
+
+    #[test]
+    fn alignment_takes_an_affine_change_of_the_colours_back_and_nothing_else() {
+        let (image, photo) = pair(|[r, g, b]| [1.2 * r + 0.03, 0.8 * g - 0.1 * r + 0.1, b + 0.2]);
+        let scored = score(&image, &photo);
+        // What remains is the rounding to 8 bits.
+        assert!(scored.psnr < 25.0 && scored.aligned_psnr > 50.0, "{scored:?}");
+        let (image, photo) = pair(|[r, g, b]| [(20.0 * r).sin().abs(), g, b]);
+        let scored = score(&image, &photo);
+        assert!(scored.aligned_psnr >= scored.psnr && scored.aligned_psnr < scored.psnr + 6.0, "{scored:?}");
+        let flat = Rendered { rgb: vec![0.5; image.rgb.len()], ..image };
+        let scored = score(&flat, &photo);
+        assert!(scored.aligned_psnr.is_finite() && scored.aligned_psnr >= scored.psnr, "{scored:?}");
+        let same = score(&flat, &Photo { rgba: vec![128; photo.rgba.len()], ..photo });
+        assert_eq!(same.psnr, f64::INFINITY);
     }
 }

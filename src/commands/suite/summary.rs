@@ -1,16 +1,18 @@
 //! What a suite has measured, beside what was published.
 
 use super::config::{Job, Published, Suite};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use ibgs_core::train::config::Method;
+use ibgs_core::train::output::{OutputFolder, figures};
 use serde_json::{Value, json};
-use std::path::Path;
 
 /// What was measured of one job; none where it was not.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figures {
     /// The final image; the base where the run has no residual.
     pub psnr: Option<f64>,
+    /// The same after an affine map of the colours.
+    pub aligned_psnr: Option<f64>,
     /// Structural similarity of that image.
     pub ssim: Option<f64>,
     /// LPIPS of that image.
@@ -29,38 +31,27 @@ pub struct Figures {
     pub memory_gb: Option<f64>,
 }
 
-/// A results file's entry of an iteration; null where there is none.
-fn entry(path: &Path, iteration: u32) -> Result<Value> {
-    let text = match std::fs::read_to_string(path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Value::Null),
-        text => text.with_context(|| format!("cannot read {}", path.display()))?,
-    };
-    let all: Value =
-        serde_json::from_str(&text).with_context(|| format!("{} is damaged; remove it", path.display()))?;
-    Ok(all.get(format!("ours_{iteration}")).cloned().unwrap_or_default())
-}
-
 impl Figures {
     /// Reads what a job has left in its model folder.
     pub fn read(job: &Job) -> Result<Self> {
-        let iteration = job.config.iterations;
-        let read = |file: &str| entry(&job.folder.join(file), iteration);
-        let (base, image) = (read("results_renders.json")?, read("results_renders_aggregate.json")?);
-        let (speed, training) = (read("result_fps_mem.json")?, read("result_training.json")?);
-        let best = if job.config.method == Method::Ibgs && !image.is_null() { &image } else { &base };
-        let storage = ["gaussians", "network", "poses", "photos"].map(|part| speed["storage_bytes"][part].as_f64());
-        let sum: f64 = storage.iter().flatten().sum();
-        let frames = speed["FPS_cold"].as_f64().or(speed["FPS_warm"].as_f64());
+        let found = figures::Figures::read(&OutputFolder::at(&job.folder), job.config.iterations)?;
+        let means = |scores: &Option<figures::Scores>| scores.as_ref().map(|scores| scores.means.clone());
+        let base = means(&found.base).unwrap_or_default();
+        let image = means(&found.image).filter(|_| job.config.method == Method::Ibgs);
+        let best = image.unwrap_or_else(|| base.clone());
+        let speed = found.speed.unwrap_or_default();
+        let million = |count: u64| 1e-6 * count as f64;
         Ok(Self {
-            psnr: best["PSNR"].as_f64(),
-            ssim: best["SSIM"].as_f64(),
-            lpips: best["LPIPS"].as_f64(),
-            base_psnr: base["PSNR"].as_f64(),
-            gaussians_m: speed["gaussians"].as_f64().map(|count| 1e-6 * count),
-            minutes: training["seconds"].as_f64().map(|seconds| seconds / 60.0),
-            fps: frames,
-            storage_mb: Some(1e-6 * sum).filter(|&mb| mb > 0.0),
-            memory_gb: speed["memory_reserved_bytes"].as_f64().map(|bytes| 1e-9 * bytes),
+            psnr: best.psnr,
+            aligned_psnr: best.aligned_psnr,
+            ssim: best.ssim,
+            lpips: best.lpips,
+            base_psnr: base.psnr,
+            gaussians_m: speed.gaussians.map(million),
+            minutes: found.time.and_then(|time| time.seconds).map(|seconds| seconds / 60.0),
+            fps: speed.fps_cold.or(speed.fps_warm),
+            storage_mb: speed.storage_bytes.total().map(million),
+            memory_gb: speed.memory_reserved_bytes.map(|bytes| 1e-3 * million(bytes)),
         })
     }
 
@@ -71,12 +62,24 @@ impl Figures {
 
     fn of(p: &Published) -> Self {
         let Published { psnr, ssim, lpips, fps, minutes, storage_mb, memory_gb, gaussians_m, .. } = *p;
-        Self { psnr, ssim, lpips, base_psnr: None, gaussians_m, minutes, fps, storage_mb, memory_gb }
+        Self {
+            psnr,
+            aligned_psnr: None,
+            ssim,
+            lpips,
+            base_psnr: None,
+            gaussians_m,
+            minutes,
+            fps,
+            storage_mb,
+            memory_gb,
+        }
     }
 
-    fn values(&self) -> [Option<f64>; 9] {
-        let Self { psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb } = *self;
-        [psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb]
+    fn values(&self) -> [Option<f64>; 10] {
+        let Self { psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb } =
+            *self;
+        [psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb]
     }
 
     /// Means of what all of them have.
@@ -86,25 +89,46 @@ impl Figures {
             let sum: Option<f64> = lists.iter().map(|values| values[column]).sum();
             sum.filter(|_| !lists.is_empty()).map(|sum| sum / lists.len() as f64)
         };
-        let [psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb] =
+        let [psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb] =
             std::array::from_fn(mean);
-        Self { psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb }
+        Self { psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb }
     }
 
-    fn cells(&self) -> [String; 9] {
-        let digits = [2, 4, 3, 2, 3, 2, 1, 1, 2];
+    fn cells(&self) -> [String; 10] {
+        let digits = [2, 2, 4, 3, 2, 3, 2, 1, 1, 2];
         let values = self.values();
         std::array::from_fn(|i| values[i].map_or_else(|| "-".to_owned(), |value| format!("{value:.*}", digits[i])))
     }
 
     fn json(&self) -> Value {
-        let names = ["PSNR", "SSIM", "LPIPS", "base_PSNR", "gaussians_m", "minutes", "FPS", "storage_mb", "memory_gb"];
+        let names = [
+            "PSNR",
+            "PSNR_aligned",
+            "SSIM",
+            "LPIPS",
+            "base_PSNR",
+            "gaussians_m",
+            "minutes",
+            "FPS",
+            "storage_mb",
+            "memory_gb",
+        ];
         names.iter().zip(self.values()).map(|(name, value)| ((*name).to_owned(), json!(value))).collect()
     }
 }
 
-const HEAD: [&str; 9] =
-    ["PSNR", "SSIM", "LPIPS", "base PSNR", "Gaussians (M)", "minutes", "FPS", "storage (MB)", "memory (GB)"];
+const HEAD: [&str; 10] = [
+    "PSNR",
+    "aligned PSNR",
+    "SSIM",
+    "LPIPS",
+    "base PSNR",
+    "Gaussians (M)",
+    "minutes",
+    "FPS",
+    "storage (MB)",
+    "memory (GB)",
+];
 
 /// A Markdown table whose columns stand in line.
 fn table(head: &[&str], rows: &[Vec<String>]) -> String {

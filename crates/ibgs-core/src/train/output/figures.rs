@@ -23,6 +23,9 @@ pub const LOG_FILE: &str = "training_log.json";
 pub struct Means {
     /// Mean PSNR in dB; none where it is infinite.
     pub psnr: Option<f64>,
+    /// The same after an affine map of the colours.
+    #[serde(default, rename = "PSNR_aligned")]
+    pub aligned_psnr: Option<f64>,
     /// Mean SSIM.
     pub ssim: Option<f64>,
     /// Mean LPIPS, where it was computed.

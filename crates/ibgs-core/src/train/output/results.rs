@@ -11,6 +11,8 @@ pub struct ViewScore {
     pub name: String,
     /// Peak signal to noise ratio in dB of the images clamped to 8 bits (method.md section 9).
     pub psnr: f64,
+    /// The same after an affine map of the colours.
+    pub aligned_psnr: f64,
     /// Structural similarity, 11 x 11 Gaussian window (method.md section 7).
     pub ssim: f64,
     /// LPIPS (method.md section 9), where it was computed.
@@ -59,7 +61,8 @@ pub fn means(scores: &[ViewScore]) -> Score {
     let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
     let lpips: Option<f64> = scores.iter().map(|score| score.lpips).sum();
     let lpips = lpips.map(|sum| sum / scores.len() as f64);
-    Score { psnr: mean(|score| score.psnr), ssim: mean(|score| score.ssim), lpips }
+    let (psnr, aligned_psnr) = (mean(|score| score.psnr), mean(|score| score.aligned_psnr));
+    Score { psnr, aligned_psnr, ssim: mean(|score| score.ssim), lpips }
 }
 
 /// Means over the views and the protocol.
@@ -68,6 +71,7 @@ pub(super) fn summary(scores: &[ViewScore], protocol: &Protocol) -> Value {
     json!({
         "SSIM": mean.ssim,
         "PSNR": mean.psnr,
+        "PSNR_aligned": mean.aligned_psnr,
         "LPIPS": mean.lpips,
         "views": scores.len(),
         "protocol": protocol,
@@ -82,6 +86,7 @@ pub(super) fn per_view(scores: &[ViewScore]) -> Value {
     json!({
         "SSIM": by_name(|score| json!(score.ssim)),
         "PSNR": by_name(|score| json!(score.psnr)),
+        "PSNR_aligned": by_name(|score| json!(score.aligned_psnr)),
         "LPIPS": by_name(|score| json!(score.lpips)),
     })
 }
