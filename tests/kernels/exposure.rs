@@ -2,14 +2,14 @@
 
 use crate::common::{gpu, values};
 use crate::reference::adam::Adam;
-use crate::reference::exposure::{Affine, exposed_loss, exposed_loss_backward, fit};
+use crate::reference::exposure::{Affine, Maps, exposed_loss, exposed_loss_backward, fit};
 use crate::reference::image_loss::Map;
 use crate::reference::random_scene::random_image;
 use crate::reference::relative_error;
 use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DVec3};
 use ibgs_core::dataset::Photo;
-use ibgs_core::fuse::ExposureFit;
+use ibgs_core::fuse::{ExposedColors, ExposureFit};
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::loss::{ExposureAdam, ExposureScalars, ImageLoss, Target};
 
@@ -33,7 +33,7 @@ fn known() -> Affine {
 }
 
 /// Fits on the GPU; what is not visible holds another source or nothing, and NaN.
-fn on_gpu(base: &Map, warped: &Map, visible: &[bool], size: [u32; 2]) -> (ExposureFit, Vec<f64>) {
+fn on_gpu(base: &Map, warped: &Map, visible: &[bool], size: [u32; 2]) -> Vec<f64> {
     let gpu = gpu();
     let seen = |(i, v): (usize, &bool)| if *v { 0x00ff_0200 } else { [0xffff_ff01, 0xffff_ffff][i % 2] };
     let seen: Vec<u32> = visible.iter().enumerate().map(seen).collect();
@@ -47,10 +47,13 @@ fn on_gpu(base: &Map, warped: &Map, visible: &[bool], size: [u32; 2]) -> (Exposu
     let (warped, seen) = (gpu.upload("warped", &flat).unwrap(), gpu.upload("seen", &seen).unwrap());
     let fit = ExposureFit::new(&gpu).unwrap();
     let mut pass = Pass::new(&gpu, "test");
-    fit.record_fit(&mut pass, &upload(&gpu, base), &warped, &seen, size);
+    let base = upload(&gpu, base);
+    let colors = ExposedColors { base: &base, warped: &warped, seen: &seen, slots: 2, sources: 1, size };
+    fit.record_fit(&mut pass, &colors, None);
     pass.submit();
-    let map = read(&gpu, &fit.map, 12);
-    (fit, map)
+    let maps = read(&gpu, &fit.maps, 24);
+    assert_eq!(maps[..12], maps[12..], "the output has the exposure of the first source");
+    maps[..12].to_vec()
 }
 
 fn visible(count: usize, seed: u64, share: f64) -> Vec<bool> {
@@ -70,7 +73,7 @@ fn the_fit_follows_the_twin_and_recovers_a_known_map() {
                 std::array::from_fn(|c| y[c] + level * n[c])
             };
             let warped = float(base.iter().zip(&noise).map(exposed).collect());
-            let (_, map) = on_gpu(&base, &warped, &seen, size);
+            let map = on_gpu(&base, &warped, &seen, size);
             let twin = fit(&base, &warped, &seen);
             let error = relative_error(&map, &twin.rows());
             let known = relative_error(&map, &known().rows());
@@ -86,7 +89,7 @@ fn nearly_flat_colours_keep_their_precision() {
     let base = float(random_image(64, 48, 0.90, 0.91, 20));
     let warped = float(base.iter().map(|x| known().apply(*x)).collect());
     let seen = visible(base.len(), 21, 0.5);
-    let (_, map) = on_gpu(&base, &warped, &seen, [64, 48]);
+    let map = on_gpu(&base, &warped, &seen, [64, 48]);
     let error = relative_error(&map, &fit(&base, &warped, &seen).rows());
     println!("flat: {error:.1e}");
     assert!(error <= 1e-3, "{map:?}");
@@ -99,7 +102,7 @@ fn without_enough_to_go_by_the_map_is_the_identity() {
     let first = |n: usize| (0..base.len()).map(|i| i < n).collect::<Vec<_>>();
     let identity = Affine::IDENTITY.rows();
     let map_of = |base: &Map, seen: &[bool]| {
-        let map = on_gpu(base, &warped, seen, [20, 10]).1;
+        let map = on_gpu(base, &warped, seen, [20, 10]);
         assert!(relative_error(&map, &fit(base, &warped, seen).rows()) <= 1e-5, "as the twin");
         map
     };
@@ -109,37 +112,136 @@ fn without_enough_to_go_by_the_map_is_the_identity() {
     let grey: Map = base.iter().map(|p| [p[0]; 3]).collect();
     assert_eq!(map_of(&grey, &first(200)), identity, "a grey picture");
     assert_eq!(map_of(&vec![[0.5, 0.25, 0.75]; 200], &first(200)), identity, "a flat picture");
-    let same = on_gpu(&warped, &warped, &first(200), [20, 10]).1;
+    let same = on_gpu(&warped, &warped, &first(200), [20, 10]);
     assert!(relative_error(&same, &identity) < 1e-6, "equal exposure: {same:?}");
 }
 
+/// Three slots a pixel, filled from the first on with rising numbers of five sources, of which the last is hardly seen.
+struct Sources {
+    size: [u32; 2],
+    base: Map,
+    warped: Vec<Map>,
+    slots: Vec<Vec<Option<usize>>>,
+    photo: Map,
+    valid: Vec<bool>,
+}
+
+const COUNT: usize = 5;
+
+impl Sources {
+    fn new(size: [u32; 2], seed: u64) -> Sources {
+        let [width, height] = size;
+        let base = float(random_image(width, height, 0.1, 0.8, seed));
+        let chances = random_image(width, height, 0.0, 1.0, seed + 1);
+        let packed = |p: usize| -> Vec<usize> {
+            let seen = (0..COUNT - 1).filter(|m| chances[p][m % 3] * (1.0 + *m as f64) < 1.2);
+            let last = (p % 97 == 3).then_some(COUNT - 1);
+            seen.take(2).chain(last).collect()
+        };
+        let packed: Vec<Vec<usize>> = (0..base.len()).map(packed).collect();
+        let slots: Vec<Vec<Option<usize>>> =
+            (0..3).map(|slot| packed.iter().map(|list| list.get(slot).copied()).collect()).collect();
+        let noise = random_image(width, height, -0.02, 0.02, seed + 2);
+        let exposed = |p: usize, m: f64| -> [f64; 3] {
+            let y = known().apply(base[p]);
+            std::array::from_fn(|c| (1.0 - 0.1 * m) * y[c] + 0.02 * m + noise[p][c])
+        };
+        let colors = |of: &Vec<Option<usize>>| -> Map {
+            of.iter().enumerate().map(|(p, m)| m.map_or([0.0; 3], |m| exposed(p, m as f64))).collect()
+        };
+        let warped = slots.iter().map(|of| float(colors(of))).collect();
+        let byte = |v: f64| (v.clamp(0.0, 1.0) * 255.0).round() / 255.0;
+        let photo = (0..base.len()).map(|p| exposed(p, 2.5).map(byte)).collect();
+        let valid = visible(base.len(), seed + 3, 0.7);
+        Sources { size, base, warped, slots, photo, valid }
+    }
+
+    fn twin(&self, with_photo: bool) -> Maps {
+        let photo = with_photo.then_some((&self.photo[..], &self.valid[..]));
+        Maps::fit(&self.base, &self.warped, &self.slots, COUNT, photo)
+    }
+
+    /// Maps, corrected base and shifted colours, and the gradient by the base from those by both.
+    fn on_gpu(&self, with_photo: bool, v_corrected: &Map, v_shifted: &[Map], before: &Map) -> [Vec<f64>; 4] {
+        let gpu = gpu();
+        let pixels = self.base.len();
+        let four = |maps: &[Map]| -> Buffer {
+            let flat: Vec<f32> =
+                maps.iter().flatten().flat_map(|c| [c[0], c[1], c[2], 0.7].map(|v| v as f32)).collect();
+            gpu.upload("four", &flat).unwrap()
+        };
+        let word = |p: usize| {
+            let byte = |m: usize| self.slots[m][p].map_or(255, |source| source as u32) << (8 * m);
+            (0..3).map(byte).sum::<u32>() | 0xff00_0000
+        };
+        let seen = gpu.upload("seen", &(0..pixels).map(word).collect::<Vec<u32>>()).unwrap();
+        let texel = |(c, valid): (&[f64; 3], &bool)| {
+            let [r, g, b] = c.map(|v| (v * 255.0).round() as u8);
+            u32::from_le_bytes([r, g, b, if *valid { 255 } else { 7 }])
+        };
+        let texels: Vec<u32> = self.photo.iter().zip(&self.valid).map(texel).collect();
+        let photo = gpu.upload("photo", &texels).unwrap();
+        let (base, warped) = (upload(&gpu, &self.base), four(&self.warped));
+        let colors = ExposedColors {
+            base: &base,
+            warped: &warped,
+            seen: &seen,
+            slots: 3,
+            sources: COUNT as u32,
+            size: self.size,
+        };
+        let fit = ExposureFit::new(&gpu).unwrap();
+        let corrected = gpu.allocate("corrected", 12 * pixels as u64).unwrap();
+        let shifted = gpu.allocate("shifted", 48 * pixels as u64).unwrap();
+        let (v_corrected, v_shifted, v_base) = (upload(&gpu, v_corrected), four(v_shifted), upload(&gpu, before));
+        let mut pass = Pass::new(&gpu, "test");
+        fit.record_fit(&mut pass, &colors, with_photo.then_some(&photo));
+        fit.record_apply(&mut pass, &colors, &corrected, &shifted);
+        fit.record_apply_backward(&mut pass, &colors, [&v_corrected, &v_shifted], &v_base);
+        pass.submit();
+        [
+            read(&gpu, &fit.maps, 12 * (1 + COUNT)),
+            read(&gpu, &corrected, 3 * pixels),
+            read(&gpu, &shifted, 12 * pixels),
+            read(&gpu, &v_base, 3 * pixels),
+        ]
+    }
+}
+
 #[test]
-fn the_map_is_applied_and_its_gradient_added() {
-    let size = [33, 17];
-    let base = float(random_image(33, 17, 0.1, 0.8, 40));
-    let warped = float(base.iter().map(|x| known().apply(*x)).collect());
-    let v_corrected = float(random_image(33, 17, -1.0, 1.0, 41));
-    let before = float(random_image(33, 17, -1.0, 1.0, 42));
-    let (exposure, _) = on_gpu(&base, &warped, &vec![true; base.len()], size);
-    let gpu = gpu();
-    let count = 3 * base.len();
-    let corrected = gpu.allocate("corrected", 4 * count as u64).unwrap();
-    let v_base = upload(&gpu, &before);
-    let mut pass = Pass::new(&gpu, "test");
-    exposure.record_apply(&mut pass, &upload(&gpu, &base), &corrected, size);
-    exposure.record_apply_backward(&mut pass, &upload(&gpu, &v_corrected), &v_base, size);
-    pass.submit();
-    let twin = fit(&base, &warped, &vec![true; base.len()]);
-    let applied: Map = base.iter().map(|x| twin.apply(*x)).collect();
-    let error = relative_error(&read(&gpu, &corrected, count), applied.as_flattened());
-    let add = |(b, v): (&[f64; 3], &[f64; 3])| -> [f64; 3] {
-        let by_base = twin.backward(*v);
-        std::array::from_fn(|c| b[c] + by_base[c])
-    };
-    let added: Map = before.iter().zip(&v_corrected).map(add).collect();
-    let back = relative_error(&read(&gpu, &v_base, count), added.as_flattened());
-    println!("applied {error:.1e}, backward {back:.1e}");
-    assert!(error <= 1e-5 && back <= 1e-5, "{error:e}, {back:e}");
+fn every_source_has_a_map_of_its_own_and_all_come_to_one_exposure() {
+    for (seed, size) in (40..).zip([[33, 17], [120, 90]]) {
+        let case = Sources::new(size, seed);
+        let random = |low: f64, seed: u64| float(random_image(size[0], size[1], low, 1.0, seed));
+        let (v_corrected, before) = (random(-1.0, seed + 4), random(-1.0, seed + 5));
+        let v_shifted: Vec<Map> = (0..3).map(|m| random(-1.0, seed + 6 + m)).collect();
+        for with_photo in [false, true] {
+            let twin = case.twin(with_photo);
+            let [maps, corrected, shifted, v_base] = case.on_gpu(with_photo, &v_corrected, &v_shifted, &before);
+            let rows: Vec<f64> = std::iter::once(&twin.output).chain(&twin.sources).flat_map(Affine::rows).collect();
+            assert!(relative_error(&maps, &rows) <= 1e-5, "{maps:?} against {twin:?}");
+            assert_ne!(twin.sources[1], twin.sources[2]);
+            assert_eq!(twin.sources[COUNT - 1] == twin.output, size[0] < 100, "hardly seen in the small picture");
+            let applied: Map = case.base.iter().map(|x| twin.output.apply(*x)).collect();
+            assert!(relative_error(&corrected, applied.as_flattened()) <= 1e-5);
+            let (mut shifts, mut gradient) = (Vec::new(), before.clone());
+            for (p, v) in v_corrected.iter().enumerate() {
+                gradient[p].iter_mut().zip(twin.output.backward(*v)).for_each(|(to, by)| *to += by);
+            }
+            for (m, slots) in case.slots.iter().enumerate() {
+                for (p, source) in slots.iter().enumerate() {
+                    let [r, g, b] =
+                        source.map_or(case.warped[m][p], |s| twin.shift(s, case.base[p], case.warped[m][p]));
+                    shifts.extend([r, g, b, f64::from(0.7f32)]);
+                    let by_base = source.map_or([0.0; 3], |s| twin.shift_backward(s, v_shifted[m][p]));
+                    gradient[p].iter_mut().zip(by_base).for_each(|(to, by)| *to += by);
+                }
+            }
+            let (forward, back) = (relative_error(&shifted, &shifts), relative_error(&v_base, gradient.as_flattened()));
+            println!("{size:?}, photo {with_photo}: shifted {forward:.1e}, backward {back:.1e}");
+            assert!(forward <= 1e-5 && back <= 1e-5, "{forward:e}, {back:e}");
+        }
+    }
 }
 
 /// An image, a photo that another exposure took of nearly the same, and how alike they are.

@@ -29,6 +29,62 @@ impl Affine {
     }
 }
 
+/// The maps of a target view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Maps {
+    /// To the exposure of the output.
+    pub output: Affine,
+    /// To that of each source.
+    pub sources: Vec<Affine>,
+}
+
+impl Maps {
+    /// Without any correction.
+    pub fn identity(sources: usize) -> Maps {
+        Maps { output: Affine::IDENTITY, sources: vec![Affine::IDENTITY; sources] }
+    }
+
+    /// Base colours `[P]`, colours `[V][P]` of the packed slots, and their sources, none where a slot is empty. `photo`: the
+    /// target's, with what counts of it; without one the output has the exposure of source 0.
+    pub fn fit(
+        base: &[[f64; 3]],
+        warped: &[Map],
+        slots: &[Vec<Option<usize>>],
+        sources: usize,
+        photo: Option<(&[[f64; 3]], &[bool])>,
+    ) -> Maps {
+        let of = |source: usize| -> (Map, Vec<bool>) {
+            let found = |p: usize| (0..slots.len()).find(|m| slots[*m][p] == Some(source)).map(|m| warped[m][p]);
+            let colors: Vec<_> = (0..base.len()).map(found).collect();
+            (colors.iter().map(|c| c.unwrap_or_default()).collect(), colors.iter().map(Option::is_some).collect())
+        };
+        let output = match photo {
+            Some((photo, valid)) => fit(base, photo, valid),
+            None => {
+                let (colors, visible) = of(0);
+                fit(base, &colors, &visible)
+            }
+        };
+        let source = |m: usize| {
+            let (colors, visible) = of(m);
+            fit_or(base, &colors, &visible, output)
+        };
+        Maps { output, sources: (0..sources).map(source).collect() }
+    }
+
+    /// A warped colour of a source with the change of exposure to the output.
+    pub fn shift(&self, source: usize, base: [f64; 3], warped: [f64; 3]) -> [f64; 3] {
+        let (output, own) = (self.output.apply(base), self.sources[source].apply(base));
+        std::array::from_fn(|c| warped[c] + output[c] - own[c])
+    }
+
+    /// Gradient by the base colour from that by the shifted one.
+    pub fn shift_backward(&self, source: usize, v: [f64; 3]) -> [f64; 3] {
+        let (output, own) = (self.output.backward(v), self.sources[source].backward(v));
+        std::array::from_fn(|c| output[c] - own[c])
+    }
+}
+
 /// Sum of a b^T.
 fn outer(pairs: &[(DVec3, DVec3)]) -> DMat3 {
     pairs.iter().fold(DMat3::ZERO, |sum, (a, b)| sum + DMat3::from_cols(*a * b.x, *a * b.y, *a * b.z))
@@ -44,11 +100,16 @@ fn pivots(m: &DMat3) -> [f64; 3] {
 /// variances towards the identity. The identity for fewer than 64 pixels, a ratio of smallest to largest pivot under
 /// 1e-5, or variances under 1e-8.
 pub fn fit(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool]) -> Affine {
+    fit_or(base, warped, visible, Affine::IDENTITY)
+}
+
+/// The same with another map where there is not enough to go by.
+pub fn fit_or(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool], otherwise: Affine) -> Affine {
     let pairs: Vec<(DVec3, DVec3)> =
         (0..base.len()).filter(|i| visible[*i]).map(|i| (DVec3::from(base[i]), DVec3::from(warped[i]))).collect();
     let count = pairs.len() as f64;
     if count < 64.0 {
-        return Affine::IDENTITY;
+        return otherwise;
     }
     let mean_x = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
     let mean_y = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
@@ -62,7 +123,7 @@ pub fn fit(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool]) -> Affine {
     let smallest = pivots.into_iter().fold(f64::INFINITY, f64::min);
     let largest = pivots.into_iter().fold(0.0, f64::max);
     if !(smallest >= 1e-5 * largest && largest >= 1e-8 * count) {
-        return Affine::IDENTITY;
+        return otherwise;
     }
     let linear = (g + DMat3::IDENTITY * ridge) * system.inverse();
     Affine { linear, offset: mean_y - linear * mean_x }

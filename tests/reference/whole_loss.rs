@@ -4,7 +4,7 @@
 use ibgs_core::residual::Variant;
 use ibgs_core::residual::layers::ENC1;
 
-use super::exposure::{Affine, fit};
+use super::exposure::Maps;
 use super::features::{Composition, EMPTY, Grads as FeatureGrads, View};
 use super::geometry::Geometry;
 use super::geometry_backward::{Cotangents, GeometryGrads};
@@ -28,7 +28,7 @@ pub struct Case {
     /// The network's flat weights.
     pub weights: Vec<f64>,
     pub variant: Variant,
-    /// Whether the base colour is first fitted to the first source.
+    /// Whether base and warped colours are first brought to the exposure of the photo.
     pub exposure: bool,
     /// Factor of the base colour in the final one.
     pub gain: f64,
@@ -57,7 +57,9 @@ pub struct Run {
     /// Colours of the packed slots, and whether they are filled.
     warped: Vec<Map>,
     visible: Vec<Vec<bool>>,
-    pub affine: Affine,
+    /// Source of each packed slot.
+    slots: Vec<Vec<Option<usize>>>,
+    pub maps: Maps,
     view: View,
     network: hourglass::Forward,
     pub image: Map,
@@ -114,23 +116,33 @@ impl Case {
         if name == "network" { &mut self.weights } else { self.scene.tensor(name) }
     }
 
-    /// The loss. `affine`: the exposure correction, which is fitted where none is given.
-    pub fn run(&self, affine: Option<Affine>) -> Run {
+    /// The loss. `maps`: the exposure correction, which is fitted where none is given.
+    pub fn run(&self, maps: Option<&Maps>) -> Run {
         let [width, height] = self.size();
         let (geometry, warp) = self.scene.run();
         let (base, pixels) = (&geometry.base.image, width * height);
         let warped: Vec<Map> = warp.warped.chunks(pixels).map(<[_]>::to_vec).collect();
         let visible: Vec<Vec<bool>> =
             warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| *s >= 0).collect()).collect();
-        let first: Vec<bool> = warp.slot[..pixels].iter().map(|s| *s == 0).collect();
-        let fitted = || if self.exposure { fit(base, &warped[0], &first) } else { Affine::IDENTITY };
-        let affine = affine.unwrap_or_else(fitted);
+        let slots: Vec<Vec<Option<usize>>> =
+            warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| usize::try_from(*s).ok()).collect()).collect();
+        let count = self.scene.sources.len();
+        let fitted = || match self.exposure {
+            true => Maps::fit(base, &warped, &slots, count, Some((&self.photo, &vec![true; pixels]))),
+            false => Maps::identity(count),
+        };
+        let maps = maps.cloned().unwrap_or_else(fitted);
+        let shifted = |(i, color): (usize, &[f64; 3])| match slots[i / pixels][i % pixels] {
+            Some(source) => maps.shift(source, base[i % pixels], *color),
+            None => *color,
+        };
+        let shifted: Map = warp.warped.iter().enumerate().map(shifted).collect();
         let slot = |m: usize, p: usize| warp.slot.get(m * pixels + p).map_or(EMPTY, |s| *s as u8);
-        let features = warp.warped.iter().zip(&warp.feature);
+        let features = shifted.iter().zip(&warp.feature);
         let view = View {
             camera: self.scene.camera,
             variant: self.variant,
-            base: base.iter().map(|c| affine.apply(*c)).collect(),
+            base: base.iter().map(|c| maps.output.apply(*c)).collect(),
             warped: features.map(|([r, g, b], feature)| [*r, *g, *b, feature[3]]).collect(),
             seen: (0..pixels).map(|p| std::array::from_fn(|m| slot(m, p))).collect(),
             active: visible.iter().filter(|v| v.contains(&true)).count(),
@@ -153,7 +165,7 @@ impl Case {
             ),
             photo: photometric_loss(&masked, &warped, &visible, PHOTO),
         };
-        Run { geometry, warped, visible, affine, view, network, image, losses }
+        Run { geometry, warped, visible, slots, maps, view, network, image, losses }
     }
 
     fn centers(&self) -> Vec<[f64; 3]> {
@@ -172,7 +184,12 @@ impl Case {
         let mut v = run.view.input_backward(&v_x.data);
         weights[..ENC1.offset].iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
         add(&mut v.base, &v_corrected);
-        v.base.iter_mut().for_each(|b| *b = run.affine.backward(*b));
+        v.base.iter_mut().for_each(|b| *b = run.maps.output.backward(*b));
+        for (i, source) in run.slots.iter().flatten().enumerate().filter_map(|(i, s)| Some((i, (*s)?))) {
+            let [r, g, b, _] = v.warped[i];
+            let by_base = run.maps.shift_backward(source, [r, g, b]);
+            v.base[i % (width * height)].iter_mut().zip(by_base).for_each(|(v, by)| *v += by);
+        }
         (v, weights)
     }
 

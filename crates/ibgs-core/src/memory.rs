@@ -15,7 +15,7 @@
 //! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
 //! | images | 24 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
-//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure 24 P} |
+//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure (24 + 16 V) P} |
 //! | losses | 36 P {twice, and 36 V P} |
 //! | depth maps | {4 a pixel of all training photos} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
@@ -231,6 +231,7 @@ impl Estimate {
         self.add("network", "weights and their gradient", 4 * WEIGHTS as u64, 2);
         if demand.config.exposure.enabled {
             self.add("network", "corrected base colour and its gradient", 12 * pixels, 2);
+            self.add("network", "corrected warped colours", 16 * slots * pixels, 1);
         }
         if demand.evaluates {
             self.add("evaluation", "activations", 4 * INPUT as u64 * low, 4);

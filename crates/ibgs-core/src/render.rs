@@ -302,7 +302,7 @@ fn record_final(
         return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
     }
     let (warped, seen) = stage.warper.record_warp(pass, forward, &sources.views)?;
-    let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
+    let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0, photo: None };
     let weights = stage.part.network.weights.val();
     let image = stage.residual.record(pass, &task, [base, warped], weights)?;
     // Not the photos on the device: the store could not give their memory to others.

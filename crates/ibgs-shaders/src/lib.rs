@@ -250,15 +250,16 @@ kernels! {
     PHOTOMETRIC_LOSS_BACKWARD = "photometric_loss_backward" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), read("moments"), read("stats"), read("v_loss"), write("v_warped");
     /// Moments of base and first source's colours where that source is visible.
-    EXPOSURE_SUMS = "exposure_sums" [256, 1, 1] (4):
-        read("base"), read("warped"), read("seen"), write("partials");
+    EXPOSURE_SUMS = "exposure_sums" [256, 1, 1] (size_of::<types::ExposureSumsParams>()):
+        read("base"), read("warped"), read("seen"), read("photo"), write("partials");
     /// The affine colour map from the moments.
-    EXPOSURE_SOLVE = "exposure_solve" [EXPOSURE_GROUPS, 1, 1] (0): read("partials"), write("affine");
-    /// The affine colour map applied.
-    EXPOSURE_APPLY = "exposure_apply" [256, 1, 1] (4): read("affine"), read("base"), write("corrected");
-    /// Gradient of the applied map by the base colours.
-    EXPOSURE_APPLY_BACKWARD = "exposure_apply_backward" [256, 1, 1] (4):
-        read("affine"), read("v_corrected"), write("v_base");
+    EXPOSURE_SOLVE = "exposure_solve" [EXPOSURE_GROUPS, 1, 1] (4): read("partials"), write("affine");
+    /// The affine colour maps applied to base and warped colours.
+    EXPOSURE_APPLY = "exposure_apply" [256, 1, 1] (size_of::<types::ExposureApplyParams>()):
+        read("affine"), read("base"), read("warped"), read("seen"), write("corrected"), write("shifted");
+    /// Gradient of the applied maps by the base colours.
+    EXPOSURE_APPLY_BACKWARD = "exposure_apply_backward" [256, 1, 1] (size_of::<types::ExposureApplyParams>()):
+        read("affine"), read("seen"), read("v_corrected"), read("v_shifted"), write("v_base");
     /// L1 under a photo's exposure scalars, sums.
     EXPOSURE_L1 = "exposure_l1" [256, 1, 1] (size_of::<types::LossParams>()):
         read("image"), read("photo"), read("scalars"), write("partials");

@@ -165,6 +165,28 @@ pub struct AdamParams {
     pub correction2: f32,
 }
 
+/// Moments of two pictures' colours; the twin of `ExposureSumsParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ExposureSumsParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// Packed slots V.
+    pub slots: u32,
+    /// Number of the source, 255: the target's photo.
+    pub other: u32,
+}
+
+/// Colour maps applied; the twin of `ExposureApplyParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ExposureApplyParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// Packed slots V.
+    pub slots: u32,
+}
+
 /// Random steps of the means; the twin of `McmcNoiseParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -1,12 +1,29 @@
-// One thread a pixel: corrected = A base + t.
+// One thread a pixel: the base colour in the output's exposure, out = A_0 base + t_0, and each warped colour with the change of
+// exposure from its source to the output, y + out - (A_s base + t_s).
 #import index
+#import seen
 
-var<immediate> pixels: u32;
+struct ExposureApplyParams {
+    pixels: u32,
+    // Packed slots V.
+    slots: u32,
+}
 
-// Three rows of [A | t].
+var<immediate> params: ExposureApplyParams;
+
+// Three rows of [A | t] a map: the output's, then the sources'.
 @group(0) @binding(0) var<storage, read> affine: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> base: array<f32>;
-@group(0) @binding(2) var<storage, read_write> corrected: array<f32>;
+// [V, P, 4]: colour and cosine.
+@group(0) @binding(2) var<storage, read> warped: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> seen: array<u32>;
+@group(0) @binding(4) var<storage, read_write> corrected: array<f32>;
+// As warped.
+@group(0) @binding(5) var<storage, read_write> shifted: array<vec4<f32>>;
+
+fn exposed(row: u32, color: vec4<f32>) -> vec3<f32> {
+    return vec3(dot(affine[row], color), dot(affine[row + 1u], color), dot(affine[row + 2u], color));
+}
 
 @compute @workgroup_size(256)
 fn main(
@@ -15,11 +32,21 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let p = linear_workgroup(wid, groups) * 256u + local;
-    if p >= pixels {
+    if p >= params.pixels {
         return;
     }
     let color = vec4(base[3u * p], base[3u * p + 1u], base[3u * p + 2u], 1.0);
-    corrected[3u * p] = dot(affine[0], color);
-    corrected[3u * p + 1u] = dot(affine[1], color);
-    corrected[3u * p + 2u] = dot(affine[2], color);
+    let out = exposed(0u, color);
+    for (var c = 0u; c < 3u; c++) {
+        corrected[3u * p + c] = out[c];
+    }
+    let packed = seen[p];
+    for (var m = 0u; m < params.slots; m++) {
+        let at = m * params.pixels + p;
+        var y = warped[at];
+        if slot_filled(packed, m) {
+            y += vec4(out - exposed(3u * (slot_source(packed, m) + 1u), color), 0.0);
+        }
+        shifted[at] = y;
+    }
 }

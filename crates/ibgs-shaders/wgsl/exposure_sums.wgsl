@@ -1,20 +1,45 @@
-// A fixed number of workgroups, each over its share of the pixels whose first slot holds the first source: count and
-// sums of base colour x and warped colour y, then sums of products about the workgroup's own means. About those means
-// nothing cancels, however flat the picture.
+// A fixed number of workgroups, each over its share of the pixels that see a source (or of the valid pixels of the target's
+// photo): count and sums of base colour x and the other colour y, then sums of products about the workgroup's own means. About
+// those means nothing cancels, however flat the picture.
+#import photo
 #import reduce
 #import seen
 
-var<immediate> pixels: u32;
+struct ExposureSumsParams {
+    pixels: u32,
+    // Packed slots V.
+    slots: u32,
+    // Number of the source, 255: the target's photo.
+    other: u32,
+}
+
+var<immediate> params: ExposureSumsParams;
 
 @group(0) @binding(0) var<storage, read> base: array<f32>;
-// [V, P, 4], of which slot 0 is read.
+// [V, P, 4].
 @group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> seen: array<u32>;
+// RGBA8 of the target.
+@group(0) @binding(3) var<storage, read> photo: array<u32>;
 // Rows of seven, the moments of exposure_solve.
-@group(0) @binding(3) var<storage, read_write> partials: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
 
-fn first_visible(p: u32) -> bool {
-    return slot_source(seen[p], 0u) == 0u;
+// The colour beside the base's and 1, or zero where there is none.
+fn other_color(p: u32) -> vec4<f32> {
+    if params.other == 255u {
+        let texel = photo[p];
+        if photo_valid(texel) {
+            return vec4(unpack4x8unorm(texel).rgb, 1.0);
+        }
+        return vec4(0.0);
+    }
+    let packed = seen[p];
+    for (var m = 0u; m < params.slots; m++) {
+        if slot_source(packed, m) == params.other {
+            return vec4(warped[m * params.pixels + p].rgb, 1.0);
+        }
+    }
+    return vec4(0.0);
 }
 
 fn base_color(p: u32) -> vec3<f32> {
@@ -27,10 +52,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let stride = EXPOSURE_GROUPS * 256u;
     var sum_x = vec4(0.0);
     var sum_y = vec4(0.0);
-    for (var p = first; p < pixels; p += stride) {
-        if first_visible(p) {
+    for (var p = first; p < params.pixels; p += stride) {
+        let other = other_color(p);
+        if other.w > 0.0 {
             sum_x += vec4(base_color(p), 1.0);
-            sum_y += vec4(warped[p].xyz, 0.0);
+            sum_y += other;
         }
     }
     let total_x = reduce(local, sum_x);
@@ -43,10 +69,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var by_red = vec4(0.0);
     var by_green = vec4(0.0);
     var by_blue = vec4(0.0);
-    for (var p = first; p < pixels; p += stride) {
-        if first_visible(p) {
+    for (var p = first; p < params.pixels; p += stride) {
+        let other = other_color(p);
+        if other.w > 0.0 {
             let d = base_color(p) - mean_x;
-            let e = warped[p].xyz - mean_y;
+            let e = other.xyz - mean_y;
             xx += vec4(d.x * d, d.y * d.y);
             yz += vec4(d.y * d.z, d.z * d.z, 0.0, 0.0);
             by_red += vec4(e.x * d, 0.0);

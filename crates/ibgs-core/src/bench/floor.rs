@@ -14,7 +14,7 @@
 //! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P | 14 B |
 //! | depth maps | M times project with C = 1, sort, planes, and 64 n + 4 I + 8 T + 4 P | M times theirs |
 //! | warp | (4 + 8 K + 8 M + 16 V + 4) P | 40 min(M, V) P |
-//! | exposure fit | 56 P | 50 P |
+//! | exposure fit | (40 + 48 V) P | (40 (1 + M) + 9 + 18 V) P |
 //! | features | (12 + 16 A + 4) P + 152 p | 2 (7 x 32 + 32 x 32) A p |
 //! | hourglass | 4 bytes an input and output of each layer | 2 a weight and pixel of each layer |
 //! | compose | 24 P + 12 p | 9 P |
@@ -208,7 +208,7 @@ impl Load {
             }
             Stage::Warp => Floor::new((8.0 + 8.0 * k + 8.0 * m + 16.0 * v) * p, 40.0 * m.min(v) * p),
             Stage::WarpBackward => Floor::new((16.0 + 24.0 * k + 4.0 * m + 32.0 * v) * p, 40.0 * m.min(v) * p),
-            Stage::ExposureFit => Floor::new(56.0 * p, 50.0 * p),
+            Stage::ExposureFit => Floor::new((40.0 + 48.0 * v) * p, (40.0 * (1.0 + m) + 9.0 + 18.0 * v) * p),
             Stage::Features => self.features(),
             Stage::FeaturesBackward => {
                 let forward = self.features();

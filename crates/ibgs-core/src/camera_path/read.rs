@@ -34,6 +34,12 @@ struct Frame {
     fov: f64,
 }
 
+/// Of frames that need no rate to be rendered.
+#[derive(Deserialize)]
+struct Rate {
+    fps: Option<Value>,
+}
+
 /// What the editor needs beyond the frames.
 #[derive(Deserialize)]
 struct Plan {
@@ -54,7 +60,7 @@ pub fn load<T>(path: &Path, parse: impl Fn(&str) -> Result<T, String>) -> Result
 pub fn parse_frames(text: &str) -> Result<CameraPath, String> {
     let (width, height) = size(text)?;
     let cameras = frames(text)?.iter().map(|frame| frame.camera(width, height)).collect();
-    let fps = read::<Plan>(text)?.fps.unwrap_or(USUAL_FPS);
+    let fps = read::<Rate>(text)?.fps.and_then(|fps| fps.as_f64()).unwrap_or(USUAL_FPS);
     if !(fps > 0.0 && fps.is_finite()) {
         return Err(format!("`fps` is {fps}; it must be a finite number above 0"));
     }

@@ -7,5 +7,5 @@ pub mod source_store;
 pub mod sources;
 mod warp;
 
-pub use exposure::ExposureFit;
+pub use exposure::{ExposedColors, ExposureFit};
 pub use warp::{MAX_SOURCES, Seen, SourceView, WarpOptions, Warper};

@@ -57,6 +57,8 @@ pub struct Seen {
     pub active: Buffer,
     /// `[M]` of (target camera centre - source camera centre, 0), world space.
     pub centers: Buffer,
+    /// Number of sources M.
+    pub sources: u32,
     pixels: usize,
 }
 
@@ -162,6 +164,7 @@ impl Warper {
             slots: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
             active: self.gpu.allocate("packed sources", 16)?,
             centers: self.gpu.allocate("source centres", 16 * MAX_SOURCES as u64)?,
+            sources: 0,
             pixels,
         })
     }
@@ -173,7 +176,7 @@ impl Warper {
         let Camera { width, height, .. } = surface.camera;
         let pixels = width as usize * height as usize;
         gpu.check_size("warped colours", 16 * (pixels * self.options.visible as usize) as u64)?;
-        let seen = self.scratch(pixels)?;
+        let seen = Seen { sources: sources.len() as u32, ..self.scratch(pixels)? };
         let warped = gpu.empty_like_shape(&forward.image, &[self.options.visible as usize, pixels, 4]);
         let from = |s: &SourceView| (surface.camera.center() - s.camera.center()).extend(0.0).as_vec4().to_array();
         let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();

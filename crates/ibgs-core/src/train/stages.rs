@@ -180,7 +180,8 @@ impl ImageStages {
             return Ok(());
         }
         let burn_in = work.schedule.burn_in(work.iteration);
-        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
+        let photo = Some(work.target.clone());
+        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32, photo };
         let weights = self.network.weights.val().autodiff().require_grad();
         // During burn-in only the network learns from the final image.
         let (base, warped) = match burn_in {
