@@ -1,3 +1,6 @@
 //! The commands of the `ibgs` program.
 
+#![forbid(unsafe_code)]
+
 pub mod commands;
+pub mod version;

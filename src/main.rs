@@ -1,13 +1,15 @@
 //! `ibgs`: reconstruct a scene from posed photos and render new views of it.
 
-use clap::{Parser, Subcommand};
-use ibgs::commands;
+#![forbid(unsafe_code)]
+
+use clap::{CommandFactory, Parser, Subcommand};
+use ibgs::{commands, version};
 use std::process::ExitCode;
 
 /// Reconstruct a scene from posed photos and render new views with Gaussian splatting, on any GPU with Vulkan, Metal
 /// or DX12.
 #[derive(Parser)]
-#[command(name = "ibgs", version, max_term_width = 100)]
+#[command(name = "ibgs", version = version::SHORT, long_version = version::long(), max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -35,6 +37,10 @@ enum Command {
     Info(commands::info::Args),
     /// Time every stage on this machine.
     Bench(commands::bench::Args),
+    /// Print completions for a shell.
+    Completions(commands::completions::Args),
+    /// Write manual pages.
+    Man(commands::man::Args),
 }
 
 fn main() -> ExitCode {
@@ -49,6 +55,8 @@ fn main() -> ExitCode {
         Command::Export(args) => commands::export::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Bench(args) => commands::bench::run(&args),
+        Command::Completions(args) => commands::completions::run(&args, Cli::command()),
+        Command::Man(args) => commands::man::run(&args, Cli::command()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,5 +1,6 @@
 //! The program itself, run as a user runs it: what it writes, what it says and how it ends.
 
+mod bad_bytes;
 mod bad_input;
 mod bad_machine;
 mod bad_model;
@@ -8,10 +9,12 @@ mod bundle;
 mod compare;
 mod image_based;
 mod inputs;
+mod install;
 #[cfg(unix)]
 mod interrupt;
 mod mesh;
 mod report;
+mod resume;
 mod round;
 mod suite;
 

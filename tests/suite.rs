@@ -1,8 +1,10 @@
 //! The integration tests of ibgs: one binary.
 #![allow(missing_docs)]
+#![forbid(unsafe_code)]
 
 mod bad_input;
 mod bad_input_json;
+mod bad_input_random;
 mod cli;
 mod common;
 mod contract;

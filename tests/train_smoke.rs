@@ -1,5 +1,6 @@
 //! Short trainings of a tiny scene: what must happen in every run, and what must not.
 
+mod checkpoint;
 mod events;
 pub mod image_based;
 mod inputs;
@@ -9,6 +10,8 @@ use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};
 use ibgs_core::dataset::{Dataset, View, demo};
 use ibgs_core::eval::score_view;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::gpu::buffer::primitive;
 use ibgs_core::scene::Gaussians;
 use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::{TrainError, Trainer};
@@ -61,6 +64,14 @@ fn run(trainer: &mut Trainer, until: u32) {
     while trainer.iteration() < until {
         trainer.step().unwrap();
     }
+}
+
+/// Makes the first values of a trained tensor infinite.
+fn poison<const D: usize>(tensor: burn::tensor::Tensor<D>) {
+    let gpu = gpu();
+    let bound = Gpu::bind(&primitive(tensor));
+    gpu.queue.write_buffer(&bound.buffer, bound.offset, bytemuck::cast_slice(&[f32::INFINITY; 4]));
+    gpu.wait().unwrap();
 }
 
 /// PSNR of a view in dB as the trainer's model stands.

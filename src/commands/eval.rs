@@ -17,9 +17,10 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// How the images reach LPIPS' network.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Range {
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum LpipsRange {
     /// Mapped to -1..1, as the `lpips` package asks for.
+    #[default]
     Signed,
     /// Left in 0..1, as published figures of Gaussian splatting are taken.
     Published,
@@ -35,8 +36,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     lpips_weights: Vec<PathBuf>,
     /// Range of the images that LPIPS compares.
-    #[arg(long, value_enum, default_value = "signed", requires = "lpips_weights")]
-    lpips_range: Range,
+    #[arg(long, value_enum, default_value_t, requires = "lpips_weights")]
+    lpips_range: LpipsRange,
     /// File of the report, a page with figures, curves and pictures [default: MODEL/report.html].
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -55,8 +56,8 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("the scene has no held-out views; train with `--eval`");
     }
     let range = match args.lpips_range {
-        Range::Signed => InputRange::Signed,
-        Range::Published => InputRange::Published,
+        LpipsRange::Signed => InputRange::Signed,
+        LpipsRange::Published => InputRange::Published,
     };
     // First, so that what LPIPS takes is no part of the model's memory.
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();

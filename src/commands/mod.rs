@@ -2,9 +2,11 @@
 
 pub mod bench;
 pub mod compare;
+pub mod completions;
 pub mod eval;
 pub mod export;
 pub mod info;
+pub mod man;
 pub mod mesh;
 mod model;
 mod outputs;
@@ -18,7 +20,8 @@ pub use model::Model;
 pub use outputs::{Output, Place};
 
 use anyhow::Result;
-use ibgs_core::dataset::{self, Dataset, LoadOptions, View, demo};
+use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::{self, Dataset, LoadOptions, View};
 use ibgs_core::eval::lpips::Lpips;
 use ibgs_core::eval::{Region, Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
@@ -61,6 +64,15 @@ pub fn load_scene(config: &TrainConfig, source: &Path) -> Result<Dataset> {
     let dataset = dataset::load(source, &options)?;
     for note in &dataset.notes {
         eprintln!("note: {note}");
+    }
+    Ok(dataset)
+}
+
+/// Loads the demo scene; with a seed every photo has another exposure.
+pub fn load_demo(options: &DemoOptions, exposure_seed: Option<u64>) -> Result<Dataset> {
+    let mut dataset = demo::load(options, None, true)?;
+    if let Some(seed) = exposure_seed {
+        demo::change_exposure(&mut dataset, seed);
     }
     Ok(dataset)
 }

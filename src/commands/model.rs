@@ -1,11 +1,11 @@
 //! A trained model, opened: a model folder or a one-file bundle.
 
-use super::{load_scene, open_gpu};
+use super::{load_demo, load_scene, open_gpu};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::dataset::{Dataset, Photo};
 use ibgs_core::fuse::source_store::SourceStore;
 use ibgs_core::fuse::sources::Distances;
@@ -266,9 +266,5 @@ fn demo_scene(records: &[CameraRecord], exposure_seed: Option<u64>) -> Result<Da
     let width = records.first().context("the model has no cameras")?.camera.width;
     let presets = [DemoOptions::small(), DemoOptions::large()];
     let preset = presets.into_iter().find(|p| p.width == width).context("the model's demo scene has another size")?;
-    let mut dataset = demo::load(&preset, None, true)?;
-    if let Some(seed) = exposure_seed {
-        demo::change_exposure(&mut dataset, seed);
-    }
-    Ok(dataset)
+    load_demo(&preset, exposure_seed)
 }

@@ -4,7 +4,6 @@ use anyhow::Result;
 use clap::ValueEnum;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Photo;
-use ibgs_core::image_io::write_png;
 use ibgs_core::picture::{Picture, exr};
 use ibgs_core::render::{Frame, Renderer};
 use ibgs_core::train::output::cameras::Split;
@@ -152,8 +151,7 @@ impl Place<'_> {
 
     /// Writes the view's photo beside them.
     pub fn write_photo(&self, photo: &Photo) -> Result<()> {
-        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-        Ok(write_png(&self.path(PictureKind::Truth), photo.width, photo.height, &rgb)?)
+        Ok(Picture::photo(photo).write(&self.path(PictureKind::Truth))?)
     }
 
     /// Path of the view's EXR file.

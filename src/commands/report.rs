@@ -191,8 +191,7 @@ fn training(figures: &Figures) -> String {
             series: vec![series("Gaussians", logged(|entry| entry.gaussians as f64), false)],
         },
     ];
-    let plots: String = plots.iter().map(Plot::html).collect();
-    if plots.is_empty() { plots } else { format!("<div class=\"plots\">\n{plots}</div>\n") }
+    plot::beside(&plots)
 }
 
 /// Bytes on a disk, in millions as papers have them.

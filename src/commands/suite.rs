@@ -3,11 +3,15 @@
 mod config;
 mod summary;
 
+use super::eval::LpipsRange;
 use anyhow::{Context, Result, bail};
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, ValueEnum};
 use config::{Job, Suite};
 use ibgs_core::files;
+use ibgs_core::train::config::TrainConfig;
+use ibgs_core::train::output::OutputFolder;
 use std::collections::VecDeque;
+use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
@@ -56,9 +60,27 @@ pub struct Args {
     /// Work on this part alone, PART/COUNT; each part on its own machine.
     #[arg(long, value_parser = shard)]
     shard: Option<Shard>,
+    /// Weights of LPIPS (VGG), as `ibgs eval` takes them.
+    #[arg(long, value_name = "FILE", num_args = 1..=2)]
+    lpips_weights: Vec<PathBuf>,
+    /// Range of the images that LPIPS compares.
+    #[arg(long, value_enum, default_value_t, requires = "lpips_weights")]
+    lpips_range: LpipsRange,
     /// Train nothing; only write the summary of what is there.
     #[arg(long)]
     summary_only: bool,
+}
+
+impl Args {
+    /// Options of `ibgs eval` for LPIPS.
+    fn lpips(&self) -> Vec<OsString> {
+        if self.lpips_weights.is_empty() {
+            return Vec::new();
+        }
+        let range = self.lpips_range.to_possible_value().expect("no range is hidden");
+        let files = self.lpips_weights.iter().map(OsString::from);
+        ["--lpips-range".into(), range.get_name().into(), "--lpips-weights".into()].into_iter().chain(files).collect()
+    }
 }
 
 /// Runs the command.
@@ -67,10 +89,13 @@ pub fn run(args: &Args) -> Result<()> {
     suite.keep(&args.scenes, &args.runs)?;
     let name = args.config.file_stem().and_then(|name| name.to_str()).unwrap_or("suite");
     let output = args.output.clone().unwrap_or_else(|| Path::new("output").join(name));
-    let jobs = suite.jobs(&args.data, &output, args.iterations)?;
+    let jobs = suite.jobs(&args.data, &output, args.iterations, &args.lpips())?;
     let missing: Vec<&str> = suite.missing(&args.data).collect();
     for scene in &missing {
         eprintln!("note: {} has no scene `{scene}`; it is left out", args.data.display());
+    }
+    for scene in suite.without_surface(&args.data) {
+        eprintln!("note: scene `{scene}` has no true surface; its meshes are not measured");
     }
     if jobs.is_empty() {
         bail!("{} has none of the scenes of {}", args.data.display(), args.config.display());
@@ -99,10 +124,8 @@ pub fn run(args: &Args) -> Result<()> {
 fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     let mine = |(index, _): &(usize, &Job)| args.shard.is_none_or(|s| index % s.of == s.part - 1);
     let todo: Vec<&Job> = jobs.iter().enumerate().filter(mine).map(|(_, job)| job).collect();
-    let (done, todo): (Vec<&Job>, VecDeque<&Job>) = {
-        let (done, todo): (Vec<&Job>, Vec<&Job>) = todo.into_iter().partition(|job| job.is_done());
-        (done, todo.into())
-    };
+    let (done, todo): (Vec<&Job>, Vec<&Job>) = todo.into_iter().partition(|job| job.is_done());
+    let todo = VecDeque::from(todo);
     if !done.is_empty() {
         eprintln!("{} of {} runs are there already", done.len(), done.len() + todo.len());
     }
@@ -164,34 +187,64 @@ impl Job {
         text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no word").to_owned()
     }
 
-    /// Whether the last iteration was measured.
-    fn is_done(&self) -> bool {
-        Figures::read(self).is_ok_and(|figures| figures.is_complete())
+    /// What is still to be done where these figures are there.
+    fn steps(&self, figures: &Figures) -> Vec<Step> {
+        let measured = figures.has("PSNR") && figures.has("FPS");
+        let lacks = |name| !measured || !figures.has(name);
+        let steps = [
+            (Step::Train, !measured),
+            (Step::Eval, !measured || !self.lpips.is_empty() && lacks("LPIPS")),
+            (Step::Mesh, self.mesh.is_some() && lacks("F1")),
+        ];
+        steps.into_iter().filter(|(_, wanted)| *wanted).map(|(step, _)| step).collect()
     }
 
-    /// Trains and measures in processes of their own.
+    /// Whether all is measured.
+    fn is_done(&self) -> bool {
+        Figures::read(self).is_ok_and(|figures| self.steps(&figures).is_empty())
+    }
+
+    /// Trains and measures in processes of their own, as far as that is not done.
     fn run(&self, program: &Path, adapter: Option<&String>) -> Result<ExitStatus> {
         if let Some(parent) = self.folder.parent() {
             files::create_folder(parent)?;
         }
         let options = self.folder.with_extension("toml");
+        // A training that was stopped goes on, unless the configuration has changed since.
+        let same = TrainConfig::load(&options).is_ok_and(|config| config == self.config);
+        let resumes = same && OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty());
         self.config.save(&options)?;
         let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;
-        let spawn = |arguments: &[&str]| -> Result<ExitStatus> {
+        // What a half-written folder says is nothing.
+        let steps = self.steps(&Figures::read(self).unwrap_or_default());
+        let mut status = ExitStatus::default();
+        for step in steps {
             let mut command = Command::new(program);
-            command.arg(arguments[0]).args(&arguments[1..]);
+            match step {
+                Step::Train if resumes => command.args(["train", "--resume", "-m"]).arg(&self.folder),
+                Step::Train => {
+                    command.args(["train", "--overwrite", "--config"]).arg(&options).arg("-m").arg(&self.folder)
+                }
+                Step::Eval => command.arg("eval").arg(&self.folder).args(&self.lpips),
+                Step::Mesh => command.arg("mesh").arg(&self.folder).args(self.mesh.iter().flatten()),
+            };
             command.args(adapter.iter().flat_map(|name| ["--adapter", name.as_str()]));
             command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log.try_clone()?);
-            Ok(command.status()?)
-        };
-        let [folder, options] = [&self.folder, &options].map(|path| path.to_str().context("a path is not UTF-8"));
-        let (folder, options) = (folder?, options?);
-        let status = spawn(&["train", "--config", options, "-m", folder, "--overwrite"])?;
-        match status.success() {
-            true => spawn(&["eval", folder]),
-            false => Ok(status),
+            status = command.status()?;
+            if !status.success() {
+                break;
+            }
         }
+        Ok(status)
     }
+}
+
+/// A process of a job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Step {
+    Train,
+    Eval,
+    Mesh,
 }
 
 #[cfg(test)]

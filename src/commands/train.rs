@@ -1,17 +1,20 @@
 //! `ibgs train`
 
 mod estimate;
+mod keeper;
+mod resume;
 mod run;
 mod stages;
 mod watch;
 
 pub use run::Run;
 
-use super::{load_scene, open_gpu, view};
+use super::{load_demo, load_scene, open_gpu, view};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::dataset::{Alpha, ColorSpace, Dataset};
+use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::read_ply;
@@ -21,7 +24,7 @@ use ibgs_core::train::output::{Existing, OutputFolder};
 use stages::StageArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
 const DEMO_ITERATIONS: [u32; 2] = [700, 10_000];
@@ -118,6 +121,10 @@ pub struct Args {
     /// Most Gaussians.
     #[arg(long)]
     max_splats: Option<u32>,
+    /// Device memory that the training may take: `auto` (nine tenths of what the device has), `none` (no limit), or a size such
+    /// as `6GiB`; the number of Gaussians stops growing there.
+    #[arg(long, default_value = "auto")]
+    gpu_memory: MemoryBudget,
     /// Evaluate every so many iterations.
     #[arg(long)]
     eval_every: Option<u32>,
@@ -135,12 +142,29 @@ pub struct Args {
     white_background: bool,
     #[command(flatten)]
     stages: StageArgs,
+    /// Go on with the training that was stopped in the output folder `--model`, with its options.
+    #[arg(long, requires = "model", conflicts_with_all = ["overwrite", "config", "init"])]
+    resume: bool,
+    /// Minutes between two checkpoints, from which `--resume` goes on; 0: only when the training is stopped.
+    #[arg(long, value_name = "MINUTES", default_value_t = 2.0, value_parser = minutes)]
+    checkpoint_every: f64,
+    /// Repeat bit for bit on the same adapter, also where the run is resumed; checkpoints are larger.
+    #[arg(long)]
+    deterministic: bool,
     /// Train in the viewer's window; closing it ends the training as Ctrl-C does.
     #[arg(long)]
     with_viewer: bool,
     /// Adapter by number or part of its name; `ibgs info` lists them.
     #[arg(long)]
     adapter: Option<String>,
+}
+
+/// Up to a year.
+fn minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (0.0..=525_600.0).contains(&minutes) => Ok(minutes),
+        _ => Err("give a number of minutes, 0 or above".to_owned()),
+    }
 }
 
 fn set<T>(slot: &mut T, value: &Option<T>)
@@ -161,7 +185,12 @@ fn set_some<T: Clone>(slot: &mut Option<T>, value: &Option<T>) {
 impl Args {
     /// The options file with the command line on top.
     fn config(&self) -> Result<TrainConfig> {
-        let mut c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
+        let c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
+        self.over(c)
+    }
+
+    /// The command line on top of options.
+    fn over(&self, mut c: TrainConfig) -> Result<TrainConfig> {
         match self.method.as_deref() {
             Some("ibgs") => c.method = Method::Ibgs,
             Some(_) => c.method = Method::Gs3,
@@ -205,6 +234,7 @@ impl Args {
         set_some(&mut c.save_iterations, &self.save_iterations);
         set(&mut c.seed, &self.seed);
         c.white_background |= self.white_background;
+        c.deterministic |= self.deterministic;
         self.stages.apply(&mut c);
         Ok(c)
     }
@@ -221,10 +251,17 @@ pub fn run(args: &Args) -> Result<()> {
 
 /// Prepares a training: `told` hears what is being done. The GPU is asked for after the files have been read.
 pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(&str)) -> Result<Run> {
-    let mut config = args.config()?;
-    config.validate()?;
     // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
-    refuse_output(args)?;
+    let resumed =
+        args.model.as_deref().filter(|_| args.resume).map(|path| resume::checkpoint(args, path)).transpose()?;
+    let mut config = match &resumed {
+        Some(checkpoint) => checkpoint.config.clone(),
+        None => args.config()?,
+    };
+    config.validate()?;
+    if resumed.is_none() {
+        refuse_output(args)?;
+    }
     let start = config.init.as_deref().map(read_ply).transpose()?;
     told("loading the photos");
     let scene = config.data.source.clone().map(|source| load_scene(&config, &source)).transpose()?;
@@ -236,21 +273,37 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
         Some(dataset) => dataset,
         None => {
             told("ray tracing the demo scene; this takes some minutes the first time");
-            demo_scene(&mut config, args, &gpu)?
+            if resumed.is_none() {
+                demo_options(&mut config, args, &gpu);
+            }
+            demo_scene(&config, &gpu)?
         }
     };
     told("preparing the training");
     let started = Instant::now();
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
     gpu.warm_up();
-    let trainer = match start {
-        Some(start) => {
+    let mut trainer = match (&resumed, start) {
+        (Some(checkpoint), _) => Trainer::resume(raster.clone(), &dataset, checkpoint)?,
+        (None, Some(start)) => {
             config.sh_degree = start.sh_degree;
             Trainer::from_gaussians(raster.clone(), &dataset, &config, &start)?
         }
-        None => Trainer::new(raster.clone(), &dataset, &config)?,
+        (None, None) => Trainer::new(raster.clone(), &dataset, &config)?,
     };
-    let folder = create_output(args, &config, &dataset)?;
+    let mut needs = estimate::Needs::of(&trainer, &raster, &dataset, &config);
+    if let Some(most) = needs.limit(args.gpu_memory, &gpu)?.filter(|_| resumed.is_none()) {
+        config.densify.max_splats = Some(most);
+        trainer.limit_splats(most);
+    }
+    let needs = needs.sentence();
+    let folder = match (&resumed, &args.model) {
+        (Some(checkpoint), Some(path)) => {
+            eprintln!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
+            OutputFolder::at(path)
+        }
+        _ => create_output(args, &config, &dataset)?,
+    };
     eprintln!(
         "{} training views, {} test views, {} initial points; writing to {}",
         dataset.train.len(),
@@ -258,8 +311,13 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
         dataset.points.len(),
         folder.root().display()
     );
-    eprintln!("{}", estimate::sentence(&trainer, &raster, &dataset, &config));
-    Ok(Run::new(trainer, raster, dataset, config, folder, started))
+    eprintln!("{needs}");
+    let every = (args.checkpoint_every > 0.0).then(|| Duration::from_secs_f64(60.0 * args.checkpoint_every));
+    let run = Run::new(trainer, raster, dataset, config, folder, every, started);
+    Ok(match &resumed {
+        Some(checkpoint) => run.with_records_of(checkpoint),
+        None => run,
+    })
 }
 
 /// Options of photos on disk would be ignored, and still stand in the results.
@@ -282,10 +340,9 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
     }
 }
 
-fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Dataset> {
-    let software = gpu.is_software();
-    let options = if software { DemoOptions::small() } else { DemoOptions::large() };
-    let size = usize::from(!software);
+/// Options of the demo scene where none are given.
+fn demo_options(config: &mut TrainConfig, args: &Args, gpu: &Gpu) {
+    let size = usize::from(!gpu.is_software());
     // An options file counts in full: one that an earlier run wrote must give that run again.
     if args.config.is_none() {
         let usual = DEMO_ITERATIONS[size];
@@ -295,10 +352,11 @@ fn demo_scene(config: &mut TrainConfig, args: &Args, gpu: &Gpu) -> Result<Datase
         config.residual.factor = args.stages.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
     }
     config.data.eval = true;
-    let mut dataset = demo::load(&options, None, true)?;
-    if let Some(seed) = config.data.demo_exposure_seed {
-        demo::change_exposure(&mut dataset, seed);
-    }
+}
+
+fn demo_scene(config: &TrainConfig, gpu: &Gpu) -> Result<Dataset> {
+    let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
+    let dataset = load_demo(&options, config.data.demo_exposure_seed)?;
     for note in &dataset.notes {
         eprintln!("note: {note}");
     }

@@ -106,11 +106,11 @@ fn folders_without_permission() {
 }
 
 /// A tiny disk; unmounted when dropped.
-struct Disk<'a>(&'a Path);
+pub struct Disk<'a>(&'a Path);
 
 impl Disk<'_> {
     /// Or none where mounting is not allowed, said loudly.
-    fn mount<'a>(path: &'a Path, size: &str) -> Option<Disk<'a>> {
+    pub fn mount<'a>(path: &'a Path, size: &str) -> Option<Disk<'a>> {
         fs::create_dir_all(path).unwrap();
         let options = format!("size={size}");
         let mut mount = Command::new("mount");

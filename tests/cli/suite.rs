@@ -49,6 +49,7 @@ fn a_suite_trains_goes_on_and_summarises() {
         "A test.",
         "## scene",
         "another (published) | 99.00 |            - | 0.5000",
+        " F1 | Chamfer |",
         "## elsewhere",
         "Not there.",
     ] {
@@ -83,4 +84,34 @@ fn a_suite_that_cannot_be_run_says_why() {
     let outcome = sandbox.run("suite two.toml");
     outcome.assert_failure(1, &["2 of 2 runs failed", ".log"]);
     assert!(sandbox.text("output/two/ibgs/scene.log").contains("transforms.json"), "{outcome}");
+}
+
+/// What is wanted later is measured without training again.
+#[test]
+fn a_suite_measures_meshes_and_lpips() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let scene = "name = \"scene\"";
+    let mesh = format!("{scene}\nmesh = {{ compare = \"truth.ply\", threshold = 0.5 }}");
+    let config = CONFIG.replacen(scene, &mesh, 1).replace("iterations = 4", "iterations = 30");
+    sandbox.write("mesh.toml", &config);
+    let command = "suite mesh.toml --scenes scene --runs ibgs";
+    let first = sandbox.succeeds(command);
+    assert!(first.stderr.contains("scene `scene` has no true surface"), "{first}");
+    assert!(!first.stdout.contains("Not measured yet"), "{first}");
+    let model = sandbox.path("output/mesh/ibgs/scene");
+    fs::copy(model.join("input.ply"), sandbox.path("scene/truth.ply")).unwrap();
+    let trained = fs::metadata(model.join("result_training.json")).unwrap().modified().unwrap();
+    let second = sandbox.succeeds(command);
+    assert!(second.stderr.contains("1/1 scene, ibgs"), "{second}");
+    assert_eq!(fs::metadata(model.join("result_training.json")).unwrap().modified().unwrap(), trained);
+    let figures = &sandbox.json("output/mesh/summary.json")["measured"][0]["figures"];
+    for name in ["F1", "chamfer"] {
+        assert!(figures[name].as_f64().is_some_and(|value| value > 0.0), "{name}: {figures}");
+    }
+    // The weights reach the measurement.
+    let outcome = sandbox.run(&format!("{command} --lpips-weights none.pth --lpips-range published"));
+    outcome.assert_failure(1, &["1 of 1 runs failed"]);
+    assert!(sandbox.text("output/mesh/ibgs/scene.log").contains("none.pth"), "{outcome}");
+    sandbox.write("mesh.toml", config.replace("threshold", "thresold"));
+    sandbox.fails(command, &["unknown field `thresold`"]);
 }

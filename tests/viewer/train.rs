@@ -17,7 +17,7 @@ fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
     let output = OutputFolder::create(&folder.join("model"), Existing::Keep).unwrap();
     output.write_start(&config, &dataset).unwrap();
     let scene = surroundings(&dataset, folder);
-    let run = Run::new(trainer, raster, dataset, config, output, Instant::now());
+    let run = Run::new(trainer, raster, dataset, config, output, None, Instant::now());
     Opened { scene, content: Content::Training(Box::new(run)) }
 }
 

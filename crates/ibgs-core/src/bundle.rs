@@ -8,11 +8,14 @@
 //! photos/NAME.png   the training views' photos as they were trained on: undistorted, resized, 8 bits, lossless
 //! ```
 //!
-//! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. The archive's own checksums tell damage.
+//! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. So no part can be larger than the file.
+//! The archive's own checksums tell damage.
 
 use crate::dataset::Photo;
 use crate::files::{WriteError, write_seekable_atomically};
+use crate::image_io;
 use crate::scene::{Gaussians, PlyFlavor, SceneError, read_ply_from, write_ply_to};
+use crate::stored_zip::{self, StoredZip, add};
 use crate::train::config::TrainConfig;
 use crate::train::output::cameras::{self, CameraRecord, Split};
 use crate::train::output::multi_view::{self, ViewSources};
@@ -25,14 +28,16 @@ use std::io::{self, BufReader, Cursor, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
-use zip::result::ZipError;
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+use zip::ZipWriter;
 
 /// Version of the layout.
 const FORMAT: u32 = 1;
 /// Photos that are encoded at once.
 const BATCH: usize = 16;
+/// All photos together may decode to so many times the file's size, and so many bytes more: PNG shrinks photos to a third,
+/// and what is masked to next to nothing.
+const MOST_TIMES: u64 = 256;
+const MOST_BYTES_MORE: u64 = 1 << 30;
 
 /// Why a bundle cannot be read or written.
 #[derive(Debug, Error)]
@@ -116,10 +121,7 @@ impl Bundle {
     /// [`BundleError::Scene`] for Gaussians that are not valid, [`BundleError::Write`].
     pub fn write(&self, path: &Path) -> Result<(), BundleError> {
         self.gaussians.validate()?;
-        write_seekable_atomically(path, |out| {
-            let mut zip = ZipWriter::new(out);
-            self.write_parts(&mut zip).and_then(|()| zip.finish().map_err(io::Error::from)).map(|_| ())
-        })?;
+        write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip)))?;
         Ok(())
     }
 
@@ -150,11 +152,21 @@ impl Bundle {
     /// # Errors
     /// [`BundleError`] naming the file and the part that is missing or broken.
     pub fn read(path: &Path) -> Result<Self, BundleError> {
-        let file = File::open(path).map_err(|source| BundleError::Read { path: path.to_owned(), source })?;
+        let unreadable = |source| BundleError::Read { path: path.to_owned(), source };
+        let file = File::open(path).map_err(unreadable)?;
+        let length = file.metadata().map_err(unreadable)?.len();
+        Self::read_from(BufReader::new(file), length, path)
+    }
+
+    /// [`Bundle::read`] from anything seekable that is `length` bytes long; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`Bundle::read`].
+    pub fn read_from<R: Read + Seek>(reader: R, length: u64, path: &Path) -> Result<Self, BundleError> {
         let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
-        let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| no_bundle(error.to_string()))?;
-        let mut parts = Parts { path, zip };
-        if parts.zip.index_for_name("ibgs.json").is_none() {
+        let zip = StoredZip::open(reader).map_err(no_bundle)?;
+        let mut parts = Parts { path, length, zip };
+        if !parts.zip.has("ibgs.json") {
             return Err(no_bundle("it is a ZIP archive of something else".to_owned()));
         }
         let header: Header = parts.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
@@ -164,7 +176,7 @@ impl Bundle {
         let gaussians = parts.parse("point_cloud.ply", |bytes| {
             read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new("point_cloud.ply"))
         })?;
-        let has_network = parts.zip.index_for_name("network.bin").is_some();
+        let has_network = parts.zip.has("network.bin");
         let network = has_network.then(|| parts.bytes("network.bin")).transpose()?;
         let cameras = parts.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
         let sources = parts.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
@@ -177,24 +189,19 @@ impl Bundle {
 }
 
 /// The parts of an open bundle.
-struct Parts<'a> {
+struct Parts<'a, R> {
     path: &'a Path,
-    zip: ZipArchive<BufReader<File>>,
+    length: u64,
+    zip: StoredZip<R>,
 }
 
-impl Parts<'_> {
+impl<R: Read + Seek> Parts<'_, R> {
     fn damaged(&self, part: &str, reason: impl Into<String>) -> BundleError {
         BundleError::Damaged { path: self.path.to_owned(), part: part.to_owned(), reason: reason.into() }
     }
 
     fn bytes(&mut self, part: &str) -> Result<Vec<u8>, BundleError> {
-        let mut bytes = Vec::new();
-        let outcome = self.zip.by_name(part).and_then(|mut entry| Ok(entry.read_to_end(&mut bytes)?));
-        match outcome {
-            Ok(_) => Ok(bytes),
-            Err(ZipError::FileNotFound) => Err(self.damaged(part, "is missing")),
-            Err(error) => Err(self.damaged(part, format!("cannot be read ({error})"))),
-        }
+        self.zip.bytes(part).map_err(|reason| self.damaged(part, reason))
     }
 
     fn parse<T, E: ToString>(
@@ -210,6 +217,13 @@ impl Parts<'_> {
     fn photos(&mut self, cameras: &[CameraRecord]) -> Result<Vec<(String, Arc<Photo>)>, BundleError> {
         let mut photos = Vec::new();
         let training: Vec<&CameraRecord> = cameras.iter().filter(|c| c.split == Some(Split::Train)).collect();
+        let sizes = training.iter().map(|c| u64::from(c.camera.width).saturating_mul(4 * u64::from(c.camera.height)));
+        let needed = sizes.fold(0_u64, u64::saturating_add);
+        if needed / MOST_TIMES > self.length.saturating_add(MOST_BYTES_MORE / MOST_TIMES) {
+            let reason =
+                format!("asks for {needed} bytes of photos, which a file of {} bytes cannot hold", self.length);
+            return Err(self.damaged("cameras.json", reason));
+        }
         for batch in training.chunks(BATCH) {
             let read = batch.iter().map(|record| self.bytes(&photo_part(&record.name)));
             let bytes = read.collect::<Result<Vec<_>, _>>()?;
@@ -222,16 +236,6 @@ impl Parts<'_> {
         }
         Ok(photos)
     }
-}
-
-/// Adds a part as it is, without the time of day: equal models make equal files.
-fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) -> io::Result<()> {
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(DateTime::default())
-        .large_file(bytes.len() as u64 >= u64::from(u32::MAX));
-    zip.start_file(part, options)?;
-    zip.write_all(bytes)
 }
 
 fn encode(photo: &Photo) -> io::Result<Vec<u8>> {
@@ -251,14 +255,14 @@ fn encode(photo: &Photo) -> io::Result<Vec<u8>> {
 
 /// The photo of a camera, or what is wrong with it.
 fn decode(bytes: &[u8], record: &CameraRecord) -> Result<Photo, String> {
-    let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-    let broken = |error: image::ImageError| format!("is no usable picture ({error})");
-    // Before the pixels are decoded: a few bytes can promise any size.
-    let (width, height) = reader().into_dimensions().map_err(broken)?;
+    // Before the pixels are decoded.
+    let reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let (width, height) = reader.into_dimensions().map_err(|error| format!("is no usable picture ({error})"))?;
     let camera = &record.camera;
     if (width, height) != (camera.width, camera.height) {
         return Err(format!("has {width} x {height} pixels, its camera {} x {}", camera.width, camera.height));
     }
-    let rgba = reader().decode().map_err(broken)?.into_rgba8().into_raw();
+    let image = image_io::decode(bytes).map_err(|reason| format!("is no usable picture ({reason})"))?;
+    let rgba = image.into_rgba8().into_raw();
     Ok(Photo { width, height, rgba })
 }

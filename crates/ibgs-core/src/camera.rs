@@ -6,6 +6,9 @@
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
+/// Largest coordinate of a camera's centre, far beyond what single precision shows, so that no sum overflows.
+pub(crate) const MAX_COORDINATE: f64 = 1e12;
+
 /// A posed pinhole camera with its own image size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
@@ -24,6 +27,11 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// Pixels of its image.
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
     /// Camera centre in world space.
     pub fn center(&self) -> DVec3 {
         -(self.view_from_world.transpose() * self.translation)

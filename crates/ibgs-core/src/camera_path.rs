@@ -4,7 +4,7 @@ mod motion;
 mod read;
 mod write;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, MAX_COORDINATE};
 use crate::files::WriteError;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
@@ -14,8 +14,6 @@ use std::path::{Path, PathBuf};
 pub const MAX_SIDE: u32 = 16_384;
 /// Most frames, and most keyframes, of a path.
 pub const MAX_FRAMES: u32 = 1_000_000;
-/// Largest coordinate of a keyframe, far beyond what single precision shows, so that no curve overflows.
-const MAX_COORDINATE: f64 = 1e12;
 
 /// Why a camera path cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +62,15 @@ impl CameraPath {
     /// # Errors
     /// [`CameraPathError`] naming file and field.
     pub fn load(path: &Path) -> Result<Self, CameraPathError> {
-        read::load(path, read::parse_frames)
+        read::load(path, Self::parse)
+    }
+
+    /// [`CameraPath::load`] from a file's text.
+    ///
+    /// # Errors
+    /// Field and what is wrong with it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        read::parse_frames(text)
     }
 }
 
@@ -221,7 +227,15 @@ impl KeyframePath {
     /// # Errors
     /// [`CameraPathError`] naming file and field.
     pub fn load(path: &Path) -> Result<Self, CameraPathError> {
-        read::load(path, read::parse_keyframes)
+        read::load(path, Self::parse)
+    }
+
+    /// [`KeyframePath::load`] from a file's text.
+    ///
+    /// # Errors
+    /// Field and what is wrong with it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        read::parse_keyframes(text)
     }
 
     /// Writes keyframes and frames, for `ibgs render --camera-path` and for nerfstudio. A file that is there is

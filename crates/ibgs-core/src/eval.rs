@@ -10,10 +10,11 @@ use glam::{DMat3, DVec3};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
 use lpips::{Lpips, LpipsError};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// PSNR, SSIM and LPIPS of an image rounded to 8 bits against a photo.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
     pub psnr: f64,

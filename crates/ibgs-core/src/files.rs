@@ -1,8 +1,10 @@
-//! Writing files so that a crash or a full disk never leaves half of one behind.
+//! Writing files so that a crash or a full disk never leaves half of one behind, and reading TOML with line numbers.
 
+use serde::de::DeserializeOwned;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 use thiserror::Error;
 
 /// A file or folder could not be written; what was there before is untouched.
@@ -35,7 +37,7 @@ impl WriteError {
 }
 
 /// Writes `path` in one step: `write` fills a temporary file in the same folder, which is synchronised to the disk
-/// and then renamed over `path`. Missing parent folders are made.
+/// and then renamed over `path`, with the permissions of an older file there. Missing parent folders are made.
 ///
 /// # Errors
 /// [`WriteError`] when any step fails; the temporary file is removed and an older file at `path` stays as it was.
@@ -62,6 +64,27 @@ pub fn create_folder(path: &Path) -> Result<(), WriteError> {
     fs::create_dir_all(path).map_err(|source| WriteError::new(path, source))
 }
 
+/// A text is not TOML, or has a field that is unknown or of the wrong kind.
+#[derive(Debug, Error)]
+#[error("line {line}: {reason}")]
+pub struct TomlError {
+    /// Line, from 1.
+    pub line: usize,
+    /// What is wrong.
+    pub reason: String,
+}
+
+/// Reads a value from TOML.
+///
+/// # Errors
+/// [`TomlError`] with the line and what is wrong there.
+pub fn parse_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
+    toml::from_str(text).map_err(|error| {
+        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+        TomlError { line: before.matches('\n').count() + 1, reason: error.message().replace('\n', ", ") }
+    })
+}
+
 fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&mut fs::File>) -> io::Result<()>) -> io::Result<()> {
     // The rename below would only notice after all the work that a folder is in the way.
     if path.is_dir() {
@@ -72,7 +95,7 @@ fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&mut fs::File>) -> io:
         _ => Path::new("."),
     };
     fs::create_dir_all(folder)?;
-    let mut temporary = temporary_builder().tempfile_in(folder)?;
+    let mut temporary = temporary_file(folder, path)?;
     {
         let mut buffered = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
         let written = write(&mut buffered).and_then(|()| buffered.flush());
@@ -90,15 +113,28 @@ fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&mut fs::File>) -> io:
     Ok(())
 }
 
-/// Temporary files are private by default; ours become the result, so the user's umask decides.
-fn temporary_builder() -> tempfile::Builder<'static, 'static> {
+/// Temporary files are private by default; ours become the result, so the user's umask decides, and an older file at
+/// `path` hands its permissions on.
+#[cfg(unix)]
+fn temporary_file(folder: &Path, path: &Path) -> io::Result<NamedTempFile> {
+    use std::os::unix::fs::PermissionsExt;
+    let older = fs::metadata(path).ok().map(|older| older.permissions());
+    let wanted = older.clone().unwrap_or(fs::Permissions::from_mode(0o666));
+    let file = builder().permissions(wanted).tempfile_in(folder)?;
+    if let Some(older) = older {
+        file.as_file().set_permissions(older)?;
+    }
+    Ok(file)
+}
+
+#[cfg(not(unix))]
+fn temporary_file(folder: &Path, _path: &Path) -> io::Result<NamedTempFile> {
+    builder().tempfile_in(folder)
+}
+
+fn builder() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".ibgs-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
     builder
 }
 
@@ -134,7 +170,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn result_is_readable_like_any_other_file() {
+    fn result_has_the_permissions_of_any_other_file() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let ours = folder.path().join("ours");
@@ -143,5 +179,11 @@ mod tests {
         fs::write(&plain, b"x").unwrap();
         let mode = |p: &Path| fs::metadata(p).unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&plain));
+        for bits in [0o600, 0o664, 0o640] {
+            fs::set_permissions(&ours, fs::Permissions::from_mode(bits)).unwrap();
+            write_atomically(&ours, |w| w.write_all(b"y")).unwrap();
+            assert_eq!(mode(&ours) & 0o777, bits);
+            assert_eq!(fs::read(&ours).unwrap(), b"y");
+        }
     }
 }

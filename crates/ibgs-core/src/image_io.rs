@@ -3,8 +3,9 @@
 use crate::files::{WriteError, create_folder, write_atomically};
 use crate::picture::Picture;
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
-use std::io;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageError, ImageFormat, ImageReader};
+use std::fs;
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -15,7 +16,31 @@ pub struct ReadError {
     /// The file.
     path: PathBuf,
     /// What is wrong.
-    source: image::ImageError,
+    source: io::Error,
+}
+
+/// Most pixels in a byte of a file: deflate shrinks to a 1032nd at best, and a pixel of a PNG may be one bit; a JPEG has
+/// at least one bit for a block of 8 x 8.
+const PNG_PIXELS: u64 = 8 * 1032;
+const JPEG_PIXELS: u64 = 1024;
+
+/// Decodes the contents of a PNG or JPEG file, or says what is wrong with it. A header can promise any size: nothing is
+/// reserved for more pixels than so many bytes can hold.
+pub(crate) fn decode(bytes: &[u8]) -> Result<DynamicImage, String> {
+    let reader = || ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|cause| cause.to_string());
+    let (width, height) = reader()?.into_dimensions().map_err(|cause| cause.to_string())?;
+    if width == 0 || height == 0 {
+        return Err("it has no pixels".to_owned());
+    }
+    let each = if reader()?.format() == Some(ImageFormat::Jpeg) { JPEG_PIXELS } else { PNG_PIXELS };
+    if u64::from(width) * u64::from(height) > each * bytes.len() as u64 {
+        let length = bytes.len();
+        return Err(format!("its header promises {width} x {height} pixels, which its {length} bytes cannot hold"));
+    }
+    reader()?.decode().map_err(|cause| match cause {
+        ImageError::Limits(_) => format!("its {width} x {height} pixels take more than 512 MiB"),
+        cause => cause.to_string(),
+    })
 }
 
 /// Writes an 8-bit RGB picture as PNG in one atomic step, folders included.
@@ -37,9 +62,11 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<(),
 /// # Errors
 /// A file that cannot be read, or is no picture.
 pub fn read_picture(path: &Path) -> Result<Option<Picture>, ReadError> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let image = image::open(path).map_err(|source| ReadError { path: path.to_owned(), source })?.into_rgb8();
+    let bytes = match fs::read(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        read => read.map_err(|source| ReadError { path: path.to_owned(), source })?,
+    };
+    let image = decode(&bytes).map_err(|cause| ReadError { path: path.to_owned(), source: io::Error::other(cause) })?;
+    let image = image.into_rgb8();
     Ok(Some(Picture { width: image.width(), height: image.height(), rgb: image.into_raw() }))
 }

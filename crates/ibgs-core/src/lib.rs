@@ -36,5 +36,6 @@ pub mod raster;
 pub mod render;
 pub mod residual;
 pub mod scene;
+mod stored_zip;
 pub mod train;
 pub mod video;

@@ -3,6 +3,7 @@
 
 const SHARED: &[(&str, &str)] = &[
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
+    ("exposure_apply_params", include_str!("../wgsl/shared/exposure_apply_params.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("half", include_str!("../wgsl/shared/half.wgsl")),

@@ -1,6 +1,8 @@
 //! The WGSL compute kernels of ibgs and what the host must know of them: bindings with access, workgroup size,
 //! immediate data, shared constants. Knows neither wgpu devices nor burn.
 
+#![forbid(unsafe_code)]
+
 mod import;
 pub mod types;
 
@@ -230,6 +232,9 @@ kernels! {
     /// Opacity clamped from above.
     OPACITY_RESET = "opacity_reset" [256, 1, 1] (size_of::<types::OpacityResetParams>()):
         write("opacity_logits"), write("moment1"), write("moment2");
+    /// Values that are no finite number.
+    FINITE = "finite" [256, 1, 1] (size_of::<u32>()):
+        read("values"), write("broken");
     // Losses of the image-based stage.
     /// A loss that is a weighted mean, from the workgroups' sums.
     LOSS_MEAN = "loss_mean" [256, 1, 1] (size_of::<types::MeanParams>()):

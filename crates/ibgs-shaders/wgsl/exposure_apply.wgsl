@@ -2,14 +2,7 @@
 // exposure from its source to the output, y + out - (A_s base + t_s).
 #import index
 #import seen
-
-struct ExposureApplyParams {
-    pixels: u32,
-    // Packed slots V.
-    slots: u32,
-}
-
-var<immediate> params: ExposureApplyParams;
+#import exposure_apply_params
 
 // Three rows of [A | t] a map: the output's, then the sources'.
 @group(0) @binding(0) var<storage, read> affine: array<vec4<f32>>;

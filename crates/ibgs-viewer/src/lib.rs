@@ -3,6 +3,8 @@
 //! [`app`] is the window: input, panels, what is shown. A thread of its own renders and trains ([`worker`]), so the window
 //! answers while it works. [`canvas`] puts finished frames on the screen, [`navigator`] moves the camera.
 
+#![forbid(unsafe_code)]
+
 pub mod app;
 pub mod canvas;
 mod curves;
@@ -26,6 +28,7 @@ use ibgs_core::dataset::{self, Dataset, Photo, Point};
 use ibgs_core::eval::Score;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::Renderer;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -153,7 +156,7 @@ pub struct Progress {
 }
 
 /// A measurement on the held-out views.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Evaluation {
     /// After so many iterations.
     pub iteration: u32,

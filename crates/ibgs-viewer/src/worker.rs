@@ -440,7 +440,11 @@ impl Desk {
     }
 }
 
-/// An error with those of its causes that its own text does not tell already.
+/// Most characters of a sentence: names in a damaged file may be of any length.
+const MOST_CHARACTERS: usize = 2000;
+
+/// An error with those of its causes that its own text does not tell already, in one line: a name in a file may hold
+/// anything, also what would move a terminal's cursor.
 pub fn sentence(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
@@ -448,5 +452,13 @@ pub fn sentence(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
-    text
+    let plain = |c: char| match c {
+        '\n' | '\r' | '\t' => " ".to_owned(),
+        c if c.is_control() => c.escape_default().to_string(),
+        c => c.to_string(),
+    };
+    match text.char_indices().nth(MOST_CHARACTERS) {
+        Some((end, _)) => text[..end].chars().map(plain).chain(["...".to_owned()]).collect(),
+        None => text.chars().map(plain).collect(),
+    }
 }

@@ -3,7 +3,7 @@
 use super::{COLUMNS, Run, cells, protocol_line};
 use crate::commands::report::PICTURE_SIDE;
 use crate::commands::report::page::{self, Cell, escape};
-use crate::commands::report::plot::{Plot, Series};
+use crate::commands::report::plot::{self, Plot, Series};
 use anyhow::{Context, Result};
 use ibgs_core::files::write_atomically;
 use ibgs_core::image_io::read_picture;
@@ -58,8 +58,7 @@ fn curves(runs: &[Run]) -> String {
         Plot { title: "PSNR of held-out views", x, y: "dB", series: runs.iter().map(measured).collect() },
         Plot { title: "Loss", x, y: "loss", series: runs.iter().map(loss).collect() },
     ];
-    let plots: String = plots.iter().map(Plot::html).collect();
-    if plots.is_empty() { plots } else { format!("<div class=\"plots\">\n{plots}</div>\n") }
+    plot::beside(&plots)
 }
 
 /// The views of all runs, each with its photo and what every run makes of it.

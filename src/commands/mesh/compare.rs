@@ -8,6 +8,7 @@ use ibgs_core::mesh::Mesh;
 use ibgs_core::mesh::demo::{TrueSurface, normal_map_errors};
 use ibgs_core::mesh::score::{Cloud, CropVolume, Pair, read_transform, read_truth};
 use ibgs_core::train::output::cameras::Split;
+use ibgs_core::train::output::figures::MESH_FILE;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -131,7 +132,7 @@ impl Options {
             "triangles": mesh.triangles.len(), "vertices": mesh.positions.len(), "voxel_size": voxel, "views": cameras.len(),
         });
         report["icp"] = json!(false);
-        Ok(model.folder.write_result(model.iteration, "results_mesh.json", report)?)
+        Ok(model.folder.write_result(model.iteration, MESH_FILE, report)?)
     }
 
     fn compared(&self, pair: &Pair) -> Result<Value> {

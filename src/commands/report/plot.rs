@@ -120,6 +120,12 @@ impl Plot {
     }
 }
 
+/// Plots beside each other as HTML; nothing where no curve has a point.
+pub fn beside(plots: &[Plot]) -> String {
+    let plots: String = plots.iter().map(Plot::html).collect();
+    if plots.is_empty() { plots } else { format!("<div class=\"plots\">\n{plots}</div>\n") }
+}
+
 /// Where a point lies in the drawing.
 fn place(x: &Axis, y: &Axis, [px, py]: [f64; 2]) -> [f64; 2] {
     let [left, right, top, bottom] = MARGIN;

@@ -1,9 +1,11 @@
 //! The configuration of a suite: which scenes, with which options, beside which published figures.
 
 use anyhow::{Context, Result, bail};
+use ibgs_core::files::parse_toml;
 use ibgs_core::train::config::TrainConfig;
 use serde::Deserialize;
 use std::collections::HashSet;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -43,6 +45,32 @@ pub struct Scene {
     /// Options of this scene.
     #[serde(default)]
     options: Table,
+    /// The true surface that its mesh is compared with; the built-in scene needs none of these entries.
+    mesh: Option<Surface>,
+}
+
+/// A true surface, as `ibgs mesh` takes it; files lie in the scene's folder.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct Surface {
+    compare: Option<PathBuf>,
+    transform: Option<PathBuf>,
+    crop: Option<PathBuf>,
+    threshold: Option<f64>,
+    density: Option<f64>,
+    max_distance: Option<f64>,
+}
+
+impl Surface {
+    /// Options of `ibgs mesh`, with the files of a scene.
+    fn arguments(&self, scene: &Path) -> Vec<OsString> {
+        let files = [("--compare", &self.compare), ("--transform", &self.transform), ("--crop", &self.crop)];
+        let numbers =
+            [("--threshold", self.threshold), ("--density", self.density), ("--max-distance", self.max_distance)];
+        let files = files.into_iter().filter_map(|(name, file)| Some((name, scene.join(file.as_ref()?).into())));
+        let numbers = numbers.into_iter().filter_map(|(name, value)| Some((name, value?.to_string().into())));
+        files.chain(numbers).flat_map(|(name, value)| [name.into(), value]).collect()
+    }
 }
 
 /// A way to train.
@@ -73,6 +101,8 @@ pub struct Published {
     pub lpips: Option<f64>,
     /// F1 of the mesh.
     pub f1: Option<f64>,
+    /// Chamfer distance of the mesh.
+    pub chamfer: Option<f64>,
     /// Frames a second.
     pub fps: Option<f64>,
     /// Of training.
@@ -100,6 +130,10 @@ pub struct Job {
     pub config: TrainConfig,
     /// Its model folder.
     pub folder: PathBuf,
+    /// Options of `ibgs mesh`, where there is a true surface to compare with.
+    pub mesh: Option<Vec<OsString>>,
+    /// Options of `ibgs eval` for LPIPS, where it is wanted.
+    pub lpips: Vec<OsString>,
 }
 
 impl Job {
@@ -135,10 +169,7 @@ impl Suite {
     }
 
     fn from_text(text: &str) -> Result<Self> {
-        let suite: Self = toml::from_str(text).map_err(|error| {
-            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
-            anyhow::anyhow!("line {}: {}", before.matches('\n').count() + 1, error.message().replace('\n', ", "))
-        })?;
+        let suite: Self = parse_toml(text)?;
         for (what, names) in [
             ("scene", suite.scenes.iter().map(|scene| &scene.name).collect::<Vec<_>>()),
             ("run", suite.runs.iter().map(|run| &run.name).collect()),
@@ -194,9 +225,20 @@ impl Suite {
         self.scenes.iter().filter(missing).map(|scene| scene.name.as_str())
     }
 
+    /// Scenes that are there without the true surface that their meshes are to be compared with.
+    pub fn without_surface<'a>(&'a self, data: &'a Path) -> impl Iterator<Item = &'a str> {
+        let without = move |scene: &&Scene| {
+            let file = scene.mesh.as_ref().and_then(|surface| surface.compare.as_ref());
+            let folder = Self::source(scene, data);
+            folder.exists() && file.is_some_and(|file| !folder.join(file).exists())
+        };
+        self.scenes.iter().filter(without).map(|scene| scene.name.as_str())
+    }
+
     /// Every run of every scene that is there.
-    pub fn jobs(&self, data: &Path, output: &Path, iterations: Option<u32>) -> Result<Vec<Job>> {
+    pub fn jobs(&self, data: &Path, output: &Path, iterations: Option<u32>, lpips: &[OsString]) -> Result<Vec<Job>> {
         let missing: HashSet<&str> = self.missing(data).collect();
+        let bare: HashSet<&str> = self.without_surface(data).collect();
         let mut jobs = Vec::new();
         for scene in self.scenes.iter().filter(|scene| !missing.contains(scene.name.as_str())) {
             for run in &self.runs {
@@ -209,7 +251,10 @@ impl Suite {
                 };
                 config.validate()?;
                 let folder = output.join(&run.name).join(&scene.name);
-                jobs.push(Job { run: run.name.clone(), scene: scene.name.clone(), config, folder });
+                let surface = scene.mesh.as_ref().filter(|_| !bare.contains(scene.name.as_str()));
+                let mesh = surface.map(|surface| surface.arguments(&Self::source(scene, data)));
+                let (run, scene, lpips) = (run.name.clone(), scene.name.clone(), lpips.to_vec());
+                jobs.push(Job { run, scene, config, folder, mesh, lpips });
             }
         }
         Ok(jobs)
@@ -245,7 +290,7 @@ mod tests {
         std::fs::create_dir(folder.path().join("one")).unwrap();
         let mut suite = Suite::from_text(TEXT).unwrap();
         assert_eq!(suite.missing(folder.path()).collect::<Vec<_>>(), ["two"]);
-        let jobs = suite.jobs(folder.path(), Path::new("out"), None).unwrap();
+        let jobs = suite.jobs(folder.path(), Path::new("out"), None, &[]).unwrap();
         let titles: Vec<String> = jobs.iter().map(Job::title).collect();
         assert_eq!(titles, ["one, plain", "one, wide", "demo, plain", "demo, wide"]);
         let [plain, wide] = [&jobs[0], &jobs[1]];
@@ -255,7 +300,7 @@ mod tests {
         assert!(plain.config.data.source.is_some() && jobs[2].config.data.source.is_none());
         assert_eq!(wide.folder, Path::new("out/wide/one"));
         suite.keep(&["demo".to_owned()], &["wide".to_owned()]).unwrap();
-        assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3)).unwrap()[0].config.iterations, 3);
+        assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3), &[]).unwrap()[0].config.iterations, 3);
         assert!(
             suite.keep(&["three".to_owned()], &[]).unwrap_err().to_string().contains("no scene `three`; it has demo")
         );

@@ -6,30 +6,47 @@ use ibgs_core::train::config::Method;
 use ibgs_core::train::output::{OutputFolder, figures};
 use serde_json::{Value, json};
 
-/// What was measured of one job; none where it was not.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Figures {
-    /// The final image; the base where the run has no residual.
-    pub psnr: Option<f64>,
-    /// The same after an affine map of the colours.
-    pub aligned_psnr: Option<f64>,
-    /// Structural similarity of that image.
-    pub ssim: Option<f64>,
-    /// LPIPS of that image.
-    pub lpips: Option<f64>,
-    /// The base image.
-    pub base_psnr: Option<f64>,
-    /// Number of Gaussians, in millions.
-    pub gaussians_m: Option<f64>,
-    /// Minutes of training.
-    pub minutes: Option<f64>,
-    /// Frames a second with nothing kept from frame to frame, as published figures have it.
-    pub fps: Option<f64>,
-    /// Gaussians, photos, poses and network, in MB.
-    pub storage_mb: Option<f64>,
-    /// Device memory after rendering, in GB.
-    pub memory_gb: Option<f64>,
+/// A column of the tables.
+struct Column {
+    /// In the JSON.
+    name: &'static str,
+    /// In the table.
+    head: &'static str,
+    digits: usize,
+    /// A published figure of the kind.
+    published: fn(&Published) -> Option<f64>,
 }
+
+const fn column(
+    name: &'static str,
+    head: &'static str,
+    digits: usize,
+    published: fn(&Published) -> Option<f64>,
+) -> Column {
+    Column { name, head, digits, published }
+}
+
+/// The final image, or the base where the run has no residual; `PSNR_aligned` after an affine map of the colours; frames a
+/// second with nothing kept from frame to frame, as published figures have it; storage of Gaussians, photos, poses and
+/// network.
+const COLUMNS: [Column; 12] = [
+    column("PSNR", "PSNR", 2, |p| p.psnr),
+    column("PSNR_aligned", "aligned PSNR", 2, |_| None),
+    column("SSIM", "SSIM", 4, |p| p.ssim),
+    column("LPIPS", "LPIPS", 3, |p| p.lpips),
+    column("base_PSNR", "base PSNR", 2, |_| None),
+    column("F1", "F1", 3, |p| p.f1),
+    column("chamfer", "Chamfer", 4, |p| p.chamfer),
+    column("gaussians_m", "Gaussians (M)", 3, |p| p.gaussians_m),
+    column("minutes", "minutes", 2, |p| p.minutes),
+    column("FPS", "FPS", 1, |p| p.fps),
+    column("storage_mb", "storage (MB)", 1, |p| p.storage_mb),
+    column("memory_gb", "memory (GB)", 2, |p| p.memory_gb),
+];
+
+/// What was measured of one job, a value a column; none where it was not.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figures([Option<f64>; COLUMNS.len()]);
 
 impl Figures {
     /// Reads what a job has left in its model folder.
@@ -40,95 +57,53 @@ impl Figures {
         let image = means(&found.image).filter(|_| job.config.method == Method::Ibgs);
         let best = image.unwrap_or_else(|| base.clone());
         let speed = found.speed.unwrap_or_default();
+        let mesh = found.mesh.unwrap_or_default();
         let million = |count: u64| 1e-6 * count as f64;
-        Ok(Self {
-            psnr: best.psnr,
-            aligned_psnr: best.aligned_psnr,
-            ssim: best.ssim,
-            lpips: best.lpips,
-            base_psnr: base.psnr,
-            gaussians_m: speed.gaussians.map(million),
-            minutes: found.time.and_then(|time| time.seconds).map(|seconds| seconds / 60.0),
-            fps: speed.fps_cold.or(speed.fps_warm),
-            storage_mb: speed.storage_bytes.total().map(million),
-            memory_gb: speed.memory_reserved_bytes.map(|bytes| 1e-3 * million(bytes)),
-        })
+        Ok(Self([
+            best.psnr,
+            best.aligned_psnr,
+            best.ssim,
+            best.lpips,
+            base.psnr,
+            mesh.f_scores.first().map(|score| score.f1),
+            mesh.chamfer.chamfer,
+            speed.gaussians.map(million),
+            found.time.and_then(|time| time.seconds).map(|seconds| seconds / 60.0),
+            speed.fps_cold.or(speed.fps_warm),
+            speed.storage_bytes.total().map(million),
+            speed.memory_reserved_bytes.map(|bytes| 1e-3 * million(bytes)),
+        ]))
     }
 
-    /// Whether quality and speed were measured.
-    pub fn is_complete(&self) -> bool {
-        self.psnr.is_some() && self.fps.is_some()
+    /// Whether the column of this name has a value.
+    pub fn has(&self, name: &str) -> bool {
+        COLUMNS.iter().zip(self.0).any(|(column, value)| column.name == name && value.is_some())
     }
 
-    fn of(p: &Published) -> Self {
-        let Published { psnr, ssim, lpips, fps, minutes, storage_mb, memory_gb, gaussians_m, .. } = *p;
-        Self {
-            psnr,
-            aligned_psnr: None,
-            ssim,
-            lpips,
-            base_psnr: None,
-            gaussians_m,
-            minutes,
-            fps,
-            storage_mb,
-            memory_gb,
-        }
+    fn of(published: &Published) -> Self {
+        Self(COLUMNS.map(|column| (column.published)(published)))
     }
 
-    fn values(&self) -> [Option<f64>; 10] {
-        let Self { psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb } =
-            *self;
-        [psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb]
-    }
-
-    /// Means of what all of them have.
+    /// Means of what all have.
     fn mean(all: &[&Self]) -> Self {
-        let lists: Vec<_> = all.iter().map(|figures| figures.values()).collect();
-        let mean = |column: usize| -> Option<f64> {
-            let sum: Option<f64> = lists.iter().map(|values| values[column]).sum();
-            sum.filter(|_| !lists.is_empty()).map(|sum| sum / lists.len() as f64)
-        };
-        let [psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb] =
-            std::array::from_fn(mean);
-        Self { psnr, aligned_psnr, ssim, lpips, base_psnr, gaussians_m, minutes, fps, storage_mb, memory_gb }
+        Self(std::array::from_fn(|column| {
+            let sum: Option<f64> = all.iter().map(|figures| figures.0[column]).sum();
+            sum.filter(|_| !all.is_empty()).map(|sum| sum / all.len() as f64)
+        }))
     }
 
-    fn cells(&self) -> [String; 10] {
-        let digits = [2, 2, 4, 3, 2, 3, 2, 1, 1, 2];
-        let values = self.values();
-        std::array::from_fn(|i| values[i].map_or_else(|| "-".to_owned(), |value| format!("{value:.*}", digits[i])))
+    fn cells(&self) -> impl Iterator<Item = String> {
+        let cell = |(column, value): (&Column, Option<f64>)| match value {
+            Some(value) => format!("{value:.*}", column.digits),
+            None => "-".to_owned(),
+        };
+        COLUMNS.iter().zip(self.0).map(cell)
     }
 
     fn json(&self) -> Value {
-        let names = [
-            "PSNR",
-            "PSNR_aligned",
-            "SSIM",
-            "LPIPS",
-            "base_PSNR",
-            "gaussians_m",
-            "minutes",
-            "FPS",
-            "storage_mb",
-            "memory_gb",
-        ];
-        names.iter().zip(self.values()).map(|(name, value)| ((*name).to_owned(), json!(value))).collect()
+        COLUMNS.iter().zip(self.0).map(|(column, value)| (column.name.to_owned(), json!(value))).collect()
     }
 }
-
-const HEAD: [&str; 10] = [
-    "PSNR",
-    "aligned PSNR",
-    "SSIM",
-    "LPIPS",
-    "base PSNR",
-    "Gaussians (M)",
-    "minutes",
-    "FPS",
-    "storage (MB)",
-    "memory (GB)",
-];
 
 /// A Markdown table whose columns stand in line.
 fn table(head: &[&str], rows: &[Vec<String>]) -> String {
@@ -163,7 +138,7 @@ pub fn text(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> String {
         text += &format!("\n{}\n", suite.note.trim());
     }
     let scenes: Vec<&str> = suite.scenes.iter().map(|scene| scene.name.as_str()).collect();
-    let head: Vec<&str> = [""].into_iter().chain(HEAD).collect();
+    let head: Vec<&str> = [""].into_iter().chain(COLUMNS.iter().map(|column| column.head)).collect();
     let published = |on: &str| -> Vec<Vec<String>> {
         let rows = suite.published.iter().filter(|p| p.on == on);
         rows.map(|p| row(format!("{} (published)", p.method), &Figures::of(p))).collect()
@@ -201,7 +176,7 @@ pub fn text(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> String {
         text += &format!("\n## Published: {on}\n\n{}", table(&head, &published(on)));
     }
     let left: Vec<String> =
-        jobs.iter().zip(figures).filter(|(_, f)| !f.is_complete()).map(|(job, _)| job.title()).collect();
+        jobs.iter().zip(figures).filter(|(job, f)| !job.steps(f).is_empty()).map(|(job, _)| job.title()).collect();
     if !left.is_empty() {
         text += &format!("\nNot measured yet: {}.\n", left.join("; "));
     }
@@ -216,10 +191,8 @@ pub fn json(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> Value {
             "figures": figures.json(),
         })
     });
-    let published = suite
-        .published
-        .iter()
-        .map(|p| json!({ "method": p.method, "on": p.on, "F1": p.f1, "figures": Figures::of(p).json() }));
+    let published =
+        suite.published.iter().map(|p| json!({ "method": p.method, "on": p.on, "figures": Figures::of(p).json() }));
     json!({
         "title": suite.title,
         "measured": measured.collect::<Vec<_>>(),
@@ -233,10 +206,13 @@ mod tests {
 
     #[test]
     fn means_need_every_figure() {
-        let a = Figures { psnr: Some(20.0), fps: Some(1.0), ..Figures::default() };
-        let b = Figures { psnr: Some(30.0), ..Figures::default() };
-        let mean = Figures::mean(&[&a, &b]);
-        assert_eq!((mean.psnr, mean.fps), (Some(25.0), None));
+        let figures = |psnr, fps| {
+            let published = Published { psnr, fps, ..toml::from_str("method = 'a'").unwrap() };
+            Figures::of(&published)
+        };
+        let mean = Figures::mean(&[&figures(Some(20.0), Some(1.0)), &figures(Some(30.0), None)]);
+        assert_eq!(mean, figures(Some(25.0), None));
+        assert!(mean.has("PSNR") && !mean.has("FPS"));
         assert_eq!(Figures::mean(&[]), Figures::default());
     }
 

@@ -1,33 +1,111 @@
 //! What a training will take of the device's memory, told before it begins.
 
+use anyhow::{Result, bail};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Dataset;
+use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::gpu::Gpu;
 use ibgs_core::memory::{Bytes, Demand, Estimate};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::TrainConfig;
 
-/// `memory: needs about 310 MiB at 5000 Gaussians, 1.2 GiB at 1000000 (--max-splats)`. wgpu tells nowhere how much the
-/// device has, so that is left to the reader.
-pub fn sentence(trainer: &Trainer, raster: &Rasterizer, dataset: &Dataset, config: &TrainConfig) -> String {
-    let cameras: Vec<Camera> = dataset.train.iter().map(|&index| dataset.views[index].camera).collect();
-    let gaussians = trainer.splats().len() as u64;
-    let most = u64::from(config.densify.most());
-    let grows = config.init.is_none() && gaussians < most;
-    let now = Demand {
-        config,
-        sh_degree: trainer.splats().sh_degree(),
-        cameras: &cameras,
-        gaussians,
-        room: raster.capacity(),
-        photo_budget: config.sources.memory.bytes(raster.gpu()),
-        grows,
-        evaluates: !dataset.test.is_empty(),
-    };
-    let bytes = |demand: &Demand| Bytes(Estimate::new(demand).total());
-    let mut text = format!("memory: needs about {} at {gaussians} Gaussians", bytes(&now));
-    if grows {
-        text += &format!(", {} at {most} (`--max-splats`)", bytes(&now.grown_to(most)));
+/// Part of a device's memory that `auto` may take: other programs and the driver need some.
+const PART: f64 = 0.9;
+
+/// The memory that a training needs with few or many Gaussians.
+pub struct Needs {
+    config: TrainConfig,
+    cameras: Vec<Camera>,
+    gaussians: u64,
+    most: u64,
+    sh_degree: u32,
+    room: u64,
+    photo_budget: Option<u64>,
+    evaluates: bool,
+}
+
+impl Needs {
+    /// Of a training as it begins.
+    pub fn of(trainer: &Trainer, raster: &Rasterizer, dataset: &Dataset, config: &TrainConfig) -> Self {
+        Self {
+            config: config.clone(),
+            cameras: dataset.train.iter().map(|&index| dataset.views[index].camera).collect(),
+            gaussians: trainer.splats().len() as u64,
+            most: config.densify.most().into(),
+            sh_degree: trainer.splats().sh_degree(),
+            room: raster.capacity(),
+            photo_budget: config.sources.memory.bytes(raster.gpu()),
+            evaluates: !dataset.test.is_empty(),
+        }
     }
-    text
+
+    fn grows(&self) -> bool {
+        self.config.init.is_none() && self.gaussians < self.most
+    }
+
+    /// Bytes with so many Gaussians.
+    fn bytes(&self, gaussians: u64) -> u64 {
+        let now = Demand {
+            config: &self.config,
+            sh_degree: self.sh_degree,
+            cameras: &self.cameras,
+            gaussians: self.gaussians,
+            room: self.room,
+            photo_budget: self.photo_budget,
+            grows: self.grows(),
+            evaluates: self.evaluates,
+        };
+        let demand = if gaussians > self.gaussians { now.grown_to(gaussians) } else { now };
+        Estimate::new(&demand).total()
+    }
+
+    /// The most Gaussians that fit into the budget; none where all do that may come.
+    ///
+    /// # Errors
+    /// Not even the first ones fit.
+    pub fn limit(&mut self, budget: MemoryBudget, gpu: &Gpu) -> Result<Option<u32>> {
+        let budget = match budget {
+            MemoryBudget::Auto => gpu.memory_bytes().map(|bytes| (PART * bytes as f64) as u64),
+            MemoryBudget::Unlimited => None,
+            MemoryBudget::Bytes(bytes) => Some(bytes),
+        };
+        let Some(budget) = budget else { return Ok(None) };
+        let first = self.bytes(self.gaussians);
+        if first > budget {
+            bail!(
+                "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`); train on smaller \
+                 photos (`--resolution`) or give the source photos less (`--source-memory`)",
+                Bytes(first),
+                self.gaussians,
+                Bytes(budget)
+            );
+        }
+        if !self.grows() || self.bytes(self.most) <= budget {
+            return Ok(None);
+        }
+        let (mut fits, mut too_many) = (self.gaussians, self.most);
+        while too_many - fits > 1 {
+            let middle = (fits + too_many) / 2;
+            if self.bytes(middle) <= budget { fits = middle } else { too_many = middle }
+        }
+        eprintln!(
+            "warning: {} Gaussians would need {} of device memory, and {} is there (`--gpu-memory`): their number stops at {fits}",
+            self.most,
+            Bytes(self.bytes(self.most)),
+            Bytes(budget)
+        );
+        self.most = fits;
+        Ok(Some(u32::try_from(fits)?))
+    }
+
+    /// `memory: needs about 310 MiB at 5000 Gaussians, 1.2 GiB at 1000000 (--max-splats)`.
+    pub fn sentence(&self) -> String {
+        let mut text =
+            format!("memory: needs about {} at {} Gaussians", Bytes(self.bytes(self.gaussians)), self.gaussians);
+        if self.grows() {
+            text += &format!(", {} at {} (`--max-splats`)", Bytes(self.bytes(self.most)), self.most);
+        }
+        text
+    }
 }

@@ -1,5 +1,6 @@
 //! A training run with everything that it reports to.
 
+use super::keeper::Keeper;
 use super::watch::{self, Watch};
 use crate::commands::{protocol, score_test_views};
 use anyhow::Result;
@@ -10,28 +11,32 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
-use ibgs_core::train::Trainer;
+use ibgs_core::train::checkpoint::Checkpoint;
 use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::figures::TIME_FILE;
 use ibgs_core::train::output::log::{LogEntry, TrainingLog};
 use ibgs_core::train::output::results::{ViewScore, means};
+use ibgs_core::train::{TrainError, Trainer};
 use ibgs_viewer::{Evaluation, Progress, Training};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// A copy of the model comes to the host so often: what is left when the device is lost.
-const COPY_EVERY: Duration = Duration::from_secs(60);
+/// Part of the learning rates that counts after a value was no number.
+const CAUTION: f64 = 0.5;
 
-/// A model on the host.
-struct Copy {
-    iteration: u32,
-    gaussians: Gaussians,
-    network: Option<Vec<f32>>,
+/// What a run keeps beside its training; checkpoints hold it too.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+struct Records {
+    /// Time and memory of the iterations alone.
+    watch: Watch,
+    log: TrainingLog,
+    evaluations: Vec<Evaluation>,
 }
 
 /// What is to be done after an iteration.
@@ -48,29 +53,49 @@ pub struct Run {
     dataset: Dataset,
     config: TrainConfig,
     folder: OutputFolder,
-    /// Time and memory of the iterations alone.
-    watch: Watch,
-    log: TrainingLog,
-    evaluations: Vec<Evaluation>,
-    /// The model some time ago.
-    copy: Option<Copy>,
-    copied: Option<Instant>,
+    records: Records,
+    keeper: Keeper,
+    /// It went back to an earlier state once.
+    went_back: bool,
     started: Instant,
+    /// Time of the iterations before a resumed run.
+    before: Duration,
 }
 
 impl Run {
-    /// A run that has not begun; its preparations did at `started`.
+    /// A run that has not begun; its preparations did at `started`. A checkpoint is written `every` so often; none: only
+    /// when the run is stopped.
     pub fn new(
         trainer: Trainer,
         raster: Arc<Rasterizer>,
         dataset: Dataset,
         config: TrainConfig,
         folder: OutputFolder,
+        every: Option<Duration>,
         started: Instant,
     ) -> Self {
-        let (watch, log) = (Watch::default(), TrainingLog::default());
-        let (evaluations, copy) = (Vec::new(), None);
-        Self { trainer, raster, dataset, config, folder, watch, log, evaluations, copy, copied: None, started }
+        let (records, keeper) = (Records::default(), Keeper::new(folder.clone(), every));
+        Self {
+            trainer,
+            raster,
+            dataset,
+            config,
+            folder,
+            records,
+            keeper,
+            went_back: false,
+            started,
+            before: Duration::ZERO,
+        }
+    }
+
+    /// The same with the records of a checkpoint that it goes on from.
+    pub fn with_records_of(mut self, checkpoint: &Checkpoint) -> Self {
+        match Records::deserialize(&checkpoint.run) {
+            Ok(records) => (self.before, self.records) = (records.watch.total(), records),
+            Err(error) => eprintln!("note: times and curves of the iterations before are lost ({error})"),
+        }
+        self
     }
 
     /// The GPU that it trains on.
@@ -109,7 +134,7 @@ impl Run {
                 true => bar.suspend(|| self.settle(due)),
                 false => Ok(()),
             });
-            if let Err(error) = stepped {
+            if let Err(error) = stepped.or_else(|error| bar.suspend(|| self.go_back(error))) {
                 bar.finish_and_clear();
                 return Err(self.rescue(error));
             }
@@ -133,51 +158,86 @@ impl Run {
         self.raster.gpu().check()?;
         self.trainer.step()?;
         let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
-        self.watch.count(schedule, iteration, self.raster.gpu());
+        self.records.watch.count(schedule, iteration, self.raster.gpu());
         let due = Due { save: schedule.save_at(iteration), evaluate: schedule.evaluate_at(iteration) };
         if due.save || due.evaluate || watch::stage_ends(schedule, iteration) {
             self.raster.gpu().wait()?;
         }
-        self.watch.spent(start.elapsed());
+        self.records.watch.spent(start.elapsed());
         self.note();
-        if self.copied.is_none_or(|at| at.elapsed() >= COPY_EVERY) {
-            self.copy = Some(self.to_host()?);
-            self.copied = Some(Instant::now());
+        if let (true, write) = self.keeper.due() {
+            self.keep(write)?;
         }
         Ok(due)
+    }
+
+    /// Takes the state as it is now, and begins to write it where that is wanted.
+    fn keep(&mut self, write: bool) -> Result<()> {
+        if self.trainer.iteration() > 0 {
+            let checkpoint = self.trainer.checkpoint(serde_json::to_value(&self.records)?)?;
+            self.keeper.take(checkpoint, write);
+        }
+        Ok(())
+    }
+
+    /// After a value that was no number: back to the last good state, once, and on with lower rates.
+    fn go_back(&mut self, error: anyhow::Error) -> Result<()> {
+        let broken = matches!(error.downcast_ref::<TrainError>(), Some(TrainError::NotFinite(_)));
+        let Some(checkpoint) = self.keeper.last().filter(|_| broken && !self.went_back).cloned() else {
+            return Err(error);
+        };
+        self.went_back = true;
+        eprintln!(
+            "warning: {error}; going back to iteration {}, once, with {CAUTION} times the learning rates",
+            checkpoint.iteration()
+        );
+        self.trainer.restore(&checkpoint)?;
+        self.trainer.slow_down(CAUTION);
+        self.records = Records::deserialize(&checkpoint.run)?;
+        Ok(())
     }
 
     /// Takes what the training tells into its log, which leaves out what it knows.
     fn note(&mut self) {
         let Progress { iteration, loss, psnr, gaussians, seconds, .. } = self.progress();
         if let (Some(loss), Some(psnr)) = (loss, psnr) {
-            self.log.add(LogEntry { iteration, loss, psnr, gaussians, seconds });
+            self.records.log.add(LogEntry { iteration, loss, psnr, gaussians, seconds });
         }
     }
 
     /// Saves and measures.
     fn settle(&mut self, due: Due) -> Result<()> {
         if due.save {
-            self.write(&self.to_host()?)?;
+            // What a checkpoint takes of a small disk while it is written must not be missed here.
+            self.keeper.settle();
+            self.save()?;
         }
         if due.evaluate {
             self.evaluate()?;
         }
-        Ok(self.folder.write_log(&self.log)?)
+        Ok(self.folder.write_log(&self.records.log)?)
     }
 
     /// Saves what there is after an error, and says where it went.
-    fn rescue(&self, error: anyhow::Error) -> anyhow::Error {
-        let now = self.to_host().and_then(|model| self.write(&model));
-        // A lost device gives nothing back any more.
-        let saved = now.or_else(|error| self.copy.as_ref().map_or(Err(error), |copy| self.write(copy)));
-        // The curves belong to a model; without them the error is told all the same.
+    fn rescue(&mut self, error: anyhow::Error) -> anyhow::Error {
+        // A lost device gives nothing back any more, and what is no number is no state to go on from: then the last good
+        // one is what there is.
+        let _ = self.keep(false);
+        let Some(checkpoint) = self.keeper.last().cloned() else { return error };
+        let network = checkpoint.network.as_ref().map(|network| &network.weights[..]);
+        let saved = self.write(checkpoint.iteration(), &checkpoint.gaussians, network);
+        // Without the curves the error is told all the same.
         if saved.is_ok() {
-            let _ = self.folder.write_log(&self.log);
+            let _ = self.folder.write_log(&self.records.log);
         }
-        match saved {
-            Ok(path) => error.context(format!("training stopped; the model so far is in {}", path.display())),
-            Err(_) => error,
+        let resumed = self.keeper.write();
+        match (saved, resumed) {
+            (Ok(path), Ok(())) => error.context(format!(
+                "training stopped; the model so far is in {}, and `--resume` goes on from there",
+                path.display()
+            )),
+            (Ok(path), Err(_)) => error.context(format!("training stopped; the model so far is in {}", path.display())),
+            (Err(_), _) => error,
         }
     }
 
@@ -188,25 +248,17 @@ impl Run {
         }
     }
 
-    fn to_host(&self) -> Result<Copy> {
-        let renderer = self.trainer.renderer();
-        let network = renderer.part().map(|part| part.network.to_values()).transpose()?;
-        let gaussians = self.trainer.splats().download()?;
-        // What is read from a lost device looks like any other answer.
-        self.raster.gpu().check()?;
-        Ok(Copy { iteration: self.trainer.iteration(), gaussians, network })
-    }
-
-    fn write(&self, model: &Copy) -> Result<PathBuf> {
+    fn write(&self, iteration: u32, gaussians: &Gaussians, network: Option<&[f32]>) -> Result<PathBuf> {
         // Without planes the file is exactly what other programs write and read.
         let planes = self.config.method == Method::Ibgs;
         let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
         // The network first: a folder holds a model once it holds its Gaussians, and never a model without its network.
-        if let Some(network) = &model.network {
-            weights::write(&self.folder.network_save_path(model.iteration), network)?;
+        let residual = self.trainer.schedule().residual_at(iteration);
+        if let Some(network) = network.filter(|_| residual) {
+            weights::write(&self.folder.network_save_path(iteration), network)?;
         }
-        let path = self.folder.point_cloud_path(model.iteration);
-        write_ply(&path, &model.gaussians, flavor)?;
+        let path = self.folder.point_cloud_path(iteration);
+        write_ply(&path, gaussians, flavor)?;
         Ok(path)
     }
 
@@ -219,7 +271,7 @@ impl Run {
         let target = (&self.folder, iteration);
         let scores = score_test_views(&renderer, &self.dataset, &self.config, target, None, |_, _| {})?;
         scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
-        let ms = 1e3 * self.watch.total().as_secs_f64() / f64::from(iteration.max(1));
+        let ms = 1e3 * self.records.watch.total().as_secs_f64() / f64::from(iteration.max(1));
         eprintln!(
             "iteration {iteration}: test {} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
             scores.sentence(),
@@ -230,7 +282,7 @@ impl Run {
             eprintln!("   {sentence}");
         }
         let mean = |scores: &[ViewScore]| -> Option<Score> { (!scores.is_empty()).then(|| means(scores)) };
-        self.evaluations.extend(mean(&scores.base).map(|base| Evaluation {
+        self.records.evaluations.extend(mean(&scores.base).map(|base| Evaluation {
             iteration,
             gaussians: self.trainer.splats().len(),
             base,
@@ -242,9 +294,9 @@ impl Run {
     /// Writes how long the training took, for `ibgs eval`.
     fn write_time(&self) -> Result<()> {
         let time = json!({
-            "seconds": self.watch.total().as_secs_f64(),
+            "seconds": self.records.watch.total().as_secs_f64(),
             "iterations": self.trainer.iteration(),
-            "stages": self.watch.json(),
+            "stages": self.records.watch.json(),
             "device": self.raster.gpu().describe(),
         });
         Ok(self.folder.write_result(self.trainer.iteration(), TIME_FILE, time)?)
@@ -261,7 +313,7 @@ impl Training for Run {
             }
             self.settle(due)
         });
-        stepped.map_err(|error| self.rescue(error))
+        stepped.or_else(|error| self.go_back(error)).map_err(|error| self.rescue(error))
     }
 
     fn progress(&self) -> Progress {
@@ -275,8 +327,8 @@ impl Training for Run {
             loss: known.then_some(telemetry.stats.loss),
             psnr: known.then(|| telemetry.stats.psnr()),
             gaussians: self.trainer.splats().len(),
-            seconds: self.watch.total().as_secs_f64(),
-            evaluations: self.evaluations.clone(),
+            seconds: self.records.watch.total().as_secs_f64(),
+            evaluations: self.records.evaluations.clone(),
         }
     }
 
@@ -285,17 +337,25 @@ impl Training for Run {
     }
 
     fn save(&mut self) -> Result<PathBuf> {
-        self.write(&self.to_host()?)
+        let renderer = self.trainer.renderer();
+        let network = renderer.part().map(|part| part.network.to_values()).transpose()?;
+        let gaussians = self.trainer.splats().download()?;
+        // What is read from a lost device looks like any other answer.
+        self.raster.gpu().check()?;
+        self.write(self.trainer.iteration(), &gaussians, network.as_deref())
     }
 
     fn finish(&mut self) -> Result<()> {
-        let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
+        let iteration = self.trainer.iteration();
         if iteration == 0 {
             return Ok(());
         }
+        let is_whole = iteration == self.config.iterations;
+        // First of all: what follows takes its time.
+        let kept = if is_whole { Ok(()) } else { self.keep(true).and_then(|()| self.keeper.finish()) };
         // One that was stopped in between.
-        let save = !schedule.save_at(iteration);
-        let evaluate = self.evaluations.last().is_none_or(|last| last.iteration != iteration);
+        let save = !self.trainer.schedule().save_at(iteration);
+        let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
         self.settle(Due { save, evaluate })?;
         if self.trainer.overflowed() {
             eprintln!("note: some iterations had more tile intersections than there was room for, and were left out");
@@ -303,11 +363,16 @@ impl Training for Run {
         self.write_time()?;
         eprintln!(
             "trained {iteration} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians",
-            self.watch.total().as_secs_f64(),
-            self.started.elapsed().saturating_sub(self.watch.total()).as_secs_f64(),
+            self.records.watch.total().as_secs_f64(),
+            (self.started.elapsed() + self.before).saturating_sub(self.records.watch.total()).as_secs_f64(),
             self.trainer.splats().len()
         );
-        eprintln!("stages: {}", self.watch.sentence());
+        eprintln!("stages: {}", self.records.watch.sentence());
+        if is_whole {
+            return self.keeper.clear();
+        }
+        kept?;
+        eprintln!("`ibgs train --resume -m {}` goes on from here", self.folder.root().display());
         Ok(())
     }
 }

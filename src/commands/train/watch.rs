@@ -3,6 +3,7 @@
 use ibgs_core::gpu::Gpu;
 use ibgs_core::memory::Bytes;
 use ibgs_core::train::schedule::Schedule;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
@@ -10,9 +11,9 @@ use std::time::Duration;
 const EVERY: u32 = 50;
 
 /// What one stage has taken so far.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 struct Taken {
-    name: &'static str,
+    name: String,
     iterations: u32,
     time: Duration,
     /// Most device memory that was reserved at a look; none where the driver does not tell.
@@ -20,7 +21,7 @@ struct Taken {
 }
 
 /// Follows a training from stage to stage.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Watch {
     stages: Vec<Taken>,
 }
@@ -44,7 +45,7 @@ impl Watch {
     pub fn count(&mut self, schedule: &Schedule, iteration: u32, gpu: &Gpu) {
         let name = stage(schedule, iteration);
         if self.stages.last().is_none_or(|taken| taken.name != name) {
-            self.stages.push(Taken { name, ..Taken::default() });
+            self.stages.push(Taken { name: name.to_owned(), ..Taken::default() });
         }
         let Some(taken) = self.stages.last_mut() else { return };
         taken.iterations += 1;
@@ -74,7 +75,7 @@ impl Watch {
                 "seconds": taken.time.as_secs_f64(),
                 "peak_reserved_bytes": taken.peak_bytes,
             });
-            (taken.name.to_owned(), value)
+            (taken.name.clone(), value)
         };
         Value::Object(self.stages.iter().map(one).collect::<Map<_, _>>())
     }

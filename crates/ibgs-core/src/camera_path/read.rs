@@ -12,6 +12,9 @@ const USUAL_FPS: f64 = 30.0;
 /// Seconds from keyframe to keyframe where the file does not tell, as in nerfstudio's viewer.
 const USUAL_TRANSITION: f64 = 2.0;
 
+/// Degrees: a narrower view has no focal length in single precision.
+const MIN_FOV: f64 = 1e-6;
+
 /// What all readers need.
 #[derive(Deserialize)]
 struct Head {
@@ -147,13 +150,14 @@ fn pose(name: &str, matrix: &DMat4, fov: f64) -> Result<Keyframe, String> {
     if !matrix.is_finite() {
         return Err(format!("`{name}` holds a number that is not finite"));
     }
-    if !(fov > 0.0 && fov < 180.0) {
+    if !(fov > MIN_FOV && fov < 180.0) {
         return Err(format!("`fov` is {fov}; it must lie between 0 and 180 degrees"));
     }
     let [right, up, back] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(DVec4::truncate);
     let world_from_view = rotation(DMat3::from_cols(right, -up, -back));
     let world_from_view = world_from_view.ok_or_else(|| format!("`{name}` is no rotation"))?;
-    Ok(Keyframe { position: matrix.w_axis.truncate(), world_from_view, fov: fov.to_radians() })
+    let keyframe = Keyframe { position: matrix.w_axis.truncate(), world_from_view, fov: fov.to_radians() };
+    keyframe.check().map(|()| keyframe)
 }
 
 #[cfg(test)]

@@ -13,6 +13,12 @@ use zip::ZipArchive;
 const MOST_TIMES: u64 = 20;
 const MOST_BYTES_MORE: u64 = 64 << 20;
 
+/// Most folders above a file.
+const MOST_FOLDERS: u64 = 32;
+
+/// What an empty file or a folder takes on the disk.
+const BLOCK: u64 = 4096;
+
 /// What file managers add of their own.
 const CLUTTER: [&str; 3] = ["__MACOSX", ".DS_Store", "Thumbs.db"];
 
@@ -71,7 +77,7 @@ impl Unpacked {
     }
 }
 
-/// Unpacks one entry; gives its size, or more than `most` where it is larger.
+/// Unpacks one entry; gives what it takes on the disk, or more than `most` where that is more.
 fn unpack_entry(zip: &mut ZipArchive<BufReader<File>>, index: usize, folder: &Path, most: u64) -> Result<u64, String> {
     let entry = zip.by_index_raw(index).map_err(|error| format!("entry {index} is damaged ({error})"))?;
     let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
@@ -86,13 +92,20 @@ fn unpack_entry(zip: &mut ZipArchive<BufReader<File>>, index: usize, folder: &Pa
     if entry.encrypted() {
         return Err(about("is encrypted"));
     }
+    // A name of 4 KB can ask for 2000 folders.
+    let folders = inside.split('/').count() as u64 - 1;
+    if folders > MOST_FOLDERS {
+        return Err(format!("it has an entry {folders} folders deep, more than {MOST_FOLDERS}"));
+    }
+    let blocks = BLOCK * folders;
+    let Some(most) = most.checked_sub(blocks) else { return Ok(blocks) };
     let path = folder.join(inside);
     let unwritable = |cause: io::Error| about(&format!("cannot be unpacked to {} ({cause})", folder.display()));
     if entry.is_dir() {
-        return fs::create_dir_all(path).map(|()| 0).map_err(unwritable);
+        return fs::create_dir_all(path).map(|()| blocks + BLOCK).map_err(unwritable);
     }
     if entry.size() > most {
-        return Ok(entry.size());
+        return Ok(entry.size().saturating_add(blocks));
     }
     drop(entry);
     let entry = zip.by_index(index).map_err(|error| about(&format!("cannot be read ({error})")))?;
@@ -100,5 +113,5 @@ fn unpack_entry(zip: &mut ZipArchive<BufReader<File>>, index: usize, folder: &Pa
     let mut file = File::create_new(path).map_err(unwritable)?;
     // Sizes in the archive may lie.
     let written = io::copy(&mut entry.take(most.saturating_add(1)), &mut file);
-    written.map_err(|cause| about(&format!("cannot be unpacked ({cause})")))
+    written.map(|bytes| bytes + blocks).map_err(|cause| about(&format!("cannot be unpacked ({cause})")))
 }

@@ -1,7 +1,8 @@
 //! From a photo's file to 8-bit RGBA: decoding, colour space, alpha, masks.
 
 use super::error::{DatasetError, read_bytes};
-use super::{Alpha, ColorSpace, LoadOptions};
+use super::{Alpha, ColorSpace, LoadOptions, Photo};
+use crate::image_io;
 use exr::meta::MetaData;
 use exr::prelude::{ReadChannels, ReadLayers, RgbaChannels, Vec2, read};
 use image::imageops::{self, FilterType};
@@ -10,9 +11,16 @@ use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
-/// Longest side and most pixels of an EXR photo: a few bytes can promise any size.
+/// Longest side and most pixels of an EXR photo, and most times that its compressions shrink the values: a few bytes can
+/// promise any size.
 const EXR_SIDE: usize = 65_535;
 const EXR_PIXELS: usize = 1 << 28;
+const EXR_TIMES: usize = 1400;
+/// What a block of lines, or a tile, may take where the values take less.
+const EXR_BLOCK: usize = 1 << 25;
+/// A frame around the values may have so many pixels (4K), or so many times theirs.
+const EXR_FRAME_PIXELS: usize = 4096 * 2160;
+const EXR_FRAME_TIMES: usize = 16;
 
 /// Width and height in the file's header.
 pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
@@ -22,7 +30,8 @@ pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
     let mut start = [0_u8; 4];
     if file.read_exact(&mut start).is_ok() && start == EXR_MAGIC {
         let meta = MetaData::read_from_file(path, false).map_err(|cause| broken(cause.to_string()))?;
-        let Vec2(width, height) = exr_size(&meta).map_err(broken)?;
+        let length = std::fs::metadata(path).map_err(unreadable)?.len() as usize;
+        let Vec2(width, height) = exr_size(&meta, length).map_err(broken)?;
         return Ok((width as u32, height as u32));
     }
     ImageReader::open(path)
@@ -32,9 +41,19 @@ pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
         .map_err(|cause| broken(cause.to_string()))
 }
 
+/// Decodes the contents of a PNG, JPEG or EXR photo as a scene's photos are, before undistortion and resizing; `path` is
+/// for messages.
+///
+/// # Errors
+/// [`DatasetError::Photo`] for contents that are none of these, damaged, or larger than so many bytes can hold.
+pub fn decode_photo(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Photo, DatasetError> {
+    let image = decode(path, bytes, options)?;
+    Ok(Photo { width: image.width(), height: image.height(), rgba: image.into_raw() })
+}
+
 /// Decodes to 8-bit RGBA. EXIF orientation is ignored: poses and intrinsics refer to the pixels as stored.
-pub(crate) fn decode(path: &Path, options: &LoadOptions) -> Result<RgbaImage, DatasetError> {
-    let (image, usual) = decode_any(path)?;
+pub(crate) fn decode(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<RgbaImage, DatasetError> {
+    let (image, usual) = decode_any(path, bytes)?;
     let linear = options.color_space.unwrap_or(usual) == ColorSpace::Linear;
     let composite = options.alpha == Some(Alpha::Composite) && image.color().has_alpha();
     if !linear && !composite {
@@ -60,7 +79,7 @@ pub(crate) fn decode(path: &Path, options: &LoadOptions) -> Result<RgbaImage, Da
 
 /// Lowers alpha to the mask's brightness (white keeps, black drops); masks of another size are resized.
 pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), DatasetError> {
-    let mask = decode_any(path)?.0.into_luma8();
+    let mask = decode_any(path, &read_bytes(path)?)?.0.into_luma8();
     let (width, height) = photo.dimensions();
     let mask = if mask.dimensions() == (width, height) {
         mask
@@ -74,21 +93,16 @@ pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), Datas
 }
 
 /// Decodes a whole file; and the colour space that its format usually has.
-fn decode_any(path: &Path) -> Result<(DynamicImage, ColorSpace), DatasetError> {
+fn decode_any(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, ColorSpace), DatasetError> {
     let refuse = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
-    let bytes = read_bytes(path)?;
     if bytes.starts_with(&EXR_MAGIC) {
-        return Ok((decode_exr(&bytes).map_err(refuse)?.into(), ColorSpace::Linear));
+        return Ok((decode_exr(bytes).map_err(refuse)?.into(), ColorSpace::Linear));
     }
     // The JPEG decoder fills what is missing with grey and says nothing.
-    if image::guess_format(&bytes).ok() == Some(ImageFormat::Jpeg) && !jpeg_is_whole(&bytes) {
+    if image::guess_format(bytes).ok() == Some(ImageFormat::Jpeg) && !jpeg_is_whole(bytes) {
         return Err(refuse("the JPEG data ends early".to_owned()));
     }
-    let image = image::load_from_memory(&bytes).map_err(|cause| refuse(cause.to_string()))?;
-    if image.width() == 0 || image.height() == 0 {
-        return Err(refuse("it has no pixels".to_owned()));
-    }
-    Ok((image, ColorSpace::Srgb))
+    Ok((image_io::decode(bytes).map_err(refuse)?, ColorSpace::Srgb))
 }
 
 /// Walks the segments of a JPEG file up to its end marker; what follows that is of no interest.
@@ -117,8 +131,8 @@ fn srgb(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Size of the picture, which is the display window.
-fn exr_size(meta: &MetaData) -> Result<Vec2<usize>, String> {
+/// Size of the picture, which is the display window, of a file of so many bytes.
+fn exr_size(meta: &MetaData, length: usize) -> Result<Vec2<usize>, String> {
     let header = meta.headers.first().ok_or("it has no layer")?;
     let sizes = meta.headers.iter().map(|header| header.layer_size);
     let display = header.shared_attributes.display_window.size;
@@ -131,6 +145,26 @@ fn exr_size(meta: &MetaData) -> Result<Vec2<usize>, String> {
     if meta.headers.iter().any(|header| header.deep) {
         return Err("deep data is not supported".to_owned());
     }
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        let values = (width * height).saturating_mul(header.channels.bytes_per_pixel);
+        if values / EXR_TIMES > length {
+            return Err(format!("its header promises {width} x {height} pixels, which its {length} bytes cannot hold"));
+        }
+    }
+    for header in &meta.headers {
+        let bytes = header.channels.bytes_per_pixel;
+        let Vec2(width, height) = header.max_block_pixel_size();
+        let block = width.saturating_mul(height).saturating_mul(bytes);
+        if block > EXR_BLOCK.max(header.layer_size.area().saturating_mul(bytes)) {
+            return Err(format!("blocks of {width} x {height} pixels make no sense"));
+        }
+    }
+    let largest = meta.headers.iter().map(|header| header.layer_size.area()).max().unwrap_or_default();
+    if display.area() > EXR_FRAME_PIXELS.max(EXR_FRAME_TIMES * largest) {
+        let Vec2(width, height) = display;
+        return Err(format!("a frame of {width} x {height} pixels around {largest} makes no sense"));
+    }
     Ok(display)
 }
 
@@ -138,7 +172,7 @@ fn exr_size(meta: &MetaData) -> Result<Vec2<usize>, String> {
 /// colours by it); transparent where the data window leaves a part of the display window out.
 fn decode_exr(bytes: &[u8]) -> Result<Rgba32FImage, String> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|cause| cause.to_string())?;
-    let Vec2(width, height) = exr_size(&meta)?;
+    let Vec2(width, height) = exr_size(&meta, bytes.len())?;
     let create = |size: Vec2<usize>, _: &RgbaChannels| Rgba32FImage::new(size.0 as u32, size.1 as u32);
     let set = |image: &mut Rgba32FImage, at: Vec2<usize>, (r, g, b, a): (f32, f32, f32, f32)| {
         // What is no number is black; and black stays where nothing is opaque.

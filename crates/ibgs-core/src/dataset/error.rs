@@ -150,9 +150,9 @@ pub enum DatasetError {
         /// The camera id asked for.
         camera: u32,
     },
-    /// An image name that leaves the scene folder, or is empty.
+    /// An image name that leaves the scene folder, is empty, or has control characters.
     #[error(
-        "{}: image name `{name}` is empty, absolute or contains `..`; use a path inside the photo folder",
+        "{}: image name `{name}` is empty, absolute, or contains `..` or control characters; use a path inside the photo folder",
         path.display()
     )]
     ImageName {
@@ -264,12 +264,4 @@ impl DatasetError {
 /// Reads a whole file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|cause| DatasetError::read(path, &cause))
-}
-
-/// Reads a whole UTF-8 text file.
-pub(crate) fn read_text(path: &Path) -> Result<String, DatasetError> {
-    String::from_utf8(read_bytes(path)?).map_err(|cause| {
-        let offset = cause.utf8_error().valid_up_to();
-        DatasetError::byte(path, offset, "the text is not UTF-8")
-    })
 }

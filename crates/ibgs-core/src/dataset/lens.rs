@@ -1,6 +1,6 @@
 //! The camera as the scene file states it: a pinhole or fisheye with polynomial distortion.
 
-use crate::camera::Camera;
+use crate::camera::{Camera, MAX_COORDINATE};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -37,6 +37,9 @@ pub(crate) struct Lens {
     pub principal: DVec2,
     pub distortion: Distortion,
 }
+
+/// Focal lengths and principal points that lie farther from the size of the image make no picture.
+const MAX_TIMES: f64 = 1e6;
 
 /// Degrees. With its focal length and size kept, an equidistant fisheye of 180 degrees becomes a pinhole of 115, and one
 /// that looks all around one of 145.
@@ -123,6 +126,8 @@ impl Lens {
             Some(format!("the focal length {} is not a positive number", self.focal))
         } else if !self.principal.is_finite() {
             Some(format!("the principal point {} is not finite", self.principal))
+        } else if let Some(problem) = self.misfit() {
+            Some(problem)
         } else if !self.distortion.is_usable() {
             Some("a distortion coefficient is not finite (or omega of FOV not below pi)".to_owned())
         } else if self.is_fisheye() && self.field_of_view().max_element() > MAX_FISHEYE_VIEW {
@@ -132,6 +137,21 @@ impl Lens {
                  length {} is too short for a fisheye of {} x {} pixels",
                 self.focal, self.width, self.height
             ))
+        } else {
+            None
+        }
+    }
+
+    /// What cannot be the focal length or principal point of an image of this size.
+    fn misfit(&self) -> Option<String> {
+        let side = f64::from(self.width.max(self.height));
+        let fits = (side / MAX_TIMES..=side * MAX_TIMES).contains(&self.focal.min_element())
+            && self.focal.max_element() <= side * MAX_TIMES;
+        let (width, height) = (self.width, self.height);
+        if !fits {
+            Some(format!("the focal length {} fits no image of {width} x {height} pixels", self.focal))
+        } else if self.principal.abs().max_element() > side * MAX_TIMES {
+            Some(format!("the principal point {} fits no image of {width} x {height} pixels", self.principal))
         } else {
             None
         }
@@ -172,12 +192,20 @@ impl Lens {
     }
 }
 
+fn check_center(center: DVec3) -> Result<(), String> {
+    match center.abs().max_element() <= MAX_COORDINATE {
+        true => Ok(()),
+        false => Err(format!("the translation {center} lies beyond {MAX_COORDINATE:e}")),
+    }
+}
+
 impl Pose {
     /// From COLMAP's quaternion `[w, x, y, z]` and translation, both world to view.
     pub(crate) fn from_colmap(q: [f64; 4], t: [f64; 3]) -> Result<Pose, String> {
         if !q.iter().chain(&t).all(|v| v.is_finite()) {
             return Err("the pose is not finite".to_owned());
         }
+        check_center(DVec3::from_array(t))?;
         let [w, x, y, z] = q;
         let quaternion = DQuat::from_xyzw(x, y, z, w);
         // A tiny or huge norm would lose all digits on the way.
@@ -198,6 +226,7 @@ impl Pose {
         }
         let column = |c: usize| DVec3::new(rows[0][c], rows[1][c], rows[2][c]);
         let (x, y, z, center) = (column(0), column(1), column(2), column(3));
+        check_center(center)?;
         // Files written with few digits are off by about 1e-4; anything far beyond is no rotation.
         let matrix = DMat3::from_cols(x, -y, -z);
         let error = matrix.transpose() * matrix - DMat3::IDENTITY;

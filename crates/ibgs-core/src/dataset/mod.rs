@@ -15,6 +15,8 @@ mod split;
 mod undistort;
 
 pub use archive::is_archive;
+pub use colmap::{ModelFile, check_model_file};
+pub use decode::decode_photo;
 pub use error::DatasetError;
 pub use options::{Alpha, ColorSpace, LoadOptions, PrincipalPoint, Resampler, Resolution};
 
@@ -22,6 +24,7 @@ use crate::camera::Camera;
 use archive::Unpacked;
 use glam::{DVec2, DVec3};
 use photos::Frame;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -73,6 +76,30 @@ pub struct Dataset {
     pub points: Vec<Point>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
     pub notes: Vec<String>,
+}
+
+impl Dataset {
+    /// CRC-32 of what a training sees: names, cameras and photos of the training and the held-out views.
+    pub fn checksum(&self) -> u32 {
+        let one = |view: &View| {
+            let mut sum = crc32fast::Hasher::new();
+            let Camera { width, height, focal, principal, view_from_world, translation } = view.camera;
+            sum.update(view.name.as_bytes());
+            sum.update(&[width.to_le_bytes(), height.to_le_bytes()].concat());
+            let columns = [view_from_world.x_axis, view_from_world.y_axis, view_from_world.z_axis, translation];
+            let numbers = [focal, principal].map(|v| v.to_array()).concat().into_iter();
+            numbers.chain(columns.map(|v| v.to_array()).concat()).for_each(|v| sum.update(&v.to_le_bytes()));
+            sum.update(&view.photo.rgba);
+            sum.finalize()
+        };
+        let sums: Vec<u32> = self.views.par_iter().map(one).collect();
+        let mut all = crc32fast::Hasher::new();
+        for part in [&self.train, &self.test] {
+            part.iter().for_each(|&view| all.update(&sums[view].to_le_bytes()));
+            all.update(b"|");
+        }
+        all.finalize()
+    }
 }
 
 /// Format of a scene on disk.
@@ -152,6 +179,14 @@ pub(crate) struct Scene {
     /// Names of the test views where the format states them.
     held_out: Option<Vec<String>>,
     notes: Vec<String>,
+}
+
+/// The points in the contents of a PLY file; `path` is for messages.
+///
+/// # Errors
+/// [`DatasetError::Ply`] with line or byte.
+pub fn parse_points_ply(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, DatasetError> {
+    points_ply::read(path, bytes)
 }
 
 /// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder, a ZIP archive

@@ -8,7 +8,7 @@ use super::colmap::{reduced_folder, reduced_note};
 use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::photos::{Frame, clean_name, find_mask, find_photo};
+use super::photos::{Frame, clean_name, find_mask, find_photo, image_name};
 use super::{CameraInfo, LoadOptions, Scene, SceneInfo, SceneKind, points};
 use glam::DVec2;
 use serde::Deserialize;
@@ -234,7 +234,7 @@ fn read_frame(
 ) -> Result<(), DatasetError> {
     let given = &frame.file_path;
     let name =
-        clean_name(given).ok_or_else(|| DatasetError::ImageName { path: path.to_owned(), name: given.clone() })?;
+        image_name(given).ok_or_else(|| DatasetError::ImageName { path: path.to_owned(), name: given.clone() })?;
     let intrinsics = frame.intrinsics.or(shared);
     let camera = format!("frames[{index}] (`{name}`)");
     if let Some(model) = intrinsics.unsupported_model() {

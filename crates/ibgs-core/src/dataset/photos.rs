@@ -1,7 +1,7 @@
 //! Finding, loading and resampling photos.
 
 use super::decode::{apply_mask, decode};
-use super::error::DatasetError;
+use super::error::{DatasetError, read_bytes};
 use super::lens::{Lens, Pose};
 use super::undistort::undistort;
 use super::{Alpha, Dataset, LoadOptions, Photo, PrincipalPoint, Resampler, View};
@@ -37,8 +37,15 @@ pub(crate) fn clean_name(name: &str) -> Option<String> {
     let name = name.trim().replace('\\', "/");
     let drive = name.as_bytes().get(1) == Some(&b':');
     let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | ".")).collect();
-    let leaves = name.starts_with('/') || drive || parts.is_empty() || parts.contains(&"..");
+    // Windows takes `.. ` and `...` for `..`.
+    let leaves = |part: &&str| part.trim_matches(['.', ' ']).is_empty();
+    let leaves = name.starts_with('/') || drive || parts.is_empty() || parts.iter().any(leaves);
     (!leaves && !name.contains('\0')).then(|| parts.join("/"))
+}
+
+/// The name of an image that [`clean_name`] leaves, or none where it has control characters: it is told to the user.
+pub(crate) fn image_name(name: &str) -> Option<String> {
+    clean_name(name).filter(|name| !name.contains(char::is_control))
 }
 
 /// The file behind an image name: as named, with an extension added, or with another extension.
@@ -106,7 +113,7 @@ struct Loaded {
 }
 
 fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError> {
-    let mut image = decode(&frame.photo, options)?;
+    let mut image = decode(&frame.photo, &read_bytes(&frame.photo)?, options)?;
     if let Some(mask) = &frame.mask {
         apply_mask(&mut image, mask)?;
     }

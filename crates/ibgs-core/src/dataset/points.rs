@@ -1,6 +1,6 @@
 //! Initial points: from the model, from a PLY file, or random ones.
 
-use super::error::DatasetError;
+use super::error::{DatasetError, read_bytes};
 use super::points_ply;
 use super::{Alpha, Dataset, LoadOptions, Point, View};
 use crate::camera::scene_extent;
@@ -18,7 +18,7 @@ pub(crate) struct Cloud {
 /// The first of the files that exists and holds points.
 pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, DatasetError> {
     for path in candidates.iter().filter(|path| path.is_file()) {
-        let points = points_ply::read(path)?;
+        let points = points_ply::read(path, &read_bytes(path)?)?;
         if !points.is_empty() {
             return Ok(Some(Cloud { path: path.clone(), points }));
         }
@@ -47,7 +47,7 @@ pub(crate) fn fill(
         points = cloud.points;
     }
     let count = points.len();
-    points.retain(|point| point.position.is_finite());
+    points.retain(|point| point.position.as_vec3().is_finite());
     if points.len() < count {
         let dropped = count - points.len();
         dataset.notes.push(format!("{dropped} initial points are not finite and were dropped"));

@@ -2,7 +2,7 @@
 //! coefficients `f_dc_0 ..` of Gaussians. Normals and whatever else is there are skipped.
 
 use super::Point;
-use super::error::{DatasetError, read_bytes};
+use super::error::DatasetError;
 use glam::DVec3;
 use std::f64::consts::FRAC_2_SQRT_PI;
 use std::path::Path;
@@ -181,10 +181,9 @@ impl Columns {
     }
 }
 
-/// Reads the points of a PLY file.
-pub(crate) fn read(path: &Path) -> Result<Vec<Point>, DatasetError> {
-    let bytes = read_bytes(path)?;
-    parse(&bytes).map_err(|problem| DatasetError::Ply { path: path.to_owned(), problem })
+/// The points in the contents of a PLY file.
+pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, DatasetError> {
+    parse(bytes).map_err(|problem| DatasetError::Ply { path: path.to_owned(), problem })
 }
 
 fn parse(bytes: &[u8]) -> Result<Vec<Point>, String> {

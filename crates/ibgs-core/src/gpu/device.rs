@@ -157,10 +157,28 @@ impl std::fmt::Debug for Gpu {
     }
 }
 
+/// On Apple's systems Vulkan is a layer over Metal; wgpu would take it first where it is installed.
+const BACKENDS: wgpu::Backends = if cfg!(target_vendor = "apple") {
+    wgpu::Backends::METAL
+} else {
+    wgpu::Backends::VULKAN.union(wgpu::Backends::DX12)
+};
+
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    descriptor.backends = BACKENDS;
     wgpu::Instance::new(descriptor)
+}
+
+/// Graphics interfaces that this build can use, as `Vulkan` or `Vulkan, DirectX 12`.
+pub fn backends() -> String {
+    let built = wgpu::Instance::enabled_backend_features() & BACKENDS;
+    let name = |backend| match backend {
+        wgpu::Backends::METAL => "Metal",
+        wgpu::Backends::DX12 => "DirectX 12",
+        _ => "Vulkan",
+    };
+    built.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 /// All adapters of this machine.

@@ -2,6 +2,7 @@
 
 pub mod buffer;
 pub mod device;
+mod heap;
 pub mod launch;
 mod matrix;
 pub mod pool;
@@ -10,6 +11,6 @@ pub mod scan;
 pub mod sort;
 
 pub use buffer::{Bound, Buffer};
-pub use device::{AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, list_adapters};
+pub use device::{AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, backends, list_adapters};
 pub use launch::Pass;
 pub use profile::Measured;

@@ -5,6 +5,7 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{AdamParams, LossParams};
 use ibgs_shaders::{ADAM, EXPOSURE_GROUPS, EXPOSURE_L1, EXPOSURE_L1_BACKWARD, EXPOSURE_L1_TOTAL, EXPOSURE_SCALARS};
+use serde::{Deserialize, Serialize};
 
 /// Floats from one photo's scalars to the next: a part of a buffer can only be bound at multiples of 256 bytes.
 const STRIDE: usize = 64;
@@ -77,7 +78,7 @@ impl Default for ExposureAdam {
 }
 
 /// One photo's scalars on the host, for checkpoints.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExposureState {
     /// (a, b) of base' = exp(a) base + b.
     pub scalars: [f32; 2],

@@ -15,6 +15,7 @@ use burn_wgpu::CubeBackend;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::LossParams;
 use ibgs_shaders::{IMAGE_LOSS, IMAGE_LOSS_BACKWARD, IMAGE_LOSS_TOTAL, TILE};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A photo on the device: RGBA, one byte a channel; alpha under one half leaves the loss.
@@ -50,7 +51,7 @@ impl Target {
 }
 
 /// What the loss was made of.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImageStats {
     /// The loss.
     pub loss: f32,

@@ -19,7 +19,7 @@ impl Dropout {
     /// Leaves out about `share` (0 to 1) of all Gaussians, chosen by `seed` and `iteration` alone.
     pub fn new(share: f64, seed: u64, iteration: u32) -> Self {
         let below = (share * f64::from(u32::MAX)) as u32;
-        Self { below, seed: hash(hash(hash(iteration) ^ seed as u32) ^ (seed >> 32) as u32) }
+        Self { below, seed: iteration_seed(seed, iteration) }
     }
 
     /// Whether the Gaussian of this index is left out: the twin of the test in `project.wgsl`.
@@ -28,8 +28,13 @@ impl Dropout {
     }
 }
 
+/// The seed of an iteration: another one for each `seed` and `iteration`.
+pub(crate) fn iteration_seed(seed: u64, iteration: u32) -> u32 {
+    hash(hash(hash(iteration) ^ seed as u32) ^ (seed >> 32) as u32)
+}
+
 /// PCG hash of Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
-pub(crate) fn hash(value: u32) -> u32 {
+fn hash(value: u32) -> u32 {
     let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
     (word >> 22) ^ word

@@ -15,7 +15,7 @@ mod workspace;
 
 pub use autodiff::{Leaves, RasterGradients};
 pub use dropout::Dropout;
-pub(crate) use dropout::hash;
+pub(crate) use dropout::iteration_seed;
 pub use surface::{Surface, SurfaceOptions};
 pub use workspace::Workspace;
 
@@ -180,6 +180,11 @@ impl Rasterizer {
     /// Intersections that a pass can hold now.
     pub fn capacity(&self) -> u64 {
         self.capacity.load(Ordering::Relaxed)
+    }
+
+    /// Makes room for exactly so many intersections, which [`capacity`](Self::capacity) told.
+    pub(crate) fn set_capacity(&self, capacity: u64) {
+        self.capacity.store(capacity.min(self.gpu.binding_limit() / 16), Ordering::Relaxed);
     }
 
     /// Makes room for twice `needed` intersections, where there is not room for one and a half times as many already;

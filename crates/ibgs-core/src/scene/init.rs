@@ -4,6 +4,9 @@ use super::gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 use super::{SceneError, gaussians};
 use crate::dataset::Point;
 use kiddo::{KdTree, SquaredEuclidean};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -56,21 +59,25 @@ pub fn from_points(points: &[Point], sh_degree: u32, opacity: f64) -> Result<Gau
 /// Mean squared distance of each point to its nearest other points, up to [`NEIGHBOURS`] of them; 0 for a lone point.
 ///
 /// The tree holds each position once, with its multiplicity beside it: its leaves are of fixed size and cannot split
-/// a heap of equal points.
+/// a heap of equal points. Positions go in in a random order, the same each time: a file in which they follow one another
+/// would make a tree as deep as a list.
 fn mean_squared_distances(points: &[Point]) -> Vec<f64> {
     let mut slot_of: HashMap<[u64; 3], usize> = HashMap::with_capacity(points.len());
     let mut copies: Vec<usize> = Vec::new();
-    let mut tree: KdTree<f64, 3> = KdTree::new();
+    let mut positions: Vec<([f64; 3], u64)> = Vec::new();
     for point in points {
         // Adding 0 turns -0 into +0, so that equal positions have equal bits.
         let position = point.position.to_array().map(|v| v + 0.0);
         let slot = *slot_of.entry(position.map(f64::to_bits)).or_insert_with(|| {
-            tree.add(&position, copies.len() as u64);
+            positions.push((position, copies.len() as u64));
             copies.push(0);
             copies.len() - 1
         });
         copies[slot] += 1;
     }
+    positions.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+    let mut tree: KdTree<f64, 3> = KdTree::new();
+    positions.iter().for_each(|(position, slot)| tree.add(position, *slot));
     points
         .par_iter()
         .map(|point| {

@@ -10,6 +10,6 @@ mod splats;
 pub use error::SceneError;
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 pub use init::from_points;
-pub use ply::{PlyFlavor, read_ply, write_ply, write_points_ply};
-pub(crate) use ply::{read_ply_from, write_ply_to};
+pub(crate) use ply::write_ply_to;
+pub use ply::{PlyFlavor, read_ply, read_ply_from, write_ply, write_points_ply};
 pub use splats::Splats;

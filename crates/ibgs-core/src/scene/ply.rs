@@ -139,11 +139,10 @@ fn bad_ply(path: &Path, reason: impl Into<String>) -> SceneError {
 }
 
 /// [`read_ply`] from anything seekable that is `length` bytes long; `path` is for messages.
-pub(crate) fn read_ply_from<R: BufRead + Seek>(
-    reader: &mut R,
-    length: u64,
-    path: &Path,
-) -> Result<Gaussians, SceneError> {
+///
+/// # Errors
+/// As [`read_ply`].
+pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path) -> Result<Gaussians, SceneError> {
     let io_error = |source| read_error(path, source);
     let mut magic = Vec::new();
     reader.take(3).read_to_end(&mut magic).map_err(io_error)?;

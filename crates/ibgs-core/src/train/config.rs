@@ -11,7 +11,7 @@ pub use crate::fuse::sources::SourceOptions;
 pub use stages::{ExposureConfig, ResidualConfig, SurfaceConfig};
 
 use crate::dataset::{Alpha, ColorSpace};
-use crate::files::{self, WriteError};
+use crate::files::{self, TomlError, WriteError};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -44,6 +44,9 @@ pub struct TrainConfig {
     pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,
+    /// The run repeats bit for bit on the same adapter and build, also where it is resumed: float32 alone, and checkpoints
+    /// hold the depth maps of the training views.
+    pub deterministic: bool,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
     /// Iterations between two degrees; unset: 1000, scaled.
@@ -315,13 +318,10 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigError`] naming the line or field.
     pub fn from_text(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text).map_err(|error| {
-            let before = error.span().and_then(|span| text.get(..span.start));
-            ConfigError::Parse {
-                path: path.to_owned(),
-                line: before.unwrap_or_default().matches('\n').count() + 1,
-                reason: error.message().replace('\n', ", "),
-            }
+        let config: Self = files::parse_toml(text).map_err(|TomlError { line, reason }| ConfigError::Parse {
+            path: path.to_owned(),
+            line,
+            reason,
         })?;
         config.validate_from(&path.display().to_string())?;
         Ok(config)

@@ -1,5 +1,6 @@
 //! Training: configuration, schedule, the loop body, densification, output folder.
 
+pub mod checkpoint;
 pub mod config;
 pub mod densify;
 pub mod optim;

@@ -8,7 +8,7 @@ use crate::scene::Splats;
 use burn_cubecl::tensor::CubeTensor;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{AdamParams, OpacityResetParams};
-use ibgs_shaders::{ADAM, OPACITY_RESET};
+use ibgs_shaders::{ADAM, FINITE, OPACITY_RESET};
 
 /// Slots of the base colour and of the planes: normals and offsets.
 const BASE: usize = 5;
@@ -50,6 +50,23 @@ impl Slot {
     fn new(gpu: &Gpu, (parameter, count, row): (Bound, usize, usize)) -> Result<Self, GpuError> {
         let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
         Ok(Self { parameter, moments: [moment()?, moment()?], count, row })
+    }
+
+    /// Records the count of the parameter's values that are no finite number.
+    fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        pass.linear(&FINITE, &[&self.parameter, broken], bytes_of(&(self.count as u32)), self.count);
+    }
+
+    /// Reads the moments back.
+    fn read(&self, gpu: &Gpu) -> Result<[Vec<f32>; 2], GpuError> {
+        let [first, second] = &self.moments;
+        Ok([gpu.read(first, self.count)?, gpu.read(second, self.count)?])
+    }
+
+    /// Puts moments in place of its own.
+    fn restore(&mut self, gpu: &Gpu, [first, second]: &[Vec<f32>; 2]) -> Result<(), GpuError> {
+        self.moments = [gpu.upload("Adam moments", first)?, gpu.upload("Adam moments", second)?];
+        Ok(())
     }
 
     /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest`.
@@ -94,6 +111,25 @@ impl TensorOptimizer {
     pub fn new(gpu: &Gpu, parameter: &CubeTensor, config: AdamConfig) -> Result<Self, GpuError> {
         let count: usize = parameter.meta.shape().iter().product();
         Ok(Self { slot: Slot::new(gpu, (Gpu::bind(parameter), count, 1))?, config, steps: 0 })
+    }
+
+    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        self.slot.record_check(pass, broken);
+    }
+
+    pub(super) fn config(&self) -> AdamConfig {
+        self.config.clone()
+    }
+
+    /// Moments and number of steps; waits for the GPU.
+    pub(super) fn state(&self, gpu: &Gpu) -> Result<([Vec<f32>; 2], i32), GpuError> {
+        Ok((self.slot.read(gpu)?, self.steps))
+    }
+
+    /// Goes on from moments and number of steps.
+    pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[Vec<f32>; 2], steps: i32) -> Result<(), GpuError> {
+        self.steps = steps;
+        self.slot.restore(gpu, moments)
     }
 
     /// Moves the tensor one step.
@@ -147,6 +183,23 @@ impl Optimizer {
 
     pub(super) fn slots(&self) -> &[Slot] {
         &self.slots
+    }
+
+    /// Records the count of all values that are no finite number.
+    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        self.slots.iter().for_each(|slot| slot.record_check(pass, broken));
+    }
+
+    /// Moments of every parameter and numbers of steps; waits for the GPU.
+    #[expect(clippy::type_complexity, reason = "moments by parameter")]
+    pub(super) fn state(&self, gpu: &Gpu) -> Result<(Vec<[Vec<f32>; 2]>, [i32; 2]), GpuError> {
+        Ok((self.slots.iter().map(|slot| slot.read(gpu)).collect::<Result<_, _>>()?, self.steps))
+    }
+
+    /// Goes on from moments and numbers of steps.
+    pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[[Vec<f32>; 2]], steps: [i32; 2]) -> Result<(), GpuError> {
+        self.steps = steps;
+        self.slots.iter_mut().zip(moments).try_for_each(|(slot, moments)| slot.restore(gpu, moments))
     }
 
     /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the slots.

@@ -10,6 +10,7 @@
 //! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
 //! path/ours_N/                                         frames of a camera path
 //! mesh/ours_N/mesh.ply                                 triangle mesh
+//! checkpoints/N.ibgs                                   what a training goes on from, while it runs or after it was stopped
 //! results_renders.json  per_view_renders.json          scores of the base image
 //! results_renders_aggregate.json  per_view_renders_aggregate.json
 //!                                                      scores of the final image
@@ -195,12 +196,32 @@ impl OutputFolder {
         path
     }
 
+    /// `checkpoints`.
+    pub fn checkpoints_path(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
+    /// `checkpoints/N.ibgs`.
+    pub fn checkpoint_path(&self, iteration: u32) -> PathBuf {
+        self.checkpoints_path().join(format!("{iteration}.ibgs"))
+    }
+
+    /// The checkpoints with their iterations, the latest first.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has none.
+    pub fn checkpoints(&self) -> Result<Vec<(u32, PathBuf)>, OutputError> {
+        let mut found = self.numbered("checkpoints", "", ".ibgs")?;
+        found.sort_unstable_by_key(|(iteration, _)| std::cmp::Reverse(*iteration));
+        Ok(found)
+    }
+
     /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
     ///
     /// # Errors
     /// [`OutputError::Read`] when the folder cannot be listed; a missing one has no iteration.
     pub fn latest_iteration(&self) -> Result<Option<u32>, OutputError> {
-        let numbered = self.numbered("point_cloud", "iteration_")?;
+        let numbered = self.numbered("point_cloud", "iteration_", "")?;
         let saved = numbered.into_iter().filter(|(_, path)| path.join("point_cloud.ply").is_file());
         Ok(saved.map(|(iteration, _)| iteration).max())
     }
@@ -291,8 +312,8 @@ impl OutputFolder {
         Ok(write_json(&path, &all.into())?)
     }
 
-    /// Sub-folders `PREFIX<number>` of a folder, with their numbers.
-    fn numbered(&self, folder: &str, prefix: &str) -> Result<Vec<(u32, PathBuf)>, OutputError> {
+    /// Entries `PREFIX<number>SUFFIX` of a folder, with their numbers.
+    fn numbered(&self, folder: &str, prefix: &str, suffix: &str) -> Result<Vec<(u32, PathBuf)>, OutputError> {
         let path = self.root.join(folder);
         let list = || -> io::Result<Vec<(u32, PathBuf)>> {
             let entries = match fs::read_dir(&path) {
@@ -303,7 +324,8 @@ impl OutputFolder {
             for entry in entries {
                 let entry = entry?;
                 let name = entry.file_name();
-                let number = name.to_str().and_then(|name| name.strip_prefix(prefix)?.parse().ok());
+                let number =
+                    name.to_str().and_then(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok());
                 found.extend(number.map(|number| (number, entry.path())));
             }
             Ok(found)
@@ -335,9 +357,12 @@ impl OutputFolder {
             ("mesh", "ours_"),
         ];
         for (folder, prefix) in folders {
-            for (_, path) in self.numbered(folder, prefix)? {
+            for (_, path) in self.numbered(folder, prefix, "")? {
                 fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
             }
+        }
+        for (_, path) in self.checkpoints()? {
+            fs::remove_file(&path).map_err(|source| WriteError::new(&path, source))?;
         }
         let scores = [Scored::Base, Scored::Final].map(Scored::files);
         let others = [
@@ -345,7 +370,7 @@ impl OutputFolder {
             figures::TIME_FILE,
             figures::LOG_FILE,
             REPORT_FILE,
-            "results_mesh.json",
+            figures::MESH_FILE,
             "multi_view.json",
         ];
         for file in scores.as_flattened().iter().chain(&others) {

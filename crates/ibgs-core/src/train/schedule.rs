@@ -114,6 +114,13 @@ impl Schedule {
         }
     }
 
+    /// Lets only a part of all learning rates of Gaussians and network count.
+    pub fn slow_down(&mut self, part: f64) {
+        let network = self.stages.as_mut().map(|stages| &mut stages.network_lr);
+        let rates = [&mut self.mean_lr_initial, &mut self.mean_lr_final, &mut self.rate_factor];
+        rates.into_iter().chain(network).for_each(|rate| *rate *= part);
+    }
+
     /// Degree of the spherical harmonics in use: one more every `sh_interval`.
     pub fn sh_degree(&self, iteration: u32) -> u32 {
         (iteration / self.sh_interval.max(1)).min(self.max_sh_degree)

@@ -1,9 +1,11 @@
 //! The image-based part of a training iteration (method.md section 7): surface losses from the photos of neighbouring views,
 //! the residual network, exposure.
 
+use super::checkpoint::NetworkState;
 use super::config::{AdamConfig, TrainConfig};
 use super::optim::TensorOptimizer;
 use super::schedule::Schedule;
+use super::step::TrainError;
 use crate::camera::Camera;
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
@@ -11,9 +13,10 @@ use crate::fuse::sources::{Draw, SourceFinder};
 use crate::fuse::{SourceView, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
-use crate::gpu::{Gpu, GpuError, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::loss::{
-    ExposureAdam, ExposureScalars, ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers, Target,
+    ExposureAdam, ExposureScalars, ExposureState, ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers,
+    Target,
 };
 use crate::raster::{Forward, RasterView, Rasterizer, Room, Surface};
 use crate::render::{ImageOptions, ImagePart};
@@ -22,6 +25,7 @@ use crate::scene::Splats;
 use burn::tensor::{Gradients, Tensor};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What the image-based stages keep from iteration to iteration.
@@ -41,6 +45,13 @@ pub(super) struct ImageStages {
     network: ResidualNetwork,
     network_optimizer: TensorOptimizer,
     exposure: Option<ExposureScalars>,
+}
+
+/// What the image-based stages keep, on the host.
+pub(super) struct StagesState {
+    pub network: NetworkState,
+    pub exposure: Option<Vec<ExposureState>>,
+    pub depths: BTreeMap<usize, Vec<f32>>,
 }
 
 /// An iteration in work: the view, its photo, and the rasterizer's pass.
@@ -121,6 +132,46 @@ impl ImageStages {
             cameras,
             options,
         })
+    }
+
+    /// Records the count of the network's weights that are no finite number.
+    pub fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        self.network_optimizer.record_check(pass, broken);
+    }
+
+    /// Network, exposures and, where `all` is wanted, depth maps on the host; waits for the GPU.
+    pub fn state(&mut self, all: bool) -> Result<StagesState, TrainError> {
+        let (moments, steps) = self.network_optimizer.state(&self.gpu)?;
+        let network = NetworkState { weights: self.network.to_values()?, moments, steps };
+        let exposure = self.exposure.as_ref().map(|exposure| exposure.states(&self.gpu)).transpose()?;
+        let mut depths = BTreeMap::new();
+        for (view, camera) in self.cameras.iter().enumerate().filter(|_| all) {
+            if let Some(map) = self.depths.get(view) {
+                depths.insert(view, self.gpu.read(&map, camera.pixels())?);
+            }
+        }
+        Ok(StagesState { network, exposure, depths })
+    }
+
+    /// Goes on from there; a depth map that is not there is made anew when it is needed.
+    pub fn restore(
+        &mut self,
+        network: &NetworkState,
+        exposure: Option<&[ExposureState]>,
+        depths: &BTreeMap<usize, Vec<f32>>,
+    ) -> Result<(), TrainError> {
+        self.network = ResidualNetwork::from_values(&self.gpu, &network.weights)?;
+        self.network_optimizer =
+            TensorOptimizer::new(&self.gpu, &primitive(self.network.weights.val()), self.network_optimizer.config())?;
+        self.network_optimizer.restore(&self.gpu, &network.moments, network.steps)?;
+        if let (Some(now), Some(states)) = (&mut self.exposure, exposure) {
+            *now = ExposureScalars::from_states(&self.gpu, states, now.adam)?;
+        }
+        self.depths.clear();
+        for (&view, depth) in depths {
+            self.depths.insert(view, self.gpu.upload("median depth", depth)?);
+        }
+        Ok(())
     }
 
     pub fn options(&self) -> &ImageOptions {

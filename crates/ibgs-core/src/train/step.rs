@@ -1,5 +1,8 @@
 //! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
 
+mod resume;
+
+use super::checkpoint::CheckpointError;
 use super::config::{Method, Strategy, TrainConfig};
 use super::densify::{self, Round, Statistics, mcmc};
 use super::optim::{Optimizer, Rates};
@@ -9,10 +12,11 @@ use super::telemetry::{Recorder, Telemetry};
 use crate::camera::{Camera, scene_extent, usable_extent};
 use crate::dataset::{Dataset, Point};
 use crate::fuse::source_store::SourceStore;
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Gpu, GpuError, Pass};
 use crate::loss::ImageLoss;
 use crate::raster::{Dropout, Leaves, RasterView, Rasterizer};
 use crate::render::Renderer;
+use crate::residual::weights::NetworkError;
 use crate::scene::{Gaussians, SceneError, Splats, from_points};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -29,12 +33,19 @@ pub enum TrainError {
     /// The model failed.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The network failed.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// A checkpoint cannot be gone on from.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
     /// The data set holds no training view.
     #[error("the scene has no training view; check its split")]
     NoViews,
-    /// The loss is no number any more.
+    /// The loss or the model is no number any more.
     #[error(
-        "the loss of iteration {0} is not a finite number; try lower learning rates, and check the photos' cameras"
+        "by iteration {0} the loss or a value of the model is not a finite number; try lower learning rates, and check the \
+         photos' cameras"
     )]
     NotFinite(u32),
 }
@@ -75,6 +86,10 @@ pub struct Trainer {
     rng: ChaCha8Rng,
     iteration: u32,
     overflowed: bool,
+    /// Checksum of the scene.
+    scene: u32,
+    /// Part of the learning rates that counts.
+    caution: f64,
 }
 
 impl Trainer {
@@ -100,6 +115,24 @@ impl Trainer {
         config: &TrainConfig,
         start: &Gaussians,
     ) -> Result<Self, TrainError> {
+        let trainer = Self::with_default_room(raster, (dataset, dataset.checksum()), config, start)?;
+        // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
+        // Gaussians grow fast.
+        let mut most = 0;
+        for index in 0..trainer.cameras.len() {
+            most = most.max(trainer.raster.count_intersections(&trainer.splats, &trainer.view(index))?);
+        }
+        trainer.raster.reserve(2 * most);
+        Ok(trainer)
+    }
+
+    /// The same without counting the intersections; the data set comes with its checksum.
+    fn with_default_room(
+        raster: Arc<Rasterizer>,
+        (dataset, scene): (&Dataset, u32),
+        config: &TrainConfig,
+        start: &Gaussians,
+    ) -> Result<Self, TrainError> {
         let gpu = raster.gpu().clone();
         if dataset.train.is_empty() {
             return Err(TrainError::NoViews);
@@ -117,7 +150,7 @@ impl Trainer {
             true => densify::distance_length(&start.means, centre, extent),
             false => extent,
         };
-        let trainer = Self {
+        Ok(Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations),
             optimizer: Optimizer::new(&gpu, &splats, config.adam.clone(), image_based)?,
@@ -130,6 +163,8 @@ impl Trainer {
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,
             overflowed: false,
+            scene,
+            caution: 1.0,
             config: config.clone(),
             gpu,
             raster,
@@ -138,15 +173,12 @@ impl Trainer {
             photos,
             stages,
             has_planes: start.offsets.iter().any(|&offset| offset != 0.0),
-        };
-        // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
-        // Gaussians grow fast.
-        let mut most = 0;
-        for index in 0..trainer.cameras.len() {
-            most = most.max(trainer.raster.count_intersections(&trainer.splats, &trainer.view(index))?);
-        }
-        trainer.raster.reserve(2 * most);
-        Ok(trainer)
+        })
+    }
+
+    /// Lets the number of Gaussians grow to `most` at most.
+    pub fn limit_splats(&mut self, most: u32) {
+        self.config.densify.max_splats = Some(most);
     }
 
     fn view(&self, index: usize) -> RasterView {
@@ -262,6 +294,14 @@ impl Trainer {
         if is_mcmc {
             let strength = self.config.densify.mcmc.noise * mean_rate;
             mcmc::add_noise(&self.gpu, &self.splats, strength, self.config.seed, iteration);
+        }
+        if self.recorder.checks() {
+            let mut pass = Pass::new(&self.gpu, "finite numbers");
+            self.optimizer.record_check(&mut pass, self.recorder.broken());
+            if let Some(stages) = &self.stages {
+                stages.record_check(&mut pass, self.recorder.broken());
+            }
+            pass.submit();
         }
         let news = self.recorder.record(
             &self.gpu,

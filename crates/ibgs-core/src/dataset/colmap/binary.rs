@@ -3,7 +3,7 @@
 use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, model_by_id};
 use crate::dataset::Point;
-use crate::dataset::error::{DatasetError, read_bytes};
+use crate::dataset::error::DatasetError;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -105,9 +105,8 @@ impl<'a> Reader<'a> {
 }
 
 /// Reads `cameras.bin`.
-pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
-    let bytes = read_bytes(path)?;
-    let mut reader = Reader::new(path, &bytes);
+pub(super) fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
+    let mut reader = Reader::new(path, bytes);
     let count = reader.count("cameras", CAMERA_BYTES)?;
     let mut cameras = BTreeMap::new();
     for _ in 0..count {
@@ -136,9 +135,8 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraRecord>, Datase
 }
 
 /// Reads `images.bin`; the observations are skipped.
-pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>, DatasetError> {
-    let bytes = read_bytes(path)?;
-    let mut reader = Reader::new(path, &bytes);
+pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, DatasetError> {
+    let mut reader = Reader::new(path, bytes);
     let count = reader.count("images", IMAGE_BYTES)?;
     let mut images = Vec::with_capacity(count);
     for _ in 0..count {
@@ -155,9 +153,8 @@ pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>, DatasetError> {
 }
 
 /// Reads `points3D.bin`.
-pub(super) fn points(path: &Path) -> Result<Vec<SparsePoint>, DatasetError> {
-    let bytes = read_bytes(path)?;
-    let mut reader = Reader::new(path, &bytes);
+pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, DatasetError> {
+    let mut reader = Reader::new(path, bytes);
     let count = reader.count("points", POINT_BYTES)?;
     let mut points = Vec::with_capacity(count);
     for _ in 0..count {

@@ -4,7 +4,7 @@ mod binary;
 mod sparse;
 mod text;
 
-use super::error::DatasetError;
+use super::error::{DatasetError, read_bytes};
 use super::lens::{Distortion, Lens, Pose, Projection};
 use super::photos::{self, Frame, find_mask, find_photo};
 use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
@@ -75,22 +75,70 @@ impl ModelFiles {
 
     fn cameras(&self) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
         let path = self.path("cameras");
-        if self.text { text::cameras(&path) } else { binary::cameras(&path) }
+        let bytes = read_bytes(&path)?;
+        if self.text { text::cameras(&path, &bytes) } else { binary::cameras(&path, &bytes) }
     }
 
     fn images(&self) -> Result<Vec<ImageRecord>, DatasetError> {
         let path = self.path("images");
-        if self.text { text::images(&path) } else { binary::images(&path) }
+        let bytes = read_bytes(&path)?;
+        if self.text { text::images(&path, &bytes) } else { binary::images(&path, &bytes) }
     }
 
     /// The cloud; none where the file is absent.
     fn points(&self) -> Result<Vec<SparsePoint>, DatasetError> {
         let path = self.path("points3D");
-        match (path.is_file(), self.text) {
-            (false, _) => Ok(Vec::new()),
-            (true, true) => text::points(&path),
-            (true, false) => binary::points(&path),
+        if !path.is_file() {
+            return Ok(Vec::new());
         }
+        let bytes = read_bytes(&path)?;
+        if self.text { text::points(&path, &bytes) } else { binary::points(&path, &bytes) }
+    }
+}
+
+/// A file of a COLMAP model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelFile {
+    /// `cameras.bin` or `cameras.txt`.
+    Cameras,
+    /// `images.bin` or `images.txt`.
+    Images,
+    /// `points3D.bin` or `points3D.txt`.
+    Points,
+}
+
+/// Checks the contents of one file of a COLMAP model by itself, and counts its records; `path` is for messages, and its
+/// extension tells text (`txt`) from binary.
+///
+/// # Errors
+/// A [`DatasetError`] that names the file and what is wrong in it.
+pub fn check_model_file(file: ModelFile, path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
+    let is_text = path.extension().is_some_and(|extension| extension == "txt");
+    Ok(match (file, is_text) {
+        (ModelFile::Cameras, _) => {
+            let cameras = if is_text { text::cameras(path, bytes) } else { binary::cameras(path, bytes) }?;
+            cameras.iter().try_for_each(|(id, camera)| camera.lens(path, *id).map(|_| ()))?;
+            cameras.len()
+        }
+        (ModelFile::Images, _) => {
+            let images = if is_text { text::images(path, bytes) } else { binary::images(path, bytes) }?;
+            images.iter().try_for_each(|image| image.place(path).map(|_| ()))?;
+            images.len()
+        }
+        (ModelFile::Points, true) => text::points(path, bytes)?.len(),
+        (ModelFile::Points, false) => binary::points(path, bytes)?.len(),
+    })
+}
+
+impl ImageRecord {
+    /// Its name inside the photo folder, and its pose; `path` is for messages.
+    fn place(&self, path: &Path) -> Result<(String, Pose), DatasetError> {
+        let (path, image) = (|| path.to_owned(), || self.name.clone());
+        let name = photos::image_name(&self.name);
+        let name = name.ok_or_else(|| DatasetError::ImageName { path: path(), name: image() })?;
+        let pose = Pose::from_colmap(self.quaternion, self.translation);
+        let pose = pose.map_err(|problem| DatasetError::Pose { path: path(), image: image(), problem })?;
+        Ok((name, pose))
     }
 }
 
@@ -235,21 +283,13 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
     let (cameras_path, images_path) = (files.path("cameras"), files.path("images"));
     let (mut frames, mut missing) = (Vec::new(), Vec::new());
     for record in &images {
-        let path = || images_path.clone();
-        let image = || record.name.clone();
-        let name =
-            photos::clean_name(&record.name).ok_or_else(|| DatasetError::ImageName { path: path(), name: image() })?;
+        let (name, pose) = record.place(&images_path)?;
         let camera = cameras.get(&record.camera).ok_or_else(|| DatasetError::CameraNotFound {
-            path: path(),
-            image: image(),
+            path: images_path.clone(),
+            image: record.name.clone(),
             camera: record.camera,
         })?;
         let lens = camera.lens(&cameras_path, record.camera)?;
-        let pose = Pose::from_colmap(record.quaternion, record.translation).map_err(|problem| DatasetError::Pose {
-            path: path(),
-            image: image(),
-            problem,
-        })?;
         match find_photo(&folder, &name) {
             Some(photo) => {
                 let mask = find_mask(scene, &name);
@@ -286,16 +326,20 @@ fn not_a_scene(scene: &Path) -> DatasetError {
 pub(crate) fn inspect(scene: &Path) -> Result<super::SceneInfo, DatasetError> {
     let files = ModelFiles::find(scene).ok_or_else(|| not_a_scene(scene))?;
     let (cameras, images) = (files.cameras()?, files.images()?);
-    let uses = |id: u32| images.iter().filter(|image| image.camera == id).count();
+    let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
+    for image in &images {
+        *uses.entry(image.camera).or_default() += 1;
+    }
+    let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
     let folder = scene.join("images");
     let is_missing =
-        |image: &&ImageRecord| photos::clean_name(&image.name).is_none_or(|name| find_photo(&folder, &name).is_none());
+        |image: &&ImageRecord| photos::image_name(&image.name).is_none_or(|name| find_photo(&folder, &name).is_none());
     Ok(super::SceneInfo {
         path: scene.to_owned(),
         kind: kind(&files),
         images: images.len(),
-        cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(*id))).collect(),
+        cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
         points: files.points()?.len(),
-        missing: images.iter().filter(is_missing).map(|image| image.name.clone()).collect(),
+        missing: images.iter().filter(is_missing).map(|image| image.name.replace(char::is_control, "?")).collect(),
     })
 }

@@ -3,11 +3,11 @@
 use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, model_by_name};
 use crate::dataset::Point;
-use crate::dataset::error::{DatasetError, read_text};
+use crate::dataset::error::DatasetError;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::str::{FromStr, SplitWhitespace};
+use std::str::{FromStr, SplitWhitespace, Utf8Error};
 
 /// The fields of one line.
 struct Fields<'a> {
@@ -43,6 +43,11 @@ impl<'a> Fields<'a> {
     }
 }
 
+fn text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, DatasetError> {
+    let not_utf8 = |cause: Utf8Error| DatasetError::byte(path, cause.valid_up_to(), "the text is not UTF-8");
+    std::str::from_utf8(bytes).map_err(not_utf8)
+}
+
 fn is_comment(line: &str) -> bool {
     let line = line.trim_start();
     line.is_empty() || line.starts_with('#')
@@ -54,10 +59,10 @@ fn records(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// Reads `cameras.txt`: `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`.
-pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
-    let text = read_text(path)?;
+pub(super) fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
+    let text = text(path, bytes)?;
     let mut cameras = BTreeMap::new();
-    for (number, line) in records(&text) {
+    for (number, line) in records(text) {
         let mut fields = Fields::new(path, number, line);
         let id: u32 = fields.number("the camera id")?;
         let name = fields.text("the camera model")?;
@@ -86,8 +91,8 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraRecord>, Datase
 
 /// Reads `images.txt`, two lines an image: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then the observations,
 /// a line that may be blank.
-pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>, DatasetError> {
-    let text = read_text(path)?;
+pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, DatasetError> {
+    let text = text(path, bytes)?;
     let mut images = Vec::new();
     let mut lines = (1..).zip(text.lines());
     while let Some((number, line)) = lines.next() {
@@ -126,10 +131,10 @@ fn name_field(line: &str) -> &str {
 }
 
 /// Reads `points3D.txt`: `POINT3D_ID X Y Z R G B ERROR TRACK[]`, where the track is pairs of IMAGE_ID POINT2D_IDX.
-pub(super) fn points(path: &Path) -> Result<Vec<SparsePoint>, DatasetError> {
-    let text = read_text(path)?;
+pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, DatasetError> {
+    let text = text(path, bytes)?;
     let mut points = Vec::new();
-    for (number, line) in records(&text) {
+    for (number, line) in records(text) {
         let mut fields = Fields::new(path, number, line);
         fields.number::<u64>("the point id")?;
         let position = DVec3::from_array(fields.numbers("the point position")?);

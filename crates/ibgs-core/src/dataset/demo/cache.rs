@@ -6,10 +6,11 @@
 use super::{DemoOptions, VERSION, view_name};
 use crate::camera::Camera;
 use crate::dataset::{Photo, Point};
+use crate::files::write_atomically;
 use glam::DVec3;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use serde::Serialize;
-use std::io::{Error, Write};
+use std::io::Error;
 use std::path::{Path, PathBuf};
 
 /// What the cache holds for one photo.
@@ -85,7 +86,7 @@ impl Cache {
         if std::fs::read(&path).is_ok_and(|old| old == bytes) {
             return Ok(());
         }
-        replace(&path, bytes).map_err(|error| self.note(&error))
+        write_atomically(&path, |out| out.write_all(bytes)).map_err(|error| self.note(&error.source))
     }
 
     fn note(&self, error: &Error) -> String {
@@ -95,16 +96,6 @@ impl Cache {
              next time; make that folder writable or name another one"
         )
     }
-}
-
-/// Puts a whole file in place or leaves what was there.
-fn replace(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let parent = path.parent().unwrap_or(Path::new("."));
-    std::fs::create_dir_all(parent)?;
-    let mut file = tempfile::NamedTempFile::new_in(parent)?;
-    file.write_all(bytes)?;
-    file.persist(path).map_err(|error| error.error)?;
-    Ok(())
 }
 
 /// nerfstudio's `transforms.json`: one pinhole for all frames, OpenGL axes (x right, y up, z backwards).

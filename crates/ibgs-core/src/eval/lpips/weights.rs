@@ -111,8 +111,8 @@ impl Files {
     /// Values of a tensor that has one of the names.
     fn find(&self, names: &[String], shape: &[usize]) -> Result<Vec<f32>, LpipsError> {
         for (file, name) in self.0.iter().flat_map(|file| names.iter().map(move |name| (file, name))) {
-            if let Some((found, values)) = file.tensor(name)? {
-                return checked(file.path(), name, shape, found, values);
+            if let Some(values) = file.tensor(name, shape)? {
+                return finite(file.path(), name, values);
             }
         }
         let files: Vec<String> = self.0.iter().map(|file| file.path().display().to_string()).collect();
@@ -120,21 +120,11 @@ impl Files {
     }
 }
 
-fn checked(
-    path: &Path,
-    name: &str,
-    shape: &[usize],
-    found: Vec<usize>,
-    values: Vec<f32>,
-) -> Result<Vec<f32>, LpipsError> {
-    let (path_buf, tensor) = (path.to_owned(), name.to_owned());
-    if found != shape {
-        return Err(NetworkError::Shape { path: path_buf, tensor, expected: shape.to_vec(), found }.into());
-    }
+fn finite(path: &Path, name: &str, values: Vec<f32>) -> Result<Vec<f32>, LpipsError> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(values),
         Some(index) => {
-            let (place, value) = (path.display().to_string(), values[index]);
+            let (place, tensor, value) = (path.display().to_string(), name.to_owned(), values[index]);
             Err(NetworkError::NotFinite { place, tensor, index, value }.into())
         }
     }

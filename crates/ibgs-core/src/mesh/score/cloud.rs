@@ -16,6 +16,12 @@ pub struct Cloud {
     pub normals: Vec<DVec3>,
 }
 
+/// Parts of a triangle's sides that are no longer than `spacing`.
+fn steps([a, b, c]: [DVec3; 3], spacing: f64) -> f64 {
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    (longest / spacing).ceil().max(1.0)
+}
+
 impl Cloud {
     /// Points without normals.
     pub fn new(points: Vec<DVec3>) -> Self {
@@ -39,14 +45,19 @@ impl Cloud {
                     add(point);
                 }
             }
-            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-            let steps = (longest / spacing).ceil().max(1.0) as u32;
+            let steps = steps([a, b, c], spacing) as u32;
             let part = |k: u32| (f64::from(k) + 1.0 / 3.0) / f64::from(steps);
             for i in 0..steps {
                 (0..steps - i).for_each(|j| add(a + part(i) * (b - a) + part(j) * (c - a)));
             }
         }
         cloud
+    }
+
+    /// Number of points in the grid that [`Cloud::of_triangles`] puts on a triangle.
+    pub(super) fn samples(corners: [DVec3; 3], spacing: f64) -> f64 {
+        let steps = steps(corners, spacing);
+        steps * (steps + 1.0) / 2.0
     }
 
     /// Moved by a matrix, normals turned with it.

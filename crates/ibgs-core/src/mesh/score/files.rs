@@ -9,6 +9,9 @@ use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::Path;
 
+/// Most points on the triangles of a true surface, 48 bytes each.
+const MOST_SAMPLES: f64 = 1e8;
+
 #[derive(Deserialize)]
 struct Vertex {
     x: f64,
@@ -54,6 +57,12 @@ pub fn read_truth(path: &Path, spacing: f64) -> Result<Cloud, MeshError> {
     }
     if triangles.is_empty() {
         return Ok(Cloud::new(points));
+    }
+    let needed: f64 = triangles.iter().map(|t| Cloud::samples(t.map(|i| points[i as usize]), spacing)).sum();
+    if needed > MOST_SAMPLES {
+        return Err(bad(format!(
+            "its triangles would give {needed:.0} points {spacing} apart, more than {MOST_SAMPLES}; is it in other units?"
+        )));
     }
     let positions: Vec<[f32; 3]> = points.iter().map(|p| p.as_vec3().to_array()).collect();
     Ok(Cloud::of_triangles(&positions, &triangles, spacing))

@@ -1,6 +1,7 @@
 //! Which values of the options make sense.
 
 use super::{ConfigError, DensifyConfig, ExposureConfig, LearningRates, ResidualConfig, SourceOptions, TrainConfig};
+use crate::residual::Precision;
 use crate::scene::MAX_SH_DEGREE;
 
 /// What a number must be.
@@ -116,6 +117,8 @@ impl TrainConfig {
             ],
         )?;
         check_residual(&self.residual, &check)?;
+        let full = !self.deterministic || self.residual.precision == Precision::Full;
+        check.require(full, "residual.precision", "`auto`", "with `deterministic` it must be `full`")?;
         check_exposure(&self.exposure, &check)
     }
 

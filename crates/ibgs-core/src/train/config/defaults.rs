@@ -13,6 +13,7 @@ impl Default for TrainConfig {
             schedule_scaling: true,
             init: None,
             seed: 0,
+            deterministic: false,
             sh_degree: 2,
             sh_interval: None,
             white_background: false,

@@ -6,7 +6,7 @@
 use super::{FRESH, Observations, Plan, sigmoid};
 use crate::gpu::buffer::primitive;
 use crate::gpu::{Gpu, Pass};
-use crate::raster::RasterGradients;
+use crate::raster::{RasterGradients, iteration_seed};
 use crate::scene::Splats;
 use crate::train::config::{DensifyConfig, McmcConfig};
 use burn::tensor::activation;
@@ -115,7 +115,8 @@ pub fn penalise(gradients: &mut RasterGradients, splats: &Splats, config: &McmcC
 /// `iteration` choose it.
 pub fn add_noise(gpu: &Gpu, splats: &Splats, strength: f64, seed: u64, iteration: u32) {
     let count = splats.len();
-    let seed = noise_seed(seed, iteration);
+    // Not the seeds of dropout.
+    let seed = iteration_seed(seed, iteration ^ 0x9e37_79b9);
     let params = McmcNoiseParams { count: count as u32, seed, strength: strength as f32 };
     let bind = |tensor| Gpu::bind(&tensor);
     let rotations = bind(primitive(splats.rotations.val()));
@@ -125,10 +126,4 @@ pub fn add_noise(gpu: &Gpu, splats: &Splats, strength: f64, seed: u64, iteration
     let mut pass = Pass::new(gpu, "noise");
     pass.linear(&MCMC_NOISE, &[&rotations, &log_scales, &logits, &means], bytes_of(&params), count);
     pass.submit();
-}
-
-/// What makes the noise of each iteration another one.
-fn noise_seed(seed: u64, iteration: u32) -> u32 {
-    use crate::raster::hash;
-    hash(hash(hash(iteration ^ 0x9e37_79b9) ^ seed as u32) ^ (seed >> 32) as u32)
 }

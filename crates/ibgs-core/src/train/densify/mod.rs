@@ -107,6 +107,22 @@ impl Statistics {
         Ok(Self { values: gpu.allocate("densification statistics", 16 * count.max(1) as u64)?, count })
     }
 
+    /// Four values a Gaussian; waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn values(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
+        gpu.read(&self.values, 4 * self.count)
+    }
+
+    /// Statistics that go on from there.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn from_values(gpu: &Gpu, values: &[f32]) -> Result<Self, GpuError> {
+        Ok(Self { values: gpu.upload("densification statistics", values)?, count: values.len() / 4 })
+    }
+
     /// Adds one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
     /// `near_depth` count less.
     pub fn observe(&self, gpu: &Gpu, screen: Tensor<2>, workspace: &Workspace, size: [u32; 2], near_depth: f64) {

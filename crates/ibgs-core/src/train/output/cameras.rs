@@ -1,6 +1,6 @@
 //! `cameras.json` and `split.json`: the cameras of a run, read back exactly.
 
-use crate::camera::Camera;
+use crate::camera::{Camera, MAX_COORDINATE};
 use crate::dataset::Dataset;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,9 @@ struct Entry {
     translation: Option<[f64; 3]>,
     split: Option<Split>,
 }
+
+/// Most pixels of a view, as of an EXR photo and of a frame of a camera path.
+const MAX_PIXELS: u64 = 1 << 28;
 
 /// The views of a data set in its order.
 pub fn records(dataset: &Dataset) -> Vec<CameraRecord> {
@@ -131,11 +134,16 @@ fn record(entry: Entry) -> Result<CameraRecord, String> {
         view_from_world,
         translation,
     };
+    let single = |focal: f64| focal as f32 > 0.0 && (focal as f32).is_finite();
     let turned = view_from_world * view_from_world.transpose();
     let problem = if width == 0 || height == 0 {
         "an empty image"
-    } else if !(entry.fx > 0.0 && entry.fy > 0.0) {
+    } else if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        "an image of more than 2^28 pixels"
+    } else if !(single(entry.fx) && single(entry.fy)) {
         "a focal length that is not positive"
+    } else if !(camera.principal.as_vec2().is_finite() && translation.abs().max_element() <= MAX_COORDINATE) {
+        "a principal point or position beyond all measure"
     } else if !turned.abs_diff_eq(DMat3::IDENTITY, 1e-3) || view_from_world.determinant() < 0.0 {
         "a `rotation` that is no rotation"
     } else {

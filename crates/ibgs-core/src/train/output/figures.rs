@@ -12,6 +12,8 @@ use std::io;
 
 /// File of speed, memory and storage.
 pub const SPEED_FILE: &str = "result_fps_mem.json";
+/// File of the scores of the mesh.
+pub const MESH_FILE: &str = "results_mesh.json";
 /// File of the training's time.
 pub const TIME_FILE: &str = "result_training.json";
 /// File of the training's curves.
@@ -67,7 +69,12 @@ impl Storage {
     /// Bytes of everything; none where nothing is known.
     pub fn total(&self) -> Option<u64> {
         let parts = [self.gaussians, self.network, self.poses, self.photos];
-        self.bundle.or_else(|| parts.iter().any(Option::is_some).then(|| parts.iter().flatten().sum()))
+        self.bundle.or_else(|| {
+            parts
+                .iter()
+                .any(Option::is_some)
+                .then(|| parts.iter().flatten().fold(0, |sum: u64, part| sum.saturating_add(*part)))
+        })
     }
 }
 
@@ -117,6 +124,33 @@ pub struct Time {
     pub device: String,
 }
 
+/// F1 of a mesh at a threshold.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub struct FScore {
+    /// Distance that counts as near.
+    pub threshold: f64,
+    /// F1.
+    pub f1: f64,
+}
+
+/// Distances between a mesh and the true surface.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct Distances {
+    /// Chamfer distance; none where one of them has no point.
+    pub chamfer: Option<f64>,
+}
+
+/// Scores of a mesh.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct MeshScores {
+    /// By threshold.
+    pub f_scores: Vec<FScore>,
+    /// Distances.
+    pub chamfer: Distances,
+}
+
 /// Scores of one image, base or final.
 #[derive(Clone, Debug, Default)]
 pub struct Scores {
@@ -139,6 +173,8 @@ pub struct Figures {
     pub speed: Option<Speed>,
     /// Time of the training that ended there.
     pub time: Option<Time>,
+    /// Scores of the mesh.
+    pub mesh: Option<MeshScores>,
     /// (iteration, mean PSNR in dB) of every measurement of the base image.
     pub base_psnr: Vec<[f64; 2]>,
     /// The same of the final image.
@@ -164,6 +200,7 @@ impl Figures {
             image: scores(Scored::Final)?,
             speed: entry(folder, SPEED_FILE, iteration)?,
             time: entry(folder, TIME_FILE, iteration)?,
+            mesh: entry(folder, MESH_FILE, iteration)?,
             base_psnr: over_iterations(folder, Scored::Base)?,
             image_psnr: over_iterations(folder, Scored::Final)?,
             log: folder.read_log()?,

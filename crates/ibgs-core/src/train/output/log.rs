@@ -35,7 +35,8 @@ impl TrainingLog {
     /// close to it. A long training is thinned out, so that a log stays small.
     pub fn add(&mut self, entry: LogEntry) {
         let known = self.entries.last().is_some_and(|last| {
-            (last.loss, last.psnr) == (entry.loss, entry.psnr) || entry.iteration < last.iteration + self.spacing
+            (last.loss, last.psnr) == (entry.loss, entry.psnr)
+                || entry.iteration < last.iteration.saturating_add(self.spacing)
         });
         if known || !entry.loss.is_finite() || !entry.psnr.is_finite() {
             return;

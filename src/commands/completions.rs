@@ -1,0 +1,20 @@
+//! `ibgs completions`
+
+use anyhow::Result;
+use clap::{Args as ClapArgs, Command};
+use clap_complete::Shell;
+use std::io::Write;
+
+/// Options of `ibgs completions`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// The shell.
+    shell: Shell,
+}
+
+/// Prints completions of the program's command line.
+pub fn run(args: &Args, mut program: Command) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut program, "ibgs", &mut script);
+    Ok(std::io::stdout().write_all(&script)?)
+}

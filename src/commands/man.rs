@@ -1,0 +1,31 @@
+//! `ibgs man`
+
+use anyhow::Result;
+use clap::{Args as ClapArgs, Command};
+use clap_mangen::Man;
+use ibgs_core::files::write_atomically;
+use std::path::{Path, PathBuf};
+
+/// Options of `ibgs man`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Folder for the pages of the program and of every command; left out: the program's page is printed.
+    folder: Option<PathBuf>,
+}
+
+/// Writes the manual pages of the program's command line.
+pub fn run(args: &Args, program: Command) -> Result<()> {
+    // `help` and the same for every command need no pages.
+    let mut program = program.disable_help_subcommand(true);
+    program.build();
+    match &args.folder {
+        Some(folder) => write(&program, folder),
+        None => Ok(Man::new(program).render(&mut std::io::stdout().lock())?),
+    }
+}
+
+fn write(command: &Command, folder: &Path) -> Result<()> {
+    let page = Man::new(command.clone());
+    write_atomically(&folder.join(page.get_filename()), |mut out| page.render(&mut out))?;
+    command.get_subcommands().try_for_each(|command| write(command, folder))
+}

@@ -1,0 +1,54 @@
+//! `--resume`: what a training goes on from.
+
+use super::Args;
+use anyhow::{Result, bail};
+use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
+use ibgs_core::train::output::OutputFolder;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// The checkpoint to go on from; the scene may have moved, no other option may differ.
+pub fn checkpoint(args: &Args, path: &Path) -> Result<Checkpoint> {
+    let mut checkpoint = newest(&OutputFolder::at(path))?;
+    let wanted = args.over(checkpoint.config.clone())?;
+    checkpoint.config.data.source.clone_from(&wanted.data.source);
+    let (kept, given) = (Table::try_from(&checkpoint.config)?, Table::try_from(&wanted)?);
+    if let Some((name, kept, given)) = difference(&kept, &given) {
+        let value = |value: Option<&Value>| value.map_or("unset".to_owned(), Value::to_string);
+        bail!(
+            "the training in {} has the option `{name}` at {}, not {}; a resumed run keeps its options: leave it out",
+            path.display(),
+            value(kept),
+            value(given)
+        );
+    }
+    Ok(checkpoint)
+}
+
+/// The first entry in which two tables differ, by its dotted name.
+fn difference<'a>(a: &'a Table, b: &'a Table) -> Option<(String, Option<&'a Value>, Option<&'a Value>)> {
+    a.keys().chain(b.keys()).find_map(|key| match (a.get(key), b.get(key)) {
+        (Some(Value::Table(a)), Some(Value::Table(b))) => {
+            difference(a, b).map(|(name, a, b)| (format!("{key}.{name}"), a, b))
+        }
+        (a, b) => (a != b).then(|| (key.clone(), a, b)),
+    })
+}
+
+/// The newest whole checkpoint of a model folder; of each damaged one a note tells.
+fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
+    let found = folder.checkpoints()?;
+    if found.is_empty() {
+        bail!("{} holds no checkpoint to go on from; train without `--resume`", folder.root().display());
+    }
+    let count = found.len();
+    for (number, (_, path)) in found.iter().enumerate() {
+        match Checkpoint::read(path) {
+            Err(error @ CheckpointError::Damaged { .. }) if number + 1 < count => {
+                eprintln!("warning: {error}; going on from the one before");
+            }
+            outcome => return Ok(outcome?),
+        }
+    }
+    unreachable!("the last one returns")
+}
