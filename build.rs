@@ -1,4 +1,5 @@
 //! Tells the program the commit that it is built from, where this folder is a git repository.
+#![allow(clippy::print_stdout, reason = "so cargo is told")]
 
 use std::path::Path;
 use std::process::Command;

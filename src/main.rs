@@ -4,6 +4,7 @@
 
 use clap::{CommandFactory, Parser, Subcommand};
 use ibgs::{commands, version};
+use ibgs_core::tell;
 use std::process::ExitCode;
 
 /// Reconstruct a scene from posed photos and render new views with Gaussian splatting, on any GPU with Vulkan, Metal
@@ -61,7 +62,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", ibgs_viewer::worker::sentence(&error));
+            tell!("error: {}", ibgs_viewer::worker::sentence(&error));
             ExitCode::FAILURE
         }
     }

@@ -11,6 +11,7 @@ use ibgs_core::files::write_atomically;
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::figures::Figures;
 use ibgs_core::train::output::results::Protocol;
+use ibgs_core::{say, tell};
 use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -77,10 +78,10 @@ pub fn run(args: &Args) -> Result<()> {
     let warnings = differences(&runs);
     print_table(&runs);
     for note in &notes {
-        eprintln!("note: {note}");
+        tell!("note: {note}");
     }
     for warning in &warnings {
-        eprintln!("warning: {warning}");
+        tell!("warning: {warning}");
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&to_json(&runs, &warnings, &notes))?;
@@ -88,7 +89,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     if let Some(path) = &args.output {
         page::write(path, &runs, &warnings, &notes)?;
-        eprintln!("comparison: {}", path.display());
+        tell!("comparison: {}", path.display());
     }
     Ok(())
 }
@@ -167,13 +168,13 @@ fn print_table(runs: &[Run]) {
     let line = |name: &str, cells: &[String]| {
         let cells: String =
             cells.iter().enumerate().map(|(c, text)| format!("  {text:>width$}", width = width(c))).collect();
-        println!("{}", format!("{name:<name_width$}{cells}").trim_end());
+        say!("{}", format!("{name:<name_width$}{cells}").trim_end());
     };
     line("model", &head);
     for (run, row) in runs.iter().zip(&texts) {
         line(&run.name, row);
     }
-    println!("* the best of its column");
+    say!("* the best of its column");
 }
 
 fn to_json(runs: &[Run], warnings: &[String], notes: &[String]) -> Value {

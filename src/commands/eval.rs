@@ -13,6 +13,7 @@ use ibgs_core::train::output::REPORT_FILE;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::figures::{Figures, SPEED_FILE, TIME_FILE};
 use ibgs_core::train::output::results::means;
+use ibgs_core::{say, tell};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -74,13 +75,13 @@ pub fn run(args: &Args) -> Result<()> {
     let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
     protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
     scores.write(&model.folder, model.iteration, &protocol)?;
-    println!("{}", serde_json::to_string_pretty(&speed)?);
+    say!("{}", serde_json::to_string_pretty(&speed)?);
     if let Some(sentence) = scores.regions_sentence() {
-        println!("{sentence}");
+        say!("{sentence}");
     }
     match &protocol.lpips {
-        Some(how) => println!("LPIPS: {how}"),
-        None => println!("LPIPS not computed"),
+        Some(how) => say!("LPIPS: {how}"),
+        None => say!("LPIPS not computed"),
     }
     model.folder.write_result(model.iteration, SPEED_FILE, speed)?;
     write_report(args, &model, &dataset)
@@ -97,7 +98,7 @@ fn write_report(args: &Args, model: &Model, dataset: &Dataset) -> Result<()> {
         options: &model.config.to_text()?,
     };
     report.write(&path)?;
-    eprintln!("report: {}", path.display());
+    tell!("report: {}", path.display());
     Ok(())
 }
 
@@ -130,7 +131,7 @@ impl Table {
                 line += &format!(" {lpips:>8}");
             }
         }
-        println!("{line}");
+        say!("{line}");
     }
 }
 

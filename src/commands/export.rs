@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::scene::{PlyFlavor, write_ply};
+use ibgs_core::tell;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::multi_view;
 use std::path::PathBuf;
@@ -54,6 +55,6 @@ pub fn run(args: &Args) -> Result<()> {
     let photos = training.filter_map(|record| photo(&record.name)).collect();
     let (config, cameras, iteration) = (model.config.clone(), model.cameras.clone(), model.iteration);
     Bundle { iteration, gaussians, network, cameras, config, photos, sources }.write(&args.output)?;
-    eprintln!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
+    tell!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
     Ok(())
 }

@@ -7,6 +7,7 @@ use ibgs_core::bundle::Bundle;
 use ibgs_core::dataset;
 use ibgs_core::gpu::device::lacking;
 use ibgs_core::gpu::list_adapters;
+use ibgs_core::say;
 use ibgs_core::scene::{Gaussians, read_ply};
 use ibgs_core::train::output::OutputFolder;
 use std::path::{Path, PathBuf};
@@ -37,24 +38,28 @@ fn adapters() -> Result<()> {
     }
     for (index, adapter) in adapters.iter().enumerate() {
         let (info, limits) = (adapter.get_info(), adapter.limits());
-        println!("{index}: {} ({:?}, {:?})", info.name, info.device_type, info.backend);
-        println!("   driver             {} {}", info.driver, info.driver_info);
-        println!("   storage binding    {} MiB", limits.max_storage_buffer_binding_size >> 20);
-        println!("   buffer             {} MiB", limits.max_buffer_size >> 20);
-        println!("   storage buffers    {} a stage", limits.max_storage_buffers_per_shader_stage);
-        println!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
-        println!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
-        println!("   features           {:?}", adapter.features());
+        say!("{index}: {} ({:?}, {:?})", info.name, info.device_type, info.backend);
+        say!("   driver             {} {}", info.driver, info.driver_info);
+        say!("   storage binding    {} MiB", limits.max_storage_buffer_binding_size >> 20);
+        say!("   buffer             {} MiB", limits.max_buffer_size >> 20);
+        say!("   storage buffers    {} a stage", limits.max_storage_buffers_per_shader_stage);
+        say!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
+        say!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
+        say!("   features           {:?}", adapter.features());
         for m in adapter.cooperative_matrix_properties() {
-            println!(
+            say!(
                 "   matrix units       {:?} {}x{}x{}, sums in {:?}",
-                m.ab_type, m.m_size, m.n_size, m.k_size, m.cr_type
+                m.ab_type,
+                m.m_size,
+                m.n_size,
+                m.k_size,
+                m.cr_type
             );
         }
         let missing = lacking(adapter);
         match missing.is_empty() {
-            true => println!("   usable             yes"),
-            false => println!("   usable             no, lacks {}", missing.join(", ")),
+            true => say!("   usable             yes"),
+            false => say!("   usable             no, lacks {}", missing.join(", ")),
         }
     }
     Ok(())
@@ -66,22 +71,22 @@ fn model_file(path: &Path) -> Result<()> {
 }
 
 fn gaussians(path: &Path, g: &Gaussians) {
-    println!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
+    say!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
     let bounds = |axis: usize| {
         let values = g.means.iter().map(|m| m[axis]);
         (values.clone().fold(f32::MAX, f32::min), values.fold(f32::MIN, f32::max))
     };
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         let (low, high) = bounds(axis);
-        println!("   {name} from {low:.3} to {high:.3}");
+        say!("   {name} from {low:.3} to {high:.3}");
     }
 }
 
 fn bundle(path: &Path) -> Result<()> {
     let bundle = Bundle::read(path)?;
     let network = if bundle.network.is_some() { "a" } else { "no" };
-    println!("{}: bundle with {} views and {} photos", path.display(), bundle.cameras.len(), bundle.photos.len());
-    println!("   iteration {}, {network} residual network", bundle.iteration);
+    say!("{}: bundle with {} views and {} photos", path.display(), bundle.cameras.len(), bundle.photos.len());
+    say!("   iteration {}, {network} residual network", bundle.iteration);
     gaussians(path, &bundle.gaussians);
     Ok(())
 }
@@ -89,9 +94,9 @@ fn bundle(path: &Path) -> Result<()> {
 fn model_folder(path: &Path) -> Result<()> {
     let folder = OutputFolder::open(path)?;
     let cameras = folder.read_cameras()?;
-    println!("{}: model with {} views", path.display(), cameras.len());
+    say!("{}: model with {} views", path.display(), cameras.len());
     if let Some(iteration) = folder.latest_iteration()? {
-        println!("   latest iteration {iteration}");
+        say!("   latest iteration {iteration}");
         model_file(&folder.point_cloud_path(iteration))?;
     }
     Ok(())
@@ -99,10 +104,10 @@ fn model_folder(path: &Path) -> Result<()> {
 
 fn scene(path: &Path) -> Result<()> {
     let info = dataset::inspect(path)?;
-    println!("{}: {:?} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
+    say!("{}: {:?} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
     for camera in &info.cameras {
         let pair = |v: Option<glam::DVec2>| v.map_or("unknown".to_owned(), |v| format!("{:.2} {:.2}", v.x, v.y));
-        println!(
+        say!(
             "   camera {}: {} {} x {}, focal {}, principal point {}, {} photos{}",
             camera.id,
             camera.model,
@@ -115,7 +120,7 @@ fn scene(path: &Path) -> Result<()> {
         );
     }
     if !info.missing.is_empty() {
-        println!("   {} photos are missing, for instance {}", info.missing.len(), info.missing[0]);
+        say!("   {} photos are missing, for instance {}", info.missing.len(), info.missing[0]);
     }
     Ok(())
 }

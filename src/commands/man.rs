@@ -4,6 +4,7 @@ use anyhow::Result;
 use clap::{Args as ClapArgs, Command};
 use clap_mangen::Man;
 use ibgs_core::files::write_atomically;
+use ibgs_core::terminal;
 use std::path::{Path, PathBuf};
 
 /// Options of `ibgs man`.
@@ -20,7 +21,7 @@ pub fn run(args: &Args, program: Command) -> Result<()> {
     program.build();
     match &args.folder {
         Some(folder) => write(&program, folder),
-        None => Ok(Man::new(program).render(&mut std::io::stdout().lock())?),
+        None => Ok(terminal::print(|mut out| Man::new(program).render(&mut out))?),
     }
 }
 

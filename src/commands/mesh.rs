@@ -11,6 +11,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::memory::Bytes;
 use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, MeshFormat, Plan, fuse, maps_bytes};
+use ibgs_core::tell;
 use ibgs_core::train::output::cameras::Split;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -79,7 +80,7 @@ pub fn run(args: &Args) -> Result<()> {
     drop(maps);
     let path = args.output.clone().unwrap_or_else(|| model.folder.mesh_path(model.iteration));
     write(&mesh, &path)?;
-    eprintln!(
+    tell!(
         "{} written: {} triangles, {} vertices; rendered in {:.1} s, meshed in {:.1} s",
         path.display(),
         mesh.triangles.len(),
@@ -169,7 +170,7 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     let grid = fuse(maps, &plan, &bar)?;
     bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
-    eprintln!(
+    tell!(
         "voxels of {:.4}, truncation {:.4}, largest depth {:.3}: {:.1} million in {}, fused in {seconds:.1} s, {:.0} million \
          looked at in a view per second",
         plan.voxel,
@@ -184,7 +185,7 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     let all = mesh.triangles.len();
     let pieces = mesh.keep_largest(clusters);
     if mesh.triangles.len() < all {
-        eprintln!("the {clusters} largest of {pieces} pieces kept, {} triangles dropped", all - mesh.triangles.len());
+        tell!("the {clusters} largest of {pieces} pieces kept, {} triangles dropped", all - mesh.triangles.len());
     }
     Ok((mesh, plan.voxel))
 }

@@ -26,6 +26,7 @@ use ibgs_core::eval::lpips::Lpips;
 use ibgs_core::eval::{Region, Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use ibgs_core::render::{Frame, Renderer};
+use ibgs_core::tell;
 use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::Split;
@@ -37,7 +38,7 @@ use std::sync::Arc;
 pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
     let choice = adapter.map_or(AdapterChoice::Best, |name| AdapterChoice::Named(name.clone()));
     let gpu = Gpu::open(&choice)?;
-    eprintln!("adapter: {}", gpu.describe());
+    tell!("adapter: {}", gpu.describe());
     Ok(gpu)
 }
 
@@ -63,7 +64,7 @@ pub fn load_scene(config: &TrainConfig, source: &Path) -> Result<Dataset> {
     };
     let dataset = dataset::load(source, &options)?;
     for note in &dataset.notes {
-        eprintln!("note: {note}");
+        tell!("note: {note}");
     }
     Ok(dataset)
 }

@@ -14,6 +14,7 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{ResidualNetwork, weights};
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
+use ibgs_core::tell;
 use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::{self, CameraRecord, Split};
@@ -185,10 +186,7 @@ fn from_folder(args: &ModelArgs) -> Result<Loaded> {
     let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations).residual_at(iteration);
     if path.is_none() && residual && !foreign {
         let missing = folder.network_save_path(iteration);
-        eprintln!(
-            "warning: {} is missing; without its network the model gives the base image alone",
-            missing.display()
-        );
+        tell!("warning: {} is missing; without its network the model gives the base image alone", missing.display());
     }
     let network = path.as_deref().map(weights::load).transpose()?;
     let network_bytes = path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());

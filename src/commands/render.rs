@@ -6,6 +6,7 @@ use super::{Model, Output, Place};
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera_path::CameraPath;
+use ibgs_core::tell;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::video::{self, frame_name};
 use std::path::PathBuf;
@@ -80,14 +81,14 @@ fn render_path(model: &Model, path: &CameraPath, args: &Args, outputs: &[Output]
         bar.inc(1);
     }
     bar.finish_and_clear();
-    eprintln!("{} frames in {}", cameras.len(), folder.display());
+    tell!("{} frames in {}", cameras.len(), folder.display());
     if args.video {
         let folders = match outputs {
             [_] => vec![folder],
             _ => outputs.iter().map(|output| folder.join(output.kind().folder())).collect(),
         };
         for folder in folders {
-            eprintln!("video: {}", video::encode(&folder, path.fps)?.display());
+            tell!("video: {}", video::encode(&folder, path.fps)?.display());
         }
     }
     Ok(())
@@ -114,6 +115,6 @@ fn render_views(model: &Model, args: &Args, outputs: &[Output]) -> Result<()> {
     if count == 0 {
         bail!("{} has no such view; choose another `--views`", model.folder.root().display());
     }
-    eprintln!("{count} views rendered below {}", model.folder.root().display());
+    tell!("{count} views rendered below {}", model.folder.root().display());
     Ok(())
 }

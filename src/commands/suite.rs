@@ -10,6 +10,7 @@ use config::{Job, Suite};
 use ibgs_core::files;
 use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
+use ibgs_core::{say, tell};
 use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::fs::File;
@@ -92,10 +93,10 @@ pub fn run(args: &Args) -> Result<()> {
     let jobs = suite.jobs(&args.data, &output, args.iterations, &args.lpips())?;
     let missing: Vec<&str> = suite.missing(&args.data).collect();
     for scene in &missing {
-        eprintln!("note: {} has no scene `{scene}`; it is left out", args.data.display());
+        tell!("note: {} has no scene `{scene}`; it is left out", args.data.display());
     }
     for scene in suite.without_surface(&args.data) {
-        eprintln!("note: scene `{scene}` has no true surface; its meshes are not measured");
+        tell!("note: scene `{scene}` has no true surface; its meshes are not measured");
     }
     if jobs.is_empty() {
         bail!("{} has none of the scenes of {}", args.data.display(), args.config.display());
@@ -103,7 +104,7 @@ pub fn run(args: &Args) -> Result<()> {
     let failed = if args.summary_only { Vec::new() } else { work(&jobs, args)? };
     let figures: Vec<Figures> = jobs.iter().map(Figures::read).collect::<Result<_>>()?;
     let text = summary::text(&suite, &jobs, &figures);
-    println!("{text}");
+    say!("{text}");
     let write = |name: &str, text: &str| {
         let path = output.join(name);
         files::write_atomically(&path, |out| out.write_all(text.as_bytes()))
@@ -111,7 +112,7 @@ pub fn run(args: &Args) -> Result<()> {
     files::create_folder(&output)?;
     write("summary.md", &text)?;
     write("summary.json", &format!("{:#}\n", summary::json(&suite, &jobs, &figures)))?;
-    eprintln!("summary in {}", output.join("summary.md").display());
+    tell!("summary in {}", output.join("summary.md").display());
     match failed.first() {
         None => Ok(()),
         Some(first) => {
@@ -127,7 +128,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     let (done, todo): (Vec<&Job>, Vec<&Job>) = todo.into_iter().partition(|job| job.is_done());
     let todo = VecDeque::from(todo);
     if !done.is_empty() {
-        eprintln!("{} of {} runs are there already", done.len(), done.len() + todo.len());
+        tell!("{} of {} runs are there already", done.len(), done.len() + todo.len());
     }
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
@@ -146,16 +147,16 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     std::thread::scope(|scope| {
         let worker = |adapter| {
             while let Some((job, number)) = next() {
-                eprintln!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
+                tell!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
                 match job.run(&program, adapter) {
                     Ok(status) if status.success() && job.is_done() => {}
                     Ok(status) if was_interrupted(job, status) => stopped.store(true, Ordering::Relaxed),
                     Ok(_) => {
-                        eprintln!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
+                        tell!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
                         failed.lock().expect("list").push(job.log());
                     }
                     Err(error) => {
-                        eprintln!("{number}/{count} {}: failed: {error:#}", job.title());
+                        tell!("{number}/{count} {}: failed: {error:#}", job.title());
                         failed.lock().expect("list").push(job.log());
                     }
                 }

@@ -18,6 +18,7 @@ use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::read_ply;
+use ibgs_core::tell;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::{DataConfig, Method, Strategy, TrainConfig};
 use ibgs_core::train::output::{Existing, OutputFolder};
@@ -299,19 +300,19 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
     let needs = needs.sentence();
     let folder = match (&resumed, &args.model) {
         (Some(checkpoint), Some(path)) => {
-            eprintln!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
+            tell!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
             OutputFolder::at(path)
         }
         _ => create_output(args, &config, &dataset)?,
     };
-    eprintln!(
+    tell!(
         "{} training views, {} test views, {} initial points; writing to {}",
         dataset.train.len(),
         dataset.test.len(),
         dataset.points.len(),
         folder.root().display()
     );
-    eprintln!("{needs}");
+    tell!("{needs}");
     let every = (args.checkpoint_every > 0.0).then(|| Duration::from_secs_f64(60.0 * args.checkpoint_every));
     let run = Run::new(trainer, raster, dataset, config, folder, every, started);
     Ok(match &resumed {
@@ -358,7 +359,7 @@ fn demo_scene(config: &TrainConfig, gpu: &Gpu) -> Result<Dataset> {
     let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
     let dataset = load_demo(&options, config.data.demo_exposure_seed)?;
     for note in &dataset.notes {
-        eprintln!("note: {note}");
+        tell!("note: {note}");
     }
     Ok(dataset)
 }

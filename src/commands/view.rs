@@ -13,6 +13,7 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
 use ibgs_core::train::output::cameras::Split;
+use ibgs_core::{say, tell};
 use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -89,7 +90,7 @@ fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
     let camera = |i: usize| Some(views.get(i % views.len().max(1))?.camera.resized(size[0], size[1]));
     let cameras: Vec<Camera> = (0..MEASURED).filter_map(camera).collect();
     let times = ibgs_viewer::measure::measure(&renderer, &cameras)?;
-    println!(
+    say!(
         "{} x {}: renderer alone {:.3} ms, to the window's texture {:.3} ms, {:.3} ms more (medians of {} frames on {})",
         size[0],
         size[1],
@@ -185,7 +186,7 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
         }
         Err(error) => {
-            eprintln!("note: without photos of the views: {error}");
+            tell!("note: without photos of the views: {error}");
             (HashMap::new(), Vec::new())
         }
     };

@@ -1,4 +1,4 @@
-//! Ctrl-C ends a training well.
+//! Ctrl-C ends a training well, and readers that go do not end it.
 
 use super::{Outcome, PATIENCE, Sandbox, wait_for};
 use std::path::Path;
@@ -42,4 +42,26 @@ fn an_interrupted_training_saves_and_evaluates() {
     let info = sandbox.succeeds("info model");
     assert!(info.stdout.contains(&format!("latest iteration {last}")), "{info}");
     sandbox.succeeds("render model --outputs final");
+}
+
+#[test]
+fn nobody_need_read_what_is_told() {
+    let (sandbox, _) = Sandbox::with_scene();
+    for arguments in ["train scene --iterations 3 --eval -m model", "eval model", "info model", "completions bash"] {
+        let mut child =
+            sandbox.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program");
+        drop((child.stdout.take(), child.stderr.take()));
+        let status = wait_for(PATIENCE, || child.try_wait().unwrap());
+        assert!(status.is_some_and(|status| status.success()), "`ibgs {arguments}`: {status:?}");
+    }
+    assert_eq!(saved(&sandbox.path("model")), [1, 3]);
+    // What cannot be written is another matter.
+    if cfg!(target_os = "linux") {
+        let mut command = sandbox.command("info model");
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let child = command.stdout(full).stderr(Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
+        let told = String::from_utf8(child.stderr).unwrap();
+        assert_eq!(child.status.code(), Some(1), "{told}");
+        assert!(told.starts_with("error: cannot write to standard output") && told.lines().count() == 1, "{told}");
+    }
 }

@@ -3,7 +3,7 @@
 use super::{Outcome, PATIENCE, Sandbox, files_in, wait_for};
 use std::fs;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 const OPTIONS: &str = "train scene --config run.toml --eval --deterministic";
 
@@ -13,12 +13,18 @@ fn options(iterations: u32) -> String {
     )
 }
 
-/// Runs a training and ends it with a signal once it has a checkpoint of a later iteration.
-fn killed(sandbox: &Sandbox, arguments: &str, signal: &str, after: u32) -> Outcome {
+/// Begins a training and waits until it has a checkpoint of a later iteration, or has ended.
+fn begun(sandbox: &Sandbox, arguments: &str, after: u32) -> Child {
     let mut command = sandbox.command(arguments);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let reached = || checkpoints(sandbox).last().is_some_and(|&last| last > after);
     wait_for(PATIENCE, || (reached() || child.try_wait().unwrap().is_some()).then_some(()));
+    child
+}
+
+/// Ends a training with a signal once it has a checkpoint of a later iteration.
+fn killed(sandbox: &Sandbox, arguments: &str, signal: &str, after: u32) -> Outcome {
+    let child = begun(sandbox, arguments, after);
     assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     Outcome::of_child(arguments, child)
 }
@@ -95,7 +101,7 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     // The newest is cut off: the one before does. None without a whole one.
     let bytes = fs::read(checkpoint(&sandbox, last)).unwrap();
     fs::write(checkpoint(&sandbox, last), &bytes[..bytes.len() / 2]).unwrap();
-    let outcome = killed(&sandbox, "train --resume -m model --checkpoint-every 0.000001", "-INT", last);
+    let outcome = killed(&sandbox, "train --resume -m model --checkpoint-every 0.000001", "-HUP", last);
     outcome.assert_success();
     assert!(outcome.stderr.contains(&format!("{last}.ibgs is damaged")), "{outcome}");
     assert!(outcome.stderr.contains("going on from the one before"), "{outcome}");
@@ -131,10 +137,7 @@ fn what_goes_away_while_training() {
     };
     sandbox.write("run.toml", options(60));
     let arguments = format!("{OPTIONS} -m model --checkpoint-every 0.000001");
-    let mut command = sandbox.command(&arguments);
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let begun = || checkpoints(&sandbox).last().is_some_and(|&last| last > 4);
-    wait_for(PATIENCE, || (begun() || child.try_wait().unwrap().is_some()).then_some(()));
+    let child = begun(&sandbox, &arguments, 4);
     remount("ro");
     let outcome = Outcome::of_child(&arguments, child);
     outcome.assert_failure(1, &["choose a folder you may write to"]);

@@ -14,7 +14,7 @@
 //!     the screen, [`video`] makes films, [`inspect`] tells why one of its pixels looks as it does.
 //! 11. [`mesh`] fuses the depths of all views into a triangle mesh and compares that with a true surface.
 //!
-//! [`gpu`] is the ground: the one device that burn and our WGSL kernels share.
+//! [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] prints, and outlives who reads.
 
 pub mod bench;
 pub mod bundle;
@@ -37,5 +37,6 @@ pub mod render;
 pub mod residual;
 pub mod scene;
 mod stored_zip;
+pub mod terminal;
 pub mod train;
 pub mod video;

@@ -11,6 +11,7 @@ use ibgs_core::inspect::Inspection;
 use ibgs_core::picture::usual_range;
 use ibgs_core::present::Presenter;
 use ibgs_core::render::{Frame, Renderer};
+use ibgs_core::tell;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -272,9 +273,9 @@ impl Desk {
         if std::mem::take(&mut work.unfinished)
             && let Some(training) = work.training()
         {
-            eprintln!("stopped at iteration {}: saving and measuring", training.progress().iteration);
+            tell!("stopped at iteration {}: saving and measuring", training.progress().iteration);
             if let Err(error) = training.finish() {
-                eprintln!("error: {}", sentence(&error));
+                tell!("error: {}", sentence(&error));
             }
         }
         work.content = None;

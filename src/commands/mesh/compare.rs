@@ -9,6 +9,7 @@ use ibgs_core::mesh::demo::{TrueSurface, normal_map_errors};
 use ibgs_core::mesh::score::{Cloud, CropVolume, Pair, read_transform, read_truth};
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::figures::MESH_FILE;
+use ibgs_core::{say, tell};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -116,7 +117,7 @@ impl Options {
                 self.compared(&Pair { mesh: &mesh, truth: &truth, wanted: &truth })?
             }
             None if self.is_demo() || model.is_demo() => {
-                eprintln!("comparing with the true surface of the demo scene");
+                tell!("comparing with the true surface of the demo scene");
                 let truth = TrueSurface::sample(cameras, self.spacing());
                 self.compared(&Pair { mesh: &sampled(), truth: &truth.all, wanted: &truth.seen })?
             }
@@ -141,9 +142,11 @@ impl Options {
             let score = pair.f_score(threshold)?;
             let normals = pair.normal_error(threshold)?;
             let angle = normals.map(|angle| format!(", normals off by {angle:.2} degrees")).unwrap_or_default();
-            println!(
+            say!(
                 "within {threshold}: precision {:.4}, recall {:.4}, F1 {:.4}{angle}",
-                score.precision, score.recall, score.f1
+                score.precision,
+                score.recall,
+                score.f1
             );
             let mut value = serde_json::to_value(score)?;
             value["normal_error_degrees"] = json!(normals);
@@ -152,7 +155,7 @@ impl Options {
         let density = self.density.unwrap_or_else(|| self.spacing());
         let chamfer = pair.chamfer(density, self.max_distance.unwrap_or(DENSITIES * density))?;
         let show = |value: Option<f64>| value.map_or("none".to_owned(), |v| format!("{v:.5}"));
-        println!(
+        say!(
             "accuracy {}, completeness {}, Chamfer distance {}",
             show(chamfer.accuracy),
             show(chamfer.completeness),
@@ -178,6 +181,6 @@ fn normal_map(model: &Model) -> Result<Value> {
     let mean = angles.iter().map(|&a| f64::from(a)).sum::<f64>() / angles.len() as f64;
     let middle = angles.len() / 2;
     let median = f64::from(*angles.select_nth_unstable_by(middle, f32::total_cmp).1);
-    println!("normal map: off by {mean:.2} degrees in the mean, {median:.2} in the median, {views} views");
+    say!("normal map: off by {mean:.2} degrees in the mean, {median:.2} in the median, {views} views");
     Ok(json!({"mean_degrees": mean, "median_degrees": median, "views": views}))
 }

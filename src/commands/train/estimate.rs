@@ -7,6 +7,7 @@ use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::memory::{Bytes, Demand, Estimate};
 use ibgs_core::raster::Rasterizer;
+use ibgs_core::tell;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::config::TrainConfig;
 
@@ -89,7 +90,7 @@ impl Needs {
             let middle = (fits + too_many) / 2;
             if self.bytes(middle) <= budget { fits = middle } else { too_many = middle }
         }
-        eprintln!(
+        tell!(
             "warning: {} Gaussians would need {} of device memory, and {} is there (`--gpu-memory`): their number stops at {fits}",
             self.most,
             Bytes(self.bytes(self.most)),

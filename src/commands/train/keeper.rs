@@ -1,6 +1,7 @@
 //! The checkpoints of a run: written beside the training, the last two kept.
 
 use anyhow::{Context, Result};
+use ibgs_core::tell;
 use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
 use ibgs_core::train::output::OutputFolder;
 use ibgs_viewer::worker::sentence;
@@ -57,7 +58,7 @@ impl Keeper {
     /// Waits until nothing is being written.
     pub fn settle(&mut self) {
         if let Err(error) = self.finish() {
-            eprintln!("warning: {}; the training goes on without this checkpoint", sentence(&error));
+            tell!("warning: {}; the training goes on without this checkpoint", sentence(&error));
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::Args;
 use anyhow::{Result, bail};
+use ibgs_core::tell;
 use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
 use ibgs_core::train::output::OutputFolder;
 use std::path::Path;
@@ -45,7 +46,7 @@ fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
     for (number, (_, path)) in found.iter().enumerate() {
         match Checkpoint::read(path) {
             Err(error @ CheckpointError::Damaged { .. }) if number + 1 < count => {
-                eprintln!("warning: {error}; going on from the one before");
+                tell!("warning: {error}; going on from the one before");
             }
             outcome => return Ok(outcome?),
         }

@@ -11,6 +11,7 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
+use ibgs_core::tell;
 use ibgs_core::train::checkpoint::Checkpoint;
 use ibgs_core::train::config::{Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
@@ -93,7 +94,7 @@ impl Run {
     pub fn with_records_of(mut self, checkpoint: &Checkpoint) -> Self {
         match Records::deserialize(&checkpoint.run) {
             Ok(records) => (self.before, self.records) = (records.watch.total(), records),
-            Err(error) => eprintln!("note: times and curves of the iterations before are lost ({error})"),
+            Err(error) => tell!("note: times and curves of the iterations before are lost ({error})"),
         }
         self
     }
@@ -146,7 +147,7 @@ impl Run {
         }
         bar.finish_and_clear();
         if stop.load(Ordering::SeqCst) {
-            eprintln!("stopped at iteration {}: saving and evaluating", self.trainer.iteration());
+            tell!("stopped at iteration {}: saving and evaluating", self.trainer.iteration());
         }
         self.finish()
     }
@@ -187,7 +188,7 @@ impl Run {
             return Err(error);
         };
         self.went_back = true;
-        eprintln!(
+        tell!(
             "warning: {error}; going back to iteration {}, once, with {CAUTION} times the learning rates",
             checkpoint.iteration()
         );
@@ -272,14 +273,14 @@ impl Run {
         let scores = score_test_views(&renderer, &self.dataset, &self.config, target, None, |_, _| {})?;
         scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
         let ms = 1e3 * self.records.watch.total().as_secs_f64() / f64::from(iteration.max(1));
-        eprintln!(
+        tell!(
             "iteration {iteration}: test {} over {} views; {} Gaussians, {ms:.2} ms an iteration so far",
             scores.sentence(),
             scores.base.len(),
             self.trainer.splats().len()
         );
         if let Some(sentence) = scores.regions_sentence() {
-            eprintln!("   {sentence}");
+            tell!("   {sentence}");
         }
         let mean = |scores: &[ViewScore]| -> Option<Score> { (!scores.is_empty()).then(|| means(scores)) };
         self.records.evaluations.extend(mean(&scores.base).map(|base| Evaluation {
@@ -358,21 +359,21 @@ impl Training for Run {
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
         self.settle(Due { save, evaluate })?;
         if self.trainer.overflowed() {
-            eprintln!("note: some iterations had more tile intersections than there was room for, and were left out");
+            tell!("note: some iterations had more tile intersections than there was room for, and were left out");
         }
         self.write_time()?;
-        eprintln!(
+        tell!(
             "trained {iteration} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians",
             self.records.watch.total().as_secs_f64(),
             (self.started.elapsed() + self.before).saturating_sub(self.records.watch.total()).as_secs_f64(),
             self.trainer.splats().len()
         );
-        eprintln!("stages: {}", self.records.watch.sentence());
+        tell!("stages: {}", self.records.watch.sentence());
         if is_whole {
             return self.keeper.clear();
         }
         kept?;
-        eprintln!("`ibgs train --resume -m {}` goes on from here", self.folder.root().display());
+        tell!("`ibgs train --resume -m {}` goes on from here", self.folder.root().display());
         Ok(())
     }
 }

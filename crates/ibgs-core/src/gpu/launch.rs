@@ -1,6 +1,7 @@
 //! The only place that dispatches: a [`Pass`] records kernels into one encoder and submits it once.
 
 use super::{Buffer, Gpu};
+use crate::tell;
 use ibgs_shaders::Kernel;
 use std::any::Any;
 
@@ -137,7 +138,7 @@ impl<'a> Pass<'a> {
         self.gpu.queue.submit([self.encoder.finish()]);
         if let Err(error) = self.gpu.collect_profile() {
             // Only measurements are lost.
-            eprintln!("warning: {error}");
+            tell!("warning: {error}");
         }
     }
 }

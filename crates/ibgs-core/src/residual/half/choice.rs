@@ -3,6 +3,7 @@
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::residual::layers::{self, INPUT, LAYERS, WEIGHTS};
 use crate::residual::path::Path;
+use crate::tell;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::{Duration, Instant};
@@ -122,7 +123,7 @@ pub fn pays(gpu: &Gpu) -> bool {
         }
         match error(gpu)? {
             Some(error) if error > TOLERANCE => {
-                eprintln!("warning: the matrix units of {} are wrong by {error:.1e} and are not used", gpu.info.name);
+                tell!("warning: the matrix units of {} are wrong by {error:.1e} and are not used", gpu.info.name);
                 Ok(false)
             }
             Some(_) => faster(gpu),
@@ -131,7 +132,7 @@ pub fn pays(gpu: &Gpu) -> bool {
     };
     *gpu.matrix_units_pay.get_or_init(|| {
         test().unwrap_or_else(|error: GpuError| {
-            eprintln!("warning: the matrix units could not be tested and are not used: {error}");
+            tell!("warning: the matrix units could not be tested and are not used: {error}");
             false
         })
     })
