@@ -213,7 +213,8 @@ impl Job {
         let options = self.folder.with_extension("toml");
         // A training that was stopped goes on, unless the configuration has changed since.
         let same = TrainConfig::load(&options).is_ok_and(|config| config == self.config);
-        let resumes = same && OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty());
+        let is_stopped = || OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty());
+        let resumes = same && is_stopped();
         self.config.save(&options)?;
         let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;
         // What a half-written folder says is nothing.
@@ -232,7 +233,7 @@ impl Job {
             command.args(adapter.iter().flat_map(|name| ["--adapter", name.as_str()]));
             command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log.try_clone()?);
             status = command.status()?;
-            if !status.success() {
+            if !status.success() || step == Step::Train && is_stopped() {
                 break;
             }
         }

@@ -86,6 +86,31 @@ fn a_suite_that_cannot_be_run_says_why() {
     assert!(sandbox.text("output/two/ibgs/scene.log").contains("transforms.json"), "{outcome}");
 }
 
+/// Ctrl-C, which a terminal sends to all processes.
+#[cfg(unix)]
+#[test]
+fn a_stopped_suite_goes_on() {
+    use super::{Outcome, PATIENCE, wait_for};
+    use std::os::unix::process::CommandExt;
+    use std::process::{Command, Stdio};
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.write("two.toml", CONFIG.replace("iterations = 4", "iterations = 40, save-iterations = [2]"));
+    let arguments = "suite two.toml";
+    let mut command = sandbox.command(arguments);
+    let mut suite = command.process_group(0).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let saved = sandbox.path("output/two/ibgs/scene/point_cloud/iteration_2/point_cloud.ply");
+    wait_for(PATIENCE, || (saved.is_file() || suite.try_wait().unwrap().is_some()).then_some(()));
+    let group = format!("-{}", suite.id());
+    assert!(Command::new("kill").args(["-INT", "--", &group]).status().unwrap().success());
+    let outcome = Outcome::of_child(arguments, suite);
+    outcome.assert_failure(1, &["stopped; the same command goes on with what is left"]);
+    assert!(!sandbox.path("output/two/base alone/scene.log").exists(), "{outcome}");
+    assert!(!sandbox.text("output/two/ibgs/scene.log").contains("FPS"), "a stopped training is not measured yet");
+    let again = sandbox.succeeds(arguments);
+    assert!(!again.stdout.contains("Not measured yet"), "{again}");
+    assert!(sandbox.text("output/two/ibgs/scene.log").contains("going on from iteration"), "{again}");
+}
+
 /// What is wanted later is measured without training again.
 #[test]
 fn a_suite_measures_meshes_and_lpips() {

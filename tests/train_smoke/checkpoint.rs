@@ -76,7 +76,7 @@ fn a_checkpoint_without_depth_maps_is_small_and_goes_on() {
         training.checkpoint(Value::Null).unwrap().write(&path).unwrap();
         sizes.push(fs::metadata(&path).unwrap().len());
         let mut training = resumed(&dataset, &Checkpoint::read(&path).unwrap());
-        run(&mut training, 60);
+        run(&mut training, 33);
         model(&training);
     }
     assert!(sizes[1] + 28 * 48 * 36 * 4 <= sizes[0], "{sizes:?}");
@@ -213,7 +213,7 @@ fn what_is_no_number_is_found() {
     let mut sound = trainer(&dataset, &config);
     run(&mut sound, 40);
     let good = sound.checkpoint(Value::Null).unwrap();
-    run(&mut sound, 90);
+    run(&mut sound, 50);
     for part in ["rotations", "normals", "network"] {
         let mut training = resumed(&dataset, &good);
         let splats = training.splats();
@@ -229,7 +229,7 @@ fn what_is_no_number_is_found() {
         // Back to the good state, and on.
         training.restore(&good).unwrap();
         if part == "network" {
-            run(&mut training, 90);
+            run(&mut training, 50);
             assert!(model(&training) == model(&sound), "another model");
         }
     }
