@@ -3,4 +3,5 @@
 #![forbid(unsafe_code)]
 
 pub mod commands;
+pub mod stdout;
 pub mod version;

@@ -1,9 +1,9 @@
 //! `ibgs completions`
 
+use crate::stdout;
 use anyhow::Result;
 use clap::{Args as ClapArgs, Command};
 use clap_complete::Shell;
-use ibgs_core::terminal;
 
 /// Options of `ibgs completions`.
 #[derive(ClapArgs)]
@@ -16,5 +16,5 @@ pub struct Args {
 pub fn run(args: &Args, mut program: Command) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut program, "ibgs", &mut script);
-    Ok(terminal::print(|out| out.write_all(&script))?)
+    Ok(stdout::print(|out| out.write_all(&script))?)
 }

@@ -3,17 +3,18 @@
 use super::model::ModelArgs;
 use super::report::Report;
 use super::{Model, protocol, score_test_views};
+use crate::say;
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{Dataset, View};
 use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
+use ibgs_core::tell;
 use ibgs_core::train::output::REPORT_FILE;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::figures::{Figures, SPEED_FILE, TIME_FILE};
 use ibgs_core::train::output::results::means;
-use ibgs_core::{say, tell};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

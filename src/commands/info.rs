@@ -1,13 +1,13 @@
 //! `ibgs info`
 
 use super::model::is_bundle;
+use crate::say;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::dataset;
 use ibgs_core::gpu::device::lacking;
 use ibgs_core::gpu::list_adapters;
-use ibgs_core::say;
 use ibgs_core::scene::{Gaussians, read_ply};
 use ibgs_core::train::output::OutputFolder;
 use std::path::{Path, PathBuf};

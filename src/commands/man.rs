@@ -1,10 +1,10 @@
 //! `ibgs man`
 
+use crate::stdout;
 use anyhow::Result;
 use clap::{Args as ClapArgs, Command};
 use clap_mangen::Man;
 use ibgs_core::files::write_atomically;
-use ibgs_core::terminal;
 use std::path::{Path, PathBuf};
 
 /// Options of `ibgs man`.
@@ -21,7 +21,7 @@ pub fn run(args: &Args, program: Command) -> Result<()> {
     program.build();
     match &args.folder {
         Some(folder) => write(&program, folder),
-        None => Ok(terminal::print(|mut out| Man::new(program).render(&mut out))?),
+        None => Ok(stdout::print(|mut out| Man::new(program).render(&mut out))?),
     }
 }
 

@@ -33,6 +33,19 @@ use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::{Protocol, Scored, ViewScore, means};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Does something at the first Ctrl-C, SIGTERM or closed terminal; at the second one the program ends at once.
+pub fn on_stop(first: impl Fn() + Send + 'static) {
+    let stopping = AtomicBool::new(false);
+    // Only one handler a process; when there is one already (in tests), that one stays.
+    let _ = ctrlc::set_handler(move || {
+        if stopping.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+        first();
+    });
+}
 
 /// Opens the adapter that `--adapter` names.
 pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {

@@ -4,20 +4,22 @@ mod config;
 mod summary;
 
 use super::eval::LpipsRange;
+use super::on_stop;
+use crate::say;
 use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use config::{Job, Suite};
 use ibgs_core::files;
+use ibgs_core::tell;
 use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
-use ibgs_core::{say, tell};
 use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use summary::Figures;
 
 /// `2/5`: the second of five parts.
@@ -133,7 +135,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
     // Ctrl-C reaches the processes too, which save and end; no other one begins.
-    let stopped = AtomicBool::new(false);
+    let stopped = Arc::new(AtomicBool::new(false));
     let next = || {
         let mut queue = queue.lock().expect("queue");
         let job = queue.pop_front().filter(|_| !stopped.load(Ordering::Relaxed));
@@ -143,14 +145,16 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
         true => vec![None],
         false => args.adapters.iter().map(Some).collect(),
     };
-    ctrlc::set_handler(|| {}).context("cannot watch for Ctrl-C")?;
+    let flag = stopped.clone();
+    on_stop(move || flag.store(true, Ordering::Relaxed));
     std::thread::scope(|scope| {
         let worker = |adapter| {
             while let Some((job, number)) = next() {
                 tell!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
-                match job.run(&program, adapter) {
+                match job.run(&program, adapter, &stopped) {
                     Ok(status) if status.success() && job.is_done() => {}
-                    Ok(status) if was_interrupted(job, status) => stopped.store(true, Ordering::Relaxed),
+                    Ok(status) if status.success() && job.is_stopped() => stopped.store(true, Ordering::Relaxed),
+                    _ if stopped.load(Ordering::Relaxed) => {}
                     Ok(_) => {
                         tell!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
                         failed.lock().expect("list").push(job.log());
@@ -166,15 +170,10 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
             scope.spawn(move || worker(adapter));
         }
     });
-    if stopped.into_inner() {
+    if stopped.load(Ordering::Relaxed) {
         bail!("stopped; the same command goes on with what is left");
     }
     Ok(failed.into_inner().expect("list"))
-}
-
-/// A training that Ctrl-C ended saves, measures and ends well, before its last iteration.
-fn was_interrupted(job: &Job, status: ExitStatus) -> bool {
-    status.success() && !job.is_done()
 }
 
 impl Job {
@@ -190,14 +189,20 @@ impl Job {
 
     /// What is still to be done where these figures are there.
     fn steps(&self, figures: &Figures) -> Vec<Step> {
-        let measured = figures.has("PSNR") && figures.has("FPS");
-        let lacks = |name| !measured || !figures.has(name);
+        // A training measures at its end, and has no checkpoint left then.
+        let trains = !figures.has("PSNR") || self.is_stopped();
+        let lacks = |name| trains || !figures.has(name);
         let steps = [
-            (Step::Train, !measured),
-            (Step::Eval, !measured || !self.lpips.is_empty() && lacks("LPIPS")),
+            (Step::Train, trains),
+            (Step::Eval, lacks("FPS") || !self.lpips.is_empty() && lacks("LPIPS")),
             (Step::Mesh, self.mesh.is_some() && lacks("F1")),
         ];
         steps.into_iter().filter(|(_, wanted)| *wanted).map(|(step, _)| step).collect()
+    }
+
+    /// Whether a training was stopped: it saves, measures and ends well before its last iteration, or was killed.
+    fn is_stopped(&self) -> bool {
+        OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty())
     }
 
     /// Whether all is measured.
@@ -205,16 +210,15 @@ impl Job {
         Figures::read(self).is_ok_and(|figures| self.steps(&figures).is_empty())
     }
 
-    /// Trains and measures in processes of their own, as far as that is not done.
-    fn run(&self, program: &Path, adapter: Option<&String>) -> Result<ExitStatus> {
+    /// Trains and measures in processes of their own, as far as that is not done, until all is to stop.
+    fn run(&self, program: &Path, adapter: Option<&String>, stopped: &AtomicBool) -> Result<ExitStatus> {
         if let Some(parent) = self.folder.parent() {
             files::create_folder(parent)?;
         }
         let options = self.folder.with_extension("toml");
         // A training that was stopped goes on, unless the configuration has changed since.
         let same = TrainConfig::load(&options).is_ok_and(|config| config == self.config);
-        let is_stopped = || OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty());
-        let resumes = same && is_stopped();
+        let resumes = same && self.is_stopped();
         self.config.save(&options)?;
         let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;
         // What a half-written folder says is nothing.
@@ -233,7 +237,8 @@ impl Job {
             command.args(adapter.iter().flat_map(|name| ["--adapter", name.as_str()]));
             command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log.try_clone()?);
             status = command.status()?;
-            if !status.success() || step == Step::Train && is_stopped() {
+            let is_cut_off = stopped.load(Ordering::Relaxed) || step == Step::Train && self.is_stopped();
+            if !status.success() || is_cut_off {
                 break;
             }
         }

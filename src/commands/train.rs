@@ -263,7 +263,7 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
     if resumed.is_none() {
         refuse_output(args)?;
     }
-    let start = config.init.as_deref().map(read_ply).transpose()?;
+    let start = config.init.as_deref().filter(|_| resumed.is_none()).map(read_ply).transpose()?;
     told("loading the photos");
     let scene = config.data.source.clone().map(|source| load_scene(&config, &source)).transpose()?;
     if scene.is_none() {
@@ -293,7 +293,7 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
         (None, None) => Trainer::new(raster.clone(), &dataset, &config)?,
     };
     let mut needs = estimate::Needs::of(&trainer, &raster, &dataset, &config);
-    if let Some(most) = needs.limit(args.gpu_memory, &gpu)?.filter(|_| resumed.is_none()) {
+    if let Some(most) = needs.limit(args.gpu_memory, &gpu)? {
         config.densify.max_splats = Some(most);
         trainer.limit_splats(most);
     }
@@ -301,7 +301,10 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
     let folder = match (&resumed, &args.model) {
         (Some(checkpoint), Some(path)) => {
             tell!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
-            OutputFolder::at(path)
+            let folder = OutputFolder::at(path);
+            // The scene may have moved.
+            config.save(&folder.config_path())?;
+            folder
         }
         _ => create_output(args, &config, &dataset)?,
     };

@@ -2,7 +2,8 @@
 
 use super::model::{ModelArgs, is_bundle};
 use super::train::{self, Run};
-use super::{Model, open_gpu};
+use super::{Model, on_stop, open_gpu};
+use crate::say;
 use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, Parser};
 use glam::DVec3;
@@ -12,8 +13,8 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
+use ibgs_core::tell;
 use ibgs_core::train::output::cameras::Split;
-use ibgs_core::{say, tell};
 use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -79,7 +80,7 @@ pub fn run(args: &Args) -> Result<()> {
             (gpu, Some(opened))
         }
     };
-    Ok(ibgs_viewer::run(&gpu, Opener, opened)?)
+    window(&gpu, opened)
 }
 
 /// Times frames that turn from one view to the next.
@@ -106,7 +107,12 @@ fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
 /// Opens a window on a training, and trains until the window is closed.
 pub fn look(run: Run) -> Result<()> {
     let gpu = run.gpu().clone();
-    Ok(ibgs_viewer::run(&gpu, Opener, Some(trained(run)))?)
+    window(&gpu, Some(trained(run)))
+}
+
+/// Opens the window; what stops the program closes it, so that a training in it is saved.
+fn window(gpu: &Arc<Gpu>, opened: Option<Opened>) -> Result<()> {
+    Ok(ibgs_viewer::run(gpu, Opener, opened, |closer| on_stop(move || closer.close()))?)
 }
 
 /// Refuses before any work what would fail after it.

@@ -54,11 +54,19 @@ fn a_killed_training_goes_on_to_the_same_model() {
     let found = checkpoints(&sandbox);
     assert!(!found.is_empty() && found.len() <= 3 && found[0] < 60, "{found:?}");
 
-    // What does not belong to the run is refused, and nothing is touched.
+    // What does not belong to the run is refused, and nothing is touched. So is a training that would remove the stopped one,
+    // also before its first save.
+    let saved = sandbox.path("model/point_cloud");
+    if saved.exists() {
+        fs::remove_dir_all(saved).unwrap();
+    }
+    sandbox.write("model/checkpoints/.ibgs-cut-off.tmp", "half a checkpoint");
     let before = files_in(&sandbox.path("model"));
     sandbox.run("train --resume").assert_failure(2, &["required arguments"]);
     sandbox.fails("train --resume -m nowhere", &["nowhere holds no checkpoint"]);
     sandbox.fails("train --resume -m whole", &["whole holds no checkpoint"]);
+    let words = ["model holds a training that stopped after iteration", "`--resume`"];
+    sandbox.fails(&format!("{OPTIONS} -m model"), &words);
     sandbox.run("train --resume -m model --overwrite").assert_failure(2, &["--overwrite"]);
     let keeps = "a resumed run keeps its options";
     sandbox.fails("train --resume -m model --iterations 70", &["`iterations` at 60, not 70", keeps]);
@@ -79,6 +87,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
         assert!(whole == model, "{file} of the resumed run differs");
     }
     assert!(!sandbox.path("model/checkpoints").exists());
+    assert!(sandbox.text("model/config.toml").contains("moved"), "a later `render` must find the scene");
     assert_eq!(sandbox.json("model/result_training.json")["ours_60"]["iterations"], 60);
     let [whole, model] = ["whole", "model"].map(|folder| {
         let log = sandbox.json(&format!("{folder}/training_log.json"));
@@ -106,7 +115,9 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     assert!(outcome.stderr.contains(&format!("{last}.ibgs is damaged")), "{outcome}");
     assert!(outcome.stderr.contains("going on from the one before"), "{outcome}");
     assert!(outcome.stderr.contains(&format!("going on from iteration {before} of 100000")), "{outcome}");
-    for iteration in checkpoints(&sandbox) {
+    let left = checkpoints(&sandbox);
+    assert!(left.len() == 2 && left[1] > last, "{left:?}");
+    for iteration in left {
         fs::write(checkpoint(&sandbox, iteration), "PK").unwrap();
     }
     sandbox.fails("train --resume -m model", &[".ibgs is damaged"]);

@@ -126,8 +126,10 @@ fn a_suite_measures_meshes_and_lpips() {
     let model = sandbox.path("output/mesh/ibgs/scene");
     fs::copy(model.join("input.ply"), sandbox.path("scene/truth.ply")).unwrap();
     let trained = fs::metadata(model.join("result_training.json")).unwrap().modified().unwrap();
+    fs::remove_file(model.join("result_fps_mem.json")).unwrap();
     let second = sandbox.succeeds(command);
     assert!(second.stderr.contains("1/1 scene, ibgs"), "{second}");
+    assert!(!second.stdout.contains("Not measured yet"), "{second}");
     assert_eq!(fs::metadata(model.join("result_training.json")).unwrap().modified().unwrap(), trained);
     let figures = &sandbox.json("output/mesh/summary.json")["measured"][0]["figures"];
     for name in ["F1", "chamfer"] {

@@ -201,6 +201,8 @@ fn damage_is_told() {
     nonsense("tensors/means", &nan, "a number is not finite");
     nonsense("tensors/network.second", &nan, "a number is not finite");
     nonsense("state.json", &text("\"queue\":[", "\"queue\":[999,"), "names one that is not there");
+    nonsense("state.json", &text("\"written\":16", "\"written\":99"), "its telemetry");
+    nonsense("state.json", &text("\"steps\":[16", "\"steps\":[17"), "more steps than iterations");
     nonsense("state.json", &text("\"iteration\":16", "\"iteration\":31"), "beyond the last one");
 }
 
@@ -226,6 +228,8 @@ fn what_is_no_number_is_found() {
         assert!(matches!(error, TrainError::NotFinite(40)), "{part}: {error}");
         let found = std::iter::repeat_with(|| training.step()).take(100).find_map(Result::err).expect(part);
         assert!(matches!(found, TrainError::NotFinite(41..=140)), "{part}: {found}");
+        let error = training.checkpoint(Value::Null).err().unwrap();
+        assert!(matches!(error, TrainError::Unfinished(_)), "{part}: {error}");
         // Back to the good state, and on.
         training.restore(&good).unwrap();
         if part == "network" {

@@ -132,10 +132,20 @@ fn temporary_file(folder: &Path, _path: &Path) -> io::Result<NamedTempFile> {
     builder().tempfile_in(folder)
 }
 
+/// Beginning and end of the names of temporary files.
+const TEMPORARY: [&str; 2] = [".ibgs-", ".tmp"];
+
 fn builder() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".ibgs-").suffix(".tmp");
+    builder.prefix(TEMPORARY[0]).suffix(TEMPORARY[1]);
     builder
+}
+
+/// Temporary files in a folder: what was being written when a process was killed, or is being written now.
+pub fn leftovers(folder: &Path) -> Vec<PathBuf> {
+    let is_temporary = |name: &str| name.starts_with(TEMPORARY[0]) && name.ends_with(TEMPORARY[1]);
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter(|entry| entry.file_name().to_str().is_some_and(is_temporary)).map(|entry| entry.path()).collect()
 }
 
 #[cfg(test)]

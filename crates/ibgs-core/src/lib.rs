@@ -14,7 +14,7 @@
 //!     the screen, [`video`] makes films, [`inspect`] tells why one of its pixels looks as it does.
 //! 11. [`mesh`] fuses the depths of all views into a triangle mesh and compares that with a true surface.
 //!
-//! [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] prints, and outlives who reads.
+//! [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] tells the user.
 
 pub mod bench;
 pub mod bundle;

@@ -27,24 +27,34 @@ pub fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) ->
 }
 
 /// An open archive. Errors are what is wrong.
-pub struct StoredZip<R>(ZipArchive<R>);
+pub struct StoredZip<R> {
+    zip: ZipArchive<R>,
+    /// Bytes that may still be read: twice the file's, for entries of a crafted list may share theirs.
+    left: u64,
+}
 
 impl<R: Read + Seek> StoredZip<R> {
     /// Reads the list of parts.
-    pub fn open(reader: R) -> Result<Self, String> {
-        ZipArchive::new(reader).map(Self).map_err(|error| error.to_string())
+    pub fn open(mut reader: R) -> Result<Self, String> {
+        let length = reader.seek(io::SeekFrom::End(0)).map_err(|error| error.to_string())?;
+        let zip = ZipArchive::new(reader).map_err(|error| error.to_string())?;
+        Ok(Self { zip, left: 2 * length })
     }
 
     /// Whether there is such a part.
     pub fn has(&self, part: &str) -> bool {
-        self.0.index_for_name(part).is_some()
+        self.zip.index_for_name(part).is_some()
     }
 
     /// A part: `is missing` or `cannot be read (why)` otherwise. It is no larger than the file.
     pub fn bytes(&mut self, part: &str) -> Result<Vec<u8>, String> {
         let mut bytes = Vec::new();
-        let outcome = self.0.by_name(part).and_then(|mut entry| match entry.compression() {
-            CompressionMethod::Stored => Ok(entry.read_to_end(&mut bytes)?),
+        let left = &mut self.left;
+        let outcome = self.zip.by_name(part).and_then(|mut entry| match entry.compression() {
+            CompressionMethod::Stored => {
+                *left = left.checked_sub(entry.size()).ok_or(ZipError::UnsupportedArchive("its parts overlap"))?;
+                Ok(entry.read_to_end(&mut bytes)?)
+            }
             _ => Err(ZipError::UnsupportedArchive("it is compressed, which no part of such a file is")),
         });
         match outcome {
@@ -52,5 +62,26 @@ impl<R: Read + Seek> StoredZip<R> {
             Err(ZipError::FileNotFound) => Err("is missing".to_owned()),
             Err(error) => Err(format!("cannot be read ({error})")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    /// Entries that share their bytes cannot make a small file a large one.
+    #[test]
+    fn no_more_is_read_than_the_file_holds_twice() {
+        let mut out = Cursor::new(Vec::new());
+        write(&mut out, |zip| {
+            add(zip, "part.0", &[7; 10_000])?;
+            (1..5).try_for_each(|copy| Ok(zip.shallow_copy_file("part.0", &format!("part.{copy}"))?))
+        })
+        .unwrap();
+        let mut zip = StoredZip::open(out).unwrap();
+        let read: Vec<_> = (0..5).map(|part| zip.bytes(&format!("part.{part}"))).collect();
+        assert_eq!(read[0].as_ref().unwrap().len(), 10_000);
+        assert!(read[4].is_err(), "{read:?}");
     }
 }

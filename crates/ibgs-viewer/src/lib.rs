@@ -178,11 +178,27 @@ pub fn wgpu_setup(gpu: &Gpu) -> WgpuSetup {
     })
 }
 
-/// Opens a window, on what is already open or on a start page, and returns when it is closed.
+/// Closes the window, from any thread.
+pub struct Closer(egui::Context);
+
+impl Closer {
+    /// Closes it as its user would: a training is saved.
+    pub fn close(&self) {
+        self.0.send_viewport_cmd(egui::ViewportCommand::Close);
+        self.0.request_repaint();
+    }
+}
+
+/// Opens a window, on what is already open or on a start page, and returns when it is closed. `handed` gets what closes it.
 ///
 /// # Errors
 /// No display, or a device that cannot draw into windows.
-pub fn run(gpu: &Arc<Gpu>, opener: impl Open, opened: Option<Opened>) -> Result<(), eframe::Error> {
+pub fn run(
+    gpu: &Arc<Gpu>,
+    opener: impl Open,
+    opened: Option<Opened>,
+    handed: impl FnOnce(Closer),
+) -> Result<(), eframe::Error> {
     let options = NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("ibgs")
@@ -193,6 +209,9 @@ pub fn run(gpu: &Arc<Gpu>, opener: impl Open, opened: Option<Opened>) -> Result<
         ..Default::default()
     };
     let gpu = gpu.clone();
-    let make = move |cc: &eframe::CreationContext| Viewer::new(cc, gpu, opener, opened);
+    let make = move |cc: &eframe::CreationContext| {
+        handed(Closer(cc.egui_ctx.clone()));
+        Viewer::new(cc, gpu, opener, opened)
+    };
     eframe::run_native("ibgs", options, Box::new(move |cc| Ok(Box::new(make(cc)?))))
 }

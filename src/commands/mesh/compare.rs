@@ -1,15 +1,16 @@
 //! How good the mesh is, against a true surface.
 
 use crate::commands::Model;
+use crate::say;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::mesh::Mesh;
 use ibgs_core::mesh::demo::{TrueSurface, normal_map_errors};
 use ibgs_core::mesh::score::{Cloud, CropVolume, Pair, read_transform, read_truth};
+use ibgs_core::tell;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::figures::MESH_FILE;
-use ibgs_core::{say, tell};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

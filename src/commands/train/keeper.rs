@@ -1,42 +1,57 @@
 //! The checkpoints of a run: written beside the training, the last two kept.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use ibgs_core::tell;
 use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
 use ibgs_core::train::output::OutputFolder;
 use ibgs_viewer::worker::sentence;
-use std::fs;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Checkpoints that stay: the last one, and one to fall back to.
-const KEPT: usize = 2;
+/// Time between two states that are kept in memory at least, for after a device is lost.
+const IN_MEMORY: Duration = Duration::from_secs(120);
 
 /// Writes the checkpoints of a run.
 pub struct Keeper {
     folder: OutputFolder,
     /// Time between two; none: only when the training is stopped.
     every: Option<Duration>,
-    /// When the last one was taken, or the run began.
+    /// When the last one was written, or the run began.
+    began: Instant,
+    /// When the last state was taken.
     taken: Instant,
     /// The last good state; none before the first iteration.
     last: Option<Arc<Checkpoint>>,
-    /// Iteration of the last one on the disk, or on its way there.
+    /// Iteration of the last one that is whole on the disk.
     written: Option<u32>,
-    writing: Option<JoinHandle<Result<(), CheckpointError>>>,
+    /// The one on its way there.
+    writing: Option<(u32, JoinHandle<Result<(), CheckpointError>>)>,
 }
 
 impl Keeper {
     /// Checkpoints in a model folder, every so often.
     pub fn new(folder: OutputFolder, every: Option<Duration>) -> Self {
-        Self { folder, every, taken: Instant::now(), last: None, written: None, writing: None }
+        let now = Instant::now();
+        Self { folder, every, began: now, taken: now, last: None, written: None, writing: None }
+    }
+
+    /// The training goes on from a checkpoint in the folder.
+    pub fn resumed(&mut self, iteration: u32) {
+        self.written = Some(iteration);
+    }
+
+    /// The training went back to its last good state: what was written of it since goes with the next checkpoint.
+    pub fn went_back(&mut self) {
+        self.settle();
+        let good = self.last.as_ref().map(|last| last.iteration());
+        self.written = self.written.filter(|&written| good == Some(written));
     }
 
     /// Whether the state is to be taken now, and whether it is to be written.
     pub fn due(&self) -> (bool, bool) {
-        let write = self.every.is_some_and(|every| self.taken.elapsed() >= every);
-        (write || self.last.is_none(), write)
+        let write = self.every.is_some_and(|every| self.began.elapsed() >= every);
+        (write || self.last.is_none() || self.taken.elapsed() >= IN_MEMORY, write)
     }
 
     /// The last good state.
@@ -48,8 +63,9 @@ impl Keeper {
     /// warning, for the training itself is sound.
     pub fn take(&mut self, checkpoint: Checkpoint, write: bool) {
         self.last = Some(Arc::new(checkpoint));
+        self.taken = Instant::now();
         if write {
-            self.taken = Instant::now();
+            self.began = self.taken;
             self.settle();
             self.begin();
         }
@@ -69,42 +85,36 @@ impl Keeper {
         if self.written == Some(iteration) {
             return;
         }
-        self.written = Some(iteration);
-        self.writing = Some(std::thread::spawn(move || {
+        // Two stay: this one, and the whole one before to fall back to. Others are older, or were found damaged.
+        let kept: Vec<u32> = self.written.into_iter().chain([iteration]).collect();
+        let writing = std::thread::spawn(move || {
             checkpoint.write(&folder.checkpoint_path(iteration))?;
             // Only now may an older one go. Whatever cannot be removed does no harm.
-            for (_, path) in folder.checkpoints().unwrap_or_default().into_iter().skip(KEPT) {
-                let _ = fs::remove_file(path);
-            }
+            let _ = folder.remove_checkpoints(&kept);
             Ok(())
-        }));
+        });
+        self.writing = Some((iteration, writing));
     }
 
     /// Writes the last state to its end.
     pub fn write(&mut self) -> Result<()> {
-        self.finish()?;
+        self.settle();
         self.begin();
         self.finish()
     }
 
     /// Waits until what is being written is there.
     pub fn finish(&mut self) -> Result<()> {
-        let Some(writing) = self.writing.take() else { return Ok(()) };
-        let outcome = writing.join().unwrap_or(Err(CheckpointError::Nonsense("its writer ended early")));
-        if outcome.is_err() {
-            self.written = None;
-        }
-        Ok(outcome?)
+        let Some((iteration, writing)) = self.writing.take() else { return Ok(()) };
+        writing.join().unwrap_or(Err(CheckpointError::Nonsense("its writer ended early")))?;
+        self.written = Some(iteration);
+        Ok(())
     }
 
     /// Removes all checkpoints: the run has ended, and its model is saved.
     pub fn clear(&mut self) -> Result<()> {
         // One that could not be written is not wanted any more.
         let _ = self.finish();
-        for (_, path) in self.folder.checkpoints()? {
-            fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
-        }
-        let _ = fs::remove_dir(self.folder.checkpoints_path());
-        Ok(())
+        Ok(self.folder.remove_checkpoints(&[])?)
     }
 }

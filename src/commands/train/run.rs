@@ -2,7 +2,7 @@
 
 use super::keeper::Keeper;
 use super::watch::{self, Watch};
-use crate::commands::{protocol, score_test_views};
+use crate::commands::{on_stop, protocol, score_test_views};
 use anyhow::Result;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::Score;
@@ -92,6 +92,8 @@ impl Run {
 
     /// The same with the records of a checkpoint that it goes on from.
     pub fn with_records_of(mut self, checkpoint: &Checkpoint) -> Self {
+        self.keeper.resumed(checkpoint.iteration());
+        self.went_back = checkpoint.is_slowed();
         match Records::deserialize(&checkpoint.run) {
             Ok(records) => (self.before, self.records) = (records.watch.total(), records),
             Err(error) => tell!("note: times and curves of the iterations before are lost ({error})"),
@@ -123,18 +125,14 @@ impl Run {
     pub fn train(mut self) -> Result<()> {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = stop.clone();
-        // Only one handler a process; when there is one already (in tests), that one stays.
-        let _ = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        });
+        on_stop(move || flag.store(true, Ordering::SeqCst));
         let bar = progress_bar(self.config.iterations);
         while self.trainer.iteration() < self.config.iterations && !stop.load(Ordering::SeqCst) {
             let stepped = self.advance().and_then(|due| match due.save || due.evaluate {
                 true => bar.suspend(|| self.settle(due)),
                 false => Ok(()),
             });
+            let stepped = stepped.and_then(|()| self.keep_if_due());
             if let Err(error) = stepped.or_else(|error| bar.suspend(|| self.go_back(error))) {
                 bar.finish_and_clear();
                 return Err(self.rescue(error));
@@ -166,10 +164,16 @@ impl Run {
         }
         self.records.watch.spent(start.elapsed());
         self.note();
-        if let (true, write) = self.keeper.due() {
-            self.keep(write)?;
-        }
         Ok(due)
+    }
+
+    /// Keeps the state where it is time, after what was due: a resumed run does nothing of that. After the last iteration there
+    /// is nothing to go on with.
+    fn keep_if_due(&mut self) -> Result<()> {
+        match self.keeper.due() {
+            (true, write) if self.trainer.iteration() < self.config.iterations => self.keep(write),
+            _ => Ok(()),
+        }
     }
 
     /// Takes the state as it is now, and begins to write it where that is wanted.
@@ -194,6 +198,7 @@ impl Run {
         );
         self.trainer.restore(&checkpoint)?;
         self.trainer.slow_down(CAUTION);
+        self.keeper.went_back();
         self.records = Records::deserialize(&checkpoint.run)?;
         Ok(())
     }
@@ -232,14 +237,15 @@ impl Run {
             let _ = self.folder.write_log(&self.records.log);
         }
         let resumed = self.keeper.write();
-        match (saved, resumed) {
-            (Ok(path), Ok(())) => error.context(format!(
-                "training stopped; the model so far is in {}, and `--resume` goes on from there",
-                path.display()
-            )),
-            (Ok(path), Err(_)) => error.context(format!("training stopped; the model so far is in {}", path.display())),
-            (Err(_), _) => error,
-        }
+        let there = match (saved, resumed) {
+            (Ok(path), Ok(())) => {
+                format!("the model so far is in {}, and `--resume` goes on from there", path.display())
+            }
+            (Ok(path), Err(_)) => format!("the model so far is in {}", path.display()),
+            (Err(_), Ok(())) => format!("`--resume` goes on from iteration {}", checkpoint.iteration()),
+            (Err(_), Err(_)) => return error,
+        };
+        error.context(format!("training stopped; {there}"))
     }
 
     fn report(&self, bar: &ProgressBar) {
@@ -306,6 +312,9 @@ impl Run {
 
 impl Training for Run {
     fn step(&mut self, told: &dyn Fn(&str)) -> Result<()> {
+        if self.trainer.iteration() >= self.config.iterations {
+            return Ok(());
+        }
         let stepped = self.advance().and_then(|due| {
             if due.evaluate {
                 told("measuring on the held-out views");
@@ -314,6 +323,7 @@ impl Training for Run {
             }
             self.settle(due)
         });
+        let stepped = stepped.and_then(|()| self.keep_if_due());
         stepped.or_else(|error| self.go_back(error)).map_err(|error| self.rescue(error))
     }
 
@@ -354,8 +364,8 @@ impl Training for Run {
         let is_whole = iteration == self.config.iterations;
         // First of all: what follows takes its time.
         let kept = if is_whole { Ok(()) } else { self.keep(true).and_then(|()| self.keeper.finish()) };
-        // One that was stopped in between.
-        let save = !self.trainer.schedule().save_at(iteration);
+        // One that was stopped in between, or before it was saved.
+        let save = !self.folder.point_cloud_path(iteration).is_file();
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
         self.settle(Due { save, evaluate })?;
         if self.trainer.overflowed() {

@@ -216,6 +216,22 @@ impl OutputFolder {
         Ok(found)
     }
 
+    /// Removes all checkpoints but those of the iterations that are `kept`, and what a killed run left half-written beside them.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Write`].
+    pub fn remove_checkpoints(&self, kept: &[u32]) -> Result<(), OutputError> {
+        let old = self.checkpoints()?.into_iter().filter(|(iteration, _)| !kept.contains(iteration));
+        for path in old.map(|(_, path)| path).chain(files::leftovers(&self.checkpoints_path())) {
+            fs::remove_file(&path).map_err(|source| WriteError::new(&path, source))?;
+        }
+        // Stays where something else lies in it.
+        if kept.is_empty() {
+            let _ = fs::remove_dir(self.checkpoints_path());
+        }
+        Ok(())
+    }
+
     /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
     ///
     /// # Errors
@@ -337,6 +353,9 @@ impl OutputFolder {
         if let Some(iteration) = self.latest_iteration()? {
             return Err(OutputError::HoldsModel { path: self.root.clone(), iteration });
         }
+        if let Some(&(iteration, _)) = self.checkpoints()?.first() {
+            return Err(OutputError::HoldsTraining { path: self.root.clone(), iteration });
+        }
         // A run that ended before its first save left options that load; its files may be replaced.
         if TrainConfig::load(&self.config_path()).is_ok() {
             return Ok(());
@@ -361,9 +380,7 @@ impl OutputFolder {
                 fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
             }
         }
-        for (_, path) in self.checkpoints()? {
-            fs::remove_file(&path).map_err(|source| WriteError::new(&path, source))?;
-        }
+        self.remove_checkpoints(&[])?;
         let scores = [Scored::Base, Scored::Final].map(Scored::files);
         let others = [
             figures::SPEED_FILE,

@@ -42,6 +42,9 @@ pub enum TrainError {
     /// The data set holds no training view.
     #[error("the scene has no training view; check its split")]
     NoViews,
+    /// The last iteration ended in the middle, so there is no state to go on from.
+    #[error("iteration {0} was not finished")]
+    Unfinished(u32),
     /// The loss or the model is no number any more.
     #[error(
         "by iteration {0} the loss or a value of the model is not a finite number; try lower learning rates, and check the \
@@ -90,6 +93,8 @@ pub struct Trainer {
     scene: u32,
     /// Part of the learning rates that counts.
     caution: f64,
+    /// The last iteration was done to its end.
+    is_whole: bool,
 }
 
 impl Trainer {
@@ -165,6 +170,7 @@ impl Trainer {
             overflowed: false,
             scene,
             caution: 1.0,
+            is_whole: true,
             config: config.clone(),
             gpu,
             raster,
@@ -248,6 +254,13 @@ impl Trainer {
     /// # Errors
     /// Not enough memory, device lost, or a loss that is not finite.
     pub fn step(&mut self) -> Result<(), TrainError> {
+        self.is_whole = false;
+        self.iterate()?;
+        self.is_whole = true;
+        Ok(())
+    }
+
+    fn iterate(&mut self) -> Result<(), TrainError> {
         self.restructure()?;
         self.iteration += 1;
         let iteration = self.iteration;

@@ -58,9 +58,11 @@ pub(super) struct RecorderState {
 
 impl RecorderState {
     /// Whether a recorder can go on from it.
-    pub fn is_sound(&self) -> bool {
+    pub fn is_sound(&self, iteration: u32) -> bool {
         let words = RING * ENTRY / 4;
-        self.ring.len() == words && self.pending.as_ref().is_none_or(|(pending, _)| pending.len() == words)
+        self.written <= iteration as usize
+            && self.ring.len() == words
+            && self.pending.as_ref().is_none_or(|(pending, _)| pending.len() == words)
     }
 }
 

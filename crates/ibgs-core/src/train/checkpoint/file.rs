@@ -1,6 +1,6 @@
 //! The file of a checkpoint.
 
-use super::{Checkpoint, CheckpointError, State, VERSION};
+use super::{Checkpoint, CheckpointError, FORMAT, State, VERSION};
 use crate::files::write_seekable_atomically;
 use crate::scene::MAX_SH_DEGREE;
 use crate::stored_zip::{self, StoredZip};
@@ -11,9 +11,6 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::Path;
 use zip::ZipWriter;
-
-/// Version of the layout.
-const FORMAT: u32 = 1;
 
 #[derive(Serialize, Deserialize)]
 struct Header {
@@ -87,7 +84,8 @@ impl Checkpoint {
         let mut zip = StoredZip::open(reader).map_err(damaged)?;
         let header: Header = json(&mut zip, HEADER).map_err(damaged)?;
         if header.format != FORMAT || header.version != VERSION {
-            return Err(CheckpointError::Version { path: path.to_owned(), found: header.version });
+            let found = format!("{} (format {})", header.version, header.format);
+            return Err(CheckpointError::Version { path: path.to_owned(), found });
         }
         let config = bytes(&mut zip, CONFIG).map_err(damaged)?;
         let config = TrainConfig::from_text(&String::from_utf8_lossy(&config), Path::new(CONFIG))

@@ -18,6 +18,9 @@ use thiserror::Error;
 /// The version that writes checkpoints, and the only one whose are read.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
+/// Version of the layout.
+const FORMAT: u32 = 1;
+
 /// Why a training cannot go on from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -40,8 +43,8 @@ pub enum CheckpointError {
     },
     /// Another version of the program wrote it.
     #[error(
-        "the checkpoint {} is of ibgs {found}, this is {}; go on with that version, or begin anew from its Gaussians with \
-         `--init`", path.display(), VERSION
+        "the checkpoint {} is of ibgs {found}, not of {} (format {}); go on with that version, or begin anew from its Gaussians with \
+         `--init`", path.display(), VERSION, FORMAT
     )]
     Version {
         /// The file.
@@ -143,9 +146,17 @@ impl Checkpoint {
         self.state.iteration
     }
 
+    /// Whether the training went back once, and on with lower learning rates.
+    pub fn is_slowed(&self) -> bool {
+        self.state.caution < 1.0
+    }
+
     /// Whether every number of the model and its optimiser is finite.
     pub fn is_finite(&self) -> bool {
-        self.tensors().iter().all(|(_, values)| values.iter().all(|v| v.is_finite()))
+        let exposures = self.state.exposure.iter().flatten();
+        let numbers = exposures.flat_map(|e| [e.scalars, e.moment1, e.moment2]).flatten();
+        numbers.into_iter().all(f32::is_finite)
+            && self.tensors().iter().all(|(_, values)| values.iter().all(|v| v.is_finite()))
     }
 
     /// All tensors by name.
@@ -231,12 +242,16 @@ impl Checkpoint {
         }
         require(state.gaussians > 0, "it has no Gaussian")?;
         require(state.iteration <= self.config.iterations, "it is of an iteration beyond the last one")?;
+        let steps = state.steps.into_iter().chain(state.network_steps);
+        let steps = steps.chain(state.exposure.iter().flatten().map(|exposure| exposure.steps));
+        let possible = |steps: i32| u32::try_from(steps).is_ok_and(|steps| steps <= state.iteration);
+        require(steps.into_iter().all(possible), "it took more steps than iterations")?;
         require(state.queue.iter().all(|&view| view < views), "the order of its views names one that is not there")?;
         let fits = |(view, depth): (&usize, &Vec<f32>)| pixels.get(*view) == Some(&depth.len());
         require(self.depths.iter().all(fits), "a depth map does not fit its view")?;
         let exposures = state.exposure.as_ref().is_none_or(|states| states.len() == views);
         require(exposures, "the number of exposures is not that of the views")?;
-        require(state.recorder.is_sound(), "its telemetry has a wrong length")?;
+        require(state.recorder.is_sound(state.iteration), "its telemetry has a wrong length")?;
         let lengths = [state.extent, state.prune_length, state.caution];
         require(lengths.iter().all(|v| v.is_finite() && *v > 0.0), "its scene extent is not positive")?;
         require(self.is_finite(), "a number is not finite")

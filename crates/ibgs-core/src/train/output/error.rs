@@ -22,6 +22,17 @@ pub enum OutputError {
         /// Its latest iteration.
         iteration: u32,
     },
+    /// A training stopped there.
+    #[error(
+        "{} holds a training that stopped after iteration {iteration}; go on with `--resume`, choose another folder or allow overwriting it",
+        path.display()
+    )]
+    HoldsTraining {
+        /// The folder.
+        path: PathBuf,
+        /// Iteration of its latest checkpoint.
+        iteration: u32,
+    },
     /// The folder belongs to something else.
     #[error(
         "{} holds a `{file}` that no training run wrote, perhaps it is a scene folder; choose another output folder or allow overwriting it",

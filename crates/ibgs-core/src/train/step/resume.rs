@@ -54,6 +54,7 @@ impl Trainer {
         self.caution = 1.0;
         self.slow_down(state.caution);
         self.raster.set_capacity(state.room);
+        self.is_whole = true;
         Ok(())
     }
 
@@ -66,8 +67,12 @@ impl Trainer {
     /// Everything that the training goes on from; waits for the GPU. `run` is the caller's own.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`] where a number of the model is not finite, or the device is lost.
+    /// [`TrainError::NotFinite`] where a number of the model is not finite, [`TrainError::Unfinished`] after an iteration that
+    /// failed, or the device is lost.
     pub fn checkpoint(&mut self, run: serde_json::Value) -> Result<Checkpoint, TrainError> {
+        if !self.is_whole {
+            return Err(TrainError::Unfinished(self.iteration));
+        }
         let gpu = self.gpu.clone();
         let (moments, steps) = self.optimizer.state(&gpu)?;
         let stages = self.stages.as_mut().map(|stages| stages.state(self.config.deterministic)).transpose()?;

@@ -1,0 +1,33 @@
+//! What commands print. `println!` panics once nobody reads any more (`ibgs info | head`); [`say!`](crate::say) does not.
+
+use ibgs_core::tell;
+use std::fmt::Arguments;
+use std::io::{ErrorKind, Result, Write, stdout};
+
+/// A line on standard output, formatted like `println!`; see [`say`].
+#[macro_export]
+macro_rules! say {
+    () => { $crate::stdout::say(format_args!("")) };
+    ($($part:tt)*) => { $crate::stdout::say(format_args!($($part)*)) };
+}
+
+/// What [`say!`](crate::say) does: a line that nobody reads is lost; one that cannot be written (a full disk) ends the program
+/// with a sentence and exit code 1.
+pub fn say(line: Arguments) {
+    if let Err(error) = print(|out| writeln!(out, "{line}")) {
+        tell!("error: cannot write to standard output: {error}");
+        std::process::exit(1);
+    }
+}
+
+/// Writes to standard output; that nobody reads any more is no error.
+///
+/// # Errors
+/// It cannot be written, for instance to a full disk.
+pub fn print(write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let mut out = stdout().lock();
+    match write(&mut out).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        outcome => outcome,
+    }
+}
