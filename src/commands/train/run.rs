@@ -129,10 +129,9 @@ impl Run {
         let bar = progress_bar(self.config.iterations);
         while self.trainer.iteration() < self.config.iterations && !stop.load(Ordering::SeqCst) {
             let stepped = self.advance().and_then(|due| match due.save || due.evaluate {
-                true => bar.suspend(|| self.settle(due)),
-                false => Ok(()),
+                true => bar.suspend(|| self.follow(due)),
+                false => self.follow(due),
             });
-            let stepped = stepped.and_then(|()| self.keep_if_due());
             if let Err(error) = stepped.or_else(|error| bar.suspend(|| self.go_back(error))) {
                 bar.finish_and_clear();
                 return Err(self.rescue(error));
@@ -167,9 +166,12 @@ impl Run {
         Ok(due)
     }
 
-    /// Keeps the state where it is time, after what was due: a resumed run does nothing of that. After the last iteration there
-    /// is nothing to go on with.
-    fn keep_if_due(&mut self) -> Result<()> {
+    /// Does what is due after an iteration, then keeps the state where it is time: a resumed run does nothing of the rest. After
+    /// the last iteration there is nothing to go on with.
+    fn follow(&mut self, due: Due) -> Result<()> {
+        if due.save || due.evaluate {
+            self.settle(due)?;
+        }
         match self.keeper.due() {
             (true, write) if self.trainer.iteration() < self.config.iterations => self.keep(write),
             _ => Ok(()),
@@ -321,9 +323,8 @@ impl Training for Run {
             } else if due.save {
                 told("saving");
             }
-            self.settle(due)
+            self.follow(due)
         });
-        let stepped = stepped.and_then(|()| self.keep_if_due());
         stepped.or_else(|error| self.go_back(error)).map_err(|error| self.rescue(error))
     }
 
