@@ -133,7 +133,7 @@ fn many_cameras_are_counted_in_one_go() {
 }
 
 fn bundle_error(bytes: &[u8]) -> String {
-    Bundle::read_from(Cursor::new(bytes), bytes.len() as u64, Path::new("a.ibgs")).unwrap_err().to_string()
+    Bundle::read_from(Cursor::new(bytes), Path::new("a.ibgs")).unwrap_err().to_string()
 }
 
 #[test]

@@ -177,7 +177,7 @@ fn archive(bytes: &[u8], mut parts: seeds::Parts) -> Option<Vec<u8>> {
 /// A checkpoint.
 pub fn checkpoint(bytes: &[u8]) -> bool {
     let Some(bytes) = archive(bytes, seeds::checkpoint_parts()) else { return false };
-    let read = Checkpoint::read_from(Cursor::new(&bytes), bytes.len() as u64, Path::new("1.ibgs"));
+    let read = Checkpoint::read_from(Cursor::new(&bytes), Path::new("1.ibgs"));
     accepted(read, "1.ibgs", |checkpoint| {
         assert!(checkpoint.gaussians.means.len() <= bytes.len() && checkpoint.network.is_none());
     })
@@ -186,7 +186,7 @@ pub fn checkpoint(bytes: &[u8]) -> bool {
 /// A bundle.
 pub fn bundle(bytes: &[u8]) -> bool {
     let Some(bytes) = archive(bytes, seeds::bundle_parts()) else { return false };
-    let read = Bundle::read_from(Cursor::new(&bytes), bytes.len() as u64, Path::new("some.ibgs"));
+    let read = Bundle::read_from(Cursor::new(&bytes), Path::new("some.ibgs"));
     accepted(read, "some.ibgs", |bundle| {
         check_gaussians(&bundle.gaussians);
         bundle.cameras.iter().for_each(|record| check_camera(&record.camera));

@@ -153,19 +153,17 @@ impl Bundle {
     /// [`BundleError`] naming the file and the part that is missing or broken.
     pub fn read(path: &Path) -> Result<Self, BundleError> {
         let unreadable = |source| BundleError::Read { path: path.to_owned(), source };
-        let file = File::open(path).map_err(unreadable)?;
-        let length = file.metadata().map_err(unreadable)?.len();
-        Self::read_from(BufReader::new(file), length, path)
+        Self::read_from(BufReader::new(File::open(path).map_err(unreadable)?), path)
     }
 
-    /// [`Bundle::read`] from anything seekable that is `length` bytes long; `path` is for messages.
+    /// [`Bundle::read`] from anything seekable; `path` is for messages.
     ///
     /// # Errors
     /// As [`Bundle::read`].
-    pub fn read_from<R: Read + Seek>(reader: R, length: u64, path: &Path) -> Result<Self, BundleError> {
+    pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, BundleError> {
         let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
         let zip = StoredZip::open(reader).map_err(no_bundle)?;
-        let mut parts = Parts { path, length, zip };
+        let mut parts = Parts { path, zip };
         if !parts.zip.has("ibgs.json") {
             return Err(no_bundle("it is a ZIP archive of something else".to_owned()));
         }
@@ -191,7 +189,6 @@ impl Bundle {
 /// The parts of an open bundle.
 struct Parts<'a, R> {
     path: &'a Path,
-    length: u64,
     zip: StoredZip<R>,
 }
 
@@ -219,9 +216,9 @@ impl<R: Read + Seek> Parts<'_, R> {
         let training: Vec<&CameraRecord> = cameras.iter().filter(|c| c.split == Some(Split::Train)).collect();
         let sizes = training.iter().map(|c| u64::from(c.camera.width).saturating_mul(4 * u64::from(c.camera.height)));
         let needed = sizes.fold(0_u64, u64::saturating_add);
-        if needed / MOST_TIMES > self.length.saturating_add(MOST_BYTES_MORE / MOST_TIMES) {
+        if needed / MOST_TIMES > self.zip.length().saturating_add(MOST_BYTES_MORE / MOST_TIMES) {
             let reason =
-                format!("asks for {needed} bytes of photos, which a file of {} bytes cannot hold", self.length);
+                format!("asks for {needed} bytes of photos, which a file of {} bytes cannot hold", self.zip.length());
             return Err(self.damaged("cameras.json", reason));
         }
         for batch in training.chunks(BATCH) {

@@ -29,6 +29,7 @@ pub fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) ->
 /// An open archive. Errors are what is wrong.
 pub struct StoredZip<R> {
     zip: ZipArchive<R>,
+    length: u64,
     /// Bytes that may still be read: twice the file's, for entries of a crafted list may share theirs.
     left: u64,
 }
@@ -38,7 +39,12 @@ impl<R: Read + Seek> StoredZip<R> {
     pub fn open(mut reader: R) -> Result<Self, String> {
         let length = reader.seek(io::SeekFrom::End(0)).map_err(|error| error.to_string())?;
         let zip = ZipArchive::new(reader).map_err(|error| error.to_string())?;
-        Ok(Self { zip, left: 2 * length })
+        Ok(Self { zip, length, left: 2 * length })
+    }
+
+    /// Bytes of the file.
+    pub fn length(&self) -> u64 {
+        self.length
     }
 
     /// Whether there is such a part.

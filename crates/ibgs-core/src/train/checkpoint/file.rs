@@ -70,16 +70,14 @@ impl Checkpoint {
     /// [`CheckpointError::Read`], [`CheckpointError::Damaged`] naming the part, [`CheckpointError::Version`].
     pub fn read(path: &Path) -> Result<Self, CheckpointError> {
         let unread = |source| CheckpointError::Read { path: path.to_owned(), source };
-        let file = File::open(path).map_err(unread)?;
-        let length = file.metadata().map_err(unread)?.len();
-        Self::read_from(BufReader::new(file), length, path)
+        Self::read_from(BufReader::new(File::open(path).map_err(unread)?), path)
     }
 
-    /// [`Checkpoint::read`] from anything seekable that is `length` bytes long; `path` is for messages.
+    /// [`Checkpoint::read`] from anything seekable; `path` is for messages.
     ///
     /// # Errors
     /// As [`Checkpoint::read`].
-    pub fn read_from<R: Read + Seek>(reader: R, length: u64, path: &Path) -> Result<Self, CheckpointError> {
+    pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, CheckpointError> {
         let damaged = |reason: String| CheckpointError::Damaged { path: path.to_owned(), reason };
         let mut zip = StoredZip::open(reader).map_err(damaged)?;
         let header: Header = json(&mut zip, HEADER).map_err(damaged)?;
@@ -93,7 +91,7 @@ impl Checkpoint {
         let state: State = json(&mut zip, STATE).map_err(damaged)?;
         let run = json(&mut zip, RUN).map_err(damaged)?;
         // Every value takes four bytes of the file.
-        if state.gaussians as u64 > length || state.sh_degree > MAX_SH_DEGREE {
+        if state.gaussians as u64 > zip.length() || state.sh_degree > MAX_SH_DEGREE {
             return Err(damaged(format!("its `{STATE}` tells of more than the file holds")));
         }
         Self::assemble((config, header.scene, run, state), |name, count| tensor(&mut zip, name, count)).map_err(damaged)
