@@ -122,8 +122,8 @@ pub struct Args {
     /// Most Gaussians.
     #[arg(long)]
     max_splats: Option<u32>,
-    /// Device memory that the training may take: `auto` (nine tenths of what the device has), `none` (no limit), or a size such
-    /// as `6GiB`; the number of Gaussians stops growing there.
+    /// Device memory that the training may take: `auto` (nine tenths of what other programs leave of it), `none` (no limit),
+    /// or a size such as `6GiB`; the number of Gaussians stops growing there.
     #[arg(long, default_value = "auto")]
     gpu_memory: MemoryBudget,
     /// Evaluate every so many iterations.

@@ -1,10 +1,11 @@
-//! How much memory a device has.
+//! How much memory a device has left.
 
 use super::Gpu;
 
 impl Gpu {
-    /// Bytes of the device's largest heap of its own memory; none where Vulkan does not tell, for wgpu has no such question, and
-    /// of a software adapter, which takes the machine's memory whatever it says.
+    /// Bytes that the program may have of the device's largest heap of its own memory, with what it has already: all that other
+    /// programs leave, or where the driver does not tell that (`VK_EXT_memory_budget`) the whole heap. None where Vulkan tells
+    /// nothing, for wgpu has no such question, and of a software adapter, which takes the machine's memory whatever it says.
     pub fn memory_bytes(&self) -> Option<u64> {
         heap(&self.adapter).filter(|_| !self.is_software())
     }
@@ -13,15 +14,28 @@ impl Gpu {
 #[cfg(not(target_vendor = "apple"))]
 #[expect(unsafe_code, reason = "wgpu has no safe way to ask")]
 fn heap(adapter: &wgpu::Adapter) -> Option<u64> {
-    const DEVICE_LOCAL: u32 = 1;
-    // SAFETY: the adapter is only asked, and neither it nor what belongs to it is kept or destroyed.
-    let properties = unsafe {
+    use ash::{ext, vk};
+
+    // SAFETY: the adapter is only asked, and neither it nor what belongs to it is kept or destroyed. The second question is part of
+    // Vulkan 1.1, and its extension is the device's.
+    let (properties, budget) = unsafe {
         let adapter = adapter.as_hal::<wgpu::hal::api::Vulkan>()?;
-        let instance = adapter.shared_instance().raw_instance();
-        instance.get_physical_device_memory_properties(adapter.raw_physical_device())
+        let (shared, device) = (adapter.shared_instance(), adapter.raw_physical_device());
+        let (instance, capabilities) = (shared.raw_instance(), adapter.physical_device_capabilities());
+        let version = shared.instance_api_version().min(capabilities.properties().api_version);
+        if version >= vk::API_VERSION_1_1 && capabilities.supports_extension(ext::memory_budget::NAME) {
+            let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+            let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+            instance.get_physical_device_memory_properties2(device, &mut properties);
+            (properties.memory_properties, budget.heap_budget)
+        } else {
+            let properties = instance.get_physical_device_memory_properties(device);
+            (properties, properties.memory_heaps.map(|heap| heap.size))
+        }
     };
-    let heaps = properties.memory_heaps.iter().take(properties.memory_heap_count as usize);
-    heaps.filter(|heap| heap.flags.as_raw() & DEVICE_LOCAL != 0).map(|heap| heap.size).max()
+    let heaps = properties.memory_heaps_as_slice().iter().zip(budget);
+    let own = heaps.filter(|(heap, _)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+    own.max_by_key(|(heap, _)| heap.size).map(|(heap, budget)| budget.min(heap.size))
 }
 
 #[cfg(target_vendor = "apple")]
