@@ -33,18 +33,37 @@ use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::{Protocol, Scored, ViewScore, means};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
-/// Does something at the first Ctrl-C, SIGTERM or closed terminal; at the second one the program ends at once.
+/// Signals within so long after the first one are that one again: a terminal, `timeout` or a scheduler may send it to the
+/// process and to its group.
+const SAME_SIGNAL: Duration = Duration::from_secs(1);
+
+/// Does something at the first Ctrl-C, SIGTERM or closed terminal; at a later one the program ends at once.
 pub fn on_stop(first: impl Fn() + Send + 'static) {
-    let stopping = AtomicBool::new(false);
+    let mut stopping = None;
     // Only one handler a process; when there is one already (in tests), that one stays.
-    let _ = ctrlc::set_handler(move || {
-        if stopping.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
+    let _ = ctrlc::set_handler(move || match stopping {
+        None => {
+            stopping = Some(Instant::now());
+            first();
         }
-        first();
+        Some(begun) if begun.elapsed() > SAME_SIGNAL => end_now(),
+        Some(_) => {}
     });
+}
+
+/// Ends the program without the cleaning up of an orderly exit, in which drivers crash while other threads use them.
+#[cfg(unix)]
+fn end_now() {
+    use rustix::process::{Signal, getpid, kill_process};
+    let _ = kill_process(getpid(), Signal::KILL);
+}
+
+/// Ends the program.
+#[cfg(not(unix))]
+fn end_now() {
+    std::process::exit(130);
 }
 
 /// Opens the adapter that `--adapter` names.

@@ -3,6 +3,7 @@
 use super::{Outcome, PATIENCE, Sandbox, wait_for};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// Iterations of which the folder holds a model.
 fn saved(model: &Path) -> Vec<u32> {
@@ -22,7 +23,11 @@ fn an_interrupted_training_saves_and_evaluates() {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let first = sandbox.path("model/point_cloud/iteration_3/point_cloud.ply");
     wait_for(PATIENCE, || (first.is_file() || child.try_wait().unwrap().is_some()).then_some(()));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    // Twice, as `timeout` does and a shell with its process group: it is one signal all the same.
+    for _ in 0..2 {
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        std::thread::sleep(Duration::from_millis(50));
+    }
     let outcome = Outcome::of_child(arguments, child);
     outcome.assert_success();
     assert!(outcome.stderr.contains("stopped at iteration"), "{outcome}");
