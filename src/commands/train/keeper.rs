@@ -9,8 +9,9 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Time between two states that are kept in memory at least, for after a device is lost.
-const IN_MEMORY: Duration = Duration::from_secs(120);
+/// Times between two states that are kept in memory, for after memory runs out or a device is lost: the longer, the longer
+/// taking one takes.
+const IN_MEMORY: [Duration; 2] = [Duration::from_secs(30), Duration::from_secs(120)];
 
 /// Writes the checkpoints of a run.
 pub struct Keeper {
@@ -21,6 +22,8 @@ pub struct Keeper {
     began: Instant,
     /// When the last state was taken.
     taken: Instant,
+    /// Time until the next one is.
+    pause: Duration,
     /// The last good state; none before the first iteration.
     last: Option<Arc<Checkpoint>>,
     /// Iteration of the last one that is whole on the disk.
@@ -33,7 +36,7 @@ impl Keeper {
     /// Checkpoints in a model folder, every so often.
     pub fn new(folder: OutputFolder, every: Option<Duration>) -> Self {
         let now = Instant::now();
-        Self { folder, every, began: now, taken: now, last: None, written: None, writing: None }
+        Self { folder, every, began: now, taken: now, pause: IN_MEMORY[0], last: None, written: None, writing: None }
     }
 
     /// The training goes on from a checkpoint in the folder.
@@ -51,7 +54,7 @@ impl Keeper {
     /// Whether the state is to be taken now, and whether it is to be written.
     pub fn due(&self) -> (bool, bool) {
         let write = self.every.is_some_and(|every| self.began.elapsed() >= every);
-        (write || self.last.is_none() || self.taken.elapsed() >= IN_MEMORY, write)
+        (write || self.last.is_none() || self.taken.elapsed() >= self.pause, write)
     }
 
     /// The last good state.
@@ -59,11 +62,12 @@ impl Keeper {
         self.last.as_ref()
     }
 
-    /// Takes a state that is good, and begins to write it where that is wanted; what went wrong before is told as a
-    /// warning, for the training itself is sound.
-    pub fn take(&mut self, checkpoint: Checkpoint, write: bool) {
+    /// Takes a state that is good and took so long to read, and begins to write it where that is wanted; what went wrong
+    /// before is told as a warning, for the training itself is sound.
+    pub fn take(&mut self, checkpoint: Checkpoint, write: bool, cost: Duration) {
         self.last = Some(Arc::new(checkpoint));
         self.taken = Instant::now();
+        self.pause = (100 * cost).clamp(IN_MEMORY[0], IN_MEMORY[1]);
         if write {
             self.began = self.taken;
             self.settle();

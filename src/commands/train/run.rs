@@ -3,7 +3,7 @@
 use super::keeper::Keeper;
 use super::watch::{self, Watch};
 use crate::commands::{on_stop, protocol, score_test_views};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::Score;
 use ibgs_core::gpu::Gpu;
@@ -45,6 +45,9 @@ struct Records {
 struct Due {
     save: bool,
     evaluate: bool,
+    /// The state is to be taken, and written.
+    keep: bool,
+    write: bool,
 }
 
 /// A training run with everything that it reports to.
@@ -157,8 +160,15 @@ impl Run {
         self.trainer.step()?;
         let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
         self.records.watch.count(schedule, iteration, self.raster.gpu());
-        let due = Due { save: schedule.save_at(iteration), evaluate: schedule.evaluate_at(iteration) };
-        if due.save || due.evaluate || watch::stage_ends(schedule, iteration) {
+        let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
+        // The first iteration of a stage asks for more memory, which may not be there.
+        let ends = watch::stage_ends(schedule, iteration);
+        let (keep, write) = self.keeper.due();
+        // After the last iteration there is nothing to go on with.
+        let keep = (keep || ends) && iteration < self.config.iterations;
+        let due = Due { save, evaluate, keep, write };
+        // What is still at work belongs to the iterations, and not to what follows.
+        if save || evaluate || keep || ends {
             self.raster.gpu().wait()?;
         }
         self.records.watch.spent(start.elapsed());
@@ -166,23 +176,20 @@ impl Run {
         Ok(due)
     }
 
-    /// Does what is due after an iteration, then keeps the state where it is time: a resumed run does nothing of the rest. After
-    /// the last iteration there is nothing to go on with.
+    /// Does what is due after an iteration, and then keeps the state: a resumed run does nothing of the rest.
     fn follow(&mut self, due: Due) -> Result<()> {
         if due.save || due.evaluate {
-            self.settle(due)?;
+            self.settle(due.save, due.evaluate)?;
         }
-        match self.keeper.due() {
-            (true, write) if self.trainer.iteration() < self.config.iterations => self.keep(write),
-            _ => Ok(()),
-        }
+        if due.keep { self.keep(due.write) } else { Ok(()) }
     }
 
     /// Takes the state as it is now, and begins to write it where that is wanted.
     fn keep(&mut self, write: bool) -> Result<()> {
         if self.trainer.iteration() > 0 {
+            let start = Instant::now();
             let checkpoint = self.trainer.checkpoint(serde_json::to_value(&self.records)?)?;
-            self.keeper.take(checkpoint, write);
+            self.keeper.take(checkpoint, write, start.elapsed());
         }
         Ok(())
     }
@@ -214,13 +221,13 @@ impl Run {
     }
 
     /// Saves and measures.
-    fn settle(&mut self, due: Due) -> Result<()> {
-        if due.save {
+    fn settle(&mut self, save: bool, evaluate: bool) -> Result<()> {
+        if save {
             // What a checkpoint takes of a small disk while it is written must not be missed here.
             self.keeper.settle();
             self.save()?;
         }
-        if due.evaluate {
+        if evaluate {
             self.evaluate()?;
         }
         Ok(self.folder.write_log(&self.records.log)?)
@@ -368,7 +375,13 @@ impl Training for Run {
         // One that was stopped in between, or before it was saved.
         let save = !self.folder.point_cloud_path(iteration).is_file();
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
-        self.settle(Due { save, evaluate })?;
+        let settled = self.settle(save, evaluate);
+        match &kept {
+            Ok(()) if !is_whole => {
+                settled.context("`--resume` goes on from here, but not all was saved and measured")?
+            }
+            _ => settled?,
+        }
         if self.trainer.overflowed() {
             tell!("note: some iterations had more tile intersections than there was room for, and were left out");
         }
