@@ -59,8 +59,6 @@ pub struct Run {
     folder: OutputFolder,
     records: Records,
     keeper: Keeper,
-    /// It went back to an earlier state once.
-    went_back: bool,
     started: Instant,
     /// Time of the iterations before a resumed run.
     before: Duration,
@@ -79,24 +77,12 @@ impl Run {
         started: Instant,
     ) -> Self {
         let (records, keeper) = (Records::default(), Keeper::new(folder.clone(), every));
-        Self {
-            trainer,
-            raster,
-            dataset,
-            config,
-            folder,
-            records,
-            keeper,
-            went_back: false,
-            started,
-            before: Duration::ZERO,
-        }
+        Self { trainer, raster, dataset, config, folder, records, keeper, started, before: Duration::ZERO }
     }
 
     /// The same with the records of a checkpoint that it goes on from.
     pub fn with_records_of(mut self, checkpoint: &Checkpoint) -> Self {
         self.keeper.resumed(checkpoint.iteration());
-        self.went_back = checkpoint.is_slowed();
         match Records::deserialize(&checkpoint.run) {
             Ok(records) => (self.before, self.records) = (records.watch.total(), records),
             Err(error) => tell!("note: times and curves of the iterations before are lost ({error})"),
@@ -161,14 +147,13 @@ impl Run {
         let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
         self.records.watch.count(schedule, iteration, self.raster.gpu());
         let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
-        // The first iteration of a stage asks for more memory, which may not be there.
-        let ends = watch::stage_ends(schedule, iteration);
         let (keep, write) = self.keeper.due();
-        // After the last iteration there is nothing to go on with.
-        let keep = (keep || ends) && iteration < self.config.iterations;
+        // The first iteration of a stage asks for more memory, which may not be there. After the last one there is nothing to go
+        // on with.
+        let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations;
         let due = Due { save, evaluate, keep, write };
-        // What is still at work belongs to the iterations, and not to what follows.
-        if save || evaluate || keep || ends {
+        // What is still at work belongs to the iterations, and not to what follows; the last one is saved.
+        if save || evaluate || keep {
             self.raster.gpu().wait()?;
         }
         self.records.watch.spent(start.elapsed());
@@ -197,10 +182,9 @@ impl Run {
     /// After a value that was no number: back to the last good state, once, and on with lower rates.
     fn go_back(&mut self, error: anyhow::Error) -> Result<()> {
         let broken = matches!(error.downcast_ref::<TrainError>(), Some(TrainError::NotFinite(_)));
-        let Some(checkpoint) = self.keeper.last().filter(|_| broken && !self.went_back).cloned() else {
+        let Some(checkpoint) = self.keeper.last().filter(|_| broken && !self.trainer.is_slowed()).cloned() else {
             return Err(error);
         };
-        self.went_back = true;
         tell!(
             "warning: {error}; going back to iteration {}, once, with {CAUTION} times the learning rates",
             checkpoint.iteration()

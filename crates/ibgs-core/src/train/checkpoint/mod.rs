@@ -146,11 +146,6 @@ impl Checkpoint {
         self.state.iteration
     }
 
-    /// Whether the training went back once, and on with lower learning rates.
-    pub fn is_slowed(&self) -> bool {
-        self.state.caution < 1.0
-    }
-
     /// Whether every number of the model and its optimiser is finite.
     pub fn is_finite(&self) -> bool {
         let exposures = self.state.exposure.iter().flatten();

@@ -64,6 +64,11 @@ impl Trainer {
         self.schedule.slow_down(part);
     }
 
+    /// Whether only a part of the learning rates counts.
+    pub fn is_slowed(&self) -> bool {
+        self.caution < 1.0
+    }
+
     /// Everything that the training goes on from; waits for the GPU. `run` is the caller's own.
     ///
     /// # Errors
