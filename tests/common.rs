@@ -49,7 +49,11 @@ pub fn gaussians(p: &Params) -> Gaussians {
 
 /// The twin's parameters on the device.
 pub fn splats(p: &Params) -> Splats {
-    Splats::upload(&gaussians(p), &gpu()).unwrap()
+    let mut splats = Splats::upload(&gaussians(p), &gpu()).unwrap();
+    if !p.filters.is_empty() {
+        splats.set_filters(p.filters.iter().map(|v| *v as f32).collect());
+    }
+    splats
 }
 
 /// Values of a tensor.

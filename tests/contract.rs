@@ -180,7 +180,8 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(ExposureSumsParams { pixels, slots, other });
     twin!(ExposureApplyParams { pixels, slots });
     twin!(McmcNoiseParams { count, seed, strength });
-    twin!(ObserveParams { size, count, near_depth });
+    twin!(FilterParams { count, cameras, factor });
+    twin!(ObserveParams { size, count, near_depth, largest, pad });
     twin!(OpacityResetParams { count, limit });
     twin!(MeanParams { count, weight });
     twin!(SurfaceParams { size, focal, principal, weight, pad });

@@ -13,7 +13,7 @@ use ibgs_core::eval::score_view;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::gpu::buffer::primitive;
 use ibgs_core::scene::Gaussians;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::config::{Method, Strategy, TrainConfig};
 use ibgs_core::train::{TrainError, Trainer};
 use std::sync::{Arc, OnceLock};
 
@@ -39,6 +39,7 @@ fn plain(iterations: u32) -> TrainConfig {
 /// The same with rounds of densification every 10 iterations up to `end`.
 fn densifying(iterations: u32, end: u32) -> TrainConfig {
     let mut config = plain(iterations);
+    config.densify.strategy = Strategy::Published;
     config.densify.start = Some(9);
     config.densify.interval = Some(10);
     config.densify.end = Some(end);

@@ -114,7 +114,7 @@ pub struct Args {
     #[arg(long)]
     densify_interval: Option<u32>,
     /// How Gaussians are added and removed: `absgs` splits by absolute gradients; `mcmc` moves them and grows to `--max-splats`.
-    #[arg(long, value_name = "STRATEGY", value_parser = ["default", "absgs", "mcmc"])]
+    #[arg(long, value_name = "STRATEGY", value_parser = ["default", "published", "absgs", "mcmc"])]
     densify: Option<String>,
     /// Iterations between two opacity resets.
     #[arg(long)]
@@ -226,6 +226,7 @@ impl Args {
         match self.densify.as_deref() {
             Some("absgs") => c.densify.strategy = Strategy::AbsGs,
             Some("mcmc") => c.densify.strategy = Strategy::Mcmc,
+            Some("published") => c.densify.strategy = Strategy::Published,
             Some(_) => c.densify.strategy = Strategy::Default,
             None => {}
         }
@@ -280,6 +281,7 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
             demo_scene(&config, &gpu)?
         }
     };
+    config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
     told("preparing the training");
     let started = Instant::now();
     let raster = Arc::new(Rasterizer::new(gpu.clone()));

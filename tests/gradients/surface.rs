@@ -15,7 +15,7 @@ pub(super) fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
     let usual = RasterView::new(scene.camera, scene.params.sh_degree as u32);
     RasterView {
         background: scene.background.map(|v| v as f32),
-        box_sigma: if ideal { 3.34 } else { usual.box_sigma },
+        box_sigma: if scene.model == Model::Boxed { 3.0 } else { 0.0 },
         tangent_limit: if ideal { 1e6 } else { usual.tangent_limit },
         surface: Some(SurfaceOptions { slots: scene.k as u32, ray_offset }),
         ..usual
@@ -184,7 +184,7 @@ pub(super) fn golden_dump() -> Option<(Golden, Scene)> {
         background: [0.0; 3],
         sources: golden.source_cameras.iter().enumerate().map(source).collect(),
         k: 4,
-        model: Model::Tiled,
+        model: Model::Boxed,
     };
     Some((golden, scene))
 }

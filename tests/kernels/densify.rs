@@ -15,7 +15,11 @@ use rand_chacha::ChaCha8Rng;
 const FRESH: u32 = 1 << 31;
 
 fn round() -> Round {
-    Round { extent: 1.0, prune_length: 1.0, transparent: true, large: false }
+    Round { extent: 1.0, prune_length: 1.0, transparent: true, large: false, grows: true, progress: 0.0, until_half: 0 }
+}
+
+fn published() -> DensifyConfig {
+    DensifyConfig { strategy: Strategy::Published, ..DensifyConfig::default() }
 }
 
 /// One Gaussian each: (gradient sum, absolute sum, views, radius), log scale, opacity logit.
@@ -43,7 +47,7 @@ fn small_ones_are_cloned_large_ones_split_quiet_ones_kept() {
         // Never seen: no division by zero views.
         ([0.0, 0.0, 0.0, 0.0], small, 1.0),
     ];
-    let plan = planned(&rows, &DensifyConfig::default(), &round());
+    let plan = planned(&rows, &published(), &round());
     assert_eq!(plan.sources, [0, 2, 3, FRESH, FRESH | 1, FRESH | 1]);
     assert_eq!(plan.counts, [1, 1, 0]);
     assert_eq!(plan.means[..3], [[0.0; 3], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]);
@@ -63,7 +67,7 @@ fn absolute_gradients_split_wide_ones_and_the_largest_win() {
         ([0.0, 3e-3, 1.0, 90.0], 0.0005f32.ln(), 1.0),
         ([0.0, 7e-4, 1.0, 90.0], large, 1.0),
     ];
-    let config = DensifyConfig::default();
+    let config = published();
     assert_eq!(planned(&rows, &config, &round()).counts, [0, 2, 0]);
     let one = DensifyConfig { abs_max_per_round: 1, ..config.clone() };
     let plan = planned(&rows, &one, &round());
@@ -93,7 +97,7 @@ fn absgs_splits_by_the_absolute_gradient_alone() {
 #[test]
 fn pruning_takes_the_transparent_and_later_the_large() {
     let rows = [([0.0; 4], 0.01f32.ln(), -3.5), ([0.0; 4], 0.2f32.ln(), 1.0), ([0.0; 4], 0.01f32.ln(), 1.0)];
-    let config = DensifyConfig::default();
+    let config = published();
     assert_eq!(planned(&rows, &config, &round()).sources, [1, 2]);
     assert_eq!(planned(&rows, &config, &Round { large: true, ..round() }).sources, [2]);
     assert_eq!(planned(&rows, &config, &Round { transparent: false, ..round() }).sources, [0, 1, 2]);
@@ -108,14 +112,14 @@ fn far_scenes_are_measured_by_their_distance() {
     assert_eq!(distance_length(&[], centre, 2.0), 2.0);
     let rows = [([0.0; 4], 0.25f32.ln(), 1.0); 3];
     let round = Round { large: true, ..round() };
-    assert_eq!(planned(&rows, &DensifyConfig::default(), &round).sources, [0; 0]);
-    assert_eq!(planned(&rows, &DensifyConfig::default(), &Round { prune_length: 3.0, ..round }).sources, [0, 1, 2]);
+    assert_eq!(planned(&rows, &published(), &round).sources, [0; 0]);
+    assert_eq!(planned(&rows, &published(), &Round { prune_length: 3.0, ..round }).sources, [0, 1, 2]);
 }
 
 #[test]
 fn the_cap_is_never_passed() {
     let rows: Vec<_> = (0..50).map(|i| ([1e-3 * (1 + i) as f32, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)).collect();
-    let config = DensifyConfig { max_splats: Some(55), ..DensifyConfig::default() };
+    let config = DensifyConfig { max_splats: Some(55), ..published() };
     let plan = planned(&rows, &config, &round());
     assert_eq!(plan.sources.len(), 55);
     // The largest gradients.
@@ -125,7 +129,7 @@ fn the_cap_is_never_passed() {
 #[test]
 fn a_plan_is_repeatable() {
     let rows = [([1e-3, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)];
-    let config = DensifyConfig::default();
+    let config = published();
     assert_eq!(planned(&rows, &config, &round()), planned(&rows, &config, &round()));
 }
 
@@ -142,7 +146,7 @@ fn statistics_grow_only_where_the_gaussian_was_seen() {
     for (near_depth, factor) in [(2.0, 0.25), (0.0, 1.0)] {
         let start = [[1.0f32, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 40.0], [0.0; 4]];
         let statistics = gpu.upload("statistics", &start).unwrap();
-        let params = ObserveParams { size: [200, 200], count: 3, near_depth };
+        let params = ObserveParams { size: [200, 200], count: 3, near_depth, largest: 0, pad: 0 };
         let mut pass = Pass::new(&gpu, "test");
         pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &statistics], bytes_of(&params), 3);
         pass.submit();
@@ -152,6 +156,32 @@ fn statistics_grow_only_where_the_gaussian_was_seen() {
         assert_eq!(ours[1], start[1], "culled");
         assert!(close(ours[2], [0.5 * factor, 1.3 * factor, 1.0, 2.0]), "near depth {near_depth}: {:?}", ours[2]);
     }
+}
+
+#[test]
+fn the_largest_gradient_over_the_views_is_kept() {
+    let gpu = gpu();
+    let mut projected = [[0.0f32; 4]; 9];
+    (projected[1][2], projected[1][3]) = (0.1, 50.0);
+    (projected[4][2], projected[4][3]) = (5.0, 9.0);
+    let projected = gpu.upload("projected", &projected).unwrap();
+    let statistics = gpu.upload("statistics", &[[0.0f32; 4]; 3]).unwrap();
+    let params = ObserveParams { size: [200, 100], count: 3, near_depth: 1.0, largest: 1, pad: 0 };
+    // The second view has a larger absolute gradient, and too little room for the second Gaussian.
+    for rows in [
+        [[3e-3f32, 8e-3, 5e-3, 24e-3], [0.0, 1e-3, 0.0, 1e-3], [1.0; 4]],
+        [[-1e-3, 0.0, 0.02, 0.03], [1.0, 1.0, 1.0, -1.0], [1.0; 4]],
+    ] {
+        let gradient = gpu.upload("gradient", &rows).unwrap();
+        let mut pass = Pass::new(&gpu, "test");
+        pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &statistics], bytes_of(&params), 3);
+        pass.submit();
+    }
+    let ours: Vec<[f32; 4]> = gpu.read(&statistics, 3).unwrap();
+    let close = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    assert!(close(ours[0], [5.0, 0.0, 2.0, 0.25]), "{:?}", ours[0]);
+    assert!(close(ours[1], [0.1, 0.0, 1.0, 0.045]), "{:?}", ours[1]);
+    assert_eq!(ours[2], [0.0; 4], "culled");
 }
 
 #[test]

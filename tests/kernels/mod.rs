@@ -6,6 +6,8 @@ mod compose;
 mod densify;
 mod exposure;
 mod features;
+mod filter;
+mod growth;
 mod hourglass;
 mod image_loss;
 mod mcmc;

@@ -50,11 +50,12 @@ pub const MIN_TRANSMITTANCE: f64 = 1e-4;
 /// How the projection treats what lies far from a Gaussian's centre or from the field of view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
-    /// As method.md section 2 and the kernels: a Gaussian touches the tiles of its radius and the Jacobian's ratios are
-    /// held within 1.3 times the tangent of half the field of view.
+    /// As the kernels: a Gaussian reaches every pixel where its alpha is 1/255 or more, and the Jacobian's ratios are held.
     #[default]
-    Tiled,
-    /// Neither: a Gaussian reaches as far as its alpha is 1/255. The golden gradients were made so.
+    Outline,
+    /// As method.md section 2 and the kernels' published setting: it also touches the tiles of its radius only.
+    Boxed,
+    /// Neither box nor held ratios, as the golden gradients.
     Ideal,
 }
 
@@ -84,6 +85,8 @@ pub struct Params {
     /// N x C x 3 with C = (sh_degree + 1)^2: Gaussian, then coefficient, then channel.
     pub sh: Vec<f64>,
     pub sh_degree: usize,
+    /// Standard deviations of the 3D smoothing filters; those that are left out are 0.
+    pub filters: Vec<f64>,
 }
 
 impl Params {

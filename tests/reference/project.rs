@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use rayon::prelude::*;
 
-use super::{BLUR, Grads, Model, NEAR, Params, Projected, SplatGrads, TILE, sh};
+use super::{BLUR, Grads, MIN_ALPHA, Model, NEAR, Params, Projected, SplatGrads, TILE, sh};
 
 /// One Gaussian after activation, with the intermediate results that the backward pass needs again.
 struct Splat {
@@ -17,7 +17,11 @@ struct Splat {
     /// Normalised quaternion and the length it had.
     rotation: DQuat,
     rotation_length: f64,
+    /// After the 3D smoothing filter.
     scale: DVec3,
+    /// Squared ratio of the scales before and after the filter, and the factor of the opacity.
+    filtered: DVec3,
+    gain: f64,
     /// Sigma, in world space.
     covariance: DMat3,
     /// The two rows of T = J R: pixels by world coordinates.
@@ -52,14 +56,23 @@ impl Splat {
         let limit = 1.3 * size / (2.0 * camera.focal);
         let free = view.truncate() / view.z;
         let ratio = match model {
-            Model::Tiled => free.clamp(-limit, limit),
+            Model::Outline | Model::Boxed => free.clamp(-limit, limit),
             Model::Ideal => free,
         };
 
         let [w, x, y, z] = p.rotations[i];
         let raw = DQuat::from_xyzw(x, y, z, w);
         let rotation = raw * (1.0 / raw.length());
-        let scale = DVec3::from_array(p.log_scales[i]).exp();
+        let raw_scale = DVec3::from_array(p.log_scales[i]).exp();
+        let filter = p.filters.get(i).copied().unwrap_or(0.0);
+        let (scale, ratio_of_scales) = match filter {
+            0.0 => (raw_scale, DVec3::ONE),
+            _ => {
+                let scale = (raw_scale * raw_scale + filter * filter).map(f64::sqrt);
+                (scale, raw_scale / scale)
+            }
+        };
+        let gain = ratio_of_scales.element_product();
         let axes = rotation_matrix(rotation) * DMat3::from_diagonal(scale);
         let covariance = axes * axes.transpose();
 
@@ -86,10 +99,18 @@ impl Splat {
             pixel_from_world,
             cov2d,
             conic: [cov2d[2] / det, -cov2d[1] / det, cov2d[0] / det],
-            opacity: sigmoid(p.opacity_logits[i]),
+            filtered: ratio_of_scales * ratio_of_scales,
+            gain,
+            opacity: gain * sigmoid(p.opacity_logits[i]),
             direction: offset / distance,
             distance,
         })
+    }
+
+    /// Half sides of a box around the outline, where alpha is 1/255, with some room: what tiles cut off must not be seen.
+    fn outline(&self) -> [f64; 2] {
+        let cut = 2.0 * ((self.opacity / MIN_ALPHA).ln().max(0.0) + 0.05);
+        [self.cov2d[0], self.cov2d[2]].map(|variance| (cut * variance).sqrt() + 2.0)
     }
 
     /// ceil(3 sqrt(largest eigenvalue)), with the discriminant held from below as in 3DGS.
@@ -117,16 +138,16 @@ fn jacobian(camera: &Camera, z: f64, ratio: DVec2) -> [DVec3; 2] {
     [DVec3::new(f.x, 0.0, -f.x * ratio.x), DVec3::new(0.0, f.y, -f.y * ratio.y)]
 }
 
-/// Tiles touched by the square of `radius` around `xy` (reference.py truncates towards zero before clamping).
-fn tile_rect(xy: [f64; 2], radius: f64, camera: &Camera) -> [u32; 4] {
+/// Tiles touched by the rectangle of these half sides around `xy` (reference.py truncates towards zero before clamping).
+fn tile_rect(xy: [f64; 2], half: [f64; 2], camera: &Camera) -> [u32; 4] {
     let tile = f64::from(TILE);
-    let range = |center: f64, size: u32| {
+    let range = |center: f64, radius: f64, size: u32| {
         let tiles = size.div_ceil(TILE);
         let clamp = |v: f64| (v as i64).clamp(0, i64::from(tiles)) as u32;
         (clamp((center - radius) / tile), clamp((center + radius + tile - 1.0) / tile))
     };
-    let (x0, x1) = range(xy[0], camera.width);
-    let (y0, y1) = range(xy[1], camera.height);
+    let (x0, x1) = range(xy[0], half[0], camera.width);
+    let (y0, y1) = range(xy[1], half[1], camera.height);
     [x0, y0, x1, y1]
 }
 
@@ -150,8 +171,8 @@ fn project_one(p: &Params, i: usize, camera: &Camera, active_sh_degree: usize, m
         opacity: splat.opacity,
         color: sh::color(p.sh_of(i), active_sh_degree, splat.direction),
         rect: match model {
-            Model::Tiled => tile_rect(xy, radius, camera),
-            Model::Ideal => [0, 0, camera.width.div_ceil(TILE), camera.height.div_ceil(TILE)],
+            Model::Boxed => tile_rect(xy, [radius; 2], camera),
+            Model::Outline | Model::Ideal => tile_rect(xy, splat.outline(), camera),
         },
         radius,
     };
@@ -166,7 +187,7 @@ fn project_one(p: &Params, i: usize, camera: &Camera, active_sh_degree: usize, m
 
 /// Projects every Gaussian; only the first `active_sh_degree` degrees of the colour count.
 pub fn project(p: &Params, camera: &Camera, active_sh_degree: usize) -> Vec<Projected> {
-    project_as(p, camera, active_sh_degree, Model::Tiled)
+    project_as(p, camera, active_sh_degree, Model::Outline)
 }
 
 /// `project` with a choice of the model.
@@ -194,7 +215,7 @@ pub fn project_backward(
     projected: &[Projected],
     v: &SplatGrads,
 ) -> Grads {
-    project_backward_as(p, camera, active_sh_degree, projected, v, Model::Tiled)
+    project_backward_as(p, camera, active_sh_degree, projected, v, Model::Outline)
 }
 
 /// `project_backward` with a choice of the model, the one of the projection.
@@ -240,7 +261,10 @@ fn project_backward_one(
 
     let (v_pixel_from_world, v_covariance) = covariance_backward(&splat, v.conic[i]);
     v_view += jacobian_backward(&splat, camera, v_pixel_from_world);
-    let (rotation, log_scale) = shape_backward(&splat, v_covariance);
+    let (rotation, by_filtered) = shape_backward(&splat, v_covariance);
+    // s'^2 = s^2 + f^2 and o' = o product of s / s'.
+    let by_gain = v.opacity[i] * splat.opacity;
+    let log_scale = std::array::from_fn(|a| by_filtered[a] * splat.filtered[a] + by_gain * (1.0 - splat.filtered[a]));
 
     let (sh, v_direction) = sh::color_backward(p.sh_of(i), active_sh_degree, splat.direction, v.color[i]);
     let tangent = v_direction - splat.direction * splat.direction.dot(v_direction);
@@ -249,7 +273,7 @@ fn project_backward_one(
         mean: v_mean.to_array(),
         rotation,
         log_scale,
-        opacity_logit: v.opacity[i] * splat.opacity * (1.0 - splat.opacity),
+        opacity_logit: v.opacity[i] * splat.opacity * (1.0 - splat.opacity / splat.gain),
         sh,
     }
 }

@@ -109,12 +109,12 @@ pub fn rasterize(projected: Vec<Projected>, camera: &Camera, background: [f64; 3
     for (i, color, t, l) in tiles.into_iter().flatten() {
         (image[i], final_t[i], last[i]) = (color, t, l);
     }
-    Forward { image, final_t, last, order, projected, active_sh_degree, model: Model::Tiled }
+    Forward { image, final_t, last, order, projected, active_sh_degree, model: Model::Outline }
 }
 
 /// Projects and blends.
 pub fn render(p: &Params, camera: &Camera, background: [f64; 3], active_sh_degree: usize) -> Forward {
-    render_as(p, camera, background, active_sh_degree, Model::Tiled)
+    render_as(p, camera, background, active_sh_degree, Model::Outline)
 }
 
 /// `render` with a choice of the model.

@@ -12,7 +12,7 @@ use super::random_scene::{random_camera, random_params};
 use super::warp::{Source, Warp, warp};
 use super::{Model, Params, render_as};
 
-pub const FILES: [&str; 2] = ["gradients_k4_m3.npz", "gradients_k6_m4.npz"];
+pub const FILES: [&str; 3] = ["gradients_k2_m2.npz", "gradients_k4_m3.npz", "gradients_k6_m4.npz"];
 /// The outputs of a target view, each a loss of its own, and all together.
 pub const GROUPS: [&str; 6] = ["base", "normal", "depth", "warped", "cosine", "all"];
 pub const TENSORS: [&str; 7] = ["mean", "rotation", "log_scale", "opacity_logit", "sh", "normal", "offset"];
@@ -187,7 +187,7 @@ pub fn wall(seed: u64, k: usize) -> Scene {
     planes.offsets[0] = -8.0;
     planes.normals[1] = (world_from_view * DVec3::new(1.0, 0.3, 0.05)).to_array();
     let background = [0.3, 0.7, 0.1];
-    let mut scene = Scene { params, planes, camera, background, sources: Vec::new(), k, model: Model::Tiled };
+    let mut scene = Scene { params, planes, camera, background, sources: Vec::new(), k, model: Model::Outline };
     let steps = [DVec3::new(0.3, 0.1, -0.1), DVec3::new(-0.9, 0.2, 0.2), DVec3::new(0.1, -0.4, 0.3)];
     for (i, step) in steps.into_iter().enumerate() {
         let camera = beside(&scene.camera, step, 0.05 * (i as f64 - 1.0));

@@ -39,7 +39,11 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     mcmc.densify.strategy = Strategy::Mcmc;
     mcmc.densify.max_splats = Some(400);
     mcmc.densify.end = Some(55);
-    for config in [everything(58), plain, mcmc] {
+    let mut fading = everything(58);
+    fading.densify.strategy = Strategy::Default;
+    fading.densify.growth.threshold = 1e-6;
+    fading.filter = 0.3;
+    for config in [everything(58), plain, mcmc, fading] {
         let mut whole = trainer(&dataset, &config);
         run(&mut whole, 58);
         let expected = model(&whole);

@@ -73,7 +73,7 @@ fn the_most_gaussians_are_not_exceeded() {
 #[test]
 fn every_strategy_trains_and_repeats() {
     let dataset = dataset();
-    for strategy in [Strategy::AbsGs, Strategy::Mcmc] {
+    for strategy in [Strategy::Default, Strategy::AbsGs, Strategy::Mcmc] {
         let mut config = densifying(60, 60);
         config.densify.strategy = strategy;
         config.densify.max_splats = Some(330);
@@ -84,7 +84,7 @@ fn every_strategy_trains_and_repeats() {
         let late = psnr(&first, view);
         assert!(late > early + 0.5, "{strategy:?}: from {early} to {late} dB");
         let grown = first.splats().len();
-        // MCMC reaches its cap, the other one only keeps it.
+        // MCMC reaches its cap, the others only keep it.
         assert!((301..=330).contains(&grown) && (strategy != Strategy::Mcmc || grown == 330), "{strategy:?}: {grown}");
         assert!(trained(&dataset, &config) == trained(&dataset, &config), "{strategy:?}: another model");
     }

@@ -9,7 +9,7 @@
 //! | part | bytes |
 //! |---|---|
 //! | photos | 4 a pixel of all training photos, within `--source-memory` |
-//! | Gaussians | (60 + 12 C) N |
+//! | Gaussians | (64 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
 //! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
@@ -175,6 +175,8 @@ impl Estimate {
             let again = if trained { 3 } else { 1 };
             self.add("densification", what, 4 * values * n, if grows { again } else { 0 });
         }
+        self.add("Gaussians", "filters", 4 * n, 1);
+        self.add("densification", "filters", 4 * n, u64::from(grows));
         self.add("gradients", "screen positions", 16 * n, 2);
         self.add("optimiser", "densification statistics", 16 * n, 1);
         if image_based {

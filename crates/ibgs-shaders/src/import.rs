@@ -2,8 +2,10 @@
 //! times, with the number of the repetition in place of `$name`: drivers do not unroll every loop that they should.
 
 const SHARED: &[(&str, &str)] = &[
+    ("cover", include_str!("../wgsl/shared/cover.wgsl")),
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
     ("exposure_apply_params", include_str!("../wgsl/shared/exposure_apply_params.wgsl")),
+    ("filter", include_str!("../wgsl/shared/filter.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("half", include_str!("../wgsl/shared/half.wgsl")),

@@ -134,7 +134,10 @@ kernels! {
     /// Culling, projection, colour, depth keys, tile counts.
     PROJECT = "project" [256, 1, 1] (size_of::<types::Frame>()):
         read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
-        write("projected"), write("depth_keys"), write("tile_counts");
+        write("projected"), write("depth_keys"), write("tile_counts"), read("filters");
+    /// Sizes of the 3D smoothing filters.
+    FILTER_SIZES = "filter_sizes" [256, 1, 1] (size_of::<types::FilterParams>()):
+        read("means"), read("cameras"), write("filters");
     /// `gathered[i] = values[order[i]]`.
     GATHER = "gather" [256, 1, 1] (4): read("values"), read("order"), write("gathered");
     /// Prefix sum, block sums.
@@ -204,7 +207,7 @@ kernels! {
         read("means"), read("rotations"), read("log_scales"), read("sh"), read("projected"), read("depth_order"),
         read("offsets"), read("tile_counts"), read("v_isect_color"), read("v_isect_xy"), read("v_isect_cov"),
         write("v_means"), write("v_rotations"), write("v_log_scales"), write("v_opacity_logits"), write("v_sh"),
-        write("v_screen");
+        write("v_screen"), read("filters");
     /// L1 + SSIM, forward.
     IMAGE_LOSS = "image_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("image"), read("photo"), write("moments"), write("partials");

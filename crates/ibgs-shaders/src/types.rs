@@ -37,7 +37,7 @@ pub struct Frame {
     pub sh_coefficients: u32,
     /// Length of the intersection buffers.
     pub capacity: u32,
-    /// Half side of a Gaussian's box in standard deviations.
+    /// Half side of the box that a Gaussian is cut by, in standard deviations; 0: none.
     pub box_sigma: f32,
     /// x/z and y/z are clamped to this many tan(half field of view) in the projection's Jacobian.
     pub tangent_limit: f32,
@@ -199,6 +199,18 @@ pub struct McmcNoiseParams {
     pub strength: f32,
 }
 
+/// Sizes of the 3D smoothing filters; the twin of `FilterParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FilterParams {
+    /// Number of Gaussians.
+    pub count: u32,
+    /// Number of cameras.
+    pub cameras: u32,
+    /// Size of a filter in pixels of the nearest camera.
+    pub factor: f32,
+}
+
 /// Densification statistics; the twin of `ObserveParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -209,6 +221,10 @@ pub struct ObserveParams {
     pub count: u32,
     /// Gradients of Gaussians nearer than this view depth count less.
     pub near_depth: f32,
+    /// 1: largest norms in place of sums.
+    pub largest: u32,
+    /// Unused.
+    pub pad: u32,
 }
 
 /// Row gathering; the twin of `GatherParams`.

@@ -7,13 +7,17 @@ struct ObserveParams {
     count: u32,
     // Gradients of Gaussians nearer than this view depth count by the square of their depth over it.
     near_depth: f32,
+    // 1: the largest norm over the views, in units of the image, in place of sums in units of half of it.
+    largest: u32,
+    pad: u32,
 }
 
 var<immediate> params: ObserveParams;
 
 @group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
-// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels).
+// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or (largest
+// absolute-gradient norm, 0, views that saw it, largest radius in units of the image's longer side).
 @group(0) @binding(2) var<storage, read_write> statistics: array<vec4<f32>>;
 
 @compute @workgroup_size(256)
@@ -27,7 +31,12 @@ fn main(
         return;
     }
     let radius = projected[3u * i + 1u].w;
-    if radius > 0.0 && v_screen[i].w >= 0.0 {
+    if radius > 0.0 && v_screen[i].w >= 0.0 && params.largest == 1u {
+        let size = vec2<f32>(params.size);
+        let v = v_screen[i];
+        let s = statistics[i];
+        statistics[i] = vec4(max(s.x, length(v.zw * size)), 0.0, s.z + 1.0, max(s.w, radius / max(size.x, size.y)));
+    } else if radius > 0.0 && v_screen[i].w >= 0.0 {
         let half_size = 0.5 * vec2<f32>(params.size);
         let nearness = min(projected[3u * i + 1u].z / max(params.near_depth, 1e-20), 1.0);
         let v = v_screen[i] * nearness * nearness;

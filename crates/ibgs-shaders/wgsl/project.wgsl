@@ -2,8 +2,10 @@
 #import index
 #import frame
 #import gaussian
+#import filter
 #import hash
 #import tile
+#import cover
 #import sh
 
 @group(0) @binding(0) var<storage, read> means: array<f32>;
@@ -12,10 +14,11 @@
 @group(0) @binding(3) var<storage, read> opacity_logits: array<f32>;
 @group(0) @binding(4) var<storage, read> sh: array<f32>;
 // Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
-// One whose box touches the image but whose alpha stays under 1/255 keeps its radius and has no tiles.
 @group(0) @binding(5) var<storage, read_write> projected: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> depth_keys: array<u32>;
 @group(0) @binding(7) var<storage, read_write> tile_counts: array<u32>;
+// Size of each Gaussian's 3D smoothing filter; 0: none.
+@group(0) @binding(8) var<storage, read> filters: array<f32>;
 
 fn load3(i: u32) -> vec3<f32> {
     return vec3(means[3u * i], means[3u * i + 1u], means[3u * i + 2u]);
@@ -58,9 +61,11 @@ fn main(
     let mean = load3(i);
     let view = view_rotate(mean) + view_translation();
     let q = rotations[i];
-    let scale = exp(vec3(log_scales[3u * i], log_scales[3u * i + 1u], log_scales[3u * i + 2u]));
-    let opacity = 1.0 / (1.0 + exp(-opacity_logits[i]));
-    let broken = not_finite3(view) || not_finite3(scale) || is_nan(opacity_logits[i]) || not_finite(dot(q, q));
+    let raw_scale = exp(vec3(log_scales[3u * i], log_scales[3u * i + 1u], log_scales[3u * i + 2u]));
+    let soft = filtered(raw_scale, filters[i]);
+    let scale = soft.scale;
+    let opacity = soft.gain / (1.0 + exp(-opacity_logits[i]));
+    let broken = not_finite3(view) || not_finite3(scale) || is_nan(opacity_logits[i]) || not_finite(opacity) || not_finite(dot(q, q));
     if broken || dot(q, q) == 0.0 || view.z <= NEAR_DEPTH {
         cull(i);
         return;
@@ -74,15 +79,14 @@ fn main(
         return;
     }
     let shape = vec3(1.0 / e.cov.x, e.cov.y / e.cov.x, e.cov.x / e.det);
-    let rect = tile_rect(e.xy, radius, frame_tiles());
-    let cover = tile_cover(rect, e.xy, shape, opacity);
+    let cover = splat_cover(e.xy, radius, shape, opacity);
     var hits = 0u;
     for (var row = cover.rect.y; row < cover.rect.w; row++) {
         let span = tile_span(row, cover);
         hits += span.y - span.x;
     }
     let color = splat_color(i, normalize(mean - frame.center));
-    if any(rect.xy >= rect.zw) || not_finite3(color) {
+    if hits == 0u || not_finite3(color) {
         cull(i);
         return;
     }

@@ -4,6 +4,7 @@
 #import frame
 #import room
 #import gaussian
+#import filter
 #import sh
 
 @group(0) @binding(0) var<storage, read> means: array<f32>;
@@ -24,6 +25,7 @@
 @group(0) @binding(15) var<storage, read_write> v_sh: array<f32>;
 // (x, y, |x|, |y|) by the projected mean in pixels, for densification.
 @group(0) @binding(16) var<storage, read_write> v_screen: array<vec4<f32>>;
+@group(0) @binding(17) var<storage, read> filters: array<f32>;
 
 fn store_zero(g: u32) {
     for (var c = 0u; c < 3u; c++) {
@@ -106,7 +108,9 @@ fn main(
     let opacity = projected[3u * g + 1u].y;
     let color = projected[3u * g + 2u].rgb;
     let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
-    let scale = exp(vec3(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]));
+    let raw_scale = exp(vec3(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]));
+    let soft = filtered(raw_scale, filters[g]);
+    let scale = soft.scale;
     let q_raw = rotations[g];
     let q_length = length(q_raw);
     let q = q_raw / q_length;
@@ -140,6 +144,9 @@ fn main(
     let v_ratio = frame.focal * sum_xy.xy + v_tangent;
     let v_view = vec3(v_ratio * inv_z, -inv_z * (dot(v_ratio, view.xy * inv_z) + v_inv_z * inv_z));
 
+    // By the logarithms of the scales: of the filtered ones s', d log s' / d log s = ratio; of the gain, 1 - ratio along each axis.
+    v_scale = v_scale * soft.ratio + sum_color.w * opacity * (1.0 - soft.ratio);
+
     let v_color = select(vec3(0.0), sum_color.rgb, color > vec3(0.0));
     let v_mean = view_rotate_transposed(v_view) + color_backward(g, mean - frame.center, v_color);
     let v_q = rotation_backward(q, v_axes);
@@ -148,6 +155,6 @@ fn main(
         v_means[3u * g + c] = v_mean[c];
         v_log_scales[3u * g + c] = v_scale[c];
     }
-    v_opacity_logits[g] = sum_color.w * opacity * (1.0 - opacity);
+    v_opacity_logits[g] = sum_color.w * opacity * (1.0 - opacity / soft.gain);
     v_screen[g] = sum_xy;
 }

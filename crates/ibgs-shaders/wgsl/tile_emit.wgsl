@@ -3,6 +3,7 @@
 #import index
 #import frame
 #import tile
+#import cover
 
 @group(0) @binding(0) var<storage, read> projected: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> depth_order: array<u32>;
@@ -41,7 +42,7 @@ fn main(
     let a = projected[3u * g];
     let b = projected[3u * g + 1u];
     let tiles = frame_tiles();
-    let cover = tile_cover(tile_rect(a.xy, b.w, tiles), a.xy, vec3(a.zw, b.x), b.y);
+    let cover = splat_cover(a.xy, b.w, vec3(a.zw, b.x), b.y);
     // Should rounding find fewer here than were counted, what is left over belongs to an absent tile.
     var tile = tiles.x * tiles.y;
     var before = k - offsets[rank];

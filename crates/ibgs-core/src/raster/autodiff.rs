@@ -1,6 +1,7 @@
 //! The rasterizer as a burn autodiff operation.
 
 use super::{Forward, Inputs, RasterView, Rasterizer, tile_grid};
+use crate::gpu::buffer::primitive;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::Splats;
 use burn::backend::Autodiff;
@@ -31,6 +32,8 @@ pub struct Leaves {
     pub normals: Tensor<2>,
     /// `[N]`
     pub offsets: Tensor<1>,
+    /// `[N]`: sizes of the 3D smoothing filters, which have no gradient.
+    pub filters: Tensor<1>,
     /// `[N, 4]`: its gradient holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
     pub screen: Tensor<2>,
 }
@@ -67,6 +70,7 @@ impl Leaves {
             sh: splats.sh.val().autodiff().require_grad(),
             normals: splats.normals.val().autodiff().require_grad(),
             offsets: splats.offsets.val().autodiff().require_grad(),
+            filters: splats.filters.val(),
             screen: screen.autodiff().require_grad(),
         }
     }
@@ -113,7 +117,7 @@ impl Saved {
     /// Gradients by means, rotations, log scales, opacities, SH, screen and, with a surface, normals and offsets.
     fn backward(&self, v_image: CubeTensor) -> Vec<CubeTensor> {
         let gpu = &*self.gpu;
-        let Inputs { means, rotations, log_scales, opacity_logits, sh, normals, offsets } = &self.inputs;
+        let Inputs { means, rotations, log_scales, opacity_logits, sh, normals, offsets, filters: _ } = &self.inputs;
         let v_image = burn_wgpu::into_contiguous(v_image);
         let zeros = |t: &CubeTensor| gpu.empty_like_shape(means, t.meta.shape());
         let mut outputs = [means, rotations, log_scales, opacity_logits, sh].map(zeros).to_vec();
@@ -182,13 +186,13 @@ impl Saved {
     }
 
     fn record_project(&self, pass: &mut Pass, out: &[&Buffer]) {
-        let Inputs { means, rotations, log_scales, sh, normals, offsets, .. } = &self.inputs;
-        let bound = [means, rotations, log_scales, sh, normals, offsets].map(Gpu::bind);
-        let [means, rotations, log_scales, sh, normals, offsets] = bound.each_ref().map(|b| &**b);
+        let Inputs { means, rotations, log_scales, sh, normals, offsets, filters, .. } = &self.inputs;
+        let bound = [means, rotations, log_scales, sh, normals, offsets, filters].map(Gpu::bind);
+        let [means, rotations, log_scales, sh, normals, offsets, filters] = bound.each_ref().map(|b| &**b);
         let ws = &self.forward.workspace;
         let (frame, order) = (bytes_of(&self.forward.frame), &ws.depth_sort.values[0]);
         let count = self.inputs.count();
-        let project: [&Buffer; 17] = [
+        let project: [&Buffer; 18] = [
             means,
             rotations,
             log_scales,
@@ -206,6 +210,7 @@ impl Saved {
             out[3],
             out[4],
             out[5],
+            filters,
         ];
         pass.linear(&PROJECT_BACKWARD, &project, frame, count);
         if let Some(s) = &self.forward.surface {
@@ -262,6 +267,7 @@ impl Rasterizer {
             sh: sh.into_primitive(),
             normals: normals.into_primitive(),
             offsets: offsets.into_primitive(),
+            filters: primitive(leaves.filters.clone()),
         };
         let forward = self.forward(&inputs, view, true)?;
         let image = forward.image.clone();

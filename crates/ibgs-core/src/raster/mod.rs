@@ -40,8 +40,8 @@ pub struct RasterView {
     pub background: [f32; 3],
     /// Active spherical-harmonics degree; the stored one is the upper bound.
     pub sh_degree: u32,
-    /// Half side of a Gaussian's box in standard deviations (method.md: 3). From 3.34 on the box cuts nothing that
-    /// the alpha threshold would keep.
+    /// Half side of the box that a Gaussian is cut by, in standard deviations; 0: none, a Gaussian reaches every pixel where its
+    /// alpha is 1/255 or more. Published: 3, where alpha may still be 0.011 times the opacity.
     pub box_sigma: f32,
     /// Clamp of x/z and y/z in the projection's Jacobian, in tan(half field of view) (method.md: 1.3).
     pub tangent_limit: f32,
@@ -58,7 +58,7 @@ impl RasterView {
             camera,
             background: [0.0; 3],
             sh_degree,
-            box_sigma: 3.0,
+            box_sigma: 0.0,
             tangent_limit: 1.3,
             surface: None,
             dropout: Dropout::default(),
@@ -107,6 +107,8 @@ pub(crate) struct Inputs {
     pub normals: CubeTensor,
     /// `[N]`
     pub offsets: CubeTensor,
+    /// `[N]`
+    pub filters: CubeTensor,
 }
 
 impl Inputs {
@@ -119,6 +121,7 @@ impl Inputs {
             sh: primitive(splats.sh.val()),
             normals: primitive(splats.normals.val()),
             offsets: primitive(splats.offsets.val()),
+            filters: primitive(splats.filters.val()),
         }
     }
 
@@ -393,10 +396,19 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame)
     let n = frame.count as usize;
     let bytes = bytes_of(frame);
     let bound =
-        [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh].map(Gpu::bind);
-    let [means, rotations, log_scales, opacity_logits, sh] = bound.each_ref().map(|b| &**b);
-    let project: [&Buffer; 8] =
-        [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.depth_sort.keys[0], &ws.tile_counts];
+        [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh, &inputs.filters].map(Gpu::bind);
+    let [means, rotations, log_scales, opacity_logits, sh, filters] = bound.each_ref().map(|b| &**b);
+    let project: [&Buffer; 9] = [
+        means,
+        rotations,
+        log_scales,
+        opacity_logits,
+        sh,
+        &ws.projected,
+        &ws.depth_sort.keys[0],
+        &ws.tile_counts,
+        filters,
+    ];
     pass.linear(&PROJECT, &project, bytes, n);
     let by_depth = ws.depth_sort.record(pass, &ws.count, 32);
     debug_assert_eq!(by_depth, 0, "four passes end where they began");

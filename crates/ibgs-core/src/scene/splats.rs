@@ -22,6 +22,8 @@ pub struct Splats {
     pub normals: Param<Tensor<2>>,
     /// Plane offsets, `[N]`.
     pub offsets: Param<Tensor<1>>,
+    /// Standard deviations of the 3D smoothing filters, `[N]`, not trained; 0: none.
+    pub filters: Param<Tensor<1>>,
 }
 
 fn upload<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Param<Tensor<D>> {
@@ -56,15 +58,26 @@ impl Splats {
             sh: upload(g.sh.clone(), [n, coefficients, 3], device),
             normals: upload(g.normals.as_flattened().to_vec(), [n, 3], device),
             offsets: upload(g.offsets.clone(), [n], device),
+            filters: upload(vec![0.0; n], [n], device),
         })
     }
 
-    /// Copies the model back; waits for the device.
+    /// Copies the model back as it renders, the filters a part of scales and opacities; waits for the device.
     ///
     /// # Errors
     /// When the device is lost.
     pub fn download(&self) -> Result<Gaussians, SceneError> {
-        Ok(Gaussians {
+        let (mut gaussians, filters) = self.download_raw()?;
+        gaussians.apply_filters(&filters);
+        Ok(gaussians)
+    }
+
+    /// Copies the parameters back, and the sizes of the filters; waits for the device.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn download_raw(&self) -> Result<(Gaussians, Vec<f32>), SceneError> {
+        let gaussians = Gaussians {
             means: rows(&download("means", &self.means)?),
             rotations: rows(&download("rotations", &self.rotations)?),
             log_scales: rows(&download("scales", &self.log_scales)?),
@@ -73,7 +86,15 @@ impl Splats {
             sh_degree: self.sh_degree(),
             normals: rows(&download("normals", &self.normals)?),
             offsets: download("offsets", &self.offsets)?,
-        })
+        };
+        Ok((gaussians, download("filters", &self.filters)?))
+    }
+
+    /// Puts other sizes of the filters in place.
+    pub fn set_filters(&mut self, filters: Vec<f32>) {
+        let n = self.len();
+        let tensor = Tensor::from_data(TensorData::new(filters, [n]), &self.means.val().device());
+        self.filters = Param::initialized(self.filters.id, tensor);
     }
 
     /// Number of Gaussians.

@@ -69,6 +69,8 @@ pub struct TrainConfig {
     pub data: DataConfig,
     /// Learning rates.
     pub learning_rates: LearningRates,
+    /// Size of the 3D smoothing filter in pixels of the nearest training view; 0: none.
+    pub filter: f64,
     /// The optimiser.
     pub adam: AdamConfig,
     /// Densification and pruning.
@@ -161,9 +163,11 @@ pub struct AdamConfig {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Strategy {
-    /// By gradients of the projected means and, for wide Gaussians, by absolute gradients (method.md section 7).
+    /// Splits by the largest gradient, pruning and replacement in every round, fading opacities, no resets.
     #[default]
     Default,
+    /// By mean gradients of the projected means and, for wide Gaussians, by absolute gradients (method.md section 7).
+    Published,
     /// AbsGS (Ye et al., 2024): the absolute gradient alone says what is split.
     AbsGs,
     /// 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., 2024): moves, noise and a cap.
@@ -175,13 +179,14 @@ pub enum Strategy {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct DensifyConfig {
-    /// How Gaussians are added and removed: `default`, `absgs`, `mcmc`.
+    /// How Gaussians are added and removed: `default`, `published`, `absgs`, `mcmc`.
     pub strategy: Strategy,
-    /// Rounds come after this iteration; unset: 500, scaled only in runs under 5000 iterations.
+    /// Rounds come after this iteration; unset: 500, scaled only in short runs.
     pub start: Option<u32>,
-    /// Rounds come before this iteration; unset: 15000, with MCMC 25000, scaled.
+    /// The number of Gaussians grows before this iteration; unset: 21000, with MCMC 25000, with `published` and `absgs` 15000,
+    /// scaled.
     pub end: Option<u32>,
-    /// Rounds come at multiples of this; unset: 100, scaled only in runs under 5000 iterations.
+    /// Rounds come at multiples of this; unset: 200, with the other strategies 100, scaled only in short runs.
     pub interval: Option<u32>,
     /// Mean gradient norm from which a Gaussian is cloned or split.
     pub grad_threshold: f64,
@@ -202,7 +207,7 @@ pub struct DensifyConfig {
     pub abs_max_per_round: u32,
     /// A split divides the scales by this.
     pub split_divisor: f64,
-    /// Gaussians in all; unset: 5 million, with MCMC, which grows to it, 1 million.
+    /// Gaussians in all; unset: 5 million, with MCMC, which grows to it, by the scene (`choose_cap`).
     pub max_splats: Option<u32>,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
@@ -215,8 +220,26 @@ pub struct DensifyConfig {
     pub prune_scale_after: Option<u32>,
     /// Gaussians with a larger screen radius, in pixels, are removed after `prune-scale-after`; 0: never.
     pub prune_screen_radius: f64,
+    /// What only the strategy `default` uses.
+    pub growth: GrowthConfig,
     /// What only the strategy `mcmc` uses.
     pub mcmc: McmcConfig,
+}
+
+/// Constants of the strategy `default`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct GrowthConfig {
+    /// Largest norm of the absolute gradient over the views, in units of the image, from which a Gaussian may be split.
+    pub threshold: f64,
+    /// Share of those that is split in a round.
+    pub fraction: f64,
+    /// Gaussians below this opacity are removed.
+    pub prune_opacity: f64,
+    /// What every opacity loses in a round, times the part of the run that is left.
+    pub opacity_decay: f64,
+    /// Gaussians with a larger radius, in units of the image's longer side, are always split; 0: none are.
+    pub screen_size: f64,
 }
 
 /// Constants of the strategy `mcmc`.
@@ -231,11 +254,19 @@ pub struct McmcConfig {
     pub scale_weight: f64,
     /// Gaussians up to this opacity are moved elsewhere.
     pub dead_opacity: f64,
-    /// Their number grows by this factor a round.
-    pub growth: f64,
+    /// Their number grows by this factor a round; unset: by what reaches the cap by half of the run, at least 1.05.
+    pub growth: Option<f64>,
 }
 
 impl DensifyConfig {
+    /// Gives MCMC, which grows to its cap, one by the scene where there is none: a Gaussian for 45 pixels of the training photos,
+    /// at least 200,000 and at most 3 million.
+    pub fn choose_cap(&mut self, pixels: u64) {
+        if self.strategy == Strategy::Mcmc && self.max_splats.is_none() {
+            self.max_splats = Some((pixels / 45).clamp(200_000, 3_000_000) as u32);
+        }
+    }
+
     /// Gaussians in all.
     pub fn most(&self) -> u32 {
         self.max_splats.unwrap_or(if self.strategy == Strategy::Mcmc { 1_000_000 } else { 5_000_000 })

@@ -3,6 +3,7 @@
 pub mod checkpoint;
 pub mod config;
 pub mod densify;
+mod filter;
 pub mod optim;
 pub mod output;
 pub mod schedule;

@@ -12,6 +12,9 @@ pub const REFERENCE_ITERATIONS: u32 = 30_000;
 /// Runs shorter than this scale the start and the interval of densification too.
 const SHORT_RUN: u32 = 5_000;
 
+/// The same with the default strategy, whose rounds are fewer.
+const SHORT_DEFAULT_RUN: u32 = 4_000;
+
 /// Least start and interval of densification after scaling.
 const SHORTEST_ROUND: u32 = 20;
 
@@ -45,8 +48,10 @@ pub struct Schedule {
     pub strategy: Strategy,
     /// Densification comes after this iteration.
     pub densify_start: u32,
-    /// Densification comes before this iteration.
+    /// The number of Gaussians grows before this iteration.
     pub densify_end: u32,
+    /// Rounds come before this iteration.
+    pub rounds_end: u32,
     /// Densification comes at multiples of this.
     pub densify_interval: u32,
     /// Opacity resets come at multiples of this, before `densify_end`.
@@ -72,17 +77,24 @@ const WARM_RATES: f64 = 0.1;
 
 impl Schedule {
     /// Resolves the milestones of `config` for a run of `n_iterations`. With `schedule-scaling` they follow
-    /// `n_iterations / 30000`, except start (500) and interval (100) of densification, which do so only in runs under
-    /// 5000 iterations and never fall under 20. A milestone that `config` gives is taken as it is.
+    /// `n_iterations / 30000`, except start and interval of densification, which fall with the length only in runs under
+    /// 5000 iterations (4000 with the default strategy) and never under 20. A milestone that `config` gives is taken as it is.
     pub fn new(config: &TrainConfig, n_iterations: u32) -> Self {
+        let densify = &config.densify;
         let scaled = |reference: u32| {
             if config.schedule_scaling { scale(reference, n_iterations) } else { reference }
         };
-        let scaled_if_short = |reference: u32| {
-            if n_iterations < SHORT_RUN { scaled(reference).max(SHORTEST_ROUND) } else { reference }
+        // The default's rounds are as many in every short run, so that it grows as far.
+        let scaled_if_short = |reference: u32| match densify.strategy {
+            _ if !config.schedule_scaling => reference,
+            Strategy::Default if n_iterations < SHORT_DEFAULT_RUN => {
+                (reference * n_iterations / SHORT_DEFAULT_RUN).max(SHORTEST_ROUND)
+            }
+            Strategy::Default => reference,
+            _ if n_iterations < SHORT_RUN => scaled(reference).max(SHORTEST_ROUND),
+            _ => reference,
         };
         let warm = config.init.is_some();
-        let densify = &config.densify;
         let densify_start = densify.start.unwrap_or_else(|| scaled_if_short(500));
         let reset_interval = config.opacity_reset.interval.unwrap_or_else(|| scaled(3_000));
         let reports = |list: &Option<Vec<u32>>| match list {
@@ -90,7 +102,14 @@ impl Schedule {
             None => vec![scaled(FIRST_REPORT)],
         };
         let rates = &config.learning_rates;
-        let densify_end = if densify.strategy == Strategy::Mcmc { 25_000 } else { 15_000 };
+        let resets = matches!(densify.strategy, Strategy::Published | Strategy::AbsGs);
+        let reference_end = match densify.strategy {
+            Strategy::Default => 21_000,
+            Strategy::Mcmc => 25_000,
+            _ => 15_000,
+        };
+        let densify_end = densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(reference_end) });
+        let interval = if densify.strategy == Strategy::Default { 200 } else { 100 };
         Self {
             iterations: n_iterations,
             max_sh_degree: config.sh_degree,
@@ -102,10 +121,11 @@ impl Schedule {
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
             strategy: densify.strategy,
             densify_start,
-            densify_end: densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(densify_end) }),
-            densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(100)),
+            densify_end,
+            rounds_end: if densify.strategy == Strategy::Default && !warm { n_iterations } else { densify_end },
+            densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(interval)),
             opacity_reset_interval: reset_interval,
-            white_reset: config.white_background.then_some(densify_start),
+            white_reset: (config.white_background && resets).then_some(densify_start),
             prune_large_after: densify.prune_scale_after.unwrap_or(reset_interval),
             eval_every: config.eval_every,
             eval_iterations: reports(&config.eval_iterations),
@@ -141,14 +161,30 @@ impl Schedule {
     /// Whether a round of densification and pruning follows this iteration.
     pub fn densify_at(&self, iteration: u32) -> bool {
         iteration > self.densify_start
-            && iteration < self.densify_end
+            && iteration < self.rounds_end
             && iteration.is_multiple_of(self.densify_interval.max(1))
+    }
+
+    /// Whether a round at this iteration may add Gaussians.
+    pub fn grows_at(&self, iteration: u32) -> bool {
+        iteration < self.densify_end
+    }
+
+    /// Rounds from this one on, included, in the first half of the run.
+    pub fn rounds_until_half(&self, iteration: u32) -> u32 {
+        let half = self.iterations / 2;
+        if iteration <= half { (half - iteration) / self.densify_interval.max(1) + 1 } else { 0 }
+    }
+
+    /// Part of the run that is done, 0 to 1.
+    pub fn progress(&self, iteration: u32) -> f64 {
+        f64::from(iteration) / f64::from(self.iterations.max(1))
     }
 
     /// Whether opacities are reset after this iteration; never once densification has ended, nor with MCMC.
     pub fn reset_opacity_at(&self, iteration: u32) -> bool {
         let regular = iteration > 0 && iteration.is_multiple_of(self.opacity_reset_interval.max(1));
-        self.strategy != Strategy::Mcmc
+        matches!(self.strategy, Strategy::Published | Strategy::AbsGs)
             && iteration < self.densify_end
             && (regular || self.white_reset == Some(iteration))
     }
@@ -195,8 +231,14 @@ fn scale(reference: u32, n: u32) -> u32 {
 mod tests {
     use super::*;
 
+    fn published() -> TrainConfig {
+        let mut config = TrainConfig::default();
+        config.densify.strategy = Strategy::Published;
+        config
+    }
+
     fn schedule(n: u32) -> Schedule {
-        Schedule::new(&TrainConfig::default(), n)
+        Schedule::new(&published(), n)
     }
 
     fn times(n: u32, event: impl Fn(u32) -> bool) -> Vec<u32> {
@@ -268,7 +310,7 @@ mod tests {
 
     #[test]
     fn absolute_milestones() {
-        let mut config = TrainConfig { schedule_scaling: false, ..TrainConfig::default() };
+        let mut config = TrainConfig { schedule_scaling: false, ..published() };
         let s = Schedule::new(&config, 3_000);
         let reference = schedule(30_000);
         assert_eq!(Schedule { iterations: 30_000, ..s }, reference);
@@ -299,9 +341,27 @@ mod tests {
         let s = schedule(3_000);
         assert_eq!(kept(&s, 3_000)[..5], [320, 340, 360, 380, 620]);
         assert!(s.prune_transparent(300) && s.prune_transparent(400));
-        let white = TrainConfig { white_background: true, ..TrainConfig::default() };
+        let white = TrainConfig { white_background: true, ..published() };
         assert!(kept(&Schedule::new(&white, 30_000), 30_000).is_empty());
         assert_eq!(kept(&Schedule::new(&white, 3_000), 3_000)[..5], [60, 80, 100, 120, 140]);
+    }
+
+    #[test]
+    fn the_default_has_rounds_to_the_end_and_resets_nothing() {
+        let config = TrainConfig { white_background: true, ..TrainConfig::default() };
+        let s = Schedule::new(&config, 30_000);
+        assert!(times(30_000, |i| s.reset_opacity_at(i)).is_empty());
+        let rounds = times(30_000, |i| s.densify_at(i));
+        assert_eq!((rounds[0], rounds[1], *rounds.last().unwrap()), (600, 800, 29_800));
+        assert_eq!(rounds.into_iter().rfind(|&i| s.grows_at(i)), Some(20_800));
+        assert!(s.observes(20_999) && !s.observes(21_000));
+        assert_eq!((s.progress(0), s.progress(15_000)), (0.0, 0.5));
+        let short = Schedule::new(&config, 2_000);
+        let rounds = times(2_000, |i| short.densify_at(i));
+        assert_eq!((short.densify_start, rounds[0], rounds[1]), (250, 300, 400));
+        assert_eq!(rounds.into_iter().rfind(|&i| short.grows_at(i)), Some(1_300));
+        let warm = TrainConfig { init: Some("model.ply".into()), ..TrainConfig::default() };
+        assert!(times(3_000, |i| Schedule::new(&warm, 3_000).densify_at(i)).is_empty());
     }
 
     #[test]
@@ -316,7 +376,7 @@ mod tests {
 
     #[test]
     fn white_background_resets_once_more() {
-        let config = TrainConfig { white_background: true, ..TrainConfig::default() };
+        let config = TrainConfig { white_background: true, ..published() };
         let s = Schedule::new(&config, 30_000);
         assert_eq!(times(30_000, |i| s.reset_opacity_at(i)), [500, 3_000, 6_000, 9_000, 12_000]);
     }

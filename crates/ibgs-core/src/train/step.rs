@@ -4,7 +4,8 @@ mod resume;
 
 use super::checkpoint::CheckpointError;
 use super::config::{Method, Strategy, TrainConfig};
-use super::densify::{self, Round, Statistics, mcmc};
+use super::filter::FilterSizes;
+use super::densify::{self, Over, Round, Statistics, mcmc};
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
 use super::stages::{ImageStages, Total, Work};
@@ -71,6 +72,8 @@ pub struct Trainer {
     splats: Splats,
     optimizer: Optimizer,
     statistics: Statistics,
+    /// The 3D smoothing filter, where there is one.
+    filters: Option<FilterSizes>,
     recorder: Recorder,
     telemetry: Telemetry,
     /// Cameras of the training views.
@@ -149,6 +152,11 @@ impl Trainer {
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, cameras.clone(), config)).transpose()?;
+        let filters =
+            (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
+        if let Some(filters) = &filters {
+            filters.update(&gpu, &splats);
+        }
         let (centre, extent) = scene_extent(cameras.iter());
         let extent = usable_extent(extent);
         let prune_length = match config.densify.prune_scale_by_distance {
@@ -160,6 +168,7 @@ impl Trainer {
             schedule: Schedule::new(config, config.iterations),
             optimizer: Optimizer::new(&gpu, &splats, config.adam.clone(), image_based)?,
             statistics: Statistics::new(&gpu, splats.len())?,
+            filters,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),
@@ -298,8 +307,11 @@ impl Trainer {
         }
         if self.schedule.observes(iteration) {
             let screen = gradients.screen.clone();
-            let near_depth = self.config.densify.near_depth * self.extent;
-            self.statistics.observe(&self.gpu, screen, &forward.workspace, forward.frame.size, near_depth);
+            let how = match self.config.densify.strategy {
+                Strategy::Default => (Over::Largest, 0.0),
+                _ => (Over::Sum, self.config.densify.near_depth * self.extent),
+            };
+            self.statistics.observe(&self.gpu, screen, &forward.workspace, forward.frame.size, how);
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
         let rates = Rates::new(&self.config.learning_rates, mean_rate, self.schedule.rate_factor);
@@ -353,6 +365,12 @@ impl Trainer {
         Ok(())
     }
 
+    fn update_filters(&self) {
+        if let Some(filters) = &self.filters {
+            filters.update(&self.gpu, &self.splats);
+        }
+    }
+
     fn note(&mut self, telemetry: Telemetry) -> Result<(), TrainError> {
         self.overflowed |= telemetry.overflows > 0;
         self.raster.reserve(telemetry.most_isects);
@@ -368,10 +386,14 @@ impl Trainer {
             prune_length: self.prune_length,
             transparent: self.schedule.prune_transparent(self.iteration),
             large: self.schedule.prune_large(self.iteration),
+            grows: self.schedule.grows_at(self.iteration),
+            progress: self.schedule.progress(self.iteration),
+            until_half: self.schedule.rounds_until_half(self.iteration),
         };
         let plan = densify::plan(&observations, &self.config.densify, &round, &mut self.rng);
         (self.splats, self.optimizer) = densify::apply(&self.gpu, &self.splats, &self.optimizer, plan)?;
         self.statistics = Statistics::new(&self.gpu, self.splats.len())?;
+        self.update_filters();
         // Room for as many more intersections as there are Gaussians now.
         let grown = self.telemetry.most_isects as f64 * self.splats.len() as f64 / before.max(1) as f64;
         self.raster.reserve(grown as u64);

@@ -23,7 +23,7 @@ struct Frame {
     sh_coefficients: u32,
     // Length of the intersection buffers.
     capacity: u32,
-    // Half side of a Gaussian's box in standard deviations: 3 as published; 3.34 loses nothing above alpha 1/255.
+    // Half side of the box that a Gaussian is cut by, in standard deviations: 3 as published; 0: none, alpha >= 1/255 everywhere.
     box_sigma: f32,
     // x/z and y/z are clamped to this many tan(half field of view) in the projection's Jacobian.
     tangent_limit: f32,

@@ -37,10 +37,12 @@ fn ewa_project(view: vec3<f32>, axes: mat3x3<f32>, scale: vec3<f32>) -> Ewa {
     return e;
 }
 
-// Half side of the box in whole pixels, from the larger eigenvalue.
+// Radius on the screen in whole pixels, from the larger eigenvalue: half the side of the box where there is one, else 3 standard
+// deviations.
 fn splat_radius(cov: vec3<f32>, det: f32) -> f32 {
     let mid = 0.5 * (cov.x + cov.z);
-    return ceil(frame.box_sigma * sqrt(mid + sqrt(max(0.1, mid * mid - det))));
+    let sigmas = select(3.0, frame.box_sigma, frame.box_sigma > 0.0);
+    return ceil(sigmas * sqrt(mid + sqrt(max(0.1, mid * mid - det))));
 }
 
 // True for infinities and NaN, by bits: compilers may assume that floats are finite.

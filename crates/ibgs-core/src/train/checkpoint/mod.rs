@@ -113,8 +113,10 @@ pub struct Checkpoint {
     pub config: TrainConfig,
     /// Checksum of the scene, see [`Dataset::checksum`](crate::dataset::Dataset::checksum).
     pub scene: u32,
-    /// The model.
+    /// The model, its filters apart.
     pub gaussians: Gaussians,
+    /// Sizes of the 3D smoothing filters.
+    pub filters: Vec<f32>,
     /// The residual network; none without one.
     pub network: Option<NetworkState>,
     /// What the program keeps beside: times, curves, measurements.
@@ -171,7 +173,7 @@ impl Checkpoint {
         for ((name, _), pair) in PARAMETERS.iter().zip(&self.moments) {
             all.extend([(format!("{name}.first"), &pair[0][..]), (format!("{name}.second"), &pair[1][..])]);
         }
-        all.push(("statistics".to_owned(), &self.statistics));
+        all.extend([("filters", &self.filters), ("statistics", &self.statistics)].map(|(n, v)| (n.to_owned(), &v[..])));
         if let Some(NetworkState { weights, moments: [first, second], .. }) = &self.network {
             all.extend(
                 [("network", weights), ("network.first", first), ("network.second", second)]
@@ -211,7 +213,7 @@ impl Checkpoint {
         for (&view, &pixels) in &state.depths {
             depths.insert(view, tensor(&format!("depth.{view}"), pixels)?);
         }
-        let statistics = tensor("statistics", 4 * n)?;
+        let (filters, statistics) = (tensor("filters", n)?, tensor("statistics", 4 * n)?);
         let [means, rotations, log_scales, opacity_logits, sh, normals, offsets] =
             parameters.try_into().unwrap_or_else(|_| unreachable!("seven parameters"));
         let gaussians = Gaussians {
@@ -224,7 +226,7 @@ impl Checkpoint {
             normals: rows(&normals),
             offsets,
         };
-        Ok(Self { config, scene, gaussians, network, run, moments, statistics, depths, state })
+        Ok(Self { config, scene, gaussians, filters, network, run, moments, statistics, depths, state })
     }
 
     /// Whether it can be what a training with `pixels` of each view goes on from.

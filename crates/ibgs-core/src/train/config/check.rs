@@ -3,6 +3,7 @@
 use super::{ConfigError, DensifyConfig, ExposureConfig, LearningRates, ResidualConfig, SourceOptions, TrainConfig};
 use crate::residual::Precision;
 use crate::scene::MAX_SH_DEGREE;
+use crate::train::densify::mcmc;
 
 /// What a number must be.
 #[derive(Clone, Copy)]
@@ -100,6 +101,7 @@ impl TrainConfig {
                 ("adam.beta1", self.adam.beta1, Range::Decay),
                 ("adam.beta2", self.adam.beta2, Range::Decay),
                 // As the kernel sees it, in 32 bits.
+                ("filter", self.filter, Range::NotNegative),
                 ("adam.epsilon", f64::from(self.adam.epsilon as f32), Range::Positive),
             ],
         )?;
@@ -193,11 +195,16 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
             ("prune-opacity", densify.prune_opacity, Range::Decay),
             ("prune-scale", densify.prune_scale, Range::Positive),
             ("prune-screen-radius", densify.prune_screen_radius, Range::NotNegative),
+            ("growth.threshold", densify.growth.threshold, Range::Positive),
+            ("growth.fraction", densify.growth.fraction, Range::Unit),
+            ("growth.prune-opacity", densify.growth.prune_opacity, Range::Decay),
+            ("growth.opacity-decay", densify.growth.opacity_decay, Range::Decay),
+            ("growth.screen-size", densify.growth.screen_size, Range::NotNegative),
             ("mcmc.noise", densify.mcmc.noise, Range::NotNegative),
             ("mcmc.opacity-weight", densify.mcmc.opacity_weight, Range::NotNegative),
             ("mcmc.scale-weight", densify.mcmc.scale_weight, Range::NotNegative),
             ("mcmc.dead-opacity", densify.mcmc.dead_opacity, Range::Inside),
-            ("mcmc.growth", densify.mcmc.growth, Range::AboveOne),
+            ("mcmc.growth", densify.mcmc.growth.unwrap_or(mcmc::LEAST_GROWTH), Range::AboveOne),
         ],
     )
 }

@@ -1,7 +1,7 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
 use super::{
-    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
+    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
     ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
 };
 
@@ -25,6 +25,7 @@ impl Default for TrainConfig {
             save_iterations: None,
             data: DataConfig::default(),
             learning_rates: LearningRates::default(),
+            filter: 0.0,
             adam: AdamConfig::default(),
             densify: DensifyConfig::default(),
             opacity_reset: OpacityResetConfig::default(),
@@ -101,14 +102,27 @@ impl Default for DensifyConfig {
             prune_scale_by_distance: true,
             prune_scale_after: None,
             prune_screen_radius: 0.0,
+            growth: GrowthConfig::default(),
             mcmc: McmcConfig::default(),
+        }
+    }
+}
+
+impl Default for GrowthConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.002,
+            fraction: 0.25,
+            prune_opacity: 1.0 / 255.0,
+            opacity_decay: 0.004,
+            screen_size: 0.5,
         }
     }
 }
 
 impl Default for McmcConfig {
     fn default() -> Self {
-        Self { noise: 5e5, opacity_weight: 0.01, scale_weight: 0.01, dead_opacity: 0.005, growth: 1.05 }
+        Self { noise: 5e5, opacity_weight: 0.01, scale_weight: 0.01, dead_opacity: 0.005, growth: None }
     }
 }
 

@@ -48,7 +48,7 @@ fn fates(o: &Observations, config: &DensifyConfig, extent: f64) -> Vec<Fate> {
         if gradient >= threshold {
             *fate = if large { Fate::Split } else { Fate::Clone };
             growing.push((gradient / threshold, i));
-        } else if config.strategy == Strategy::Default
+        } else if config.strategy == Strategy::Published
             && config.abs_split
             && large
             && f64::from(o.statistics[i][3]) > config.abs_min_radius

@@ -3,7 +3,7 @@
 //! is cloned, split or pruned, and no opacity is reset. The moments of what is moved and of what it is moved onto start at
 //! zero.
 
-use super::{FRESH, Observations, Plan, sigmoid};
+use super::{FRESH, Observations, Plan, Round, sigmoid};
 use crate::gpu::buffer::primitive;
 use crate::gpu::{Gpu, Pass};
 use crate::raster::{RasterGradients, iteration_seed};
@@ -15,6 +15,9 @@ use ibgs_shaders::MCMC_NOISE;
 use ibgs_shaders::types::McmcNoiseParams;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
+
+/// Factor by which the number of Gaussians grows in a round at the least, where the options give none.
+pub const LEAST_GROWTH: f64 = 1.05;
 
 /// Most Gaussians that share one place after a round.
 const MOST_COPIES: u32 = 51;
@@ -35,7 +38,7 @@ pub fn shared(o: f64, copies: u32) -> (f64, f64) {
 }
 
 /// Moves what is transparent or broken to places drawn by opacity, and adds as many more as the growth allows.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, rng: &mut ChaCha8Rng) -> Plan {
+pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();
     let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
@@ -51,7 +54,9 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, rng: &mut ChaCha8Rn
         let keep = (0..n as u32).collect();
         return Plan { sources: keep, means: o.means.clone(), log_scales: o.log_scales.clone(), ..Plan::default() };
     };
-    let grown = (n as f64 * config.mcmc.growth) as usize;
+    let to_cap = (f64::from(config.most()) / n.max(1) as f64).powf(1.0 / f64::from(round.until_half.max(1)));
+    let growth = config.mcmc.growth.unwrap_or(if round.until_half > 0 { to_cap.max(LEAST_GROWTH) } else { LEAST_GROWTH });
+    let grown = (n as f64 * growth).round() as usize;
     let total = grown.min(config.most() as usize).max(n);
     // The dead have new places, and so have those that are added.
     let moved: Vec<usize> = (living.len()..total).map(|_| draws.draw(rng)).collect();
@@ -69,10 +74,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, rng: &mut ChaCha8Rn
             logit = (opacity / (1.0 - opacity)).ln() as f32;
             log_scale = log_scale.map(|s| s + factor.ln() as f32);
         }
-        plan.sources.push(i as u32 | if fresh { FRESH } else { 0 });
-        plan.means.push(o.means[i]);
-        plan.log_scales.push(log_scale);
-        plan.opacity_logits.get_or_insert_default().push(logit);
+        plan.push(i as u32 | if fresh { FRESH } else { 0 }, o.means[i], log_scale, logit);
     }
     plan.counts = [total - n, 0, n - living.len()];
     plan

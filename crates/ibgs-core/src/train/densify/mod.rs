@@ -2,6 +2,7 @@
 //! gathered on the GPU.
 
 mod gradient;
+pub mod growth;
 pub mod mcmc;
 
 use super::config::{DensifyConfig, Strategy};
@@ -24,7 +25,7 @@ const FRESH: u32 = 1 << 31;
 /// What the host needs to plan a round, one entry a Gaussian.
 #[derive(Clone, Debug, Default)]
 pub struct Observations {
-    /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels).
+    /// What [`Statistics`] kept, see [`Over`].
     pub statistics: Vec<[f32; 4]>,
     /// World positions.
     pub means: Vec<[f32; 3]>,
@@ -47,6 +48,12 @@ pub struct Round {
     pub transparent: bool,
     /// Prune by scale (and screen radius, where that is on).
     pub large: bool,
+    /// The number of Gaussians may grow.
+    pub grows: bool,
+    /// Part of the run that is done, 0 to 1.
+    pub progress: f64,
+    /// Rounds from this one on in the first half of the run.
+    pub until_half: u32,
 }
 
 /// The next model: where each row comes from, and what is not simply copied.
@@ -62,6 +69,26 @@ pub struct Plan {
     pub opacity_logits: Option<Vec<f32>>,
     /// Gaussians cloned (or added), split and pruned (or moved elsewhere).
     pub counts: [usize; 3],
+}
+
+impl Plan {
+    fn push(&mut self, source: u32, mean: [f32; 3], log_scale: [f32; 3], opacity_logit: f32) {
+        self.sources.push(source);
+        self.means.push(mean);
+        self.log_scales.push(log_scale);
+        self.opacity_logits.get_or_insert_default().push(opacity_logit);
+    }
+}
+
+/// How the views since the last round become one value a Gaussian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Over {
+    /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels); gradients in units of half
+    /// the image.
+    Sum,
+    /// (largest absolute-gradient norm, 0, views, largest radius in units of the image's longer side); gradients in units of the
+    /// image.
+    Largest,
 }
 
 fn sigmoid(x: f32) -> f64 {
@@ -86,8 +113,9 @@ pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
 /// Plans a round.
 pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
     match config.strategy {
-        Strategy::Default | Strategy::AbsGs => gradient::plan(o, config, round, rng),
-        Strategy::Mcmc => mcmc::plan(o, config, rng),
+        Strategy::Default => growth::plan(o, config, round, rng),
+        Strategy::Published | Strategy::AbsGs => gradient::plan(o, config, round, rng),
+        Strategy::Mcmc => mcmc::plan(o, config, round, rng),
     }
 }
 
@@ -125,8 +153,16 @@ impl Statistics {
 
     /// Adds one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
     /// `near_depth` count less.
-    pub fn observe(&self, gpu: &Gpu, screen: Tensor<2>, workspace: &Workspace, size: [u32; 2], near_depth: f64) {
-        let params = ObserveParams { size, count: self.count as u32, near_depth: near_depth as f32 };
+    pub fn observe(
+        &self,
+        gpu: &Gpu,
+        screen: Tensor<2>,
+        workspace: &Workspace,
+        size: [u32; 2],
+        (over, near_depth): (Over, f64),
+    ) {
+        let largest = u32::from(over == Over::Largest);
+        let params = ObserveParams { size, count: self.count as u32, near_depth: near_depth as f32, largest, pad: 0 };
         let gradient = Gpu::bind(&primitive(screen));
         let mut pass = Pass::new(gpu, "densify observe");
         let buffers: [&Buffer; 3] = [&gradient, &workspace.projected, &self.values];
@@ -198,6 +234,7 @@ pub fn apply(gpu: &Gpu, splats: &Splats, optimizer: &Optimizer, plan: Plan) -> R
         None => rows1(&splats.opacity_logits, &mut gather),
     };
     let offsets = rows1(&splats.offsets, &mut gather);
+    let filters = rows1(&splats.filters, &mut gather);
     let from = primitive(splats.sh.val());
     let coefficients = from.meta.shape()[1];
     let to = gpu.empty_like_shape(&from, &[n, coefficients, 3]);
@@ -218,6 +255,7 @@ pub fn apply(gpu: &Gpu, splats: &Splats, optimizer: &Optimizer, plan: Plan) -> R
         sh,
         normals,
         offsets,
+        filters,
     };
     let optimizer = optimizer.rearranged(&next, moments);
     Ok((next, optimizer))

@@ -35,6 +35,7 @@ impl Trainer {
         let (gpu, state) = (self.gpu.clone(), &checkpoint.state);
         let image_based = self.stages.is_some();
         self.splats = Splats::upload(&checkpoint.gaussians, &gpu)?;
+        self.splats.set_filters(checkpoint.filters.clone());
         self.optimizer = Optimizer::new(&gpu, &self.splats, self.config.adam.clone(), image_based)?;
         self.optimizer.restore(&gpu, &checkpoint.moments, state.steps)?;
         self.statistics = Statistics::from_values(&gpu, &checkpoint.statistics)?;
@@ -81,7 +82,7 @@ impl Trainer {
         let gpu = self.gpu.clone();
         let (moments, steps) = self.optimizer.state(&gpu)?;
         let stages = self.stages.as_mut().map(|stages| stages.state(self.config.deterministic)).transpose()?;
-        let gaussians = self.splats.download()?;
+        let (gaussians, filters) = self.splats.download_raw()?;
         let statistics = self.statistics.values(&gpu)?;
         let recorder = self.recorder.state(&gpu)?;
         // What is read from a lost device looks like any other answer.
@@ -108,7 +109,7 @@ impl Trainer {
             recorder,
         };
         let (config, scene) = (self.config.clone(), self.scene);
-        let checkpoint = Checkpoint { config, scene, gaussians, network, run, moments, statistics, depths, state };
+        let checkpoint = Checkpoint { config, scene, gaussians, filters, network, run, moments, statistics, depths, state };
         if checkpoint.is_finite() { Ok(checkpoint) } else { Err(TrainError::NotFinite(self.iteration)) }
     }
 }
