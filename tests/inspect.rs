@@ -283,7 +283,7 @@ fn every_verdict_has_its_reason() {
 fn a_frame_keeps_what_it_was_made_from() {
     let (renderer, camera) = model();
     let frame = renderer.render(camera).unwrap();
-    let look = || (0..4).map(|i| frame.inspect(10 + 7 * i, 18).unwrap()).collect::<Vec<_>>();
+    let look = || (0..48).map(|x| frame.inspect(x, 7 * x % 36).unwrap()).collect::<Vec<_>>();
     let before = look();
     assert!(before.iter().flatten().any(|found| found.sources.iter().any(|r| slot_of(r).is_some())));
     renderer.forget_depths();
@@ -311,7 +311,7 @@ fn models_and_pixels_that_have_less() {
     assert!(found.image.is_none() && found.residual.is_none() && found.sources.is_empty());
     assert!(found.median_depth.is_some() && found.normal.is_some() && !found.intersections.is_empty());
     // Looking away from everything.
-    let center = camera.center();
+    let center = camera.center() - 100.0 * camera.forward();
     let turned = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)) * camera.view_from_world;
     let away = Camera { view_from_world: turned, translation: -(turned * center), ..*camera };
     let found = plain().showing_surface().render(&away).unwrap().inspect(0, 0).unwrap().unwrap();
