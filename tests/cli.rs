@@ -17,6 +17,7 @@ mod report;
 mod resume;
 mod round;
 mod suite;
+mod units;
 
 use crate::scene_files::write_file;
 use ibgs_core::dataset::demo::{self, DemoOptions};

@@ -8,6 +8,7 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
 use ibgs_core::fuse::{SourceView, WarpOptions, Warper};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::loss::Target;
 use ibgs_core::raster::{Leaves, RasterView, Rasterizer};
 use ibgs_core::scene::{Gaussians, Splats};
@@ -36,6 +37,7 @@ pub fn rasterizer() -> Rasterizer {
 pub fn gaussians(p: &Params) -> Gaussians {
     let n = p.len();
     Gaussians {
+        space: LocalSpace::default(),
         means: p.means.iter().map(|v| v.map(|x| x as f32)).collect(),
         rotations: p.rotations.iter().map(|v| v.map(|x| x as f32)).collect(),
         log_scales: p.log_scales.iter().map(|v| v.map(|x| x as f32)).collect(),

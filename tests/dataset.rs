@@ -2,6 +2,7 @@
 
 mod archive;
 mod points;
+mod units;
 
 use crate::scene_files::{Camera, Image, Model, SIMPLE_PINHOLE, write_file, write_photo};
 use glam::{DMat3, DQuat, DVec2, DVec3};

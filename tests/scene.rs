@@ -1,12 +1,14 @@
 //! Gaussians on the host: start from points, PLY files, output folder. Needs no GPU.
 
 mod bundle;
+mod offset;
 mod output;
 mod ply_damage;
 mod start;
 
 use glam::DVec3;
 use ibgs_core::dataset::Point;
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::scene::{Gaussians, PlyFlavor, SceneError, read_ply, write_ply, write_points_ply};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -198,7 +200,7 @@ fn points_of_the_start_are_written_as_others_write_them() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("input.ply");
     let points = random_points(3, 14);
-    write_points_ply(&path, &points).unwrap();
+    write_points_ply(&path, &points, LocalSpace::default()).unwrap();
     let bytes = fs::read(&path).unwrap();
     let last = &bytes[bytes.len() - 27..];
     assert_eq!(last[..4], (points[2].position.x as f32).to_le_bytes());

@@ -1,6 +1,9 @@
 //! Writers of small scenes for the loader tests: COLMAP models in both formats, photos.
 
+use glam::DVec3;
+use ibgs_core::dataset::parse_points_ply;
 use image::{Rgba, RgbaImage};
+use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{Cursor, Write as _};
@@ -233,4 +236,32 @@ pub fn real_scene(name: &str) -> Option<PathBuf> {
     }
     eprintln!("SKIPPED: ../shared/data/{name} absent");
     None
+}
+
+/// Copies a scene of `transforms.json` and `points3D.ply` in other units to another place: every length times `scale`, then
+/// moved by `shift`.
+pub fn copy_scene(from: &Path, to: &Path, scale: f64, shift: DVec3) {
+    let mut file: Value = serde_json::from_slice(&fs::read(from.join("transforms.json")).unwrap()).unwrap();
+    for frame in file["frames"].as_array_mut().unwrap() {
+        let name = frame["file_path"].as_str().unwrap();
+        write_file(&to.join(name), fs::read(from.join(name)).unwrap());
+        for axis in 0..3 {
+            let place = &mut frame["transform_matrix"][axis][3];
+            *place = json!(place.as_f64().unwrap() * scale + shift[axis]);
+        }
+    }
+    write_file(&to.join("transforms.json"), file.to_string());
+    let points = from.join("points3D.ply");
+    let points = parse_points_ply(&points, &fs::read(&points).unwrap()).unwrap();
+    let mut ply = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        points.len()
+    )
+    .into_bytes();
+    for point in points {
+        (point.position * scale + shift).to_array().iter().for_each(|v| ply.extend(v.to_le_bytes()));
+        ply.extend(point.color);
+    }
+    write_file(&to.join("points3D.ply"), ply);
 }

@@ -5,6 +5,7 @@ mod events;
 pub mod image_based;
 mod inputs;
 mod memory;
+mod units;
 
 use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};

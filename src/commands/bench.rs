@@ -3,7 +3,7 @@
 mod lists;
 mod tables;
 
-use super::model::is_bundle;
+use super::model::{self, is_bundle};
 use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
@@ -13,6 +13,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
 use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
+use ibgs_core::train::output::cameras::CameraRecord;
 use std::path::{Path, PathBuf};
 
 /// Gaussians of a synthetic scene, and its image size.
@@ -170,20 +171,23 @@ fn synthetic(change: &Change, sh_degree: u32) -> Scene {
 }
 
 fn load(path: &Path) -> Result<Scene> {
-    let no_cameras = "the model has no cameras";
     let name = path.display().to_string();
     if is_bundle(path) {
         let Bundle { config, gaussians, cameras, .. } = Bundle::read(path)?;
-        let camera = cameras.first().context(no_cameras)?.camera;
-        return Ok(Scene { name, gaussians, camera, config });
+        return scene(name, gaussians, &cameras, config);
     }
     let folder = OutputFolder::open(path)?;
     // Folders of other programs have none.
     let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
     let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-    let camera = folder.read_cameras()?.first().context(no_cameras)?.camera;
-    Ok(Scene { name, gaussians, camera, config })
+    scene(name, gaussians, &folder.read_cameras()?, config)
+}
+
+fn scene(name: String, gaussians: Gaussians, cameras: &[CameraRecord], config: TrainConfig) -> Result<Scene> {
+    let camera = cameras.first().context("the model has no cameras")?.camera;
+    let space = model::space(cameras, &gaussians);
+    Ok(Scene { name, gaussians: gaussians.into_space(space), camera, config })
 }
 
 #[cfg(test)]

@@ -44,7 +44,8 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
     let mut model = Model::open(&args.model)?;
-    let gaussians = model.renderer.splats().download()?;
+    // Not those on the device, which have been brought to local coordinates and rounded.
+    let gaussians = gaussians(&args.model)?;
     let network = model.renderer.part().map(|part| part.network.to_values()).transpose()?;
     let network = network.map(|values| ibgs_core::residual::weights::to_bytes(&values)).transpose()?;
     let dataset = model.dataset(&args.model)?.clone();

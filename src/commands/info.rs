@@ -4,10 +4,12 @@ use super::model::is_bundle;
 use crate::say;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
+use glam::DVec3;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::dataset;
 use ibgs_core::gpu::device::lacking;
 use ibgs_core::gpu::list_adapters;
+use ibgs_core::local_space::Length;
 use ibgs_core::scene::{Gaussians, read_ply};
 use ibgs_core::train::output::OutputFolder;
 use std::path::{Path, PathBuf};
@@ -72,13 +74,13 @@ fn model_file(path: &Path) -> Result<()> {
 
 fn gaussians(path: &Path, g: &Gaussians) {
     say!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
-    let bounds = |axis: usize| {
-        let values = g.means.iter().map(|m| m[axis]);
-        (values.clone().fold(f32::MAX, f32::min), values.fold(f32::MIN, f32::max))
-    };
+    let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
+    let (low, high) = g.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        let (low, high) = bounds(axis);
-        say!("   {name} from {low:.3} to {high:.3}");
+        say!("   {name} from {} to {}", Length(low[axis]), Length(high[axis]));
+    }
+    if g.space.origin != DVec3::ZERO {
+        say!("   kept around the offset {}", g.space.origin);
     }
 }
 

@@ -9,6 +9,7 @@ use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::camera::Camera;
 use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::local_space::Length;
 use ibgs_core::memory::Bytes;
 use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, MeshFormat, Plan, fuse, maps_bytes};
 use ibgs_core::tell;
@@ -64,7 +65,7 @@ static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let options = args.fusion()?;
+    let mut options = args.fusion()?;
     if let Some(output) = &args.output {
         MeshFormat::of(output)?;
     }
@@ -72,6 +73,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut model = Model::open(&args.model)?.showing_surface();
     args.compare.check(&model)?;
     model.renderer.shape_missing_planes()?;
+    options.offset = model.renderer.space().file_offset().unwrap_or_default();
     let cameras = args.cameras(&model)?;
     let start = Instant::now();
     let maps = render(&model, &cameras, args.max_angle)?;
@@ -102,7 +104,8 @@ impl Args {
             bail!("`--max-angle` is {}; choose one from over 0 to 90 degrees", self.max_angle);
         }
         let (voxel, truncation, max_depth) = (self.voxel_size, self.truncation, self.max_depth);
-        let options = FusionOptions { voxel, truncation, max_depth, bounds, memory: self.memory_bytes() };
+        let memory = self.memory_bytes();
+        let options = FusionOptions { voxel, truncation, max_depth, bounds, memory, ..FusionOptions::default() };
         options.check()?;
         Ok(options)
     }
@@ -171,11 +174,11 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
     tell!(
-        "voxels of {:.4}, truncation {:.4}, largest depth {:.3}: {:.1} million in {}, fused in {seconds:.1} s, {:.0} million \
+        "voxels of {}, truncation {}, largest depth {}: {:.1} million in {}, fused in {seconds:.1} s, {:.0} million \
          looked at in a view per second",
-        plan.voxel,
-        plan.truncation,
-        plan.max_depth,
+        Length(plan.voxel),
+        Length(plan.truncation),
+        Length(plan.max_depth),
         grid.voxels() as f64 * 1e-6,
         Bytes(grid.bytes()),
         grid.looked_at as f64 * 1e-6 / seconds

@@ -10,6 +10,7 @@ use ibgs_core::dataset::{Dataset, Photo};
 use ibgs_core::fuse::source_store::SourceStore;
 use ibgs_core::fuse::sources::Distances;
 use ibgs_core::gpu::Gpu;
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{ResidualNetwork, weights};
@@ -107,9 +108,10 @@ impl Model {
         } else if loaded.network.is_some() && loaded.photos.is_none() {
             dataset = Some(scene(&loaded.config, &loaded.cameras, args)?);
         }
+        let space = space(&loaded.cameras, &loaded.gaussians);
         let gpu = gpu()?;
         let part = loaded.network.as_ref().map(|n| image_part(&gpu, &loaded, n, dataset.as_ref())).transpose()?;
-        let splats = Splats::upload(&loaded.gaussians, &gpu)?;
+        let splats = Splats::upload(&loaded.gaussians.in_space(space), &gpu)?;
         let background = loaded.config.background();
         let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part);
         let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, foreign, .. } = loaded;
@@ -135,9 +137,14 @@ impl Model {
     }
 }
 
-/// The Gaussians alone: neither scene nor adapter are needed.
+/// The Gaussians alone, as the file has them: neither scene nor adapter are needed.
 pub fn gaussians(args: &ModelArgs) -> Result<Gaussians> {
     Ok(load(args)?.gaussians)
+}
+
+/// Where a model is rendered: where it was trained, as its cameras tell; by the Gaussians where they do not.
+pub fn space(cameras: &[CameraRecord], gaussians: &Gaussians) -> LocalSpace {
+    LocalSpace::of_scene(cameras.iter().map(|record| &record.camera), gaussians.positions())
 }
 
 /// Whether a path names a one-file bundle, there or not.

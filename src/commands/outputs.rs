@@ -124,7 +124,7 @@ pub fn write_exr(frame: &Frame, camera: &Camera, outputs: &[Output], path: &Path
         normal: shown.normals.as_deref(),
         visibility: shown.visibility.as_deref(),
     };
-    Ok(exr::write(path, camera, &layers)?)
+    Ok(exr::write(path, camera, frame.near_depth(), &layers)?)
 }
 
 /// Where a view's pictures belong in a model folder.

@@ -6,10 +6,10 @@ use super::{Model, on_stop, open_gpu};
 use crate::say;
 use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, Parser};
-use glam::DVec3;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{self, Point};
 use ibgs_core::gpu::Gpu;
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
@@ -220,6 +220,9 @@ fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> 
         bail!("{title} is neither a model folder, an .ibgs bundle, a PLY file nor a scene folder");
     }
     let gaussians = read_ply(path)?;
+    // Without cameras the Gaussians themselves tell the scale.
+    let space = LocalSpace::of_points(gaussians.positions()).unwrap_or(gaussians.space);
+    let gaussians = gaussians.into_space(space);
     let gpu = gpu()?;
     let splats = Splats::upload(&gaussians, &gpu)?;
     let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu.clone())), splats, [0.0; 3], None).showing_surface();
@@ -232,6 +235,5 @@ fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> 
 /// Some of the Gaussians as points: they tell where to look.
 fn points(gaussians: &Gaussians) -> Vec<Point> {
     let step = gaussians.len().div_ceil(MOST_POINTS).max(1);
-    let at = |i: usize| Point { position: DVec3::from(gaussians.means[i].map(f64::from)), color: [200; 3] };
-    (0..gaussians.len()).step_by(step).map(at).collect()
+    gaussians.positions().step_by(step).map(|position| Point { position, color: [200; 3] }).collect()
 }

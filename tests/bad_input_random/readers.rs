@@ -8,6 +8,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
 use ibgs_core::dataset::{self, Dataset, LoadOptions, ModelFile};
 use ibgs_core::eval::lpips::LpipsWeights;
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::residual::state_dict::StateDict;
 use ibgs_core::scene::{self, Gaussians};
 use ibgs_core::train::checkpoint::Checkpoint;
@@ -103,6 +104,8 @@ fn check_camera(camera: &Camera) {
 
 fn check_gaussians(gaussians: &Gaussians) {
     gaussians.validate().unwrap();
+    let space = LocalSpace::of_points(gaussians.positions()).unwrap_or(gaussians.space);
+    gaussians.clone().into_space(space).validate().unwrap();
 }
 
 /// A scene that loaded can be started from.
@@ -114,7 +117,10 @@ fn check_dataset(dataset: &Dataset) {
         assert!(!view.name.starts_with('/') && !view.name.split('/').any(|part| part == ".."), "{}", view.name);
     }
     assert!(dataset.train.len() >= 2 && !dataset.points.is_empty());
-    check_gaussians(&scene::from_points(&dataset.points, 1, 0.1).unwrap());
+    let space = dataset.space();
+    dataset.views.iter().for_each(|view| check_camera(&space.camera(&view.camera)));
+    let points: Vec<_> = dataset.points.iter().map(|point| point.to_local(&space)).collect();
+    check_gaussians(&scene::from_points(&points, 1, 0.1).unwrap());
 }
 
 fn few_points() -> LoadOptions {

@@ -8,6 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{Photo, Point};
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::scene::{self, PlyFlavor};
 use ibgs_core::train::checkpoint;
 use ibgs_core::train::config::{Method, TrainConfig};
@@ -76,12 +77,13 @@ fn archives(parts: &Parts) -> Vec<Vec<u8>> {
 
 /// A whole checkpoint of plain splatting with two Gaussians, part by part.
 pub fn checkpoint_parts() -> Parts {
-    let header = json!({ "format": 1, "version": checkpoint::VERSION, "scene": 7 });
+    let header = json!({ "format": 2, "version": checkpoint::VERSION, "scene": 7 });
     let rng = json!({ "seed": vec![0; 32], "stream": 0, "word_pos": 5 });
     let telemetry = json!({ "stats": { "loss": 0.5, "l1": 0.1, "ssim": 0.9, "mse": 0.01 }, "most_isects": 9, "broken": false,
         "overflows": 0 });
     let recorder = json!({ "written": 3, "capacities": vec![100; 32], "ring": vec![0; 256], "pending": null });
-    let state = json!({ "iteration": 3, "sh_degree": 0, "gaussians": 2, "steps": [3, 0], "network_steps": null,
+    let state = json!({ "iteration": 3, "space": { "origin": [5e6, 0.5, -1.0], "scale": 0.25 },
+        "sh_degree": 0, "gaussians": 2, "steps": [3, 0], "network_steps": null,
         "queue": [1, 0], "rng": rng, "extent": 1.5, "prune_length": 1.5, "has_planes": false, "overflowed": false,
         "room": 100, "caution": 1.0, "exposure": null, "depths": {}, "telemetry": telemetry, "recorder": recorder });
     let text = |name: &str, value: serde_json::Value| (name.to_owned(), value.to_string().into_bytes());
@@ -158,7 +160,8 @@ fn plys() -> Vec<Vec<u8>> {
     let cloud = "ply\nformat binary_big_endian 1.0\nelement vertex 2\nproperty double x\nproperty float y\n\
                  property short z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
     let cloud = [cloud.as_bytes(), &[7; 34]].concat();
-    let own = written("a.ply", |path| scene::write_points_ply(path, &points()).unwrap());
+    let far = LocalSpace::at(DVec3::new(5e6, -0.5, 3.0));
+    let own = written("a.ply", |path| scene::write_points_ply(path, &points(), far).unwrap());
     vec![write(1, PlyFlavor::Full), write(0, PlyFlavor::Plain), text.into_bytes(), cloud, own]
 }
 

@@ -1,6 +1,7 @@
 //! Checkpoints: a training goes on from one as if nothing had happened.
 
 use super::image_based::{dataset, model, staged};
+use super::units::moved;
 use super::{densifying, poison, run, trainer};
 use crate::common::rasterizer;
 use ibgs_core::dataset::Dataset;
@@ -99,6 +100,8 @@ fn another_scene_is_refused() {
     let mut other = dataset.clone();
     Arc::make_mut(&mut other.views[3].photo).rgba[0] ^= 1;
     refused(&other);
+    refused(&moved(&dataset, 1.0, glam::DVec3::X));
+    refused(&moved(&dataset, 2.0, glam::DVec3::ZERO));
     let mut other = dataset.clone();
     other.views[3].camera.focal.x += 1e-9;
     refused(&other);
@@ -190,7 +193,7 @@ fn damage_is_told() {
     wrong("config.toml", &text("iterations = 30", "iterations = 0"), "iterations");
     let version = concat!("\"", env!("CARGO_PKG_VERSION"), "\"");
     wrong("checkpoint.json", &text(version, "\"9.9.9\""), "is of ibgs 9.9.9");
-    wrong("checkpoint.json", &text("\"format\":1", "\"format\":2"), "go on with that version");
+    wrong("checkpoint.json", &text("\"format\":2", "\"format\":3"), "go on with that version");
 
     // Whole parts that do not fit the scene or each other are refused when the training is to go on.
     let nonsense = |part: &str, change: &dyn Fn(Vec<u8>) -> Option<Vec<u8>>, words: &str| {

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 /// Largest coordinate of a camera's centre, far beyond what single precision shows, so that no sum overflows.
 pub(crate) const MAX_COORDINATE: f64 = 1e12;
 
+/// Distances up to this part of a coordinate are rounding.
+pub(crate) const ROUNDING: f64 = 1e-14;
+
 /// A posed pinhole camera with its own image size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
@@ -78,12 +81,15 @@ impl Camera {
 
 /// A length to measure by: the extent itself, or 1 of cameras that all stand at one place and have none.
 pub fn usable_extent(extent: f64) -> f64 {
-    if extent > 1e-6 { extent } else { 1.0 }
+    if extent > 0.0 { extent } else { 1.0 }
 }
 
-/// Mean camera position, and the scene extent: 1.1 x the largest distance of a camera from it (method.md section 1).
+/// Mean camera position, and the scene extent: 1.1 x the largest distance of a camera from it (method.md section 1); 0 where
+/// they differ by rounding alone.
 pub fn scene_extent<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> (DVec3, f64) {
     let count = cameras.clone().count().max(1) as f64;
     let mean = cameras.clone().map(Camera::center).sum::<DVec3>() / count;
-    (mean, 1.1 * cameras.map(|c| c.center().distance(mean)).fold(0.0, f64::max))
+    let farthest = cameras.map(|c| c.center().distance(mean)).fold(0.0, f64::max);
+    let is_rounding = farthest <= ROUNDING * mean.abs().max_element();
+    (mean, if is_rounding { 0.0 } else { 1.1 * farthest })
 }

@@ -23,7 +23,7 @@ pub struct Inspection {
     pub image: Option<[f32; 3]>,
     /// Final minus base colour; what exposure correction changes is a part of it.
     pub residual: Option<[f32; 3]>,
-    /// Median depth z; none where nothing is met or the frame has no surface.
+    /// Median depth z in scene units; none where nothing is met or the frame has no surface.
     pub median_depth: Option<f32>,
     /// The point at the median depth, world space.
     pub point: Option<DVec3>,
@@ -38,7 +38,7 @@ pub struct Inspection {
 /// Where a pixel's ray meets a Gaussian's plane (method.md section 3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intersection {
-    /// View depth z_k.
+    /// View depth z_k in scene units.
     pub depth: f32,
     /// Blending weight w_k.
     pub weight: f32,
@@ -113,7 +113,7 @@ struct Landing {
 }
 
 impl FrameSource {
-    /// Where a point in world space falls; `ray_offset` is [`SurfaceOptions::ray_offset`](crate::raster::SurfaceOptions).
+    /// Where a point falls; `ray_offset` is [`SurfaceOptions::ray_offset`](crate::raster::SurfaceOptions).
     fn land(&self, point: DVec3, ray_offset: f64) -> Result<Landing, Verdict> {
         let Camera { width, height, .. } = self.camera;
         let (uv, depth) = self.camera.project(point);
@@ -163,7 +163,7 @@ const EPSILON: f64 = 1e-8;
 struct Pixel<'a> {
     gpu: &'a Gpu,
     options: WarpOptions,
-    /// The camera's centre and the point at the median depth, world space.
+    /// The camera's centre and the point at the median depth; all is local here.
     center: DVec3,
     point: DVec3,
     ray_offset: f64,
@@ -224,12 +224,21 @@ impl Pixel<'_> {
 }
 
 impl Frame {
+    /// From local coordinates to the scene's.
+    fn to_scene(&self, found: &mut Inspection) {
+        found.median_depth = found.median_depth.map(|z| self.in_scene_units(z));
+        found.point = found.point.map(|point| self.space.to_scene(point));
+        for hit in &mut found.intersections {
+            (hit.depth, hit.point) = (self.in_scene_units(hit.depth), self.space.to_scene(hit.point));
+        }
+    }
+
     /// What a pixel shows and why; none outside of the image. Reads some dozens of values and waits for the GPU.
     ///
     /// # Errors
     /// When the device is lost.
     pub fn inspect(&self, x: u32, y: u32) -> Result<Option<Inspection>, GpuError> {
-        let (gpu, camera) = (&*self.gpu, self.camera());
+        let (gpu, camera) = (&*self.gpu, &self.local);
         if x >= camera.width || y >= camera.height {
             return Ok(None);
         }
@@ -245,7 +254,8 @@ impl Frame {
         let ray = ((uv - camera.principal) / camera.focal).extend(1.0);
         let point = |z: f32| camera.view_from_world.transpose() * (ray * f64::from(z) - camera.translation);
         found.normal = Some(gpu.read_at(&surface.normal_map, at, 1)?[0]).filter(|normal| *normal != [0.0; 3]);
-        found.median_depth = self.depth_at(x, y)?;
+        let median: f32 = gpu.read_at(&surface.median_depth, at, 1)?[0];
+        found.median_depth = Some(median).filter(|&z| z > 0.0 && z.is_finite());
         found.point = found.median_depth.map(point);
         let (slots, pixels) = (surface.options.slots as usize, camera.width as usize * camera.height as usize);
         for k in 0..slots {
@@ -264,6 +274,7 @@ impl Frame {
             let readings = part.sources.iter().enumerate().map(|(number, source)| pixel.read(number, source));
             found.sources = readings.collect::<Result<_, _>>()?;
         }
+        self.to_scene(&mut found);
         Ok(Some(found))
     }
 }

@@ -14,7 +14,7 @@
 //!     the screen, [`video`] makes films, [`inspect`] tells why one of its pixels looks as it does.
 //! 11. [`mesh`] fuses the depths of all views into a triangle mesh and compares that with a true surface.
 //!
-//! [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] tells the user.
+//! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] tells the user.
 
 pub mod bench;
 pub mod bundle;
@@ -27,10 +27,12 @@ pub mod fuse;
 pub mod gpu;
 pub mod image_io;
 pub mod inspect;
+pub mod local_space;
 pub mod loss;
 pub mod memory;
 pub mod mesh;
 pub mod picture;
+mod ply_offset;
 pub mod present;
 pub mod raster;
 pub mod render;

@@ -18,7 +18,7 @@ pub enum Shown<'a> {
     Base,
     /// Final minus base image around grey, so many times as strong.
     Residual(f32),
-    /// Median depth: depth of the brightest and of the darkest colour.
+    /// Median depth: depth of the brightest and of the darkest colour, in scene units.
     Depth([f32; 2]),
     /// Normal map.
     Normal,
@@ -109,7 +109,8 @@ impl Presenter {
         let pixels = self.pixels.clone().expect("just made");
         let (mut range, mut most, mut gain) = ([0.0; 2], 1, 1.0);
         match *shown {
-            Shown::Depth(wanted) => range = wanted,
+            // The device has local units.
+            Shown::Depth(wanted) => range = wanted.map(|z| (f64::from(z) / frame.space.scale) as f32),
             Shown::Visibility(wanted) => most = wanted.max(1),
             Shown::Residual(wanted) | Shown::Difference(_, wanted) => gain = wanted,
             _ => {}

@@ -1,4 +1,5 @@
-//! [`Renderer`]: the one path that training, render, eval and the viewer use.
+//! [`Renderer`]: the one path that training, render, eval and the viewer use. Its cameras, and the depths of its frames, are in the
+//! scene's coordinates; on the device all is local ([`LocalSpace`]).
 
 use crate::camera::Camera;
 use crate::fuse::depth_cache::DepthCache;
@@ -9,12 +10,14 @@ use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
+use crate::local_space::LocalSpace;
 use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
 use crate::residual::{Factor, Precision, Residual, ResidualTask, Variant};
 use crate::scene::{SceneError, Splats};
 use crate::train::config::TrainConfig;
 use burn::tensor::Tensor;
+use ibgs_shaders::NEAR_DEPTH;
 use std::sync::{Arc, Mutex};
 
 /// How the photos of neighbouring views are used (method.md sections 3 to 6 and 8).
@@ -64,7 +67,7 @@ impl ImageOptions {
 /// What a model has besides its Gaussians.
 #[derive(Clone, Debug)]
 pub struct ImagePart {
-    /// Cameras of the training views, which are the sources.
+    /// Cameras of the training views, which are the sources, in the scene's coordinates.
     pub cameras: Arc<[Camera]>,
     /// Their photos.
     pub photos: Arc<SourceStore>,
@@ -142,6 +145,9 @@ pub struct Frame {
     base_memory: Buffer,
     image_memory: Option<Buffer>,
     camera: Camera,
+    /// In local coordinates.
+    pub(crate) local: Camera,
+    pub(crate) space: LocalSpace,
 }
 
 impl Renderer {
@@ -199,6 +205,12 @@ impl Renderer {
         }
     }
 
+    /// Where its local coordinates lie in the scene.
+    pub fn space(&self) -> LocalSpace {
+        self.splats.space
+    }
+
+    /// A view of a local camera.
     fn view(&self, camera: &Camera) -> RasterView {
         let mut view = RasterView::new(*camera, self.splats.sh_degree());
         view.background = self.background;
@@ -209,7 +221,7 @@ impl Renderer {
         view
     }
 
-    /// Renders a view and waits until it is certain that every tile intersection fitted.
+    /// Renders a view of a camera in the scene and waits until it is certain that every tile intersection fitted.
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
@@ -247,12 +259,14 @@ impl Renderer {
         let gpu = self.gpu().clone();
         // The sources' depth maps first: what they were made in then serves the frame.
         let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
-        let (inputs, view) = (Inputs::of(&self.splats), self.view(camera));
+        let space = self.space();
+        let local = space.camera(camera);
+        let (inputs, view) = (Inputs::of(&self.splats), self.view(&local));
         loop {
             let mut pass = Pass::new(&gpu, "frame");
             let forward = self.raster.record(&mut pass, &inputs, &view, false)?;
             let image = match (&self.image, &sources) {
-                (Some(stage), Some(sources)) => Some(record_final(&mut pass, stage, camera, &forward, sources)?),
+                (Some(stage), Some(sources)) => Some(record_final(&mut pass, stage, &local, &forward, sources)?),
                 _ => None,
             };
             pass.submit();
@@ -260,7 +274,8 @@ impl Renderer {
             let memory = |tensor: Tensor<3>| Gpu::bind(&primitive(tensor)).clone();
             let base_memory = memory(forward.image());
             let image_memory = image.as_ref().map(|part| memory(part.image.clone()));
-            let frame = Frame { gpu: gpu.clone(), forward, image, base_memory, image_memory, camera: *camera };
+            let gpu = gpu.clone();
+            let frame = Frame { gpu, forward, image, base_memory, image_memory, camera: *camera, local, space };
             then(&frame)?;
             if room == Room::Assumed || self.raster.had_room(&frame.forward)? {
                 return Ok(frame);
@@ -279,7 +294,7 @@ impl Renderer {
         let photos = stage.part.photos.photos(&chosen)?;
         let mut depths = stage.depths.lock().expect("depth cache");
         let source = |(&index, photo)| {
-            let camera = stage.part.cameras[index];
+            let camera = self.space().camera(&stage.part.cameras[index]);
             let make = || self.raster.depth_map(&self.splats, &self.view(&camera), room);
             let depth = depths.get_or_make(index, make)?;
             Ok(SourceView { camera, photo, depth })
@@ -317,7 +332,7 @@ fn record_final(
 }
 
 impl Frame {
-    /// The camera.
+    /// The camera, in the scene's coordinates.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
@@ -342,7 +357,12 @@ impl Frame {
         self.forward.surface().map(|surface| &***surface)
     }
 
-    /// Median depth at a pixel; none where nothing is met or no surface was asked for.
+    /// Depth in scene units up to which nothing is drawn.
+    pub fn near_depth(&self) -> f64 {
+        f64::from(NEAR_DEPTH) * self.space.scale
+    }
+
+    /// Median depth at a pixel in scene units; none where nothing is met or no surface was asked for.
     ///
     /// # Errors
     /// When the device is lost.
@@ -352,7 +372,12 @@ impl Frame {
         };
         let at = y as usize * self.camera.width as usize + x as usize;
         let depth = self.gpu.read_at::<f32>(&surface.median_depth, at, 1)?[0];
-        Ok(Some(depth).filter(|&z| z > 0.0 && z.is_finite()))
+        Ok(Some(depth).filter(|&z| z > 0.0 && z.is_finite()).map(|z| self.in_scene_units(z)))
+    }
+
+    /// A local length.
+    pub(crate) fn in_scene_units(&self, length: f32) -> f32 {
+        (f64::from(length) * self.space.scale) as f32
     }
 
     fn pixels(&self) -> usize {
@@ -380,12 +405,15 @@ impl Frame {
         Ok(Rendered { width, height, rgb: self.gpu.read(memory, 3 * self.pixels())? })
     }
 
-    /// Median depth, `[H * W]`, 0 where nothing is met; none where no surface was asked for.
+    /// Median depth in scene units, `[H * W]`, 0 where nothing is met; none where no surface was asked for.
     ///
     /// # Errors
     /// When the device is lost.
     pub fn depth(&self) -> Result<Option<Vec<f32>>, GpuError> {
-        self.forward.surface().map(|surface| self.gpu.read(&surface.median_depth, self.pixels())).transpose()
+        let Some(surface) = self.forward.surface() else { return Ok(None) };
+        let mut depth: Vec<f32> = self.gpu.read(&surface.median_depth, self.pixels())?;
+        depth.iter_mut().for_each(|z| *z = self.in_scene_units(*z));
+        Ok(Some(depth))
     }
 
     /// Normal map in camera space, `[H * W * 3]`, not normalised; none where no surface was asked for.
@@ -416,10 +444,10 @@ fn read_image(gpu: &Gpu, image: Tensor<3>) -> Result<Rendered, GpuError> {
     Ok(Rendered { width: width as u32, height: height as u32, rgb })
 }
 
-/// The base image of Gaussians alone.
+/// The base image of Gaussians alone, from a camera in the scene.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
 pub fn render_base(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Rendered, GpuError> {
-    read_image(raster.gpu(), raster.render(splats, &RasterView::new(*camera, splats.sh_degree()))?)
+    read_image(raster.gpu(), raster.render(splats, &RasterView::new(splats.space.camera(camera), splats.sh_degree()))?)
 }

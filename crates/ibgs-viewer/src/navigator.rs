@@ -18,6 +18,8 @@ pub struct Navigator {
     pub world_from_view: DMat3,
     /// Distance of the point that orbits go around, along the optical axis.
     pub distance: f64,
+    /// The distance at first, by which others are small or large.
+    pub size: f64,
     /// Up in world space, of length one.
     pub up: DVec3,
     /// Vertical field of view in radians.
@@ -32,11 +34,14 @@ impl Navigator {
     pub fn at(camera: &Camera, center: DVec3, up: DVec3) -> Self {
         let forward = camera.forward();
         let ahead = (center - camera.center()).dot(forward);
-        let usual = camera.center().distance(center).max(1e-3);
+        let apart = camera.center().distance(center);
+        let usual = if apart > 0.0 { apart } else { 1.0 };
+        let distance = if ahead > 0.1 * usual { ahead } else { usual };
         Self {
             position: camera.center(),
             world_from_view: camera.view_from_world.transpose(),
-            distance: if ahead > 0.1 * usual { ahead } else { usual },
+            distance,
+            size: distance,
             up,
             fov: 2.0 * (0.5 * f64::from(camera.height) / camera.focal.y).atan(),
         }
@@ -45,7 +50,14 @@ impl Navigator {
     /// Looks at `center` from `distance` away, for scenes without any camera.
     pub fn facing(center: DVec3, distance: f64) -> Self {
         let up = DVec3::NEG_Y;
-        Self { position: center - DVec3::Z * distance, world_from_view: DMat3::IDENTITY, distance, up, fov: USUAL_FOV }
+        Self {
+            position: center - DVec3::Z * distance,
+            world_from_view: DMat3::IDENTITY,
+            distance,
+            size: distance,
+            up,
+            fov: USUAL_FOV,
+        }
     }
 
     fn right(&self) -> DVec3 {
@@ -110,7 +122,7 @@ impl Navigator {
     /// Goes nearer to the pivot (`steps` > 0) or away from it.
     pub fn zoom(&mut self, steps: f64) {
         let pivot = self.pivot();
-        self.distance = (self.distance * 0.85f64.powf(steps)).clamp(1e-4, 1e6);
+        self.distance = (self.distance * 0.85f64.powf(steps)).clamp(1e-4 * self.size, 1e6 * self.size);
         self.position = pivot - self.forward() * self.distance;
     }
 
@@ -122,7 +134,7 @@ impl Navigator {
     /// Turns to a point and orbits around it from now on.
     pub fn focus(&mut self, point: DVec3) {
         let offset = point - self.position;
-        if !(offset.length() > 1e-6 && offset.is_finite()) {
+        if !(offset.length() > 1e-6 * self.size && offset.is_finite()) {
             return;
         }
         let forward = offset.normalize();

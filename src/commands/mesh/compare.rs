@@ -106,12 +106,12 @@ impl Options {
         voxel: f64,
         cameras: &[Camera],
     ) -> Result<()> {
-        let sampled = || Cloud::of_triangles(&mesh.positions, &mesh.triangles, self.spacing());
+        let sampled = || Cloud::of_mesh(mesh, self.spacing());
         let mut report = match truth {
             Some(Truth { cloud, transform, crop }) => {
                 // The spacing is in the units of the truth.
                 let scale = transform.map_or(1.0, |matrix| matrix.determinant().abs().cbrt());
-                let mesh = Cloud::of_triangles(&mesh.positions, &mesh.triangles, self.spacing() / scale);
+                let mesh = Cloud::of_mesh(mesh, self.spacing() / scale);
                 let mesh = transform.into_iter().fold(mesh, Cloud::moved);
                 let cropped = |cloud: Cloud| crop.iter().fold(cloud, |cloud, volume| cloud.cropped(volume));
                 let (mesh, truth) = (cropped(mesh), cropped(cloud));

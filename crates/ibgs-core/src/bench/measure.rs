@@ -91,7 +91,7 @@ impl Clock<'_> {
 /// What a view's stages have to do, read back from a pass over it.
 fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> Result<Load, TrainError> {
     let Setting { gaussians, camera, config } = setting;
-    let forward = raster.surface(splats, &RasterView::new(*camera, gaussians.sh_degree))?;
+    let forward = raster.surface(splats, &RasterView::new(splats.space.camera(camera), gaussians.sh_degree))?;
     let pixels = camera.width as usize * camera.height as usize;
     let last: Vec<u32> = gpu.read(&forward.workspace.last_entry, pixels)?;
     let counts: Vec<u32> = gpu.read(&forward.workspace.tile_counts, gaussians.len())?;

@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub struct Setting<'a> {
     /// The model.
     pub gaussians: &'a Gaussians,
-    /// The view.
+    /// The view, in the scene's coordinates.
     pub camera: Camera,
     /// Its options: of these those that say how much the stages compute count, and the numbers of sources and of median
     /// intersections.
@@ -55,7 +55,7 @@ pub fn synthetic(count: usize, sh_degree: u32, width: u32, height: u32) -> (Gaus
     (g, camera)
 }
 
-/// Where the neighbours stand, beside the camera.
+/// Where the neighbours stand, beside the camera, in local units.
 const PLACES: [[f64; 2]; 8] =
     [[0.1, 0.0], [-0.1, 0.0], [0.0, 0.1], [0.0, -0.1], [0.1, 0.1], [-0.1, 0.1], [0.1, -0.1], [-0.1, -0.1]];
 
@@ -69,7 +69,8 @@ pub(super) fn views(
     let neighbours = &PLACES[..PLACES.len().min(neighbours as usize)];
     let mut views = Vec::new();
     for (index, [x, y]) in std::iter::once(&[0.0, 0.0]).chain(neighbours).enumerate() {
-        let moved = Camera { translation: camera.translation + DVec3::new(*x, *y, 0.0), ..*camera };
+        let moved =
+            Camera { translation: camera.translation + splats.space.scale * DVec3::new(*x, *y, 0.0), ..*camera };
         let picture = render_base(raster, splats, &moved)?;
         let rgba = picture.to_rgb8().chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let photo = Arc::new(Photo { width: camera.width, height: camera.height, rgba });

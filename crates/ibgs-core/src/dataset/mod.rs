@@ -21,6 +21,7 @@ pub use error::DatasetError;
 pub use options::{Alpha, ColorSpace, LoadOptions, PrincipalPoint, Resampler, Resolution};
 
 use crate::camera::Camera;
+use crate::local_space::LocalSpace;
 use archive::Unpacked;
 use glam::{DVec2, DVec3};
 use photos::Frame;
@@ -61,7 +62,14 @@ pub struct Point {
     pub color: [u8; 3],
 }
 
-/// A loaded scene: views sorted by name, split, initial points.
+impl Point {
+    /// The same in local coordinates.
+    pub fn to_local(self, space: &LocalSpace) -> Self {
+        Self { position: space.to_local(self.position), ..self }
+    }
+}
+
+/// A loaded scene in its own coordinates: views sorted by name, split, initial points.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// Where it came from.
@@ -79,6 +87,13 @@ pub struct Dataset {
 }
 
 impl Dataset {
+    /// The local coordinates in which it is trained and rendered: by the cameras of all views, whatever the split; by the
+    /// points where all cameras stand at one place.
+    pub fn space(&self) -> LocalSpace {
+        let cameras = self.views.iter().map(|view| &view.camera);
+        LocalSpace::of_scene(cameras, self.points.iter().map(|point| point.position))
+    }
+
     /// CRC-32 of what a training sees: names, cameras and photos of the training and the held-out views.
     pub fn checksum(&self) -> u32 {
         let one = |view: &View| {

@@ -4,6 +4,7 @@ use super::error::{DatasetError, read_bytes};
 use super::points_ply;
 use super::{Alpha, Dataset, LoadOptions, Point, View};
 use crate::camera::scene_extent;
+use crate::local_space::LocalSpace;
 use glam::DVec2;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -48,6 +49,10 @@ pub(crate) fn fill(
     }
     let count = points.len();
     points.retain(|point| point.position.as_vec3().is_finite());
+    // Local coordinates are single precision too.
+    let positions = points.iter().map(|point| point.position);
+    let space = LocalSpace::of_scene(dataset.views.iter().map(|view| &view.camera), positions);
+    points.retain(|point| space.to_local(point.position).as_vec3().is_finite());
     if points.len() < count {
         let dropped = count - points.len();
         dataset.notes.push(format!("{dropped} initial points are not finite and were dropped"));

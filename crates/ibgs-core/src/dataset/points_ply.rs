@@ -1,8 +1,9 @@
 //! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue`, or the constant
-//! coefficients `f_dc_0 ..` of Gaussians. Normals and whatever else is there are skipped.
+//! coefficients `f_dc_0 ..` of Gaussians, relative to the offset that the header may tell. Normals and whatever else is there are skipped.
 
 use super::Point;
 use super::error::DatasetError;
+use crate::ply_offset;
 use glam::DVec3;
 use std::f64::consts::FRAC_2_SQRT_PI;
 use std::path::Path;
@@ -81,6 +82,8 @@ struct Header {
     format: Format,
     count: u64,
     properties: Vec<(String, Scalar)>,
+    /// What the positions are relative to.
+    offset: DVec3,
     /// Offset of the first byte of data, and the number of header lines.
     data: usize,
     lines: usize,
@@ -96,7 +99,8 @@ struct Columns {
 
 impl Header {
     fn parse(bytes: &[u8]) -> Result<Header, String> {
-        let mut header = Header { format: Format::Ascii, count: 0, properties: Vec::new(), data: 0, lines: 0 };
+        let mut header =
+            Header { format: Format::Ascii, count: 0, properties: Vec::new(), offset: DVec3::ZERO, data: 0, lines: 0 };
         let (mut element, mut format_seen) = (String::new(), false);
         loop {
             let rest = bytes.get(header.data..).unwrap_or_default();
@@ -134,6 +138,7 @@ impl Header {
                     let scalar = Scalar::parse(kind).ok_or(format!("line {number}: unknown type `{kind}`"))?;
                     header.properties.push(((*name).to_owned(), scalar));
                 }
+                ["comment", ..] => header.offset = ply_offset::parse(&line)?.unwrap_or(header.offset),
                 ["property", ..] if element == "vertex" => {
                     return Err(format!("line {number}: list properties of vertices are not supported"));
                 }
@@ -190,10 +195,12 @@ fn parse(bytes: &[u8]) -> Result<Vec<Point>, String> {
     let header = Header::parse(bytes)?;
     let columns = header.columns()?;
     let data = bytes.get(header.data..).unwrap_or_default();
-    match header.format {
+    let mut points = match header.format {
         Format::Ascii => parse_ascii(&header, &columns, data),
         _ => parse_binary(&header, &columns, data),
-    }
+    }?;
+    points.iter_mut().for_each(|point| point.position += header.offset);
+    Ok(points)
 }
 
 fn parse_ascii(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Point>, String> {

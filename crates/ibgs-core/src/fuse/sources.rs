@@ -15,6 +15,7 @@
 
 use super::memory::MemoryBudget;
 use crate::camera::Camera;
+use crate::local_space::LocalSpace;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -114,6 +115,8 @@ pub struct SourceFinder {
     kept: usize,
     used: usize,
     first: First,
+    /// Scene units that count as one where rotations and places are compared.
+    unit: f64,
 }
 
 /// A training view as a candidate: distance, angle between the optical axes, index.
@@ -130,6 +133,10 @@ impl SourceFinder {
             kept: options.neighbours as usize,
             used: options.used as usize,
             first,
+            unit: match options.distances {
+                Distances::Absolute => 1.0,
+                Distances::Adaptive => LocalSpace::of_cameras(cameras.iter()).unwrap_or_default().scale,
+            },
         };
         let usual = match options.distances {
             Distances::Absolute => PUBLISHED_DISTANCES,
@@ -189,7 +196,7 @@ impl SourceFinder {
         let near = found.iter().take_while(|candidate| candidate.0 <= most).count();
         let mut chosen: Vec<usize> = found.iter().take(near.max(self.fill)).map(|candidate| candidate.2).collect();
         if self.first == First::MostAlike {
-            let alike = |&at: &usize| pose_difference(target, &self.cameras[chosen[at]]);
+            let alike = |&at: &usize| pose_difference(target, &self.cameras[chosen[at]], self.unit);
             if let Some(best) = (0..chosen.len()).min_by(|a, b| alike(a).total_cmp(&alike(b)).then(a.cmp(b))) {
                 chosen[..=best].rotate_right(1);
             }
@@ -211,10 +218,10 @@ pub fn neighbours(target: &Camera, exclude: Option<usize>, cameras: &[Camera], o
     SourceFinder::new(cameras, options, First::Nearest).neighbours(target, exclude)
 }
 
-/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries.
-fn pose_difference(target: &Camera, source: &Camera) -> f64 {
+/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries, places in so many scene units.
+fn pose_difference(target: &Camera, source: &Camera, unit: f64) -> f64 {
     let rotation = source.view_from_world * target.view_from_world.transpose();
-    let translation = source.translation - rotation * target.translation;
+    let translation = (source.translation - rotation * target.translation) / unit;
     let turned = (rotation - DMat3::IDENTITY).to_cols_array();
     (turned.iter().map(|v| v.abs()).sum::<f64>() + translation.abs().element_sum()) / 16.0
 }

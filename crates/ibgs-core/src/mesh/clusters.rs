@@ -89,7 +89,7 @@ mod tests {
         let of = |i: u32| [i as f32, 0.0, 0.0];
         let positions: Vec<_> = (0..13).map(of).collect();
         let colors = (0..13).map(|i| [i; 3]).collect();
-        let whole = Mesh { normals: positions.clone(), positions, colors, triangles };
+        let whole = Mesh { normals: positions.clone(), positions, colors, triangles, ..Mesh::default() };
         let mut mesh = whole.clone();
         assert_eq!(mesh.keep_largest(2), 3);
         assert_eq!(mesh.triangles, [[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7], [6, 7, 8]]);

@@ -1,6 +1,7 @@
 //! Why there is no mesh, or no score of one.
 
 use crate::files::WriteError;
+use crate::local_space::Length;
 use crate::memory::Bytes;
 use std::io;
 use std::path::PathBuf;
@@ -30,8 +31,8 @@ pub enum MeshError {
     },
     /// The voxels do not fit into the memory allowed.
     #[error(
-        "voxels of {voxel:.4} need more than the limit of {}; choose a voxel size of {enough:.4}, smaller bounds, a smaller \
-         largest depth, or a higher `--memory`", Bytes(*limit)
+        "voxels of {} need more than the limit of {}; choose a voxel size of {}, smaller bounds, a smaller \
+         largest depth, or a higher `--memory`", Length(*voxel), Bytes(*limit), Length(*enough)
     )]
     Voxels {
         /// Voxel size in scene units.

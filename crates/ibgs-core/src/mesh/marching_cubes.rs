@@ -106,7 +106,7 @@ impl Grid {
         if triangles.is_empty() {
             return Err(MeshError::NoSurface { place: "that all views together agree on" });
         }
-        let mut mesh = Mesh { triangles, ..Mesh::default() };
+        let mut mesh = Mesh { offset: self.offset, triangles, ..Mesh::default() };
         for block in vertices {
             mesh.positions.extend(block.positions);
             mesh.colors.extend(block.colors);

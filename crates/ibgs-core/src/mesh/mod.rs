@@ -26,12 +26,14 @@ pub use plan::{FusionOptions, Plan, maps_bytes};
 pub use tsdf::{Grid, fuse};
 pub use write::MeshFormat;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A triangle mesh, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Vertices, world space.
+    /// What the positions are relative to: floats hold no vertex far from the scene's origin.
+    pub offset: DVec3,
+    /// Vertices, in scene units.
     pub positions: Vec<[f32; 3]>,
     /// Unit normals of the vertices, towards the free space.
     pub normals: Vec<[f32; 3]>,

@@ -27,13 +27,15 @@ pub struct FusionOptions {
     pub max_depth: Option<f64>,
     /// Least and largest corner of the box that is meshed; without: everything.
     pub bounds: Option<[DVec3; 2]>,
+    /// What voxels and vertices are relative to ([`LocalSpace::file_offset`](crate::local_space::LocalSpace::file_offset)).
+    pub offset: DVec3,
     /// Bytes that the voxels and the mesh may take; without: no limit.
     pub memory: Option<u64>,
 }
 
 impl Default for FusionOptions {
     fn default() -> Self {
-        Self { voxel: None, truncation: 4.0, max_depth: None, bounds: None, memory: None }
+        Self { voxel: None, truncation: 4.0, max_depth: None, bounds: None, offset: DVec3::ZERO, memory: None }
     }
 }
 
@@ -77,6 +79,8 @@ pub struct Plan {
     pub max_depth: f64,
     /// Least and largest corner of the box that is meshed.
     pub bounds: [DVec3; 2],
+    /// What voxels and vertices are relative to.
+    pub offset: DVec3,
     /// Bytes that the voxels and the mesh may take.
     pub memory: u64,
 }
@@ -117,7 +121,8 @@ impl Plan {
             (extent / VOXELS_ALONG).max(pixel)
         });
         let truncation = options.truncation * voxel;
-        Ok(Self { voxel, truncation, max_depth, bounds, memory: options.memory.unwrap_or(u64::MAX) })
+        let (offset, memory) = (options.offset, options.memory.unwrap_or(u64::MAX));
+        Ok(Self { voxel, truncation, max_depth, bounds, offset, memory })
     }
 }
 

@@ -32,7 +32,9 @@ const FREE: f32 = 0.1;
 /// Signed distances and colours of the voxels near the surface.
 #[derive(Debug)]
 pub struct Grid {
-    /// Side of a voxel in scene units; voxel (0, 0, 0) begins at the origin.
+    /// What the blocks' places are relative to.
+    pub offset: DVec3,
+    /// Side of a voxel in scene units; voxel (0, 0, 0) begins at the offset.
     pub voxel: f64,
     /// Number of pairs of a voxel and a view that were looked at.
     pub looked_at: u64,
@@ -86,7 +88,7 @@ pub fn fuse(maps: &[DepthMap], plan: &Plan, bar: &ProgressBar) -> Result<Grid, M
     });
     let (blocks, counts): (Vec<Block>, Vec<u64>) = fused.unzip();
     let index = blocks.iter().enumerate().map(|(i, block)| (block.at, i as u32)).collect();
-    Ok(Grid { voxel: plan.voxel, looked_at: counts.into_iter().sum(), blocks, index })
+    Ok(Grid { offset: plan.offset, voxel: plan.voxel, looked_at: counts.into_iter().sum(), blocks, index })
 }
 
 /// That the voxels do not fit, with a size that does.
@@ -116,7 +118,7 @@ fn places(maps: &[DepthMap], plan: &Plan) -> Result<Option<HashSet<IVec3>>, Mesh
             if f64::from(z) > plan.max_depth || !inside(point, plan.bounds) {
                 continue;
             }
-            let [low, high] = [point - reach, point + reach].map(|p| (p / block).floor());
+            let [low, high] = [point - reach, point + reach].map(|p| ((p - plan.offset) / block).floor());
             if low.abs().max(high.abs()).max_element() > FARTHEST {
                 let value = plan.voxel.to_string();
                 return Err(MeshError::Option {
@@ -226,8 +228,8 @@ struct Sum {
 fn fuse_block(at: IVec3, views: &[View], plan: &Plan) -> (Block, u64) {
     let mut sums = [Sum::default(); VOXELS];
     let corner = (at * SIDE as i32).as_dvec3();
-    let first = (corner + 0.5) * plan.voxel;
-    let center = (corner + 0.5 * SIDE as f64) * plan.voxel;
+    let first = (corner + 0.5) * plan.voxel + plan.offset;
+    let center = (corner + 0.5 * SIDE as f64) * plan.voxel + plan.offset;
     let radius = (0.5 * 3_f64.sqrt() * SIDE as f64 * plan.voxel) as f32;
     let mut looked_at = 0;
     for view in views {

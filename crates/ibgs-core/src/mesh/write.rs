@@ -1,7 +1,10 @@
-//! Mesh files: PLY, OBJ and binary glTF.
+//! Mesh files: PLY, OBJ and binary glTF, in scene units. A mesh far from the scene's origin has an offset: PLY tells it in its
+//! header, glTF in its node, and OBJ, which is text, has whole coordinates.
 
 use super::{Mesh, MeshError};
 use crate::files;
+use crate::ply_offset;
+use glam::DVec3;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::Path;
@@ -56,7 +59,8 @@ impl Mesh {
     }
 
     fn write_ply(&self, out: &mut dyn Write) -> io::Result<()> {
-        write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", self.positions.len())?;
+        let offset = ply_offset::line(Some(self.offset).filter(|&offset| offset != DVec3::ZERO));
+        write!(out, "ply\nformat binary_little_endian 1.0\n{offset}element vertex {}\n", self.positions.len())?;
         for name in ["x", "y", "z", "nx", "ny", "nz"] {
             writeln!(out, "property float {name}")?;
         }
@@ -79,7 +83,14 @@ impl Mesh {
     fn write_obj(&self, out: &mut dyn Write) -> io::Result<()> {
         for (p, n, c) in self.vertices() {
             let [r, g, b] = c.map(|v| f32::from(v) / 255.0);
-            writeln!(out, "v {} {} {} {r:.4} {g:.4} {b:.4}", p[0], p[1], p[2])?;
+            match self.offset == DVec3::ZERO {
+                true => write!(out, "v {} {} {}", p[0], p[1], p[2])?,
+                false => {
+                    let DVec3 { x, y, z } = self.offset + DVec3::from(p.map(f64::from));
+                    write!(out, "v {x} {y} {z}")?;
+                }
+            }
+            writeln!(out, " {r:.4} {g:.4} {b:.4}")?;
             writeln!(out, "vn {:.4} {:.4} {:.4}", n[0], n[1], n[2])?;
         }
         for [a, b, c] in self.triangles.iter().map(|t| t.map(|i| u64::from(i) + 1)) {
@@ -144,11 +155,15 @@ impl Mesh {
             let first = self.positions.first().copied().unwrap_or_default();
             self.positions.iter().fold(first, |a, b| std::array::from_fn(|i| better(a[i], b[i])))
         };
+        let mut node = json!({"mesh": 0});
+        if self.offset != DVec3::ZERO {
+            node["translation"] = json!(self.offset.to_array());
+        }
         json!({
             "asset": {"version": "2.0", "generator": "ibgs"},
             "scene": 0,
             "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0}],
+            "nodes": [node],
             "meshes": [{"primitives": [{
                 "attributes": {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2}, "indices": 3, "material": 0, "mode": 4,
             }]}],
@@ -191,7 +206,7 @@ mod tests {
         let normals = vec![[0.0, 0.0, 1.0], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
         let positions = vec![[0.5, -1.25, 3.0], [1.0, 0.0, 0.1], [0.0, 1e-7, -2.0], [7.0, 8.0, 9.0]];
         let colors = vec![[255, 0, 128], [1, 2, 3], [0, 0, 0], [255, 255, 255]];
-        Mesh { positions, normals, colors, triangles: vec![[0, 1, 2], [2, 1, 3]] }
+        Mesh { offset: DVec3::ZERO, positions, normals, colors, triangles: vec![[0, 1, 2], [2, 1, 3]] }
     }
 
     /// The bytes that are written under a name.
@@ -231,6 +246,7 @@ mod tests {
         let bytes = written("a.PLY");
         let ply: Ply = serde_ply::from_bytes(&bytes).unwrap();
         let read = Mesh {
+            offset: DVec3::ZERO,
             positions: ply.vertex.iter().map(|v| [v.x, v.y, v.z]).collect(),
             normals: ply.vertex.iter().map(|v| [v.nx, v.ny, v.nz]).collect(),
             colors: ply.vertex.iter().map(|v| [v.red, v.green, v.blue]).collect(),
@@ -297,6 +313,20 @@ mod tests {
         assert_eq!((colors[0], colors[3]), ([65535, 0, 14146, 65535], [65535; 4]));
         assert_eq!(document["accessors"][0]["min"], json!([0.0, -1.25, -2.0]));
         assert_eq!(document["accessors"][0]["max"], json!([7.0, 8.0, 9.0]));
+    }
+
+    #[test]
+    fn far_meshes_keep_their_place() {
+        let far = Mesh { offset: DVec3::new(5_000_000.0, -4e6, 0.5), ..mesh() };
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            far.write(&path).unwrap();
+            String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned()
+        };
+        assert!(file("a.ply").contains("\ncomment offset 5000000 -4000000 0.5\nelement vertex 4\n"));
+        assert!(file("a.obj").starts_with("v 5000000.5 -4000001.25 3.5 "));
+        assert!(file("a.glb").contains("\"translation\":[5000000.0,-4000000.0,0.5]"));
     }
 
     #[test]

@@ -21,9 +21,6 @@ use glam::{DMat4, DVec3, DVec4};
 use std::io;
 use std::path::Path;
 
-/// Near plane of `worldToNDC` in world units: the depth up to which Gaussians are culled (method.md section 2).
-const NEAR: f64 = 0.2;
-
 /// What a view shows; what is not there is left out of the file. Row by row, colours and normals `[H, W, 3]`, the others
 /// `[H, W]`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,7 +31,7 @@ pub struct Layers<'a> {
     pub base: Option<&'a [f32]>,
     /// The residual.
     pub residual: Option<&'a [f32]>,
-    /// View depths.
+    /// View depths in scene units.
     pub depth: Option<&'a [f32]>,
     /// Camera-space normals.
     pub normal: Option<&'a [f32]>,
@@ -43,7 +40,9 @@ pub struct Layers<'a> {
 }
 
 /// `worldToCamera` and `worldToNDC` as OpenEXR wants them: row after row, for row vectors.
-pub fn world_matrices(camera: &Camera) -> [[f32; 16]; 2] {
+///
+/// `near` is the near plane in scene units: the depth up to which Gaussians are culled (method.md section 2).
+pub fn world_matrices(camera: &Camera, near: f64) -> [[f32; 16]; 2] {
     let mut view = DMat4::from_mat3(camera.view_from_world);
     view.w_axis = camera.translation.extend(1.0);
     let flipped = DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0)) * view;
@@ -53,7 +52,7 @@ pub fn world_matrices(camera: &Camera) -> [[f32; 16]; 2] {
     let clip = DMat4::from_cols(
         DVec4::new(2.0 * f.x / w, 0.0, 2.0 * p.x / w - 1.0, 0.0),
         DVec4::new(0.0, -2.0 * f.y / h, 1.0 - 2.0 * p.y / h, 0.0),
-        DVec4::new(0.0, 0.0, 1.0, -2.0 * NEAR),
+        DVec4::new(0.0, 0.0, 1.0, -2.0 * near),
         DVec4::new(0.0, 0.0, 1.0, 0.0),
     )
     .transpose();
@@ -61,15 +60,15 @@ pub fn world_matrices(camera: &Camera) -> [[f32; 16]; 2] {
     [flipped, clip * view].map(|m| m.to_cols_array().map(|v| v as f32))
 }
 
-fn attributes(camera: &Camera) -> LayerAttributes {
-    let [world_to_camera, world_to_ndc] = world_matrices(camera);
+fn attributes(camera: &Camera, near: f64) -> LayerAttributes {
+    let [world_to_camera, world_to_ndc] = world_matrices(camera, near);
     let fov = |size: u32, focal: f64| (2.0 * (0.5 * f64::from(size) / focal).atan()) as f32;
     let mut attributes = LayerAttributes {
         world_to_camera: Some(world_to_camera),
         world_to_normalized_device: Some(world_to_ndc),
         horizontal_field_of_view: Some(fov(camera.width, camera.focal.x)),
         vertical_field_of_view: Some(fov(camera.height, camera.focal.y)),
-        near_clip_plane: Some(NEAR as f32),
+        near_clip_plane: Some(near as f32),
         software_name: Some("ibgs".into()),
         ..LayerAttributes::default()
     };
@@ -101,14 +100,14 @@ fn channels(prefix: &str, letters: &[&str], values: &[f32]) -> Vec<AnyChannel<Fl
 /// Name of a layer, its channels, and its values where it is wanted.
 type NamedLayer<'a> = (&'a str, &'a [&'a str], Option<&'a [f32]>);
 
-/// Writes an EXR file in one atomic step, folders included.
+/// Writes an EXR file in one atomic step, folders included. `near` is the near plane in scene units.
 ///
 /// # Errors
 /// When the file cannot be written.
 ///
 /// # Panics
 /// When a layer has another size than the camera's image: a bug of ours.
-pub fn write(path: &Path, camera: &Camera, layers: &Layers<'_>) -> Result<(), WriteError> {
+pub fn write(path: &Path, camera: &Camera, near: f64, layers: &Layers<'_>) -> Result<(), WriteError> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let visibility: Option<Vec<f32>> = layers.visibility.map(|counts| counts.iter().map(|&n| n as f32).collect());
     let named: [NamedLayer<'_>; 6] = [
@@ -128,7 +127,8 @@ pub fn write(path: &Path, camera: &Camera, layers: &Layers<'_>) -> Result<(), Wr
         list.extend(channels(prefix, letters, values));
     }
     let size = Vec2(width, height);
-    let layer = Layer::new(size, attributes(camera), Encoding::SMALL_FAST_LOSSLESS, AnyChannels::sort(list.into()));
+    let layer =
+        Layer::new(size, attributes(camera, near), Encoding::SMALL_FAST_LOSSLESS, AnyChannels::sort(list.into()));
     let mut image = Image::from_layer(layer);
     image.attributes.display_window = IntegerBounds::from_dimensions(size);
     let mut bytes = io::Cursor::new(Vec::new());
@@ -145,6 +145,8 @@ mod tests {
     use super::*;
     use exr::prelude::{ReadChannels, ReadLayers, read};
     use glam::{DMat3, DQuat, DVec2};
+
+    const NEAR: f64 = 0.2;
 
     fn camera() -> Camera {
         Camera {
@@ -167,7 +169,7 @@ mod tests {
     #[test]
     fn matrices_follow_openexr() {
         let camera = camera();
-        let [to_camera, to_ndc] = world_matrices(&camera);
+        let [to_camera, to_ndc] = world_matrices(&camera, NEAR);
         for point in [DVec3::new(0.1, 0.2, 0.3), DVec3::new(-1.0, 0.5, 2.0)] {
             let view = camera.to_view(point);
             assert!(transformed(point, &to_camera).distance(view * DVec3::new(1.0, -1.0, -1.0)) < 1e-6);
@@ -192,7 +194,7 @@ mod tests {
             normal: Some(&normal),
             visibility: Some(&visibility),
         };
-        write(&path, &camera(), &layers).unwrap();
+        write(&path, &camera(), NEAR, &layers).unwrap();
         let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
         let layer = file.from_file(&path).unwrap().layer_data;
         assert_eq!(layer.size, Vec2(7, 5));
@@ -211,7 +213,7 @@ mod tests {
         }
         assert_eq!(plane("depth.Z"), depth);
         assert_eq!(plane("visibility.N"), visibility.iter().map(|&n| n as f32).collect::<Vec<_>>());
-        let [to_camera, to_ndc] = world_matrices(&camera());
+        let [to_camera, to_ndc] = world_matrices(&camera(), NEAR);
         assert_eq!(layer.attributes.world_to_camera, Some(to_camera));
         assert_eq!(layer.attributes.world_to_normalized_device, Some(to_ndc));
         let text = |name: &str| match &layer.attributes.other[&Text::from(name)] {

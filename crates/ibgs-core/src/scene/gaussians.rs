@@ -1,6 +1,9 @@
 //! The parameters of all Gaussians as plain arrays (method.md section 1).
 
 use super::SceneError;
+use crate::local_space::LocalSpace;
+use glam::DVec3;
+use std::borrow::Cow;
 
 /// Highest degree of the spherical harmonics.
 pub const MAX_SH_DEGREE: u32 = 3;
@@ -8,14 +11,16 @@ pub const MAX_SH_DEGREE: u32 = 3;
 /// Constant basis function of the spherical harmonics, `1 / (2 sqrt(pi))`: colour = 0.5 + `SH_C0` dc + ...
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 
-/// N Gaussians, every value as stored, before its activation (method.md section 1).
+/// N Gaussians, every value as stored, before its activation (method.md section 1), in local coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians {
-    /// N means in world units.
+    /// Where the local coordinates lie in the scene.
+    pub space: LocalSpace,
+    /// N means.
     pub means: Vec<[f32; 3]>,
     /// N quaternions in the order w, x, y, z, not normalised.
     pub rotations: Vec<[f32; 4]>,
-    /// N x 3 natural logarithms of the standard deviations in world units.
+    /// N x 3 natural logarithms of the standard deviations.
     pub log_scales: Vec<[f32; 3]>,
     /// N logits of the opacity.
     pub opacity_logits: Vec<f32>,
@@ -25,7 +30,7 @@ pub struct Gaussians {
     pub sh_degree: u32,
     /// N plane normals in world space, not normalised.
     pub normals: Vec<[f32; 3]>,
-    /// N offsets of the plane along its normal in world units.
+    /// N offsets of the plane along its normal from the mean.
     pub offsets: Vec<f32>,
 }
 
@@ -33,6 +38,7 @@ impl Gaussians {
     /// No Gaussians, with room for `capacity` of them.
     pub fn with_capacity(capacity: usize, sh_degree: u32) -> Self {
         Self {
+            space: LocalSpace::default(),
             means: Vec::with_capacity(capacity),
             rotations: Vec::with_capacity(capacity),
             log_scales: Vec::with_capacity(capacity),
@@ -80,6 +86,26 @@ impl Gaussians {
         }
     }
 
+    /// Positions of the means in the scene.
+    pub fn positions(&self) -> impl Iterator<Item = DVec3> + Clone {
+        self.means.iter().map(|&mean| self.space.to_scene(DVec3::from(mean.map(f64::from))))
+    }
+
+    /// The same Gaussians in the local coordinates of another space.
+    pub fn into_space(mut self, space: LocalSpace) -> Self {
+        let carry = Carry::new(self.space, space);
+        self.space = space;
+        self.means.iter_mut().for_each(|mean| *mean = carry.mean(*mean));
+        self.log_scales.as_flattened_mut().iter_mut().for_each(|scale| *scale = carry.log_scale(*scale));
+        self.offsets.iter_mut().for_each(|offset| *offset = carry.offset(*offset));
+        self
+    }
+
+    /// [`Gaussians::into_space`] without a copy where they are in it already.
+    pub fn in_space(&self, space: LocalSpace) -> Cow<'_, Self> {
+        if self.space == space { Cow::Borrowed(self) } else { Cow::Owned(self.clone().into_space(space)) }
+    }
+
     /// Checks that all fields have the length that `means` asks for and that every value is finite.
     ///
     /// # Errors
@@ -98,6 +124,39 @@ impl Gaussians {
         check("normals", self.normals.as_flattened(), 3, n)?;
         check("offsets", &self.offsets, 1, n)
     }
+}
+
+/// Takes parameters from one space to another, in double precision.
+pub(super) struct Carry {
+    from: LocalSpace,
+    to: LocalSpace,
+    ratio: f64,
+}
+
+impl Carry {
+    pub(super) fn new(from: LocalSpace, to: LocalSpace) -> Self {
+        Self { from, to, ratio: from.scale / to.scale }
+    }
+
+    pub(super) fn mean(&self, mean: [f32; 3]) -> [f32; 3] {
+        if self.from == self.to {
+            return mean;
+        }
+        self.to.to_local(self.from.to_scene(DVec3::from(mean.map(f64::from)))).to_array().map(single)
+    }
+
+    pub(super) fn log_scale(&self, log_scale: f32) -> f32 {
+        if self.ratio == 1.0 { log_scale } else { single(f64::from(log_scale) + self.ratio.ln()) }
+    }
+
+    pub(super) fn offset(&self, offset: f32) -> f32 {
+        single(f64::from(offset) * self.ratio)
+    }
+}
+
+/// In single precision; what does not fit becomes the largest number that does.
+fn single(value: f64) -> f32 {
+    (value as f32).clamp(f32::MIN, f32::MAX)
 }
 
 /// Coefficients per channel of the degrees 0 to `sh_degree`.

@@ -3,6 +3,7 @@
 use super::gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 use super::{SceneError, gaussians};
 use crate::dataset::Point;
+use crate::local_space::LocalSpace;
 use kiddo::{KdTree, SquaredEuclidean};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -13,13 +14,13 @@ use std::collections::HashMap;
 /// Neighbours whose distances set the first scale.
 const NEIGHBOURS: usize = 3;
 
-/// Least mean squared distance to the neighbours, in squared world units.
+/// Least mean squared distance to the neighbours, in squared local units.
 const MIN_SQUARED_DISTANCE: f64 = 1e-7;
 
 /// One isotropic Gaussian per point: scale = square root of the mean squared distance to the 3 nearest other points
 /// (at least 1e-7 before the root), identity rotation, SH dc from the colour, other coefficients 0, normal (0, 0, 1),
 /// offset 0. With fewer than 4 points the mean runs over the others there are. `opacity` is the value after the
-/// sigmoid (method.md section 1: 0.1).
+/// sigmoid (method.md section 1: 0.1). The points are in local coordinates, see [`Point::to_local`].
 ///
 /// # Errors
 /// [`SceneError::BadPoint`] for a position that is not finite as a 32-bit float, [`SceneError::ShDegree`],
@@ -45,6 +46,7 @@ pub fn from_points(points: &[Point], sh_degree: u32, opacity: f64) -> Result<Gau
     }
     let log_scale = |squared: f64| (0.5 * squared.max(MIN_SQUARED_DISTANCE).ln()) as f32;
     Ok(Gaussians {
+        space: LocalSpace::default(),
         means: points.iter().map(|p| p.position.as_vec3().to_array()).collect(),
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; n],
         log_scales: mean_squared_distances(points).into_iter().map(|squared| [log_scale(squared); 3]).collect(),

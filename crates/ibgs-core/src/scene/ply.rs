@@ -1,13 +1,19 @@
 //! PLY files of Gaussians: the field order of 3D Gaussian splatting with the plane offset `nd` after the normal.
 //!
+//! A file is in scene units. Where float32 cannot hold the scene's coordinates, they are relative to an offset that the header
+//! tells ([`LocalSpace::file_offset`]).
+//!
 //! Reading is serde-ply's (any scalar type, both byte orders, text). Writing is a header and rows of floats, done here:
 //! that crate spells the type `float32`, which common viewers do not know, and has no header for zero rows.
 
-use super::gaussians::coefficients;
+use super::gaussians::{Carry, coefficients};
 use super::ply_rows::{ElementSeed, Layout, Rows};
 use super::{Gaussians, SceneError};
 use crate::dataset::Point;
 use crate::files;
+use crate::local_space::LocalSpace;
+use crate::ply_offset;
+use glam::DVec3;
 use serde::de::MapAccess;
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 use std::fs::File;
@@ -23,7 +29,7 @@ pub enum PlyFlavor {
     Plain,
 }
 
-/// Writes Gaussians as a binary little-endian PLY of 32-bit floats, in one atomic step.
+/// Writes Gaussians as a binary little-endian PLY of 32-bit floats, in scene units, in one atomic step.
 ///
 /// # Errors
 /// Those of [`Gaussians::validate`] (nothing is written then) and [`SceneError::Write`].
@@ -37,27 +43,31 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, flavor: PlyFlavor) -> Resul
 pub(crate) fn write_ply_to(out: &mut dyn Write, gaussians: &Gaussians, flavor: PlyFlavor) -> io::Result<()> {
     let fields = field_names(gaussians.sh_degree, flavor);
     let floats = fields.iter().map(|name| ("float", name.as_str()));
-    write_header(out, gaussians.len(), floats)?;
+    let offset = gaussians.space.file_offset();
+    write_header(out, gaussians.len(), offset, floats)?;
+    let carry = Carry::new(gaussians.space, LocalSpace::at(offset.unwrap_or_default()));
     let mut row = Vec::with_capacity(4 * fields.len());
     for index in 0..gaussians.len() {
         row.clear();
-        push_row(gaussians, index, flavor, &mut |v| row.extend(v.to_le_bytes()));
+        push_row(gaussians, index, (&carry, flavor), &mut |v| row.extend(v.to_le_bytes()));
         out.write_all(&row)?;
     }
     Ok(())
 }
 
-/// Writes the initial points as `input.ply`: float positions, zero normals, 8-bit colours, little endian.
+/// Writes the initial points as `input.ply`: float positions, zero normals, 8-bit colours, little endian. Far from the origin
+/// `space` tells the offset.
 ///
 /// # Errors
 /// [`SceneError::Write`].
-pub fn write_points_ply(path: &Path, points: &[Point]) -> Result<(), SceneError> {
+pub fn write_points_ply(path: &Path, points: &[Point], space: LocalSpace) -> Result<(), SceneError> {
     let floats = ["x", "y", "z", "nx", "ny", "nz"].map(|name| ("float", name));
     let bytes = ["red", "green", "blue"].map(|name| ("uchar", name));
+    let offset = space.file_offset();
     files::write_atomically(path, |out| {
-        write_header(out, points.len(), floats.into_iter().chain(bytes))?;
+        write_header(out, points.len(), offset, floats.into_iter().chain(bytes))?;
         for point in points {
-            for v in point.position.as_vec3().to_array() {
+            for v in (point.position - offset.unwrap_or_default()).as_vec3().to_array() {
                 out.write_all(&v.to_le_bytes())?;
             }
             out.write_all(&[0; 12])?;
@@ -71,9 +81,11 @@ pub fn write_points_ply(path: &Path, points: &[Point]) -> Result<(), SceneError>
 fn write_header<'a>(
     out: &mut dyn Write,
     rows: usize,
+    offset: Option<DVec3>,
     fields: impl Iterator<Item = (&'a str, &'a str)>,
 ) -> io::Result<()> {
-    write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {rows}\n")?;
+    let offset = ply_offset::line(offset);
+    write!(out, "ply\nformat binary_little_endian 1.0\n{offset}element vertex {rows}\n")?;
     for (kind, name) in fields {
         writeln!(out, "property {kind} {name}")?;
     }
@@ -96,13 +108,13 @@ fn field_names(sh_degree: u32, flavor: PlyFlavor) -> Vec<String> {
 }
 
 /// Passes the values of one Gaussian to `push` in the order of [`field_names`].
-fn push_row(g: &Gaussians, index: usize, flavor: PlyFlavor, push: &mut impl FnMut(f32)) {
+fn push_row(g: &Gaussians, index: usize, (carry, flavor): (&Carry, PlyFlavor), push: &mut impl FnMut(f32)) {
     let c = g.sh_coefficients();
     let sh = &g.sh[index * 3 * c..(index + 1) * 3 * c];
-    g.means[index].iter().for_each(|&v| push(v));
+    carry.mean(g.means[index]).into_iter().for_each(&mut *push);
     g.normals[index].iter().for_each(|&v| push(v));
     if flavor == PlyFlavor::Full {
-        push(g.offsets[index]);
+        push(carry.offset(g.offsets[index]));
     }
     sh[..3].iter().for_each(|&v| push(v));
     // In the file the rest is channel-major, in memory coefficient-major.
@@ -110,12 +122,13 @@ fn push_row(g: &Gaussians, index: usize, flavor: PlyFlavor, push: &mut impl FnMu
         (1..c).for_each(|k| push(sh[3 * k + channel]));
     }
     push(g.opacity_logits[index]);
-    g.log_scales[index].iter().for_each(|&v| push(v));
+    g.log_scales[index].iter().for_each(|&v| push(carry.log_scale(v)));
     g.rotations[index].iter().for_each(|&v| push(v));
 }
 
 /// Reads Gaussians from a PLY file. Fields are found by name, in any order and of any scalar type; unknown ones are
-/// ignored; a missing `nd` is 0. Without `nd`, missing or zero normals become (0, 0, 1).
+/// ignored; a missing `nd` is 0. Without `nd`, missing or zero normals become (0, 0, 1). They come in scene units, around the
+/// offset of the header; positions of double precision that no float holds, around their middle.
 ///
 /// # Errors
 /// A [`SceneError`] that names the file and, where there is one, the field: not a PLY, missing field, list in place of
@@ -154,10 +167,14 @@ pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path
         .map_err(|error| bad_ply(path, format!("its header is damaged ({})", error.0)))?
         .header()
         .clone();
-    let data_length = length.saturating_sub(reader.stream_position().map_err(io_error)?);
-    let vertex = check_header(&header, data_length, path)?;
+    let header_length = reader.stream_position().map_err(io_error)?;
+    let vertex = check_header(&header, length.saturating_sub(header_length), path)?;
     let layout = Layout::new(vertex, path)?;
 
+    reader.rewind().map_err(io_error)?;
+    let mut text = Vec::new();
+    reader.take(header_length).read_to_end(&mut text).map_err(io_error)?;
+    let offset = ply_offset::find(&text).map_err(|reason| bad_ply(path, reason))?;
     reader.rewind().map_err(io_error)?;
     let mut rows = Rows::new(&layout, vertex);
     let outcome = if header.format == PlyFormat::Ascii {
@@ -168,12 +185,10 @@ pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path
     };
     if let Err(error) = outcome {
         return Err(match error.0.kind() {
-            io::ErrorKind::UnexpectedEof => SceneError::Truncated {
-                path: path.to_owned(),
-                promised: vertex.count as u64,
-                found: rows.gaussians.len() as u64,
-            },
-            _ => bad_ply(path, format!("Gaussian {} cannot be read ({})", rows.gaussians.len(), error.0)),
+            io::ErrorKind::UnexpectedEof => {
+                SceneError::Truncated { path: path.to_owned(), promised: vertex.count as u64, found: rows.len() as u64 }
+            }
+            _ => bad_ply(path, format!("Gaussian {} cannot be read ({})", rows.len(), error.0)),
         });
     }
     if let Some((index, column, value)) = rows.not_finite {
@@ -184,7 +199,7 @@ pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path
             value,
         });
     }
-    let gaussians = rows.gaussians;
+    let gaussians = rows.around(offset);
     if header.elem_defs.last().is_some_and(|last| last.name == "vertex") {
         check_rest(reader, length, &header, path)?;
     }

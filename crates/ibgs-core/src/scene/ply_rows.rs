@@ -2,6 +2,8 @@
 
 use super::gaussians::{MAX_SH_DEGREE, coefficients};
 use super::{Gaussians, SceneError};
+use crate::local_space::LocalSpace;
+use glam::DVec3;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PropertyType};
 use std::collections::HashMap;
@@ -71,9 +73,8 @@ impl Layout {
         used
     }
 
-    /// Appends the Gaussian in `row`.
+    /// Appends the Gaussian in `row`, but for its mean.
     fn append(&self, row: &[f32], gaussians: &mut Gaussians) {
-        gaussians.means.push(self.mean.map(|c| row[c]));
         let normal = self.normal.map_or([0.0; 3], |columns| columns.map(|c| row[c]));
         // Plain files carry zeros, which are no direction; a file with `nd` keeps what it has.
         let unset = self.offset.is_none() && normal == [0.0; 3];
@@ -110,9 +111,13 @@ fn scalar_columns<'a>(vertex: &'a ElementDef, path: &Path) -> Result<HashMap<&'a
 pub(super) struct Rows<'a> {
     layout: &'a Layout,
     used: Vec<usize>,
-    row: Vec<f32>,
-    /// What was read so far.
-    pub(super) gaussians: Gaussians,
+    row: Vec<f64>,
+    /// The row in single precision.
+    single: Vec<f32>,
+    /// Means that were read so far.
+    means: Vec<DVec3>,
+    /// What was read so far, without its means.
+    gaussians: Gaussians,
     /// The first value that is not finite, as row, column and value.
     pub(super) not_finite: Option<(usize, usize, f32)>,
 }
@@ -124,18 +129,40 @@ impl<'a> Rows<'a> {
             layout,
             used: layout.used(),
             row: vec![0.0; vertex.properties.len()],
+            single: vec![0.0; vertex.properties.len()],
+            means: Vec::with_capacity(vertex.count),
             gaussians: Gaussians::with_capacity(vertex.count, layout.sh_degree),
             not_finite: None,
         }
     }
 
+    /// Gaussians that were read so far.
+    pub(super) fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    /// What was read, in scene units around the offset of the file.
+    pub(super) fn around(mut self, offset: DVec3) -> Gaussians {
+        // Doubles of a map's coordinates lose digits as floats, unless they are taken from their middle.
+        let is_exact = self.means.iter().all(|mean| mean.as_vec3().as_dvec3() == *mean);
+        let middle = LocalSpace::of_points(self.means.iter().copied()).filter(|_| !is_exact);
+        let shift = middle.and_then(|space| space.file_offset()).unwrap_or_default();
+        self.gaussians.space = LocalSpace::at(offset + shift);
+        self.gaussians.means = self.means.iter().map(|&mean| (mean - shift).as_vec3().to_array()).collect();
+        self.gaussians
+    }
+
     fn finish_row(&mut self) {
-        if self.not_finite.is_none()
-            && let Some(&column) = self.used.iter().find(|&&c| !self.row[c].is_finite())
-        {
-            self.not_finite = Some((self.gaussians.len(), column, self.row[column]));
+        for (single, value) in self.single.iter_mut().zip(&self.row) {
+            *single = *value as f32;
         }
-        self.layout.append(&self.row, &mut self.gaussians);
+        if self.not_finite.is_none()
+            && let Some(&column) = self.used.iter().find(|&&c| !self.single[c].is_finite())
+        {
+            self.not_finite = Some((self.len(), column, self.single[column]));
+        }
+        self.means.push(DVec3::from(self.layout.mean.map(|column| self.row[column])));
+        self.layout.append(&self.single, &mut self.gaussians);
     }
 }
 
@@ -171,7 +198,7 @@ impl<'de> Visitor<'de> for ElementSeed<'_, '_> {
 }
 
 /// Reads one row of scalars into the slice.
-struct RowSeed<'r>(&'r mut [f32]);
+struct RowSeed<'r>(&'r mut [f64]);
 
 impl<'de> DeserializeSeed<'de> for RowSeed<'_> {
     type Value = ();
@@ -192,7 +219,7 @@ impl<'de> Visitor<'de> for RowSeed<'_> {
         // The names were read in the header, in this order.
         for value in self.0.iter_mut() {
             fields.next_key::<IgnoredAny>()?.ok_or_else(|| A::Error::custom("the row is short of a field"))?;
-            *value = fields.next_value_seed(FloatSeed)?;
+            *value = fields.next_value_seed(NumberSeed)?;
         }
         Ok(())
     }
@@ -209,37 +236,37 @@ impl<'de> DeserializeSeed<'de> for SkipSeed {
     }
 }
 
-/// Any scalar as a 32-bit float; what does not fit becomes infinite and is refused with its field's name.
-struct FloatSeed;
+/// Any scalar; what does not fit a 32-bit float is refused with its field's name.
+struct NumberSeed;
 
-impl<'de> DeserializeSeed<'de> for FloatSeed {
-    type Value = f32;
+impl<'de> DeserializeSeed<'de> for NumberSeed {
+    type Value = f64;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<f32, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<f64, D::Error> {
         deserializer.deserialize_any(self)
     }
 }
 
-impl Visitor<'_> for FloatSeed {
-    type Value = f32;
+impl Visitor<'_> for NumberSeed {
+    type Value = f64;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a number")
     }
 
-    fn visit_f32<E: Error>(self, v: f32) -> Result<f32, E> {
+    fn visit_f32<E: Error>(self, v: f32) -> Result<f64, E> {
+        Ok(v.into())
+    }
+
+    fn visit_f64<E: Error>(self, v: f64) -> Result<f64, E> {
         Ok(v)
     }
 
-    fn visit_f64<E: Error>(self, v: f64) -> Result<f32, E> {
-        Ok(v as f32)
+    fn visit_i64<E: Error>(self, v: i64) -> Result<f64, E> {
+        Ok(v as f64)
     }
 
-    fn visit_i64<E: Error>(self, v: i64) -> Result<f32, E> {
-        Ok(v as f32)
-    }
-
-    fn visit_u64<E: Error>(self, v: u64) -> Result<f32, E> {
-        Ok(v as f32)
+    fn visit_u64<E: Error>(self, v: u64) -> Result<f64, E> {
+        Ok(v as f64)
     }
 }

@@ -2,13 +2,17 @@
 
 use super::{Gaussians, SceneError};
 use crate::gpu::{Gpu, GpuError};
+use crate::local_space::LocalSpace;
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// Raw parameters, before activation (method.md section 1).
+/// Raw parameters, before activation (method.md section 1), in local coordinates.
 #[derive(Module, Debug)]
 pub struct Splats {
-    /// World positions, `[N, 3]`.
+    /// Where the local coordinates lie in the scene.
+    #[module(skip)]
+    pub space: LocalSpace,
+    /// Positions, `[N, 3]`.
     pub means: Param<Tensor<2>>,
     /// Quaternions w x y z, not normalised, `[N, 4]`.
     pub rotations: Param<Tensor<2>>,
@@ -51,6 +55,7 @@ impl Splats {
         gpu.check_size("Gaussians", 48 * n as u64)?;
         let device = &gpu.burn;
         Ok(Self {
+            space: g.space,
             means: upload(g.means.as_flattened().to_vec(), [n, 3], device),
             rotations: upload(g.rotations.as_flattened().to_vec(), [n, 4], device),
             log_scales: upload(g.log_scales.as_flattened().to_vec(), [n, 3], device),
@@ -78,6 +83,7 @@ impl Splats {
     /// When the device is lost.
     pub fn download_raw(&self) -> Result<(Gaussians, Vec<f32>), SceneError> {
         let gaussians = Gaussians {
+            space: self.space,
             means: rows(&download("means", &self.means)?),
             rotations: rows(&download("rotations", &self.rotations)?),
             log_scales: rows(&download("scales", &self.log_scales)?),

@@ -20,7 +20,7 @@ const OPACITY: usize = 3;
 pub struct Rates([[f64; 2]; BASE + PLANES]);
 
 impl Rates {
-    /// The rates of one iteration; `mean` is in world units, the fixed rates count `factor` times.
+    /// The rates of one iteration; `mean` is in local units, the fixed rates count `factor` times.
     pub fn new(rates: &LearningRates, mean: f64, factor: f64) -> Self {
         let fixed = |rate: f64| [rate * factor; 2];
         let dc = rates.sh_dc * factor;

@@ -252,7 +252,7 @@ impl OutputFolder {
         let records = cameras::records(dataset);
         write_json(&self.cameras_path(), &cameras::to_json(&records))?;
         write_json(&self.root.join("split.json"), &cameras::split_json(&records))?;
-        write_points_ply(&self.root.join("input.ply"), &dataset.points)?;
+        write_points_ply(&self.root.join("input.ply"), &dataset.points, dataset.space())?;
         if config.method == Method::Ibgs {
             let first = if config.exposure.enabled { First::MostAlike } else { First::Nearest };
             self.write_multi_view(&multi_view::records(dataset, &config.sources, first))?;

@@ -31,6 +31,7 @@ use std::sync::Arc;
 /// What the image-based stages keep from iteration to iteration.
 pub(super) struct ImageStages {
     gpu: Arc<Gpu>,
+    /// In local coordinates.
     cameras: Arc<[Camera]>,
     options: ImageOptions,
     /// Candidates for the sources of each training view, best first.
@@ -106,9 +107,11 @@ impl Total {
 }
 
 impl ImageStages {
-    pub fn new(gpu: &Arc<Gpu>, cameras: Arc<[Camera]>, config: &TrainConfig) -> Result<Self, GpuError> {
+    /// For the training views, whose cameras come in the scene's and in local coordinates.
+    pub fn new(gpu: &Arc<Gpu>, cameras: [&Arc<[Camera]>; 2], config: &TrainConfig) -> Result<Self, GpuError> {
+        let [scene_cameras, cameras] = cameras;
         let options = ImageOptions::new(config);
-        let finder = SourceFinder::new(&cameras, &options.sources, options.first());
+        let finder = SourceFinder::new(scene_cameras, &options.sources, options.first());
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = ResidualNetwork::init(gpu, config.seed);
         let residual = &config.residual;
@@ -117,7 +120,7 @@ impl ImageStages {
         let scalars = ExposureAdam { rate: e.learning_rate, beta1: e.beta1, beta2: e.beta2, eps: e.epsilon };
         let exposure = e.enabled.then(|| ExposureScalars::new(gpu, cameras.len(), scalars)).transpose()?;
         Ok(Self {
-            neighbours: cameras.iter().enumerate().map(candidates).collect(),
+            neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,
             // All of them: one that is rendered anew would be of another model, and the training another one.
             depths: DepthCache::new(None),
@@ -129,7 +132,7 @@ impl ImageStages {
             gpu: gpu.clone(),
             network,
             exposure,
-            cameras,
+            cameras: cameras.clone(),
             options,
         })
     }
@@ -194,9 +197,9 @@ impl ImageStages {
         }
     }
 
-    /// What a renderer of the model needs.
-    pub fn part(&self, photos: Arc<SourceStore>) -> ImagePart {
-        let (cameras, network, options) = (self.cameras.clone(), self.network.clone(), self.options.clone());
+    /// What a renderer of the model needs, with the cameras in the scene's coordinates.
+    pub fn part(&self, cameras: Arc<[Camera]>, photos: Arc<SourceStore>) -> ImagePart {
+        let (network, options) = (self.network.clone(), self.options.clone());
         ImagePart { cameras, photos, network, options }
     }
 

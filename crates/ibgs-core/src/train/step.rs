@@ -76,8 +76,10 @@ pub struct Trainer {
     filters: Option<FilterSizes>,
     recorder: Recorder,
     telemetry: Telemetry,
-    /// Cameras of the training views.
+    /// Cameras of the training views, in local coordinates.
     cameras: Arc<[Camera]>,
+    /// The same in the scene's.
+    scene_cameras: Arc<[Camera]>,
     /// Their photos.
     photos: Arc<SourceStore>,
     /// What goes beyond plain splatting.
@@ -108,12 +110,16 @@ impl Trainer {
     pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
         let points = thinned(&dataset.points, config.densify.most() as usize);
         let [opacity, scale] = config.start();
+        let space = dataset.space();
+        let points: Vec<Point> = points.iter().map(|point| point.to_local(&space)).collect();
         let mut start = from_points(&points, config.sh_degree, opacity)?;
+        start.space = space;
         start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
         Self::from_gaussians(raster, dataset, config, &start)
     }
 
-    /// Uploads the training photos and begins with the given Gaussians; their spherical harmonics keep their degree.
+    /// Uploads the training photos and begins with the given Gaussians, in whatever space; their spherical harmonics keep their
+    /// degree.
     ///
     /// # Errors
     /// Not enough memory, no training view.
@@ -145,20 +151,23 @@ impl Trainer {
         if dataset.train.is_empty() {
             return Err(TrainError::NoViews);
         }
-        let splats = Splats::upload(start, &gpu)?;
+        let space = dataset.space();
+        let start = start.in_space(space);
+        let splats = Splats::upload(&start, &gpu)?;
         let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
-        let cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
+        let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
+        let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
         let photos = views().map(|view| view.photo.clone()).collect();
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
         let image_based = config.method == Method::Ibgs;
-        let stages = image_based.then(|| ImageStages::new(&gpu, cameras.clone(), config)).transpose()?;
+        let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
         let filters =
             (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
         if let Some(filters) = &filters {
             filters.update(&gpu, &splats);
         }
-        let (centre, extent) = scene_extent(cameras.iter());
-        let extent = usable_extent(extent);
+        let (centre, extent) = scene_extent(scene_cameras.iter());
+        let (centre, extent) = (space.to_local(centre), usable_extent(extent / space.scale));
         let prune_length = match config.densify.prune_scale_by_distance {
             true => densify::distance_length(&start.means, centre, extent),
             false => extent,
@@ -185,6 +194,7 @@ impl Trainer {
             raster,
             splats,
             cameras,
+            scene_cameras,
             photos,
             stages,
             has_planes: start.offsets.iter().any(|&offset| offset != 0.0),
@@ -211,7 +221,7 @@ impl Trainer {
     /// A renderer of the model as it is now; it shares the model's memory, so use it before the next step.
     pub fn renderer(&self) -> Renderer {
         let residual = self.stages.as_ref().filter(|_| self.schedule.residual_at(self.iteration));
-        let part = residual.map(|stages| stages.part(self.photos.clone()));
+        let part = residual.map(|stages| stages.part(self.scene_cameras.clone(), self.photos.clone()));
         Renderer::new(self.raster.clone(), self.splats.clone(), self.background(), part)
     }
 
@@ -225,7 +235,7 @@ impl Trainer {
         self.iteration
     }
 
-    /// The model as it is now.
+    /// The model as it is now, in local coordinates.
     pub fn splats(&self) -> &Splats {
         &self.splats
     }
@@ -235,7 +245,7 @@ impl Trainer {
         &self.schedule
     }
 
-    /// Scene extent in world units.
+    /// Scene extent in local units.
     pub fn extent(&self) -> f64 {
         self.extent
     }

@@ -13,6 +13,7 @@ pub use start::start;
 use crate::app::Viewer;
 use crate::mode::Mode;
 use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, Vec2};
+use ibgs_core::local_space::Length;
 use ibgs_core::memory::Bytes;
 use path::PathEditor;
 
@@ -117,7 +118,8 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
     }
     if viewer.mode == Mode::Depth || viewer.other == Some(Mode::Depth) {
         let [near, far] = viewer.canvas.style.depth_range;
-        text += &format!("\ndepth {near:.3} (bright) to {far:.3} (dark)");
+        let [near, far] = [near, far].map(|z| Length(z.into()));
+        text += &format!("\ndepth {near} (bright) to {far} (dark)");
     }
     label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, text);
 }

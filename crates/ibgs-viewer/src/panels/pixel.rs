@@ -4,6 +4,7 @@ use crate::app::{Found, Viewer};
 use crate::marks;
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui, Vec2};
 use ibgs_core::inspect::{SourceReading, Verdict};
+use ibgs_core::local_space::Length;
 
 /// Height of the source photos in points.
 const STRIP: f32 = 130.0;
@@ -78,10 +79,14 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
     });
     match inspection.median_depth {
         Some(depth) => ui
-            .label(format!("median depth {depth:.4}"))
+            .label(format!("median depth {}", Length(depth.into())))
             .on_hover_text("Depth where half of the light is stopped: the point that the photos are asked about"),
         None => ui.label("nothing is met here: there is no surface to ask the photos about"),
     };
+    if let Some(p) = inspection.point {
+        let place = p.to_array().map(|v| Length(v).to_string()).join(" ");
+        ui.label(format!("at {place}")).on_hover_text("That point in the scene's own coordinates");
+    }
     if !inspection.intersections.is_empty() {
         ui.separator();
         ui.strong("Median intersections").on_hover_text(
@@ -97,7 +102,7 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
             }
             ui.end_row();
             for hit in &inspection.intersections {
-                ui.label(format!("{:.4}", hit.depth));
+                ui.label(Length(hit.depth.into()).to_string());
                 share(ui, hit.weight);
                 ui.weak(if hit.before { "before the median" } else { "behind it" });
                 ui.end_row();

@@ -1,6 +1,7 @@
 //! Points on a surface: sampled, moved, cropped, thinned.
 
 use super::CropVolume;
+use crate::mesh::Mesh;
 use glam::{DMat4, DVec3, IVec3, Vec3};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -54,10 +55,20 @@ impl Cloud {
         cloud
     }
 
+    /// [`Cloud::of_triangles`] of a mesh, in the scene's coordinates.
+    pub fn of_mesh(mesh: &Mesh, spacing: f64) -> Self {
+        Self::of_triangles(&mesh.positions, &mesh.triangles, spacing).shifted(mesh.offset)
+    }
+
     /// Number of points in the grid that [`Cloud::of_triangles`] puts on a triangle.
     pub(super) fn samples(corners: [DVec3; 3], spacing: f64) -> f64 {
         let steps = steps(corners, spacing);
         steps * (steps + 1.0) / 2.0
+    }
+
+    pub(super) fn shifted(mut self, offset: DVec3) -> Self {
+        self.points.iter_mut().for_each(|point| *point += offset);
+        self
     }
 
     /// Moved by a matrix, normals turned with it.

@@ -2,11 +2,12 @@
 
 use super::Cloud;
 use crate::mesh::MeshError;
+use crate::ply_offset;
 use glam::{DMat4, DVec3};
 use serde::Deserialize;
 use serde_ply::PlyReader;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
 /// Most points on the triangles of a true surface, 48 bytes each.
@@ -38,9 +39,9 @@ struct Ply {
 /// # Errors
 /// [`MeshError::Read`], [`MeshError::Bad`] saying what is wrong.
 pub fn read_truth(path: &Path, spacing: f64) -> Result<Cloud, MeshError> {
-    let ply = read_ply(path)?;
+    let (ply, offset) = read_ply(path)?;
     let bad = |reason| MeshError::Bad { path: path.to_owned(), kind: "PLY file of a surface", reason };
-    let points: Vec<DVec3> = ply.vertex.iter().map(|v| DVec3::new(v.x, v.y, v.z)).collect();
+    let points: Vec<DVec3> = ply.vertex.iter().map(|v| offset + DVec3::new(v.x, v.y, v.z)).collect();
     if let Some(index) = points.iter().position(|p| !p.is_finite()) {
         return Err(bad(format!("vertex {index} is {}", points[index])));
     }
@@ -64,23 +65,38 @@ pub fn read_truth(path: &Path, spacing: f64) -> Result<Cloud, MeshError> {
             "its triangles would give {needed:.0} points {spacing} apart, more than {MOST_SAMPLES}; is it in other units?"
         )));
     }
-    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.as_vec3().to_array()).collect();
-    Ok(Cloud::of_triangles(&positions, &triangles, spacing))
+    // Around one of them: floats hold no place far from the origin.
+    let middle = points[0];
+    let positions: Vec<[f32; 3]> = points.iter().map(|&p| (p - middle).as_vec3().to_array()).collect();
+    Ok(Cloud::of_triangles(&positions, &triangles, spacing).shifted(middle))
 }
 
-fn read_ply(path: &Path) -> Result<Ply, MeshError> {
+/// The file, and what its vertices are relative to.
+fn read_ply(path: &Path) -> Result<(Ply, DVec3), MeshError> {
     let bad = |reason: String| MeshError::Bad { path: path.to_owned(), kind: "PLY file of a surface", reason };
     let file = File::open(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
-    let mut reader = PlyReader::from_reader(BufReader::with_capacity(1 << 20, file))
-        .map_err(|error| bad(format!("its header is damaged ({})", error.0)))?;
+    let unread = |source| MeshError::Read { path: path.to_owned(), source };
+    let mut file = BufReader::with_capacity(1 << 20, file);
+    let header_length = {
+        PlyReader::from_reader(&mut file).map_err(|error| bad(format!("its header is damaged ({})", error.0)))?;
+        file.stream_position().map_err(unread)?
+    };
+    file.rewind().map_err(unread)?;
+    let mut header = Vec::new();
+    file.by_ref().take(header_length).read_to_end(&mut header).map_err(unread)?;
+    let offset = ply_offset::find(&header).map_err(bad)?;
+    file.rewind().map_err(unread)?;
+    let mut reader =
+        PlyReader::from_reader(file).map_err(|error| bad(format!("its header is damaged ({})", error.0)))?;
     // Rows without fields take no bytes, so that any count would have to be believed.
     if let Some(empty) = reader.header().elem_defs.iter().find(|e| e.properties.is_empty()) {
         return Err(bad(format!("its element `{}` has no fields", empty.name)));
     }
-    Ply::deserialize(&mut reader).map_err(|error| match error.0.kind() {
+    let ply = Ply::deserialize(&mut reader).map_err(|error| match error.0.kind() {
         io::ErrorKind::UnexpectedEof => bad("it ends before the last row that its header counts".to_owned()),
         _ => bad(error.0.to_string()),
-    })
+    })?;
+    Ok((ply, offset))
 }
 
 /// Reads a 4 x 4 matrix, row by row, as text: what takes the reconstruction to the truth.

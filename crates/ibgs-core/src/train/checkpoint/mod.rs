@@ -5,6 +5,7 @@ mod file;
 use super::config::TrainConfig;
 use super::telemetry::{RecorderState, Telemetry};
 use crate::files::WriteError;
+use crate::local_space::LocalSpace;
 use crate::loss::ExposureState;
 use crate::residual::layers::WEIGHTS;
 use crate::scene::Gaussians;
@@ -19,7 +20,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// Why a training cannot go on from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
@@ -82,6 +83,7 @@ pub struct NetworkState {
 #[serde(deny_unknown_fields)]
 pub(super) struct State {
     pub iteration: u32,
+    pub space: LocalSpace,
     pub sh_degree: u32,
     pub gaussians: usize,
     /// Steps of the base's and the planes' optimiser.
@@ -217,6 +219,7 @@ impl Checkpoint {
         let [means, rotations, log_scales, opacity_logits, sh, normals, offsets] =
             parameters.try_into().unwrap_or_else(|_| unreachable!("seven parameters"));
         let gaussians = Gaussians {
+            space: state.space,
             means: rows(&means),
             rotations: rows(&rotations),
             log_scales: rows(&log_scales),
@@ -229,12 +232,12 @@ impl Checkpoint {
         Ok(Self { config, scene, gaussians, filters, network, run, moments, statistics, depths, state })
     }
 
-    /// Whether it can be what a training with `pixels` of each view goes on from.
-    pub(super) fn check(&self, scene: u32, pixels: &[usize]) -> Result<(), CheckpointError> {
+    /// Whether it can be what a training on this scene, in this space, with `pixels` of each view, goes on from.
+    pub(super) fn check(&self, (scene, space): (u32, LocalSpace), pixels: &[usize]) -> Result<(), CheckpointError> {
         let views = pixels.len();
         let state = &self.state;
         let require = |holds: bool, what| if holds { Ok(()) } else { Err(CheckpointError::Nonsense(what)) };
-        if self.scene != scene {
+        if self.scene != scene || self.gaussians.space != space {
             return Err(CheckpointError::OtherScene);
         }
         require(state.gaussians > 0, "it has no Gaussian")?;

@@ -40,7 +40,7 @@ pub struct Observations {
 /// Which prunings apply in a round.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
-    /// Scene extent in world units.
+    /// Scene extent in local units.
     pub extent: f64,
     /// The length whose part `prune-scale` is the largest scale.
     pub prune_length: f64,
@@ -248,6 +248,7 @@ pub fn apply(gpu: &Gpu, splats: &Splats, optimizer: &Optimizer, plan: Plan) -> R
         Param::initialized(id, Tensor::<2>::from_data(data, &device))
     };
     let next = Splats {
+        space: splats.space,
         means: upload(splats.means.id, plan.means),
         rotations,
         log_scales: upload(splats.log_scales.id, plan.log_scales),

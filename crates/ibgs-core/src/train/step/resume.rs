@@ -20,7 +20,7 @@ impl Trainer {
     pub fn resume(raster: Arc<Rasterizer>, dataset: &Dataset, checkpoint: &Checkpoint) -> Result<Self, TrainError> {
         let pixels: Vec<usize> = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels()).collect();
         let scene = dataset.checksum();
-        checkpoint.check(scene, &pixels)?;
+        checkpoint.check((scene, dataset.space()), &pixels)?;
         let (config, start) = (&checkpoint.config, &checkpoint.gaussians);
         let mut trainer = Self::with_default_room(raster, (dataset, scene), config, start)?;
         trainer.restore(checkpoint)?;
@@ -91,6 +91,7 @@ impl Trainer {
             stages.map_or_else(Default::default, |s| (Some(s.network), s.exposure, s.depths));
         let state = State {
             iteration: self.iteration,
+            space: gaussians.space,
             sh_degree: gaussians.sh_degree,
             gaussians: gaussians.len(),
             steps,
