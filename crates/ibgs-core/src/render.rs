@@ -1,10 +1,11 @@
 //! [`Renderer`]: the one path that training, render, eval and the viewer use.
 
 use crate::camera::Camera;
+use crate::dataset::Masks;
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
 use crate::fuse::sources::{First, SourceFinder, SourceOptions};
-use crate::fuse::{Seen, SourceView, WarpOptions, Warper};
+use crate::fuse::{Reach, Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -44,6 +45,10 @@ impl ImageOptions {
                 output: residual.output,
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor),
+                reach: match config.data.masks {
+                    Masks::Ignore => Reach::Everywhere,
+                    Masks::Object => Reach::Seen,
+                },
             },
             precision: residual.precision,
             exposure: config.exposure.enabled,
