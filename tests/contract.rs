@@ -174,11 +174,11 @@ fn host_structs_have_the_layout_of_their_twins() {
     });
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(PresentParams { size, stride, mode, range, most, gain });
-    twin!(LossParams { size, tiles, lambda, slot });
+    twin!(LossParams { size, tiles, background, object, lambda, slot, pad });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ExposureSumsParams { pixels, slots, other });
-    twin!(ExposureApplyParams { pixels, slots });
+    twin!(ExposureApplyParams { pixels, slots, seen_only });
     twin!(McmcNoiseParams { count, seed, strength });
     twin!(FilterParams { count, cameras, factor });
     twin!(ObserveParams { size, count, near_depth, largest, pad });
@@ -187,7 +187,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(SurfaceParams { size, focal, principal, weight, pad });
     twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, slots, inputs, largest, groups });
     twin!(FeatureSumParams { count, groups });
-    twin!(ComposeParams { size, low, gain, full_color });
+    twin!(ComposeParams { size, low, gain, full_color, seen_only, pad });
     twin!(ConvParams {
         size,
         source,

@@ -6,7 +6,7 @@ mod fisheye;
 use crate::dataset::{assert_note, load, load_plain, transforms};
 use crate::scene_files::{Camera, Model, PINHOLE, write_file, write_photo};
 use glam::DVec2;
-use ibgs_core::dataset::{LoadOptions, PrincipalPoint, Resolution, View};
+use ibgs_core::dataset::{self, Alpha, LoadOptions, Masks, Photo, PrincipalPoint, Resolution, View};
 
 /// A smooth pattern over the normalised view coordinates, steep enough to show a shift of half a pixel.
 fn pattern(p: DVec2) -> [u8; 4] {
@@ -220,6 +220,59 @@ fn alpha_masks_and_sixteen_bits() {
     let pixels: Vec<&[u8]> = small.views[1].photo.rgba.chunks_exact(4).collect();
     assert!(pixels[0][3] > 240 && pixels[2][3] < 20, "{pixels:?}");
     assert!(pixels.iter().all(|p| p[3] < 8 || (p[0] > 190 && p[1] < 16)), "{pixels:?}");
+}
+
+/// Alpha says how much of a pixel the object covers: 1 is nothing, 255 all, 0 no photo at all.
+#[test]
+fn an_object_is_told_from_emptiness_and_from_what_the_lens_leaves_out() {
+    let folder = Model::small(3).scene();
+    let half = |u: f64, _| [200, 0, 0, [255, 100, 0][u as usize / 4]];
+    write_photo(&folder.path().join("images/a0.png"), 12, 8, half);
+    let mask = |u: f64, _| if u < 3.0 { [0, 0, 0, 255] } else { [255; 4] };
+    write_photo(&folder.path().join("masks/a2.png"), 12, 8, mask);
+    let object = LoadOptions { masks: Masks::Object, ..Default::default() };
+    let dataset = load(folder.path(), &object);
+    assert_note(&dataset, "2 photos of an object");
+    let pixel =
+        |view: usize, at: usize| -> [u8; 4] { dataset.views[view].photo.rgba[4 * at..4 * at + 4].try_into().unwrap() };
+    assert_eq!([pixel(0, 0), pixel(0, 4), pixel(0, 8)], [[200, 0, 0, 255], [200, 0, 0, 100], [200, 0, 0, 1]]);
+    // A photo without a mask beside others is an ordinary one.
+    assert!(dataset.views[1].photo.rgba.chunks_exact(4).all(|p| p == [90, 120, 150, 255]));
+    assert_eq!([pixel(2, 0), pixel(2, 3)], [[90, 120, 150, 1], [90, 120, 150, 255]]);
+    // Over white: (200, 0, 0) with a cover of 99 / 254, and white.
+    let over = dataset.views[0].photo.over([1.0; 3]);
+    let white: Vec<&[u8]> = over.rgba.chunks_exact(4).take(12).collect();
+    assert_eq!([white[0], white[4], white[8]], [[200, 0, 0, 255], [234, 156, 156, 255], [255; 4]]);
+    let untouched = load_plain(folder.path());
+    assert_eq!(untouched.views[0].photo.rgba[4 * 8..4 * 9], [200, 0, 0, 0], "masks are ignored unless asked for");
+    let none = Model::small(2).scene();
+    assert_note(&load(none.path(), &object), "no photo has a mask");
+    let both = LoadOptions { alpha: Some(Alpha::Composite), ..object };
+    let text = dataset::load(folder.path(), &both).unwrap_err().to_string();
+    assert!(text.contains("--alpha") && text.contains("composite") && text.contains("--masks object"), "{text}");
+}
+
+/// What the undistorted photo has no value for is not empty, at full size and resized.
+#[test]
+fn an_object_through_a_lens() {
+    let camera = camera((2, "SIMPLE_RADIAL"), &[130.0, 78.0, 63.0, 0.2]);
+    let folder = pattern_scene(&camera, [160, 120], [0.2, 0., 0., 0., 0., 0., 0., 0.]);
+    let mask = |u: f64, _| if u < 80.0 { [0, 0, 0, 255] } else { [255; 4] };
+    write_photo(&folder.path().join("masks/a0.png"), 160, 120, mask);
+    for factor in [1, 2] {
+        let options =
+            LoadOptions { masks: Masks::Object, resolution: Resolution::Factor(factor), ..Default::default() };
+        let dataset = load(folder.path(), &options);
+        let [masked, plain] = [0, 1].map(|view| &dataset.views[view].photo);
+        let alphas = |photo: &Photo| photo.rgba.chunks_exact(4).map(|p| p[3]).collect::<Vec<_>>();
+        let (masked, plain) = (alphas(masked), alphas(plain));
+        let outside = plain.iter().filter(|&&a| a == 0).count();
+        assert!(outside > 20 && plain.iter().all(|&a| a == 0 || a == 255), "{factor}: {outside}");
+        for (i, (&with, &without)) in masked.iter().zip(&plain).enumerate() {
+            assert_eq!(with == 0, without == 0, "factor {factor}, pixel {i}");
+        }
+        assert!(masked.contains(&1) && masked.contains(&255));
+    }
 }
 
 #[test]

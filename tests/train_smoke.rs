@@ -4,6 +4,7 @@ mod checkpoint;
 mod events;
 pub mod image_based;
 mod inputs;
+mod masks;
 mod memory;
 mod units;
 

@@ -99,11 +99,12 @@ pub fn run(args: &Args) -> Result<()> {
 type Field = fn(&Protocol) -> Option<&String>;
 
 /// What runs are not measured alike by: figures that depend on it are no fair comparison.
-const FIELDS: [(&str, Field); 6] = [
+const FIELDS: [(&str, Field); 7] = [
     ("resolution", |p| Some(&p.factor)),
     ("resampler", |p| Some(&p.resampler)),
     ("split", |p| Some(&p.split)),
     ("principal point", |p| Some(&p.principal_point)),
+    ("masks", |p| Some(&p.masks)),
     ("device", |p| Some(&p.device)),
     ("LPIPS", |p| p.lpips.as_ref()),
 ];

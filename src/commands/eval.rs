@@ -2,7 +2,7 @@
 
 use super::model::ModelArgs;
 use super::report::Report;
-use super::{Model, protocol, score_test_views};
+use super::{Model, compared, protocol, score_test_views};
 use crate::say;
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
@@ -90,7 +90,8 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn write_report(args: &Args, model: &Model, dataset: &Dataset) -> Result<()> {
     let path = args.report.clone().unwrap_or_else(|| model.folder.root().join(REPORT_FILE));
-    let views: Vec<&View> = dataset.test.iter().map(|&index| &dataset.views[index]).collect();
+    let views: Vec<_> = dataset.test.iter().map(|&index| compared(&dataset.views[index], &model.config)).collect();
+    let views: Vec<&View> = views.iter().map(|view| &**view).collect();
     let report = Report {
         name: &args.model.model.display().to_string(),
         folder: &model.folder,

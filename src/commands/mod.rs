@@ -21,7 +21,7 @@ pub use outputs::{Output, Place};
 
 use anyhow::Result;
 use ibgs_core::dataset::demo::{self, DemoOptions};
-use ibgs_core::dataset::{self, Dataset, LoadOptions, View};
+use ibgs_core::dataset::{self, Dataset, LoadOptions, Masks, View};
 use ibgs_core::eval::lpips::Lpips;
 use ibgs_core::eval::{Region, Score, ViewScores, score_view};
 use ibgs_core::gpu::{AdapterChoice, Gpu};
@@ -31,6 +31,7 @@ use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::results::{Protocol, Scored, ViewScore, means};
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -85,6 +86,7 @@ pub fn load_scene(config: &TrainConfig, source: &Path) -> Result<Dataset> {
         eval: data.eval,
         eval_split_every: data.eval_split_every as usize,
         principal_point: data.principal_point.parse()?,
+        masks: data.masks,
         alpha: data.alpha,
         // What lies under transparent photos is what lies behind the Gaussians.
         background: config.background().map(|v| (v * 255.0).round() as u8),
@@ -110,6 +112,17 @@ pub fn load_demo(options: &DemoOptions, exposure_seed: Option<u64>) -> Result<Da
     Ok(dataset)
 }
 
+/// A view with its photo as figures compare with it: that of an object lies over the run's background.
+pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
+    match config.data.masks {
+        Masks::Ignore => Cow::Borrowed(view),
+        Masks::Object => {
+            let photo = Arc::new(view.photo.over(config.background()));
+            Cow::Owned(View { photo, ..view.clone() })
+        }
+    }
+}
+
 /// Renders every held-out view into the model folder, and scores it, with a network by LPIPS too. `told` hears of each.
 pub fn score_test_views(
     renderer: &Renderer,
@@ -122,7 +135,8 @@ pub fn score_test_views(
     let mut scores = Scores::default();
     // Without a source it is the built-in scene.
     let is_demo = config.data.source.is_none();
-    for view in dataset.test.iter().map(|&index| &dataset.views[index]) {
+    for view in dataset.test.iter().map(|&index| compared(&dataset.views[index], config)) {
+        let view = &*view;
         let (frame, scored) = score_view(renderer, view, lpips)?;
         let place = Place { folder, split: Split::Test, iteration, name: &view.name };
         place.write_outputs(&frame, &Output::of(renderer))?;
@@ -215,6 +229,12 @@ pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol 
         factor: config.data.resolution.clone(),
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.clone(),
+        masks: match (config.data.masks, config.white_background) {
+            (Masks::Ignore, _) => "ignore",
+            (Masks::Object, false) => "object, photos over black",
+            (Masks::Object, true) => "object, photos over white",
+        }
+        .to_owned(),
         device: gpu.describe(),
         lpips: None,
     }

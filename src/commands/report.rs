@@ -159,11 +159,11 @@ impl Report<'_> {
 
 /// What figures depend on, in one sentence.
 pub fn sentence(protocol: &Protocol) -> String {
-    let Protocol { resampler, factor, split, principal_point, device, lpips } = protocol;
+    let Protocol { resampler, factor, split, principal_point, masks, device, lpips } = protocol;
     let lpips = lpips.as_ref().map_or_else(|| "not computed".to_owned(), Clone::clone);
     format!(
         "photos at `--resolution {factor}`, resampled by {resampler}; held out {split}; principal point \
-         {principal_point}; LPIPS {lpips}; rendered on {device}"
+         {principal_point}; masks {masks}; LPIPS {lpips}; rendered on {device}"
     )
 }
 

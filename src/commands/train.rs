@@ -13,7 +13,7 @@ use super::{load_demo, load_scene, open_gpu, view};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::demo::DemoOptions;
-use ibgs_core::dataset::{Alpha, ColorSpace, Dataset};
+use ibgs_core::dataset::{Alpha, ColorSpace, Dataset, Masks};
 use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
@@ -76,8 +76,12 @@ pub struct Args {
     /// `true`: the scene's own principal point; `centred`: the image centre, as the published code assumes.
     #[arg(long, value_parser = ["true", "centred"])]
     principal_point: Option<String>,
+    /// What lies outside of the masks, in `masks/` or alpha channels: `ignore`: anything, it does not count; `object`: nothing
+    /// [default: ignore].
+    #[arg(long)]
+    masks: Option<Masks>,
     /// `mask`: transparent pixels of photos do not count; `composite`: the photos lie over the background colour
-    /// [default: composite in Blender scenes, mask in others].
+    /// [default: composite in Blender scenes, mask in others and with `--masks object`].
     #[arg(long)]
     alpha: Option<Alpha>,
     /// Values of the photos: `srgb` as they are, `linear` light [default: linear in EXR files, srgb in others].
@@ -206,6 +210,7 @@ impl Args {
         set_some(&mut c.data.max_resolution, &self.max_resolution);
         set(&mut c.data.eval_split_every, &self.eval_split_every);
         set(&mut c.data.principal_point, &self.principal_point);
+        set(&mut c.data.masks, &self.masks);
         set_some(&mut c.data.alpha, &self.alpha);
         set_some(&mut c.data.color_space, &self.color_space);
         c.data.filter_points |= self.filter_points;
@@ -335,6 +340,7 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
         ("--images", data.images != usual.images),
         ("--max-resolution", data.max_resolution != usual.max_resolution),
         ("--eval-split-every", data.eval_split_every != usual.eval_split_every),
+        ("--masks", data.masks != usual.masks),
         ("--alpha", data.alpha != usual.alpha),
         ("--color-space", data.color_space != usual.color_space),
         ("--filter-points", data.filter_points != usual.filter_points),

@@ -123,6 +123,36 @@ fn blender_scenes_train_and_are_measured_over_their_background() {
     assert!(sandbox.text("masked/config.toml").contains("alpha = \"mask\""));
 }
 
+/// As above, with the transparent part as emptiness in place of a picture of the background.
+#[test]
+fn objects_are_measured_over_the_background() {
+    let (sandbox, dataset) = Sandbox::with_scene();
+    write_blender_scene(&sandbox, &dataset);
+    let test = dataset.test[0];
+    sandbox.write("few.toml", "[data]\nrandom-points = 1500\n");
+    for (option, corner, background) in [("", [0; 3], "black"), ("--white-background", [255; 3], "white")] {
+        let model = format!("out{}", corner[0]);
+        let train = "train blender --config few.toml --eval --iterations 20 --masks object";
+        let outcome = sandbox.succeeds(&format!("{train} -m {model} {option}"));
+        assert!(outcome.stderr.contains("10 photos of an object"), "{outcome}");
+        assert!(sandbox.text(&format!("{model}/config.toml")).contains("masks = \"object\""));
+        let trained = psnr(&sandbox, &model, 20);
+        for file in ["results_renders.json", "results_renders_aggregate.json"] {
+            let results = sandbox.json(&format!("{model}/{file}"));
+            let masks = results["ours_20"]["protocol"]["masks"].as_str().unwrap().to_owned();
+            assert_eq!(masks, format!("object, photos over {background}"));
+        }
+        fs::remove_dir_all(sandbox.path(&format!("{model}/test"))).unwrap();
+        let told = sandbox.succeeds(&format!("eval {model} --precision full"));
+        assert_eq!(psnr(&sandbox, &model, 20), trained, "{told}");
+        let truth = picture(&sandbox, &format!("{model}/test/ours_20/gt/test/r_{test}.png"));
+        assert_eq!(truth.get_pixel(3, 3).0, corner);
+        assert!(sandbox.text(&format!("{model}/report.html")).contains("masks object"));
+    }
+    sandbox.fails("train blender --masks object --alpha composite -m x", &["--alpha", "`--masks object`"]);
+    sandbox.fails("train --masks object -m x", &["--masks", "demo scene"]);
+}
+
 #[test]
 fn photos_of_linear_light_train_as_those_of_srgb() {
     let (sandbox, _) = Sandbox::with_scene();

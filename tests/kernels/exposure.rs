@@ -2,16 +2,16 @@
 
 use crate::common::{gpu, values};
 use crate::reference::adam::Adam;
-use crate::reference::exposure::{Affine, Maps, exposed_loss, exposed_loss_backward, fit};
+use crate::reference::exposure::{Affine, Maps, Object, exposed_loss, exposed_loss_backward, fit};
 use crate::reference::image_loss::Map;
 use crate::reference::random_scene::random_image;
 use crate::reference::relative_error;
 use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DVec3};
 use ibgs_core::dataset::Photo;
-use ibgs_core::fuse::{ExposedColors, ExposureFit};
+use ibgs_core::fuse::{ExposedColors, ExposureFit, Reach};
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
-use ibgs_core::loss::{ExposureAdam, ExposureScalars, ImageLoss, Target};
+use ibgs_core::loss::{ExposureAdam, ExposureScalars, ImageLoss, Outside, Target};
 
 fn float(map: Map) -> Map {
     map.into_iter().map(|p| p.map(|v| f64::from(v as f32))).collect()
@@ -48,7 +48,8 @@ fn on_gpu(base: &Map, warped: &Map, visible: &[bool], size: [u32; 2]) -> Vec<f64
     let fit = ExposureFit::new(&gpu).unwrap();
     let mut pass = Pass::new(&gpu, "test");
     let base = upload(&gpu, base);
-    let colors = ExposedColors { base: &base, warped: &warped, seen: &seen, slots: 2, sources: 1, size };
+    let reach = Reach::Everywhere;
+    let colors = ExposedColors { base: &base, warped: &warped, seen: &seen, slots: 2, sources: 1, reach, size };
     fit.record_fit(&mut pass, &colors, None);
     pass.submit();
     let maps = read(&gpu, &fit.maps, 24);
@@ -116,7 +117,8 @@ fn without_enough_to_go_by_the_map_is_the_identity() {
     assert!(relative_error(&same, &identity) < 1e-6, "equal exposure: {same:?}");
 }
 
-/// Three slots a pixel, filled from the first on with rising numbers of five sources, of which the last is hardly seen.
+/// Three slots a pixel, filled from the first on with rising numbers of five sources, of which the last is hardly seen; some
+/// pixels see none.
 struct Sources {
     size: [u32; 2],
     base: Map,
@@ -136,7 +138,7 @@ impl Sources {
         let packed = |p: usize| -> Vec<usize> {
             let seen = (0..COUNT - 1).filter(|m| chances[p][m % 3] * (1.0 + *m as f64) < 1.2);
             let last = (p % 97 == 3).then_some(COUNT - 1);
-            seen.take(2).chain(last).collect()
+            if p % 11 == 5 { Vec::new() } else { seen.take(2).chain(last).collect() }
         };
         let packed: Vec<Vec<usize>> = (0..base.len()).map(packed).collect();
         let slots: Vec<Vec<Option<usize>>> =
@@ -162,7 +164,13 @@ impl Sources {
     }
 
     /// Maps, corrected base and shifted colours, and the gradient by the base from those by both.
-    fn on_gpu(&self, with_photo: bool, v_corrected: &Map, v_shifted: &[Map], before: &Map) -> [Vec<f64>; 4] {
+    fn on_gpu(
+        &self,
+        (with_photo, reach): (bool, Reach),
+        v_corrected: &Map,
+        v_shifted: &[Map],
+        before: &Map,
+    ) -> [Vec<f64>; 4] {
         let gpu = gpu();
         let pixels = self.base.len();
         let four = |maps: &[Map]| -> Buffer {
@@ -188,6 +196,7 @@ impl Sources {
             seen: &seen,
             slots: 3,
             sources: COUNT as u32,
+            reach,
             size: self.size,
         };
         let fit = ExposureFit::new(&gpu).unwrap();
@@ -215,18 +224,24 @@ fn every_source_has_a_map_of_its_own_and_all_come_to_one_exposure() {
         let random = |low: f64, seed: u64| float(random_image(size[0], size[1], low, 1.0, seed));
         let (v_corrected, before) = (random(-1.0, seed + 4), random(-1.0, seed + 5));
         let v_shifted: Vec<Map> = (0..3).map(|m| random(-1.0, seed + 6 + m)).collect();
-        for with_photo in [false, true] {
+        let ways = [(false, Reach::Everywhere), (true, Reach::Everywhere), (true, Reach::Seen)];
+        for (with_photo, reach) in ways {
             let twin = case.twin(with_photo);
-            let [maps, corrected, shifted, v_base] = case.on_gpu(with_photo, &v_corrected, &v_shifted, &before);
+            let [maps, corrected, shifted, v_base] =
+                case.on_gpu((with_photo, reach), &v_corrected, &v_shifted, &before);
             let rows: Vec<f64> = std::iter::once(&twin.output).chain(&twin.sources).flat_map(Affine::rows).collect();
             assert!(relative_error(&maps, &rows) <= 1e-5, "{maps:?} against {twin:?}");
             assert_ne!(twin.sources[1], twin.sources[2]);
             assert_eq!(twin.sources[COUNT - 1] == twin.output, size[0] < 100, "hardly seen in the small picture");
-            let applied: Map = case.base.iter().map(|x| twin.output.apply(*x)).collect();
+            // Pixels that see no source may be left as they are.
+            let stays = |p: usize| reach == Reach::Seen && case.slots[0][p].is_none();
+            assert!(reach == Reach::Everywhere || (0..case.base.len()).any(stays));
+            let of = |p: usize| if stays(p) { Affine::IDENTITY } else { twin.output };
+            let applied: Map = case.base.iter().enumerate().map(|(p, x)| of(p).apply(*x)).collect();
             assert!(relative_error(&corrected, applied.as_flattened()) <= 1e-5);
             let (mut shifts, mut gradient) = (Vec::new(), before.clone());
             for (p, v) in v_corrected.iter().enumerate() {
-                gradient[p].iter_mut().zip(twin.output.backward(*v)).for_each(|(to, by)| *to += by);
+                gradient[p].iter_mut().zip(of(p).backward(*v)).for_each(|(to, by)| *to += by);
             }
             for (m, slots) in case.slots.iter().enumerate() {
                 for (p, source) in slots.iter().enumerate() {
@@ -238,7 +253,7 @@ fn every_source_has_a_map_of_its_own_and_all_come_to_one_exposure() {
                 }
             }
             let (forward, back) = (relative_error(&shifted, &shifts), relative_error(&v_base, gradient.as_flattened()));
-            println!("{size:?}, photo {with_photo}: shifted {forward:.1e}, backward {back:.1e}");
+            println!("{size:?}, photo {with_photo}, {reach:?}: shifted {forward:.1e}, backward {back:.1e}");
             assert!(forward <= 1e-5 && back <= 1e-5, "{forward:e}, {back:e}");
         }
     }
@@ -249,6 +264,8 @@ struct Exposed {
     size: [u32; 2],
     image: Map,
     target: Map,
+    /// Alpha of the photo and the background, where it shows an object.
+    object: Option<(Vec<u8>, [f64; 3])>,
 }
 
 impl Exposed {
@@ -258,7 +275,7 @@ impl Exposed {
         let target: Map = target.into_iter().map(|p| p.map(|v| (v * 255.0).round() / 255.0)).collect();
         let noise = random_image(width, height, -noise, noise, seed + 1);
         let image = |(t, n): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| 0.8 * t[c] + 0.05 + n[c]);
-        Exposed { size, image: float(target.iter().zip(&noise).map(image).collect()), target }
+        Exposed { size, image: float(target.iter().zip(&noise).map(image).collect()), target, object: None }
     }
 
     /// Loss, gradient by the image and by the scalars; the upstream gradient is 3. Without scalars the plain loss.
@@ -270,7 +287,10 @@ impl Exposed {
             [r, g, b, alpha(i)]
         };
         let rgba = self.target.iter().enumerate().flat_map(texel).collect();
-        let target = Target::upload(&gpu, &Photo { width, height, rgba }).unwrap();
+        let mut target = Target::upload(&gpu, &Photo { width, height, rgba }).unwrap();
+        if let Some((_, background)) = self.object {
+            target.outside = Outside::Background(background.map(|v| v as f32));
+        }
         let flat: Vec<f32> = self.image.as_flattened().iter().map(|v| *v as f32).collect();
         let data = TensorData::new(flat, [height as usize, width as usize, 3]);
         let leaf = Tensor::<3>::from_data(data, &gpu.burn).autodiff().require_grad();
@@ -289,9 +309,15 @@ impl Exposed {
 
     fn check(&self, lambda: f64, scalars: [f64; 2]) -> [f64; 2] {
         let [w, h] = self.size.map(|v| v as usize);
-        let (loss, by_image, by_scalars) = self.on_gpu(lambda, Some(scalars), |_| 255);
-        let expected = exposed_loss(&self.image, &self.target, w, h, lambda, scalars);
-        let (v_image, v_scalars) = exposed_loss_backward(&self.image, &self.target, w, h, lambda, scalars);
+        let alpha = |i: usize| self.object.as_ref().map_or(255, |(alpha, _)| alpha[i]);
+        let (loss, by_image, by_scalars) = self.on_gpu(lambda, Some(scalars), alpha);
+        let object = Object {
+            photo: self.target.clone(),
+            cover: (0..w * h).map(|i| f64::from(alpha(i) - 1) / 254.0).collect(),
+            background: self.object.as_ref().map_or([0.0; 3], |(_, background)| *background),
+        };
+        let expected = exposed_loss(&self.image, &object, w, h, lambda, scalars);
+        let (v_image, v_scalars) = exposed_loss_backward(&self.image, &object, w, h, lambda, scalars);
         let tripled = |v: &[f64]| -> Vec<f64> { v.iter().map(|v| 3.0 * v).collect() };
         let error = relative_error(&by_image, &tripled(v_image.as_flattened()));
         let scalar_error = relative_error(&by_scalars, &tripled(&v_scalars));
@@ -314,6 +340,29 @@ fn the_exposed_loss_follows_its_twin_while_the_images_are_alike() {
     assert_eq!(unlike, [0.0; 2], "the gate is closed");
     let (.., by_scalars) = Exposed::new([33, 17], 60, 3.0).on_gpu(0.2, Some([0.15, 0.03]), |_| 255);
     assert_eq!(by_scalars, [0.0; 2], "exactly");
+}
+
+/// The background has the photo's exposure too: where nothing is, the scalars have no say.
+#[test]
+fn the_exposed_loss_of_an_object_follows_its_twin() {
+    for (seed, size) in (70..).zip([[13, 9], [33, 17], [120, 90]]) {
+        let mut case = Exposed::new(size, seed, 0.02);
+        let background = [0.9f32, 0.05, 0.4].map(f64::from);
+        let alpha: Vec<u8> = (0..case.target.len()).map(|i| [1, 1, 255, 254, 77, 200][i / 5 % 6]).collect();
+        for ((x, t), a) in case.image.iter_mut().zip(&case.target).zip(&alpha) {
+            let cover = f64::from(a - 1) / 254.0;
+            let over = |c: usize| x[c] + (1.0 - cover) * (background[c] - t[c]);
+            *x = [0, 1, 2].map(|c| f64::from(over(c) as f32));
+        }
+        case.object = Some((alpha, background));
+        for lambda in [0.0, 0.2] {
+            let by_scalars = case.check(lambda, [0.15, 0.03]);
+            assert!(by_scalars.iter().all(|v| *v != 0.0), "a gradient there is");
+        }
+        case.object.as_mut().unwrap().0.fill(1);
+        let (.., by_scalars) = case.on_gpu(0.0, Some([0.15, 0.03]), |_| 1);
+        assert!(by_scalars[1] == 0.0, "{by_scalars:?}");
+    }
 }
 
 #[test]

@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 const FACTORS: [Factor; 3] = [Factor::Full, Factor::Half, Factor::Quarter];
 
 fn variant(inputs: Inputs, aggregation: Aggregation, factor: Factor) -> Variant {
-    Variant { inputs, output: Output::Residual, aggregation, factor }
+    Variant { inputs, output: Output::Residual, aggregation, factor, ..Variant::default() }
 }
 
 /// A view with `slots` slots, of which the first `active` are used somewhere; numbers that f32 holds.

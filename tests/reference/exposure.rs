@@ -132,53 +132,79 @@ pub fn fit_or(base: &[[f64; 3]], warped: &[[f64; 3]], visible: &[bool], otherwis
 /// The scalars count while 1 - SSIM of the unmodified image is under this.
 const SSIM_GATE: f64 = 0.5;
 
+/// A photo over a background, by as much as `cover` leaves of it.
+pub struct Object {
+    pub photo: Map,
+    pub cover: Vec<f64>,
+    pub background: [f64; 3],
+}
+
+impl Object {
+    /// A photo that leaves nothing of the background.
+    pub fn opaque(photo: &[[f64; 3]]) -> Object {
+        Object { photo: photo.to_vec(), cover: vec![1.0; photo.len()], background: [0.0; 3] }
+    }
+
+    /// What an image in the exposure exp(a) x + b is compared with: the background has it too.
+    pub fn target(&self, [a, b]: [f64; 2]) -> Map {
+        let pixel = |(photo, cover): (&[f64; 3], &f64)| {
+            std::array::from_fn(|c| cover * photo[c] + (1.0 - cover) * (a.exp() * self.background[c] + b))
+        };
+        self.photo.iter().zip(&self.cover).map(pixel).collect()
+    }
+}
+
 fn expose(image: &[[f64; 3]], [a, b]: [f64; 2]) -> Map {
     image.iter().map(|p| p.map(|x| a.exp() * x + b)).collect()
 }
 
-/// Whether the exposure counts, and the image as the L1 part sees it.
-fn gated(image: &[[f64; 3]], target: &[[f64; 3]], width: usize, height: usize, scalars: [f64; 2]) -> (bool, Map) {
-    let open = 1.0 - ssim(image, target, width, height) < SSIM_GATE;
-    (open, if open { expose(image, scalars) } else { image.to_vec() })
+/// Whether the exposure counts.
+fn is_open(image: &[[f64; 3]], target: &[[f64; 3]], width: usize, height: usize) -> bool {
+    1.0 - ssim(image, target, width, height) < SSIM_GATE
 }
 
 /// (1 - lambda) L1(exp(a) image + b) + lambda (1 - SSIM(image)); the plain image loss where the images differ too much.
 pub fn exposed_loss(
     image: &[[f64; 3]],
-    target: &[[f64; 3]],
+    object: &Object,
     width: usize,
     height: usize,
     lambda: f64,
     scalars: [f64; 2],
 ) -> f64 {
-    let (_, exposed) = gated(image, target, width, height, scalars);
-    (1.0 - lambda) * l1(&exposed, target) + image_loss(image, target, width, height, lambda)
-        - (1.0 - lambda) * l1(image, target)
+    let target = object.target([0.0; 2]);
+    let scalars = if is_open(image, &target, width, height) { scalars } else { [0.0; 2] };
+    (1.0 - lambda) * l1(&expose(image, scalars), &object.target(scalars))
+        + image_loss(image, &target, width, height, lambda)
+        - (1.0 - lambda) * l1(image, &target)
 }
 
 /// Gradients of `exposed_loss` by the image and by (a, b).
 pub fn exposed_loss_backward(
     image: &[[f64; 3]],
-    target: &[[f64; 3]],
+    object: &Object,
     width: usize,
     height: usize,
     lambda: f64,
     scalars: [f64; 2],
 ) -> (Map, [f64; 2]) {
-    let (open, exposed) = gated(image, target, width, height, scalars);
-    let gain = if open { scalars[0].exp() } else { 1.0 };
+    let target = object.target([0.0; 2]);
+    let open = is_open(image, &target, width, height);
+    let scalars = if open { scalars } else { [0.0; 2] };
+    let (exposed, shown, gain) = (expose(image, scalars), object.target(scalars), scalars[0].exp());
     let share = (1.0 - lambda) / (3 * image.len()) as f64;
     let v_ssim = vec![[-lambda / (3 * image.len()) as f64; 3]; image.len()];
-    let mut v_image = ssim_backward(image, target, width, height, &v_ssim);
+    let mut v_image = ssim_backward(image, &target, width, height, &v_ssim);
     let mut v_scalars = [0.0; 2];
     for (i, v) in v_image.iter_mut().enumerate() {
+        let behind = 1.0 - object.cover[i];
         for (c, v) in v.iter_mut().enumerate() {
-            let difference = exposed[i][c] - target[i][c];
+            let difference = exposed[i][c] - shown[i][c];
             let side = if difference == 0.0 { 0.0 } else { difference.signum() };
             *v += share * side * gain;
             if open {
-                v_scalars[0] += share * side * gain * image[i][c];
-                v_scalars[1] += share * side;
+                v_scalars[0] += share * side * gain * (image[i][c] - behind * object.background[c]);
+                v_scalars[1] += share * side * (1.0 - behind);
             }
         }
     }

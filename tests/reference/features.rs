@@ -3,6 +3,7 @@
 //! the MLP.
 
 use ibgs_core::camera::Camera;
+use ibgs_core::fuse::Reach;
 use ibgs_core::residual::layers::{ENC1, FEATURES, HIDDEN, INPUT, MLP1, MLP2};
 use ibgs_core::residual::{Aggregation, Inputs, Output, Variant};
 
@@ -210,13 +211,15 @@ impl View {
 }
 
 /// How the final colour is made.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Composition {
     pub size: Size,
     pub variant: Variant,
     pub gain: f64,
     /// Whether any source is seen in the image.
     pub seen: bool,
+    /// Which pixels see one; read where the variant reaches these alone.
+    pub sees: Vec<bool>,
 }
 
 impl Composition {
@@ -224,8 +227,13 @@ impl Composition {
         self.variant.factor.size(self.size.map(|n| n as u32)).map(|n| n as usize)
     }
 
-    fn base_share(&self) -> f64 {
+    fn is_reached(&self, pixel: usize) -> bool {
+        self.variant.reach == Reach::Everywhere || self.sees[pixel]
+    }
+
+    fn base_share(&self, pixel: usize) -> f64 {
         match self.variant.output {
+            _ if !self.is_reached(pixel) => 1.0,
             Output::Residual => self.gain,
             Output::Color if self.seen => 0.0,
             Output::Color => 1.0,
@@ -235,17 +243,19 @@ impl Composition {
     /// The final colour.
     pub fn compose(&self, base: &[[f64; 3]], residual: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let full = resize(residual, self.low(), self.size);
-        let added = if self.seen { 1.0 } else { 0.0 };
-        let pixel = |(b, r): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| self.base_share() * b[c] + added * r[c]);
-        base.iter().zip(&full).map(pixel).collect()
+        let added = |p: usize| if self.seen && self.is_reached(p) { 1.0 } else { 0.0 };
+        let pixel = |p: usize| std::array::from_fn(|c| self.base_share(p) * base[p][c] + added(p) * full[p][c]);
+        (0..base.len()).map(pixel).collect()
     }
 
     /// Gradients by residual and base colour.
     pub fn compose_backward(&self, v_image: &[[f64; 3]]) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
-        let mut v_residual = resize_backward(v_image, self.low(), self.size);
+        let reached = |(p, v): (usize, &[f64; 3])| if self.is_reached(p) { *v } else { [0.0; 3] };
+        let v_reached: Vec<[f64; 3]> = v_image.iter().enumerate().map(reached).collect();
+        let mut v_residual = resize_backward(&v_reached, self.low(), self.size);
         if !self.seen {
             v_residual.fill([0.0; 3]);
         }
-        (v_residual, v_image.iter().map(|v| v.map(|x| self.base_share() * x)).collect())
+        (v_residual, v_image.iter().enumerate().map(|(p, v)| v.map(|x| self.base_share(p) * x)).collect())
     }
 }

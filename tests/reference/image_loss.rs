@@ -112,6 +112,12 @@ pub fn ssim_backward(image: &[[f64; 3]], target: &[[f64; 3]], width: usize, heig
     (0..image.len()).map(pixel).collect()
 }
 
+/// A photo over a background, by as much as `cover` leaves of it.
+pub fn over(photo: &[[f64; 3]], cover: &[f64], background: [f64; 3]) -> Map {
+    let pixel = |(p, cover): (&[f64; 3], &f64)| std::array::from_fn(|c| cover * p[c] + (1.0 - cover) * background[c]);
+    photo.iter().zip(cover).map(pixel).collect()
+}
+
 /// Mean of a map over pixels and channels.
 pub fn mean(map: &[[f64; 3]]) -> f64 {
     map.as_flattened().iter().sum::<f64>() / (3 * map.len()) as f64

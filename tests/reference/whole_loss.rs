@@ -108,7 +108,8 @@ impl Case {
     }
 
     fn composition(&self, view: &View) -> Composition {
-        Composition { size: self.size(), variant: self.variant, gain: self.gain, seen: view.active > 0 }
+        let sees = view.seen.iter().map(|slots| slots[0] != EMPTY).collect();
+        Composition { size: self.size(), variant: self.variant, gain: self.gain, seen: view.active > 0, sees }
     }
 
     /// One tensor of [`NAMES`].

@@ -1,6 +1,6 @@
 //! The losses of the image-based stage against finite differences.
 
-use crate::reference::exposure::{exposed_loss, exposed_loss_backward};
+use crate::reference::exposure::{Object, exposed_loss, exposed_loss_backward};
 use crate::reference::finite::assert_gradient;
 use crate::reference::image_loss::Map;
 use crate::reference::normal_loss::{Surface, normal_loss, normal_loss_backward};
@@ -54,12 +54,17 @@ fn exposed_loss_gradients_agree_with_finite_differences() {
     let noise = random_image(13, 11, -0.1, 0.1, 9);
     let image: Map = target.iter().zip(&noise).map(|(t, n)| std::array::from_fn(|c| 0.8 * t[c] + n[c])).collect();
     let scalars = [0.2, -0.05];
-    let (v_image, v_scalars) = exposed_loss_backward(&image, &target, width, height, 0.2, scalars);
-    let by_image = assert_gradient("image", image.as_flattened(), v_image.as_flattened(), TOLERANCE, |x| {
-        exposed_loss(x.as_chunks().0, &target, width, height, 0.2, scalars)
-    });
-    let by_scalars = assert_gradient("scalars", &scalars, &v_scalars, TOLERANCE, |s| {
-        exposed_loss(&image, &target, width, height, 0.2, [s[0], s[1]])
-    });
-    println!("by image {by_image:.1e}, by scalars {by_scalars:.1e}");
+    let cover = random_image(13, 11, 0.0, 1.0, 10).iter().map(|v| v[0]).collect();
+    let object = Object { photo: target.clone(), cover, background: [0.9, 0.1, 0.4] };
+    for object in [Object::opaque(&target), object] {
+        let (v_image, v_scalars) = exposed_loss_backward(&image, &object, width, height, 0.2, scalars);
+        let by_image = assert_gradient("image", image.as_flattened(), v_image.as_flattened(), TOLERANCE, |x| {
+            exposed_loss(x.as_chunks().0, &object, width, height, 0.2, scalars)
+        });
+        let by_scalars = assert_gradient("scalars", &scalars, &v_scalars, TOLERANCE, |s| {
+            exposed_loss(&image, &object, width, height, 0.2, [s[0], s[1]])
+        });
+        println!("by image {by_image:.1e}, by scalars {by_scalars:.1e}");
+        assert!(v_scalars.iter().all(|v| *v != 0.0), "the gate is open");
+    }
 }

@@ -125,6 +125,7 @@ fn results_carry_their_protocol_and_keep_other_iterations() {
         factor: "2".into(),
         split: "every 8th".into(),
         principal_point: "true".into(),
+        masks: "ignore".into(),
         device: "some adapter".into(),
         lpips: None,
     };

@@ -2,10 +2,11 @@
 //! scene's coordinates; on the device all is local ([`LocalSpace`]).
 
 use crate::camera::Camera;
+use crate::dataset::Masks;
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
 use crate::fuse::sources::{First, SourceFinder, SourceOptions};
-use crate::fuse::{Seen, SourceView, WarpOptions, Warper};
+use crate::fuse::{Reach, Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -47,6 +48,10 @@ impl ImageOptions {
                 output: residual.output,
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor),
+                reach: match config.data.masks {
+                    Masks::Ignore => Reach::Everywhere,
+                    Masks::Object => Reach::Seen,
+                },
             },
             precision: residual.precision,
             exposure: config.exposure.enabled,

@@ -16,6 +16,9 @@ pub const NEAR_DEPTH: f32 = 0.2;
 pub const COV_BLUR: f32 = 0.3;
 /// Contributions under this alpha are skipped.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// Alpha, of 255, of a pixel where the photo of an object shows nothing; 0 is where there is no photo, outside of a lens for
+/// instance.
+pub const ALPHA_EMPTY: u32 = 1;
 /// Largest alpha of a single Gaussian.
 pub const ALPHA_MAX: f32 = 0.99;
 /// Blending stops before the transmittance would fall under this.
@@ -296,10 +299,10 @@ kernels! {
         read("seen"), read("sources_seen"), read("v_x"), read("v_features"), write("v_warped"), write("v_base");
     /// Base colour and residual to the final colour.
     RESIDUAL_COMPOSE = "residual_compose" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("sources_seen"), read("base"), read("residual"), write("image");
+        read("sources_seen"), read("seen"), read("base"), read("residual"), write("image");
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("sources_seen"), read("v_image"), write("v_residual"), write("v_base");
+        read("sources_seen"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
     // The hourglass of the residual network.
     /// 3 x 3 convolution, forward or gradient by the input.
     RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):
@@ -393,6 +396,7 @@ pub fn constants() -> String {
     let mut text = String::new();
     for (name, value) in [
         ("TILE", TILE),
+        ("ALPHA_EMPTY", ALPHA_EMPTY),
         ("SORT_BLOCK", SORT_BLOCK),
         ("SORT_BINS", SORT_BINS),
         ("SCAN_BLOCK", SCAN_BLOCK),

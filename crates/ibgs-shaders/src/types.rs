@@ -133,10 +133,16 @@ pub struct LossParams {
     pub size: [u32; 2],
     /// Image size in tiles.
     pub tiles: [u32; 2],
+    /// Colour behind the photo of an object.
+    pub background: [f32; 3],
+    /// 1: the photo shows an object over the background; 0: alpha under one half is masked.
+    pub object: u32,
     /// Weight of 1 - SSIM.
     pub lambda: f32,
     /// Slot of the warped images; 0 in the image loss.
     pub slot: u32,
+    /// Padding.
+    pub pad: [u32; 2],
 }
 
 /// One Adam step of one tensor; the twin of `AdamParams`.
@@ -185,6 +191,8 @@ pub struct ExposureApplyParams {
     pub pixels: u32,
     /// Packed slots V.
     pub slots: u32,
+    /// 1: the base colour of pixels that see no source stays as it is.
+    pub seen_only: u32,
 }
 
 /// Random steps of the means; the twin of `McmcNoiseParams`.
@@ -327,6 +335,10 @@ pub struct ComposeParams {
     pub gain: f32,
     /// 1: the network gives the colour itself.
     pub full_color: u32,
+    /// 1: pixels that see no source have the base colour.
+    pub seen_only: u32,
+    /// Padding.
+    pub pad: u32,
 }
 
 /// A 3 x 3 convolution or its gradient by the input; the twin of `ConvParams`.

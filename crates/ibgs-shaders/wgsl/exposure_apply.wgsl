@@ -29,11 +29,11 @@ fn main(
         return;
     }
     let color = vec4(base[3u * p], base[3u * p + 1u], base[3u * p + 2u], 1.0);
-    let out = exposed(0u, color);
+    let packed = seen[p];
+    let out = select(exposed(0u, color), color.xyz, stays(packed));
     for (var c = 0u; c < 3u; c++) {
         corrected[3u * p + c] = out[c];
     }
-    let packed = seen[p];
     for (var m = 0u; m < params.slots; m++) {
         let at = m * params.pixels + p;
         var y = warped[at];

@@ -26,8 +26,9 @@ fn main(
     if p >= params.pixels {
         return;
     }
-    var v = transposed(0u, vec3(v_corrected[3u * p], v_corrected[3u * p + 1u], v_corrected[3u * p + 2u]));
     let packed = seen[p];
+    let by_base = vec3(v_corrected[3u * p], v_corrected[3u * p + 1u], v_corrected[3u * p + 2u]);
+    var v = select(transposed(0u, by_base), by_base, stays(packed));
     for (var m = 0u; m < params.slots; m++) {
         if slot_filled(packed, m) {
             let by = v_shifted[m * params.pixels + p].xyz;

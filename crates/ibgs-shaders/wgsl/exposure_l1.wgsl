@@ -1,4 +1,5 @@
 // A fixed number of workgroups: sum of |exp(a) x + b - y| over the valid pixels and channels (method.md section 8).
+// The background in y has the exposure of the photo too.
 #import ssim
 #import reduce
 
@@ -15,9 +16,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var sum = 0.0;
     for (var p = wid.x * 256u + local; p < params.size.x * params.size.y; p += EXPOSURE_GROUPS * 256u) {
         let texel = photo[p];
-        if photo_valid(texel) {
+        if target_counts(texel) {
+            let share = background_share(texel);
             for (var c = 0u; c < 3u; c++) {
-                sum += abs(gain * image[3u * p + c] + offset - photo_channel(texel, c));
+                let y = target_channel(texel, c) + share * ((gain - 1.0) * params.background[c] + offset);
+                sum += abs(gain * image[3u * p + c] + offset - y);
             }
         }
     }

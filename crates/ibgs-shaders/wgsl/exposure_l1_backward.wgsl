@@ -21,12 +21,14 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var sum = vec2(0.0);
     for (var p = wid.x * 256u + local; p < pixels; p += EXPOSURE_GROUPS * 256u) {
         let texel = photo[p];
-        if open && photo_valid(texel) {
+        if open && target_counts(texel) {
+            let share = background_share(texel);
             for (var c = 0u; c < 3u; c++) {
                 let x = image[3u * p + c];
-                let y = photo_channel(texel, c);
-                let side = sign(gain * x + offset - y);
-                sum += side * vec2(gain * x, 1.0);
+                let y = target_channel(texel, c);
+                let behind = share * params.background[c];
+                let side = sign(gain * x + offset - y - (gain - 1.0) * behind - share * offset);
+                sum += side * vec2(gain * (x - behind), 1.0 - share);
                 v_image[3u * p + c] += scale * (gain * side - sign(x - y));
             }
         }

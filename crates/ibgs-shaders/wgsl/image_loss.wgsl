@@ -24,7 +24,7 @@ fn main(
         if p >= 0 {
             x = image[3u * u32(p) + c];
             let texel = photo[p];
-            y = select(x, photo_channel(texel, c), photo_valid(texel));
+            y = select(x, target_channel(texel, c), target_counts(texel));
         }
         xs[k] = x - shift;
         ys[k] = y - shift;

@@ -24,9 +24,9 @@ fn main(
     let p = pixel.y * params.size.x + pixel.x;
     let texel = photo[p];
     var v = 0.0;
-    if photo_valid(texel) {
+    if target_counts(texel) {
         let x = image[3u * p + c];
-        let y = photo_channel(texel, c);
+        let y = target_channel(texel, c);
         let by_ssim = s.x + 2.0 * x * s.y + y * s.z;
         v = v_loss[0] * ((1.0 - params.lambda) * sign(x - y) - params.lambda * by_ssim) / (3.0 * f32(plane));
     }

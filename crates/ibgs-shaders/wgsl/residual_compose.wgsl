@@ -4,9 +4,11 @@
 #import residual_output
 
 @group(0) @binding(0) var<storage, read> sources_seen: array<u32>;
-@group(0) @binding(1) var<storage, read> base: array<f32>;
-@group(0) @binding(2) var<storage, read> residual: array<f32>;
-@group(0) @binding(3) var<storage, read_write> image: array<f32>;
+// Packed slots of the pixels.
+@group(0) @binding(1) var<storage, read> seen: array<u32>;
+@group(0) @binding(2) var<storage, read> base: array<f32>;
+@group(0) @binding(3) var<storage, read> residual: array<f32>;
+@group(0) @binding(4) var<storage, read_write> image: array<f32>;
 
 fn residual_at(p: u32) -> vec3<f32> {
     return vec3(residual[3u * p], residual[3u * p + 1u], residual[3u * p + 2u]);
@@ -23,8 +25,10 @@ fn main(
         return;
     }
     let used = sources_seen[0] > 0u;
-    var color = base_share(used) * vec3(base[3u * p], base[3u * p + 1u], base[3u * p + 2u]);
-    if used {
+    let reached = is_reached(seen[p]);
+    var color = vec3(base[3u * p], base[3u * p + 1u], base[3u * p + 2u]);
+    color *= select(1.0, base_share(used), reached);
+    if used && reached {
         if all(params.size == params.low) {
             color += residual_at(p);
         } else {

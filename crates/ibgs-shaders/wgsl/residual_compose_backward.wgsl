@@ -4,12 +4,19 @@
 #import residual_output
 
 @group(0) @binding(0) var<storage, read> sources_seen: array<u32>;
-@group(0) @binding(1) var<storage, read> v_image: array<f32>;
-@group(0) @binding(2) var<storage, read_write> v_residual: array<f32>;
-@group(0) @binding(3) var<storage, read_write> v_base: array<f32>;
+// Packed slots of the pixels.
+@group(0) @binding(1) var<storage, read> seen: array<u32>;
+@group(0) @binding(2) var<storage, read> v_image: array<f32>;
+@group(0) @binding(3) var<storage, read_write> v_residual: array<f32>;
+@group(0) @binding(4) var<storage, read_write> v_base: array<f32>;
 
 fn v_at(p: u32) -> vec3<f32> {
     return vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
+}
+
+// That by what the network gives at a pixel.
+fn v_reached(p: u32) -> vec3<f32> {
+    return select(vec3(0.0), v_at(p), is_reached(seen[p]));
 }
 
 fn gathered(pixel: vec2<u32>) -> vec3<f32> {
@@ -20,7 +27,7 @@ fn gathered(pixel: vec2<u32>) -> vec3<f32> {
         let down = resize_weight(y, pixel.y, params.low.y, params.size.y);
         for (var x = columns.x; x <= columns.y; x++) {
             let across = resize_weight(x, pixel.x, params.low.x, params.size.x);
-            sum += down * across * v_at(y * params.size.x + x);
+            sum += down * across * v_reached(y * params.size.x + x);
         }
     }
     return sum;
@@ -35,7 +42,7 @@ fn main(
     let i = linear_workgroup(wid, groups) * 256u + local;
     let used = sources_seen[0] > 0u;
     if i < params.size.x * params.size.y {
-        let v = base_share(used) * v_at(i);
+        let v = select(1.0, base_share(used), is_reached(seen[i])) * v_at(i);
         v_base[3u * i] = v.x;
         v_base[3u * i + 1u] = v.y;
         v_base[3u * i + 2u] = v.z;
@@ -44,7 +51,7 @@ fn main(
         var v = vec3(0.0);
         if used {
             if all(params.size == params.low) {
-                v = v_at(i);
+                v = v_reached(i);
             } else {
                 v = gathered(vec2(i % params.low.x, i / params.low.x));
             }

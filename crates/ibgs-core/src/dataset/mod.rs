@@ -18,7 +18,7 @@ pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
 pub use decode::decode_photo;
 pub use error::DatasetError;
-pub use options::{Alpha, ColorSpace, LoadOptions, PrincipalPoint, Resampler, Resolution};
+pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
@@ -31,7 +31,11 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// An 8-bit photo, RGBA, row by row, sRGB values as stored in the file. Alpha 255 where the photo is valid.
+/// Alpha where the photo of an object shows nothing.
+pub const ALPHA_EMPTY: u8 = ibgs_shaders::ALPHA_EMPTY as u8;
+
+/// An 8-bit photo, RGBA, row by row, sRGB values as stored in the file. Alpha 255 where the photo is valid; with
+/// [`Masks::Object`] it says how much of a pixel the object covers, from [`ALPHA_EMPTY`] to 255, and 0 is outside of the lens.
 #[derive(Clone, Debug)]
 pub struct Photo {
     /// Width in pixels.
@@ -40,6 +44,23 @@ pub struct Photo {
     pub height: u32,
     /// `width * height * 4` bytes.
     pub rgba: Vec<u8>,
+}
+
+impl Photo {
+    /// An object's photo as it looks over a background; opaque but where there is no photo.
+    pub fn over(&self, background: [f32; 3]) -> Photo {
+        let full = f32::from(u8::MAX - ALPHA_EMPTY);
+        let pixel = |&[r, g, b, a]: &[u8; 4]| {
+            if a < ALPHA_EMPTY {
+                return [0; 4];
+            }
+            let cover = f32::from(a - ALPHA_EMPTY) / full;
+            let channel = |c: usize| f32::from([r, g, b][c]) * cover + 255.0 * background[c] * (1.0 - cover);
+            [channel(0).round() as u8, channel(1).round() as u8, channel(2).round() as u8, u8::MAX]
+        };
+        let rgba = self.rgba.as_chunks().0.iter().flat_map(pixel).collect();
+        Photo { width: self.width, height: self.height, rgba }
+    }
 }
 
 /// One posed photo.
@@ -240,7 +261,10 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetErr
     if !scene.missing.is_empty() {
         dataset.notes.push(missing_note(&scene.missing, scene.frames.len()));
     }
-    let usual = if scene.kind == SceneKind::Blender { Alpha::Composite } else { Alpha::Mask };
+    let usual = match (scene.kind, options.masks) {
+        (SceneKind::Blender, Masks::Ignore) => Alpha::Composite,
+        _ => Alpha::Mask,
+    };
     let options = &LoadOptions { alpha: options.alpha.or(Some(usual)), ..options.clone() };
     photos::load_views(&scene.frames, options, &mut dataset)?;
     let root = root(path);

@@ -158,6 +158,31 @@ impl FromStr for Alpha {
     }
 }
 
+/// What lies outside of the masks, be they files or alpha channels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Masks {
+    /// Anything: pixels under one half leave losses and metrics.
+    #[default]
+    Ignore,
+    /// Nothing: the photos show an object over the background. Photos without a mask show their object in every pixel.
+    Object,
+}
+
+impl FromStr for Masks {
+    type Err = DatasetError;
+
+    fn from_str(text: &str) -> Result<Self, DatasetError> {
+        match text.trim() {
+            "ignore" => Ok(Masks::Ignore),
+            "object" => Ok(Masks::Object),
+            _ => {
+                Err(DatasetError::Option { option: "--masks", value: text.to_owned(), allowed: "`ignore` or `object`" })
+            }
+        }
+    }
+}
+
 /// What the values of a photo mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -202,7 +227,9 @@ pub struct LoadOptions {
     pub eval_split_every: usize,
     /// Which principal point the cameras get.
     pub principal_point: PrincipalPoint,
-    /// What the photos' alpha means; unset: `Composite` in Blender scenes, `Mask` in others.
+    /// What lies outside of the masks.
+    pub masks: Masks,
+    /// What the photos' alpha means; unset: `Composite` in Blender scenes, `Mask` in others and with [`Masks::Object`].
     pub alpha: Option<Alpha>,
     /// Colour under photos with [`Alpha::Composite`].
     pub background: [u8; 3],
@@ -230,6 +257,7 @@ impl Default for LoadOptions {
             eval: false,
             eval_split_every: 8,
             principal_point: PrincipalPoint::True,
+            masks: Masks::Ignore,
             alpha: None,
             background: [0; 3],
             color_space: None,
@@ -249,6 +277,9 @@ impl LoadOptions {
             LoadOptions { resolution: Resolution::Factor(0) | Resolution::Width(0), .. } => Err(resolution_error("0")),
             LoadOptions { max_resolution: Some(0), .. } => refuse("--max-resolution", "0".into(), "at least 1 pixel"),
             LoadOptions { eval_split_every: 0, .. } => refuse("--eval-split-every", "0".into(), "at least 2"),
+            LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), .. } => {
+                refuse("--alpha", "composite".into(), "left out, or `mask`, with `--masks object`")
+            }
             LoadOptions { random_points: 0, .. } => refuse("random_points", "0".into(), "at least 1"),
             LoadOptions { images: Some(folder), .. } if super::photos::clean_name(folder).is_none() => {
                 refuse("--images", folder.clone(), "the name of a folder inside the scene folder")

@@ -4,10 +4,10 @@ use super::decode::{apply_mask, decode};
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Lens, Pose};
 use super::undistort::undistort;
-use super::{Alpha, Dataset, LoadOptions, Photo, PrincipalPoint, Resampler, View};
+use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
 use glam::DVec2;
 use image::imageops::{self, FilterType};
-use image::{ImageBuffer, Rgba, RgbaImage};
+use image::{GrayImage, ImageBuffer, Rgba, RgbaImage};
 use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -99,6 +99,17 @@ pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32, resampler: Res
     })
 }
 
+/// Gives masked pixels of an object's photo the alpha of emptiness, and those that touch the blank `outside` of the lens, which
+/// may have another size, alpha 0.
+fn mark_empty(photo: &mut RgbaImage, outside: Option<&GrayImage>) {
+    let (width, height) = photo.dimensions();
+    let outside = outside.map(|outside| imageops::resize(outside, width, height, FilterType::Triangle).into_raw());
+    for (index, pixel) in photo.pixels_mut().enumerate() {
+        let is_outside = outside.as_ref().is_some_and(|outside| outside[index] > 0);
+        pixel.0[3] = if is_outside { 0 } else { pixel.0[3].max(ALPHA_EMPTY) };
+    }
+}
+
 /// A loaded view and what happened to it on the way.
 struct Loaded {
     view: View,
@@ -121,21 +132,25 @@ fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError
     let camera_size = [frame.lens.width, frame.lens.height];
     let rescaled = (camera_size != [width, height]).then_some(([width, height], camera_size));
     let lens = frame.lens.resized(width, height);
-    let mut blank = None;
+    let (mut blank, mut outside) = (None, None);
     if !lens.distortion.is_none() {
         let photo = Photo { width, height, rgba: image.into_raw() };
         let undistorted = undistort(&photo, &lens);
-        if undistorted.blank > MAX_BLANK {
-            let problem =
-                format!("its distortion leaves {:.0} % of the undistorted photo blank", undistorted.blank * 100.0);
+        let share = undistorted.blank_share();
+        if share > MAX_BLANK {
+            let problem = format!("its distortion leaves {:.0} % of the undistorted photo blank", share * 100.0);
             let camera = format!("camera of image `{}`", frame.name);
             return Err(DatasetError::Intrinsics { path: frame.photo.clone(), camera, problem });
         }
-        blank = Some(undistorted.blank);
+        blank = Some(share);
+        outside = GrayImage::from_raw(width, height, undistorted.blank);
         image = to_image(undistorted.photo, &frame.photo)?;
     }
     let (width, height) = options.target_size(width, height, frame.prescaled);
-    let image = resample(image, width, height, options.resampler);
+    let mut image = resample(image, width, height, options.resampler);
+    if options.masks == Masks::Object {
+        mark_empty(&mut image, outside.as_ref());
+    }
     let mut camera = lens.pinhole(&frame.pose).resized(width, height);
     if options.principal_point == PrincipalPoint::Centred {
         camera = camera.centred();
@@ -184,6 +199,14 @@ pub(crate) fn load_views(frames: &[Frame], options: &LoadOptions, dataset: &mut 
     if options.alpha == Some(Alpha::Composite) {
         let [r, g, b] = options.background;
         dataset.notes.push(format!("transparent pixels lie over the background colour ({r}, {g}, {b})"));
+    }
+    if options.masks == Masks::Object {
+        let has_mask = |one: &&Loaded| one.view.photo.rgba.chunks_exact(4).any(|p| (1..u8::MAX).contains(&p[3]));
+        let masked = loaded.iter().filter(has_mask).count();
+        dataset.notes.push(match masked {
+            0 => "no photo has a mask or transparent pixels: `--masks object` changes nothing".to_owned(),
+            _ => format!("{} of an object: outside of the masks there is nothing", photos(masked)),
+        });
     }
     dataset.views.extend(loaded.into_iter().map(|loaded| loaded.view));
     Ok(())

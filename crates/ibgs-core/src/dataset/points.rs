@@ -2,7 +2,7 @@
 
 use super::error::{DatasetError, read_bytes};
 use super::points_ply;
-use super::{Alpha, Dataset, LoadOptions, Point, View};
+use super::{Alpha, Dataset, LoadOptions, Masks, Point, View};
 use crate::camera::scene_extent;
 use crate::local_space::LocalSpace;
 use glam::DVec2;
@@ -83,7 +83,8 @@ fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
     let (_, extent) = scene_extent(views.iter().map(|view| &view.camera));
     let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
     let background = (options.alpha == Some(Alpha::Composite)).then_some(options.background);
-    let [near, far] = if background.is_some() { DEPTHS_OF_ONE_THING } else { DEPTHS };
+    let one_thing = background.is_some() || options.masks == Masks::Object;
+    let [near, far] = if one_thing { DEPTHS_OF_ONE_THING } else { DEPTHS };
     let shows = |[r, g, b, a]: [u8; 4]| a >= 128 && Some([r, g, b]) != background;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut point = || {

@@ -12,8 +12,15 @@ use glam::DVec2;
 /// An undistorted photo.
 pub(crate) struct Undistorted {
     pub photo: Photo,
-    /// Share of the pixels that have no source in the photo.
-    pub blank: f64,
+    /// 255 for pixels that have no source in the photo, 0 for the others.
+    pub blank: Vec<u8>,
+}
+
+impl Undistorted {
+    /// Share of the blank pixels.
+    pub fn blank_share(&self) -> f64 {
+        self.blank.iter().filter(|&&blank| blank > 0).count() as f64 / self.blank.len().max(1) as f64
+    }
 }
 
 /// Resamples `photo`, taken through `lens`, with a Catmull-Rom kernel.
@@ -22,23 +29,19 @@ pub(crate) fn undistort(photo: &Photo, lens: &Lens) -> Undistorted {
     let reach = (lens.principal.abs() / lens.focal).max((size - lens.principal).abs() / lens.focal).length();
     let fold = lens.distortion.fold_radius(reach * 1.001);
     let mut rgba = Vec::with_capacity(photo.rgba.len());
-    let mut blank = 0_usize;
+    let mut blank = Vec::with_capacity(photo.rgba.len() / 4);
     for row in 0..photo.height {
         for column in 0..photo.width {
             let uv = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
             let ray = (uv - lens.principal) / lens.focal;
             let source = lens.distortion.distort(ray) * lens.focal + lens.principal;
             let inside = source.cmpge(DVec2::ZERO).all() && source.cmple(size).all();
-            if inside && ray.length() <= fold {
-                rgba.extend(sample(photo, source));
-            } else {
-                blank += 1;
-                rgba.extend([0; 4]);
-            }
+            let shown = inside && ray.length() <= fold;
+            rgba.extend(if shown { sample(photo, source) } else { [0; 4] });
+            blank.push(if shown { 0 } else { u8::MAX });
         }
     }
-    let pixels = (rgba.len() / 4).max(1);
-    Undistorted { photo: Photo { width: photo.width, height: photo.height, rgba }, blank: blank as f64 / pixels as f64 }
+    Undistorted { photo: Photo { width: photo.width, height: photo.height, rgba }, blank }
 }
 
 /// Catmull-Rom weights of the four samples around a fraction in `[0, 1)`.

@@ -1,7 +1,7 @@
 //! Exposure correction of the residual stage (method.md section 8), for the output and for every source by itself: affine
 //! colour maps that take the base colours of a target view to the exposure of other pictures.
 
-use super::warp::MAX_SOURCES;
+use super::warp::{MAX_SOURCES, Reach};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{ExposureApplyParams, ExposureSumsParams};
@@ -37,13 +37,16 @@ pub struct ExposedColors<'a> {
     pub slots: u32,
     /// M.
     pub sources: u32,
+    /// Which base colours are corrected.
+    pub reach: Reach,
     /// Width and height.
     pub size: [u32; 2],
 }
 
 impl ExposedColors<'_> {
     fn params(&self) -> ExposureApplyParams {
-        ExposureApplyParams { pixels: self.size[0] * self.size[1], slots: self.slots }
+        let seen_only = u32::from(self.reach == Reach::Seen);
+        ExposureApplyParams { pixels: self.size[0] * self.size[1], slots: self.slots, seen_only }
     }
 }
 
@@ -60,7 +63,7 @@ impl ExposureFit {
     /// Records the fits of [`Self::maps`]; `photo`: packed RGBA8 of the target, masked where alpha is under one half.
     pub fn record_fit(&self, pass: &mut Pass, colors: &ExposedColors, photo: Option<&Buffer>) {
         let ExposedColors { base, warped, seen, sources, .. } = *colors;
-        let ExposureApplyParams { pixels, slots } = colors.params();
+        let ExposureApplyParams { pixels, slots, .. } = colors.params();
         let output = if photo.is_some() { PHOTO } else { 0 };
         let photo = photo.unwrap_or(seen);
         for (index, other) in (0u32..).zip(std::iter::once(output).chain(0..sources)) {

@@ -8,4 +8,4 @@ pub mod sources;
 mod warp;
 
 pub use exposure::{ExposedColors, ExposureFit};
-pub use warp::{MAX_SOURCES, Seen, SourceView, WarpOptions, Warper};
+pub use warp::{MAX_SOURCES, Reach, Seen, SourceView, WarpOptions, Warper};

@@ -18,6 +18,7 @@ use burn_wgpu::CubeBackend;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::SourceParams;
 use ibgs_shaders::{TILE, WARP, WARP_BACKWARD};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A source view: its camera, its photo and its own median depth `[H * W]` (0 where it met nothing). The depth is data: no
@@ -45,6 +46,17 @@ impl Default for WarpOptions {
     fn default() -> Self {
         Self { visible: 3, agreement: 0.01 }
     }
+}
+
+/// Which pixels of the final image differ from the base image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reach {
+    /// Any, as published: the network also guesses where no source sees a pixel's point.
+    #[default]
+    Everywhere,
+    /// Those that see a source: where a view shows nothing the background stays. A departure from method.md.
+    Seen,
 }
 
 /// Which sources the pixels see.

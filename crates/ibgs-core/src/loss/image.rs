@@ -18,13 +18,26 @@ use ibgs_shaders::{IMAGE_LOSS, IMAGE_LOSS_BACKWARD, IMAGE_LOSS_TOTAL, TILE};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A photo on the device: RGBA, one byte a channel; alpha under one half leaves the loss.
+/// What lies outside of a photo's mask, for the image loss; the other losses leave pixels with alpha under one half out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Outside {
+    /// Anything: pixels with alpha under one half leave the loss.
+    #[default]
+    Unknown,
+    /// Nothing: the photo lies over this colour, by as much as its alpha says
+    /// ([`ALPHA_EMPTY`](ibgs_shaders::ALPHA_EMPTY) to 255); pixels with alpha 0 leave the loss.
+    Background([f32; 3]),
+}
+
+/// A photo on the device: RGBA, one byte a channel.
 #[derive(Clone, Debug)]
 pub struct Target {
     /// One `u32` a pixel, red in the lowest byte.
     pub(crate) texels: Buffer,
     /// Width and height in pixels.
     pub size: [u32; 2],
+    /// What lies outside of its mask.
+    pub outside: Outside,
     /// Counts the clones: a store does not give the memory to another photo while there is one.
     pub(crate) held: Arc<()>,
 }
@@ -41,7 +54,7 @@ impl Target {
 
     /// Texels that are on the device, and the size of the photo they make.
     pub(crate) fn new(texels: Buffer, size: [u32; 2]) -> Self {
-        Self { texels, size, held: Arc::default() }
+        Self { texels, size, outside: Outside::default(), held: Arc::default() }
     }
 
     /// The texels: one `u32` a pixel, red in the lowest byte.
@@ -180,7 +193,18 @@ impl ImageLoss {
         let [width, height] = target.size;
         assert_eq!(image.meta.shape()[..], [height as usize, width as usize, 3], "image and photo differ in size");
         let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
-        let params = LossParams { size: target.size, tiles, lambda: self.lambda, slot: 0 };
+        let background = match target.outside {
+            Outside::Unknown => None,
+            Outside::Background(color) => Some(color),
+        };
+        let params = LossParams {
+            size: target.size,
+            tiles,
+            background: background.unwrap_or_default(),
+            object: u32::from(background.is_some()),
+            lambda: self.lambda,
+            ..LossParams::default()
+        };
         let scratch = self.scratch((width * height) as usize, (3 * tiles[0] * tiles[1]) as usize)?;
         let loss = gpu.empty_like_shape(&image, &[1]);
         let (bound_image, bound_loss) = (Gpu::bind(&image), Gpu::bind(&loss));

@@ -6,6 +6,6 @@ mod normal;
 mod photometric;
 
 pub use exposure::{ExposureAdam, ExposureScalars, ExposureState};
-pub use image::{ImageLoss, ImageStats, LossScratch, Target};
+pub use image::{ImageLoss, ImageStats, LossScratch, Outside, Target};
 pub use normal::{NormalLoss, SurfaceBuffers};
 pub use photometric::PhotometricLoss;

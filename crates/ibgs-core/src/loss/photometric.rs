@@ -121,7 +121,7 @@ impl PhotometricLoss {
         assert!((1..=MAX_SLOTS).contains(&slots), "slots of the warped images");
         gpu.check_size("warped images", 16 * (slots * pixels) as u64)?;
         let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
-        let params = LossParams { size: target.size, tiles, lambda: self.weight, slot: 0 };
+        let params = LossParams { size: target.size, tiles, lambda: self.weight, ..LossParams::default() };
         let groups = 3 * slots as u32 * tiles[0] * tiles[1];
         let scratch = self.scratch(slots, pixels, groups as usize)?;
         let loss = gpu.empty_like_shape(&warped, &[1]);

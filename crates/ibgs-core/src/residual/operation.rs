@@ -131,13 +131,14 @@ impl Saved {
         scratch.network.record_input(pass, &self.features(), &inputs);
         scratch.network.forward(pass, &weights);
         let residual = scratch.network.residual();
-        let buffers = ComposeBuffers { active: &seen.active, base: colour, residual, image: &image };
+        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.slots, base: colour, residual, image: &image };
         self.compose().record(pass, &buffers);
     }
 
     fn exposed<'a>(&'a self, base: &'a Buffer, warped: &'a Buffer) -> ExposedColors<'a> {
         let Scratch { size, slots, .. } = **self.scratch;
-        ExposedColors { base, warped, seen: &self.task.seen.slots, slots, sources: self.task.seen.sources, size }
+        let (seen, sources, reach) = (&self.task.seen.slots, self.task.seen.sources, self.variant.reach);
+        ExposedColors { base, warped, seen, slots, sources, reach, size }
     }
 
     /// Base and warped colours as the network reads them.
@@ -157,8 +158,13 @@ impl Saved {
         let mut pass = Pass::new(gpu, "residual backward");
         let [colour, shifted] = self.colors([&base, &warped]);
         let v_colour: &Buffer = own.v_corrected.as_ref().unwrap_or(&b_base);
-        let composed =
-            ComposeGradients { active: &seen.active, v_image: &v_image, v_residual: &own.v_residual, v_base: v_colour };
+        let composed = ComposeGradients {
+            active: &seen.active,
+            seen: &seen.slots,
+            v_image: &v_image,
+            v_residual: &own.v_residual,
+            v_base: v_colour,
+        };
         self.compose().record_backward(&mut pass, &composed);
         scratch.network.backward(&mut pass, &weights, &own.v_residual, &b_weights);
         let inputs = feature_inputs(seen, colour, shifted, &weights);

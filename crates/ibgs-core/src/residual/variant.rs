@@ -1,5 +1,6 @@
 //! The studied variants of the residual network (method.md section 6).
 
+use crate::fuse::Reach;
 use serde::{Deserialize, Serialize};
 
 /// What the network sees of base colour and sources.
@@ -86,6 +87,8 @@ pub struct Variant {
     pub aggregation: Aggregation,
     /// Where it runs.
     pub factor: Factor,
+    /// Where its output counts.
+    pub reach: Reach,
 }
 
 impl Factor {
@@ -123,7 +126,7 @@ mod tests {
 
     #[test]
     fn names_are_those_of_the_configuration() {
-        let text = "inputs = \"source-colors\"\noutput = \"color\"\naggregation = \"max\"\nfactor = \"half\"\n";
+        let text = "inputs = \"source-colors\"\noutput = \"color\"\naggregation = \"max\"\nfactor = \"half\"\nreach = \"seen\"\n";
         let variant: Variant = toml::from_str(text).unwrap();
         assert_eq!(toml::to_string(&variant).unwrap(), text);
         assert_eq!(toml::from_str::<Variant>("").unwrap(), Variant::default());

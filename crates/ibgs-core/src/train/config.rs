@@ -10,7 +10,7 @@ mod stages;
 pub use crate::fuse::sources::SourceOptions;
 pub use stages::{ExposureConfig, ResidualConfig, SurfaceConfig};
 
-use crate::dataset::{Alpha, ColorSpace};
+use crate::dataset::{Alpha, ColorSpace, Masks};
 use crate::files::{self, TomlError, WriteError};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -107,8 +107,10 @@ pub struct DataConfig {
     pub eval_split_every: u32,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     pub principal_point: String,
+    /// What lies outside of the masks, in `masks/` or alpha channels: `ignore`: anything; `object`: nothing.
+    pub masks: Masks,
     /// What the photos' alpha means: `mask`, or `composite` over the background colour; unset: `composite` in Blender
-    /// scenes, `mask` in others.
+    /// scenes, `mask` in others and with `masks = "object"`.
     pub alpha: Option<Alpha>,
     /// What the photos' values mean: `srgb`, or `linear` light; unset: `linear` in EXR files, `srgb` in others.
     pub color_space: Option<ColorSpace>,
@@ -408,6 +410,7 @@ mod tests {
         config.data.source = Some("a folder/scene".into());
         config.data.images = Some("images_4".to_owned());
         config.data.alpha = Some(Alpha::Composite);
+        config.data.masks = Masks::Object;
         config.data.color_space = Some(ColorSpace::Linear);
         config.eval_iterations = Some(vec![1, 2, 300]);
         config.densify.end = Some(1234);
@@ -433,6 +436,7 @@ mod tests {
         let text = load("[sources]\nmemory = \"much\"").unwrap_err().to_string();
         assert!(text.contains("line 2") && text.contains("512MiB"), "{text}");
         assert!(load("[residual]\ninputs = \"all\"").unwrap_err().to_string().contains("differences-only"));
+        assert!(load("[data]\nmasks = \"thing\"").unwrap_err().to_string().contains("object"));
         assert!(load("iterations = ").is_err());
     }
 

@@ -1,5 +1,6 @@
 //! Training: configuration, schedule, the loop body, densification, output folder.
 
+mod background;
 pub mod checkpoint;
 pub mod config;
 pub mod densify;

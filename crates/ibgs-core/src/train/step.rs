@@ -2,6 +2,7 @@
 
 mod resume;
 
+use super::background::iteration_background;
 use super::checkpoint::CheckpointError;
 use super::config::{Method, Strategy, TrainConfig};
 use super::filter::FilterSizes;
@@ -11,10 +12,10 @@ use super::schedule::Schedule;
 use super::stages::{ImageStages, Total, Work};
 use super::telemetry::{Recorder, Telemetry};
 use crate::camera::{Camera, scene_extent, usable_extent};
-use crate::dataset::{Dataset, Point};
+use crate::dataset::{Dataset, Masks, Point};
 use crate::fuse::source_store::SourceStore;
 use crate::gpu::{Gpu, GpuError, Pass};
-use crate::loss::ImageLoss;
+use crate::loss::{ImageLoss, Outside, Target};
 use crate::raster::{Dropout, Leaves, RasterView, Rasterizer};
 use crate::render::Renderer;
 use crate::residual::weights::NetworkError;
@@ -208,7 +209,7 @@ impl Trainer {
 
     fn view(&self, index: usize) -> RasterView {
         let mut view = RasterView::new(self.cameras[index], self.schedule.sh_degree(self.iteration));
-        view.background = self.background();
+        view.background = self.iteration_background();
         if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
             view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
         }
@@ -228,6 +229,20 @@ impl Trainer {
     /// Colour behind the Gaussians.
     pub fn background(&self) -> [f32; 3] {
         self.config.background()
+    }
+
+    /// Colour behind the Gaussians in this iteration's loss.
+    fn iteration_background(&self) -> [f32; 3] {
+        iteration_background(&self.config, self.iteration)
+    }
+
+    /// The photo of a training view as this iteration's loss compares with it.
+    fn target(&self, index: usize) -> Result<Target, GpuError> {
+        let mut target = self.photos.photo(index)?;
+        if self.config.data.masks == Masks::Object {
+            target.outside = Outside::Background(self.iteration_background());
+        }
+        Ok(target)
     }
 
     /// Iterations done.
@@ -287,7 +302,7 @@ impl Trainer {
         if !self.has_planes && self.schedule.shapes_normals_at(iteration, self.cameras.len()) {
             self.raster.shape_normals(&self.splats);
         }
-        let target = self.photos.photo(index)?;
+        let target = self.target(index)?;
         let leaves = Leaves::new(&self.splats);
         let (image, forward) = self.raster.tracked(&leaves, &self.view(index))?;
         let work = Work {

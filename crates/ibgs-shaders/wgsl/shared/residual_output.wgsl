@@ -1,5 +1,6 @@
 // How the residual network's output becomes the final colour.
 #import resize
+#import seen
 
 struct ComposeParams {
     size: vec2<u32>,
@@ -9,9 +10,17 @@ struct ComposeParams {
     gain: f32,
     // 1: the network gives the colour itself.
     full_color: u32,
+    // 1: pixels that see no source have the base colour.
+    seen_only: u32,
+    pad: u32,
 }
 
 var<immediate> params: ComposeParams;
+
+// Whether the network's output counts at a pixel, given that some pixel of the image sees a source.
+fn is_reached(packed: u32) -> bool {
+    return params.seen_only == 0u || slot_filled(packed, 0u);
+}
 
 // Factor of the base colour; where no source is seen at all there is no network output.
 fn base_share(used: bool) -> f32 {

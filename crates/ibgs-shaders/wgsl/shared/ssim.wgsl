@@ -4,13 +4,34 @@
 struct LossParams {
     size: vec2<u32>,
     tiles: vec2<u32>,
+    // Colour behind the photo of an object.
+    background: vec3<f32>,
+    // 1: the photo shows an object over the background, and alpha says how much of it; 0: alpha under one half is masked.
+    object: u32,
     // Weight of 1 - SSIM; L1 has the rest.
     lambda: f32,
     // Slot of the warped images; 0 in the image loss.
     slot: u32,
+    pad: vec2<u32>,
 }
 
 var<immediate> params: LossParams;
+
+// Whether the image loss compares a pixel with the photo.
+fn target_counts(texel: u32) -> bool {
+    return select(photo_valid(texel), (texel >> 24u) >= ALPHA_EMPTY, params.object == 1u);
+}
+
+// Share of the background in what the image loss compares with.
+fn background_share(texel: u32) -> f32 {
+    return select(0.0, 1.0 - photo_cover(texel), params.object == 1u);
+}
+
+// What the image loss compares channel c with.
+fn target_channel(texel: u32, c: u32) -> f32 {
+    let color = photo_channel(texel, c);
+    return select(color, mix(params.background[c], color, photo_cover(texel)), params.object == 1u);
+}
 
 const RADIUS: u32 = 5u;
 // A tile with its halo.

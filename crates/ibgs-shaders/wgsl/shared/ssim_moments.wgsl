@@ -10,7 +10,7 @@ var<workgroup> mean_rows: array<f32, 5u * SIDE * TILE>;
 fn moment_shift(tile: vec2<u32>, c: u32) -> f32 {
     let middle = min(tile * TILE + TILE / 2u, params.size - 1u);
     let texel = photo[middle.y * params.size.x + middle.x];
-    return select(0.5, photo_channel(texel, c), photo_valid(texel));
+    return select(0.5, target_channel(texel, c), target_counts(texel));
 }
 
 // Means of x, y, x x, y y, x y over the window of the thread's pixel. Every thread calls it.

@@ -1,5 +1,7 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
+use crate::dataset::Masks;
+
 use super::{
     AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
     ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
@@ -48,6 +50,7 @@ impl Default for DataConfig {
             eval: false,
             eval_split_every: 8,
             principal_point: "true".to_owned(),
+            masks: Masks::Ignore,
             alpha: None,
             color_space: None,
             filter_points: false,

@@ -49,11 +49,19 @@ pub struct Protocol {
     pub split: String,
     /// `true` or `centred`.
     pub principal_point: String,
+    /// How masked photos were compared: `ignore` where masked pixels do not count.
+    #[serde(default = "ignored_masks")]
+    pub masks: String,
     /// Name of the adapter.
     pub device: String,
     /// Network of LPIPS and range of its images, where it was computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips: Option<String>,
+}
+
+/// Results of before there was a choice.
+fn ignored_masks() -> String {
+    "ignore".to_owned()
 }
 
 /// Mean scores over the views; not a number without any. LPIPS where every view has it.
