@@ -117,7 +117,8 @@ pub struct Args {
     /// Iterations between two densifications.
     #[arg(long)]
     densify_interval: Option<u32>,
-    /// How Gaussians are added and removed: `absgs` splits by absolute gradients; `mcmc` moves them and grows to `--max-splats`.
+    /// How Gaussians are added and removed: `published` as in the paper, with opacity resets; `absgs` splits by absolute gradients;
+    /// `mcmc` moves them and grows to `--max-splats`.
     #[arg(long, value_name = "STRATEGY", value_parser = ["default", "published", "absgs", "mcmc"])]
     densify: Option<String>,
     /// Iterations between two opacity resets.
