@@ -103,7 +103,7 @@ pub fn checkpoint_parts() -> Parts {
         tensor(&format!("{name}.first"), 2 * row);
         tensor(&format!("{name}.second"), 2 * row);
     }
-    for (name, row) in [("normals", 3), ("offsets", 1), ("statistics", 4)] {
+    for (name, row) in [("normals", 3), ("offsets", 1), ("filters", 1), ("statistics", 4)] {
         tensor(name, 2 * row);
     }
     parts

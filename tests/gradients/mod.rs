@@ -59,10 +59,7 @@ fn golden_base_gradients() {
     for file in ["gradients_k2_m2.npz", "gradients_k4_m3.npz", "gradients_k6_m4.npz"] {
         let Some(golden) = load_gradients(file) else { return };
         let p = &golden.params;
-        let view = RasterView {
-            tangent_limit: 1e6,
-            ..RasterView::new(golden.cameras[0], p.sh_degree as u32)
-        };
+        let view = RasterView { tangent_limit: 1e6, ..RasterView::new(golden.cameras[0], p.sh_degree as u32) };
         assert_images_agree(file, &render(p, &view), &golden.out_base, 2e-5);
         let ours = gradients(p, &view, &golden.cotangent_base);
         let names = ["mean", "rotation", "log_scale", "opacity_logit", "sh"];

@@ -28,7 +28,10 @@ fn filtered_images_and_gradients_follow_the_twin() {
         let forward = reference::render(&p, &camera, [0.0; 3], 2);
         assert_images_agree("filtered", &render(&p, &view), &forward.image, 2e-5);
         let plain = Params { filters: Vec::new(), ..p.clone() };
-        assert!(relative_error(&render(&plain, &view), forward.image.as_flattened()) > 1e-2, "the filter does something");
+        assert!(
+            relative_error(&render(&plain, &view), forward.image.as_flattened()) > 1e-2,
+            "the filter does something"
+        );
         let twin = reference::backward(&p, &camera, [0.0; 3], &forward, &cotangent);
         let ours = gradients(&p, &view, &cotangent);
         for name in Tensor::ALL {

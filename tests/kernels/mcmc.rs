@@ -28,7 +28,15 @@ fn planned(opacities: &[f32], config: &DensifyConfig) -> Plan {
         log_scales: vec![[0.0; 3]; n],
         opacity_logits: opacities.iter().map(|o| (o / (1.0 - o)).ln()).collect(),
     };
-    let round = Round { extent: 1.0, prune_length: 1.0, transparent: true, large: true, grows: true, progress: 0.0, until_half: 0 };
+    let round = Round {
+        extent: 1.0,
+        prune_length: 1.0,
+        transparent: true,
+        large: true,
+        grows: true,
+        progress: 0.0,
+        until_half: 0,
+    };
     plan(&observations, config, &round, &mut ChaCha8Rng::seed_from_u64(2))
 }
 

@@ -396,7 +396,8 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame)
     let n = frame.count as usize;
     let bytes = bytes_of(frame);
     let bound =
-        [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh, &inputs.filters].map(Gpu::bind);
+        [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh, &inputs.filters]
+            .map(Gpu::bind);
     let [means, rotations, log_scales, opacity_logits, sh, filters] = bound.each_ref().map(|b| &**b);
     let project: [&Buffer; 9] = [
         means,

@@ -209,7 +209,7 @@ pub struct DensifyConfig {
     pub abs_max_per_round: u32,
     /// A split divides the scales by this.
     pub split_divisor: f64,
-    /// Gaussians in all; unset: 5 million, with MCMC, which grows to it, by the scene (`choose_cap`).
+    /// Gaussians in all; unset: with `default` and `mcmc` by the scene (`choose_cap`), 5 million with the others.
     pub max_splats: Option<u32>,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
@@ -261,10 +261,10 @@ pub struct McmcConfig {
 }
 
 impl DensifyConfig {
-    /// Gives MCMC, which grows to its cap, one by the scene where there is none: a Gaussian for 45 pixels of the training photos,
-    /// at least 200,000 and at most 3 million.
+    /// Gives the strategies that know no cap of their own one by the scene where there is none: a Gaussian for 45 pixels of the
+    /// training photos, at least 200,000 and at most 3 million. MCMC grows to it.
     pub fn choose_cap(&mut self, pixels: u64) {
-        if self.strategy == Strategy::Mcmc && self.max_splats.is_none() {
+        if matches!(self.strategy, Strategy::Default | Strategy::Mcmc) && self.max_splats.is_none() {
             self.max_splats = Some((pixels / 45).clamp(200_000, 3_000_000) as u32);
         }
     }
@@ -398,6 +398,22 @@ mod tests {
         let path = folder.path().join("config.toml");
         std::fs::write(&path, text).unwrap();
         TrainConfig::load(&path)
+    }
+
+    #[test]
+    fn the_cap_follows_the_photos() {
+        let cap = |strategy, pixels| {
+            let mut densify = DensifyConfig { strategy, ..DensifyConfig::default() };
+            densify.choose_cap(pixels);
+            densify.most()
+        };
+        for strategy in [Strategy::Default, Strategy::Mcmc] {
+            assert_eq!([1, 45_000_000, u64::MAX].map(|p| cap(strategy, p)), [200_000, 1_000_000, 3_000_000]);
+        }
+        assert_eq!(cap(Strategy::Published, 1), 5_000_000);
+        let mut given = DensifyConfig { max_splats: Some(7), ..DensifyConfig::default() };
+        given.choose_cap(45_000_000);
+        assert_eq!(given.most(), 7);
     }
 
     #[test]

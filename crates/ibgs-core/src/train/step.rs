@@ -5,8 +5,8 @@ mod resume;
 use super::background::iteration_background;
 use super::checkpoint::CheckpointError;
 use super::config::{Method, Strategy, TrainConfig};
-use super::filter::FilterSizes;
 use super::densify::{self, Over, Round, Statistics, mcmc};
+use super::filter::FilterSizes;
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
 use super::stages::{ImageStages, Total, Work};
@@ -162,8 +162,7 @@ impl Trainer {
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
-        let filters =
-            (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
+        let filters = (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
         if let Some(filters) = &filters {
             filters.update(&gpu, &splats);
         }

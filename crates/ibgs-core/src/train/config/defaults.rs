@@ -3,8 +3,8 @@
 use crate::dataset::Masks;
 
 use super::{
-    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
-    ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
+    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method,
+    OpacityResetConfig, ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
 };
 
 impl Default for TrainConfig {
@@ -113,13 +113,7 @@ impl Default for DensifyConfig {
 
 impl Default for GrowthConfig {
     fn default() -> Self {
-        Self {
-            threshold: 0.002,
-            fraction: 0.25,
-            prune_opacity: 1.0 / 255.0,
-            opacity_decay: 0.004,
-            screen_size: 0.5,
-        }
+        Self { threshold: 0.002, fraction: 0.25, prune_opacity: 1.0 / 255.0, opacity_decay: 0.004, screen_size: 0.5 }
     }
 }
 

@@ -98,8 +98,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
         }
         let seen = |i: usize| if o.statistics[i][2] > 0.0 { candidates.opacities[i] } else { 0.0 };
         let replaced = draw(&living, seen, pruned.min(room), &mut split, rng);
-        let above: Vec<usize> =
-            living.iter().copied().filter(|&i| candidates.gradient(i) > growth.threshold).collect();
+        let above: Vec<usize> = living.iter().copied().filter(|&i| candidates.gradient(i) > growth.threshold).collect();
         let wanted = ((above.len() as f64 * growth.fraction) as usize).saturating_sub(replaced);
         draw(&above, |i| candidates.gradient(i), wanted.min(room - replaced), &mut split, rng);
     }
@@ -133,11 +132,7 @@ fn logit(opacity: f64) -> f32 {
 
 /// Mean and logarithms of the scales of both halves. Which way each axis points is drawn.
 #[expect(clippy::type_complexity, reason = "two pairs")]
-fn split_in_two(
-    o: &Observations,
-    i: usize,
-    rng: &mut ChaCha8Rng,
-) -> (([f32; 3], [f32; 3]), ([f32; 3], [f32; 3])) {
+fn split_in_two(o: &Observations, i: usize, rng: &mut ChaCha8Rng) -> (([f32; 3], [f32; 3]), ([f32; 3], [f32; 3])) {
     let (shrink, offset) = halves(o.log_scales[i].map(|s| f64::from(s).exp()));
     let log_scale = std::array::from_fn(|a| o.log_scales[i][a] + shrink[a].ln() as f32);
     let signed = offset.map(|d| if rng.random::<bool>() { d as f32 } else { -d as f32 });

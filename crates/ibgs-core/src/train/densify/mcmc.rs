@@ -55,7 +55,8 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
         return Plan { sources: keep, means: o.means.clone(), log_scales: o.log_scales.clone(), ..Plan::default() };
     };
     let to_cap = (f64::from(config.most()) / n.max(1) as f64).powf(1.0 / f64::from(round.until_half.max(1)));
-    let growth = config.mcmc.growth.unwrap_or(if round.until_half > 0 { to_cap.max(LEAST_GROWTH) } else { LEAST_GROWTH });
+    let growth =
+        config.mcmc.growth.unwrap_or(if round.until_half > 0 { to_cap.max(LEAST_GROWTH) } else { LEAST_GROWTH });
     let grown = (n as f64 * growth).round() as usize;
     let total = grown.min(config.most() as usize).max(n);
     // The dead have new places, and so have those that are added.

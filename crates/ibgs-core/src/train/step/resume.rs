@@ -110,7 +110,8 @@ impl Trainer {
             recorder,
         };
         let (config, scene) = (self.config.clone(), self.scene);
-        let checkpoint = Checkpoint { config, scene, gaussians, filters, network, run, moments, statistics, depths, state };
+        let checkpoint =
+            Checkpoint { config, scene, gaussians, filters, network, run, moments, statistics, depths, state };
         if checkpoint.is_finite() { Ok(checkpoint) } else { Err(TrainError::NotFinite(self.iteration)) }
     }
 }
