@@ -107,7 +107,9 @@ fn blender_scenes_train_and_are_measured_over_their_background() {
         let trained = psnr(&sandbox, &model, 20);
         fs::remove_dir_all(sandbox.path(&format!("{model}/test"))).unwrap();
         sandbox.succeeds(&format!("eval {model}"));
-        assert_eq!(psnr(&sandbox, &model, 20), trained);
+        // Files hold single precision in the scene's coordinates, the training in local ones.
+        let reopened = psnr(&sandbox, &model, 20);
+        assert!((reopened - trained).abs() < 1e-4, "{reopened} dB, {trained} dB when it was trained");
         let truth = picture(&sandbox, &format!("{model}/test/ours_20/gt/test/r_{test}.png"));
         assert_eq!(truth.get_pixel(3, 3).0, corner);
         // The model's own background is the photo's.

@@ -71,7 +71,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
     let keeps = "a resumed run keeps its options";
     sandbox.fails("train --resume -m model --iterations 70", &["`iterations` at 60, not 70", keeps]);
     sandbox.fails("train --resume -m model --residual-factor 0.5", &["`residual.factor` at 0.25, not 0.5", keeps]);
-    sandbox.fails("train --resume -m model --max-splats 5", &["`densify.max-splats` at unset, not 5", keeps]);
+    sandbox.fails("train --resume -m model --max-splats 5", &["`densify.max-splats` at 200000, not 5", keeps]);
     sandbox.fails("train --resume -m model --resolution 2", &["`data.resolution`", keeps]);
     assert_eq!(files_in(&sandbox.path("model")), before);
 
@@ -190,7 +190,7 @@ fn the_number_of_gaussians_stops_at_the_memory_given() {
     );
     assert!(!sandbox.path("out").exists());
     let outcome = sandbox.succeeds("train scene -m out --iterations 2 --gpu-memory 100MiB");
-    assert!(outcome.stderr.contains("5000000 Gaussians would need"), "{outcome}");
+    assert!(outcome.stderr.contains("200000 Gaussians would need"), "{outcome}");
     let config = sandbox.text("out/config.toml");
     let most = config.lines().find_map(|line| line.strip_prefix("max-splats = ")).unwrap();
     assert!(outcome.stderr.contains(&format!("their number stops at {most}")), "{outcome}");
