@@ -278,7 +278,7 @@ impl LoadOptions {
             LoadOptions { max_resolution: Some(0), .. } => refuse("--max-resolution", "0".into(), "at least 1 pixel"),
             LoadOptions { eval_split_every: 0, .. } => refuse("--eval-split-every", "0".into(), "at least 2"),
             LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), .. } => {
-                refuse("--alpha", "composite".into(), "left out, or `mask`, with `--masks object`")
+                refuse("--alpha", "composite".into(), "`mask` with `--masks object`, or leave it out")
             }
             LoadOptions { random_points: 0, .. } => refuse("random_points", "0".into(), "at least 1"),
             LoadOptions { images: Some(folder), .. } if super::photos::clean_name(folder).is_none() => {
