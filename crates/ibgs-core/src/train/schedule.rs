@@ -102,7 +102,6 @@ impl Schedule {
             None => vec![scaled(FIRST_REPORT)],
         };
         let rates = &config.learning_rates;
-        let resets = matches!(densify.strategy, Strategy::Published | Strategy::AbsGs);
         let reference_end = match densify.strategy {
             Strategy::Default => 21_000,
             Strategy::Mcmc => 25_000,
@@ -125,7 +124,7 @@ impl Schedule {
             rounds_end: if densify.strategy == Strategy::Default && !warm { n_iterations } else { densify_end },
             densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(interval)),
             opacity_reset_interval: reset_interval,
-            white_reset: (config.white_background && resets).then_some(densify_start),
+            white_reset: config.white_background.then_some(densify_start),
             prune_large_after: densify.prune_scale_after.unwrap_or(reset_interval),
             eval_every: config.eval_every,
             eval_iterations: reports(&config.eval_iterations),

@@ -87,10 +87,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
         let wide = round.large
             && config.prune_screen_radius > 0.0
             && f64::from(o.statistics[i][3]) > config.prune_screen_radius;
-        // What is not finite could not be saved.
-        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
-        let sound =
-            finite(&o.means[i]) && finite(&o.rotations[i]) && finite(log_scale) && o.opacity_logits[i].is_finite();
+        let sound = o.is_finite(i) && o.opacity_logits[i].is_finite();
         sound && !(transparent || large || wide)
     };
     let push = |plan: &mut Plan, i: usize, fresh: bool, mean: [f32; 3], log_scale: [f32; 3]| {

@@ -38,13 +38,9 @@ struct Candidates<'a> {
 
 impl Candidates<'_> {
     fn lives(&self, i: usize, extent: f64) -> bool {
-        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
-        let o = self.o;
         self.opacities[i] >= self.config.prune_opacity
-            && finite(&o.means[i])
-            && finite(&o.rotations[i])
-            && finite(&o.log_scales[i])
-            && o.log_scales[i].iter().all(|s| f64::from(*s).exp() <= LARGEST * extent)
+            && self.o.is_finite(i)
+            && self.o.log_scales[i].iter().all(|s| f64::from(*s).exp() <= LARGEST * extent)
     }
 
     fn gradient(&self, i: usize) -> f64 {

@@ -41,13 +41,7 @@ pub fn shared(o: f64, copies: u32) -> (f64, f64) {
 pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();
-    let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
-    let lives = |i: usize| {
-        opacities[i] > config.mcmc.dead_opacity
-            && finite(&o.means[i])
-            && finite(&o.rotations[i])
-            && finite(&o.log_scales[i])
-    };
+    let lives = |i: usize| opacities[i] > config.mcmc.dead_opacity && o.is_finite(i);
     let living: Vec<usize> = (0..n).filter(|&i| lives(i)).collect();
     let Some(draws) = Draws::new(&living, &opacities) else {
         // Nothing to move to: the model stays, for what it is worth.

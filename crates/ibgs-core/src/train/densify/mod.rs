@@ -37,6 +37,14 @@ pub struct Observations {
     pub opacity_logits: Vec<f32>,
 }
 
+impl Observations {
+    /// Whether place and shape of a Gaussian are finite: what is not could not be saved.
+    fn is_finite(&self, i: usize) -> bool {
+        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+        finite(&self.means[i]) && finite(&self.rotations[i]) && finite(&self.log_scales[i])
+    }
+}
+
 /// Which prunings apply in a round.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
