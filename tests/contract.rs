@@ -177,8 +177,8 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(LossParams { size, tiles, background, object, lambda, slot, pad });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
     twin!(GatherParams { count, row, fresh_zero, pad });
-    twin!(ExposureSumsParams { pixels, slots, other });
-    twin!(ExposureApplyParams { pixels, slots, seen_only });
+    twin!(ExposeParams { background, pixels });
+    twin!(SlotsParams { pixels, slots });
     twin!(McmcNoiseParams { count, seed, strength });
     twin!(FilterParams { count, cameras, factor });
     twin!(ObserveParams { size, count, near_depth, largest, pad });

@@ -11,7 +11,7 @@ use ibgs_core::fuse::{SourceView, Warper};
 use ibgs_core::inspect::{Inspection, SourceReading, Verdict};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::raster::{RasterView, Room};
-use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
+use ibgs_core::render::{ImagePart, Renderer};
 use ibgs_core::scene::{Gaussians, Splats};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -147,7 +147,7 @@ fn check_views(renderer: &Renderer, test: &Camera) -> (BTreeMap<String, usize>, 
     let (slots, visible) = (part.options.surface.slots as usize, part.options.sources.visible as usize);
     // A view that nobody took, beside the test view, and a training view, which is no source of itself.
     let aside = Camera { translation: test.translation + DVec3::new(0.1, -0.05, 0.1), ..*test };
-    let finder = SourceFinder::new(&part.cameras, &part.options.sources, part.options.first());
+    let finder = SourceFinder::new(&part.cameras, &part.options.sources);
     let (mut verdicts, mut flipped) = (BTreeMap::new(), 0);
     for (camera, own) in [(*test, None), (aside, None), (part.cameras[3], Some(3))] {
         let frame = renderer.render(&camera).unwrap();
@@ -248,7 +248,7 @@ fn every_verdict_has_its_reason() {
     };
     let photos = Arc::new(SourceStore::new(gpu(), (0..sources.len()).map(photo).collect(), None).unwrap());
     let cameras = sources.iter().map(|(center, _)| Camera { translation: -*center, ..camera }).collect();
-    let mut options = ImageOptions { exposure: false, ..part.options.clone() };
+    let mut options = part.options.clone();
     options.sources.used = sources.len() as u32;
     options.sources.visible = 1;
     (options.sources.min_distance, options.sources.max_distance) = (Some(0.0), Some(100.0));

@@ -79,7 +79,7 @@ fn poison<const D: usize>(tensor: burn::tensor::Tensor<D>) {
 
 /// PSNR of a view in dB as the trainer's model stands.
 fn psnr(trainer: &Trainer, view: &View) -> f64 {
-    score_view(&trainer.renderer(), view, None).unwrap().1.base.psnr
+    score_view(&trainer.renderer().unwrap(), view, None).unwrap().1.base.psnr
 }
 
 #[test]

@@ -49,13 +49,13 @@ pub fn run(args: &Args) -> Result<()> {
     let network = model.renderer.part().map(|part| part.network.to_values()).transpose()?;
     let network = network.map(|values| ibgs_core::residual::weights::to_bytes(&values)).transpose()?;
     let dataset = model.dataset(&args.model)?.clone();
-    let first = ibgs_core::render::ImageOptions::new(&model.config).first();
-    let sources = multi_view::records(&dataset, &model.config.sources, first);
+    let sources = multi_view::records(&dataset, &model.config.sources);
+    let exposure = model.exposure.take();
     let training = model.cameras.iter().filter(|r| r.split != Some(Split::Test));
     let photo = |name: &str| dataset.views.iter().find(|v| v.name == name).map(|v| (v.name.clone(), v.photo.clone()));
     let photos = training.filter_map(|record| photo(&record.name)).collect();
     let (config, cameras, iteration) = (model.config.clone(), model.cameras.clone(), model.iteration);
-    Bundle { iteration, gaussians, network, cameras, config, photos, sources }.write(&args.output)?;
+    Bundle { iteration, gaussians, network, exposure, cameras, config, photos, sources }.write(&args.output)?;
     tell!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
     Ok(())
 }

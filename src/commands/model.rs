@@ -7,6 +7,7 @@ use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::dataset::{Dataset, Photo};
+use ibgs_core::exposure::{self, Exposure, ExposureField};
 use ibgs_core::fuse::source_store::SourceStore;
 use ibgs_core::fuse::sources::Distances;
 use ibgs_core::gpu::Gpu;
@@ -61,6 +62,8 @@ pub struct Model {
     pub cameras: Vec<CameraRecord>,
     /// Renders it.
     pub renderer: Renderer,
+    /// The training photos' exposures by name, where they were corrected.
+    pub exposure: Option<HashMap<String, Exposure>>,
     /// The scene, where its photos were needed.
     dataset: Option<Dataset>,
     /// Bytes of the residual network's file.
@@ -80,6 +83,7 @@ struct Loaded {
     gaussians: Gaussians,
     network: Option<Vec<f32>>,
     network_bytes: u64,
+    exposure: Option<HashMap<String, Exposure>>,
     bundle_bytes: Option<u64>,
     /// Training photos by name, where the model brings them.
     photos: Option<HashMap<String, Arc<Photo>>>,
@@ -113,9 +117,21 @@ impl Model {
         let part = loaded.network.as_ref().map(|n| image_part(&gpu, &loaded, n, dataset.as_ref())).transpose()?;
         let splats = Splats::upload(&loaded.gaussians.in_space(space), &gpu)?;
         let background = loaded.config.background();
-        let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part);
-        let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, foreign, .. } = loaded;
-        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes, bundle_bytes, foreign })
+        let field = exposure_field(&loaded)?;
+        let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part).with_exposure(field);
+        let Loaded { folder, config, iteration, cameras, network_bytes, exposure, bundle_bytes, foreign, .. } = loaded;
+        Ok(Self {
+            folder,
+            config,
+            iteration,
+            cameras,
+            renderer,
+            exposure,
+            dataset,
+            network_bytes,
+            bundle_bytes,
+            foreign,
+        })
     }
 
     /// Depth and normals of every frame, also of a model that does not need them.
@@ -177,6 +193,7 @@ fn from_bundle(path: &Path) -> Result<Loaded> {
         gaussians: bundle.gaussians,
         network,
         network_bytes,
+        exposure: bundle.exposure,
         bundle_bytes,
         photos: Some(bundle.photos.into_iter().collect()),
         foreign: false,
@@ -200,8 +217,19 @@ fn from_folder(args: &ModelArgs) -> Result<Loaded> {
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
     // Those of the scene take the place of a foreign folder's.
     let cameras = if foreign && args.source.is_some() { Vec::new() } else { folder.read_cameras()? };
-    let (bundle_bytes, photos) = (None, None);
-    Ok(Loaded { folder, config, iteration, cameras, gaussians, network, network_bytes, bundle_bytes, photos, foreign })
+    Ok(Loaded {
+        exposure: if foreign { None } else { folder.read_exposures(iteration)? },
+        bundle_bytes: None,
+        photos: None,
+        folder,
+        config,
+        iteration,
+        cameras,
+        gaussians,
+        network,
+        network_bytes,
+        foreign,
+    })
 }
 
 /// How the published code trains and measures: its model folders have no options file of ours.
@@ -215,8 +243,25 @@ fn published_options(args: &ModelArgs) -> TrainConfig {
     config
 }
 
+/// The views that the model was trained on, in their order.
+fn training(cameras: &[CameraRecord]) -> Vec<&CameraRecord> {
+    cameras.iter().filter(|record| record.split != Some(Split::Test)).collect()
+}
+
+fn exposure_field(loaded: &Loaded) -> Result<Option<ExposureField>> {
+    let Some(photos) = &loaded.exposure else { return Ok(None) };
+    let training = training(&loaded.cameras);
+    let own = |record: &&CameraRecord| {
+        let missing = || format!("the model's {} has no exposure of `{}`", exposure::FILE_NAME, record.name);
+        photos.get(&record.name).copied().with_context(missing)
+    };
+    let photos = training.iter().map(own).collect::<Result<Vec<_>>>()?;
+    let cameras: Arc<[Camera]> = training.iter().map(|record| record.camera).collect();
+    Ok(Some(ExposureField::new(cameras, photos)))
+}
+
 fn image_part(gpu: &Arc<Gpu>, loaded: &Loaded, network: &[f32], dataset: Option<&Dataset>) -> Result<ImagePart> {
-    let training: Vec<&CameraRecord> = loaded.cameras.iter().filter(|r| r.split != Some(Split::Test)).collect();
+    let training = training(&loaded.cameras);
     let by_name: HashMap<&str, &Arc<Photo>> =
         dataset.iter().flat_map(|d| &d.views).map(|v| (v.name.as_str(), &v.photo)).collect();
     let photo = |record: &&CameraRecord| {

@@ -8,6 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{Photo, Point};
+use ibgs_core::exposure::Exposure;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::scene::{self, PlyFlavor};
 use ibgs_core::train::checkpoint;
@@ -202,6 +203,7 @@ pub fn bundle_parts() -> Parts {
             iteration: 7,
             gaussians: scene::from_points(&points(), 0, 0.3).unwrap(),
             network: Some(vec![1, 2, 3]),
+            exposure: Some([("a.png".to_owned(), Exposure { log_gain: [0.1; 3], offset: [0.0; 3] })].into()),
             cameras: records(),
             config: TrainConfig::default(),
             photos: vec![("a.png".to_owned(), photo(255)), ("sub/b.png".to_owned(), photo(0))],

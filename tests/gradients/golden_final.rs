@@ -167,8 +167,8 @@ fn a_published_model_gives_its_final_image() {
     let options = WarpOptions { visible: SLOTS as u32, ..WarpOptions::default() };
     let (warped, seen) = Warper::new(gpu.clone(), options).warp(&forward, &sources).unwrap();
     let weights = Tensor::<1>::from_data(TensorData::new(load_weights(), [WEIGHTS]), &gpu.burn);
-    let task = ResidualTask { camera: ray_camera(&scene.camera), seen: seen.clone(), gain: 1.0, photo: None };
-    let residual = Residual::new(gpu.clone(), Variant::default(), false, Precision::Full);
+    let task = ResidualTask { camera: ray_camera(&scene.camera), seen: seen.clone(), gain: 1.0 };
+    let residual = Residual::new(gpu.clone(), Variant::default(), Precision::Full);
     let render =
         |warped: &Tensor<3>| values(residual.render(&task, base.clone(), warped.clone(), weights.clone()).unwrap());
     let image = render(&warped);

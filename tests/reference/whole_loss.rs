@@ -4,7 +4,7 @@
 use ibgs_core::residual::Variant;
 use ibgs_core::residual::layers::ENC1;
 
-use super::exposure::Maps;
+use super::exposure::{Exposure, Image};
 use super::features::{Composition, EMPTY, Grads as FeatureGrads, View};
 use super::geometry::Geometry;
 use super::geometry_backward::{Cotangents, GeometryGrads};
@@ -28,8 +28,8 @@ pub struct Case {
     /// The network's flat weights.
     pub weights: Vec<f64>,
     pub variant: Variant,
-    /// Whether base and warped colours are first brought to the exposure of the photo.
-    pub exposure: bool,
+    /// Exposures of the photo and of each source; none where they are not corrected.
+    pub exposures: Vec<Exposure>,
     /// Factor of the base colour in the final one.
     pub gain: f64,
     /// Burn-in: L_img(final) teaches the network alone.
@@ -59,7 +59,9 @@ pub struct Run {
     visible: Vec<Vec<bool>>,
     /// Source of each packed slot.
     slots: Vec<Vec<Option<usize>>>,
-    pub maps: Maps,
+    /// The base image as it is and in the photo's exposure.
+    plain: Image,
+    exposed: Map,
     view: View,
     network: hourglass::Forward,
     pub image: Map,
@@ -70,6 +72,8 @@ pub struct Run {
 pub struct CaseGrads {
     pub gaussians: GeometryGrads,
     pub weights: Vec<f64>,
+    /// By the numbers of the photo's exposure, held fixed where warped colours are brought to it.
+    pub exposure: [f64; 6],
 }
 
 impl CaseGrads {
@@ -117,33 +121,42 @@ impl Case {
         if name == "network" { &mut self.weights } else { self.scene.tensor(name) }
     }
 
-    /// The loss. `maps`: the exposure correction, which is fitted where none is given.
-    pub fn run(&self, maps: Option<&Maps>) -> Run {
+    fn photo_exposure(&self) -> Exposure {
+        self.exposures.first().copied().unwrap_or_default()
+    }
+
+    fn source_exposure(&self, source: usize) -> Exposure {
+        self.exposures.get(1 + source).copied().unwrap_or_default()
+    }
+
+    /// The loss.
+    pub fn run(&self) -> Run {
         let [width, height] = self.size();
         let (geometry, warp) = self.scene.run();
-        let (base, pixels) = (&geometry.base.image, width * height);
-        let warped: Vec<Map> = warp.warped.chunks(pixels).map(<[_]>::to_vec).collect();
+        let pixels = width * height;
+        let plain = Image {
+            colors: geometry.base.image.clone(),
+            transmittance: geometry.base.final_t.clone(),
+            background: self.scene.background,
+        };
+        let own = self.photo_exposure();
+        let exposed = plain.exposed(&own);
         let visible: Vec<Vec<bool>> =
             warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| *s >= 0).collect()).collect();
         let slots: Vec<Vec<Option<usize>>> =
             warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| usize::try_from(*s).ok()).collect()).collect();
-        let count = self.scene.sources.len();
-        let fitted = || match self.exposure {
-            true => Maps::fit(base, &warped, &slots, count, Some((&self.photo, &vec![true; pixels]))),
-            false => Maps::identity(count),
-        };
-        let maps = maps.cloned().unwrap_or_else(fitted);
         let shifted = |(i, color): (usize, &[f64; 3])| match slots[i / pixels][i % pixels] {
-            Some(source) => maps.shift(source, base[i % pixels], *color),
+            Some(source) => own.shift(&self.source_exposure(source), *color),
             None => *color,
         };
         let shifted: Map = warp.warped.iter().enumerate().map(shifted).collect();
+        let warped: Vec<Map> = shifted.chunks(pixels).map(<[_]>::to_vec).collect();
         let slot = |m: usize, p: usize| warp.slot.get(m * pixels + p).map_or(EMPTY, |s| *s as u8);
         let features = shifted.iter().zip(&warp.feature);
         let view = View {
             camera: self.scene.camera,
             variant: self.variant,
-            base: base.iter().map(|c| maps.output.apply(*c)).collect(),
+            base: exposed.clone(),
             warped: features.map(|([r, g, b], feature)| [*r, *g, *b, feature[3]]).collect(),
             seen: (0..pixels).map(|p| std::array::from_fn(|m| slot(m, p))).collect(),
             active: visible.iter().filter(|v| v.contains(&true)).count(),
@@ -156,7 +169,7 @@ impl Case {
         let valid = vec![true; pixels];
         let masked = Masked { photo: &self.photo, valid: &valid, width, height };
         let losses = Losses {
-            base: image_loss(base, &self.photo, width, height, LAMBDA),
+            base: image_loss(&exposed, &self.photo, width, height, LAMBDA),
             last: image_loss(&image, &self.photo, width, height, LAMBDA),
             normal: normal_loss(
                 Surface { camera: &self.scene.camera, valid: &valid },
@@ -166,7 +179,7 @@ impl Case {
             ),
             photo: photometric_loss(&masked, &warped, &visible, PHOTO),
         };
-        Run { geometry, warped, visible, slots, maps, view, network, image, losses }
+        Run { geometry, warped, visible, slots, plain, exposed, view, network, image, losses }
     }
 
     fn centers(&self) -> Vec<[f64; 3]> {
@@ -174,7 +187,7 @@ impl Case {
         self.scene.sources.iter().map(|s| (target - s.camera.center()).to_array()).collect()
     }
 
-    /// L_img(final)/2 back to what the rasterizer and the warping gave, and to the weights.
+    /// L_img(final)/2 back to the exposed base and warped colours, and to the weights.
     fn last_backward(&self, run: &Run) -> (FeatureGrads, Vec<f64>) {
         let [width, height] = self.size();
         let v_image = halved(image_loss_backward(&run.image, &self.photo, width, height, LAMBDA));
@@ -185,27 +198,21 @@ impl Case {
         let mut v = run.view.input_backward(&v_x.data);
         weights[..ENC1.offset].iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
         add(&mut v.base, &v_corrected);
-        v.base.iter_mut().for_each(|b| *b = run.maps.output.backward(*b));
-        for (i, source) in run.slots.iter().flatten().enumerate().filter_map(|(i, s)| Some((i, (*s)?))) {
-            let [r, g, b, _] = v.warped[i];
-            let by_base = run.maps.shift_backward(source, [r, g, b]);
-            v.base[i % (width * height)].iter_mut().zip(by_base).for_each(|(v, by)| *v += by);
-        }
         (v, weights)
     }
 
-    /// Gradients of the loss, the exposure correction held fixed.
+    /// Gradients of the loss.
     pub fn backward(&self, run: &Run) -> CaseGrads {
         let [width, height] = self.size();
         let pixels = width * height;
-        let Geometry { base, normal, depth, .. } = &run.geometry;
+        let Geometry { normal, depth, .. } = &run.geometry;
         let valid = vec![true; pixels];
         let masked = Masked { photo: &self.photo, valid: &valid, width, height };
         let (last, weights) = self.last_backward(run);
         let (v_depth, v_normal) =
             normal_loss_backward(Surface { camera: &self.scene.camera, valid: &valid }, depth, normal, NORMAL);
         let mut v = Cotangents {
-            base: halved(image_loss_backward(&base.image, &self.photo, width, height, LAMBDA)),
+            base: halved(image_loss_backward(&run.exposed, &self.photo, width, height, LAMBDA)),
             normal: v_normal,
             depth: v_depth,
             warped: photometric_loss_backward(&masked, &run.warped, &run.visible, PHOTO).concat(),
@@ -217,6 +224,13 @@ impl Case {
             add(&mut v.warped, &colors);
             v.cosine = last.warped.iter().map(|w| w[3]).collect();
         }
-        CaseGrads { gaussians: self.scene.grads(&run.geometry, &v), weights }
+        let own = self.photo_exposure();
+        let (v_base, exposure) = run.plain.exposed_backward(&own, &v.base);
+        v.base = v_base;
+        for (v, source) in v.warped.iter_mut().zip(run.slots.iter().flatten()) {
+            let Some(source) = source.map(|source| self.source_exposure(source)) else { continue };
+            (0..3).for_each(|c| v[c] *= own.relative_gain(&source, c));
+        }
+        CaseGrads { gaussians: self.scene.grads(&run.geometry, &v), weights, exposure }
     }
 }

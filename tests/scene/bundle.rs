@@ -3,7 +3,8 @@
 use super::{output, random_gaussians};
 use ibgs_core::bundle::{Bundle, BundleError};
 use ibgs_core::dataset::Photo;
-use ibgs_core::fuse::sources::{First, SourceOptions};
+use ibgs_core::exposure::Exposure;
+use ibgs_core::fuse::sources::SourceOptions;
 use ibgs_core::train::config::TrainConfig;
 use ibgs_core::train::output::{cameras, multi_view};
 use rand::{Rng, SeedableRng};
@@ -29,10 +30,11 @@ fn bundle() -> Bundle {
         iteration: 123,
         gaussians: random_gaussians(17, 2, 22),
         network: Some((0..5_000).map(|_| rng.random()).collect()),
+        exposure: None,
         cameras: cameras::records(&dataset),
         config: TrainConfig { seed: 9, ..TrainConfig::default() },
         photos: dataset.train.iter().map(photo).collect(),
-        sources: multi_view::records(&dataset, &SourceOptions::default(), First::Nearest),
+        sources: multi_view::records(&dataset, &SourceOptions::default()),
     }
 }
 
@@ -63,8 +65,11 @@ fn bundle_round_trip() {
         assert!(photo.rgba == expected.rgba, "{name}: pixels differ");
     }
     assert!(written(&back) == bytes, "equal models make equal files");
-    let plain = Bundle { network: None, ..bundle };
-    assert_eq!(read(&written(&plain)).unwrap().network, None);
+    let exposure = Exposure { log_gain: [0.0, 0.5, -0.25], offset: [0.125, 0.0, -0.5] };
+    let exposures = Some([("a.png".to_owned(), exposure), ("b.png".to_owned(), Exposure::default())].into());
+    let plain = Bundle { network: None, exposure: exposures, ..bundle };
+    let back = read(&written(&plain)).unwrap();
+    assert_eq!((back.network, back.exposure), (None, plain.exposure));
 }
 
 #[test]

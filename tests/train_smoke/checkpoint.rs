@@ -6,7 +6,7 @@ use super::{densifying, poison, run, trainer};
 use crate::common::rasterizer;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
-use ibgs_core::train::config::{Method, Strategy, TrainConfig};
+use ibgs_core::train::config::{ExposureSwitch, Method, Strategy, TrainConfig};
 use ibgs_core::train::{TrainError, Trainer};
 use serde_json::{Value, json};
 use std::fs;
@@ -20,8 +20,8 @@ fn everything(iterations: u32) -> TrainConfig {
     (config.surface, config.residual) = (stages.surface, stages.residual);
     config.residual.factor = 0.25;
     config.opacity_reset.interval = Some(20);
-    config.exposure.enabled = true;
-    config.exposure.scalars_from = Some(5);
+    config.exposure.enabled = ExposureSwitch::On;
+    config.exposure.from = Some(5);
     config.densify.grad_threshold = 1e-5;
     config
 }
@@ -229,7 +229,7 @@ fn what_is_no_number_is_found() {
         match part {
             "rotations" => poison(splats.rotations.val()),
             "normals" => poison(splats.normals.val()),
-            _ => poison(training.renderer().part().unwrap().network.weights.val()),
+            _ => poison(training.renderer().unwrap().part().unwrap().network.weights.val()),
         }
         let error = training.checkpoint(Value::Null).err().unwrap();
         assert!(matches!(error, TrainError::NotFinite(40)), "{part}: {error}");

@@ -66,7 +66,7 @@ pub fn image_part(dataset: &Dataset, config: &TrainConfig, network: &[f32]) -> I
 pub fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {
     let gaussians = trainer.splats().download().unwrap();
     gaussians.validate().unwrap();
-    (gaussians, trainer.renderer().part().map(|part| part.network.to_values().unwrap()))
+    (gaussians, trainer.renderer().unwrap().part().map(|part| part.network.to_values().unwrap()))
 }
 
 #[test]
@@ -83,12 +83,12 @@ fn every_stage_trains_what_it_should() {
     let (surface, _) = model(&trainer);
     assert!(surface.offsets.iter().any(|&offset| offset != 0.0), "the surface losses move the planes");
     run(&mut trainer, 50);
-    let score = |&index: &usize| score_view(&trainer.renderer(), &dataset.views[index], None).unwrap().1;
+    let score = |&index: &usize| score_view(&trainer.renderer().unwrap(), &dataset.views[index], None).unwrap().1;
     let scores: Vec<_> = dataset.train.iter().map(score).collect();
     let base = scores.iter().map(|s| s.base.psnr).sum::<f64>() / scores.len() as f64;
     let image = scores.iter().map(|s| s.image.unwrap().psnr).sum::<f64>() / scores.len() as f64;
     println!("training views: base {base:.2} dB, final {image:.2} dB");
-    let (frame, _) = score_view(&trainer.renderer(), &dataset.views[dataset.train[2]], None).unwrap();
+    let (frame, _) = score_view(&trainer.renderer().unwrap(), &dataset.views[dataset.train[2]], None).unwrap();
     assert!(image > base, "the residual must help: base {base:.2} dB, final {image:.2} dB");
     let visibility = frame.visibility().unwrap().unwrap();
     assert!(visibility.contains(&0) || visibility.contains(&3), "{visibility:?}");
@@ -114,7 +114,15 @@ fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
     run(&mut streamed, 26);
     assert!(expected == model(&streamed), "streamed sources gave another model");
     let frame = |trainer: &Trainer| {
-        trainer.renderer().render(&dataset.views[dataset.test[0]].camera).unwrap().image().unwrap().unwrap().rgb
+        trainer
+            .renderer()
+            .unwrap()
+            .render(&dataset.views[dataset.test[0]].camera)
+            .unwrap()
+            .image()
+            .unwrap()
+            .unwrap()
+            .rgb
     };
     let (ours, theirs) = (frame(&first), frame(&streamed));
     assert!(ours == theirs && ours.iter().any(|&v| v > 0.0), "streamed sources gave another frame");
@@ -155,8 +163,8 @@ fn a_finished_model_is_a_start() {
     assert_eq!(after.len(), start.len());
     assert!(network.is_some() && after.normals != start.normals);
     let view = &dataset.views[dataset.train[2]];
-    let scores = score_view(&warm.renderer(), view, None).unwrap().1;
-    let before = score_view(&base.renderer(), view, None).unwrap().1.base.psnr;
+    let scores = score_view(&warm.renderer().unwrap(), view, None).unwrap().1;
+    let before = score_view(&base.renderer().unwrap(), view, None).unwrap().1.base.psnr;
     let image = scores.image.unwrap().psnr;
     println!("training view: {before:.2} dB before, final {image:.2} dB");
     assert!(image > before, "{before:.2} dB before, final {image:.2} dB");

@@ -8,7 +8,7 @@ use ibgs_core::render::Renderer;
 use ibgs_core::scene::Splats;
 use ibgs_core::train::Trainer;
 use ibgs_core::train::checkpoint::Checkpoint;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::config::{ExposureSwitch, Method, TrainConfig};
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -72,7 +72,7 @@ fn with(masks: Masks, mut config: TrainConfig) -> TrainConfig {
 fn whole_psnr(trainer: &Trainer, dataset: &Dataset) -> f64 {
     let one = |&index: &usize| {
         let view = &dataset.views[index];
-        let frame = trainer.renderer().render(&view.camera).unwrap();
+        let frame = trainer.renderer().unwrap().render(&view.camera).unwrap();
         score(&frame.base().unwrap(), &view.photo.over([0.0; 3])).psnr
     };
     dataset.test.iter().map(one).sum::<f64>() / dataset.test.len() as f64
@@ -121,15 +121,15 @@ fn black_gaussians_do_not_hide_on_black() {
 #[test]
 fn the_residual_adds_nothing_to_emptiness() {
     let dataset = masked(image_based::dataset(), None);
-    for exposure in [false, true] {
+    for exposure in [ExposureSwitch::Off, ExposureSwitch::On] {
         let mut config = with(Masks::Object, image_based::staged(40));
         config.exposure.enabled = exposure;
-        config.exposure.scalars_from = Some(5);
+        config.exposure.from = Some(5);
         let mut trainer = trainer(&dataset, &config);
         run(&mut trainer, 40);
         let (mut unseen, mut changed, mut outside) = (0, 0, 0);
         for view in dataset.test.iter().map(|&index| &dataset.views[index]) {
-            let frame = trainer.renderer().render(&view.camera).unwrap();
+            let frame = trainer.renderer().unwrap().render(&view.camera).unwrap();
             let (base, image) = (frame.base().unwrap().rgb, frame.image().unwrap().unwrap().rgb);
             let pixels = base.chunks_exact(3).zip(image.chunks_exact(3));
             let places = frame.visibility().unwrap().unwrap().into_iter().zip(silhouette(view));
@@ -140,7 +140,7 @@ fn the_residual_adds_nothing_to_emptiness() {
                 assert!(sources > 0 || base == image, "{base:?} became {image:?}");
             }
         }
-        println!("exposure {exposure}: {unseen} pixels see no source, {outside} of them outside; {changed} differ");
+        println!("exposure {exposure:?}: {unseen} pixels see no source, {outside} of them outside; {changed} differ");
         assert!(outside > 1000 && changed > 50, "{outside} outside, {changed} changed");
     }
 }

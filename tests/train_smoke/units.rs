@@ -6,7 +6,7 @@ use glam::DVec3;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::score_view;
 use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::config::{ExposureSwitch, Method, TrainConfig};
 
 const FAR: DVec3 = DVec3::new(5e6, -4e6, 1e5);
 
@@ -23,7 +23,7 @@ pub fn moved(dataset: &Dataset, scale: f64, shift: DVec3) -> Dataset {
 
 /// Mean PSNR over the test views: of the base image, and of the final one where there is one.
 fn scores(trainer: &Trainer, dataset: &Dataset) -> [f64; 2] {
-    let renderer = trainer.renderer();
+    let renderer = trainer.renderer().unwrap();
     let all: Vec<[f64; 2]> = dataset
         .test
         .iter()
@@ -38,7 +38,8 @@ fn every_copy_trains_alike(config: &TrainConfig, copies: &[(f64, DVec3)]) {
     let train = |dataset: &Dataset| {
         let mut trainer = trainer(dataset, config);
         run(&mut trainer, config.iterations);
-        let depth = trainer.renderer().showing_surface().render(&dataset.views[dataset.test[0]].camera).unwrap();
+        let depth =
+            trainer.renderer().unwrap().showing_surface().render(&dataset.views[dataset.test[0]].camera).unwrap();
         (scores(&trainer, dataset), depth.depth_at(24, 18).unwrap().unwrap())
     };
     let (expected, depth) = train(&usual);
@@ -64,7 +65,7 @@ fn plain_splatting_is_the_same_in_every_unit_and_place() {
 fn the_whole_method_is_the_same_in_every_unit_and_place() {
     let mut config = staged(26);
     config.residual.factor = 0.5;
-    config.exposure.enabled = true;
-    config.exposure.scalars_from = Some(5);
+    config.exposure.enabled = ExposureSwitch::On;
+    config.exposure.from = Some(5);
     every_copy_trains_alike(&config, &[(1e-4, FAR), (1e4, DVec3::ZERO)]);
 }

@@ -4,6 +4,7 @@
 //! ibgs.json         {"format": 1, "iteration": N}
 //! point_cloud.ply   the Gaussians with planes
 //! network.bin       the residual network, as its own module wrote it; absent without one
+//! exposure.json     the training photos' exposures, as in the output folder; absent where they were not corrected
 //! cameras.json  multi_view.json  config.toml     as in the output folder
 //! photos/NAME.png   the training views' photos as they were trained on: undistorted, resized, 8 bits, lossless
 //! ```
@@ -12,6 +13,7 @@
 //! The archive's own checksums tell damage.
 
 use crate::dataset::Photo;
+use crate::exposure::{self, Exposure};
 use crate::files::{WriteError, write_seekable_atomically};
 use crate::image_io;
 use crate::scene::{Gaussians, PlyFlavor, SceneError, read_ply_from, write_ply_to};
@@ -23,6 +25,7 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -94,6 +97,8 @@ pub struct Bundle {
     pub gaussians: Gaussians,
     /// The residual network in its module's own form; none without.
     pub network: Option<Vec<u8>>,
+    /// The training photos' exposures by name; none where they were not corrected.
+    pub exposure: Option<HashMap<String, Exposure>>,
     /// All views' cameras.
     pub cameras: Vec<CameraRecord>,
     /// How it was trained.
@@ -134,6 +139,12 @@ impl Bundle {
         drop(ply);
         if let Some(network) = &self.network {
             add(zip, "network.bin", network)?;
+        }
+        if let Some(exposure) = &self.exposure {
+            // In the order of their names, so that equal bundles have equal bytes.
+            let photos: BTreeMap<_, _> = exposure.iter().collect();
+            let value = exposure::to_json(photos.into_iter().map(|(name, photo)| (name.as_str(), photo)));
+            add(zip, exposure::FILE_NAME, &serde_json::to_vec(&value)?)?;
         }
         add(zip, "cameras.json", &serde_json::to_vec(&cameras::to_json(&self.cameras))?)?;
         add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
@@ -176,13 +187,17 @@ impl Bundle {
         })?;
         let has_network = parts.zip.has("network.bin");
         let network = has_network.then(|| parts.bytes("network.bin")).transpose()?;
+        let has_exposure = parts.zip.has(exposure::FILE_NAME);
+        let exposure = has_exposure
+            .then(|| parts.parse(exposure::FILE_NAME, |bytes| exposure::from_json(&String::from_utf8_lossy(bytes))))
+            .transpose()?;
         let cameras = parts.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
         let sources = parts.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
         let config = parts.parse("config.toml", |bytes| {
             TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new("config.toml"))
         })?;
         let photos = parts.photos(&cameras)?;
-        Ok(Self { iteration: header.iteration, gaussians, network, cameras, config, photos, sources })
+        Ok(Self { iteration: header.iteration, gaussians, network, exposure, cameras, config, photos, sources })
     }
 }
 

@@ -22,6 +22,7 @@ pub mod camera;
 pub mod camera_path;
 pub mod dataset;
 pub mod eval;
+pub mod exposure;
 pub mod files;
 pub mod fuse;
 pub mod gpu;

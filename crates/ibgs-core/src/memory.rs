@@ -15,7 +15,7 @@
 //! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
 //! | images | 24 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
-//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure (24 + 16 V) P} |
+//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure (24 + 32 V) P} |
 //! | losses | 36 P {twice, and 36 V P} |
 //! | depth maps | {4 a pixel of all training photos} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
@@ -24,7 +24,7 @@
 use crate::camera::Camera;
 use crate::residual::Factor;
 use crate::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
-use crate::train::config::{Method, TrainConfig};
+use crate::train::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
 use std::fmt;
 
@@ -231,9 +231,9 @@ impl Estimate {
         self.add("network", "sums of the weights' gradients", 4 * row * tiles.div_ceil(8).min(264), 1);
         self.add("network", "sums of the per-view network", 4 * 768 * 41 * 32, 1);
         self.add("network", "weights and their gradient", 4 * WEIGHTS as u64, 2);
-        if demand.config.exposure.enabled {
-            self.add("network", "corrected base colour and its gradient", 12 * pixels, 2);
-            self.add("network", "corrected warped colours", 16 * slots * pixels, 1);
+        if demand.config.exposure.enabled != ExposureSwitch::Off {
+            self.add("network", "base colour in the photo's exposure and its gradient", 12 * pixels, 2);
+            self.add("network", "warped colours in the photo's exposure and their gradient", 16 * slots * pixels, 2);
         }
         if demand.evaluates {
             self.add("evaluation", "activations", 4 * INPUT as u64 * low, 4);

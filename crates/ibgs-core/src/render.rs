@@ -3,9 +3,10 @@
 
 use crate::camera::Camera;
 use crate::dataset::Masks;
+use crate::exposure::{Exposer, ExposureField, Exposures};
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
-use crate::fuse::sources::{First, SourceFinder, SourceOptions};
+use crate::fuse::sources::{SourceFinder, SourceOptions};
 use crate::fuse::{Reach, Seen, SourceView, WarpOptions, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
@@ -21,7 +22,7 @@ use burn::tensor::Tensor;
 use ibgs_shaders::NEAR_DEPTH;
 use std::sync::{Arc, Mutex};
 
-/// How the photos of neighbouring views are used (method.md sections 3 to 6 and 8).
+/// How the photos of neighbouring views are used (method.md sections 3 to 6).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageOptions {
     /// Which views are the sources, and how they are read.
@@ -32,8 +33,6 @@ pub struct ImageOptions {
     pub variant: Variant,
     /// How precisely it computes.
     pub precision: Precision,
-    /// Fit the base colour's exposure to the first source.
-    pub exposure: bool,
 }
 
 impl ImageOptions {
@@ -53,14 +52,9 @@ impl ImageOptions {
                     Masks::Object => Reach::Seen,
                 },
             },
-            precision: residual.precision,
-            exposure: config.exposure.enabled,
+            // Which precision pays is found by a clock.
+            precision: if config.deterministic { Precision::Full } else { residual.precision },
         }
-    }
-
-    /// Which source comes first.
-    pub fn first(&self) -> First {
-        if self.exposure { First::MostAlike } else { First::Nearest }
     }
 
     /// How photos are warped.
@@ -109,6 +103,8 @@ pub struct Renderer {
     /// Find the surface of models that do not need it for their image.
     shows_surface: bool,
     image: Option<ImageStage>,
+    /// The exposures of its photos, where they were corrected.
+    exposure: Option<(ExposureField, Exposer)>,
 }
 
 #[derive(Debug)]
@@ -146,6 +142,8 @@ pub struct Frame {
     forward: Forward,
     /// The final image, where the model has a network.
     pub(crate) image: Option<FinalImage>,
+    /// Keeps the memory of the base image.
+    _base: Tensor<3>,
     /// Where base and final image lie; their tensors keep the memory.
     base_memory: Buffer,
     image_memory: Option<Buffer>,
@@ -160,13 +158,24 @@ impl Renderer {
     pub fn new(raster: Arc<Rasterizer>, splats: Splats, background: [f32; 3], part: Option<ImagePart>) -> Self {
         let gpu = raster.gpu().clone();
         let stage = |part: ImagePart| ImageStage {
-            finder: SourceFinder::new(&part.cameras, &part.options.sources, part.options.first()),
+            finder: SourceFinder::new(&part.cameras, &part.options.sources),
             warper: Warper::new(gpu.clone(), part.options.warp()),
-            residual: Residual::new(gpu.clone(), part.options.variant, part.options.exposure, part.options.precision),
+            residual: Residual::new(gpu.clone(), part.options.variant, part.options.precision),
             depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(&gpu))),
             part,
         };
-        Self { image: part.map(stage), raster, splats, background, shows_surface: false }
+        Self { image: part.map(stage), raster, splats, background, shows_surface: false, exposure: None }
+    }
+
+    /// Every view in the exposure that its surroundings tell. Those of the image-based part's cameras must come in their order.
+    pub fn with_exposure(self, field: Option<ExposureField>) -> Self {
+        let exposure = field.map(|field| (field, Exposer::new(self.gpu().clone())));
+        Self { exposure, ..self }
+    }
+
+    /// The exposures of the photos, where they were corrected.
+    pub fn exposure(&self) -> Option<&ExposureField> {
+        self.exposure.as_ref().map(|(field, _)| field)
     }
 
     /// Depth and normals of every frame, also of a model without an image-based part.
@@ -267,25 +276,47 @@ impl Renderer {
         let space = self.space();
         let local = space.camera(camera);
         let (inputs, view) = (Inputs::of(&self.splats), self.view(&local));
+        let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
+        let exposed = self.exposures(camera, indices)?;
+        let exposed = exposed.as_ref().map(|(exposer, exposures)| (*exposer, exposures));
         loop {
             let mut pass = Pass::new(&gpu, "frame");
             let forward = self.raster.record(&mut pass, &inputs, &view, false)?;
+            let base = match exposed {
+                Some((exposer, exposures)) => exposer.record(&mut pass, &forward, exposures),
+                None => forward.image(),
+            };
             let image = match (&self.image, &sources) {
-                (Some(stage), Some(sources)) => Some(record_final(&mut pass, stage, &local, &forward, sources)?),
+                (Some(stage), Some(sources)) => {
+                    let base = (base.clone(), exposed);
+                    Some(record_final(&mut pass, stage, &local, &forward, base, sources)?)
+                }
                 _ => None,
             };
             pass.submit();
             // Asked for while the device works; burn takes its time to tell.
             let memory = |tensor: Tensor<3>| Gpu::bind(&primitive(tensor)).clone();
-            let base_memory = memory(forward.image());
+            let base_memory = memory(base.clone());
             let image_memory = image.as_ref().map(|part| memory(part.image.clone()));
             let gpu = gpu.clone();
-            let frame = Frame { gpu, forward, image, base_memory, image_memory, camera: *camera, local, space };
+            let frame =
+                Frame { gpu, forward, image, _base: base, base_memory, image_memory, camera: *camera, local, space };
             then(&frame)?;
             if room == Room::Assumed || self.raster.had_room(&frame.forward)? {
                 return Ok(frame);
             }
         }
+    }
+
+    /// The exposures of a view and its sources, and what applies them; none where exposures were not corrected.
+    fn exposures(
+        &self,
+        camera: &Camera,
+        sources: &[usize],
+    ) -> Result<Option<(&Exposer, Arc<Lease<Exposures>>)>, GpuError> {
+        let Some((field, exposer)) = &self.exposure else { return Ok(None) };
+        let sources: Vec<_> = sources.iter().map(|&source| field.photos()[source]).collect();
+        Ok(Some((exposer, exposer.upload(&field.at(camera), &sources)?)))
     }
 
     /// The sources of a view; none where it has none or is too small for the network.
@@ -315,14 +346,19 @@ fn record_final(
     stage: &ImageStage,
     camera: &Camera,
     forward: &Forward,
+    (base, exposed): (Tensor<3>, Option<(&Exposer, &Arc<Lease<Exposures>>)>),
     sources: &Sources,
 ) -> Result<FinalImage, GpuError> {
-    let (base, options) = (forward.image(), stage.warper.options);
+    let options = stage.warper.options;
     if sources.views.is_empty() {
         return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
     }
     let (warped, seen) = stage.warper.record_warp(pass, forward, &sources.views)?;
-    let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0, photo: None };
+    let warped = match exposed {
+        Some((exposer, exposures)) => exposer.record_warped(pass, warped, &seen, exposures),
+        None => warped,
+    };
+    let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
     let weights = stage.part.network.weights.val();
     let image = stage.residual.record(pass, &task, [base, warped], weights)?;
     // Not the photos on the device: the store could not give their memory to others.

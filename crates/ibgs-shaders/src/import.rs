@@ -4,7 +4,7 @@
 const SHARED: &[(&str, &str)] = &[
     ("cover", include_str!("../wgsl/shared/cover.wgsl")),
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
-    ("exposure_apply_params", include_str!("../wgsl/shared/exposure_apply_params.wgsl")),
+    ("expose_params", include_str!("../wgsl/shared/expose_params.wgsl")),
     ("filter", include_str!("../wgsl/shared/filter.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
@@ -33,6 +33,7 @@ const SHARED: &[(&str, &str)] = &[
     ("seen", include_str!("../wgsl/shared/seen.wgsl")),
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
+    ("slots_params", include_str!("../wgsl/shared/slots_params.wgsl")),
     ("source", include_str!("../wgsl/shared/source.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
     ("ssim_maps", include_str!("../wgsl/shared/ssim_maps.wgsl")),

@@ -49,17 +49,8 @@ pub const NORMAL_DOT: f32 = 0.6;
 
 /// Workgroups, and so partial sums, of the exposure kernels' reductions.
 pub const EXPOSURE_GROUPS: u32 = 256;
-/// With fewer visible pixels the exposure map is the identity.
-pub const EXPOSURE_PIXELS: f32 = 64.0;
-/// Weight of (map - identity)^2 beside the squared errors of the fit, in mean variances of the base colours.
-pub const EXPOSURE_RIDGE: f32 = 1e-6;
-/// Ratio of smallest to largest pivot under which the exposure fit counts as ill-conditioned.
-pub const EXPOSURE_PIVOT: f32 = 1e-5;
-/// Variance of the base colours under which the exposure fit counts as ill-conditioned.
-pub const EXPOSURE_VARIANCE: f32 = 1e-8;
-
-/// The exposure scalars count while 1 - SSIM of the unmodified image is under this.
-pub const EXPOSURE_SSIM: f32 = 0.5;
+/// Weight of half the square of a photo's log gains and offsets beside its image loss.
+pub const EXPOSURE_PULL: f32 = 0.01;
 
 /// Multiply-adds of a thread of `bench_fma` in one step.
 pub const BENCH_FMAS: u32 = 128;
@@ -260,29 +251,21 @@ kernels! {
     /// SSIM of a photo and the images warped to it, gradient by the warped colours, one slot.
     PHOTOMETRIC_LOSS_BACKWARD = "photometric_loss_backward" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), read("moments"), read("stats"), read("v_loss"), write("v_warped");
-    /// Moments of base and first source's colours where that source is visible.
-    EXPOSURE_SUMS = "exposure_sums" [256, 1, 1] (size_of::<types::ExposureSumsParams>()):
-        read("base"), read("warped"), read("seen"), read("photo"), write("partials");
-    /// The affine colour map from the moments.
-    EXPOSURE_SOLVE = "exposure_solve" [EXPOSURE_GROUPS, 1, 1] (4): read("partials"), write("affine");
-    /// The affine colour maps applied to base and warped colours.
-    EXPOSURE_APPLY = "exposure_apply" [256, 1, 1] (size_of::<types::ExposureApplyParams>()):
-        read("affine"), read("base"), read("warped"), read("seen"), write("corrected"), write("shifted");
-    /// Gradient of the applied maps by the base colours.
-    EXPOSURE_APPLY_BACKWARD = "exposure_apply_backward" [256, 1, 1] (size_of::<types::ExposureApplyParams>()):
-        read("affine"), read("seen"), read("v_corrected"), read("v_shifted"), write("v_base");
-    /// L1 under a photo's exposure scalars, sums.
-    EXPOSURE_L1 = "exposure_l1" [256, 1, 1] (size_of::<types::LossParams>()):
-        read("image"), read("photo"), read("scalars"), write("partials");
-    /// The image loss with that L1 in place of its own, behind the SSIM gate.
-    EXPOSURE_L1_TOTAL = "exposure_l1_total" [EXPOSURE_GROUPS, 1, 1] (size_of::<types::LossParams>()):
-        read("partials"), write("loss"), write("stats");
-    /// Gradient of the exchanged L1 by the image, added to that of the image loss; sums for the scalars.
-    EXPOSURE_L1_BACKWARD = "exposure_l1_backward" [256, 1, 1] (size_of::<types::LossParams>()):
-        read("image"), read("photo"), read("scalars"), read("stats"), read("v_loss"), write("v_image"),
-        write("partials");
-    /// Gradient by the two exposure scalars.
-    EXPOSURE_SCALARS = "exposure_scalars" [EXPOSURE_GROUPS, 1, 1] (0): read("partials"), write("v_scalars");
+    /// What the Gaussians show in a photo's exposure.
+    EXPOSE = "expose" [256, 1, 1] (size_of::<types::ExposeParams>()):
+        read("exposures"), read("image"), read("transmittance"), write("exposed");
+    /// Gradient by the image; sums of those by the exposure.
+    EXPOSE_BACKWARD = "expose_backward" [256, 1, 1] (size_of::<types::ExposeParams>()):
+        read("exposures"), read("image"), read("transmittance"), read("v_exposed"), write("v_image"), write("partials");
+    /// Gradient by the exposure.
+    EXPOSE_TOTAL = "expose_total" [EXPOSURE_GROUPS, 1, 1] (0):
+        read("exposures"), read("partials"), write("v_exposure");
+    /// Warped colours in the target's exposure.
+    EXPOSE_WARPED = "expose_warped" [256, 1, 1] (size_of::<types::SlotsParams>()):
+        read("exposures"), read("warped"), read("seen"), write("shifted");
+    /// Gradient by the warped colours in the sources' exposures.
+    EXPOSE_WARPED_BACKWARD = "expose_warped_backward" [256, 1, 1] (size_of::<types::SlotsParams>()):
+        read("exposures"), read("seen"), read("v_shifted"), write("v_warped");
     // The residual network's input, per-view MLP and composition.
     /// Features and per-view MLP: the hourglass' input.
     RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
@@ -416,11 +399,7 @@ pub fn constants() -> String {
         ("SSIM_C2", SSIM_C2),
         ("NORMAL_L1", NORMAL_L1),
         ("NORMAL_DOT", NORMAL_DOT),
-        ("EXPOSURE_PIXELS", EXPOSURE_PIXELS),
-        ("EXPOSURE_RIDGE", EXPOSURE_RIDGE),
-        ("EXPOSURE_PIVOT", EXPOSURE_PIVOT),
-        ("EXPOSURE_VARIANCE", EXPOSURE_VARIANCE),
-        ("EXPOSURE_SSIM", EXPOSURE_SSIM),
+        ("EXPOSURE_PULL", EXPOSURE_PULL),
     ] {
         let _ = writeln!(text, "const {name}: f32 = {value:e}f;");
     }

@@ -171,28 +171,24 @@ pub struct AdamParams {
     pub correction2: f32,
 }
 
-/// Moments of two pictures' colours; the twin of `ExposureSumsParams`.
+/// An image in a photo's exposure; the twin of `ExposeParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct ExposureSumsParams {
+pub struct ExposeParams {
+    /// Colour behind the Gaussians.
+    pub background: [f32; 3],
     /// Number of pixels.
     pub pixels: u32,
-    /// Packed slots V.
-    pub slots: u32,
-    /// Number of the source, 255: the target's photo.
-    pub other: u32,
 }
 
-/// Colour maps applied; the twin of `ExposureApplyParams`.
+/// Colours of packed slots; the twin of `SlotsParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct ExposureApplyParams {
+pub struct SlotsParams {
     /// Number of pixels.
     pub pixels: u32,
     /// Packed slots V.
     pub slots: u32,
-    /// 1: the base colour of pixels that see no source stays as it is.
-    pub seen_only: u32,
 }
 
 /// Random steps of the means; the twin of `McmcNoiseParams`.

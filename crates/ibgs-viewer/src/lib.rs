@@ -119,7 +119,7 @@ pub trait Training: Send {
     fn progress(&self) -> Progress;
 
     /// A renderer of the model as it is now, used before the next step; it finds the surface of every frame.
-    fn renderer(&self) -> Renderer;
+    fn renderer(&self) -> Result<Renderer>;
 
     /// Writes the model as it is now; says where.
     ///

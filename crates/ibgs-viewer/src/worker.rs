@@ -203,7 +203,9 @@ impl Work {
     fn with_renderer<T>(&self, run: impl FnOnce(&Renderer, u32) -> T) -> Option<T> {
         match &self.content {
             Some(Content::Model(renderer)) => Some(run(renderer, 0)),
-            Some(Content::Training(training)) => Some(run(&training.renderer(), training.progress().iteration)),
+            Some(Content::Training(training)) => {
+                training.renderer().ok().map(|renderer| run(&renderer, training.progress().iteration))
+            }
             None => None,
         }
     }

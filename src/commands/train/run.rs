@@ -6,6 +6,7 @@ use crate::commands::{on_stop, protocol, score_test_views};
 use anyhow::{Context, Result};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::Score;
+use ibgs_core::exposure::{Exposure, ExposureField};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
@@ -13,7 +14,7 @@ use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
 use ibgs_core::tell;
 use ibgs_core::train::checkpoint::Checkpoint;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::train::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::train::output::OutputFolder;
 use ibgs_core::train::output::figures::TIME_FILE;
 use ibgs_core::train::output::log::{LogEntry, TrainingLog};
@@ -224,7 +225,8 @@ impl Run {
         let _ = self.keep(false);
         let Some(checkpoint) = self.keeper.last().cloned() else { return error };
         let network = checkpoint.network.as_ref().map(|network| &network.weights[..]);
-        let saved = self.write(checkpoint.iteration(), &checkpoint.gaussians, network);
+        let exposure = checkpoint.exposures();
+        let saved = self.write(checkpoint.iteration(), &checkpoint.gaussians, network, exposure.as_deref());
         // Without the curves the error is told all the same.
         if saved.is_ok() {
             let _ = self.folder.write_log(&self.records.log);
@@ -248,7 +250,13 @@ impl Run {
         }
     }
 
-    fn write(&self, iteration: u32, gaussians: &Gaussians, network: Option<&[f32]>) -> Result<PathBuf> {
+    fn write(
+        &self,
+        iteration: u32,
+        gaussians: &Gaussians,
+        network: Option<&[f32]>,
+        exposure: Option<&[Exposure]>,
+    ) -> Result<PathBuf> {
         // Without planes the file is exactly what other programs write and read.
         let planes = self.config.method == Method::Ibgs;
         let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
@@ -256,6 +264,9 @@ impl Run {
         let residual = self.trainer.schedule().residual_at(iteration);
         if let Some(network) = network.filter(|_| residual) {
             weights::write(&self.folder.network_save_path(iteration), network)?;
+        }
+        if let Some(photos) = exposure {
+            self.folder.write_exposures(iteration, &self.dataset, photos)?;
         }
         let path = self.folder.point_cloud_path(iteration);
         write_ply(&path, gaussians, flavor)?;
@@ -267,7 +278,7 @@ impl Run {
         if self.dataset.test.is_empty() {
             return Ok(());
         }
-        let renderer = self.trainer.renderer();
+        let renderer = self.trainer.renderer()?;
         let target = (&self.folder, iteration);
         let scores = score_test_views(&renderer, &self.dataset, &self.config, target, None, |_, _| {})?;
         scores.write(&self.folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
@@ -335,17 +346,18 @@ impl Training for Run {
         }
     }
 
-    fn renderer(&self) -> Renderer {
-        self.trainer.renderer().showing_surface()
+    fn renderer(&self) -> Result<Renderer> {
+        Ok(self.trainer.renderer()?.showing_surface())
     }
 
     fn save(&mut self) -> Result<PathBuf> {
-        let renderer = self.trainer.renderer();
+        let renderer = self.trainer.renderer()?;
         let network = renderer.part().map(|part| part.network.to_values()).transpose()?;
+        let exposure = renderer.exposure().map(ExposureField::photos);
         let gaussians = self.trainer.splats().download()?;
         // What is read from a lost device looks like any other answer.
         self.raster.gpu().check()?;
-        self.write(self.trainer.iteration(), &gaussians, network.as_deref())
+        self.write(self.trainer.iteration(), &gaussians, network.as_deref(), exposure)
     }
 
     fn finish(&mut self) -> Result<()> {
@@ -377,6 +389,18 @@ impl Training for Run {
             self.trainer.splats().len()
         );
         tell!("stages: {}", self.records.watch.sentence());
+        match (self.config.exposure.enabled, self.trainer.exposure()?) {
+            (ExposureSwitch::Off, _) => {}
+            (_, Some(field)) => {
+                let [gains, offsets] = field.trust().map(|part| 100.0 * part);
+                tell!(
+                    "exposure: the photos differ by {:.1} % (root mean square of their gains); {gains:.0} % of that is foretold \
+                     by the photos around, {offsets:.0} % of their offsets",
+                    100.0 * field.spread()
+                );
+            }
+            (_, None) => tell!("exposure: the photos hardly differ; not corrected"),
+        }
         if is_whole {
             return self.keeper.clear();
         }

@@ -4,7 +4,7 @@ use super::{set, set_some};
 use clap::Args as ClapArgs;
 use ibgs_core::fuse::memory::MemoryBudget;
 use ibgs_core::fuse::sources::Distances;
-use ibgs_core::train::config::TrainConfig;
+use ibgs_core::train::config::{ExposureSwitch, TrainConfig};
 
 /// What `--source-distance` may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,9 +53,9 @@ pub struct StageArgs {
     /// `auto`: the residual network in half precision on matrix units where they pass a test; `full`: float32.
     #[arg(long)]
     precision: Option<ibgs_core::residual::Precision>,
-    /// Correct the exposure, for photos taken with changing exposure.
+    /// Correct the exposure of the photos: `on`, `off`, or `auto`: where they differ.
     #[arg(long)]
-    exposure: bool,
+    exposure: Option<ExposureSwitch>,
 }
 
 impl StageArgs {
@@ -78,7 +78,7 @@ impl StageArgs {
         set(&mut c.surface.intersections, &self.intersections);
         set(&mut c.residual.factor, &self.residual_factor);
         set(&mut c.residual.precision, &self.precision);
-        c.exposure.enabled |= self.exposure;
+        set(&mut c.exposure.enabled, &self.exposure);
     }
 }
 
@@ -107,9 +107,9 @@ mod tests {
         let s = &c.sources;
         assert_eq!((s.used, s.visible, s.max_angle_deg, s.max_distance), (2, 1, 50.0, Some(4.5)));
         assert_eq!(s.memory, MemoryBudget::Bytes(2 << 30));
-        let c = config("--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure");
+        let c = config("--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure on");
         assert_eq!((c.sources.distances, c.sources.max_distance), (Distances::Absolute, None));
-        assert_eq!((c.surface.intersections, c.residual.factor, c.exposure.enabled), (8, 0.5, true));
+        assert_eq!((c.surface.intersections, c.residual.factor, c.exposure.enabled), (8, 0.5, ExposureSwitch::On));
         for line in ["--source-distance far", "--source-distance -1", "--source-memory much"] {
             assert!(Line::try_parse_from(["ibgs"].into_iter().chain(line.split_whitespace())).is_err(), "{line}");
         }

@@ -14,7 +14,6 @@
 //! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P | 14 B |
 //! | depth maps | M times project with C = 1, sort, planes, and 64 n + 4 I + 8 T + 4 P | M times theirs |
 //! | warp | (4 + 8 K + 8 M + 16 V + 4) P | 40 min(M, V) P |
-//! | exposure fit | (40 + 48 V) P | (40 (1 + M) + 9 + 18 V) P |
 //! | features | (12 + 16 A + 4) P + 152 p | 2 (7 x 32 + 32 x 32) A p |
 //! | hourglass | 4 bytes an input and output of each layer | 2 a weight and pixel of each layer |
 //! | compose | 24 P + 12 p | 9 P |
@@ -24,7 +23,7 @@
 //! | image loss backward | 64 P an image | 396 P an image |
 //! | normal loss backward | 48 P | 120 P |
 //! | photometric loss backward | 8 P + 52 A P + 16 V P | 396 A P |
-//! | compose backward | 24 P + 12 p; with exposure also 36 P | 9 P; 27 P |
+//! | compose backward | 24 P + 12 p | 9 P |
 //! | hourglass backward | as forward, for the gradients, and the activations once more | as forward |
 //! | hourglass weights | as forward | as forward |
 //! | features backward | (16 + 16 A) P + 152 p + 16 A p + (16 V + 24) P | 3 times the forward's |
@@ -78,8 +77,6 @@ pub struct Load {
     pub medians: u64,
     /// Width and height at which the network runs; p is their product.
     pub network_size: [u32; 2],
-    /// Exposure correction is on.
-    pub exposure: bool,
 }
 
 /// Least work of a stage.
@@ -197,7 +194,6 @@ impl Load {
         let [p, m, v, a, k] =
             [self.pixels, self.sources, self.slots, self.slots_used, self.medians].map(|count| count as f64);
         let low = self.network_pixels(0);
-        let exposed = f64::from(u8::from(self.exposure));
         let images = if work == Work::FinalIteration { 2.0 } else { 1.0 };
         Some(match stage {
             Stage::DepthMaps => {
@@ -208,7 +204,6 @@ impl Load {
             }
             Stage::Warp => Floor::new((8.0 + 8.0 * k + 8.0 * m + 16.0 * v) * p, 40.0 * m.min(v) * p),
             Stage::WarpBackward => Floor::new((16.0 + 24.0 * k + 4.0 * m + 32.0 * v) * p, 40.0 * m.min(v) * p),
-            Stage::ExposureFit => Floor::new((40.0 + 48.0 * v) * p, (40.0 * (1.0 + m) + 9.0 + 18.0 * v) * p),
             Stage::Features => self.features(),
             Stage::FeaturesBackward => {
                 let forward = self.features();
@@ -222,10 +217,7 @@ impl Load {
                     LAYERS[..8].iter().map(|(l, at, _)| 4.0 * l.outputs as f64 * self.network_pixels(*at)).sum();
                 Floor::new(forward.bytes + signs, forward.operations)
             }
-            Stage::Compose => Floor::new(24.0 * p + 12.0 * low, 9.0 * p),
-            Stage::ComposeBackward => {
-                Floor::new(24.0 * p + 12.0 * low + exposed * 36.0 * p, (9.0 + 18.0 * exposed) * p)
-            }
+            Stage::Compose | Stage::ComposeBackward => Floor::new(24.0 * p + 12.0 * low, 9.0 * p),
             Stage::ImageLoss => Floor::new(52.0 * p, 660.0 * p).times(images),
             Stage::ImageLossBackward => Floor::new(64.0 * p, 396.0 * p).times(images),
             Stage::NormalLoss => Floor::new(20.0 * p, 60.0 * p),
@@ -255,7 +247,6 @@ mod tests {
             slots_used: 2,
             medians: 4,
             network_size: [64, 48],
-            exposure: true,
         }
     }
 
@@ -265,7 +256,7 @@ mod tests {
         let doubled = Load { gaussians: 2000, gaussians_in_view: 1200, intersections: 6000, ..load() };
         let larger = Load { pixels: 4 * 64 * 48, pairs: 400_000, network_size: [128, 96], ..load() };
         for work in Work::ALL {
-            for stage in work.stages(true) {
+            for stage in work.stages() {
                 let ms = |load: &Load| load.floor(work, stage).unwrap_or_else(|| panic!("{stage:?}")).ms(&rates);
                 assert!(ms(&load()) > 0.0, "{stage:?}");
                 assert!(ms(&doubled).max(ms(&larger)) > 1.2 * ms(&load()), "{work:?} {stage:?}");

@@ -57,8 +57,7 @@ impl Clock<'_> {
 
     /// Every stage of the work, and the kernels outside of them that ran in most runs.
     fn stages(&self, work: Work, run: Run) -> Result<Vec<StageTiming>, TrainError> {
-        let mut stages: Vec<(Stage, Vec<f64>)> =
-            work.stages(self.load.exposure).into_iter().map(|stage| (stage, Vec::new())).collect();
+        let mut stages: Vec<(Stage, Vec<f64>)> = work.stages().into_iter().map(|stage| (stage, Vec::new())).collect();
         let timestamps = self.gpu.start_profile();
         for number in 0..if timestamps { self.runs as usize } else { 0 } {
             self.elapsed(1, run)?;
@@ -108,7 +107,6 @@ fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> R
         slots_used: 0,
         medians: u64::from(config.surface.intersections),
         network_size: Factor::of(config.residual.factor).size([camera.width, camera.height]),
-        exposure: config.exposure.enabled,
     })
 }
 
@@ -143,7 +141,7 @@ fn image_based(
     for _ in 0..SETTLING {
         trainer.step()?;
     }
-    load.slots_used = slots_used(&trainer.renderer(), setting)?;
+    load.slots_used = slots_used(&trainer.renderer()?, setting)?;
     let clock = Clock { gpu, rates, load, runs };
     let iteration = clock.timing(Work::FinalIteration, &mut || trainer.step())?;
     let memory = gpu.memory_report();
@@ -159,7 +157,7 @@ fn image_based(
         evaluates: false,
     };
     let estimated_bytes = Estimate::new(&demand).total();
-    let renderer = trainer.renderer();
+    let renderer = trainer.renderer()?;
     renderer.render(&setting.camera)?;
     let warm = clock.timing(Work::WarmFrame, &mut || Ok(renderer.render_unchecked(&setting.camera).map(drop)?))?;
     let cold = clock.timing(Work::ColdFrame, &mut || {
@@ -188,7 +186,7 @@ fn base(
         trainer.step()?;
     }
     let iteration = clock.timing(Work::BaseIteration, &mut || trainer.step())?;
-    let renderer = trainer.renderer();
+    let renderer = trainer.renderer()?;
     renderer.render(&setting.camera)?;
     let frame = clock.timing(Work::BaseFrame, &mut || Ok(renderer.render_unchecked(&setting.camera).map(drop)?))?;
     Ok([frame, iteration])

@@ -33,8 +33,6 @@ pub enum Stage {
     Blend,
     /// Colours of the sources at the median intersections.
     Warp,
-    /// The affine colour map to the first source, fitted and applied.
-    ExposureFit,
     /// Features and per-view MLP.
     Features,
     /// The hourglass.
@@ -69,7 +67,7 @@ pub enum Stage {
     PlanesBackward,
     /// Gradient of the projection.
     ProjectBackward,
-    /// Adam for Gaussians, network and exposure.
+    /// Adam for Gaussians and network.
     Adam,
     /// A kernel that none of the above has.
     Other(&'static str),
@@ -98,15 +96,14 @@ impl Work {
         !matches!(self, Work::BaseFrame | Work::BaseIteration)
     }
 
-    /// Its stages in order; `exposure`: with exposure correction.
-    pub fn stages(self, exposure: bool) -> Vec<Stage> {
-        let fit: &[Stage] = if exposure { &[ExposureFit] } else { &[] };
+    /// Its stages in order.
+    pub fn stages(self) -> Vec<Stage> {
         let frame: &[Stage] = &[Project, Sort, Planes, Blend, Warp];
         let network: &[Stage] = &[Features, Hourglass, Compose];
         match self {
             Work::BaseFrame => vec![Project, Sort, Blend],
-            Work::WarmFrame => [frame, fit, network].concat(),
-            Work::ColdFrame => [&[DepthMaps], frame, fit, network].concat(),
+            Work::WarmFrame => [frame, network].concat(),
+            Work::ColdFrame => [&[DepthMaps], frame, network].concat(),
             Work::BaseIteration => {
                 vec![Project, Sort, Blend, ImageLoss, ImageLossBackward, BlendBackward, ProjectBackward, Adam]
             }
@@ -114,7 +111,7 @@ impl Work {
                 let losses = [NormalLoss, PhotometricLoss, ImageLoss, ImageLossBackward, NormalLossBackward];
                 let back = [PhotometricLossBackward, ComposeBackward, HourglassWeights, HourglassBackward];
                 let last = [FeaturesBackward, WarpBackward, BlendBackward, PlanesBackward, ProjectBackward, Adam];
-                [frame, fit, network, &losses, &back, &last].concat()
+                [frame, network, &losses, &back, &last].concat()
             }
         }
     }
@@ -130,7 +127,6 @@ impl Stage {
             Planes => "planes",
             Blend => "blend",
             Warp => "warp",
-            ExposureFit => "exposure fit",
             Features => "features",
             Hourglass => "hourglass",
             Compose => "compose",
@@ -174,11 +170,10 @@ impl Stage {
             (_, "planes_backward") => PlanesBackward,
             (_, "project_backward") => ProjectBackward,
             ("rasterize", _) => Sort,
-            ("residual", "exposure_sums" | "exposure_solve" | "exposure_apply") => ExposureFit,
             ("residual", "residual_features" | "half_features") => Features,
             ("residual", "residual_compose") => Compose,
             ("residual", _) => Hourglass,
-            ("residual backward", "residual_compose_backward" | "exposure_apply_backward") => ComposeBackward,
+            ("residual backward", "residual_compose_backward") => ComposeBackward,
             ("residual backward", kernel) if kernel.starts_with("residual_features") => FeaturesBackward,
             ("residual backward", "residual_inputs_backward") => FeaturesBackward,
             (
@@ -198,10 +193,9 @@ mod tests {
     #[test]
     fn names_are_told_apart_and_every_stage_of_an_iteration_is_listed_once() {
         for work in Work::ALL {
-            let names: Vec<_> = work.stages(true).into_iter().map(Stage::name).collect();
+            let names: Vec<_> = work.stages().into_iter().map(Stage::name).collect();
             let distinct: std::collections::BTreeSet<_> = names.iter().collect();
             assert_eq!(distinct.len(), names.len(), "{work:?}");
-            assert!(work.stages(true).len() >= work.stages(false).len());
         }
         assert_eq!(Stage::of("residual", "residual_conv"), Hourglass);
         assert_eq!(Stage::of("residual backward", "residual_conv"), HourglassBackward);

@@ -1,11 +1,9 @@
 //! What the photos of neighbouring training views tell about a target view (method.md sections 4, 5 and 8).
 
 pub mod depth_cache;
-mod exposure;
 pub mod memory;
 pub mod source_store;
 pub mod sources;
 mod warp;
 
-pub use exposure::{ExposedColors, ExposureFit};
 pub use warp::{MAX_SOURCES, Reach, Seen, SourceView, WarpOptions, Warper};

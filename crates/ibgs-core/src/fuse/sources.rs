@@ -15,8 +15,7 @@
 
 use super::memory::MemoryBudget;
 use crate::camera::Camera;
-use crate::local_space::LocalSpace;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// Least distance of a source in the adaptive rule, times the spacing of the training cameras. The published 0.01 is this on
@@ -92,17 +91,6 @@ impl Default for SourceOptions {
     }
 }
 
-/// Which source comes first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum First {
-    /// The nearest one.
-    #[default]
-    Nearest,
-    /// The one whose pose relative to the target differs least from none, as exposure correction wants it: the exposure is
-    /// fitted to the first source (method.md section 8). The others follow by distance.
-    MostAlike,
-}
-
 /// Chooses the sources of any view among the training cameras.
 #[derive(Clone, Debug)]
 pub struct SourceFinder {
@@ -114,9 +102,6 @@ pub struct SourceFinder {
     fill: usize,
     kept: usize,
     used: usize,
-    first: First,
-    /// Scene units that count as one where rotations and places are compared.
-    unit: f64,
 }
 
 /// A training view as a candidate: distance, angle between the optical axes, index.
@@ -124,7 +109,7 @@ type Candidate = (f64, f64, usize);
 
 impl SourceFinder {
     /// Settles the thresholds for a scene's training cameras.
-    pub fn new(cameras: &[Camera], options: &SourceOptions, first: First) -> Self {
+    pub fn new(cameras: &[Camera], options: &SourceOptions) -> Self {
         let mut finder = Self {
             cameras: cameras.to_vec(),
             max_angle: options.max_angle_deg.to_radians(),
@@ -132,11 +117,6 @@ impl SourceFinder {
             fill: 0,
             kept: options.neighbours as usize,
             used: options.used as usize,
-            first,
-            unit: match options.distances {
-                Distances::Absolute => 1.0,
-                Distances::Adaptive => LocalSpace::of_cameras(cameras.iter()).unwrap_or_default().scale,
-            },
         };
         let usual = match options.distances {
             Distances::Absolute => PUBLISHED_DISTANCES,
@@ -194,15 +174,7 @@ impl SourceFinder {
         let [least, most] = self.distances;
         let found = self.by_distance(target, exclude, least);
         let near = found.iter().take_while(|candidate| candidate.0 <= most).count();
-        let mut chosen: Vec<usize> = found.iter().take(near.max(self.fill)).map(|candidate| candidate.2).collect();
-        if self.first == First::MostAlike {
-            let alike = |&at: &usize| pose_difference(target, &self.cameras[chosen[at]], self.unit);
-            if let Some(best) = (0..chosen.len()).min_by(|a, b| alike(a).total_cmp(&alike(b)).then(a.cmp(b))) {
-                chosen[..=best].rotate_right(1);
-            }
-        }
-        chosen.truncate(self.kept);
-        chosen
+        found.iter().take(near.max(self.fill)).map(|candidate| candidate.2).take(self.kept).collect()
     }
 
     /// Those of [`SourceFinder::neighbours`] that are read for the target: the first [`SourceOptions::used`].
@@ -215,15 +187,7 @@ impl SourceFinder {
 
 /// The sources of one target; for many targets of a scene make one [`SourceFinder`].
 pub fn neighbours(target: &Camera, exclude: Option<usize>, cameras: &[Camera], options: &SourceOptions) -> Vec<usize> {
-    SourceFinder::new(cameras, options, First::Nearest).neighbours(target, exclude)
-}
-
-/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries, places in so many scene units.
-fn pose_difference(target: &Camera, source: &Camera, unit: f64) -> f64 {
-    let rotation = source.view_from_world * target.view_from_world.transpose();
-    let translation = (source.translation - rotation * target.translation) / unit;
-    let turned = (rotation - DMat3::IDENTITY).to_cols_array();
-    (turned.iter().map(|v| v.abs()).sum::<f64>() + translation.abs().element_sum()) / 16.0
+    SourceFinder::new(cameras, options).neighbours(target, exclude)
 }
 
 /// The middle value, the lower one of two; none without any.

@@ -1,6 +1,5 @@
 //! `(1 - lambda) L1 + lambda (1 - SSIM)` of an image against a photo, as a burn autodiff operation.
 
-use super::exposure::{Exposed, ExposureScratch};
 use crate::dataset::Photo;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -95,18 +94,8 @@ pub struct LossScratch {
     partials: Buffer,
     /// (loss, L1, SSIM, MSE).
     pub stats: Buffer,
-    /// What the exposure scalars need.
-    exposure: ExposureScratch,
     pixels: usize,
     groups: usize,
-}
-
-impl LossScratch {
-    /// `[2]` f32: gradient by the exposure scalars (a, b), there once the backward pass of
-    /// [`ImageLoss::tracked_with_exposure`] is submitted; zero while its SSIM gate is closed.
-    pub fn v_scalars(&self) -> &Buffer {
-        &self.exposure.v_scalars
-    }
 }
 
 /// The image loss; owns its scratch memory.
@@ -128,8 +117,6 @@ struct Saved {
     target: Target,
     params: LossParams,
     scratch: Arc<Lease<LossScratch>>,
-    /// Exposure scalars (a, b) of the photo.
-    scalars: Option<Buffer>,
 }
 
 impl Backward<CubeBackend, 1> for LossBackward {
@@ -151,10 +138,6 @@ impl Saved {
         let buffers: [&Buffer; 5] = [&image, &self.target.texels, &self.scratch.moments, &upstream, &out];
         let [x, y] = self.params.tiles;
         pass.grid(&IMAGE_LOSS_BACKWARD, &buffers, bytes_of(&self.params), [x, y, 3]);
-        if let Some(scalars) = &self.scalars {
-            let exposed = Exposed { image: &image, photo: &self.target.texels, scalars, params: &self.params };
-            self.scratch.exposure.record_backward(&mut pass, &exposed, &self.scratch.stats, &upstream, &out);
-        }
         pass.submit();
         v_image
     }
@@ -177,18 +160,12 @@ impl ImageLoss {
             moments: self.gpu.allocate("SSIM moments", 36 * pixels as u64)?,
             partials: self.gpu.allocate("loss sums", 16 * groups as u64)?,
             stats: self.gpu.allocate("loss statistics", 16)?,
-            exposure: ExposureScratch::new(&self.gpu)?,
             pixels,
             groups,
         })
     }
 
-    fn forward(
-        &self,
-        image: CubeTensor,
-        target: &Target,
-        scalars: Option<&Buffer>,
-    ) -> Result<(CubeTensor, Saved), GpuError> {
+    fn forward(&self, image: CubeTensor, target: &Target) -> Result<(CubeTensor, Saved), GpuError> {
         let gpu = &*self.gpu;
         let [width, height] = target.size;
         assert_eq!(image.meta.shape()[..], [height as usize, width as usize, 3], "image and photo differ in size");
@@ -213,14 +190,9 @@ impl ImageLoss {
         pass.grid(&IMAGE_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
         let total: [&Buffer; 3] = [&scratch.partials, &bound_loss, &scratch.stats];
         pass.grid(&IMAGE_LOSS_TOTAL, &total, bytes_of(&params), [1, 1, 1]);
-        if let Some(scalars) = scalars {
-            let exposed = Exposed { image: &bound_image, photo: &target.texels, scalars, params: &params };
-            scratch.exposure.record(&mut pass, &exposed, &bound_loss, &scratch.stats);
-        }
         pass.submit();
         let scratch = Arc::new(self.pool.lease(scratch));
-        let (gpu, target, scalars) = (self.gpu.clone(), target.clone(), scalars.cloned());
-        let saved = Saved { gpu, image, target, params, scratch, scalars };
+        let saved = Saved { gpu: self.gpu.clone(), image, target: target.clone(), params, scratch };
         Ok((loss, saved))
     }
 
@@ -232,37 +204,10 @@ impl ImageLoss {
     /// # Panics
     /// When image and photo differ in size, or the image is not on the autodiff graph: bugs of ours.
     pub fn tracked(&self, image: Tensor<3>, target: &Target) -> Result<(Tensor<1>, Arc<Lease<LossScratch>>), GpuError> {
-        self.on_graph(image, target, None)
-    }
-
-    /// As [`ImageLoss::tracked`], with exp(a) image + b in place of the image in the L1 part while 1 - SSIM of the
-    /// unmodified image is under 0.5 (method.md section 8). `scalars` holds (a, b), `[2]` f32; the gradient by them is
-    /// [`LossScratch::v_scalars`]. Of the statistics only the loss itself knows of the exposure.
-    ///
-    /// # Errors
-    /// Not enough memory.
-    ///
-    /// # Panics
-    /// As [`ImageLoss::tracked`].
-    pub fn tracked_with_exposure(
-        &self,
-        image: Tensor<3>,
-        target: &Target,
-        scalars: &Buffer,
-    ) -> Result<(Tensor<1>, Arc<Lease<LossScratch>>), GpuError> {
-        self.on_graph(image, target, Some(scalars))
-    }
-
-    fn on_graph(
-        &self,
-        image: Tensor<3>,
-        target: &Target,
-        scalars: Option<&Buffer>,
-    ) -> Result<(Tensor<1>, Arc<Lease<LossScratch>>), GpuError> {
         type Ad = Autodiff<CubeBackend>;
         let image = image.try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
         let node = image.node();
-        let (loss, saved) = self.forward(burn_wgpu::into_contiguous(image.into_primitive()), target, scalars)?;
+        let (loss, saved) = self.forward(burn_wgpu::into_contiguous(image.into_primitive()), target)?;
         let scratch = saved.scratch.clone();
         let output = match LossBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
             OpsKind::Tracked(prep) => prep.finish(saved, loss),

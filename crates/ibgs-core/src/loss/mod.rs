@@ -1,11 +1,9 @@
 //! Losses (method.md section 7).
 
-mod exposure;
 mod image;
 mod normal;
 mod photometric;
 
-pub use exposure::{ExposureAdam, ExposureScalars, ExposureState};
 pub use image::{ImageLoss, ImageStats, LossScratch, Outside, Target};
 pub use normal::{NormalLoss, SurfaceBuffers};
 pub use photometric::PhotometricLoss;

@@ -7,11 +7,10 @@ use super::hourglass::Hourglass;
 use super::path::Path;
 use super::variant::{Precision, Variant};
 use crate::camera::Camera;
-use crate::fuse::{ExposedColors, ExposureFit, Seen};
+use crate::fuse::Seen;
 use crate::gpu::buffer::{from_primitive, primitive};
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::loss::Target;
 use burn::backend::Autodiff;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -31,9 +30,6 @@ pub struct ResidualTask {
     pub seen: Arc<Lease<Seen>>,
     /// Factor of the base colour in the final one: under 1 during burn-in.
     pub gain: f32,
-    /// The target's photo, in training: with exposure correction the final image has its exposure, and that of the first source
-    /// where there is none.
-    pub photo: Option<Target>,
 }
 
 /// Runs the residual network; owns its scratch memory.
@@ -42,7 +38,6 @@ pub struct Residual {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Scratch>>,
     variant: Variant,
-    exposure: bool,
     /// In half precision on the matrix units.
     half: bool,
 }
@@ -54,25 +49,12 @@ struct Scratch {
     size: [u32; 2],
     slots: u32,
     backward: Option<BackwardScratch>,
-    exposure: Option<Exposure>,
-}
-
-/// Exposure correction: the fits, and the colours that they corrected.
-#[derive(Debug)]
-struct Exposure {
-    fit: ExposureFit,
-    /// Base colour, `[P, 3]`.
-    base: Buffer,
-    /// Warped colours, `[V, P, 4]`.
-    warped: Buffer,
 }
 
 #[derive(Debug)]
 struct BackwardScratch {
     features: FeatureScratch,
     v_residual: Buffer,
-    /// Gradient by the corrected base colour.
-    v_corrected: Option<Buffer>,
 }
 
 const LABEL: &str = "residual";
@@ -121,29 +103,12 @@ impl Saved {
         let [base, warped, weights, image] = [&self.base, &self.warped, &self.weights, &self.image].map(Gpu::bind);
         let (scratch, seen) = (&self.scratch, &self.task.seen);
         pass.relabel(LABEL);
-        if let Some(exposure) = &scratch.exposure {
-            let colors = self.exposed(&base, &warped);
-            exposure.fit.record_fit(pass, &colors, self.task.photo.as_ref().map(|photo| &photo.texels));
-            exposure.fit.record_apply(pass, &colors, &exposure.base, &exposure.warped);
-        }
-        let [colour, warped] = self.colors([&base, &warped]);
-        let inputs = feature_inputs(seen, colour, warped, &weights);
+        let inputs = feature_inputs(seen, &base, &warped, &weights);
         scratch.network.record_input(pass, &self.features(), &inputs);
         scratch.network.forward(pass, &weights);
         let residual = scratch.network.residual();
-        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.slots, base: colour, residual, image: &image };
+        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.slots, base: &base, residual, image: &image };
         self.compose().record(pass, &buffers);
-    }
-
-    fn exposed<'a>(&'a self, base: &'a Buffer, warped: &'a Buffer) -> ExposedColors<'a> {
-        let Scratch { size, slots, .. } = **self.scratch;
-        let (seen, sources, reach) = (&self.task.seen.slots, self.task.seen.sources, self.variant.reach);
-        ExposedColors { base, warped, seen, slots, sources, reach, size }
-    }
-
-    /// Base and warped colours as the network reads them.
-    fn colors<'a>(&'a self, plain: [&'a Buffer; 2]) -> [&'a Buffer; 2] {
-        self.scratch.exposure.as_ref().map_or(plain, |exposure| [&exposure.base, &exposure.warped])
     }
 
     /// Gradients by base colour, warped colours (both only where `inputs_learn`) and weights.
@@ -156,28 +121,22 @@ impl Saved {
         let (scratch, seen) = (&self.scratch, &self.task.seen);
         let own = scratch.backward.as_ref().expect("a tracked pass has memory for its gradients");
         let mut pass = Pass::new(gpu, "residual backward");
-        let [colour, shifted] = self.colors([&base, &warped]);
-        let v_colour: &Buffer = own.v_corrected.as_ref().unwrap_or(&b_base);
         let composed = ComposeGradients {
             active: &seen.active,
             seen: &seen.slots,
             v_image: &v_image,
             v_residual: &own.v_residual,
-            v_base: v_colour,
+            v_base: &b_base,
         };
         self.compose().record_backward(&mut pass, &composed);
         scratch.network.backward(&mut pass, &weights, &own.v_residual, &b_weights);
-        let inputs = feature_inputs(seen, colour, shifted, &weights);
+        let inputs = feature_inputs(seen, &base, &warped, &weights);
         let v_x = scratch.network.v_x();
         let gradients = FeatureGradients { v_x, v_weights: &b_weights, scratch: &own.features };
         self.features().record_backward(&mut pass, &inputs, &gradients);
         if inputs_learn {
-            let v = InputGradients { v_warped: &b_warped, v_base: v_colour };
+            let v = InputGradients { v_warped: &b_warped, v_base: &b_base };
             self.features().record_inputs_backward(&mut pass, &inputs, &gradients, &v);
-            if let Some(Exposure { fit, .. }) = &scratch.exposure {
-                pass.clear(&b_base);
-                fit.record_apply_backward(&mut pass, &self.exposed(&base, &warped), [v_colour, &b_warped], &b_base);
-            }
         }
         pass.submit();
         [inputs_learn.then_some(v_base), inputs_learn.then_some(v_warped), Some(v_weights)]
@@ -189,10 +148,10 @@ fn feature_inputs<'a>(seen: &'a Seen, base: &'a Buffer, warped: &'a Buffer, weig
 }
 
 impl Residual {
-    /// A residual stage without any memory yet; `exposure`: base and warped colours are first brought to one exposure.
-    pub fn new(gpu: Arc<Gpu>, variant: Variant, exposure: bool, precision: Precision) -> Self {
+    /// A residual stage without any memory yet.
+    pub fn new(gpu: Arc<Gpu>, variant: Variant, precision: Precision) -> Self {
         let half = precision == Precision::Auto && choice::pays(&gpu);
-        Self { gpu, pool: Arc::default(), variant, exposure, half }
+        Self { gpu, pool: Arc::default(), variant, half }
     }
 
     /// Whether an image of this size is large enough for the network at its factor; a smaller one has no residual.
@@ -209,19 +168,10 @@ impl Residual {
         }
         self.pool.clear();
         let low = self.variant.factor.size(size);
-        let image = 12 * u64::from(size[0]) * u64::from(size[1]);
-        let exposure = || {
-            Ok(Exposure {
-                fit: ExposureFit::new(gpu)?,
-                base: gpu.allocate("corrected base colour", image)?,
-                warped: gpu.allocate("corrected warped colours", image / 3 * 4 * u64::from(slots))?,
-            })
-        };
         let backward = || {
             Ok(BackwardScratch {
                 features: Features::new(&task.camera, slots, self.variant).scratch(gpu)?,
                 v_residual: gpu.allocate("residual gradients", 12 * u64::from(low[0]) * u64::from(low[1]))?,
-                v_corrected: self.exposure.then(|| gpu.allocate("base gradients", image)).transpose()?,
             })
         };
         Ok(Scratch {
@@ -229,7 +179,6 @@ impl Residual {
             size,
             slots,
             backward: gradients.then(backward).transpose()?,
-            exposure: self.exposure.then(exposure).transpose()?,
         })
     }
 

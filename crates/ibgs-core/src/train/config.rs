@@ -8,7 +8,7 @@ mod defaults;
 mod stages;
 
 pub use crate::fuse::sources::SourceOptions;
-pub use stages::{ExposureConfig, ResidualConfig, SurfaceConfig};
+pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
 
 use crate::dataset::{Alpha, ColorSpace, Masks};
 use crate::files::{self, TomlError, WriteError};

@@ -4,6 +4,7 @@ mod background;
 pub mod checkpoint;
 pub mod config;
 pub mod densify;
+mod exposing;
 mod filter;
 pub mod optim;
 pub mod output;

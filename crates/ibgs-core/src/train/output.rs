@@ -5,6 +5,7 @@
 //! multi_view.json                                      sources of each view
 //! point_cloud/iteration_N/point_cloud.ply
 //! point_cloud/iteration_N/residual_network.safetensors from the first iteration with a residual on
+//! point_cloud/iteration_N/exposure.json                where the photos' exposures were corrected
 //! {test,train}/ours_N/OUTPUT/NAME.png                  OUTPUT: gt, renders, renders_aggregate, predicted_residual,
 //!                                                      renders_depth, renders_normal, visibility
 //! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
@@ -33,13 +34,14 @@ pub use error::OutputError;
 
 use super::config::{Method, TrainConfig};
 use crate::dataset::Dataset;
+use crate::exposure::{self, Exposure};
 use crate::files::{self, WriteError};
-use crate::fuse::sources::First;
 use crate::residual::weights;
 use crate::scene::write_points_ply;
 use cameras::{CameraRecord, Split};
 use multi_view::ViewSources;
 use results::{Protocol, Scored, ViewScore};
+use std::collections::HashMap;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
@@ -139,6 +141,33 @@ impl OutputFolder {
     /// Where the residual network of an iteration is saved: beside its point cloud.
     pub fn network_save_path(&self, iteration: u32) -> PathBuf {
         self.point_cloud_path(iteration).with_file_name(weights::FILE_NAME)
+    }
+
+    /// Where the photos' exposures of an iteration are saved: beside its point cloud.
+    pub fn exposure_path(&self, iteration: u32) -> PathBuf {
+        self.point_cloud_path(iteration).with_file_name(exposure::FILE_NAME)
+    }
+
+    /// Writes the training photos' exposures, in the order of the training views.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn write_exposures(&self, iteration: u32, dataset: &Dataset, photos: &[Exposure]) -> Result<(), OutputError> {
+        let names = dataset.train.iter().map(|&view| dataset.views[view].name.as_str());
+        Ok(write_json(&self.exposure_path(iteration), &exposure::to_json(names.zip(photos)))?)
+    }
+
+    /// Reads the photos' exposures of an iteration by name; none where none were corrected.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Damaged`] naming the photo.
+    pub fn read_exposures(&self, iteration: u32) -> Result<Option<HashMap<String, Exposure>>, OutputError> {
+        let path = self.exposure_path(iteration);
+        match fs::read_to_string(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(source) => Err(OutputError::Read { path, source }),
+            Ok(text) => exposure::from_json(&text).map(Some).map_err(|reason| OutputError::Damaged { path, reason }),
+        }
     }
 
     /// The residual network of an iteration, ours or the published code's; none where there is none.
@@ -254,8 +283,7 @@ impl OutputFolder {
         write_json(&self.root.join("split.json"), &cameras::split_json(&records))?;
         write_points_ply(&self.root.join("input.ply"), &dataset.points, dataset.space())?;
         if config.method == Method::Ibgs {
-            let first = if config.exposure.enabled { First::MostAlike } else { First::Nearest };
-            self.write_multi_view(&multi_view::records(dataset, &config.sources, first))?;
+            self.write_multi_view(&multi_view::records(dataset, &config.sources))?;
         }
         Ok(())
     }

@@ -66,6 +66,12 @@ pub struct Schedule {
     pub eval_iterations: Vec<u32>,
     /// Iterations to save at, besides the last.
     pub save_iterations: Vec<u32>,
+    /// Exposures are learned after this iteration.
+    pub exposure_start: u32,
+    /// `auto` decides after this iteration whether they stay corrected.
+    pub exposure_decision: u32,
+    /// Learning rates of the exposures at the start and at the end.
+    pub exposure_lr: [f64; 2],
     /// Milestones of the image-based stages; none for plain splatting.
     pub stages: Option<Stages>,
 }
@@ -101,7 +107,7 @@ impl Schedule {
             Some(list) => list.clone(),
             None => vec![scaled(FIRST_REPORT)],
         };
-        let rates = &config.learning_rates;
+        let (rates, exposure) = (&config.learning_rates, &config.exposure);
         let reference_end = match densify.strategy {
             Strategy::Default => 21_000,
             Strategy::Mcmc => 25_000,
@@ -129,6 +135,9 @@ impl Schedule {
             eval_every: config.eval_every,
             eval_iterations: reports(&config.eval_iterations),
             save_iterations: reports(&config.save_iterations),
+            exposure_start: exposure.from.unwrap_or_else(|| scaled(1_000)),
+            exposure_decision: exposure.decided_at.unwrap_or_else(|| scaled(10_000)),
+            exposure_lr: [exposure.learning_rate, exposure.final_learning_rate],
             stages: Stages::new(config, n_iterations, scaled),
         }
     }
@@ -150,6 +159,17 @@ impl Schedule {
         let t = f64::from(iteration) / f64::from(self.mean_iterations.max(1));
         let (first, last) = (self.mean_lr_initial.ln(), self.mean_lr_final.ln());
         extent * (first + (last - first) * t.min(1.0)).exp()
+    }
+
+    /// Whether the photos' exposures are learned in this iteration, where they are.
+    pub fn exposure_at(&self, iteration: u32) -> bool {
+        iteration > self.exposure_start
+    }
+
+    /// Learning rate of the photos' exposures: log-linear from the first to the last.
+    pub fn exposure_lr(&self, iteration: u32) -> f64 {
+        let [first, last] = self.exposure_lr.map(f64::ln);
+        (first + (last - first) * self.progress(iteration)).exp()
     }
 
     /// Whether Gaussians are still densified by their gradients at or after `iteration`, so that these must be observed.

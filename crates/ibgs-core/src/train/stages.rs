@@ -1,5 +1,5 @@
 //! The image-based part of a training iteration (method.md section 7): surface losses from the photos of neighbouring views,
-//! the residual network, exposure.
+//! the residual network.
 
 use super::checkpoint::NetworkState;
 use super::config::{AdamConfig, TrainConfig};
@@ -7,6 +7,7 @@ use super::optim::TensorOptimizer;
 use super::schedule::Schedule;
 use super::step::TrainError;
 use crate::camera::Camera;
+use crate::exposure::{Exposer, Exposures};
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
 use crate::fuse::sources::{Draw, SourceFinder};
@@ -14,10 +15,7 @@ use crate::fuse::{SourceView, Warper};
 use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::loss::{
-    ExposureAdam, ExposureScalars, ExposureState, ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers,
-    Target,
-};
+use crate::loss::{ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers, Target};
 use crate::raster::{Forward, RasterView, Rasterizer, Room, Surface};
 use crate::render::{ImageOptions, ImagePart};
 use crate::residual::{Residual, ResidualNetwork, ResidualTask};
@@ -45,13 +43,11 @@ pub(super) struct ImageStages {
     photometric_loss: PhotometricLoss,
     network: ResidualNetwork,
     network_optimizer: TensorOptimizer,
-    exposure: Option<ExposureScalars>,
 }
 
 /// What the image-based stages keep, on the host.
 pub(super) struct StagesState {
     pub network: NetworkState,
-    pub exposure: Option<Vec<ExposureState>>,
     pub depths: BTreeMap<usize, Vec<f32>>,
 }
 
@@ -62,12 +58,25 @@ pub(super) struct Work<'a> {
     pub index: usize,
     pub target: &'a Target,
     pub image: &'a Tensor<3>,
+    /// The image in the photo's exposure.
+    pub shown: &'a Tensor<3>,
+    /// Where exposures are corrected.
+    pub exposed: Option<Exposed<'a>>,
+    /// The view's sources.
+    pub sources: &'a [usize],
     pub forward: &'a Forward,
     pub loss: &'a ImageLoss,
     pub schedule: &'a Schedule,
     pub photos: &'a SourceStore,
     pub raster: &'a Rasterizer,
     pub splats: &'a Splats,
+}
+
+/// The exposures of a view and its sources, and what applies them.
+#[derive(Clone, Copy)]
+pub(super) struct Exposed<'a> {
+    pub exposer: &'a Exposer,
+    pub exposures: &'a Arc<Lease<Exposures>>,
 }
 
 /// The whole loss of an iteration.
@@ -78,8 +87,6 @@ pub(super) struct Total {
     surface_loss: Option<Tensor<1>>,
     /// Statistics of the image that counts: the final one where there is one.
     pub scratch: Arc<Lease<LossScratch>>,
-    /// The base image's, which holds the exposure's gradient.
-    base_scratch: Arc<Lease<LossScratch>>,
     /// The network's weights as a leaf.
     weights: Option<Tensor<1>>,
 }
@@ -87,7 +94,7 @@ pub(super) struct Total {
 impl Total {
     /// A total of the base image's loss alone.
     pub fn base(loss: Tensor<1>, scratch: Arc<Lease<LossScratch>>) -> Self {
-        Self { image_loss: loss, surface_loss: None, base_scratch: scratch.clone(), scratch, weights: None }
+        Self { image_loss: loss, surface_loss: None, scratch, weights: None }
     }
 
     fn add_surface_loss(&mut self, loss: Tensor<1>) {
@@ -111,27 +118,23 @@ impl ImageStages {
     pub fn new(gpu: &Arc<Gpu>, cameras: [&Arc<[Camera]>; 2], config: &TrainConfig) -> Result<Self, GpuError> {
         let [scene_cameras, cameras] = cameras;
         let options = ImageOptions::new(config);
-        let finder = SourceFinder::new(scene_cameras, &options.sources, options.first());
+        let finder = SourceFinder::new(scene_cameras, &options.sources);
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = ResidualNetwork::init(gpu, config.seed);
         let residual = &config.residual;
         let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
-        let e = &config.exposure;
-        let scalars = ExposureAdam { rate: e.learning_rate, beta1: e.beta1, beta2: e.beta2, eps: e.epsilon };
-        let exposure = e.enabled.then(|| ExposureScalars::new(gpu, cameras.len(), scalars)).transpose()?;
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,
             // All of them: one that is rendered anew would be of another model, and the training another one.
             depths: DepthCache::new(None),
             warper: Warper::new(gpu.clone(), options.warp()),
-            residual: Residual::new(gpu.clone(), options.variant, options.exposure, options.precision),
+            residual: Residual::new(gpu.clone(), options.variant, options.precision),
             normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
             photometric_loss: PhotometricLoss::new(gpu.clone(), config.surface.photometric_weight as f32),
             network_optimizer: TensorOptimizer::new(gpu, &primitive(network.weights.val()), adam)?,
             gpu: gpu.clone(),
             network,
-            exposure,
             cameras: cameras.clone(),
             options,
         })
@@ -142,34 +145,25 @@ impl ImageStages {
         self.network_optimizer.record_check(pass, broken);
     }
 
-    /// Network, exposures and, where `all` is wanted, depth maps on the host; waits for the GPU.
+    /// Network and, where `all` is wanted, depth maps on the host; waits for the GPU.
     pub fn state(&mut self, all: bool) -> Result<StagesState, TrainError> {
         let (moments, steps) = self.network_optimizer.state(&self.gpu)?;
         let network = NetworkState { weights: self.network.to_values()?, moments, steps };
-        let exposure = self.exposure.as_ref().map(|exposure| exposure.states(&self.gpu)).transpose()?;
         let mut depths = BTreeMap::new();
         for (view, camera) in self.cameras.iter().enumerate().filter(|_| all) {
             if let Some(map) = self.depths.get(view) {
                 depths.insert(view, self.gpu.read(&map, camera.pixels())?);
             }
         }
-        Ok(StagesState { network, exposure, depths })
+        Ok(StagesState { network, depths })
     }
 
     /// Goes on from there; a depth map that is not there is made anew when it is needed.
-    pub fn restore(
-        &mut self,
-        network: &NetworkState,
-        exposure: Option<&[ExposureState]>,
-        depths: &BTreeMap<usize, Vec<f32>>,
-    ) -> Result<(), TrainError> {
+    pub fn restore(&mut self, network: &NetworkState, depths: &BTreeMap<usize, Vec<f32>>) -> Result<(), TrainError> {
         self.network = ResidualNetwork::from_values(&self.gpu, &network.weights)?;
         self.network_optimizer =
             TensorOptimizer::new(&self.gpu, &primitive(self.network.weights.val()), self.network_optimizer.config())?;
         self.network_optimizer.restore(&self.gpu, &network.moments, network.steps)?;
-        if let (Some(now), Some(states)) = (&mut self.exposure, exposure) {
-            *now = ExposureScalars::from_states(&self.gpu, states, now.adam)?;
-        }
         self.depths.clear();
         for (&view, depth) in depths {
             self.depths.insert(view, self.gpu.upload("median depth", depth)?);
@@ -205,20 +199,13 @@ impl ImageStages {
 
     /// The iteration's loss, of which L_img(base) is always a part.
     pub fn total(&mut self, work: &Work) -> Result<Total, GpuError> {
-        let scalars = self.exposure.as_ref().filter(|_| work.schedule.exposure_at(work.iteration));
-        let (base_loss, base_scratch) = match scalars {
-            Some(scalars) => {
-                let scalars = scalars.scalars(work.index);
-                work.loss.tracked_with_exposure(work.image.clone(), work.target, &scalars)?
-            }
-            None => work.loss.tracked(work.image.clone(), work.target)?,
-        };
-        let mut total = Total::base(base_loss, base_scratch);
+        let (base_loss, scratch) = work.loss.tracked(work.shown.clone(), work.target)?;
+        let mut total = Total::base(base_loss, scratch);
         if work.schedule.normal_loss_at(work.iteration) {
             let surface = surface_buffers(work.forward.surface().expect("the surface stage has one"));
             total.add_surface_loss(self.normal_loss.tracked(work.image, &surface, work.target)?);
         }
-        if work.schedule.surface_loss_at(work.iteration) && !self.neighbours[work.index].is_empty() {
+        if !work.sources.is_empty() {
             self.add_sources(work, &mut total)?;
         }
         Ok(total)
@@ -228,19 +215,22 @@ impl ImageStages {
     fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
         let sources = self.sources(work)?;
         let (warped, seen) = self.warper.tracked(work.image, work.forward, &sources)?;
+        let warped = match work.exposed {
+            Some(Exposed { exposer, exposures }) => exposer.tracked_warped(warped, &seen, exposures),
+            None => warped,
+        };
         total.add_surface_loss(self.photometric_loss.tracked(warped.clone(), &seen.slots, work.target)?);
         let camera = self.cameras[work.index];
         if !work.schedule.residual_at(work.iteration) || !self.residual.fits(&camera) {
             return Ok(());
         }
         let burn_in = work.schedule.burn_in(work.iteration);
-        let photo = Some(work.target.clone());
-        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32, photo };
+        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
         let weights = self.network.weights.val().autodiff().require_grad();
         // During burn-in only the network learns from the final image.
         let (base, warped) = match burn_in {
-            Some(_) => (work.image.clone().detach(), warped.detach()),
-            None => (work.image.clone(), warped),
+            Some(_) => (work.shown.clone().detach(), warped.detach()),
+            None => (work.shown.clone(), warped),
         };
         let image = self.residual.tracked(&task, base, warped, weights.clone())?;
         let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
@@ -251,10 +241,9 @@ impl ImageStages {
     }
 
     fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {
-        let chosen = self.sources_of(work.index, work.iteration);
-        let photos = work.photos.photos(&chosen)?;
-        let mut views = Vec::with_capacity(chosen.len());
-        for (&index, photo) in chosen.iter().zip(photos) {
+        let photos = work.photos.photos(work.sources)?;
+        let mut views = Vec::with_capacity(work.sources.len());
+        for (&index, photo) in work.sources.iter().zip(photos) {
             let camera = self.cameras[index];
             let view =
                 RasterView { surface: Some(self.options.surface), ..RasterView::new(camera, work.splats.sh_degree()) };
@@ -265,23 +254,20 @@ impl ImageStages {
         Ok(views)
     }
 
-    /// Steps the network and the exposure, and keeps the view's median depth.
+    /// Steps the network, and keeps the view's median depth.
     pub fn finish(&mut self, work: &Work, total: &Total, gradients: &mut Gradients) -> Result<(), GpuError> {
         if let Some(gradient) = total.weights.as_ref().and_then(|weights| weights.grad_remove(gradients)) {
             let rate = work.schedule.network_lr(work.iteration);
             self.network_optimizer.step(&self.gpu, &primitive(gradient), rate);
         }
-        let mut pass = Pass::new(&self.gpu, "image stages");
-        if let Some(exposure) = self.exposure.as_mut().filter(|_| work.schedule.exposure_at(work.iteration)) {
-            exposure.record_step(&mut pass, work.index, total.base_scratch.v_scalars());
-        }
         if let Some(surface) = work.forward.surface() {
             let Camera { width, height, .. } = self.cameras[work.index];
             let bytes = 4 * u64::from(width) * u64::from(height);
             let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", bytes))?;
+            let mut pass = Pass::new(&self.gpu, "image stages");
             pass.copy(&surface.median_depth, &kept, 0, bytes);
+            pass.submit();
         }
-        pass.submit();
         Ok(())
     }
 }

@@ -6,13 +6,15 @@ use super::background::iteration_background;
 use super::checkpoint::CheckpointError;
 use super::config::{Method, Strategy, TrainConfig};
 use super::densify::{self, Over, Round, Statistics, mcmc};
+use super::exposing::Exposing;
 use super::filter::FilterSizes;
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
-use super::stages::{ImageStages, Total, Work};
+use super::stages::{Exposed, ImageStages, Total, Work};
 use super::telemetry::{Recorder, Telemetry};
 use crate::camera::{Camera, scene_extent, usable_extent};
 use crate::dataset::{Dataset, Masks, Point};
+use crate::exposure::ExposureField;
 use crate::fuse::source_store::SourceStore;
 use crate::gpu::{Gpu, GpuError, Pass};
 use crate::loss::{ImageLoss, Outside, Target};
@@ -75,6 +77,8 @@ pub struct Trainer {
     statistics: Statistics,
     /// The 3D smoothing filter, where there is one.
     filters: Option<FilterSizes>,
+    /// The photos' exposures, where they are corrected.
+    exposing: Option<Exposing>,
     recorder: Recorder,
     telemetry: Telemetry,
     /// Cameras of the training views, in local coordinates.
@@ -178,6 +182,7 @@ impl Trainer {
             optimizer: Optimizer::new(&gpu, &splats, config.adam.clone(), image_based)?,
             statistics: Statistics::new(&gpu, splats.len())?,
             filters,
+            exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),
@@ -218,11 +223,24 @@ impl Trainer {
         view
     }
 
-    /// A renderer of the model as it is now; it shares the model's memory, so use it before the next step.
-    pub fn renderer(&self) -> Renderer {
+    /// A renderer of the model as it is now; it shares the model's memory, so use it before the next step. Where exposures are
+    /// corrected it waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn renderer(&self) -> Result<Renderer, GpuError> {
         let residual = self.stages.as_ref().filter(|_| self.schedule.residual_at(self.iteration));
         let part = residual.map(|stages| stages.part(self.scene_cameras.clone(), self.photos.clone()));
-        Renderer::new(self.raster.clone(), self.splats.clone(), self.background(), part)
+        let renderer = Renderer::new(self.raster.clone(), self.splats.clone(), self.background(), part);
+        Ok(renderer.with_exposure(self.exposure()?))
+    }
+
+    /// The photos' exposures as they are now; none where they are not corrected. Waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn exposure(&self) -> Result<Option<ExposureField>, GpuError> {
+        self.exposing.as_ref().map(|exposing| exposing.field(&self.scene_cameras)).transpose()
     }
 
     /// Colour behind the Gaussians.
@@ -274,6 +292,12 @@ impl Trainer {
         self.overflowed
     }
 
+    /// Sources of a training view in this iteration; none where they do not count yet.
+    fn sources(&self, index: usize) -> Vec<usize> {
+        let stages = self.stages.as_ref().filter(|_| self.schedule.surface_loss_at(self.iteration));
+        stages.map_or_else(Vec::new, |stages| stages.sources_of(index, self.iteration))
+    }
+
     fn next_view(&mut self) -> usize {
         if self.queue.is_empty() {
             self.queue = (0..self.cameras.len()).collect();
@@ -304,11 +328,21 @@ impl Trainer {
         let target = self.target(index)?;
         let leaves = Leaves::new(&self.splats);
         let (image, forward) = self.raster.tracked(&leaves, &self.view(index))?;
+        let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
+        let sources = self.sources(index);
+        let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
+        let exposed = exposing
+            .zip(exposures.as_ref())
+            .map(|(exposing, exposures)| Exposed { exposer: &exposing.exposer, exposures });
+        let shown = exposed.map_or_else(|| image.clone(), |e| e.exposer.tracked(&image, &forward, e.exposures));
         let work = Work {
             iteration,
             index,
             target: &target,
             image: &image,
+            shown: &shown,
+            exposed,
+            sources: &sources,
             forward: &forward,
             loss: &self.loss,
             schedule: &self.schedule,
@@ -318,13 +352,16 @@ impl Trainer {
         };
         let total = match &mut self.stages {
             Some(stages) => stages.total(&work)?,
-            None => self.loss.tracked(image.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
+            None => self.loss.tracked(shown.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
         };
         let mut gradients = total.loss().backward();
         if let Some(stages) = &mut self.stages {
             stages.finish(&work, &total, &mut gradients)?;
         }
         let mut gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
+        if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &exposures) {
+            exposing.step(index, exposures, self.schedule.exposure_lr(iteration));
+        }
         let is_mcmc = self.config.densify.strategy == Strategy::Mcmc;
         if is_mcmc {
             mcmc::penalise(&mut gradients, &self.splats, &self.config.densify.mcmc);
@@ -382,6 +419,11 @@ impl Trainer {
     fn restructure(&mut self) -> Result<(), TrainError> {
         if self.schedule.densify_at(self.iteration) {
             self.densify()?;
+        }
+        if let Some(exposing) = &self.exposing
+            && exposing.is_idle_at(self.iteration, &self.schedule)?
+        {
+            self.exposing = None;
         }
         if self.schedule.reset_opacity_at(self.iteration) {
             self.optimizer.reset_opacity(&self.gpu, self.config.opacity_reset.max_opacity);

@@ -4,9 +4,9 @@ mod file;
 
 use super::config::TrainConfig;
 use super::telemetry::{RecorderState, Telemetry};
+use crate::exposure::{Exposure, ExposureState};
 use crate::files::WriteError;
 use crate::local_space::LocalSpace;
-use crate::loss::ExposureState;
 use crate::residual::layers::WEIGHTS;
 use crate::scene::Gaussians;
 use rand_chacha::ChaCha8Rng;
@@ -150,11 +150,14 @@ impl Checkpoint {
         self.state.iteration
     }
 
+    /// The training photos' exposures; none where they are not corrected.
+    pub fn exposures(&self) -> Option<Vec<Exposure>> {
+        self.state.exposure.as_ref().map(|states| states.iter().map(|state| state.exposure).collect())
+    }
+
     /// Whether every number of the model and its optimiser is finite.
     pub fn is_finite(&self) -> bool {
-        let exposures = self.state.exposure.iter().flatten();
-        let numbers = exposures.flat_map(|e| [e.scalars, e.moment1, e.moment2]).flatten();
-        numbers.into_iter().all(f32::is_finite)
+        self.state.exposure.iter().flatten().all(ExposureState::is_finite)
             && self.tensors().iter().all(|(_, values)| values.iter().all(|v| v.is_finite()))
     }
 

@@ -1,7 +1,6 @@
 //! Which values of the options make sense.
 
 use super::{ConfigError, DensifyConfig, ExposureConfig, LearningRates, ResidualConfig, SourceOptions, TrainConfig};
-use crate::residual::Precision;
 use crate::scene::MAX_SH_DEGREE;
 use crate::train::densify::mcmc;
 
@@ -119,8 +118,6 @@ impl TrainConfig {
             ],
         )?;
         check_residual(&self.residual, &check)?;
-        let full = !self.deterministic || self.residual.precision == Precision::Full;
-        check.require(full, "residual.precision", "`auto`", "with `deterministic` it must be `full`")?;
         check_exposure(&self.exposure, &check)
     }
 
@@ -252,7 +249,9 @@ fn check_exposure(exposure: &ExposureConfig, check: &Check<'_>) -> Result<(), Co
     check.numbers(
         "exposure.",
         &[
-            ("learning-rate", exposure.learning_rate, Range::NotNegative),
+            ("least-spread", exposure.least_spread, Range::NotNegative),
+            ("learning-rate", exposure.learning_rate, Range::Positive),
+            ("final-learning-rate", exposure.final_learning_rate, Range::Positive),
             ("beta1", exposure.beta1, Range::Decay),
             ("beta2", exposure.beta2, Range::Decay),
             ("epsilon", f64::from(exposure.epsilon as f32), Range::Positive),

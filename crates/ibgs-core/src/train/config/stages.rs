@@ -1,4 +1,4 @@
-//! Options of the image-based stages: surface losses, residual network, exposure (method.md sections 3, 6, 7 and 8).
+//! Options of the image-based stages, surface losses and residual network (method.md sections 3, 6 and 7), and of exposure.
 
 use crate::residual::variant::{Aggregation, Inputs, Output, Precision};
 use serde::{Deserialize, Serialize};
@@ -13,9 +13,9 @@ pub struct SurfaceConfig {
     pub start: Option<u32>,
     /// The normal loss begins after this iteration, and not before `start`; unset: with `start`.
     pub normal_from: Option<u32>,
-    /// Weight of the normal loss.
+    /// Weight of the normal loss (published: 0.03).
     pub normal_weight: f64,
-    /// Weight of the photometric loss.
+    /// Weight of the photometric loss (published: 0.3).
     pub photometric_weight: f64,
 }
 
@@ -44,7 +44,8 @@ pub struct ResidualConfig {
     pub dropout: f64,
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's.
     pub factor: f64,
-    /// In training; `auto`: in half precision on matrix units where they pass a test; `full`: float32.
+    /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
+    /// float32.
     pub precision: Precision,
     /// What the network reads: `differences`, `source-colors`, `differences-only`.
     pub inputs: Inputs,
@@ -54,16 +55,75 @@ pub struct ResidualConfig {
     pub aggregation: Aggregation,
 }
 
-/// Exposure correction (method.md section 8).
+/// Whether the photos' exposures are corrected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", from = "SwitchText")]
+pub enum ExposureSwitch {
+    /// Not at all.
+    Off,
+    /// In the whole run.
+    On,
+    /// As long as they are seen to differ, see [`ExposureConfig::least_spread`].
+    #[default]
+    Auto,
+}
+
+/// What a file may say: true and false are of earlier versions.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum SwitchText {
+    Flag(bool),
+    Word(SwitchWord),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum SwitchWord {
+    Off,
+    On,
+    Auto,
+}
+
+impl From<SwitchText> for ExposureSwitch {
+    fn from(text: SwitchText) -> Self {
+        match text {
+            SwitchText::Flag(false) | SwitchText::Word(SwitchWord::Off) => Self::Off,
+            SwitchText::Flag(true) | SwitchText::Word(SwitchWord::On) => Self::On,
+            SwitchText::Word(SwitchWord::Auto) => Self::Auto,
+        }
+    }
+}
+
+impl std::str::FromStr for ExposureSwitch {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "off" => Ok(Self::Off),
+            "on" => Ok(Self::On),
+            "auto" => Ok(Self::Auto),
+            other => Err(format!("`{other}` is none of `auto`, `on`, `off`")),
+        }
+    }
+}
+
+/// Exposure of the photos, see [`crate::exposure`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ExposureConfig {
-    /// Corrects the exposure, in training and in the residual stage.
-    pub enabled: bool,
-    /// The scalars of each photo count after this iteration; unset: 1000, scaled.
-    pub scalars_from: Option<u32>,
-    /// Learning rate of the scalars.
+    /// `off`, `on`, `auto`.
+    pub enabled: ExposureSwitch,
+    /// Exposures are learned after this iteration; unset: 1000, scaled.
+    #[serde(alias = "scalars-from")]
+    pub from: Option<u32>,
+    /// `auto` decides after this iteration; unset: 10000, scaled.
+    pub decided_at: Option<u32>,
+    /// With `auto` exposures stay corrected where the root mean square of the photos' log gains is at least this.
+    pub least_spread: f64,
+    /// Learning rate at the start.
     pub learning_rate: f64,
+    /// Learning rate at the end; it falls evenly in its logarithm.
+    pub final_learning_rate: f64,
     /// Decay of Adam's first moment.
     pub beta1: f64,
     /// Decay of Adam's second moment.
@@ -74,7 +134,7 @@ pub struct ExposureConfig {
 
 impl Default for SurfaceConfig {
     fn default() -> Self {
-        Self { intersections: 4, start: None, normal_from: None, normal_weight: 0.03, photometric_weight: 0.3 }
+        Self { intersections: 4, start: None, normal_from: None, normal_weight: 0.01, photometric_weight: 0.05 }
     }
 }
 
@@ -91,7 +151,7 @@ impl Default for ResidualConfig {
             epsilon: 1e-8,
             dropout: 0.1,
             factor: 1.0,
-            precision: Precision::Full,
+            precision: Precision::Auto,
             inputs: Inputs::Differences,
             output: Output::Residual,
             aggregation: Aggregation::Mean,
@@ -101,6 +161,16 @@ impl Default for ResidualConfig {
 
 impl Default for ExposureConfig {
     fn default() -> Self {
-        Self { enabled: false, scalars_from: None, learning_rate: 1e-3, beta1: 0.9, beta2: 0.99, epsilon: 1e-8 }
+        Self {
+            enabled: ExposureSwitch::Auto,
+            from: None,
+            decided_at: None,
+            least_spread: 0.02,
+            learning_rate: 1e-2,
+            final_learning_rate: 1e-3,
+            beta1: 0.9,
+            beta2: 0.99,
+            epsilon: 1e-8,
+        }
     }
 }

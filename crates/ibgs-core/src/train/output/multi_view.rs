@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::dataset::Dataset;
-use crate::fuse::sources::{First, SourceFinder, SourceOptions};
+use crate::fuse::sources::{SourceFinder, SourceOptions};
 use serde::{Deserialize, Serialize};
 
 /// The sources of one view.
@@ -17,9 +17,9 @@ pub struct ViewSources {
 }
 
 /// The sources of every view of a data set that trains or is held out, in its order.
-pub fn records(dataset: &Dataset, options: &SourceOptions, first: First) -> Vec<ViewSources> {
+pub fn records(dataset: &Dataset, options: &SourceOptions) -> Vec<ViewSources> {
     let cameras: Vec<Camera> = dataset.train.iter().map(|&i| dataset.views[i].camera).collect();
-    let finder = SourceFinder::new(&cameras, options, first);
+    let finder = SourceFinder::new(&cameras, options);
     let record = |index: usize| {
         let own = dataset.train.iter().position(|&i| i == index);
         let view = &dataset.views[index];

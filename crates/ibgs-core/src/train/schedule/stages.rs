@@ -1,4 +1,4 @@
-//! When the image-based stages begin and how they change (method.md sections 6, 7 and 8).
+//! When the image-based stages begin and how they change (method.md sections 6 and 7).
 
 use super::Schedule;
 use crate::train::config::{Method, TrainConfig};
@@ -20,8 +20,6 @@ pub struct Stages {
     pub network_lr: f64,
     /// Iterations at which it is halved.
     pub halve_at: Vec<u32>,
-    /// Exposure scalars come after this iteration; none: never.
-    pub exposure_start: Option<u32>,
 }
 
 impl Stages {
@@ -42,7 +40,7 @@ impl Stages {
         if config.method != Method::Ibgs {
             return None;
         }
-        let (surface, residual, exposure) = (&config.surface, &config.residual, &config.exposure);
+        let (surface, residual) = (&config.surface, &config.residual);
         let surface_start = surface.start.unwrap_or_else(|| scaled(7_000));
         let halve_at = residual.halve_at.clone();
         Some(Self {
@@ -53,7 +51,6 @@ impl Stages {
             burn_in_gain: residual.burn_in_gain,
             network_lr: residual.learning_rate,
             halve_at: halve_at.unwrap_or_else(|| vec![scaled(18_000), scaled(25_000)]),
-            exposure_start: exposure.enabled.then(|| exposure.scalars_from.unwrap_or_else(|| scaled(1_000))),
         })
     }
 }
@@ -121,11 +118,6 @@ impl Schedule {
     pub fn shapes_normals_at(&self, iteration: u32, views: usize) -> bool {
         self.depth_cache_from(views) == Some(iteration)
     }
-
-    /// Whether the exposure scalars count in this iteration.
-    pub fn exposure_at(&self, iteration: u32) -> bool {
-        self.stages.as_ref().and_then(|stages| stages.exposure_start).is_some_and(|start| iteration > start)
-    }
 }
 
 #[cfg(test)]
@@ -154,13 +146,12 @@ mod tests {
         assert_eq!(first(30_000, |i| s.keeps_depth_at(i, 43)), Some(6_914));
         assert_eq!((1..=30_000).filter(|&i| s.shapes_normals_at(i, 43)).collect::<Vec<_>>(), [6_914]);
         assert_eq!(s.depth_cache_from(5_000), Some(1));
-        assert!(first(30_000, |i| s.exposure_at(i)).is_none());
+        assert_eq!(first(30_000, |i| s.exposure_at(i)), Some(1_001));
     }
 
     #[test]
     fn milestones_follow_the_length_and_the_options() {
         let mut config = TrainConfig::default();
-        config.exposure.enabled = true;
         let s = Schedule::new(&config, 3_000);
         assert_eq!((s.surface_from(), s.residual_from()), (Some(701), Some(1_001)));
         assert_eq!(first(3_000, |i| s.residual_at(i) && s.burn_in(i).is_none()), Some(1_301));
@@ -171,7 +162,7 @@ mod tests {
         config.residual.start = Some(40);
         config.residual.burn_in = Some(0);
         config.residual.halve_at = Some(vec![]);
-        config.exposure.scalars_from = Some(3);
+        config.exposure.from = Some(3);
         let s = Schedule::new(&config, 3_000);
         assert_eq!((s.surface_from(), s.residual_from(), s.depth_cache_from(10)), (Some(51), Some(41), Some(20)));
         assert_eq!((first(99, |i| s.normal_loss_at(i)), first(99, |i| s.exposure_at(i))), (Some(71), Some(4)));
@@ -185,6 +176,6 @@ mod tests {
     fn plain_splatting_has_no_stages() {
         let s = Schedule::new(&TrainConfig { method: Method::Gs3, ..TrainConfig::default() }, 30_000);
         let any = |i| s.surface_loss_at(i) || s.normal_loss_at(i) || s.residual_at(i) || s.keeps_depth_at(i, 9);
-        assert!((1..=30_000).all(|i| !any(i) && !s.exposure_at(i) && s.burn_in(i).is_none() && s.network_lr(i) == 0.0));
+        assert!((1..=30_000).all(|i| !any(i) && s.burn_in(i).is_none() && s.network_lr(i) == 0.0));
     }
 }

@@ -6,6 +6,7 @@ use crate::raster::Rasterizer;
 use crate::scene::Splats;
 use crate::train::checkpoint::{Checkpoint, State};
 use crate::train::densify::Statistics;
+use crate::train::exposing::Exposing;
 use crate::train::optim::Optimizer;
 use crate::train::schedule::Schedule;
 use crate::train::telemetry::Recorder;
@@ -40,8 +41,16 @@ impl Trainer {
         self.optimizer.restore(&gpu, &checkpoint.moments, state.steps)?;
         self.statistics = Statistics::from_values(&gpu, &checkpoint.statistics)?;
         if let (Some(stages), Some(network)) = (&mut self.stages, &checkpoint.network) {
-            stages.restore(network, state.exposure.as_deref(), &checkpoint.depths)?;
+            stages.restore(network, &checkpoint.depths)?;
         }
+        self.exposing = match &state.exposure {
+            None => None,
+            Some(states) => {
+                let mut exposing = Exposing::new(&gpu, self.cameras.len(), &self.config.exposure)?;
+                exposing.iter_mut().try_for_each(|exposing| exposing.restore(states))?;
+                exposing
+            }
+        };
         self.recorder = Recorder::from_state(&gpu, &state.recorder)?;
         self.telemetry = state.telemetry;
         self.queue = state.queue.clone();
@@ -84,11 +93,11 @@ impl Trainer {
         let stages = self.stages.as_mut().map(|stages| stages.state(self.config.deterministic)).transpose()?;
         let (gaussians, filters) = self.splats.download_raw()?;
         let statistics = self.statistics.values(&gpu)?;
+        let exposure = self.exposing.as_ref().map(Exposing::states).transpose()?;
         let recorder = self.recorder.state(&gpu)?;
         // What is read from a lost device looks like any other answer.
         gpu.check()?;
-        let (network, exposure, depths) =
-            stages.map_or_else(Default::default, |s| (Some(s.network), s.exposure, s.depths));
+        let (network, depths) = stages.map_or_else(Default::default, |s| (Some(s.network), s.depths));
         let state = State {
             iteration: self.iteration,
             space: gaussians.space,
