@@ -46,7 +46,7 @@ fn case(seed: u64, exposed: bool, factor: Factor) -> Case {
     let mut photo = smooth_photo(&scene.camera, seed + 7);
     bytes(&mut photo);
     let variant = Variant { factor, ..Variant::default() };
-    let number = |range: f64, seed: u64| random_image(1, 1, -range, range, seed)[0].map(|v| exact(v));
+    let number = |range: f64, seed: u64| random_image(1, 1, -range, range, seed)[0].map(exact);
     let exposures = (0..=scene.sources.len() as u64)
         .filter(|_| exposed)
         .map(|i| Exposure { log_gain: number(0.3, 80 + 2 * i), offset: number(0.05, 81 + 2 * i) })
@@ -114,9 +114,8 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
         |e: &Exposure| ExposureNumbers { log_gain: e.log_gain.map(|v| v as f32), offset: e.offset.map(|v| v as f32) };
     let numbers: Vec<_> = case.exposures.iter().map(single).collect();
     let exposures = numbers.split_first().map(|(own, sources)| exposer.upload(own, sources).unwrap());
-    let (plain, base) =
-        (base.clone(), exposures.as_ref().map_or(base.clone(), |e| exposer.tracked(&base, &forward, e)));
-    let warped = exposures.as_ref().map_or(warped.clone(), |e| exposer.tracked_warped(warped, &seen, e));
+    let (plain, base) = (base.clone(), exposures.as_ref().map_or(base.clone(), |e| e.tracked(&base, &forward)));
+    let warped = exposures.as_ref().map_or(warped.clone(), |e| e.tracked_warped(warped, &seen));
     let image_loss = ImageLoss::new(gpu.clone(), LAMBDA as f32);
     let surface = buffers(forward.surface().unwrap());
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;

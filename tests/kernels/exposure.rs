@@ -42,7 +42,7 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         let own = exposure(seed);
         let exposer = Exposer::new(gpu.clone());
         let exposures = exposer.upload(&float(&own), &[]).unwrap();
-        let shown = exposer.tracked(&image, &forward, &exposures);
+        let shown = exposures.tracked(&image, &forward);
         let error = relative_error(&values(shown.clone().inner()), twin.exposed(&own).as_flattened());
         let v = random_image(33, 21, -1.0, 1.0, seed + 9);
         let flat: Vec<f32> = v.as_flattened().iter().map(|v| *v as f32).collect();

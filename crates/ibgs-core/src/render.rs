@@ -277,18 +277,17 @@ impl Renderer {
         let local = space.camera(camera);
         let (inputs, view) = (Inputs::of(&self.splats), self.view(&local));
         let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
-        let exposed = self.exposures(camera, indices)?;
-        let exposed = exposed.as_ref().map(|(exposer, exposures)| (*exposer, exposures));
+        let exposures = self.exposures(camera, indices)?;
         loop {
             let mut pass = Pass::new(&gpu, "frame");
             let forward = self.raster.record(&mut pass, &inputs, &view, false)?;
-            let base = match exposed {
-                Some((exposer, exposures)) => exposer.record(&mut pass, &forward, exposures),
+            let base = match &exposures {
+                Some(exposures) => exposures.record(&mut pass, &forward),
                 None => forward.image(),
             };
             let image = match (&self.image, &sources) {
                 (Some(stage), Some(sources)) => {
-                    let base = (base.clone(), exposed);
+                    let base = (base.clone(), exposures.as_ref());
                     Some(record_final(&mut pass, stage, &local, &forward, base, sources)?)
                 }
                 _ => None,
@@ -308,15 +307,11 @@ impl Renderer {
         }
     }
 
-    /// The exposures of a view and its sources, and what applies them; none where exposures were not corrected.
-    fn exposures(
-        &self,
-        camera: &Camera,
-        sources: &[usize],
-    ) -> Result<Option<(&Exposer, Arc<Lease<Exposures>>)>, GpuError> {
+    /// The exposures of a view and its sources; none where exposures were not corrected.
+    fn exposures(&self, camera: &Camera, sources: &[usize]) -> Result<Option<Exposures>, GpuError> {
         let Some((field, exposer)) = &self.exposure else { return Ok(None) };
         let sources: Vec<_> = sources.iter().map(|&source| field.photos()[source]).collect();
-        Ok(Some((exposer, exposer.upload(&field.at(camera), &sources)?)))
+        Ok(Some(exposer.upload(&field.at(camera), &sources)?))
     }
 
     /// The sources of a view; none where it has none or is too small for the network.
@@ -346,7 +341,7 @@ fn record_final(
     stage: &ImageStage,
     camera: &Camera,
     forward: &Forward,
-    (base, exposed): (Tensor<3>, Option<(&Exposer, &Arc<Lease<Exposures>>)>),
+    (base, exposures): (Tensor<3>, Option<&Exposures>),
     sources: &Sources,
 ) -> Result<FinalImage, GpuError> {
     let options = stage.warper.options;
@@ -354,8 +349,8 @@ fn record_final(
         return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
     }
     let (warped, seen) = stage.warper.record_warp(pass, forward, &sources.views)?;
-    let warped = match exposed {
-        Some((exposer, exposures)) => exposer.record_warped(pass, warped, &seen, exposures),
+    let warped = match exposures {
+        Some(exposures) => exposures.record_warped(pass, warped, &seen),
         None => warped,
     };
     let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };

@@ -24,6 +24,7 @@ use ibgs_viewer::{Evaluation, Progress, Training};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -260,16 +261,25 @@ impl Run {
         // Without planes the file is exactly what other programs write and read.
         let planes = self.config.method == Method::Ibgs;
         let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
-        // The network first: a folder holds a model once it holds its Gaussians, and never a model without its network.
         let residual = self.trainer.schedule().residual_at(iteration);
-        if let Some(network) = network.filter(|_| residual) {
-            weights::write(&self.folder.network_save_path(iteration), network)?;
-        }
-        if let Some(photos) = exposure {
-            self.folder.write_exposures(iteration, &self.dataset, photos)?;
-        }
         let path = self.folder.point_cloud_path(iteration);
-        write_ply(&path, gaussians, flavor)?;
+        // The Gaussians last: a folder holds a model once it holds them, and never one without its network or exposures.
+        let written = || -> Result<()> {
+            if let Some(network) = network.filter(|_| residual) {
+                weights::write(&self.folder.network_save_path(iteration), network)?;
+            }
+            if let Some(photos) = exposure {
+                self.folder.write_exposures(iteration, &self.dataset, photos)?;
+            }
+            Ok(write_ply(&path, gaussians, flavor)?)
+        };
+        if let Err(error) = written() {
+            // Without them the other files are of no use.
+            if let Some(folder) = path.parent().filter(|_| !path.is_file()) {
+                let _ = fs::remove_dir_all(folder);
+            }
+            return Err(error);
+        }
         Ok(path)
     }
 

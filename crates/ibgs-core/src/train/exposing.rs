@@ -4,14 +4,13 @@ use super::config::{ExposureConfig, ExposureSwitch};
 use super::schedule::Schedule;
 use crate::camera::Camera;
 use crate::exposure::{Exposer, ExposureAdam, ExposureField, ExposureState, Exposures, PhotoExposures, spread};
-use crate::gpu::pool::Lease;
 use crate::gpu::{Gpu, GpuError, Pass};
 use std::sync::Arc;
 
 /// The exposures of the training photos as they are learned.
 pub(super) struct Exposing {
     gpu: Arc<Gpu>,
-    pub exposer: Exposer,
+    exposer: Exposer,
     photos: PhotoExposures,
     switch: ExposureSwitch,
     least_spread: f64,
@@ -34,7 +33,7 @@ impl Exposing {
     }
 
     /// Those of a view and of its sources, on the device.
-    pub fn of(&self, view: usize, sources: &[usize]) -> Result<Arc<Lease<Exposures>>, GpuError> {
+    pub fn of(&self, view: usize, sources: &[usize]) -> Result<Exposures, GpuError> {
         self.exposer.gather(&self.photos, view, sources)
     }
 

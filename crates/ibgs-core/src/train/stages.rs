@@ -7,7 +7,7 @@ use super::optim::TensorOptimizer;
 use super::schedule::Schedule;
 use super::step::TrainError;
 use crate::camera::Camera;
-use crate::exposure::{Exposer, Exposures};
+use crate::exposure::Exposures;
 use crate::fuse::depth_cache::DepthCache;
 use crate::fuse::source_store::SourceStore;
 use crate::fuse::sources::{Draw, SourceFinder};
@@ -60,8 +60,8 @@ pub(super) struct Work<'a> {
     pub image: &'a Tensor<3>,
     /// The image in the photo's exposure.
     pub shown: &'a Tensor<3>,
-    /// Where exposures are corrected.
-    pub exposed: Option<Exposed<'a>>,
+    /// Exposures of photo and sources, where they are corrected.
+    pub exposures: Option<&'a Exposures>,
     /// The view's sources.
     pub sources: &'a [usize],
     pub forward: &'a Forward,
@@ -70,13 +70,6 @@ pub(super) struct Work<'a> {
     pub photos: &'a SourceStore,
     pub raster: &'a Rasterizer,
     pub splats: &'a Splats,
-}
-
-/// The exposures of a view and its sources, and what applies them.
-#[derive(Clone, Copy)]
-pub(super) struct Exposed<'a> {
-    pub exposer: &'a Exposer,
-    pub exposures: &'a Arc<Lease<Exposures>>,
 }
 
 /// The whole loss of an iteration.
@@ -215,8 +208,8 @@ impl ImageStages {
     fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
         let sources = self.sources(work)?;
         let (warped, seen) = self.warper.tracked(work.image, work.forward, &sources)?;
-        let warped = match work.exposed {
-            Some(Exposed { exposer, exposures }) => exposer.tracked_warped(warped, &seen, exposures),
+        let warped = match work.exposures {
+            Some(exposures) => exposures.tracked_warped(warped, &seen),
             None => warped,
         };
         total.add_surface_loss(self.photometric_loss.tracked(warped.clone(), &seen.slots, work.target)?);

@@ -10,7 +10,7 @@ use super::exposing::Exposing;
 use super::filter::FilterSizes;
 use super::optim::{Optimizer, Rates};
 use super::schedule::Schedule;
-use super::stages::{Exposed, ImageStages, Total, Work};
+use super::stages::{ImageStages, Total, Work};
 use super::telemetry::{Recorder, Telemetry};
 use crate::camera::{Camera, scene_extent, usable_extent};
 use crate::dataset::{Dataset, Masks, Point};
@@ -331,17 +331,14 @@ impl Trainer {
         let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
         let sources = self.sources(index);
         let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
-        let exposed = exposing
-            .zip(exposures.as_ref())
-            .map(|(exposing, exposures)| Exposed { exposer: &exposing.exposer, exposures });
-        let shown = exposed.map_or_else(|| image.clone(), |e| e.exposer.tracked(&image, &forward, e.exposures));
+        let shown = exposures.as_ref().map_or_else(|| image.clone(), |exposures| exposures.tracked(&image, &forward));
         let work = Work {
             iteration,
             index,
             target: &target,
             image: &image,
             shown: &shown,
-            exposed,
+            exposures: exposures.as_ref(),
             sources: &sources,
             forward: &forward,
             loss: &self.loss,
