@@ -70,7 +70,8 @@ pub fn run(args: &Args) -> Result<()> {
         MeshFormat::of(output)?;
     }
     let truth = args.compare.read()?;
-    let mut model = Model::open(&args.model)?.showing_surface();
+    // A triangle has one colour, whichever views show it.
+    let mut model = Model::open(&args.model)?.showing_surface().levelled();
     args.compare.check(&model)?;
     model.renderer.shape_missing_planes()?;
     options.offset = model.renderer.space().file_offset().unwrap_or_default();

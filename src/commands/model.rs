@@ -134,6 +134,11 @@ impl Model {
         })
     }
 
+    /// Every view in the photos' mean exposure.
+    pub fn levelled(self) -> Self {
+        Self { renderer: self.renderer.levelled(), ..self }
+    }
+
     /// Depth and normals of every frame, also of a model that does not need them.
     pub fn showing_surface(self) -> Self {
         Self { renderer: self.renderer.showing_surface(), ..self }

@@ -173,6 +173,11 @@ impl Renderer {
         Self { exposure, ..self }
     }
 
+    /// Every view in the photos' mean exposure, whatever its surroundings tell.
+    pub fn levelled(self) -> Self {
+        Self { exposure: self.exposure.map(|(field, exposer)| (field.levelled(), exposer)), ..self }
+    }
+
     /// The exposures of the photos, where they were corrected.
     pub fn exposure(&self) -> Option<&ExposureField> {
         self.exposure.as_ref().map(|(field, _)| field)

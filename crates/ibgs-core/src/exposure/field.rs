@@ -55,6 +55,11 @@ impl ExposureField {
         field
     }
 
+    /// The same photos, but every view in their mean exposure.
+    pub fn levelled(self) -> Self {
+        Self { cameras: Arc::default(), ..self }
+    }
+
     /// The exposures of the training photos.
     pub fn photos(&self) -> &[Exposure] {
         &self.photos
@@ -189,6 +194,8 @@ mod tests {
         }
         assert_eq!(field.at(&camera(7.0)), field.photos()[7], "a photo's own exposure");
         assert_eq!(field.at(&camera(7.5)).offset[0], 0.0);
+        let levelled = field.clone().levelled();
+        assert_eq!((levelled.at(&camera(7.0)), levelled.photos()), (Exposure::default(), field.photos()));
     }
 
     #[test]
