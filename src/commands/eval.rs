@@ -1,6 +1,6 @@
 //! `ibgs eval`
 
-use super::model::ModelArgs;
+use super::model::{ModelArgs, training};
 use super::report::Report;
 use super::{Model, compared, protocol, score_test_views};
 use crate::say;
@@ -12,7 +12,6 @@ use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
 use ibgs_core::tell;
 use ibgs_core::train::output::REPORT_FILE;
-use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::figures::{Figures, SPEED_FILE, TIME_FILE};
 use ibgs_core::train::output::results::means;
 use serde_json::{Value, json};
@@ -174,5 +173,5 @@ fn photo_bytes(model: &Model, scene: &Path) -> Option<u64> {
         let candidates = [scene.join(&folder).join(name), scene.join(name)];
         candidates.iter().find_map(|path| path.metadata().ok()).map(|file| file.len())
     };
-    model.cameras.iter().filter(|r| r.split != Some(Split::Test)).map(|r| size(&r.name)).sum()
+    training(&model.cameras).iter().map(|r| size(&r.name)).sum()
 }

@@ -1,13 +1,12 @@
 //! `ibgs export`
 
 use super::Model;
-use super::model::{ModelArgs, gaussians};
+use super::model::{ModelArgs, gaussians, training};
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_core::tell;
-use ibgs_core::train::output::cameras::Split;
 use ibgs_core::train::output::multi_view;
 use std::path::PathBuf;
 
@@ -50,10 +49,11 @@ pub fn run(args: &Args) -> Result<()> {
     let network = network.map(|values| ibgs_core::residual::weights::to_bytes(&values)).transpose()?;
     let dataset = model.dataset(&args.model)?.clone();
     let sources = multi_view::records(&dataset, &model.config.sources);
-    let exposure = model.exposure.take();
-    let training = model.cameras.iter().filter(|r| r.split != Some(Split::Test));
+    let training = training(&model.cameras);
+    let names = || training.iter().map(|record| record.name.clone());
+    let exposure = model.renderer.exposure().map(|field| names().zip(field.photos().iter().copied()).collect());
     let photo = |name: &str| dataset.views.iter().find(|v| v.name == name).map(|v| (v.name.clone(), v.photo.clone()));
-    let photos = training.filter_map(|record| photo(&record.name)).collect();
+    let photos = training.iter().filter_map(|record| photo(&record.name)).collect();
     let (config, cameras, iteration) = (model.config.clone(), model.cameras.clone(), model.iteration);
     Bundle { iteration, gaussians, network, exposure, cameras, config, photos, sources }.write(&args.output)?;
     tell!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);

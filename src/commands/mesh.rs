@@ -3,7 +3,7 @@
 mod compare;
 
 use super::Model;
-use super::model::ModelArgs;
+use super::model::{ModelArgs, training};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
@@ -13,7 +13,6 @@ use ibgs_core::local_space::Length;
 use ibgs_core::memory::Bytes;
 use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, MeshFormat, Plan, fuse, maps_bytes};
 use ibgs_core::tell;
-use ibgs_core::train::output::cameras::Split;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -128,7 +127,7 @@ impl Args {
             }
             None => *camera,
         };
-        let training = model.cameras.iter().filter(|record| record.split != Some(Split::Test));
+        let training = training(&model.cameras).into_iter();
         let cameras: Vec<Camera> = training.map(|record| sized(&record.camera)).collect();
         let needed = maps_bytes(cameras.iter());
         match self.memory_bytes() {

@@ -62,8 +62,6 @@ pub struct Model {
     pub cameras: Vec<CameraRecord>,
     /// Renders it.
     pub renderer: Renderer,
-    /// The training photos' exposures by name, where they were corrected.
-    pub exposure: Option<HashMap<String, Exposure>>,
     /// The scene, where its photos were needed.
     dataset: Option<Dataset>,
     /// Bytes of the residual network's file.
@@ -119,19 +117,8 @@ impl Model {
         let background = loaded.config.background();
         let field = exposure_field(&loaded)?;
         let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu)), splats, background, part).with_exposure(field);
-        let Loaded { folder, config, iteration, cameras, network_bytes, exposure, bundle_bytes, foreign, .. } = loaded;
-        Ok(Self {
-            folder,
-            config,
-            iteration,
-            cameras,
-            renderer,
-            exposure,
-            dataset,
-            network_bytes,
-            bundle_bytes,
-            foreign,
-        })
+        let Loaded { folder, config, iteration, cameras, network_bytes, bundle_bytes, foreign, .. } = loaded;
+        Ok(Self { folder, config, iteration, cameras, renderer, dataset, network_bytes, bundle_bytes, foreign })
     }
 
     /// Every view in the photos' mean exposure.
@@ -249,7 +236,7 @@ fn published_options(args: &ModelArgs) -> TrainConfig {
 }
 
 /// The views that the model was trained on, in their order.
-fn training(cameras: &[CameraRecord]) -> Vec<&CameraRecord> {
+pub fn training(cameras: &[CameraRecord]) -> Vec<&CameraRecord> {
     cameras.iter().filter(|record| record.split != Some(Split::Test)).collect()
 }
 

@@ -8,7 +8,7 @@ use crate::reference::surface_scene::{Scene, TENSORS, smooth_photo, wall};
 use crate::reference::whole_loss::{Case, CaseGrads, LAMBDA, Losses, NAMES, NORMAL, PHOTO};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
-use ibgs_core::exposure::{Exposer, Exposure as ExposureNumbers};
+use ibgs_core::exposure::Exposer;
 use ibgs_core::fuse::Warper;
 use ibgs_core::loss::{ImageLoss, NormalLoss, PhotometricLoss, SurfaceBuffers, Target};
 use ibgs_core::raster::{Leaves, Surface};
@@ -110,9 +110,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let (base, forward) = raster.tracked(&leaves, &view).unwrap();
     let (warped, seen) = Warper::new(gpu.clone(), warping(scene)).tracked(&base, &forward, &sources).unwrap();
     let exposer = Exposer::new(gpu.clone());
-    let single =
-        |e: &Exposure| ExposureNumbers { log_gain: e.log_gain.map(|v| v as f32), offset: e.offset.map(|v| v as f32) };
-    let numbers: Vec<_> = case.exposures.iter().map(single).collect();
+    let numbers: Vec<_> = case.exposures.iter().map(Exposure::single).collect();
     let exposures = numbers.split_first().map(|(own, sources)| exposer.upload(own, sources).unwrap());
     let (plain, base) = (base.clone(), exposures.as_ref().map_or(base.clone(), |e| e.tracked(&base, &forward)));
     let warped = exposures.as_ref().map_or(warped.clone(), |e| e.tracked_warped(warped, &seen));

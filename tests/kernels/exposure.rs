@@ -12,10 +12,6 @@ use ibgs_core::gpu::Pass;
 use ibgs_core::raster::{Leaves, RasterView};
 use ibgs_shaders::EXPOSURE_PULL;
 
-fn float(twin: &Twin) -> Exposure {
-    Exposure { log_gain: twin.log_gain.map(|v| v as f32), offset: twin.offset.map(|v| v as f32) }
-}
-
 /// An exposure that float32 holds.
 fn exposure(seed: u64) -> Twin {
     let [gain, offset] = [0, 1].map(|i| random_image(1, 1, -0.4, 0.4, 100 + 2 * seed + i)[0]);
@@ -41,7 +37,7 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
 
         let own = exposure(seed);
         let exposer = Exposer::new(gpu.clone());
-        let exposures = exposer.upload(&float(&own), &[]).unwrap();
+        let exposures = exposer.upload(&own.single(), &[]).unwrap();
         let shown = exposures.tracked(&image, &forward);
         let error = relative_error(&values(shown.clone().inner()), twin.exposed(&own).as_flattened());
         let v = random_image(33, 21, -1.0, 1.0, seed + 9);

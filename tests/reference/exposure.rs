@@ -27,6 +27,12 @@ impl Exposure {
         (self.log_gain[c] - from.log_gain[c]).exp()
     }
 
+    /// As the device has it.
+    pub fn single(&self) -> ibgs_core::exposure::Exposure {
+        let single = |values: [f64; 3]| values.map(|v| v as f32);
+        ibgs_core::exposure::Exposure { log_gain: single(self.log_gain), offset: single(self.offset) }
+    }
+
     /// Log gains, then offsets.
     pub fn numbers(&self) -> [f64; 6] {
         let ([a, b, c], [d, e, f]) = (self.log_gain, self.offset);

@@ -31,11 +31,6 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// A colour of the model in this exposure.
-    pub fn apply(&self, color: [f32; 3]) -> [f32; 3] {
-        std::array::from_fn(|c| self.log_gain[c].exp() * color[c] + self.offset[c])
-    }
-
     /// Whether all its numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.log_gain.iter().chain(&self.offset).all(|v| v.is_finite())

@@ -2,7 +2,7 @@
 
 use super::{Exposure, PhotoExposures, ROW_BYTES};
 use crate::fuse::{MAX_SOURCES, Seen};
-use crate::gpu::buffer::from_primitive;
+use crate::gpu::buffer::{from_primitive, primitive};
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Forward;
@@ -225,7 +225,7 @@ impl Exposures {
     /// Records the warped colours `[V, P, 4]` in the target's exposure.
     pub(crate) fn record_warped(&self, pass: &mut Pass, warped: Tensor<3>, seen: &Arc<Lease<Seen>>) -> Tensor<3> {
         pass.relabel(LABEL);
-        let warped = crate::gpu::buffer::primitive(warped);
+        let warped = primitive(warped);
         let saved = self.saved_warped(&warped, seen);
         let out = self.shift(pass, &warped, &saved);
         pass.keep((saved, warped));

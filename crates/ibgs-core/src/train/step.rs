@@ -292,10 +292,10 @@ impl Trainer {
         self.overflowed
     }
 
-    /// Sources of a training view in this iteration; none where they do not count yet.
-    fn sources(&self, index: usize) -> Vec<usize> {
-        let stages = self.stages.as_ref().filter(|_| self.schedule.surface_loss_at(self.iteration));
-        stages.map_or_else(Vec::new, |stages| stages.sources_of(index, self.iteration))
+    /// Sources of a training view in an iteration; none where they do not count yet.
+    fn sources(&self, index: usize, iteration: u32) -> Vec<usize> {
+        let stages = self.stages.as_ref().filter(|_| self.schedule.surface_loss_at(iteration));
+        stages.map_or_else(Vec::new, |stages| stages.sources_of(index, iteration))
     }
 
     fn next_view(&mut self) -> usize {
@@ -329,7 +329,7 @@ impl Trainer {
         let leaves = Leaves::new(&self.splats);
         let (image, forward) = self.raster.tracked(&leaves, &self.view(index))?;
         let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
-        let sources = self.sources(index);
+        let sources = self.sources(index, iteration);
         let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
         let shown = exposures.as_ref().map_or_else(|| image.clone(), |exposures| exposures.tracked(&image, &forward));
         let work = Work {
@@ -400,11 +400,9 @@ impl Trainer {
 
     /// Uploads what the next iteration reads while the GPU still works on this one; nothing to do where all photos fit.
     fn prefetch(&self) -> Result<(), TrainError> {
-        if let (Some(stages), Some(&next)) = (&self.stages, self.queue.last()) {
+        if let (Some(_), Some(&next)) = (&self.stages, self.queue.last()) {
             let mut wanted = vec![next];
-            if self.schedule.surface_loss_at(self.iteration + 1) {
-                wanted.extend(stages.sources_of(next, self.iteration + 1));
-            }
+            wanted.extend(self.sources(next, self.iteration + 1));
             self.photos.prefetch(&wanted)?;
         }
         Ok(())

@@ -57,7 +57,7 @@ pub struct ResidualConfig {
 
 /// Whether the photos' exposures are corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", from = "SwitchText")]
+#[serde(rename_all = "kebab-case", try_from = "SwitchText")]
 pub enum ExposureSwitch {
     /// Not at all.
     Off,
@@ -73,23 +73,17 @@ pub enum ExposureSwitch {
 #[serde(untagged)]
 enum SwitchText {
     Flag(bool),
-    Word(SwitchWord),
+    Word(String),
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum SwitchWord {
-    Off,
-    On,
-    Auto,
-}
+impl TryFrom<SwitchText> for ExposureSwitch {
+    type Error = String;
 
-impl From<SwitchText> for ExposureSwitch {
-    fn from(text: SwitchText) -> Self {
+    fn try_from(text: SwitchText) -> Result<Self, String> {
         match text {
-            SwitchText::Flag(false) | SwitchText::Word(SwitchWord::Off) => Self::Off,
-            SwitchText::Flag(true) | SwitchText::Word(SwitchWord::On) => Self::On,
-            SwitchText::Word(SwitchWord::Auto) => Self::Auto,
+            SwitchText::Flag(false) => Ok(Self::Off),
+            SwitchText::Flag(true) => Ok(Self::On),
+            SwitchText::Word(word) => word.parse(),
         }
     }
 }
