@@ -74,7 +74,7 @@ impl Sandbox {
         config.data.source = Some(sandbox.path("scene"));
         config.data.eval = true;
         folder.write_start(&config, &dataset).unwrap();
-        let gaussians = from_points(&dataset.points, config.sh_degree, config.start()[0]).unwrap();
+        let gaussians = from_points(&dataset.points, config.sh_degree(), config.start()[0]).unwrap();
         write_ply(&folder.point_cloud_path(3), &gaussians, PlyFlavor::Full).unwrap();
         (sandbox, folder)
     }

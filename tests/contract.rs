@@ -175,13 +175,13 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(PresentParams { size, stride, mode, range, most, gain });
     twin!(LossParams { size, tiles, background, object, lambda, slot, pad });
-    twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2 });
+    twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2, decay_rest });
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ExposeParams { background, pixels });
     twin!(SlotsParams { pixels, slots });
     twin!(McmcNoiseParams { count, seed, strength });
     twin!(FilterParams { count, cameras, factor });
-    twin!(ObserveParams { size, count, near_depth, largest, pad });
+    twin!(ObserveParams { size, count, near_depth, largest, errors });
     twin!(OpacityResetParams { count, limit });
     twin!(MeanParams { count, weight });
     twin!(SurfaceParams { size, focal, principal, weight, pad });

@@ -28,7 +28,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
-const DEMO_ITERATIONS: [u32; 2] = [700, 10_000];
+const DEMO_ITERATIONS: [u32; 2] = [200, 10_000];
 /// Size of the residual network's images in the demo scene, relative to the photos.
 const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
 /// Iterations of a run that begins with a finished model, when none are asked for.
@@ -218,7 +218,7 @@ impl Args {
         c.data.eval |= self.eval || self.eval_split_every.is_some();
         set(&mut c.iterations, &self.iterations);
         c.schedule_scaling &= !self.no_schedule_scaling;
-        set(&mut c.sh_degree, &self.sh_degree);
+        set_some(&mut c.sh_degree, &self.sh_degree);
         set_some(&mut c.init, &self.init.as_ref().map(std::path::absolute).transpose()?);
         if self.init.is_some() && self.iterations.is_none() && self.config.is_none() {
             c.iterations = WARM_ITERATIONS;
@@ -295,7 +295,7 @@ pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(
     let mut trainer = match (&resumed, start) {
         (Some(checkpoint), _) => Trainer::resume(raster.clone(), &dataset, checkpoint)?,
         (None, Some(start)) => {
-            config.sh_degree = start.sh_degree;
+            config.sh_degree = Some(start.sh_degree);
             Trainer::from_gaussians(raster.clone(), &dataset, &config, &start)?
         }
         (None, None) => Trainer::new(raster.clone(), &dataset, &config)?,

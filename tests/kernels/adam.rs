@@ -11,6 +11,16 @@ use rand_chacha::ChaCha8Rng;
 
 #[test]
 fn twenty_steps_follow_the_twin() {
+    follows_the_twin(0.0);
+}
+
+/// Each step takes a thousandth of the rest of a row away.
+#[test]
+fn the_rest_of_a_row_decays() {
+    follows_the_twin(8.0);
+}
+
+fn follows_the_twin(decay: f64) {
     let gpu = gpu();
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let (n, row, head) = (5 * 27, 27, 3);
@@ -36,13 +46,16 @@ fn twenty_steps_follow_the_twin() {
             eps: 1e-15,
             correction1: (1.0 / (1.0 - 0.9f64.powi(step))) as f32,
             correction2: (1.0 / (1.0 - 0.999f64.powi(step))) as f32,
+            decay_rest: decay as f32,
         };
         let input = gpu.upload("gradient", &gradient).unwrap();
         let mut pass = Pass::new(&gpu, "test");
         pass.linear(&ADAM, &[&input, &values, &moments[0], &moments[1]], bytes_of(&params), n);
         pass.submit();
         for i in 0..n {
-            let adam = Adam::gaussians(rates[usize::from(i as u32 % row >= head)]);
+            let is_rest = i as u32 % row >= head;
+            let adam =
+                Adam { decay: if is_rest { decay } else { 0.0 }, ..Adam::gaussians(rates[usize::from(is_rest)]) };
             let at = i..i + 1;
             let gradient = [f64::from(gradient[i])];
             adam.step(step as u32, &mut twin[at.clone()], &gradient, &mut m[at.clone()], &mut v[at]);
@@ -55,6 +68,9 @@ fn twenty_steps_follow_the_twin() {
         assert!(error <= 1e-5 * moved + 3e-7, "value {i}: {a} against {b}, moved {moved:e}");
         if i % 7 != 0 {
             assert!(moved > 0.0, "value {i} must move");
+        } else if i as u32 % row >= head {
+            let kept = (1.0 - rates[1] * decay).powi(20);
+            assert!((b - kept * f64::from(start[i])).abs() < 1e-12, "value {i} has no gradient and only decays");
         }
     }
 }

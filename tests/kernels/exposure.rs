@@ -69,7 +69,7 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
 fn only_the_visited_photo_steps() {
     let gpu = gpu();
     let mut photos = PhotoExposures::new(&gpu, 3, ExposureAdam::default()).unwrap();
-    let settings = Adam { learning_rate: 1e-2, beta1: 0.9, beta2: 0.99, eps: 1e-8 };
+    let settings = Adam { learning_rate: 1e-2, beta1: 0.9, beta2: 0.99, eps: 1e-8, decay: 0.0 };
     let mut twins = [([0.0; 6], [0.0; 6], [0.0; 6], 0u32); 3];
     for (turn, photo) in [1usize, 2, 1, 1].into_iter().enumerate() {
         let gradient: [f64; 6] = std::array::from_fn(|i| (0.3 - 0.2 * turn as f64) / (i as f64 + 1.0));

@@ -4,7 +4,7 @@ use crate::common::{assert_images_agree, gradients, rasterizer, render, splats};
 use crate::reference::random_scene::{Nasty, POISON, nasty_params, poison, random_camera, random_image, random_params};
 use crate::reference::{self, Model, Params, Projected, Tensor};
 use ibgs_core::raster::{Dropout, RasterView};
-use ibgs_shaders::TILE;
+use ibgs_shaders::{NEAR_DEPTH, TILE};
 
 fn view(camera: ibgs_core::camera::Camera, degree: u32) -> RasterView {
     RasterView { background: [0.1, 0.5, 0.9], ..RasterView::new(camera, degree) }
@@ -163,7 +163,7 @@ fn thresholds_fall_the_same_way() {
     camera.principal = glam::DVec2::splat(16.5);
     let mut p = random_params(4, 0, 16);
     let logit = |o: f64| f64::from((o / (1.0 - o)).ln() as f32);
-    p.means = vec![[0.0, 0.0, f64::from(0.2f32.next_down())], [0.0, 0.0, 2.0], [-0.5, -0.5, 2.0], [0.5, 0.5, 2.0]];
+    p.means = vec![[0.0, 0.0, f64::from(NEAR_DEPTH.next_down())], [0.0, 0.0, 2.0], [-0.5, -0.5, 2.0], [0.5, 0.5, 2.0]];
     p.opacity_logits = vec![5.0, logit(0.99), logit(1.0 / 255.0 + 1e-6), logit(1.0 / 255.0 - 1e-6)];
     p.log_scales = vec![[-3.0; 3]; 4];
     let twin = reference::render(&p, &camera, [0.0; 3], 0);

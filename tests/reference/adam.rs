@@ -8,12 +8,14 @@ pub struct Adam {
     pub beta1: f64,
     pub beta2: f64,
     pub eps: f64,
+    /// Share of a value that is lost in a step, times the learning rate, beside the gradient's step.
+    pub decay: f64,
 }
 
 impl Adam {
     /// The settings of the Gaussians' tensors.
     pub fn gaussians(learning_rate: f64) -> Adam {
-        Adam { learning_rate, beta1: 0.9, beta2: 0.999, eps: 1e-15 }
+        Adam { learning_rate, beta1: 0.9, beta2: 0.999, eps: 1e-15, decay: 0.0 }
     }
 
     /// One step in place; `step` counts from 1.
@@ -24,7 +26,8 @@ impl Adam {
         for i in 0..value.len() {
             m[i] = self.beta1 * m[i] + (1.0 - self.beta1) * grad[i];
             v[i] = self.beta2 * v[i] + (1.0 - self.beta2) * grad[i] * grad[i];
-            value[i] -= self.learning_rate * (m[i] / correction1) / ((v[i] / correction2).sqrt() + self.eps);
+            let kept = (1.0 - self.learning_rate * self.decay) * value[i];
+            value[i] = kept - self.learning_rate * (m[i] / correction1) / ((v[i] / correction2).sqrt() + self.eps);
         }
     }
 }

@@ -37,7 +37,7 @@ pub use raster::{rasterize, render, render_as};
 /// Width and height of a tile in pixels.
 pub const TILE: u32 = 16;
 /// Gaussians at this view depth or nearer are culled.
-pub const NEAR: f64 = 0.2;
+pub const NEAR: f64 = 0.05;
 /// Added to the diagonal of the 2D covariance, in square pixels.
 pub const BLUR: f64 = 0.3;
 /// Blended opacities are clamped at this value.

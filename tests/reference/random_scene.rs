@@ -5,7 +5,7 @@ use ibgs_core::camera::Camera;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Params, Tensor};
+use super::{NEAR, Params, Tensor};
 
 /// The nearest value that f32 can hold.
 pub fn exact(value: f64) -> f64 {
@@ -74,9 +74,9 @@ pub fn random_camera(width: u32, height: u32, seed: u64) -> Camera {
 pub enum Nasty {
     BehindCamera,
     AtCameraCenter,
-    /// View depth 0.19, just culled.
+    /// View depth 0.95 of the near plane, just culled.
     InsideNearPlane,
-    /// View depth 0.21, just kept.
+    /// View depth 1.05 of the near plane, just kept.
     BeyondNearPlane,
     /// Every scale exp(-30).
     ZeroScale,
@@ -127,10 +127,10 @@ impl Nasty {
         match self {
             Nasty::BehindCamera => place(0.0, 0.0, -2.0),
             Nasty::AtCameraCenter => place(0.0, 0.0, 0.0),
-            Nasty::InsideNearPlane => place(0.0, 0.0, 0.19),
+            Nasty::InsideNearPlane => place(0.0, 0.0, 0.95 * NEAR),
             Nasty::BeyondNearPlane => {
-                place(0.01, 0.01, 0.21);
-                p.log_scales[i] = [-4.0, -4.5, -5.0];
+                place(0.05 * NEAR, 0.05 * NEAR, 1.05 * NEAR);
+                p.log_scales[i] = [0.1, 0.05, 0.03].map(|s: f64| exact((s * NEAR).ln()));
             }
             Nasty::ZeroScale => p.log_scales[i] = [-30.0; 3],
             Nasty::Needle => p.log_scales[i] = [-30.0, 0.0, -30.0],

@@ -89,7 +89,7 @@ fn the_background_can_be_white() {
 fn every_degree_of_the_spherical_harmonics_trains() {
     let dataset = dataset();
     for degree in [0, 3] {
-        let mut config = TrainConfig { sh_degree: degree, ..plain(40) };
+        let mut config = TrainConfig { sh_degree: Some(degree), ..plain(40) };
         config.sh_interval = Some(10);
         let mut trainer = trainer(&dataset, &config);
         // The degree goes up at 10, 20 and 30, and no coefficient beyond it moves before.

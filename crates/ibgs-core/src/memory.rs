@@ -13,9 +13,9 @@
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
 //! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
-//! | images | 24 P {+ 48 P + 64 V P} |
+//! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
-//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposure (24 + 32 V) P} |
+//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
 //! | losses | 36 P {twice, and 36 V P} |
 //! | depth maps | {4 a pixel of all training photos} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
@@ -139,6 +139,9 @@ impl Estimate {
         estimate.add_gaussians(&sizes, image_based, demand.grows);
         estimate.add_raster(&sizes, image_based);
         estimate.add("images", "base image and its gradient", 12 * sizes.pixels, 2);
+        if demand.config.exposure.enabled != ExposureSwitch::Off {
+            estimate.add("images", "base image in the photo's exposure and its gradient", 12 * sizes.pixels, 2);
+        }
         estimate.add("losses", "SSIM moments", 36 * sizes.pixels, if image_based { 2 } else { 1 });
         if image_based {
             estimate.add_surface(&sizes);
@@ -232,7 +235,6 @@ impl Estimate {
         self.add("network", "sums of the per-view network", 4 * 768 * 41 * 32, 1);
         self.add("network", "weights and their gradient", 4 * WEIGHTS as u64, 2);
         if demand.config.exposure.enabled != ExposureSwitch::Off {
-            self.add("network", "base colour in the photo's exposure and its gradient", 12 * pixels, 2);
             self.add("network", "warped colours in the photo's exposure and their gradient", 16 * slots * pixels, 2);
         }
         if demand.evaluates {

@@ -11,7 +11,7 @@ pub use import::resolve;
 /// Side of a square tile in pixels.
 pub const TILE: u32 = 16;
 /// Gaussians at or in front of this view depth are culled.
-pub const NEAR_DEPTH: f32 = 0.2;
+pub const NEAR_DEPTH: f32 = 0.05;
 /// Variance in square pixels added to the diagonal of the projected covariance.
 pub const COV_BLUR: f32 = 0.3;
 /// Contributions under this alpha are skipped.
@@ -217,9 +217,13 @@ kernels! {
     /// Plane normals from the shortest axes.
     SHORTEST_AXIS = "shortest_axis" [256, 1, 1] (size_of::<types::Frame>()):
         read("rotations"), read("log_scales"), write("normals"), write("plane_offsets");
+    /// Pixels of large error that each Gaussian covers.
+    DENSIFY_ERRORS = "densify_errors" [TILE, TILE, 1] (size_of::<types::LossParams>()):
+        read("projected"), read("sorted_gaussians"), read("tile_ranges"), read("last_entry"), read("image"), read("photo"),
+        read("stats"), write("counts");
     /// Densification statistics.
     DENSIFY_OBSERVE = "densify_observe" [256, 1, 1] (size_of::<types::ObserveParams>()):
-        read("v_screen"), read("projected"), write("statistics");
+        read("v_screen"), read("projected"), read("errors"), write("statistics");
     /// Rows of the next model from rows of the last.
     DENSIFY_GATHER = "densify_gather" [256, 1, 1] (size_of::<types::GatherParams>()):
         read("sources"), read("previous"), write("next");

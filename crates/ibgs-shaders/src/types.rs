@@ -169,6 +169,8 @@ pub struct AdamParams {
     pub correction1: f32,
     /// 1 / (1 - beta2^t).
     pub correction2: f32,
+    /// Share of a value of the rest that is lost, times its rate.
+    pub decay_rest: f32,
 }
 
 /// An image in a photo's exposure; the twin of `ExposeParams`.
@@ -227,8 +229,8 @@ pub struct ObserveParams {
     pub near_depth: f32,
     /// 1: largest norms in place of sums.
     pub largest: u32,
-    /// Unused.
-    pub pad: u32,
+    /// 1: pixels of large error were counted.
+    pub errors: u32,
 }
 
 /// Row gathering; the twin of `GatherParams`.

@@ -1,4 +1,5 @@
-// One thread a value: Adam with bias correction (method.md section 1), eps added to the corrected root.
+// One thread a value: Adam with bias correction (method.md section 1), eps added to the corrected root. The values beyond the
+// head decay by themselves, not through the gradient (Loshchilov and Hutter, Decoupled Weight Decay Regularization, 2019).
 #import index
 
 struct AdamParams {
@@ -14,6 +15,8 @@ struct AdamParams {
     // 1 / (1 - beta^t).
     correction1: f32,
     correction2: f32,
+    // Share of a value beyond the head that is lost, times its rate.
+    decay_rest: f32,
 }
 
 var<immediate> params: AdamParams;
@@ -38,6 +41,8 @@ fn main(
     let m2 = params.beta2 * moment2[i] + (1.0 - params.beta2) * g * g;
     moment1[i] = m1;
     moment2[i] = m2;
-    let rate = select(params.rate_rest, params.rate, i % params.row < params.head);
-    values[i] -= rate * (m1 * params.correction1) / (sqrt(m2 * params.correction2) + params.eps);
+    let is_head = i % params.row < params.head;
+    let rate = select(params.rate_rest, params.rate, is_head);
+    let kept = select(1.0 - rate * params.decay_rest, 1.0, is_head);
+    values[i] = kept * values[i] - rate * (m1 * params.correction1) / (sqrt(m2 * params.correction2) + params.eps);
 }

@@ -9,16 +9,18 @@ struct ObserveParams {
     near_depth: f32,
     // 1: the largest norm over the views, in units of the image, in place of sums in units of half of it.
     largest: u32,
-    pad: u32,
+    // 1: the pixels of large error were counted in this view.
+    errors: u32,
 }
 
 var<immediate> params: ObserveParams;
 
 @group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> errors: array<u32>;
 // (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or (largest
-// absolute-gradient norm, 0, views that saw it, largest radius in units of the image's longer side).
-@group(0) @binding(2) var<storage, read_write> statistics: array<vec4<f32>>;
+// absolute-gradient norm, pixels of large error, views that saw it, largest radius in units of the image's longer side).
+@group(0) @binding(3) var<storage, read_write> statistics: array<vec4<f32>>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -35,7 +37,13 @@ fn main(
         let size = vec2<f32>(params.size);
         let v = v_screen[i];
         let s = statistics[i];
-        statistics[i] = vec4(max(s.x, length(v.zw * size)), 0.0, s.z + 1.0, max(s.w, radius / max(size.x, size.y)));
+        let covered = select(0.0, f32(errors[i]), params.errors == 1u);
+        statistics[i] = vec4(
+            max(s.x, length(v.zw * size)),
+            s.y + covered,
+            s.z + 1.0,
+            max(s.w, radius / max(size.x, size.y)),
+        );
     } else if radius > 0.0 && v_screen[i].w >= 0.0 {
         let half_size = 0.5 * vec2<f32>(params.size);
         let nearness = min(projected[3u * i + 1u].z / max(params.near_depth, 1e-20), 1.0);

@@ -404,8 +404,8 @@ impl Training for Run {
             (_, Some(field)) => {
                 let [gains, offsets] = field.trust().map(|part| 100.0 * part);
                 tell!(
-                    "exposure: the photos differ by {:.1} % (root mean square of their gains); {gains:.0} % of that is foretold \
-                     by the photos around, {offsets:.0} % of their offsets",
+                    "exposure: the photos differ by {:.1} % (root mean square of their gains); {gains:.0} % of that can be predicted \
+                     from the photos around, {offsets:.0} % of their offsets",
                     100.0 * field.spread()
                 );
             }

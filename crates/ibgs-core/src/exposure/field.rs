@@ -6,7 +6,7 @@ use crate::local_space::LocalSpace;
 use glam::DMat3;
 use serde_json::{Value, json};
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// File of the exposures, beside the point cloud of their iteration.
 pub const FILE_NAME: &str = "exposure.json";
@@ -22,14 +22,14 @@ const CLOSE: f64 = 1e-4;
 /// mean, weighted by place and direction. How far to trust that is measured on the training photos themselves, each predicted
 /// from the others: the factor, 0 to 1, that fits their own exposures best by least squares, one for gains and one for offsets.
 /// Where exposures were set at random that is about 0, and a view gets the mean exposure, none.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct ExposureField {
     cameras: Arc<[Camera]>,
     photos: Vec<Exposure>,
     /// Scene units of one unit of a distance.
     unit: f64,
-    /// What a prediction counts: of log gains, of offsets.
-    trust: [f64; 2],
+    /// What a prediction counts: of log gains, of offsets. Found when it is first asked for: it takes the square of the photos.
+    trust: OnceLock<[f64; 2]>,
 }
 
 impl ExposureField {
@@ -40,10 +40,13 @@ impl ExposureField {
     pub fn new(cameras: Arc<[Camera]>, photos: Vec<Exposure>) -> Self {
         assert_eq!(cameras.len(), photos.len(), "an exposure for every camera");
         let unit = LocalSpace::of_cameras(cameras.iter()).unwrap_or_default().scale;
-        let mut field = Self { cameras, photos, unit, trust: [0.0; 2] };
+        Self { cameras, photos, unit, trust: OnceLock::new() }
+    }
+
+    fn measured_trust(&self) -> [f64; 2] {
         let mut products = [[0.0f64; 2]; 2];
-        for (index, own) in field.photos.iter().enumerate() {
-            let others = field.around(&field.cameras[index], Some(index));
+        for (index, (camera, own)) in self.cameras.iter().zip(&self.photos).enumerate() {
+            let others = self.around(camera, Some(index));
             for (sums, (own, others)) in products.iter_mut().zip(channels(own).into_iter().zip(channels(&others))) {
                 for (own, other) in own.into_iter().zip(others.map(f64::from)) {
                     sums[0] += f64::from(own) * other;
@@ -51,8 +54,7 @@ impl ExposureField {
                 }
             }
         }
-        field.trust = products.map(|[with, own]| if own > 0.0 { (with / own).clamp(0.0, 1.0) } else { 0.0 });
-        field
+        products.map(|[with, own]| if own > 0.0 { (with / own).clamp(0.0, 1.0) } else { 0.0 })
     }
 
     /// The same photos, but every view in their mean exposure.
@@ -72,12 +74,13 @@ impl ExposureField {
         }
         let mean = self.around(camera, None);
         let part = |values: [f32; 3], trust: f64| values.map(|v| (f64::from(v) * trust) as f32);
-        Exposure { log_gain: part(mean.log_gain, self.trust[0]), offset: part(mean.offset, self.trust[1]) }
+        let [gains, offsets] = self.trust();
+        Exposure { log_gain: part(mean.log_gain, gains), offset: part(mean.offset, offsets) }
     }
 
     /// Parts, 0 to 1, of what the photos around tell of log gains and of offsets that a prediction counts.
     pub fn trust(&self) -> [f64; 2] {
-        self.trust
+        *self.trust.get_or_init(|| self.measured_trust())
     }
 
     /// Root mean square of the photos' log gains: how much they differ, as a part of their brightness.
@@ -186,7 +189,7 @@ mod tests {
     fn what_changes_smoothly_is_predicted() {
         let smooth = |i: usize| 0.3 * (i as f32 * 0.5).sin();
         let field = field(smooth);
-        assert!(field.trust.iter().all(|t| *t > 0.9), "{:?}", field.trust);
+        assert!(field.trust().iter().all(|t| *t > 0.9), "{:?}", field.trust());
         for i in 1..18 {
             let between = field.at(&camera(i as f64 + 0.5)).log_gain[0];
             let expected = 0.3 * ((i as f32 + 0.5) * 0.5).sin();
@@ -201,7 +204,7 @@ mod tests {
     #[test]
     fn what_is_random_is_not_trusted() {
         let field = field(|i| if (i * 7919 + i * i * 31) % 251 > 125 { 0.3 } else { -0.3 });
-        assert!(field.trust[0] < 0.5, "{:?}", field.trust);
+        assert!(field.trust()[0] < 0.5, "{:?}", field.trust());
         assert!((field.spread() - 0.3 * (1.25f64 / 3.0).sqrt()).abs() < 1e-6, "{}", field.spread());
         let alone =
             ExposureField::new(vec![camera(0.0)].into(), vec![Exposure { log_gain: [0.5; 3], ..Default::default() }]);

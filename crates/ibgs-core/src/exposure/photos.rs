@@ -150,6 +150,7 @@ impl PhotoExposures {
             eps: self.adam.eps as f32,
             correction1: correction(self.adam.beta1),
             correction2: correction(self.adam.beta2),
+            decay_rest: 0.0,
         };
         pass.linear(&ADAM, &[gradient, &values, &first, &second], bytes_of(&params), ROW);
     }

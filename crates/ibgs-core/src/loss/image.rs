@@ -60,6 +60,22 @@ impl Target {
     pub fn texels(&self) -> &Buffer {
         &self.texels
     }
+
+    /// What a kernel that compares with it needs.
+    pub(crate) fn params(&self, lambda: f32) -> LossParams {
+        let background = match self.outside {
+            Outside::Unknown => None,
+            Outside::Background(color) => Some(color),
+        };
+        LossParams {
+            size: self.size,
+            tiles: self.size.map(|n| n.div_ceil(TILE)),
+            background: background.unwrap_or_default(),
+            object: u32::from(background.is_some()),
+            lambda,
+            ..LossParams::default()
+        }
+    }
 }
 
 /// What the loss was made of.
@@ -169,19 +185,8 @@ impl ImageLoss {
         let gpu = &*self.gpu;
         let [width, height] = target.size;
         assert_eq!(image.meta.shape()[..], [height as usize, width as usize, 3], "image and photo differ in size");
-        let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
-        let background = match target.outside {
-            Outside::Unknown => None,
-            Outside::Background(color) => Some(color),
-        };
-        let params = LossParams {
-            size: target.size,
-            tiles,
-            background: background.unwrap_or_default(),
-            object: u32::from(background.is_some()),
-            lambda: self.lambda,
-            ..LossParams::default()
-        };
+        let params = target.params(self.lambda);
+        let tiles = params.tiles;
         let scratch = self.scratch((width * height) as usize, (3 * tiles[0] * tiles[1]) as usize)?;
         let loss = gpu.empty_like_shape(&image, &[1]);
         let (bound_image, bound_loss) = (Gpu::bind(&image), Gpu::bind(&loss));

@@ -157,6 +157,13 @@ pub struct Forward {
     surface: Option<Arc<Lease<Surface>>>,
 }
 
+impl Forward {
+    /// The Gaussians of every tile, front to back.
+    pub(crate) fn sorted_gaussians(&self) -> &Buffer {
+        self.workspace.sorted_gaussians(self.sorted)
+    }
+}
+
 const LABEL: &str = "rasterize";
 
 /// Rasterizes; owns the scratch memory.

@@ -47,8 +47,8 @@ pub struct TrainConfig {
     /// The run repeats bit for bit on the same adapter and build, also where it is resumed: float32 alone, and checkpoints
     /// hold the depth maps of the training views.
     pub deterministic: bool,
-    /// Degree of the spherical harmonics, 0 to 3.
-    pub sh_degree: u32,
+    /// Degree of the spherical harmonics, 0 to 3; unset: 2, where there is no residual to show what depends on the view 3.
+    pub sh_degree: Option<u32>,
     /// Iterations between two degrees; unset: 1000, scaled.
     pub sh_interval: Option<u32>,
     /// White in place of black behind the Gaussians.
@@ -142,6 +142,9 @@ pub struct LearningRates {
     pub sh_dc: f64,
     /// The other coefficients have the rate `sh-dc` divided by this.
     pub sh_rest_divisor: f64,
+    /// Share of the other coefficients that each iteration takes away, times their rate, so that what few photos show from few
+    /// directions keeps a constant colour; unset: 0, with `method = "3dgs"` 1. A departure from method.md.
+    pub sh_rest_decay: Option<f64>,
     /// Plane normals.
     pub normal: f64,
     /// Plane offsets have the rate of the means times this.
@@ -236,6 +239,9 @@ pub struct GrowthConfig {
     pub threshold: f64,
     /// Share of those that is split in a round.
     pub fraction: f64,
+    /// Pixels with an error above their photo's mean that such a Gaussian must have covered in the last ten iterations before the
+    /// round, summed over the views; 0: errors are not looked at. 60 halves the number of Gaussians.
+    pub error_pixels: f64,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
     /// What every opacity loses in a round, times the part of the run that is left.
@@ -329,6 +335,16 @@ impl TrainConfig {
     pub fn start(&self) -> [f64; 2] {
         let [opacity, scale] = if self.densify.strategy == Strategy::Mcmc { [0.5, 0.1] } else { [0.1, 1.0] };
         [self.initial_opacity.unwrap_or(opacity), self.initial_scale.unwrap_or(scale)]
+    }
+
+    /// Degree of the spherical harmonics.
+    pub fn sh_degree(&self) -> u32 {
+        self.sh_degree.unwrap_or(if self.method == Method::Gs3 { 3 } else { 2 })
+    }
+
+    /// Share of the coefficients beyond the constant that each iteration takes away, times their rate.
+    pub fn sh_rest_decay(&self) -> f64 {
+        self.learning_rates.sh_rest_decay.unwrap_or(if self.method == Method::Gs3 { 1.0 } else { 0.0 })
     }
 
     /// Colour behind the Gaussians.

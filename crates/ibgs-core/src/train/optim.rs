@@ -1,6 +1,6 @@
 //! Adam for the Gaussians and the network (method.md sections 1 and 6): one fused kernel a tensor, in place.
 
-use super::config::{AdamConfig, LearningRates};
+use super::config::{AdamConfig, TrainConfig};
 use crate::gpu::buffer::primitive;
 use crate::gpu::{Bound, Buffer, Gpu, GpuError, Pass};
 use crate::raster::RasterGradients;
@@ -15,23 +15,26 @@ const BASE: usize = 5;
 const PLANES: usize = 2;
 const OPACITY: usize = 3;
 
-/// Rates of one step, a pair a slot: the second is for the spherical harmonics beyond the constant.
+/// Rates of one step, three a slot: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
+/// the share of the rest that is lost, times its rate.
 #[derive(Clone, Copy, Debug)]
-pub struct Rates([[f64; 2]; BASE + PLANES]);
+pub struct Rates([[f64; 3]; BASE + PLANES]);
 
 impl Rates {
     /// The rates of one iteration; `mean` is in local units, the fixed rates count `factor` times.
-    pub fn new(rates: &LearningRates, mean: f64, factor: f64) -> Self {
-        let fixed = |rate: f64| [rate * factor; 2];
+    pub fn new(config: &TrainConfig, mean: f64, factor: f64) -> Self {
+        let rates = &config.learning_rates;
+        let both = |rate: f64| [rate, rate, 0.0];
+        let fixed = |rate: f64| both(rate * factor);
         let dc = rates.sh_dc * factor;
         Self([
-            [mean; 2],
+            both(mean),
             fixed(rates.rotation),
             fixed(rates.scale),
             fixed(rates.opacity),
-            [dc, dc / rates.sh_rest_divisor],
+            [dc, dc / rates.sh_rest_divisor, config.sh_rest_decay()],
             fixed(rates.normal),
-            [mean * rates.offset_factor; 2],
+            both(mean * rates.offset_factor),
         ])
     }
 }
@@ -69,13 +72,13 @@ impl Slot {
         Ok(())
     }
 
-    /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest`.
+    /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest` and the decay.
     fn record_step(
         &self,
         pass: &mut Pass,
         gradient: &Buffer,
         config: &AdamConfig,
-        [rate, rate_rest]: [f64; 2],
+        [rate, rate_rest, decay_rest]: [f64; 3],
         steps: i32,
     ) {
         let correction = |beta: f64| (1.0 / (1.0 - beta.powi(steps))) as f32;
@@ -90,6 +93,7 @@ impl Slot {
             eps: config.epsilon as f32,
             correction1: correction(config.beta1),
             correction2: correction(config.beta2),
+            decay_rest: decay_rest as f32,
         };
         let [first, second] = &self.moments;
         pass.linear(&ADAM, &[gradient, &self.parameter, first, second], bytes_of(&params), self.count);
@@ -136,7 +140,7 @@ impl TensorOptimizer {
     pub fn step(&mut self, gpu: &Gpu, gradient: &CubeTensor, rate: f64) {
         self.steps += 1;
         let mut pass = Pass::new(gpu, "adam");
-        self.slot.record_step(&mut pass, &Gpu::bind(gradient), &self.config, [rate; 2], self.steps);
+        self.slot.record_step(&mut pass, &Gpu::bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
         pass.submit();
     }
 }

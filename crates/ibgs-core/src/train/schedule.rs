@@ -4,7 +4,7 @@ mod stages;
 
 pub use stages::Stages;
 
-use super::config::{Strategy, TrainConfig};
+use super::config::{DensifyConfig, Strategy, TrainConfig};
 
 /// Length of the run that the reference milestones belong to.
 pub const REFERENCE_ITERATIONS: u32 = 30_000;
@@ -25,6 +25,9 @@ const FIRST_REPORT: u32 = 7_000;
 /// reach the pruning threshold of 0.05, so rounds that follow sooner would remove every Gaussian. In the reference
 /// schedule the first round comes after 100 iterations and nothing changes; short runs have rounds every 20.
 const RESET_RECOVERY: u32 = 100;
+
+/// Iterations before a round whose errors are counted.
+const ERROR_VIEWS: u32 = 10;
 
 /// All milestones of one run as absolute iterations, which count from 1. An event at iteration i belongs to that
 /// iteration's step: SH degree and learning rates hold in it, densification and resets follow its gradients.
@@ -117,7 +120,7 @@ impl Schedule {
         let interval = if densify.strategy == Strategy::Default { 200 } else { 100 };
         Self {
             iterations: n_iterations,
-            max_sh_degree: config.sh_degree,
+            max_sh_degree: config.sh_degree(),
             sh_interval: config.sh_interval.unwrap_or_else(|| if warm { 1 } else { scaled(1_000) }),
             // A finished model's means are near where they belong.
             mean_lr_initial: if warm { WARM_MEAN_RATE * rates.mean_final } else { rates.mean_initial },
@@ -175,6 +178,13 @@ impl Schedule {
     /// Whether Gaussians are still densified by their gradients at or after `iteration`, so that these must be observed.
     pub fn observes(&self, iteration: u32) -> bool {
         self.strategy != Strategy::Mcmc && iteration < self.densify_end
+    }
+
+    /// Whether this iteration is among the last before a round, where the pixels of large error are counted, if at all.
+    pub fn counts_errors(&self, iteration: u32, densify: &DensifyConfig) -> bool {
+        let interval = self.densify_interval.max(1);
+        let counts = self.strategy == Strategy::Default && densify.growth.error_pixels > 0.0;
+        counts && (iteration - 1) % interval + ERROR_VIEWS >= interval
     }
 
     /// Whether a round of densification and pruning follows this iteration.

@@ -117,7 +117,7 @@ impl Trainer {
         let [opacity, scale] = config.start();
         let space = dataset.space();
         let points: Vec<Point> = points.iter().map(|point| point.to_local(&space)).collect();
-        let mut start = from_points(&points, config.sh_degree, opacity)?;
+        let mut start = from_points(&points, config.sh_degree(), opacity)?;
         start.space = space;
         start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
         Self::from_gaussians(raster, dataset, config, &start)
@@ -369,10 +369,16 @@ impl Trainer {
                 Strategy::Default => (Over::Largest, 0.0),
                 _ => (Over::Sum, self.config.densify.near_depth * self.extent),
             };
-            self.statistics.observe(&self.gpu, screen, &forward.workspace, forward.frame.size, how);
+            let errors = if self.schedule.counts_errors(iteration, &self.config.densify) {
+                let (stats, count) = (&total.scratch.stats, self.splats.len());
+                Some(densify::covered_errors(&self.gpu, &forward, (&shown, &target), stats, count)?)
+            } else {
+                None
+            };
+            self.statistics.observe(&self.gpu, screen, &forward, how, errors.as_ref());
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
-        let rates = Rates::new(&self.config.learning_rates, mean_rate, self.schedule.rate_factor);
+        let rates = Rates::new(&self.config, mean_rate, self.schedule.rate_factor);
         self.optimizer.step(&self.gpu, gradients, &rates);
         if is_mcmc {
             let strength = self.config.densify.mcmc.noise * mean_rate;

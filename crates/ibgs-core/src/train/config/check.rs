@@ -129,7 +129,7 @@ impl TrainConfig {
         for (field, seed) in [("seed", self.seed), ("data.demo-exposure-seed", demo)] {
             check.require(i64::try_from(seed).is_ok(), field, seed, "it must be below 2^63")?;
         }
-        check.require(self.sh_degree <= MAX_SH_DEGREE, "sh-degree", self.sh_degree, "it must be 0, 1, 2 or 3")?;
+        check.require(self.sh_degree() <= MAX_SH_DEGREE, "sh-degree", self.sh_degree(), "it must be 0, 1, 2 or 3")?;
         let every = self.data.eval_split_every;
         check.require(every >= 2, "data.eval-split-every", every, "it must be at least 2")?;
         let principal = self.data.principal_point.as_str();
@@ -172,6 +172,7 @@ fn check_rates(rates: &LearningRates, check: &Check<'_>) -> Result<(), ConfigErr
             ("opacity", rates.opacity, Range::NotNegative),
             ("sh-dc", rates.sh_dc, Range::NotNegative),
             ("sh-rest-divisor", rates.sh_rest_divisor, Range::Positive),
+            ("sh-rest-decay", rates.sh_rest_decay.unwrap_or_default(), Range::NotNegative),
             ("normal", rates.normal, Range::NotNegative),
             ("offset-factor", rates.offset_factor, Range::NotNegative),
         ],
@@ -194,6 +195,7 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
             ("prune-screen-radius", densify.prune_screen_radius, Range::NotNegative),
             ("growth.threshold", densify.growth.threshold, Range::Positive),
             ("growth.fraction", densify.growth.fraction, Range::Unit),
+            ("growth.error-pixels", densify.growth.error_pixels, Range::NotNegative),
             ("growth.prune-opacity", densify.growth.prune_opacity, Range::Decay),
             ("growth.opacity-decay", densify.growth.opacity_decay, Range::Decay),
             ("growth.screen-size", densify.growth.screen_size, Range::NotNegative),

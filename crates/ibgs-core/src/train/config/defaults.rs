@@ -16,7 +16,7 @@ impl Default for TrainConfig {
             init: None,
             seed: 0,
             deterministic: false,
-            sh_degree: 2,
+            sh_degree: None,
             sh_interval: None,
             white_background: false,
             ssim_weight: 0.2,
@@ -71,6 +71,7 @@ impl Default for LearningRates {
             opacity: 2.5e-2,
             sh_dc: 2.5e-3,
             sh_rest_divisor: 20.0,
+            sh_rest_decay: None,
             normal: 1e-3,
             offset_factor: 0.5,
         }
@@ -113,7 +114,14 @@ impl Default for DensifyConfig {
 
 impl Default for GrowthConfig {
     fn default() -> Self {
-        Self { threshold: 0.002, fraction: 0.25, prune_opacity: 1.0 / 255.0, opacity_decay: 0.004, screen_size: 0.5 }
+        Self {
+            threshold: 0.002,
+            fraction: 0.25,
+            error_pixels: 0.0,
+            prune_opacity: 1.0 / 255.0,
+            opacity_decay: 0.004,
+            screen_size: 0.5,
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! The default strategy: no opacity resets. What has faded is pruned in every round and replaced by splitting others; while the
 //! model grows, a share of the Gaussians with large screen-space gradients is split as well, by the largest absolute gradient (Ye et
 //! al., AbsGS, 2024) over the views; every opacity loses a little. One operation adds Gaussians: a split in two that keeps mass, centre and, along the axes, the second moments. Ideas and
-//! constants of Brush 1.0, which also has the screen-size rule.
+//! constants of Brush 1.0, which also has the screen-size rule. On request only those are split that cover pixels of large error (Ren et al.,
+//! FastGS, 2025).
 
 use super::{FRESH, Observations, Plan, Round, sigmoid};
 use crate::train::config::{DensifyConfig, GrowthConfig};
@@ -45,6 +46,11 @@ impl Candidates<'_> {
 
     fn gradient(&self, i: usize) -> f64 {
         f64::from(self.o.statistics[i][0])
+    }
+
+    /// May be split for its gradient.
+    fn is_rough(&self, i: usize) -> bool {
+        self.gradient(i) > self.config.threshold && f64::from(self.o.statistics[i][1]) >= self.config.error_pixels
     }
 
     /// Wider on the screen than allowed.
@@ -94,7 +100,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
         }
         let seen = |i: usize| if o.statistics[i][2] > 0.0 { candidates.opacities[i] } else { 0.0 };
         let replaced = draw(&living, seen, pruned.min(room), &mut split, rng);
-        let above: Vec<usize> = living.iter().copied().filter(|&i| candidates.gradient(i) > growth.threshold).collect();
+        let above: Vec<usize> = living.iter().copied().filter(|&i| candidates.is_rough(i)).collect();
         let wanted = ((above.len() as f64 * growth.fraction) as usize).saturating_sub(replaced);
         draw(&above, |i| candidates.gradient(i), wanted.min(room - replaced), &mut split, rng);
     }

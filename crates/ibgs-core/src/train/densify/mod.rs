@@ -9,14 +9,15 @@ use super::config::{DensifyConfig, Strategy};
 use super::optim::Optimizer;
 use crate::gpu::buffer::{from_primitive, primitive};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::raster::Workspace;
+use crate::loss::Target;
+use crate::raster::Forward;
 use crate::scene::{SceneError, Splats};
 use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
 use bytemuck::bytes_of;
 use glam::{DVec3, Vec3};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
-use ibgs_shaders::{DENSIFY_GATHER, DENSIFY_OBSERVE};
+use ibgs_shaders::{DENSIFY_ERRORS, DENSIFY_GATHER, DENSIFY_OBSERVE};
 use rand_chacha::ChaCha8Rng;
 
 /// Marks a new Gaussian in [`Plan::sources`].
@@ -94,7 +95,7 @@ pub enum Over {
     /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels); gradients in units of half
     /// the image.
     Sum,
-    /// (largest absolute-gradient norm, 0, views, largest radius in units of the image's longer side); gradients in units of the
+    /// (largest absolute-gradient norm, pixels of large error, views, largest radius in units of the image's longer side); gradients in units of the
     /// image.
     Largest,
 }
@@ -125,6 +126,39 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut C
         Strategy::Published | Strategy::AbsGs => gradient::plan(o, config, round, rng),
         Strategy::Mcmc => mcmc::plan(o, config, round, rng),
     }
+}
+
+/// For each of `count` Gaussians, the pixels to which it contributes a share of at least 0.05 and where `image` differs from the
+/// photo by more than the mean absolute error of `stats`, see [`LossScratch`](crate::loss::LossScratch).
+///
+/// # Errors
+/// Not enough memory.
+pub fn covered_errors(
+    gpu: &Gpu,
+    forward: &Forward,
+    (image, target): (&Tensor<3>, &Target),
+    stats: &Buffer,
+    count: usize,
+) -> Result<Buffer, GpuError> {
+    let counts = gpu.allocate("pixels of large error", 4 * count.max(1) as u64)?;
+    let params = target.params(0.0);
+    let image = Gpu::bind(&primitive(image.clone().inner()));
+    let workspace = &forward.workspace;
+    let buffers: [&Buffer; 8] = [
+        &workspace.projected,
+        forward.sorted_gaussians(),
+        &workspace.tile_ranges,
+        &workspace.last_entry,
+        &image,
+        target.texels(),
+        stats,
+        &counts,
+    ];
+    let [x, y] = params.tiles;
+    let mut pass = Pass::new(gpu, "densify errors");
+    pass.grid(&DENSIFY_ERRORS, &buffers, bytes_of(&params), [x, y, 1]);
+    pass.submit();
+    Ok(counts)
 }
 
 /// Running statistics of every Gaussian since the last round.
@@ -160,20 +194,27 @@ impl Statistics {
     }
 
     /// Adds one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
-    /// `near_depth` count less.
+    /// `near_depth` count less. `errors`: what [`covered_errors`] counted, for [`Over::Largest`].
     pub fn observe(
         &self,
         gpu: &Gpu,
         screen: Tensor<2>,
-        workspace: &Workspace,
-        size: [u32; 2],
+        forward: &Forward,
         (over, near_depth): (Over, f64),
+        errors: Option<&Buffer>,
     ) {
-        let largest = u32::from(over == Over::Largest);
-        let params = ObserveParams { size, count: self.count as u32, near_depth: near_depth as f32, largest, pad: 0 };
+        let params = ObserveParams {
+            size: forward.frame.size,
+            count: self.count as u32,
+            near_depth: near_depth as f32,
+            largest: u32::from(over == Over::Largest),
+            errors: u32::from(errors.is_some()),
+        };
         let gradient = Gpu::bind(&primitive(screen));
         let mut pass = Pass::new(gpu, "densify observe");
-        let buffers: [&Buffer; 3] = [&gradient, &workspace.projected, &self.values];
+        let workspace = &forward.workspace;
+        let errors = errors.unwrap_or(&workspace.tile_counts);
+        let buffers: [&Buffer; 4] = [&gradient, &workspace.projected, errors, &self.values];
         pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(&params), self.count);
         pass.submit();
     }
