@@ -185,8 +185,8 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(OpacityResetParams { count, limit });
     twin!(MeanParams { count, weight });
     twin!(SurfaceParams { size, focal, principal, weight, pad });
-    twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, slots, inputs, largest, groups });
-    twin!(FeatureSumParams { count, groups });
+    twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, slots, inputs, aggregation, groups });
+    twin!(FeatureSumParams { count, groups, first, rest });
     twin!(ComposeParams { size, low, gain, full_color, seen_only, pad });
     twin!(ConvParams {
         size,

@@ -13,7 +13,7 @@ use ibgs_core::fuse::Warper;
 use ibgs_core::loss::{ImageLoss, NormalLoss, PhotometricLoss, SurfaceBuffers, Target};
 use ibgs_core::raster::{Leaves, Surface};
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
-use ibgs_core::residual::{Factor, Precision, Residual, ResidualTask, Variant};
+use ibgs_core::residual::{Aggregation, Factor, Precision, Residual, ResidualTask, Variant};
 use ibgs_shaders::EXPOSURE_PULL;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -254,6 +254,15 @@ fn the_whole_loss_with_exposures_follows_the_twin() {
 fn the_whole_loss_at_half_the_size_follows_the_twin() {
     assert_follows_twin("half size", &case(4, false, Factor::Half));
     assert_follows_twin("half size, exposure", &case(1, true, Factor::Half));
+}
+
+#[test]
+fn the_whole_loss_with_confidences_follows_the_twin() {
+    for (seed, exposed, factor) in [(1, false, Factor::Full), (3, true, Factor::Half)] {
+        let mut case = case(seed, exposed, factor);
+        case.variant.aggregation = Aggregation::Soft;
+        assert_follows_twin(&format!("confidences {seed}"), &case);
+    }
 }
 
 /// Burn-in: the Gaussians do not see the final image at all, the network learns as ever.

@@ -8,7 +8,7 @@ use crate::reference::relative_error;
 use half::f16;
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::features::{FeatureGradients, FeatureInputs, Features, InputGradients, MLP_WEIGHTS};
-use ibgs_core::residual::layers::INPUT;
+use ibgs_core::residual::layers::{CONFIDENCE, INPUT, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Factor, Inputs, Output, Variant};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -39,13 +39,18 @@ fn random_view(size: [u32; 2], slots: usize, active: usize, variant: Variant, se
         seen,
         active,
         centers: (0..8).map(|_| std::array::from_fn(|_| number(-1.0, 1.0))).collect(),
-        weights: (0..MLP_WEIGHTS).map(|_| number(-0.4, 0.4)).collect(),
+        weights: (0..WEIGHTS).map(|_| number(-0.4, 0.4)).collect(),
     }
 }
 
 fn random(count: usize, seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     (0..count).map(|_| exact(rng.random_range(-1.0..1.0))).collect()
+}
+
+/// Those of the per-view MLP and of the confidence.
+fn without_hourglass(weights: &Vec<f64>) -> Vec<f64> {
+    [&weights[..MLP_WEIGHTS], &weights[CONFIDENCE.offset..]].concat()
 }
 
 fn single(values: &[f64]) -> Vec<f32> {
@@ -85,7 +90,7 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
         weights: &weights,
     };
     let (x, v_x) = (nan(INPUT * n), upload(v_x));
-    let (v_weights, v_warped) = (nan(MLP_WEIGHTS + 5), nan(4 * view.warped.len()));
+    let (v_weights, v_warped) = (nan(WEIGHTS), nan(4 * view.warped.len()));
     let v_base = upload(&vec![0.5; 3 * pixels]);
     let scratch = features.scratch(&gpu).unwrap();
     let gradients = FeatureGradients { v_x: &v_x, v_weights: &v_weights, scratch: &scratch };
@@ -98,8 +103,10 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
     if gpu.matrix_units.is_some() {
         assert_halves(&gpu, &features, &inputs, &read(&x, INPUT * n));
     }
-    let mut v_weights = read(&v_weights, MLP_WEIGHTS + 5);
-    assert!(v_weights.split_off(MLP_WEIGHTS).iter().all(|v| v.is_nan()), "the hourglass' gradients are not touched");
+    let mut v_weights = read(&v_weights, WEIGHTS);
+    let hourglass = &mut v_weights[MLP_WEIGHTS..CONFIDENCE.offset];
+    assert!(hourglass.iter().all(|v| v.is_nan()), "the hourglass' gradients are not touched");
+    hourglass.fill(0.0);
     let v_base = read(&v_base, 3 * pixels).iter().map(|v| v - 0.5).collect();
     OnGpu { x: read(&x, INPUT * n), v_warped: read(&v_warped, 4 * view.warped.len()), v_base, v_weights }
 }
@@ -146,7 +153,7 @@ fn check(what: &str, view: &View, seed: u64) {
 #[test]
 fn every_variant_follows_the_twin() {
     for inputs in [Inputs::Differences, Inputs::SourceColors, Inputs::DifferencesOnly] {
-        for aggregation in [Aggregation::Mean, Aggregation::Max] {
+        for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
             for factor in FACTORS {
                 let view = random_view([33, 17], 3, 3, variant(inputs, aggregation, factor), 1);
                 check(&format!("{inputs:?} {aggregation:?} {factor:?}"), &view, 2);
@@ -179,7 +186,7 @@ fn large_images_are_summed_whole() {
 #[test]
 fn twin_follows_finite_differences() {
     for inputs in [Inputs::Differences, Inputs::SourceColors, Inputs::DifferencesOnly] {
-        for aggregation in [Aggregation::Mean, Aggregation::Max] {
+        for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
             for factor in [Factor::Full, Factor::Half] {
                 let view = random_view([6, 5], 2, 2, variant(inputs, aggregation, factor), 7);
                 let v_x = random(INPUT * view.low()[0] * view.low()[1], 8);
@@ -193,10 +200,14 @@ fn twin_follows_finite_differences() {
                     1e-6,
                     |at| loss(&View { warped: at.as_chunks().0.to_vec(), ..view.clone() }),
                 );
-                let by_weights =
-                    assert_gradient(&format!("{what} weights"), &view.weights, &grads.weights, 1e-6, |at| {
-                        loss(&View { weights: at.to_vec(), ..view.clone() })
-                    });
+                // The hourglass' part is not read.
+                let [own, gradient] = [&view.weights, &grads.weights].map(without_hourglass);
+                let by_weights = assert_gradient(&format!("{what} weights"), &own, &gradient, 1e-6, |at| {
+                    let mut weights = view.weights.clone();
+                    weights[..MLP_WEIGHTS].copy_from_slice(&at[..MLP_WEIGHTS]);
+                    weights[CONFIDENCE.offset..].copy_from_slice(&at[MLP_WEIGHTS..]);
+                    loss(&View { weights, ..view.clone() })
+                });
                 let by_base = assert_gradient(
                     &format!("{what} base"),
                     view.base.as_flattened(),

@@ -14,16 +14,13 @@ use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::Hourglass;
 use ibgs_core::residual::half::HalfHourglass;
 use ibgs_core::residual::half::choice::{self, WholeNumbers};
-use ibgs_core::residual::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS};
+use ibgs_core::residual::layers::{
+    DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, HOURGLASS, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS,
+};
 use ibgs_core::residual::path::Path;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
-
-/// Layers of the hourglass.
-fn hourglass_layers() -> &'static [Layer] {
-    &LAYERS[2..]
-}
 
 fn uniform(count: usize, limit: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
     (0..count).map(|_| exact(rng.random_range(-limit..limit))).collect()
@@ -156,13 +153,14 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
         let what = format!("{width} x {height}");
         assert_forward(&what, &ours.residual, &interleaved(&passed.residual));
         assert_close(&format!("{what} v_x"), &ours.v_x, &v_x.data);
-        for layer in hourglass_layers() {
+        for layer in HOURGLASS {
             let [weight, bias] = [layer.offset..layer.bias(), layer.bias()..layer.end()];
             let name = format!("{what} {}", layer.name);
             assert_close(&format!("{name}.weight"), &ours.v_weights[weight.clone()], &v_weights[weight]);
             assert_close(&format!("{name}.bias"), &ours.v_weights[bias.clone()], &v_weights[bias]);
         }
-        assert!(ours.v_weights[..ENC1.offset].iter().all(|v| *v == UNTOUCHED), "{what}: the MLP's part is left alone");
+        let mut others = ours.v_weights[..ENC1.offset].iter().chain(&ours.v_weights[FINAL.end()..]);
+        assert!(others.all(|v| *v == UNTOUCHED), "{what}: the parts of the MLP and of the confidence are left alone");
     }
 }
 
@@ -170,16 +168,16 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
 #[test]
 fn a_dead_network_has_exactly_zero_gradients() {
     let mut weights = random_weights(5);
-    for layer in &hourglass_layers()[..8] {
+    for layer in &HOURGLASS[..8] {
         weights[layer.bias()..layer.end()].fill(-100.0);
     }
     let (x, v_residual) = random_maps(21, 10, 6);
     let ours = on_gpu(&weights, &x, &v_residual);
     assert!(ours.v_x.iter().all(|v| *v == 0.0));
-    let last = hourglass_layers()[8];
+    let last = HOURGLASS[8];
     assert!(ours.v_weights[ENC1.offset..last.bias()].iter().all(|v| *v == 0.0));
     let (_, v_weights) = backward(&weights, &forward(&weights, &x), &v_residual);
-    assert_close("last bias", &ours.v_weights[last.bias()..], &v_weights[last.bias()..]);
+    assert_close("last bias", &ours.v_weights[last.bias()..last.end()], &v_weights[last.bias()..last.end()]);
 }
 
 /// Chosen entries of x and of every layer's weights and biases against central differences.
@@ -200,7 +198,7 @@ fn the_twins_gradients_follow_finite_differences() {
         at.iter().zip(new).for_each(|(i, v)| values[*i] = *v);
         values
     };
-    for layer in hourglass_layers() {
+    for layer in HOURGLASS {
         for (what, range) in [("weight", layer.offset..layer.bias()), ("bias", layer.bias()..layer.end())] {
             let mut at = choose(range);
             at.sort_unstable();
@@ -376,11 +374,12 @@ fn matrix_units_give_the_gradients_of_whole_numbers() {
         let what = format!("{width} x {height}");
         assert_eq!(double(&ours.residual), interleaved(&passed.residual), "{what}: residual");
         assert_near(&format!("{what} v_x"), &ours.v_x, &v_x.data, 1e-4);
-        for layer in hourglass_layers() {
+        for layer in HOURGLASS {
             let all = layer.offset..layer.end();
             assert_near(&format!("{what} {}", layer.name), &ours.v_weights[all.clone()], &v_weights[all], 1e-4);
         }
-        assert!(ours.v_weights[..ENC1.offset].iter().all(|v| *v == UNTOUCHED), "{what}: the MLP's part is left alone");
+        let mut others = ours.v_weights[..ENC1.offset].iter().chain(&ours.v_weights[FINAL.end()..]);
+        assert!(others.all(|v| *v == UNTOUCHED), "{what}: the parts of the MLP and of the confidence are left alone");
     }
 }
 

@@ -4,7 +4,7 @@
 
 use ibgs_core::camera::Camera;
 use ibgs_core::fuse::Reach;
-use ibgs_core::residual::layers::{ENC1, FEATURES, HIDDEN, INPUT, MLP1, MLP2};
+use ibgs_core::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, MLP2, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Inputs, Output, Variant};
 
 /// Number of the source in an empty slot.
@@ -24,7 +24,7 @@ pub struct View {
     pub active: usize,
     /// Target centre - source centre.
     pub centers: Vec<[f64; 3]>,
-    /// The flat weights of the MLP.
+    /// The flat weights; those of the MLP and of the confidence are read.
     pub weights: Vec<f64>,
 }
 
@@ -77,6 +77,11 @@ pub fn resize_backward<const N: usize>(v_out: &[[f64; N]], src: Size, dst: Size)
     v_map
 }
 
+/// Entry i of each.
+fn at<T: Copy>(all: &[Vec<T>], i: usize) -> Vec<T> {
+    all.iter().map(|values| values[i]).collect()
+}
+
 fn relu_layer(weights: &[f64], bias: &[f64], input: &[f64]) -> [f64; HIDDEN] {
     std::array::from_fn(|o| {
         let row = &weights[o * input.len()..(o + 1) * input.len()];
@@ -117,6 +122,28 @@ impl View {
         (first, relu_layer(&w[MLP2.offset..], &w[MLP2.bias()..], &first))
     }
 
+    /// Part of a slot that a source fills at each pixel of the network's size.
+    fn presence(&self, slot: usize) -> Vec<f64> {
+        let filled = |seen: &[u8; 4]| [if seen[slot] == EMPTY { 0.0 } else { 1.0 }];
+        resize(&self.seen.iter().map(filled).collect::<Vec<_>>(), self.size(), self.low())
+            .into_iter()
+            .map(|[v]| v)
+            .collect()
+    }
+
+    /// Shares of the slots at a pixel by their confidences, beside 1 for none of them.
+    fn shares(&self, features: &[[f64; FEATURES]], presence: &[f64]) -> Vec<f64> {
+        let w = &self.weights;
+        let confidence = |(feature, present): (&[f64; FEATURES], &f64)| {
+            let (first, _) = self.mlp(feature);
+            let sum = first.iter().zip(&w[CONFIDENCE.offset..]).map(|(h, w)| h * w).sum::<f64>();
+            present * (w[CONFIDENCE.bias()] + sum).exp()
+        };
+        let confidences: Vec<f64> = features.iter().zip(presence).map(confidence).collect();
+        let total = 1.0 + confidences.iter().sum::<f64>();
+        confidences.into_iter().map(|c| c / total).collect()
+    }
+
     /// The slot that gives channel c its largest value, the first of several.
     fn largest(outputs: &[[f64; HIDDEN]], c: usize) -> usize {
         (0..outputs.len()).fold(0, |best, m| if outputs[m][c] > outputs[best][c] { m } else { best })
@@ -129,14 +156,17 @@ impl View {
         let ray = |p: usize| self.camera.ray(glam::DVec2::new((p % w) as f64 + 0.5, (p / w) as f64 + 0.5)).to_array();
         let rays = resize(&(0..w * h).map(ray).collect::<Vec<_>>(), self.size(), self.low());
         let base = resize(&self.base, self.size(), self.low());
+        let presence: Vec<_> = (0..self.active).map(|m| self.presence(m)).collect();
         let mut x = vec![0.0; INPUT * n];
         for i in 0..n {
             let outputs: Vec<_> = features.iter().map(|f| self.mlp(&f[i]).1).collect();
+            let shares = self.shares(&at(&features, i), &at(&presence, i));
             for c in 0..HIDDEN {
                 x[c * n + i] = match self.variant.aggregation {
                     _ if outputs.is_empty() => 0.0,
                     Aggregation::Mean => outputs.iter().map(|h| h[c]).sum::<f64>() / outputs.len() as f64,
                     Aggregation::Max => outputs[Self::largest(&outputs, c)][c],
+                    Aggregation::Soft => outputs.iter().zip(&shares).map(|(h, share)| share * h[c]).sum(),
                 };
             }
             let ray = glam::DVec3::from_array(rays[i]).normalize().to_array();
@@ -154,16 +184,26 @@ impl View {
         let (pixels, n) = (self.base.len(), self.low()[0] * self.low()[1]);
         let features: Vec<_> = (0..self.active).map(|m| self.features(m)).collect();
         let mut v_features = vec![vec![[0.0; FEATURES]; n]; self.active];
-        let mut weights = vec![0.0; ENC1.offset];
+        let presence: Vec<_> = (0..self.active).map(|m| self.presence(m)).collect();
+        let mut weights = vec![0.0; WEIGHTS];
         for i in 0..n {
             let outputs: Vec<_> = features.iter().map(|f| self.mlp(&f[i]).1).collect();
+            let shares = self.shares(&at(&features, i), &at(&presence, i));
+            let products: Vec<f64> =
+                outputs.iter().map(|h| h.iter().enumerate().map(|(c, h)| h * v_x[c * n + i]).sum()).collect();
+            let mean: f64 = shares.iter().zip(&products).map(|(share, product)| share * product).sum();
             for m in 0..self.active {
+                let v_confidence = match self.variant.aggregation {
+                    Aggregation::Soft => shares[m] * (products[m] - mean),
+                    _ => 0.0,
+                };
                 let v_output = std::array::from_fn(|c| match self.variant.aggregation {
                     Aggregation::Mean => v_x[c * n + i] / self.active as f64,
                     Aggregation::Max if Self::largest(&outputs, c) == m => v_x[c * n + i],
                     Aggregation::Max => 0.0,
+                    Aggregation::Soft => shares[m] * v_x[c * n + i],
                 });
-                v_features[m][i] = self.mlp_backward(&features[m][i], v_output, &mut weights);
+                v_features[m][i] = self.mlp_backward(&features[m][i], v_output, v_confidence, &mut weights);
             }
         }
         let v_color: Vec<[f64; 3]> = (0..n).map(|i| std::array::from_fn(|c| v_x[(HIDDEN + 3 + c) * n + i])).collect();
@@ -187,10 +227,13 @@ impl View {
         &self,
         feature: &[f64; FEATURES],
         v_output: [f64; HIDDEN],
+        v_confidence: f64,
         v_weights: &mut [f64],
     ) -> [f64; FEATURES] {
         let (first, second) = self.mlp(feature);
-        let mut v_first = [0.0; HIDDEN];
+        let mut v_first: [f64; HIDDEN] = std::array::from_fn(|k| v_confidence * self.weights[CONFIDENCE.offset + k]);
+        v_weights[CONFIDENCE.bias()] += v_confidence;
+        (0..HIDDEN).for_each(|k| v_weights[CONFIDENCE.offset + k] += v_confidence * first[k]);
         for o in (0..HIDDEN).filter(|o| second[*o] > 0.0) {
             v_weights[MLP2.bias() + o] += v_output[o];
             for k in 0..HIDDEN {

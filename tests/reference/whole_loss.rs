@@ -2,7 +2,6 @@
 //! its gradients by the Gaussians and by the network's weights: the other twins chained by hand.
 
 use ibgs_core::residual::Variant;
-use ibgs_core::residual::layers::ENC1;
 
 use super::exposure::{Exposure, Image};
 use super::features::{Composition, EMPTY, Grads as FeatureGrads, View};
@@ -196,7 +195,7 @@ impl Case {
         let v_residual = planes_of(&v_residual, composition.low());
         let (v_x, mut weights) = hourglass::backward(&self.weights, &run.network, &v_residual);
         let mut v = run.view.input_backward(&v_x.data);
-        weights[..ENC1.offset].iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
+        weights.iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
         add(&mut v.base, &v_corrected);
         (v, weights)
     }

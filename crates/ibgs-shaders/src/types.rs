@@ -305,8 +305,8 @@ pub struct FeatureParams {
     pub slots: u32,
     /// 0: base colour and differences, 1: base colour and source colours, 2: only differences.
     pub inputs: u32,
-    /// 1: the largest value over the slots instead of the mean.
-    pub largest: u32,
+    /// 0: the mean over the slots, 1: the largest value, 2: the mean by confidence.
+    pub aggregation: u32,
     /// Workgroups of the backward pass.
     pub groups: u32,
 }
@@ -319,6 +319,10 @@ pub struct FeatureSumParams {
     pub count: u32,
     /// Rows.
     pub groups: u32,
+    /// Weights of a row that lie at the front of the network's.
+    pub first: u32,
+    /// Where the others lie.
+    pub rest: u32,
 }
 
 /// The final colour; the twin of `ComposeParams`.

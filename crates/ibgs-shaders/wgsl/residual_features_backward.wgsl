@@ -14,11 +14,12 @@
 @group(0) @binding(6) var<storage, read> v_x: array<f32>;
 // (rgb, cosine) of each used slot, [slots][pixels].
 @group(0) @binding(7) var<storage, read_write> v_features: array<vec4<f32>>;
-// Rows of MLP_WEIGHTS, one a workgroup.
+// Rows of MLP_WEIGHTS and CONFIDENCE_WEIGHTS, one a workgroup.
 @group(0) @binding(8) var<storage, read_write> partials: array<f32>;
 
 const THREADS: u32 = 64u;
-// Vectors a staged pixel; odd, so that neighbours fall into different banks.
+// Vectors a staged pixel, the last one of the gradient by the logarithm of the confidence; odd, so that neighbours fall into
+// different banks.
 const STAGED: u32 = 17u;
 
 var<workgroup> stage: array<vec4<f32>, THREADS * STAGED>;
@@ -67,6 +68,12 @@ fn taken(h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
     return select(best, vec4(1e38), receives(h, best));
 }
 
+// Product of a slot's outputs with the gradient.
+fn dot_gradient(i: u32, h: Hidden) -> f32 {
+    return dot(take(0u, i), h.a) + dot(take(4u, i), h.b) + dot(take(8u, i), h.c) + dot(take(12u, i), h.d)
+        + dot(take(16u, i), h.e) + dot(take(20u, i), h.f) + dot(take(24u, i), h.g) + dot(take(28u, i), h.h);
+}
+
 fn put_sums(at: u32, stride: u32, v: vec4<f32>) {
     partials[at] = v.x;
     partials[at + stride] = v.y;
@@ -80,7 +87,9 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let z = vec4(0.0);
     let pixels = params.low.x * params.low.y;
     let used = used_slots();
-    let scale = select(1.0 / f32(max(used, 1u)), 1.0, params.largest == 1u);
+    let takes_largest = params.aggregation == AGGREGATION_LARGEST;
+    let is_soft = params.aggregation == AGGREGATION_SOFT;
+    let scale = select(1.0 / f32(max(used, 1u)), 1.0, takes_largest);
     // Rows 4 a .. 4 a + 3 and columns 4 b .. 4 b + 3 of W2; the first layer's input a and outputs 4 b .. 4 b + 3.
     let a = local / 8u;
     let b = local % 8u;
@@ -90,6 +99,9 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var w3 = z;
     var bias2 = z;
     var first = z;
+    // Of the confidence: columns 4 b .. 4 b + 3 of its weights, and its bias.
+    var by_confidence = z;
+    var confidence_bias = 0.0;
     let mine = local * STAGED;
     for (var start = wid.x * THREADS; start < pixels; start += params.groups * THREADS) {
         let i = start + local;
@@ -97,35 +109,58 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         let at = min(i, pixels - 1u);
         let c = resize_corners(vec2(at % params.low.x, at / params.low.x), params.size, params.low);
         var best = Hidden(z, z, z, z, z, z, z, z);
-        // A first round over the slots finds the largest values with the very code that is compared with them later.
-        for (var turn = select(used, 0u, params.largest == 1u); turn < 2u * used; turn++) {
+        // Shares of the slots by their confidences, and the products of their outputs with the gradient.
+        var shares = z;
+        var dots = z;
+        var top = 0.0;
+        // A first round over the slots finds the largest values with the very code that is compared with them later, or the
+        // confidences.
+        for (var turn = select(used, 0u, takes_largest || is_soft); turn < 2u * used; turn++) {
             let m = turn % used;
             let f = feature(c, m);
             var h2 = mlp_row(ROW_BIAS2);
+            var confidence = mlp[CONFIDENCE_BIAS].x;
             for (var j = 0u; j < 8u; j++) {
                 let hidden = mlp_hidden(j, f.head, f.tail);
                 stage[mine + 8u + j] = hidden;
                 add_rows(ROW_WEIGHT2 + 4u * j, hidden, &h2);
+                confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);
             }
             h2 = relu(h2);
             if turn < used {
-                best = largest(best, h2);
+                if is_soft {
+                    let present = presence(c, m);
+                    if present > 0.0 {
+                        let next = max(top, confidence);
+                        shares *= exp(top - next);
+                        shares[m] = present * exp(confidence - next);
+                        dots[m] = dot_gradient(at, h2);
+                        top = next;
+                    }
+                    if m + 1u == used {
+                        shares /= exp(-top) + shares.x + shares.y + shares.z + shares.w;
+                    }
+                } else {
+                    best = largest(best, h2);
+                }
                 continue;
             }
-            let share = select(0.0, scale, inside);
+            let share = select(0.0, select(scale, shares[m], is_soft), inside);
+            let v_confidence = select(0.0, share * (dots[m] - dot(shares, dots)), is_soft);
             let v2 = Hidden(
                 pick(0u, at, share, h2.a, best.a), pick(4u, at, share, h2.b, best.b),
                 pick(8u, at, share, h2.c, best.c), pick(12u, at, share, h2.d, best.d),
                 pick(16u, at, share, h2.e, best.e), pick(20u, at, share, h2.f, best.f),
                 pick(24u, at, share, h2.g, best.g), pick(28u, at, share, h2.h, best.h),
             );
-            if params.largest == 1u {
+            if takes_largest {
                 best = Hidden(
                     taken(h2.a, best.a), taken(h2.b, best.b), taken(h2.c, best.c), taken(h2.d, best.d),
                     taken(h2.e, best.e), taken(h2.f, best.f), taken(h2.g, best.g), taken(h2.h, best.h),
                 );
             }
             put_stage(mine, v2);
+            stage[mine + 16u] = vec4(v_confidence, 0.0, 0.0, 0.0);
             workgroupBarrier();
             for (var q = 0u; q < THREADS; q++) {
                 let v = stage[q * STAGED + a];
@@ -135,13 +170,17 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 w2 += v.z * h;
                 w3 += v.w * h;
                 bias2 += v;
+                let by = stage[q * STAGED + 16u].x;
+                by_confidence += by * h;
+                confidence_bias += by;
             }
             workgroupBarrier();
             var by_input = z;
             for (var j = 0u; j < 8u; j++) {
                 let r = ROW_WEIGHT2 + 4u * j;
                 let sum = vec4(dot_row(r, v2), dot_row(r + 1u, v2), dot_row(r + 2u, v2), dot_row(r + 3u, v2));
-                let v = select(z, sum, stage[mine + 8u + j] > z);
+                let v_hidden = sum + v_confidence * mlp[8u * ROW_CONFIDENCE + j];
+                let v = select(z, v_hidden, stage[mine + 8u + j] > z);
                 by_input += vec4(dot(mlp[j], v), dot(mlp[8u + j], v), dot(mlp[16u + j], v), dot(mlp[48u + j], v));
                 stage[mine + 8u + j] = v;
             }
@@ -157,7 +196,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             }
         }
     }
-    let out = wid.x * MLP_WEIGHTS;
+    let out = wid.x * (MLP_WEIGHTS + CONFIDENCE_WEIGHTS);
     let row = out + WEIGHT2 + 4u * a * HIDDEN + 4u * b;
     put_sums(row, 1u, w0);
     put_sums(row + HIDDEN, 1u, w1);
@@ -170,5 +209,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         put_sums(out + BIAS1 + 4u * b, 1u, first);
     } else {
         put_sums(out + 4u * b * FEATURES + a, FEATURES, first);
+    }
+    if a == 0u {
+        put_sums(out + MLP_WEIGHTS + 4u * b, 1u, by_confidence);
+    }
+    if local == 0u {
+        partials[out + MLP_WEIGHTS + HIDDEN] = confidence_bias;
     }
 }

@@ -1,10 +1,13 @@
-// Sums the workgroups' gradients of the per-view MLP in a fixed order: 32 weights a workgroup, eight threads each.
+// Sums the workgroups' gradients of the per-view MLP and of the confidence in a fixed order: 32 weights a workgroup, eight threads each.
 
 struct FeatureSumParams {
     // Weights a row.
     count: u32,
     // Rows.
     groups: u32,
+    // Weights of a row that lie at the front of the network's, and where the others lie.
+    first: u32,
+    rest: u32,
 }
 
 var<immediate> params: FeatureSumParams;
@@ -32,6 +35,6 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         for (var lane = 0u; lane < LANES; lane++) {
             total += sums[lane * 32u + local];
         }
-        v_weights[weight] = total;
+        v_weights[select(params.rest + weight - params.first, weight, weight < params.first)] = total;
     }
 }

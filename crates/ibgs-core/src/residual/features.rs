@@ -1,7 +1,7 @@
 //! Features of the visible sources, per-view MLP and what joins them to the hourglass' input, with their derivatives
 //! (method.md sections 5 and 6).
 
-use super::layers::{ENC1, HIDDEN, INPUT, MLP1, MLP2};
+use super::layers::{CONFIDENCE, ENC1, HIDDEN, INPUT, MLP1, MLP2};
 use super::variant::{Aggregation, Inputs, Variant};
 use crate::camera::Camera;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -18,10 +18,16 @@ pub const MAX_SLOTS: u32 = 4;
 const GROUPS: u32 = 768;
 /// Weights of the per-view MLP, the first of the flat vector.
 pub const MLP_WEIGHTS: usize = ENC1.offset;
+/// Weights of the confidence, the last of the flat vector.
+const CONFIDENCE_WEIGHTS: usize = CONFIDENCE.end() - CONFIDENCE.offset;
 
 // wgsl/shared/residual_mlp.wgsl relies on this layout.
 const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == 7 * HIDDEN && MLP2.offset == 8 * HIDDEN);
 const _: () = assert!(MLP2.bias() == 40 * HIDDEN && MLP_WEIGHTS == 41 * HIDDEN && INPUT == 38);
+const _: () = assert!(CONFIDENCE.offset == 66_095 && CONFIDENCE_WEIGHTS == HIDDEN + 1);
+
+/// Sums of a workgroup of the backward pass.
+const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;
 
 /// What the network's input is made of. W x H is the image's size, P = W H.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +59,8 @@ pub struct FeatureScratch {
 pub struct FeatureGradients<'a> {
     /// Gradient by the hourglass' input, planes `[38][w h]`, read.
     pub v_x: &'a Buffer,
-    /// Gradient by the network's weights: the first [`MLP_WEIGHTS`] values are assigned.
+    /// Gradient by the network's weights: those of the per-view MLP and of the confidence are assigned, zeros to the latter
+    /// where it is not read.
     pub v_weights: &'a Buffer,
     /// Scratch memory.
     pub scratch: &'a FeatureScratch,
@@ -101,7 +108,11 @@ impl Features {
             low,
             slots,
             inputs,
-            largest: u32::from(variant.aggregation == Aggregation::Max),
+            aggregation: match variant.aggregation {
+                Aggregation::Mean => 0,
+                Aggregation::Max => 1,
+                Aggregation::Soft => 2,
+            },
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
         };
         Self { params }
@@ -124,7 +135,7 @@ impl Features {
         let features = 16 * (self.params.slots as usize * self.low_pixels()) as u64;
         Ok(FeatureScratch {
             v_features: gpu.allocate("gradients of the sources' features", features)?,
-            partials: gpu.allocate("sums of the per-view network", 4 * u64::from(GROUPS) * MLP_WEIGHTS as u64)?,
+            partials: gpu.allocate("sums of the per-view network", 4 * u64::from(GROUPS) * SUMS as u64)?,
         })
     }
 
@@ -153,13 +164,9 @@ impl Features {
         let buffers = [base, warped, seen, active, centers, weights, v_x, &scratch.v_features, &scratch.partials];
         let groups = self.params.groups;
         pass.grid(&RESIDUAL_FEATURES_BACKWARD, &buffers, bytes_of(&self.params), [groups, 1, 1]);
-        let sum = FeatureSumParams { count: MLP_WEIGHTS as u32, groups };
-        pass.groups(
-            &RESIDUAL_FEATURES_SUM,
-            &[&scratch.partials, v_weights],
-            bytes_of(&sum),
-            MLP_WEIGHTS.div_ceil(HIDDEN),
-        );
+        let sum =
+            FeatureSumParams { count: SUMS as u32, groups, first: MLP_WEIGHTS as u32, rest: CONFIDENCE.offset as u32 };
+        pass.groups(&RESIDUAL_FEATURES_SUM, &[&scratch.partials, v_weights], bytes_of(&sum), SUMS.div_ceil(HIDDEN));
     }
 
     /// Records the gradient by warped colours, cosines and base colour; to follow [`Self::record_backward`].

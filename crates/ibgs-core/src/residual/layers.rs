@@ -71,16 +71,23 @@ pub const FUSE: Layer = Layer::new("conv_decoder.fuse_input.0", INPUT, 2 * INPUT
 /// The residual.
 pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end());
 
+/// The confidence in a source, from the first layer of the per-view MLP; not in the published network. Read with
+/// [`Aggregation::Soft`](super::Aggregation::Soft) alone.
+pub const CONFIDENCE: Layer = Layer::new("per_view_confidence", 1, HIDDEN, 1, FINAL.end());
+
 /// Every layer in order.
-pub const LAYERS: [Layer; 11] = [MLP1, MLP2, ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL];
+pub const LAYERS: [Layer; 12] = [MLP1, MLP2, ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL, CONFIDENCE];
+
+/// Those of the hourglass, in order.
+pub const HOURGLASS: &[Layer] = &[ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL];
 
 /// Length of the flat weight vector.
-pub const WEIGHTS: usize = FINAL.end();
+pub const WEIGHTS: usize = CONFIDENCE.end();
 
 #[cfg(test)]
 mod tests {
     #[test]
     fn as_many_parameters_as_published() {
-        assert_eq!(super::WEIGHTS, 66_095);
+        assert_eq!(super::FINAL.end(), 66_095);
     }
 }

@@ -36,6 +36,9 @@ pub enum Aggregation {
     Mean,
     /// The largest value of each channel.
     Max,
+    /// Their mean weighted by a learned confidence, exp(l) of each source seen and 1 of none of them: where no source is
+    /// trusted the features are zero.
+    Soft,
 }
 
 /// The size at which the network runs, relative to the image.

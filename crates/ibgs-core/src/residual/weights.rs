@@ -1,6 +1,6 @@
 //! The residual network's weights on the host: names and shapes of the published state dict, initial values, files.
 
-use super::layers::{LAYERS, Layer, MLP1, MLP2, WEIGHTS};
+use super::layers::{CONFIDENCE, LAYERS, Layer, MLP1, MLP2, WEIGHTS};
 use super::pth::read_pth;
 use super::state_dict::StateDict;
 use crate::files::{WriteError, write_atomically};
@@ -108,7 +108,7 @@ impl Named {
 /// Weight and bias of every layer, in the flat order.
 fn tensors() -> Vec<Named> {
     let shape = |layer: &Layer| match layer {
-        l if *l == MLP1 || *l == MLP2 => vec![l.outputs, l.inputs],
+        l if [MLP1, MLP2, CONFIDENCE].contains(l) => vec![l.outputs, l.inputs],
         l => vec![l.outputs, l.inputs, l.taps.isqrt(), l.taps.isqrt()],
     };
     let pair = |l: &Layer| {
@@ -125,10 +125,12 @@ pub(super) fn assemble(
 ) -> Result<Vec<f32>, NetworkError> {
     let mut weights = Vec::with_capacity(WEIGHTS);
     for tensor in tensors() {
-        let Some(values) = find(&tensor.name, &tensor.shape)? else {
-            return Err(NetworkError::MissingTensor { path: path.to_owned(), tensor: tensor.name });
-        };
-        weights.extend(values);
+        match find(&tensor.name, &tensor.shape)? {
+            Some(values) => weights.extend(values),
+            // The published network has none.
+            None if tensor.first >= CONFIDENCE.offset => weights.resize(weights.len() + tensor.len(), 0.0),
+            None => return Err(NetworkError::MissingTensor { path: path.to_owned(), tensor: tensor.name }),
+        }
     }
     check(&path.display().to_string(), &weights)?;
     Ok(weights)
@@ -146,7 +148,11 @@ fn check(place: &str, weights: &[f32]) -> Result<(), NetworkError> {
     Err(NetworkError::NotFinite { place, index: at - tensor.first, tensor: tensor.name, value })
 }
 
-/// Initial weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6).
+/// Bias of a source's confidence at the start: three sources then have 0.96 of the weight.
+const TRUSTING: f32 = 2.0;
+
+/// Initial weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6), but the bias of the
+/// confidence.
 pub fn initial(seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut weights = Vec::with_capacity(WEIGHTS);
@@ -154,6 +160,7 @@ pub fn initial(seed: u64) -> Vec<f32> {
         let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
         weights.extend((layer.offset..layer.end()).map(|_| rng.random_range(-bound..=bound)));
     }
+    weights[CONFIDENCE.bias()] = TRUSTING;
     weights
 }
 
@@ -234,6 +241,7 @@ mod tests {
         assert_eq!(shape("conv_decoder.enc1.0.weight"), [38, 38, 3, 3]);
         assert_eq!(shape("conv_decoder.final.weight"), [3, 38, 1, 1]);
         assert_eq!(shape("conv_decoder.final.bias"), [3]);
+        assert_eq!(shape("per_view_confidence.weight"), [1, 32]);
     }
 
     #[test]
@@ -242,7 +250,8 @@ mod tests {
         assert_eq!(weights.len(), WEIGHTS);
         assert_eq!(weights, initial(7));
         assert_ne!(weights, initial(8));
-        for layer in LAYERS {
+        assert_eq!(weights[CONFIDENCE.bias()], TRUSTING);
+        for layer in LAYERS.into_iter().filter(|layer| *layer != CONFIDENCE) {
             let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
             let own = &weights[layer.offset..layer.bias()];
             let largest = own.iter().fold(0f32, |a, w| a.max(w.abs()));
@@ -296,6 +305,9 @@ mod tests {
         assert_eq!(edited(|_| ()).unwrap(), initial(3));
         let text = edited(|t| t.retain(|(name, ..)| name != "conv_decoder.dec2.0.bias")).unwrap_err().to_string();
         assert!(text.contains("no tensor `conv_decoder.dec2.0.bias`") && text.contains("a.safetensors"), "{text}");
+        let published = edited(|t| t.retain(|(name, ..)| !name.starts_with("per_view_confidence"))).unwrap();
+        assert_eq!(published[..CONFIDENCE.offset], initial(3)[..CONFIDENCE.offset]);
+        assert_eq!(published[CONFIDENCE.offset..], [0.0; 33]);
         let text = edited(|t| t[2].1 = vec![32, 16, 2]).unwrap_err().to_string();
         assert!(text.contains("`per_view_mlp.2.weight`") && text.contains("[32, 32]"), "{text}");
         let text = edited(|t| t[4].2[17] = f32::NAN).unwrap_err().to_string();
@@ -308,7 +320,7 @@ mod tests {
         let path = folder.path().join(FILE_NAME);
         assert!(matches!(write(&path, &[0.0; 9]), Err(NetworkError::Count { found: 9 })));
         let mut weights = initial(1);
-        weights[WEIGHTS - 1] = f32::INFINITY;
+        weights[CONFIDENCE.offset - 1] = f32::INFINITY;
         let text = write(&path, &weights).unwrap_err().to_string();
         assert!(text.contains("value 2") && text.contains("`conv_decoder.final.bias`"), "{text}");
         assert!(!path.exists());

@@ -40,3 +40,15 @@ fn feature(c: Corners, m: u32) -> Feature {
     }
     return sum;
 }
+
+fn filled(p: u32, m: u32) -> f32 {
+    return select(1.0, 0.0, slot_source(seen[p], m) == 255u);
+}
+
+// Part of slot m that a source fills at a pixel of the network's size.
+fn presence(c: Corners, m: u32) -> f32 {
+    if !resized() {
+        return filled(c.at.x, m);
+    }
+    return dot(c.weight, vec4(filled(c.at.x, m), filled(c.at.y, m), filled(c.at.z, m), filled(c.at.w, m)));
+}

@@ -1,5 +1,5 @@
 // The kernel that makes the hourglass' input, one thread a pixel of the network's size: features of the visible sources,
-// per-view MLP, mean or largest value over the slots, viewing ray and base colour (method.md section 6). It hands each four of
+// per-view MLP, mean, largest value or mean by confidence over the slots, viewing ray and base colour (method.md section 6). It hands each four of
 // the 38 channels to the `put` of the file that imports it, the last two with zeros.
 #import index
 #import residual_feature
@@ -21,8 +21,9 @@ fn world_ray(p: u32) -> vec3<f32> {
     return normalize(params.row0.xyz * d.x + params.row1.xyz * d.y + params.row2.xyz);
 }
 
-fn merge(sum: vec4<f32>, v: vec4<f32>) -> vec4<f32> {
-    return select(sum + v, max(sum, v), params.largest == 1u);
+// Adds a slot's values; `kept` and `share` are 1 but with confidences.
+fn merge(sum: vec4<f32>, v: vec4<f32>, kept: f32, share: f32) -> vec4<f32> {
+    return select(kept * sum + share * v, max(sum, v), params.aggregation == AGGREGATION_LARGEST);
 }
 
 @compute @workgroup_size(THREADS)
@@ -41,19 +42,38 @@ fn main(
     let z = vec4(0.0);
     var sum = Hidden(z, z, z, z, z, z, z, z);
     let used = used_slots();
+    // Largest logarithm of a confidence so far and the sum of the confidences over its exponential; that of no source is 1.
+    var top = 0.0;
+    var total = 1.0;
+    var kept = 1.0;
+    var share = 1.0;
     for (var m = 0u; m < used; m++) {
         let f = feature(c, m);
-        let h = mlp_output(f.head, f.tail);
-        sum.a = merge(sum.a, h.a);
-        sum.b = merge(sum.b, h.b);
-        sum.c = merge(sum.c, h.c);
-        sum.d = merge(sum.d, h.d);
-        sum.e = merge(sum.e, h.e);
-        sum.f = merge(sum.f, h.f);
-        sum.g = merge(sum.g, h.g);
-        sum.h = merge(sum.h, h.h);
+        var confidence: f32;
+        let h = mlp_output(f.head, f.tail, &confidence);
+        if params.aggregation == AGGREGATION_SOFT {
+            let present = presence(c, m);
+            let next = select(top, max(top, confidence), present > 0.0);
+            kept = exp(top - next);
+            share = select(0.0, present * exp(confidence - next), present > 0.0);
+            total = kept * total + share;
+            top = next;
+        }
+        sum.a = merge(sum.a, h.a, kept, share);
+        sum.b = merge(sum.b, h.b, kept, share);
+        sum.c = merge(sum.c, h.c, kept, share);
+        sum.d = merge(sum.d, h.d, kept, share);
+        sum.e = merge(sum.e, h.e, kept, share);
+        sum.f = merge(sum.f, h.f, kept, share);
+        sum.g = merge(sum.g, h.g, kept, share);
+        sum.h = merge(sum.h, h.h, kept, share);
     }
-    let scale = select(1.0 / f32(max(used, 1u)), 1.0, params.largest == 1u);
+    var scale = 1.0 / f32(max(used, 1u));
+    if params.aggregation == AGGREGATION_LARGEST {
+        scale = 1.0;
+    } else if params.aggregation == AGGREGATION_SOFT {
+        scale = 1.0 / total;
+    }
     put(0u, i, scale * sum.a);
     put(4u, i, scale * sum.b);
     put(8u, i, scale * sum.c);

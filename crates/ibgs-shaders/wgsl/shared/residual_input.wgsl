@@ -17,8 +17,8 @@ struct FeatureParams {
     slots: u32,
     // What the network sees: see INPUTS_*.
     inputs: u32,
-    // 1: the largest value over the slots instead of the mean.
-    largest: u32,
+    // How the slots become one: see AGGREGATION_*.
+    aggregation: u32,
     // Workgroups of the backward pass.
     groups: u32,
 }
@@ -27,6 +27,8 @@ var<immediate> params: FeatureParams;
 
 const INPUTS_SOURCE_COLORS: u32 = 1u;
 const INPUTS_DIFFERENCES_ONLY: u32 = 2u;
+const AGGREGATION_LARGEST: u32 = 1u;
+const AGGREGATION_SOFT: u32 = 2u;
 // Channels of the hourglass' input: aggregated features, ray, base colour.
 const RAY_CHANNEL: u32 = 32u;
 const BASE_CHANNEL: u32 = 35u;

@@ -1,6 +1,7 @@
 // The per-view MLP 7 -> 32 -> 32 on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
 // channels come and go four at a time in a loop: written out, software drivers take minutes to compile it.
-// Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2.
+// Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2 at its front, the
+// confidence in a source (w [32], b), which reads the hidden channels too, at its end.
 
 const HIDDEN: u32 = 32u;
 const FEATURES: u32 = 7u;
@@ -8,11 +9,16 @@ const BIAS1: u32 = HIDDEN * FEATURES;
 const WEIGHT2: u32 = BIAS1 + HIDDEN;
 const BIAS2: u32 = WEIGHT2 + HIDDEN * HIDDEN;
 const MLP_WEIGHTS: u32 = BIAS2 + HIDDEN;
+const CONFIDENCE: u32 = 66095u;
+const CONFIDENCE_WEIGHTS: u32 = HIDDEN + 1u;
 // Rows of `mlp`: one an input, the 32 outputs side by side, the biases behind.
 const ROW_BIAS1: u32 = FEATURES;
 const ROW_WEIGHT2: u32 = ROW_BIAS1 + 1u;
 const ROW_BIAS2: u32 = ROW_WEIGHT2 + HIDDEN;
-const MLP_VECTORS: u32 = 8u * (ROW_BIAS2 + 1u);
+const ROW_CONFIDENCE: u32 = ROW_BIAS2 + 1u;
+// Behind the rows lies the bias of the confidence.
+const CONFIDENCE_BIAS: u32 = 8u * (ROW_CONFIDENCE + 1u);
+const MLP_VECTORS: u32 = CONFIDENCE_BIAS + 1u;
 
 var<workgroup> mlp: array<vec4<f32>, MLP_VECTORS>;
 
@@ -38,6 +44,12 @@ fn load_mlp(local: u32, threads: u32) {
             stride = 1u;
         } else if row == ROW_BIAS2 {
             first = BIAS2;
+            stride = 1u;
+        } else if k == CONFIDENCE_BIAS {
+            first = CONFIDENCE + HIDDEN;
+            stride = 0u;
+        } else if row == ROW_CONFIDENCE {
+            first = CONFIDENCE;
             stride = 1u;
         } else if row >= ROW_WEIGHT2 {
             first = WEIGHT2 + row - ROW_WEIGHT2;
@@ -85,10 +97,14 @@ fn mlp_hidden(j: u32, head: vec4<f32>, tail: vec4<f32>) -> vec4<f32> {
     return max(front + back + mlp[8u * ROW_BIAS1 + j], vec4(0.0));
 }
 
-fn mlp_output(head: vec4<f32>, tail: vec4<f32>) -> Hidden {
+// The logarithm of the confidence goes to `confidence`.
+fn mlp_output(head: vec4<f32>, tail: vec4<f32>, confidence: ptr<function, f32>) -> Hidden {
     var sum = mlp_row(ROW_BIAS2);
+    *confidence = mlp[CONFIDENCE_BIAS].x;
     for (var j = 0u; j < 8u; j++) {
-        add_rows(ROW_WEIGHT2 + 4u * j, mlp_hidden(j, head, tail), &sum);
+        let hidden = mlp_hidden(j, head, tail);
+        add_rows(ROW_WEIGHT2 + 4u * j, hidden, &sum);
+        *confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);
     }
     return relu(sum);
 }

@@ -1,7 +1,7 @@
 //! Whether the matrix units are right and fast on this adapter: a test against the portable path when they are first wanted.
 
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::residual::layers::{self, INPUT, LAYERS, WEIGHTS};
+use crate::residual::layers::{self, HOURGLASS, INPUT, WEIGHTS};
 use crate::residual::path::Path;
 use crate::tell;
 use rand::{Rng, SeedableRng};
@@ -34,7 +34,7 @@ impl WholeNumbers {
     pub fn new(width: u32, height: u32, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut weights = vec![0.0; WEIGHTS];
-        for layer in &LAYERS[2..] {
+        for layer in HOURGLASS {
             let last = [layers::FINAL.name, layers::FUSE.name, layers::DEC1.name].contains(&layer.name);
             let length = layer.inputs * layer.taps;
             for o in 0..layer.outputs {

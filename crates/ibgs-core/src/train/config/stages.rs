@@ -51,7 +51,7 @@ pub struct ResidualConfig {
     pub inputs: Inputs,
     /// What its output is: `residual`, `color`.
     pub output: Output,
-    /// How the sources' features become one: `mean`, `max`.
+    /// How the sources' features become one: `mean`, `max`, or `soft`, their mean by a learned confidence.
     pub aggregation: Aggregation,
 }
 
