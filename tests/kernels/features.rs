@@ -49,7 +49,7 @@ fn random(count: usize, seed: u64) -> Vec<f64> {
 }
 
 /// Those of the per-view MLP and of the confidence.
-fn without_hourglass(weights: &Vec<f64>) -> Vec<f64> {
+fn without_hourglass(weights: &[f64]) -> Vec<f64> {
     [&weights[..MLP_WEIGHTS], &weights[CONFIDENCE.offset..]].concat()
 }
 
@@ -201,7 +201,7 @@ fn twin_follows_finite_differences() {
                     |at| loss(&View { warped: at.as_chunks().0.to_vec(), ..view.clone() }),
                 );
                 // The hourglass' part is not read.
-                let [own, gradient] = [&view.weights, &grads.weights].map(without_hourglass);
+                let [own, gradient] = [&view.weights, &grads.weights].map(|w| without_hourglass(w));
                 let by_weights = assert_gradient(&format!("{what} weights"), &own, &gradient, 1e-6, |at| {
                     let mut weights = view.weights.clone();
                     weights[..MLP_WEIGHTS].copy_from_slice(&at[..MLP_WEIGHTS]);
