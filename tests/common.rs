@@ -137,6 +137,8 @@ pub struct GpuSurface {
     pub outputs: Cotangents,
     /// Source of each packed slot or -1, slot-major.
     pub slot: Vec<i32>,
+    /// Step of the depth's error in each packed slot, 0 where it is empty.
+    pub error: Vec<u8>,
     /// Packed slots that some pixel fills.
     pub active: u32,
     /// Gradients by tensor name.
@@ -172,10 +174,9 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
         |buffer, count| -> Vec<f64> { gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect() };
     let warped_values = values(warped.clone().inner());
     let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
-    let slot = (0..visible)
-        .flat_map(|m| packed.iter().map(move |word| ((word >> (8 * m)) & 255) as i32))
-        .map(|source| if source == 255 { -1 } else { source })
-        .collect();
+    let bytes = (0..visible).flat_map(|m| packed.iter().map(move |word| word.to_le_bytes()[m]));
+    let slot = bytes.clone().map(|byte| if byte == 255 { -1 } else { i32::from(byte & 15) }).collect();
+    let error = bytes.map(|byte| if byte == 255 { 0 } else { byte >> 4 }).collect();
     let outputs = Cotangents {
         base: values(image.clone().inner()).as_chunks().0.to_vec(),
         normal: read(&surface.normal_map, 3 * pixels).as_chunks().0.to_vec(),
@@ -211,7 +212,7 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
         ("xy_pixels", pair(0)),
         ("xy_pixels_abs", pair(2)),
     ];
-    GpuSurface { outputs, slot, active, grads }
+    GpuSurface { outputs, slot, error, active, grads }
 }
 
 /// Asserts the forward bounds: all values within `tolerance`, but for at most 1e-4 of the pixels, which a threshold that

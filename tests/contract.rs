@@ -171,6 +171,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         visible,
         slots,
         agreement,
+        reach,
     });
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(PresentParams { size, stride, mode, range, most, gain });

@@ -78,7 +78,7 @@ fn archives(parts: &Parts) -> Vec<Vec<u8>> {
 
 /// A whole checkpoint of plain splatting with two Gaussians, part by part.
 pub fn checkpoint_parts() -> Parts {
-    let header = json!({ "format": 2, "version": checkpoint::VERSION, "scene": 7 });
+    let header = json!({ "format": checkpoint::FORMAT, "version": checkpoint::VERSION, "scene": 7 });
     let rng = json!({ "seed": vec![0; 32], "stream": 0, "word_pos": 5 });
     let telemetry = json!({ "stats": { "loss": 0.5, "l1": 0.1, "ssim": 0.9, "mse": 0.01 }, "most_isects": 9, "broken": false,
         "overflows": 0 });

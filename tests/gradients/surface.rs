@@ -3,9 +3,9 @@
 use super::assert_gradient;
 use crate::common::{scene_splats, source_view, surface, values};
 use crate::reference::golden::{Golden, load_golden, load_golden_cloud, load_gradients};
-use crate::reference::random_scene::random_image;
+use crate::reference::random_scene::{exact, random_image};
 use crate::reference::surface_scene::*;
-use crate::reference::warp::Source;
+use crate::reference::warp::{SOFT_REACH, Source};
 use crate::reference::{Model, geometry_backward::Cotangents, psnr, relative_error};
 use ibgs_core::fuse::{WarpOptions, Warper};
 use ibgs_core::raster::{RasterView, Rasterizer, Room, SurfaceOptions};
@@ -23,7 +23,8 @@ pub(super) fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
 }
 
 pub(super) fn warping(scene: &Scene) -> WarpOptions {
-    WarpOptions { visible: scene.sources.len() as u32, ..WarpOptions::default() }
+    let reach = scene.sources.first().map_or(1.0, |source| source.reach as f32);
+    WarpOptions { visible: scene.sources.len() as u32, reach, ..WarpOptions::default() }
 }
 
 fn random_cotangents(scene: &Scene, seed: u64) -> Cotangents {
@@ -89,6 +90,35 @@ fn random_walls_follow_the_twin() {
         let (geometry, _) = scene.run();
         let truth = scene.grads(&geometry, &v);
         let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
+        assert_outputs(&format!("wall {seed}"), &ours.outputs, &scene.outputs(), 2e-5);
+        for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
+            assert_gradient(&format!("wall {seed} {name}"), ours.grad(name), grad(&truth, name), 1e-3);
+        }
+    }
+}
+
+/// Sources whose depths are off by up to five times what agrees, with their errors.
+#[test]
+fn sources_are_packed_as_far_as_confidence_reaches() {
+    for (seed, k) in [(1, 4), (3, 8)] {
+        let mut scene = wall(seed, k);
+        for source in &mut scene.sources {
+            source.reach = SOFT_REACH;
+            source.photo.iter_mut().flatten().for_each(|v| *v = (*v * 255.0).round() / 255.0);
+            // Within each row from 6 % too near to 6 % too far.
+            let width = source.camera.width as usize;
+            let off = |i: usize| 0.94 + 0.12 * (i % width) as f64 / width as f64;
+            source.depth.iter_mut().enumerate().for_each(|(i, z)| *z = exact(*z * off(i)));
+        }
+        let v = random_cotangents(&scene, seed);
+        let (geometry, warp) = scene.run();
+        let truth = scene.grads(&geometry, &v);
+        let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
+        assert_eq!(ours.slot, warp.slot, "wall {seed}: packed slots");
+        let errors: Vec<_> = ours.error.iter().zip(&warp.error).filter(|(a, b)| a != b).collect();
+        assert!(errors.len() < ours.error.len() / 200, "wall {seed}: errors differ: {errors:?}");
+        assert!(errors.iter().all(|(a, b)| a.abs_diff(**b) == 1), "wall {seed}: {errors:?}");
+        assert!([0, 2, 3, 14].iter().all(|step| warp.error.contains(step)), "wall {seed}: some agree, others do not");
         assert_outputs(&format!("wall {seed}"), &ours.outputs, &scene.outputs(), 2e-5);
         for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
             assert_gradient(&format!("wall {seed} {name}"), ours.grad(name), grad(&truth, name), 1e-3);
@@ -176,6 +206,7 @@ pub(super) fn golden_dump() -> Option<(Golden, Scene)> {
         photo: golden.arrays.get("src_images").image(i).into_iter().map(byte_color).collect(),
         valid: vec![true; pixels],
         depth: depths[i * pixels..][..pixels].to_vec(),
+        reach: 1.0,
     };
     let scene = Scene {
         params: cloud.params,

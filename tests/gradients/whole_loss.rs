@@ -5,6 +5,7 @@ use crate::common::{gpu, rasterizer, scene_splats, source_view, values};
 use crate::reference::exposure::Exposure;
 use crate::reference::random_scene::{exact, random_image};
 use crate::reference::surface_scene::{Scene, TENSORS, smooth_photo, wall};
+use crate::reference::warp::SOFT_REACH;
 use crate::reference::whole_loss::{Case, CaseGrads, LAMBDA, Losses, NAMES, NORMAL, PHOTO};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
@@ -261,6 +262,12 @@ fn the_whole_loss_with_confidences_follows_the_twin() {
     for (seed, exposed, factor) in [(1, false, Factor::Full), (3, true, Factor::Half)] {
         let mut case = case(seed, exposed, factor);
         case.variant.aggregation = Aggregation::Soft;
+        // Half of every source's depths beyond what agrees.
+        for source in &mut case.scene.sources {
+            source.reach = SOFT_REACH;
+            let beyond = |(i, z): (usize, &mut f64)| *z = exact(*z * (1.0 + 0.024 * (i % 2) as f64));
+            source.depth.iter_mut().enumerate().for_each(beyond);
+        }
         assert_follows_twin(&format!("confidences {seed}"), &case);
     }
 }

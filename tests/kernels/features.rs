@@ -27,7 +27,7 @@ fn random_view(size: [u32; 2], slots: usize, active: usize, variant: Variant, se
     for slot in seen.iter_mut() {
         let filled = rng.random_range(0..=active);
         let first = rng.random_range(0..4u8);
-        (0..filled).for_each(|m| slot[m] = first + m as u8);
+        (0..filled).for_each(|m| slot[m] = (first + m as u8) | rng.random_range(0..15) << 4);
     }
     let mut number = |low: f64, high: f64| exact(rng.random_range(low..high));
     View {

@@ -18,7 +18,7 @@ pub struct View {
     pub base: Vec<[f64; 3]>,
     /// Colour and cosine, slots x pixels.
     pub warped: Vec<[f64; 4]>,
-    /// Number of the source in each slot of a pixel.
+    /// Number of the source in each slot of a pixel, and 16 times the thirds of the depth agreement by which it is off.
     pub seen: Vec<[u8; 4]>,
     /// Slots that are non-empty somewhere.
     pub active: usize,
@@ -110,7 +110,7 @@ impl View {
             }
             let [r, g, b, cosine] = self.warped[slot * self.base.len() + p];
             let base = if self.variant.inputs == Inputs::SourceColors { [0.0; 3] } else { self.base[p] };
-            let [x, y, z] = self.centers[source as usize];
+            let [x, y, z] = self.centers[usize::from(source & 15)];
             [r - base[0], g - base[1], b - base[2], x, y, z, cosine]
         };
         resize(&(0..self.base.len()).map(feature).collect::<Vec<_>>(), self.size(), self.low())
@@ -122,22 +122,25 @@ impl View {
         (first, relu_layer(&w[MLP2.offset..], &w[MLP2.bias()..], &first))
     }
 
-    /// Part of a slot that a source fills at each pixel of the network's size.
-    fn presence(&self, slot: usize) -> Vec<f64> {
-        let filled = |seen: &[u8; 4]| [if seen[slot] == EMPTY { 0.0 } else { 1.0 }];
-        resize(&self.seen.iter().map(filled).collect::<Vec<_>>(), self.size(), self.low())
-            .into_iter()
-            .map(|[v]| v)
-            .collect()
+    /// At each pixel of the network's size the part of a slot that sources fill, and the error of their depth as a part of what
+    /// agrees.
+    fn presence(&self, slot: usize) -> Vec<[f64; 2]> {
+        let filling = |seen: &[u8; 4]| match seen[slot] {
+            EMPTY => [0.0; 2],
+            byte => [1.0, f64::from(byte >> 4) / 3.0],
+        };
+        let mut low = resize(&self.seen.iter().map(filling).collect::<Vec<_>>(), self.size(), self.low());
+        low.iter_mut().filter(|[part, _]| *part > 0.0).for_each(|[part, error]| *error /= *part);
+        low
     }
 
     /// Shares of the slots at a pixel by their confidences, beside 1 for none of them.
-    fn shares(&self, features: &[[f64; FEATURES]], presence: &[f64]) -> Vec<f64> {
+    fn shares(&self, features: &[[f64; FEATURES]], presence: &[[f64; 2]]) -> Vec<f64> {
         let w = &self.weights;
-        let confidence = |(feature, present): (&[f64; FEATURES], &f64)| {
+        let confidence = |(feature, [present, error]): (&[f64; FEATURES], &[f64; 2])| {
             let (first, _) = self.mlp(feature);
             let sum = first.iter().zip(&w[CONFIDENCE.offset..]).map(|(h, w)| h * w).sum::<f64>();
-            present * (w[CONFIDENCE.bias()] + sum).exp()
+            present * (w[CONFIDENCE.bias()] + w[CONFIDENCE.bias() - 1] * error + sum).exp()
         };
         let confidences: Vec<f64> = features.iter().zip(presence).map(confidence).collect();
         let total = 1.0 + confidences.iter().sum::<f64>();
@@ -204,6 +207,7 @@ impl View {
                     Aggregation::Soft => shares[m] * v_x[c * n + i],
                 });
                 v_features[m][i] = self.mlp_backward(&features[m][i], v_output, v_confidence, &mut weights);
+                weights[CONFIDENCE.bias() - 1] += v_confidence * presence[m][i][1];
             }
         }
         let v_color: Vec<[f64; 3]> = (0..n).map(|i| std::array::from_fn(|c| v_x[(HIDDEN + 3 + c) * n + i])).collect();

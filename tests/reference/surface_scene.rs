@@ -118,6 +118,7 @@ pub fn golden_scene(golden: &GoldenGradients) -> Scene {
         photo: golden.arrays.get(&format!("source/{i}/photo")).rows().into_iter().map(byte_color).collect(),
         valid: vec![true; (camera.width * camera.height) as usize],
         depth: golden.arrays.get(&format!("source/{i}/depth")).data.clone(),
+        reach: 1.0,
     };
     Scene {
         params: golden.params.clone(),
@@ -193,7 +194,7 @@ pub fn wall(seed: u64, k: usize) -> Scene {
         let camera = beside(&scene.camera, step, 0.05 * (i as f64 - 1.0));
         let depth = scene.geometry(&camera).depth;
         let (photo, valid) = (smooth_photo(&camera, seed + i as u64), vec![true; depth.len()]);
-        scene.sources.push(Source { camera, photo, valid, depth });
+        scene.sources.push(Source { camera, photo, valid, depth, reach: 1.0 });
     }
     scene
 }

@@ -7,8 +7,11 @@ use rayon::prelude::*;
 
 use super::geometry::{EPSILON, Geometry, Slot, pixel_ray};
 
-/// A source sees a point when its stored depth differs from the point's by less than this part of the latter.
+/// The depths of source and point agree when they differ by less than this part of the latter.
 pub const DEPTH_AGREEMENT: f64 = 0.01;
+
+/// Sources are packed up to so many times that where a confidence weighs them.
+pub const SOFT_REACH: f64 = 5.0;
 
 /// A source view. Its images have the size of its camera, row by row.
 #[derive(Clone, Debug)]
@@ -20,6 +23,8 @@ pub struct Source {
     pub valid: Vec<bool>,
     /// The view's own median depth, a constant; 0 where it met nothing.
     pub depth: Vec<f64>,
+    /// Packed where its depth differs by less than so many times [`DEPTH_AGREEMENT`].
+    pub reach: f64,
 }
 
 /// What `warp` gives: per packed slot m, then per pixel; zero (and slot -1) where a slot is empty.
@@ -27,6 +32,8 @@ pub struct Source {
 pub struct Warp {
     /// Number of the source in packed slot m of the pixel, or -1.
     pub slot: Vec<i32>,
+    /// Thirds of the agreement by which the source's depth is off, rounded down; 0 with a reach of 1.
+    pub error: Vec<u8>,
     pub warped: Vec<[f64; 3]>,
     /// Target camera centre minus source camera centre (3, world), cosine of the angle between the viewing rays.
     pub feature: Vec<[f64; 4]>,
@@ -102,6 +109,8 @@ pub struct Pair<'a> {
 /// What a source that sees a pixel's point gives to it.
 pub struct Seen {
     pub warped: [f64; 3],
+    /// Difference of the source's depth from the point's, as a part of the latter.
+    pub error: f64,
     /// Sum of the weights of the intersections inside, plus 1e-8.
     pub weight: f64,
     /// The intersections inside the source's image: index of the pixel's slot and where it falls.
@@ -160,7 +169,8 @@ impl<'a> Pair<'a> {
     pub fn see(&self, ray: DVec3, slots: &[Slot], depth: f64) -> Option<Seen> {
         let median = self.land(ray, depth)?;
         let [stored] = median.read.read(self.source.depth.as_chunks().0);
-        let agrees = stored > 0.0 && (stored - median.depth).abs() / median.depth < DEPTH_AGREEMENT;
+        let error = (stored - median.depth).abs() / median.depth;
+        let agrees = stored > 0.0 && error < self.source.reach * DEPTH_AGREEMENT;
         // A read that touches a masked texel does not count.
         let unmasked = |landing: &Landing| landing.read.is_valid(&self.source.valid);
         let land = |(k, slot): (usize, &Slot)| Some((k, self.land(ray, slot.depth).filter(unmasked)?));
@@ -176,7 +186,7 @@ impl<'a> Pair<'a> {
             }
         }
         let (cosine, cosine_by_depth) = self.cosine(ray, depth);
-        Some(Seen { warped, weight, landings, cosine, cosine_by_depth })
+        Some(Seen { warped, error, weight, landings, cosine, cosine_by_depth })
     }
 }
 
@@ -194,11 +204,18 @@ pub fn warp(camera: &Camera, geometry: &Geometry, sources: &[Source]) -> Warp {
     let seen: Vec<_> = (0..pixels).into_par_iter().map(|i| seen_by(camera, geometry, &pairs, i)).collect();
 
     let entries = sources.len() * pixels;
-    let mut out = Warp { slot: vec![-1; entries], warped: vec![[0.0; 3]; entries], feature: vec![[0.0; 4]; entries] };
+    let mut out = Warp {
+        slot: vec![-1; entries],
+        error: vec![0; entries],
+        warped: vec![[0.0; 3]; entries],
+        feature: vec![[0.0; 4]; entries],
+    };
     for (pixel, packed) in seen.into_iter().enumerate() {
         for (m, (source, seen)) in packed.into_iter().enumerate() {
             let at = m * pixels + pixel;
             out.slot[at] = source as i32;
+            let steps = if sources[source].reach > 1.0 { 3.0 } else { 0.0 };
+            out.error[at] = (steps * seen.error / DEPTH_AGREEMENT) as u8;
             out.warped[at] = seen.warped;
             out.feature[at] = pairs[source].center_difference.extend(seen.cosine).to_array();
         }

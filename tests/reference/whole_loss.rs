@@ -140,8 +140,12 @@ impl Case {
         };
         let own = self.photo_exposure();
         let exposed = plain.exposed(&own);
-        let visible: Vec<Vec<bool>> =
-            warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| *s >= 0).collect()).collect();
+        let visible: Vec<Vec<bool>> = warp
+            .slot
+            .chunks(pixels)
+            .zip(warp.error.chunks(pixels))
+            .map(|(slots, errors)| slots.iter().zip(errors).map(|(s, error)| *s >= 0 && *error < 3).collect())
+            .collect();
         let slots: Vec<Vec<Option<usize>>> =
             warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| usize::try_from(*s).ok()).collect()).collect();
         let shifted = |(i, color): (usize, &[f64; 3])| match slots[i / pixels][i % pixels] {
@@ -150,7 +154,10 @@ impl Case {
         };
         let shifted: Map = warp.warped.iter().enumerate().map(shifted).collect();
         let warped: Vec<Map> = shifted.chunks(pixels).map(<[_]>::to_vec).collect();
-        let slot = |m: usize, p: usize| warp.slot.get(m * pixels + p).map_or(EMPTY, |s| *s as u8);
+        let slot = |m: usize, p: usize| match warp.slot.get(m * pixels + p) {
+            Some(&source) if source >= 0 => source as u8 | warp.error[m * pixels + p] << 4,
+            _ => EMPTY,
+        };
         let features = shifted.iter().zip(&warp.feature);
         let view = View {
             camera: self.scene.camera,
@@ -158,7 +165,7 @@ impl Case {
             base: exposed.clone(),
             warped: features.map(|([r, g, b], feature)| [*r, *g, *b, feature[3]]).collect(),
             seen: (0..pixels).map(|p| std::array::from_fn(|m| slot(m, p))).collect(),
-            active: visible.iter().filter(|v| v.contains(&true)).count(),
+            active: slots.iter().filter(|slots| slots.iter().any(Option::is_some)).count(),
             centers: self.centers(),
             weights: self.weights.clone(),
         };

@@ -196,8 +196,9 @@ impl Pixel<'_> {
             let own = source.own_depth(self.gpu, landing)?;
             depth_error = (own > 0.0).then(|| ((own - landing.depth).abs() / landing.depth) as f32);
         }
-        let WarpOptions { visible, agreement } = self.options;
-        let slot = self.packed.iter().position(|&byte| usize::from(byte) == number);
+        let WarpOptions { visible, agreement, reach } = self.options;
+        let agreement = reach * agreement;
+        let slot = self.packed.iter().position(|&byte| byte != EMPTY && usize::from(byte & 15) == number);
         let full = self.packed[visible as usize - 1] != EMPTY;
         let verdict = match (slot, &landing, depth_error) {
             (Some(slot), ..) => Verdict::Used { slot: slot as u32 },

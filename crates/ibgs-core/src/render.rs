@@ -15,7 +15,7 @@ use crate::inspect::FrameSource;
 use crate::local_space::LocalSpace;
 use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
-use crate::residual::{Factor, Precision, Residual, ResidualTask, Variant};
+use crate::residual::{Aggregation, Factor, Precision, Residual, ResidualTask, Variant};
 use crate::scene::{SceneError, Splats};
 use crate::train::config::TrainConfig;
 use burn::tensor::Tensor;
@@ -59,9 +59,16 @@ impl ImageOptions {
 
     /// How photos are warped.
     pub fn warp(&self) -> WarpOptions {
-        WarpOptions { visible: self.sources.visible, agreement: self.sources.depth_agreement as f32 }
+        WarpOptions {
+            visible: self.sources.visible,
+            agreement: self.sources.depth_agreement as f32,
+            reach: if self.variant.aggregation == Aggregation::Soft { SOFT_REACH } else { 1.0 },
+        }
     }
 }
+
+/// Sources whose depths differ from a point's by less than so many times what agrees are packed where a confidence weighs them.
+const SOFT_REACH: f32 = 5.0;
 
 /// What a model has besides its Gaussians.
 #[derive(Clone, Debug)]

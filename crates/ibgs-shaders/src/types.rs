@@ -89,8 +89,10 @@ pub struct SourceParams {
     pub visible: u32,
     /// Median intersections a pixel.
     pub slots: u32,
-    /// A point is seen when the source's depth differs from its own by less than this part of the latter.
+    /// The depths of source and point agree when they differ by less than this part of the latter.
     pub agreement: f32,
+    /// A source is packed when they differ by less than so many times that.
+    pub reach: f32,
 }
 
 /// One radix pass; the twin of `SortParams`.

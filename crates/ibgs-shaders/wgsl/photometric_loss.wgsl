@@ -1,6 +1,6 @@
 // One workgroup a tile and channel of one slot: SSIM of the photo y and of x, the warped image where it counts and the
 // photo elsewhere, summed over the pixels that count, and the derivatives of SSIM by its windowed moments. A pixel
-// counts when its slot is filled and the photo is valid there. A masked part of the photo is treated as the outside of
+// counts when its slot is filled by a source whose depth agrees and the photo is valid there. A masked part of the photo is treated as the outside of
 // the image: both are zero there.
 #import ssim_moments
 #import reduce
@@ -31,7 +31,7 @@ fn main(
         if p >= 0 && photo_valid(photo[p]) {
             y = photo_channel(photo[p], c);
             x = y;
-            if slot_filled(seen[p], params.slot) {
+            if slot_agrees(seen[p], params.slot) {
                 x = warped[4u * (params.slot * plane + u32(p)) + c];
             }
         }
@@ -44,7 +44,7 @@ fn main(
     if all(pixel < params.size) {
         let p = pixel.y * params.size.x + pixel.x;
         var derivatives = SsimDerivatives(0.0, 0.0, 0.0, 0.0);
-        if photo_valid(photo[p]) && slot_filled(seen[p], params.slot) {
+        if photo_valid(photo[p]) && slot_agrees(seen[p], params.slot) {
             derivatives = ssim_derivatives(s, shift);
             result = vec2(1.0 - derivatives.ssim, 1.0);
         }

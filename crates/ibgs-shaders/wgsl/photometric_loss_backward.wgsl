@@ -29,7 +29,7 @@ fn main(
     let at = 4u * (params.slot * plane + p) + c;
     let texel = photo[p];
     var v = 0.0;
-    if photo_valid(texel) && slot_filled(seen[p], params.slot) {
+    if photo_valid(texel) && slot_agrees(seen[p], params.slot) {
         let s = window_sums(lid);
         let by_ssim = s.x + 2.0 * warped[at] * s.y + photo_channel(texel, c) * s.z;
         v = -v_loss[0] * params.lambda * by_ssim / stats[1];

@@ -99,9 +99,9 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var w3 = z;
     var bias2 = z;
     var first = z;
-    // Of the confidence: columns 4 b .. 4 b + 3 of its weights, and its bias.
+    // Of the confidence: columns 4 b .. 4 b + 3 of its weights; its bias and its weight of the error.
     var by_confidence = z;
-    var confidence_bias = 0.0;
+    var confidence_bias = vec2(0.0);
     let mine = local * STAGED;
     for (var start = wid.x * THREADS; start < pixels; start += params.groups * THREADS) {
         let i = start + local;
@@ -119,7 +119,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             let m = turn % used;
             let f = feature(c, m);
             var h2 = mlp_row(ROW_BIAS2);
-            var confidence = mlp[CONFIDENCE_BIAS].x;
+            let present = presence(c, m);
+            var confidence = confidence_start(present.y);
             for (var j = 0u; j < 8u; j++) {
                 let hidden = mlp_hidden(j, f.head, f.tail);
                 stage[mine + 8u + j] = hidden;
@@ -129,11 +130,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             h2 = relu(h2);
             if turn < used {
                 if is_soft {
-                    let present = presence(c, m);
-                    if present > 0.0 {
+                    if present.x > 0.0 {
                         let next = max(top, confidence);
                         shares *= exp(top - next);
-                        shares[m] = present * exp(confidence - next);
+                        shares[m] = present.x * exp(confidence - next);
                         dots[m] = dot_gradient(at, h2);
                         top = next;
                     }
@@ -160,7 +160,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 );
             }
             put_stage(mine, v2);
-            stage[mine + 16u] = vec4(v_confidence, 0.0, 0.0, 0.0);
+            stage[mine + 16u] = vec4(v_confidence, v_confidence * present.y, 0.0, 0.0);
             workgroupBarrier();
             for (var q = 0u; q < THREADS; q++) {
                 let v = stage[q * STAGED + a];
@@ -170,8 +170,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 w2 += v.z * h;
                 w3 += v.w * h;
                 bias2 += v;
-                let by = stage[q * STAGED + 16u].x;
-                by_confidence += by * h;
+                let by = stage[q * STAGED + 16u].xy;
+                by_confidence += by.x * h;
                 confidence_bias += by;
             }
             workgroupBarrier();
@@ -214,6 +214,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         put_sums(out + MLP_WEIGHTS + 4u * b, 1u, by_confidence);
     }
     if local == 0u {
-        partials[out + MLP_WEIGHTS + HIDDEN] = confidence_bias;
+        partials[out + MLP_WEIGHTS + HIDDEN] = confidence_bias.y;
+        partials[out + MLP_WEIGHTS + HIDDEN + 1u] = confidence_bias.x;
     }
 }

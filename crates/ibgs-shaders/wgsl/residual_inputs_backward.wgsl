@@ -41,7 +41,7 @@ fn put(m: u32, p: u32, v: vec4<f32>) -> vec3<f32> {
     if m >= params.slots {
         return vec3(0.0);
     }
-    let own = select(v, vec4(0.0), slot_source(seen[p], m) == 255u);
+    let own = select(vec4(0.0), v, slot_filled(seen[p], m));
     v_warped[m * params.size.x * params.size.y + p] = own;
     return select(-own.rgb, vec3(0.0), params.inputs == INPUTS_SOURCE_COLORS);
 }

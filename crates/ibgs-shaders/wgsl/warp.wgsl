@@ -2,6 +2,7 @@
 // decides by depth whether the source sees the pixel's point, and packs it (method.md section 5). Departs from the published
 // code (method.md 10.5): the depth test decides.
 #import source
+#import seen
 
 @group(0) @binding(0) var<storage, read> median_depth: array<f32>;
 // K planes of (view depth, weight).
@@ -12,7 +13,7 @@
 @group(0) @binding(3) var<storage, read> source_depth: array<f32>;
 // V planes of (r, g, b, cosine).
 @group(0) @binding(4) var<storage, read_write> warped: array<vec4<f32>>;
-// One byte a packed slot: number of the source, 255 = empty.
+// One byte a packed slot.
 @group(0) @binding(5) var<storage, read_write> seen: array<u32>;
 // [0]: packed slots that some pixel fills.
 @group(0) @binding(6) var<storage, read_write> active_slots: array<atomic<u32>>;
@@ -32,7 +33,8 @@ fn read_photo(l: Landing) -> vec4<f32> {
     return select(vec4(0.0), vec4(color.rgb, 1.0), valid);
 }
 
-fn agrees(l: Landing) -> bool {
+// The source's depth at the point less the point's, as a part of the latter; negative where the source has none.
+fn depth_error(l: Landing) -> f32 {
     let stored = dot(
         bilinear_weights(l.fraction),
         vec4(
@@ -42,7 +44,7 @@ fn agrees(l: Landing) -> bool {
             source_depth[l.texel + params.source_size.x + 1u],
         ),
     );
-    return stored > 0.0 && abs(stored - l.depth) < params.agreement * l.depth;
+    return select(-1.0, abs(stored - l.depth) / l.depth, stored > 0.0);
 }
 
 @compute @workgroup_size(TILE, TILE)
@@ -66,9 +68,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
         let ray = source_ray(id.xy);
         let z = median_depth[p];
         var sum = vec4(0.0);
+        var error_step = 0u;
         if count < params.visible && z > 0.0 {
             let median = land(ray, z);
-            if median.inside && agrees(median) {
+            let error = depth_error(median);
+            if median.inside && error >= 0.0 && error < params.reach * params.agreement {
+                error_step = min(u32(f32(ERROR_STEPS) * error / params.agreement), MOST_ERROR);
                 for (var k = 0u; k < params.slots; k++) {
                     let slot = slots[k * plane + p];
                     if slot.y > 0.0 {
@@ -82,7 +87,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
         }
         if sum.w > 0.0 {
             warped[count * plane + p] = vec4(sum.rgb / (sum.w + SOURCE_EPSILON), ray_cosine(ray, z).x);
-            packed = (packed & ~(UNSEEN << (8u * count))) | (params.index << (8u * count));
+            let step = select(error_step, 0u, params.reach == 1.0);
+            packed = (packed & ~(255u << (8u * count))) | ((params.index | (step << 4u)) << (8u * count));
             atomicMax(&most, count + 1u);
         }
         seen[p] = packed;

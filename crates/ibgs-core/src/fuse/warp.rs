@@ -38,13 +38,15 @@ pub struct SourceView {
 pub struct WarpOptions {
     /// Packed slots V, 1 to 4: the first visible sources of each pixel.
     pub visible: u32,
-    /// A source sees a point when its depth differs from its own by less than this part of the latter.
+    /// The depths of source and point agree when they differ by less than this part of the latter.
     pub agreement: f32,
+    /// A source is packed when they differ by less than so many times that: 1, or up to 5 where a confidence weighs the sources.
+    pub reach: f32,
 }
 
 impl Default for WarpOptions {
     fn default() -> Self {
-        Self { visible: 3, agreement: 0.01 }
+        Self { visible: 3, agreement: 0.01, reach: 1.0 }
     }
 }
 
@@ -62,8 +64,8 @@ pub enum Reach {
 /// Which sources the pixels see.
 #[derive(Debug)]
 pub struct Seen {
-    /// `[P]` u32: byte m is the number of the source in packed slot m, 255 where it is empty. Slot m is filled only where
-    /// slot m - 1 is.
+    /// `[P]` u32: byte m has the number of the source in packed slot m in its low half and the error of its depth, in thirds of
+    /// what agrees, in its high half (0 with a reach of 1); 255 where the slot is empty. Slot m is filled only where slot m - 1 is.
     pub slots: Buffer,
     /// Four u32; the first: how many packed slots some pixel fills.
     pub active: Buffer,
@@ -157,6 +159,7 @@ fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOp
         visible: options.visible,
         slots: surface.options.slots,
         agreement: options.agreement,
+        reach: options.reach,
     }
 }
 

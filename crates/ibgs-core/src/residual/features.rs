@@ -24,7 +24,7 @@ const CONFIDENCE_WEIGHTS: usize = CONFIDENCE.end() - CONFIDENCE.offset;
 // wgsl/shared/residual_mlp.wgsl relies on this layout.
 const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == 7 * HIDDEN && MLP2.offset == 8 * HIDDEN);
 const _: () = assert!(MLP2.bias() == 40 * HIDDEN && MLP_WEIGHTS == 41 * HIDDEN && INPUT == 38);
-const _: () = assert!(CONFIDENCE.offset == 66_095 && CONFIDENCE_WEIGHTS == HIDDEN + 1);
+const _: () = assert!(CONFIDENCE.offset == 66_095 && CONFIDENCE_WEIGHTS == HIDDEN + 2);
 
 /// Sums of a workgroup of the backward pass.
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;

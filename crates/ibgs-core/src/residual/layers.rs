@@ -71,9 +71,10 @@ pub const FUSE: Layer = Layer::new("conv_decoder.fuse_input.0", INPUT, 2 * INPUT
 /// The residual.
 pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end());
 
-/// The confidence in a source, from the first layer of the per-view MLP; not in the published network. Read with
+/// The confidence in a source, from the first layer of the per-view MLP and the error of the source's depth; not in the published
+/// network. Read with
 /// [`Aggregation::Soft`](super::Aggregation::Soft) alone.
-pub const CONFIDENCE: Layer = Layer::new("per_view_confidence", 1, HIDDEN, 1, FINAL.end());
+pub const CONFIDENCE: Layer = Layer::new("per_view_confidence", 1, HIDDEN + 1, 1, FINAL.end());
 
 /// Every layer in order.
 pub const LAYERS: [Layer; 12] = [MLP1, MLP2, ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL, CONFIDENCE];

@@ -36,8 +36,8 @@ pub enum Aggregation {
     Mean,
     /// The largest value of each channel.
     Max,
-    /// Their mean weighted by a learned confidence, exp(l) of each source seen and 1 of none of them: where no source is
-    /// trusted the features are zero.
+    /// Their mean weighted by a learned confidence, exp(l) of each source and 1 of none of them: where no source is trusted the
+    /// features are zero. Sources count as far as five times the depth agreement.
     Soft,
 }
 

@@ -151,8 +151,11 @@ fn check(place: &str, weights: &[f32]) -> Result<(), NetworkError> {
 /// Bias of a source's confidence at the start: three sources then have 0.96 of the weight.
 const TRUSTING: f32 = 2.0;
 
-/// Initial weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6), but the bias of the
-/// confidence.
+/// Weight of the depth's error, as a part of what agrees, at the start: a source whose depth is off by four times that counts little.
+const BY_ERROR: f32 = -1.0;
+
+/// Initial weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6), but the two of the
+/// confidence above.
 pub fn initial(seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut weights = Vec::with_capacity(WEIGHTS);
@@ -160,6 +163,7 @@ pub fn initial(seed: u64) -> Vec<f32> {
         let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
         weights.extend((layer.offset..layer.end()).map(|_| rng.random_range(-bound..=bound)));
     }
+    weights[CONFIDENCE.bias() - 1] = BY_ERROR;
     weights[CONFIDENCE.bias()] = TRUSTING;
     weights
 }
@@ -241,7 +245,7 @@ mod tests {
         assert_eq!(shape("conv_decoder.enc1.0.weight"), [38, 38, 3, 3]);
         assert_eq!(shape("conv_decoder.final.weight"), [3, 38, 1, 1]);
         assert_eq!(shape("conv_decoder.final.bias"), [3]);
-        assert_eq!(shape("per_view_confidence.weight"), [1, 32]);
+        assert_eq!(shape("per_view_confidence.weight"), [1, 33]);
     }
 
     #[test]
@@ -307,7 +311,7 @@ mod tests {
         assert!(text.contains("no tensor `conv_decoder.dec2.0.bias`") && text.contains("a.safetensors"), "{text}");
         let published = edited(|t| t.retain(|(name, ..)| !name.starts_with("per_view_confidence"))).unwrap();
         assert_eq!(published[..CONFIDENCE.offset], initial(3)[..CONFIDENCE.offset]);
-        assert_eq!(published[CONFIDENCE.offset..], [0.0; 33]);
+        assert_eq!(published[CONFIDENCE.offset..], [0.0; 34]);
         let text = edited(|t| t[2].1 = vec![32, 16, 2]).unwrap_err().to_string();
         assert!(text.contains("`per_view_mlp.2.weight`") && text.contains("[32, 32]"), "{text}");
         let text = edited(|t| t[4].2[17] = f32::NAN).unwrap_err().to_string();

@@ -13,10 +13,10 @@ fn base_at(p: u32) -> vec3<f32> {
 }
 
 fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
-    let source = slot_source(seen[p], m);
-    if source == 255u {
+    if !slot_filled(seen[p], m) {
         return;
     }
+    let source = slot_source(seen[p], m);
     let read = warped[m * params.size.x * params.size.y + p];
     let center = centers[source].xyz;
     var color = read.rgb;
@@ -41,14 +41,20 @@ fn feature(c: Corners, m: u32) -> Feature {
     return sum;
 }
 
-fn filled(p: u32, m: u32) -> f32 {
-    return select(1.0, 0.0, slot_source(seen[p], m) == 255u);
+// (1, error of the depth as a part of what agrees) where a source fills slot m of pixel p of the image, else zeros.
+fn filling(p: u32, m: u32) -> vec2<f32> {
+    if !slot_filled(seen[p], m) {
+        return vec2(0.0);
+    }
+    return vec2(1.0, f32(slot_error(seen[p], m)) / f32(ERROR_STEPS));
 }
 
-// Part of slot m that a source fills at a pixel of the network's size.
-fn presence(c: Corners, m: u32) -> f32 {
+// The part of slot m that sources fill at a pixel of the network's size, and the error of their depth there.
+fn presence(c: Corners, m: u32) -> vec2<f32> {
     if !resized() {
-        return filled(c.at.x, m);
+        return filling(c.at.x, m);
     }
-    return dot(c.weight, vec4(filled(c.at.x, m), filled(c.at.y, m), filled(c.at.z, m), filled(c.at.w, m)));
+    let sum = c.weight.x * filling(c.at.x, m) + c.weight.y * filling(c.at.y, m) + c.weight.z * filling(c.at.z, m)
+        + c.weight.w * filling(c.at.w, m);
+    return vec2(sum.x, select(0.0, sum.y / sum.x, sum.x > 0.0));
 }

@@ -49,13 +49,13 @@ fn main(
     var share = 1.0;
     for (var m = 0u; m < used; m++) {
         let f = feature(c, m);
-        var confidence: f32;
+        let present = presence(c, m);
+        var confidence = confidence_start(present.y);
         let h = mlp_output(f.head, f.tail, &confidence);
         if params.aggregation == AGGREGATION_SOFT {
-            let present = presence(c, m);
-            let next = select(top, max(top, confidence), present > 0.0);
+            let next = select(top, max(top, confidence), present.x > 0.0);
             kept = exp(top - next);
-            share = select(0.0, present * exp(confidence - next), present > 0.0);
+            share = select(0.0, present.x * exp(confidence - next), present.x > 0.0);
             total = kept * total + share;
             top = next;
         }

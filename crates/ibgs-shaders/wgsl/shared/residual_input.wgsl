@@ -1,6 +1,7 @@
 // What all kernels of the residual network's input share (method.md section 6). Reads the kernel's binding sources_seen:
 // its first number is that of the slots that are non-empty somewhere in the image.
 #import resize
+#import seen
 
 struct FeatureParams {
     // Rows of R with x_view = R x_world + t.
@@ -35,11 +36,6 @@ const BASE_CHANNEL: u32 = 35u;
 
 fn resized() -> bool {
     return any(params.size != params.low);
-}
-
-// Number of the source in slot m of a pixel, 255 when the slot is empty.
-fn slot_source(word: u32, m: u32) -> u32 {
-    return (word >> (8u * m)) & 255u;
 }
 
 // Slots that are non-empty somewhere in the image.

@@ -1,7 +1,7 @@
 // The per-view MLP 7 -> 32 -> 32 on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
 // channels come and go four at a time in a loop: written out, software drivers take minutes to compile it.
 // Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2 at its front, the
-// confidence in a source (w [32], b), which reads the hidden channels too, at its end.
+// confidence in a source (w [33], b), which reads the hidden channels and the error of the depth, at its end.
 
 const HIDDEN: u32 = 32u;
 const FEATURES: u32 = 7u;
@@ -10,13 +10,13 @@ const WEIGHT2: u32 = BIAS1 + HIDDEN;
 const BIAS2: u32 = WEIGHT2 + HIDDEN * HIDDEN;
 const MLP_WEIGHTS: u32 = BIAS2 + HIDDEN;
 const CONFIDENCE: u32 = 66095u;
-const CONFIDENCE_WEIGHTS: u32 = HIDDEN + 1u;
+const CONFIDENCE_WEIGHTS: u32 = HIDDEN + 2u;
 // Rows of `mlp`: one an input, the 32 outputs side by side, the biases behind.
 const ROW_BIAS1: u32 = FEATURES;
 const ROW_WEIGHT2: u32 = ROW_BIAS1 + 1u;
 const ROW_BIAS2: u32 = ROW_WEIGHT2 + HIDDEN;
 const ROW_CONFIDENCE: u32 = ROW_BIAS2 + 1u;
-// Behind the rows lies the bias of the confidence.
+// Behind the rows lie the confidence's weight of the error and its bias.
 const CONFIDENCE_BIAS: u32 = 8u * (ROW_CONFIDENCE + 1u);
 const MLP_VECTORS: u32 = CONFIDENCE_BIAS + 1u;
 
@@ -46,8 +46,8 @@ fn load_mlp(local: u32, threads: u32) {
             first = BIAS2;
             stride = 1u;
         } else if k == CONFIDENCE_BIAS {
-            first = CONFIDENCE + HIDDEN;
-            stride = 0u;
+            mlp[k] = vec4(weights[CONFIDENCE + HIDDEN], weights[CONFIDENCE + HIDDEN + 1u], 0.0, 0.0);
+            continue;
         } else if row == ROW_CONFIDENCE {
             first = CONFIDENCE;
             stride = 1u;
@@ -97,10 +97,14 @@ fn mlp_hidden(j: u32, head: vec4<f32>, tail: vec4<f32>) -> vec4<f32> {
     return max(front + back + mlp[8u * ROW_BIAS1 + j], vec4(0.0));
 }
 
-// The logarithm of the confidence goes to `confidence`.
+// The logarithm of the confidence in a source whose depth is off by `error`, before the hidden channels' part.
+fn confidence_start(error: f32) -> f32 {
+    return mlp[CONFIDENCE_BIAS].x * error + mlp[CONFIDENCE_BIAS].y;
+}
+
+// Adds the hidden channels' part of the logarithm of the confidence to `confidence`.
 fn mlp_output(head: vec4<f32>, tail: vec4<f32>, confidence: ptr<function, f32>) -> Hidden {
     var sum = mlp_row(ROW_BIAS2);
-    *confidence = mlp[CONFIDENCE_BIAS].x;
     for (var j = 0u; j < 8u; j++) {
         let hidden = mlp_hidden(j, head, tail);
         add_rows(ROW_WEIGHT2 + 4u * j, hidden, &sum);

@@ -20,13 +20,13 @@ struct SourceParams {
     slots: u32,
     // Depths that differ by less than this part agree.
     agreement: f32,
+    // Sources whose depths differ by less than so many times that are packed: 1, or up to 5 where a confidence weighs them.
+    reach: f32,
 }
 
 var<immediate> params: SourceParams;
 
 const SOURCE_EPSILON: f32 = 1e-8;
-// Byte of an empty packed slot.
-const UNSEEN: u32 = 255u;
 
 struct Landing {
     // All four texels of the bilinear read exist.

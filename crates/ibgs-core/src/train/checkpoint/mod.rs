@@ -20,7 +20,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 3;
 
 /// Why a training cannot go on from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
