@@ -172,6 +172,8 @@ fn host_structs_have_the_layout_of_their_twins() {
         slots,
         agreement,
         reach,
+        pad0,
+        pad1,
     });
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(PresentParams { size, stride, mode, range, most, gain });

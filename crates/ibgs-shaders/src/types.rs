@@ -93,6 +93,10 @@ pub struct SourceParams {
     pub agreement: f32,
     /// A source is packed when they differ by less than so many times that.
     pub reach: f32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: [u32; 2],
 }
 
 /// One radix pass; the twin of `SortParams`.

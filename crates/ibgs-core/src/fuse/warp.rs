@@ -160,6 +160,7 @@ fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOp
         slots: surface.options.slots,
         agreement: options.agreement,
         reach: options.reach,
+        ..SourceParams::default()
     }
 }
 

@@ -22,6 +22,8 @@ struct SourceParams {
     agreement: f32,
     // Sources whose depths differ by less than so many times that are packed: 1, or up to 5 where a confidence weighs them.
     reach: f32,
+    pad0: u32,
+    pad1: vec2<u32>,
 }
 
 var<immediate> params: SourceParams;
