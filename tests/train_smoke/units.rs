@@ -59,8 +59,7 @@ fn every_copy_trains_alike(config: &TrainConfig, copies: &[(f64, DVec3)]) {
 fn plain_splatting_is_the_same_in_every_unit_and_place() {
     let copies = [(1e-4, DVec3::ZERO), (30.0, DVec3::ZERO), (1e4, FAR)];
     every_copy_trains_alike(&TrainConfig { method: Method::Gs3, ..densifying(40, 25) }, &copies);
-    // Places so far away are rounded. A Gaussian at a threshold of densification then falls to its other side, and the draws of all
-    // that follow are others, as with another seed.
+    // Places so far away are rounded in the scene's own doubles; with densification this copy ends at 13.50 in place of 13.37 dB.
     every_copy_trains_alike(&plain(40), &[(1.0, FAR)]);
 }
 

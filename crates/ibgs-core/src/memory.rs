@@ -23,6 +23,7 @@
 
 use crate::camera::Camera;
 use crate::residual::Factor;
+use crate::residual::features::SUMS_BYTES;
 use crate::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
 use crate::train::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
@@ -232,7 +233,7 @@ impl Estimate {
         let tiles = sizes.low[0].div_ceil(16) * sizes.low[1].div_ceil(2);
         let row = (9 * INPUT * INPUT + INPUT) as u64;
         self.add("network", "sums of the weights' gradients", 4 * row * tiles.div_ceil(8).min(264), 1);
-        self.add("network", "sums of the per-view network", 4 * 768 * 41 * 32, 1);
+        self.add("network", "sums of the per-view network", SUMS_BYTES, 1);
         self.add("network", "weights and their gradient", 4 * WEIGHTS as u64, 2);
         if demand.config.exposure.enabled != ExposureSwitch::Off {
             self.add("network", "warped colours in the photo's exposure and their gradient", 16 * slots * pixels, 2);

@@ -62,13 +62,10 @@ impl ImageOptions {
         WarpOptions {
             visible: self.sources.visible,
             agreement: self.sources.depth_agreement as f32,
-            reach: if self.variant.aggregation == Aggregation::Soft { SOFT_REACH } else { 1.0 },
+            reach: if self.variant.aggregation == Aggregation::Soft { WarpOptions::SOFT_REACH } else { 1.0 },
         }
     }
 }
-
-/// Sources whose depths differ from a point's by less than so many times what agrees are packed where a confidence weighs them.
-const SOFT_REACH: f32 = 5.0;
 
 /// What a model has besides its Gaussians.
 #[derive(Clone, Debug)]

@@ -119,13 +119,19 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             let m = turn % used;
             let f = feature(c, m);
             var h2 = mlp_row(ROW_BIAS2);
-            let present = presence(c, m);
-            var confidence = confidence_start(present.y);
+            var present = vec2(0.0);
+            var confidence = 0.0;
+            if is_soft {
+                present = presence(c, m);
+                confidence = confidence_start(present.y);
+            }
             for (var j = 0u; j < 8u; j++) {
                 let hidden = mlp_hidden(j, f.head, f.tail);
                 stage[mine + 8u + j] = hidden;
                 add_rows(ROW_WEIGHT2 + 4u * j, hidden, &h2);
-                confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);
+                if is_soft {
+                    confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);
+                }
             }
             h2 = relu(h2);
             if turn < used {
@@ -170,9 +176,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 w2 += v.z * h;
                 w3 += v.w * h;
                 bias2 += v;
-                let by = stage[q * STAGED + 16u].xy;
-                by_confidence += by.x * h;
-                confidence_bias += by;
+                if is_soft {
+                    let by = stage[q * STAGED + 16u].xy;
+                    by_confidence += by.x * h;
+                    confidence_bias += by;
+                }
             }
             workgroupBarrier();
             var by_input = z;

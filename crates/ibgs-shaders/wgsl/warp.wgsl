@@ -71,8 +71,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
         var error_step = 0u;
         if count < params.visible && z > 0.0 {
             let median = land(ray, z);
-            let error = depth_error(median);
-            if median.inside && error >= 0.0 && error < params.reach * params.agreement {
+            var error = -1.0;
+            if median.inside {
+                error = depth_error(median);
+            }
+            if error >= 0.0 && error < params.reach * params.agreement {
                 error_step = min(u32(f32(ERROR_STEPS) * error / params.agreement), MOST_ERROR);
                 for (var k = 0u; k < params.slots; k++) {
                     let slot = slots[k * plane + p];

@@ -44,6 +44,11 @@ pub struct WarpOptions {
     pub reach: f32,
 }
 
+impl WarpOptions {
+    /// The reach where a confidence weighs the sources.
+    pub const SOFT_REACH: f32 = 5.0;
+}
+
 impl Default for WarpOptions {
     fn default() -> Self {
         Self { visible: 3, agreement: 0.01, reach: 1.0 }

@@ -34,9 +34,9 @@ struct Scratch {
 
 /// `weight x mean over visible (slot, pixel) of 1 - SSIM_p(photo, warped)`; owns its scratch memory.
 ///
-/// A pair counts when the slot is filled at the pixel by a source whose depth agrees and the photo is valid there. Around it SSIM sees the warped
-/// image where that counts, elsewhere the photo; masked parts of the photo are zero in both, as the outside of the
-/// image is.
+/// A pair counts when the slot is filled at the pixel by a source whose depth agrees and the photo is valid there. Around
+/// it SSIM sees the warped image where that counts, elsewhere the photo; masked parts of the photo are zero in both, as
+/// the outside of the image is.
 #[derive(Debug)]
 pub struct PhotometricLoss {
     gpu: Arc<Gpu>,

@@ -139,7 +139,7 @@ impl Saved {
         let frame = &self.forward.frame;
         let sorted = self.forward.sorted;
         let grid = tile_grid(frame);
-        let (list, isects) = (ws.sorted_gaussians(sorted), &ws.tile_sort.values[sorted]);
+        let (list, isects) = (self.forward.sorted_gaussians(), &ws.tile_sort.values[sorted]);
         match &self.forward.surface {
             None => {
                 let [v_color, v_xy, v_cov] = [0, 1, 2].map(|i| &ws.rows[i]);

@@ -28,6 +28,8 @@ const _: () = assert!(CONFIDENCE.offset == 66_095 && CONFIDENCE_WEIGHTS == HIDDE
 
 /// Sums of a workgroup of the backward pass.
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;
+/// Bytes of the sums of all workgroups.
+pub(crate) const SUMS_BYTES: u64 = 4 * GROUPS as u64 * SUMS as u64;
 
 /// What the network's input is made of. W x H is the image's size, P = W H.
 #[derive(Clone, Copy, Debug)]
@@ -135,7 +137,7 @@ impl Features {
         let features = 16 * (self.params.slots as usize * self.low_pixels()) as u64;
         Ok(FeatureScratch {
             v_features: gpu.allocate("gradients of the sources' features", features)?,
-            partials: gpu.allocate("sums of the per-view network", 4 * u64::from(GROUPS) * SUMS as u64)?,
+            partials: gpu.allocate("sums of the per-view network", SUMS_BYTES)?,
         })
     }
 

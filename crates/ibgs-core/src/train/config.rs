@@ -331,22 +331,6 @@ pub enum ConfigError {
 }
 
 impl TrainConfig {
-    /// Opacity and relative scale of the first Gaussians.
-    pub fn start(&self) -> [f64; 2] {
-        let [opacity, scale] = if self.densify.strategy == Strategy::Mcmc { [0.5, 0.1] } else { [0.1, 1.0] };
-        [self.initial_opacity.unwrap_or(opacity), self.initial_scale.unwrap_or(scale)]
-    }
-
-    /// Degree of the spherical harmonics.
-    pub fn sh_degree(&self) -> u32 {
-        self.sh_degree.unwrap_or(if self.method == Method::Gs3 { 3 } else { 2 })
-    }
-
-    /// Share of the coefficients beyond the constant that each iteration takes away, times their rate.
-    pub fn sh_rest_decay(&self) -> f64 {
-        self.learning_rates.sh_rest_decay.unwrap_or(if self.method == Method::Gs3 { 1.0 } else { 0.0 })
-    }
-
     /// Colour behind the Gaussians.
     pub fn background(&self) -> [f32; 3] {
         [if self.white_background { 1.0 } else { 0.0 }; 3]

@@ -49,8 +49,12 @@ fn main(
     var share = 1.0;
     for (var m = 0u; m < used; m++) {
         let f = feature(c, m);
-        let present = presence(c, m);
-        var confidence = confidence_start(present.y);
+        var present = vec2(0.0);
+        var confidence = 0.0;
+        if params.aggregation == AGGREGATION_SOFT {
+            present = presence(c, m);
+            confidence = confidence_start(present.y);
+        }
         let h = mlp_output(f.head, f.tail, &confidence);
         if params.aggregation == AGGREGATION_SOFT {
             let next = select(top, max(top, confidence), present.x > 0.0);

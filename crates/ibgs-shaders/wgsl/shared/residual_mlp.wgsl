@@ -108,7 +108,9 @@ fn mlp_output(head: vec4<f32>, tail: vec4<f32>, confidence: ptr<function, f32>) 
     for (var j = 0u; j < 8u; j++) {
         let hidden = mlp_hidden(j, head, tail);
         add_rows(ROW_WEIGHT2 + 4u * j, hidden, &sum);
-        *confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);
+        if params.aggregation == AGGREGATION_SOFT {
+            *confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);
+        }
     }
     return relu(sum);
 }
