@@ -3,5 +3,7 @@
 #![forbid(unsafe_code)]
 
 pub mod commands;
+pub mod progress;
 pub mod stdout;
+pub mod terminal;
 pub mod version;

@@ -3,8 +3,8 @@
 #![forbid(unsafe_code)]
 
 use clap::{CommandFactory, Parser, Subcommand};
+use ibgs::tell;
 use ibgs::{commands, version};
-use ibgs_core::tell;
 use std::process::ExitCode;
 
 /// Reconstruct a scene from posed photos and render new views with Gaussian splatting, on any GPU with Vulkan, Metal
@@ -45,6 +45,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    ibgs::terminal::print_log();
     let result = match Cli::parse().command {
         Command::Train(args) => commands::train::run(&args),
         Command::Render(args) => commands::render::run(&args),

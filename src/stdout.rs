@@ -1,6 +1,6 @@
 //! What commands print. `println!` panics once nobody reads any more (`ibgs info | head`); [`say!`](crate::say) does not.
 
-use ibgs_core::tell;
+use crate::tell;
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Result, Write, stdout};
 

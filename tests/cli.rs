@@ -20,11 +20,11 @@ mod suite;
 mod units;
 
 use crate::scene_files::write_file;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::dataset::{self, Dataset, LoadOptions};
+use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::scene::{PlyFlavor, from_points, write_ply};
-use ibgs_core::train::config::TrainConfig;
-use ibgs_core::train::output::{Existing, OutputFolder};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read;
@@ -58,7 +58,7 @@ impl Sandbox {
     /// The tiny demo as a nerfstudio scene in `scene/`.
     fn with_scene() -> (Self, Dataset) {
         let sandbox = Self::new();
-        let dataset = demo::load(&tiny_demo(), Some(sandbox.home.path()), false).unwrap();
+        let dataset = demo::load(&tiny_demo(), Some(sandbox.home.path()), &()).unwrap();
         assert!(dataset.notes.is_empty(), "{:?}", dataset.notes);
         fs::rename(&dataset.path, sandbox.path("scene")).unwrap();
         (sandbox, dataset)

@@ -1,17 +1,24 @@
-//! One GPU for all tests, and models carried between the twins and the device.
+//! One GPU for all tests, models carried between the twins and the device, and files beside the tests.
 
 use crate::reference::geometry_backward::Cotangents;
 use crate::reference::surface_scene::Scene;
 use crate::reference::warp::Source;
 use crate::reference::{Params, Tensor as Name};
 use burn::tensor::{Tensor, TensorData};
+use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Photo;
-use ibgs_core::fuse::{SourceView, WarpOptions, Warper};
+use ibgs_core::gpu::Buffer;
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use ibgs_core::local_space::LocalSpace;
-use ibgs_core::loss::Target;
-use ibgs_core::raster::{Leaves, RasterView, Rasterizer};
+use ibgs_core::raster::{RasterView, Rasterizer};
 use ibgs_core::scene::{Gaussians, Splats};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::{SourceView, WarpOptions, Warper};
+use ibgs_train::autodiff::{self, Leaves};
+use ibgs_train::parameters::Parameters;
+use ibgs_train::tensor::device;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// The GPU; a machine without any adapter fails the tests. `IBGS_TEST_ADAPTER` chooses one by name.
@@ -26,6 +33,28 @@ pub fn open_gpu() -> Arc<Gpu> {
     let gpu = Gpu::open(&choice).expect("the tests need a GPU adapter; a software one will do");
     println!("adapter: {}", gpu.describe());
     gpu
+}
+
+/// A file of `tests/fixtures`.
+pub fn fixture(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(file)
+}
+
+/// A file or folder of `../shared`, which is not in the repository; None where it is absent, and `test` is skipped.
+pub fn shared(file: &str, test: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(file);
+    if path.exists() {
+        return Some(path);
+    }
+    skipped(test, &format!("../shared/{file} is absent"));
+    None
+}
+
+/// Says on stderr that `test` does not run, or only in part. The test passes all the same, and of a test that passes
+/// libtest hides what the print macros write; it does not hide this.
+pub fn skipped(test: &str, why: &str) {
+    let line = format!("SKIPPED {test}: {why}\n");
+    let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
 /// A fresh rasterizer on it.
@@ -51,11 +80,21 @@ pub fn gaussians(p: &Params) -> Gaussians {
 
 /// The twin's parameters on the device.
 pub fn splats(p: &Params) -> Splats {
-    let mut splats = Splats::upload(&gaussians(p), &gpu()).unwrap();
+    parameters(p).splats().clone()
+}
+
+/// The twin's parameters as a training has them.
+pub fn parameters(p: &Params) -> Parameters {
+    let parameters = Parameters::upload(&gaussians(p), &gpu()).unwrap();
     if !p.filters.is_empty() {
-        splats.set_filters(p.filters.iter().map(|v| *v as f32).collect());
+        parameters.splats().set_filters(&gpu(), &floats(p.filters.iter().copied()));
     }
-    splats
+    parameters
+}
+
+/// A camera's image on the device.
+pub fn pixels(image: &Buffer, camera: &Camera) -> Vec<f64> {
+    gpu().read::<f32>(image, 3 * camera.pixels()).unwrap().into_iter().map(f64::from).collect()
 }
 
 /// Values of a tensor.
@@ -65,7 +104,7 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
 
 /// The image that the GPU makes, row by row.
 pub fn render(p: &Params, view: &RasterView) -> Vec<f64> {
-    values(rasterizer().render(&splats(p), view).unwrap())
+    pixels(&rasterizer().render(&splats(p), view).unwrap(), &view.camera)
 }
 
 /// Gradients of `sum(cotangent * image)` on the GPU, in the twin's order, and the screen-space ones, [N, 4].
@@ -91,11 +130,11 @@ impl GpuGradients {
 /// Runs forward and backward under burn's autodiff.
 pub fn gradients(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> GpuGradients {
     let raster = rasterizer();
-    let model = splats(p);
+    let model = parameters(p);
     // Makes room for every intersection.
-    raster.render(&model, view).unwrap();
-    let leaves = Leaves::new(&model);
-    let (image, _pass) = raster.tracked(&leaves, view).unwrap();
+    raster.render(model.splats(), view).unwrap();
+    let leaves = Leaves::new(&gpu(), &model).unwrap();
+    let (image, _pass) = autodiff::rasterized(&raster, &leaves, view).unwrap();
     let shape = image.dims();
     let cotangent: Vec<f32> = cotangent.as_flattened().iter().map(|v| *v as f32).collect();
     let cotangent = Tensor::<3>::from_data(TensorData::new(cotangent, shape), &image.device());
@@ -109,10 +148,15 @@ pub fn gradients(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> GpuGr
 
 /// A scene's model with its planes on the device.
 pub fn scene_splats(scene: &Scene) -> Splats {
+    scene_parameters(scene).splats().clone()
+}
+
+/// The same as a training has it.
+pub fn scene_parameters(scene: &Scene) -> Parameters {
     let mut g = gaussians(&scene.params);
     g.normals = scene.planes.normals.iter().map(|n| n.map(|x| x as f32)).collect();
     g.offsets = scene.planes.offsets.iter().map(|x| *x as f32).collect();
-    Splats::upload(&g, &gpu()).unwrap()
+    Parameters::upload(&g, &gpu()).unwrap()
 }
 
 /// A twin's source on the device; its colours are 8-bit.
@@ -126,7 +170,7 @@ pub fn source_view(source: &Source) -> SourceView {
     let depth: Vec<f32> = source.depth.iter().map(|d| *d as f32).collect();
     SourceView {
         camera: source.camera,
-        photo: Target::upload(&gpu(), &photo).unwrap(),
+        photo: DevicePhoto::upload(&gpu(), &photo).unwrap(),
         depth: gpu().upload("source depth", &depth).unwrap(),
     }
 }
@@ -160,13 +204,14 @@ fn floats(values: impl IntoIterator<Item = f64>) -> Vec<f32> {
 pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotangents) -> GpuSurface {
     let gpu = gpu();
     let raster = rasterizer();
-    let model = scene_splats(scene);
-    raster.render(&model, view).unwrap();
+    let model = scene_parameters(scene);
+    raster.render(model.splats(), view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
     let warper = Warper::new(gpu.clone(), warping);
-    let leaves = Leaves::new(&model);
-    let (image, forward) = raster.tracked(&leaves, view).unwrap();
-    let (warped, seen) = warper.tracked(&image, &forward, &sources).unwrap();
+    let leaves = Leaves::new(&gpu, &model).unwrap();
+    let (image, forward) = autodiff::rasterized(&raster, &leaves, view).unwrap();
+    let (warped, pass) = autodiff::warped(&warper, &image, &forward, &sources).unwrap();
+    let seen = pass.seen;
     let surface = forward.surface().unwrap();
     let pixels = v.depth.len();
     let visible = warping.visible as usize;
@@ -192,8 +237,9 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     write(&side.normal_map, floats(v.normal.iter().flatten().copied()));
     write(&side.median_depth, floats(v.depth.iter().copied()));
     let v_warped = v.warped.iter().zip(&v.cosine).take(visible * pixels).flat_map(|(c, x)| [c[0], c[1], c[2], *x]);
-    let tensor =
-        |values: Vec<f32>, shape: [usize; 3]| Tensor::<3>::from_data(TensorData::new(values, shape), &gpu.burn);
+    let tensor = |values: Vec<f32>, shape: [usize; 3]| {
+        Tensor::<3>::from_data(TensorData::new(values, shape), device(&gpu).unwrap())
+    };
     let v_image = tensor(floats(v.base.iter().flatten().copied()), image.dims()).autodiff();
     let v_warped = tensor(floats(v_warped), [visible, pixels, 4]).autodiff();
     let mut grads = ((image * v_image).sum() + (warped * v_warped).sum()).backward();

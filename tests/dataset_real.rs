@@ -1,7 +1,7 @@
 //! Real scenes, where they are present: sizes, splits, and points that have the colour of their photos.
 
+use crate::common::shared;
 use crate::dataset::{assert_note, load, load_plain};
-use crate::scene_files::real_scene;
 use glam::DVec2;
 use ibgs_core::dataset::{self, Dataset, LoadOptions};
 
@@ -34,7 +34,7 @@ fn real_scenes() {
         ("fox_nerf", 50, 43, [270, 480], DVec2::new(138.6395, 241.317)),
     ];
     for (name, views, train, size, principal) in expected {
-        let Some(path) = real_scene(name) else {
+        let Some(path) = shared(&format!("data/{name}"), "dataset_real::real_scenes") else {
             continue;
         };
         let dataset = load(&path, &eval);
@@ -51,7 +51,7 @@ fn real_scenes() {
 #[cfg(unix)]
 #[test]
 fn real_scene_with_missing_photos() {
-    let Some(path) = real_scene("fox_nerf") else {
+    let Some(path) = shared("data/fox_nerf", "dataset_real::real_scene_with_missing_photos") else {
         return;
     };
     let path = path.canonicalize().unwrap();

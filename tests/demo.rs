@@ -13,7 +13,7 @@ fn tiny() -> DemoOptions {
 }
 
 fn load(options: &DemoOptions, cache: &Path) -> Dataset {
-    demo::load(options, Some(cache), false).expect("the tiny demo scene loads")
+    demo::load(options, Some(cache), &()).expect("the tiny demo scene loads")
 }
 
 fn assert_same(a: &Dataset, b: &Dataset) {
@@ -251,7 +251,7 @@ fn mirrors_change_with_the_view_and_matt_things_do_not() {
 #[test]
 fn options_out_of_range_name_the_field() {
     let wrong = DemoOptions { views: 1, ..tiny() };
-    let error = demo::load(&wrong, Some(Path::new("unused")), false).expect_err("one view is too few");
+    let error = demo::load(&wrong, Some(Path::new("unused")), &()).expect_err("one view is too few");
     let text = error.to_string();
     assert!(text.contains("`views` is 1") && text.contains("2 to 1000"), "{text}");
 }

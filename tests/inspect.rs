@@ -5,14 +5,14 @@ use crate::train_smoke::image_based::small_model;
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Photo;
-use ibgs_core::fuse::source_store::SourceStore;
-use ibgs_core::fuse::sources::SourceFinder;
-use ibgs_core::fuse::{SourceView, Warper};
 use ibgs_core::inspect::{Inspection, SourceReading, Verdict};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::raster::{RasterView, Room};
 use ibgs_core::render::{ImagePart, Renderer};
 use ibgs_core::scene::{Gaussians, Splats};
+use ibgs_core::sources::find::SourceFinder;
+use ibgs_core::sources::source_store::SourceStore;
+use ibgs_core::sources::{SourceView, Warper};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
@@ -49,15 +49,16 @@ fn warped(renderer: &Renderer, camera: &Camera, sources: &[usize]) -> Warped {
     };
     let sources: Vec<SourceView> = sources.iter().map(source).collect();
     let forward = raster.surface(renderer.splats(), &view(space.camera(camera))).unwrap();
-    let (values, seen) = Warper::new(gpu.clone(), part.options.warp()).warp(&forward, &sources).unwrap();
-    let pixels = (camera.width * camera.height) as usize;
-    let values = values.into_data().try_into_vec::<f32>().unwrap();
+    let warper = Warper::new(gpu.clone(), part.options.warp());
+    let warped = warper.warp(&forward, &sources, warper.memory(camera).unwrap()).unwrap();
+    let pixels = camera.pixels();
+    let values: Vec<f32> = gpu.read(&warped.colors, 4 * warped.visible as usize * pixels).unwrap();
     let slots = &forward.surface().unwrap().slots;
     let slots: Vec<[f32; 2]> = gpu.read(slots, part.options.surface.slots as usize * pixels).unwrap();
     let in_scene_units = |[z, weight]: [f32; 2]| [(f64::from(z) * space.scale) as f32, weight];
     Warped {
         slots: slots.into_iter().map(in_scene_units).collect(),
-        packed: gpu.read(&seen.slots, pixels).unwrap(),
+        packed: gpu.read(&warped.seen.slots, pixels).unwrap(),
         values: values.as_chunks().0.to_vec(),
     }
 }

@@ -3,8 +3,8 @@
 use crate::common::gpu;
 use crate::reference::lpips::{Layer, Network, distance};
 use ibgs_core::dataset::Photo;
-use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsError, LpipsWeights};
 use ibgs_core::render::Rendered;
+use ibgs_train::lpips::{BAND_BYTES, InputRange, Lpips, LpipsError, LpipsWeights};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, TensorView, serialize_to_file};
@@ -111,14 +111,14 @@ fn distances_agree_with_the_twin_in_both_ranges() {
     };
     let (x, y) = (floats(&a), floats(&b));
     for (range, signed) in [(InputRange::Signed, true), (InputRange::Published, false)] {
-        let lpips = Lpips::new(gpu(), &weights, range, BAND_BYTES);
+        let lpips = Lpips::new(gpu(), &weights, range, BAND_BYTES).unwrap();
         let ours = lpips.distance(&image, &b).unwrap();
         let twin = distance(network(), [height as usize, width as usize], [&x, &y], signed);
         println!("{range:?}: {ours} against {twin}, relative error {:.1e}", (ours / twin - 1.0).abs());
         assert!(twin > 0.01 && (ours - twin).abs() <= 1e-4 * twin, "{range:?}: {ours} against {twin}");
         assert!(lpips.distance(&image, &a).unwrap() < 1e-9, "an image differs from itself");
     }
-    let lpips = Lpips::new(gpu(), &weights, InputRange::Signed, BAND_BYTES);
+    let lpips = Lpips::new(gpu(), &weights, InputRange::Signed, BAND_BYTES).unwrap();
     let small = photo(3, 40, 15);
     let text = lpips.distance(&rendered(&small), &small).unwrap_err().to_string();
     assert!(text.contains("40 x 15"), "{text}");
@@ -134,7 +134,7 @@ fn bands_give_the_distance_of_the_whole() {
     let (a, b) = (photo(4, width, height), photo(5, width, height));
     let with = |rows: u64| {
         let bytes = rows * 4 * 64 * u64::from(width);
-        Lpips::new(gpu(), &weights, InputRange::Signed, bytes).distance(&rendered(&a), &b)
+        Lpips::new(gpu(), &weights, InputRange::Signed, bytes).unwrap().distance(&rendered(&a), &b)
     };
     let whole = with(265).unwrap();
     // Five bands of 48 rows and one of 25; four of 64 and one of 9, too few for a feature of the last block.

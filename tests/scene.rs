@@ -6,6 +6,7 @@ mod output;
 mod ply_damage;
 mod start;
 
+use crate::common::{fixture, skipped};
 use glam::DVec3;
 use ibgs_core::dataset::Point;
 use ibgs_core::local_space::LocalSpace;
@@ -13,7 +14,7 @@ use ibgs_core::scene::{Gaussians, PlyFlavor, SceneError, read_ply, write_ply, wr
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 fn random_gaussians(n: usize, sh_degree: u32, seed: u64) -> Gaussians {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -148,14 +149,25 @@ fn invalid_models_are_not_written() {
 
 #[test]
 fn model_of_another_program_loads() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/golden/point_cloud.ply");
-    if !path.exists() {
-        eprintln!("SKIPPED: {} is not here", path.display());
-        return;
-    }
+    let path = fixture("published.ply");
     let g = read_ply(&path).unwrap();
-    assert_eq!((g.len(), g.sh_degree), (29_883, 2));
+    assert_eq!((g.len(), g.sh_degree), (5, 2));
     g.validate().unwrap();
+    for i in 0..5 {
+        // The file counts up in steps of 1/64.
+        let row: [f32; 42] = std::array::from_fn(|column| (42 * i + column) as f32 / 64.0 - 1.5);
+        assert_eq!(g.means[i], row[..3]);
+        assert_eq!((&g.normals[i][..], g.offsets[i]), (&row[3..6], row[6]));
+        let sh = &g.sh[27 * i..][..27];
+        assert_eq!(sh[..3], row[7..10]);
+        // All higher coefficients of red, then of green, then of blue.
+        for (k, c) in (0..8).flat_map(|k| (0..3).map(move |c| (k, c))) {
+            assert_eq!(sh[3 * (k + 1) + c], row[10 + 8 * c + k], "coefficient {} of channel {c}", k + 1);
+        }
+        assert_eq!(g.opacity_logits[i], row[34]);
+        assert_eq!(g.log_scales[i], row[35..38]);
+        assert_eq!(g.rotations[i], row[38..]);
+    }
     // Same layout, so writing gives the rows back byte for byte.
     let (theirs, ours) = (fs::read(&path).unwrap(), ply_bytes(&g, PlyFlavor::Full));
     assert!(theirs[header_length(&theirs)..] == ours[header_length(&ours)..]);
@@ -181,7 +193,8 @@ fn full_disk_is_said_and_leaves_no_partial_file() {
             .status()
             .is_ok_and(|status| status.success());
     if !mounted {
-        eprintln!("SKIPPED: mounting a small disk needs root; the simulated one is tested beside the writer");
+        let why = "mounting a small disk needs root; the simulated one is tested beside the writer";
+        skipped("scene::full_disk_is_said_and_leaves_no_partial_file", why);
         return;
     }
     let disk = SmallDisk(folder.path().to_owned());

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{Cursor, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A camera of a COLMAP model; `model` is its number and name.
 #[derive(Clone)]
@@ -225,17 +225,6 @@ pub fn zip_of_folder(folder: &Path, prefix: &str) -> Vec<u8> {
     }
     let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
     zip_of(&files)
-}
-
-/// The folder of a real scene, or none, said loudly.
-pub fn real_scene(name: &str) -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    let path = root.join(name);
-    if path.is_dir() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: ../shared/data/{name} absent");
-    None
 }
 
 /// Copies a scene of `transforms.json` and `points3D.ply` in other units to another place: every length times `scale`, then

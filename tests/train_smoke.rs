@@ -10,13 +10,12 @@ mod units;
 
 use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};
+use ibgs_core::config::{Method, Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, View, demo};
 use ibgs_core::eval::score_view;
-use ibgs_core::gpu::Gpu;
-use ibgs_core::gpu::buffer::primitive;
+use ibgs_core::gpu::Buffer;
 use ibgs_core::scene::Gaussians;
-use ibgs_core::train::config::{Method, Strategy, TrainConfig};
-use ibgs_core::train::{TrainError, Trainer};
+use ibgs_train::{TrainError, Trainer};
 use std::sync::{Arc, OnceLock};
 
 /// The tiny demo: 8 training and 2 test views of 48 x 36, 300 points.
@@ -24,7 +23,7 @@ fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
-        demo::load(&tiny_demo(), Some(cache.path()), false).unwrap()
+        demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap()
     };
     DATASET.get_or_init(trace).clone()
 }
@@ -58,7 +57,7 @@ fn trained(dataset: &Dataset, config: &TrainConfig) -> Gaussians {
     let mut trainer = trainer(dataset, config);
     run(&mut trainer, config.iterations);
     assert!(!trainer.overflowed());
-    let model = trainer.splats().download().unwrap();
+    let model = trainer.splats().download(&gpu()).unwrap();
     model.validate().unwrap();
     model
 }
@@ -69,11 +68,10 @@ fn run(trainer: &mut Trainer, until: u32) {
     }
 }
 
-/// Makes the first values of a trained tensor infinite.
-fn poison<const D: usize>(tensor: burn::tensor::Tensor<D>) {
+/// Makes the first values of a trained parameter infinite.
+fn poison(parameter: &Buffer) {
     let gpu = gpu();
-    let bound = Gpu::bind(&primitive(tensor));
-    gpu.queue.write_buffer(&bound.buffer, bound.offset, bytemuck::cast_slice(&[f32::INFINITY; 4]));
+    gpu.queue.write_buffer(&parameter.buffer, parameter.offset, bytemuck::cast_slice(&[f32::INFINITY; 4]));
     gpu.wait().unwrap();
 }
 

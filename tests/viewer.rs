@@ -12,13 +12,13 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::wgpu::WgpuTestRenderer;
 use egui_kittest::{Harness, SnapshotOptions};
 use ibgs::commands::view::Opener;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{Factor, Variant, weights};
 use ibgs_core::scene::{Splats, from_points};
-use ibgs_core::train::config::TrainConfig;
 use ibgs_viewer::{Content, Opened, Scene, View, Viewer, wgpu_setup};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -54,7 +54,7 @@ fn untrained(pictures: &Path) -> Opened {
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
         let options = DemoOptions { views: 24, points: 4_000, ..tiny_demo() };
-        demo::load(&options, Some(cache.path()), false).unwrap()
+        demo::load(&options, Some(cache.path()), &()).unwrap()
     };
     let dataset = DATASET.get_or_init(trace);
     let gaussians = from_points(&dataset.points, 0, 0.6).unwrap();

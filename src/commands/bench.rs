@@ -3,17 +3,17 @@
 mod lists;
 mod tables;
 
-use super::model::{self, is_bundle};
 use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::bench::{self, DeviceReport, LEAST_RUNS, Rates, Report, Setting};
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::TrainConfig;
+use ibgs_core::model::{self, is_bundle};
+use ibgs_core::output::OutputFolder;
+use ibgs_core::output::cameras::CameraRecord;
 use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
-use ibgs_core::train::config::TrainConfig;
-use ibgs_core::train::output::OutputFolder;
-use ibgs_core::train::output::cameras::CameraRecord;
+use ibgs_train::bench::{self, DeviceReport, LEAST_RUNS, Rates, Report, Setting};
 use std::path::{Path, PathBuf};
 
 /// Gaussians of a synthetic scene, and its image size.

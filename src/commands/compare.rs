@@ -5,14 +5,14 @@ mod page;
 
 use super::report::sentence;
 use crate::say;
+use crate::tell;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use columns::{COLUMNS, Column};
 use ibgs_core::files::write_atomically;
-use ibgs_core::tell;
-use ibgs_core::train::output::OutputFolder;
-use ibgs_core::train::output::figures::Figures;
-use ibgs_core::train::output::results::Protocol;
+use ibgs_core::output::OutputFolder;
+use ibgs_core::output::figures::Figures;
+use ibgs_core::output::results::Protocol;
 use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

@@ -1,19 +1,20 @@
 //! `ibgs eval`
 
-use super::model::{ModelArgs, training};
+use super::model::{ModelArgs, OpenModel, advised};
 use super::report::Report;
-use super::{Model, compared, protocol, score_test_views};
+use crate::progress::Bars;
 use crate::say;
+use crate::tell;
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{Dataset, View};
-use ibgs_core::eval::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
-use ibgs_core::eval::{Cache, PASSES, Score, ViewScores, frames_per_second};
-use ibgs_core::tell;
-use ibgs_core::train::output::REPORT_FILE;
-use ibgs_core::train::output::figures::{Figures, SPEED_FILE, TIME_FILE};
-use ibgs_core::train::output::results::means;
+use ibgs_core::eval::scores::{compared, protocol, score_test_views};
+use ibgs_core::eval::{Cache, PASSES, Perceptual, Score, ViewScores, frames_per_second};
+use ibgs_core::output::REPORT_FILE;
+use ibgs_core::output::figures::{Figures, SPEED_FILE, TIME_FILE};
+use ibgs_core::output::results::means;
+use ibgs_train::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -51,8 +52,8 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = args.report.as_ref().filter(|path| path.is_dir()) {
         bail!("the report cannot replace the folder {}; give `--report` a file", path.display());
     }
-    let mut model = Model::open(&args.model)?;
-    let dataset = model.dataset(&args.model)?.clone();
+    let mut model = args.model.open()?;
+    let dataset = model.dataset(&Bars::default()).map_err(advised)?.clone();
     if dataset.test.is_empty() {
         bail!("the scene has no held-out views; train with `--eval`");
     }
@@ -63,13 +64,14 @@ pub fn run(args: &Args) -> Result<()> {
     // First, so that what LPIPS takes is no part of the model's memory.
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
     let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
-    let lpips = weights.map(|weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES));
+    let lpips = |weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES);
+    let lpips = weights.map(lpips).transpose()?;
     let table = Table { with_final: model.renderer.part().is_some(), with_lpips: lpips.is_some() };
     table.head();
-    let target = (&model.folder, model.iteration);
-    let scores = score_test_views(&model.renderer, &dataset, &model.config, target, lpips.as_ref(), |name, scores| {
-        table.row(name, scores);
-    })?;
+    let into = Some((&model.folder, model.iteration));
+    let perceptual = lpips.as_ref().map(|lpips| lpips as &dyn Perceptual);
+    let hear = &mut |name: &str, scores: &ViewScores| table.row(name, scores);
+    let scores = score_test_views(&model.renderer, &dataset, &model.config, into, perceptual, hear)?;
     let image = table.with_final.then(|| means(&scores.image));
     table.row("mean", &ViewScores { base: means(&scores.base), image });
     let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
@@ -87,7 +89,7 @@ pub fn run(args: &Args) -> Result<()> {
     write_report(args, &model, &dataset)
 }
 
-fn write_report(args: &Args, model: &Model, dataset: &Dataset) -> Result<()> {
+fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset) -> Result<()> {
     let path = args.report.clone().unwrap_or_else(|| model.folder.root().join(REPORT_FILE));
     let views: Vec<_> = dataset.test.iter().map(|&index| compared(&dataset.views[index], &model.config)).collect();
     let views: Vec<&View> = views.iter().map(|view| &**view).collect();
@@ -137,7 +139,7 @@ impl Table {
 }
 
 /// Speed, memory and storage.
-fn speed(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
+fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
     let renderer = &model.renderer;
     let warm = frames_per_second(renderer, cameras, Cache::Warm)?;
     let memory = renderer.gpu().memory_report().map(|report| report.reserved_bytes);
@@ -167,11 +169,11 @@ fn speed(model: &Model, cameras: &[Camera], photos: Option<u64>) -> Result<Value
 }
 
 /// Bytes of the training photos' files; none where one is not found.
-fn photo_bytes(model: &Model, scene: &Path) -> Option<u64> {
+fn photo_bytes(model: &OpenModel, scene: &Path) -> Option<u64> {
     let folder = model.config.data.images.clone().unwrap_or_else(|| "images".to_owned());
     let size = |name: &str| {
         let candidates = [scene.join(&folder).join(name), scene.join(name)];
         candidates.iter().find_map(|path| path.metadata().ok()).map(|file| file.len())
     };
-    training(&model.cameras).iter().map(|r| size(&r.name)).sum()
+    model.training_views().iter().map(|r| size(&r.name)).sum()
 }

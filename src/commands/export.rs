@@ -1,13 +1,15 @@
 //! `ibgs export`
 
-use super::Model;
-use super::model::{ModelArgs, gaussians, training};
+use super::model::{ModelArgs, advised};
+use crate::progress::Bars;
+use crate::tell;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
+use ibgs_core::model::Model;
+use ibgs_core::output::multi_view;
 use ibgs_core::scene::{PlyFlavor, write_ply};
-use ibgs_core::tell;
-use ibgs_core::train::output::multi_view;
+
 use std::path::PathBuf;
 
 /// Options of `ibgs export`.
@@ -37,24 +39,23 @@ pub fn run(args: &Args) -> Result<()> {
     }
     if kind == "ply" {
         let flavor = if args.plain { PlyFlavor::Plain } else { PlyFlavor::Full };
-        return Ok(write_ply(&args.output, &gaussians(&args.model)?, flavor)?);
+        return Ok(write_ply(&args.output, &args.model.read()?.gaussians, flavor)?);
     }
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
-    let mut model = Model::open(&args.model)?;
-    // Not those on the device, which have been brought to local coordinates and rounded.
-    let gaussians = gaussians(&args.model)?;
-    let network = model.renderer.part().map(|part| part.network.to_values()).transpose()?;
-    let network = network.map(|values| ibgs_core::residual::weights::to_bytes(&values)).transpose()?;
-    let dataset = model.dataset(&args.model)?.clone();
+    let mut model = args.model.read()?;
+    // The values of the network and of the photos' exposures are checked against the scene before anything is written.
+    let network = model.network.as_deref().map(ibgs_core::residual::weights::to_bytes).transpose()?;
+    let dataset = model.dataset(&Bars::default()).map_err(advised)?.clone();
+    let field = model.exposure_field().map_err(advised)?;
     let sources = multi_view::records(&dataset, &model.config.sources);
-    let training = training(&model.cameras);
+    let training = model.training_views();
     let names = || training.iter().map(|record| record.name.clone());
-    let exposure = model.renderer.exposure().map(|field| names().zip(field.photos().iter().copied()).collect());
+    let exposure = field.map(|field| names().zip(field.photos().iter().copied()).collect());
     let photo = |name: &str| dataset.views.iter().find(|v| v.name == name).map(|v| (v.name.clone(), v.photo.clone()));
     let photos = training.iter().filter_map(|record| photo(&record.name)).collect();
-    let (config, cameras, iteration) = (model.config.clone(), model.cameras.clone(), model.iteration);
+    let Model { config, cameras, iteration, gaussians, .. } = model.clone();
     Bundle { iteration, gaussians, network, exposure, cameras, config, photos, sources }.write(&args.output)?;
     tell!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
     Ok(())

@@ -1,6 +1,5 @@
 //! `ibgs info`
 
-use super::model::is_bundle;
 use crate::say;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
@@ -10,8 +9,9 @@ use ibgs_core::dataset;
 use ibgs_core::gpu::device::lacking;
 use ibgs_core::gpu::list_adapters;
 use ibgs_core::local_space::Length;
+use ibgs_core::model::is_bundle;
+use ibgs_core::output::OutputFolder;
 use ibgs_core::scene::{Gaussians, read_ply};
-use ibgs_core::train::output::OutputFolder;
 use std::path::{Path, PathBuf};
 
 /// Options of `ibgs info`.

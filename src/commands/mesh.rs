@@ -2,18 +2,17 @@
 
 mod compare;
 
-use super::Model;
-use super::model::{ModelArgs, training};
+use super::model::{ModelArgs, OpenModel};
+use crate::progress::{Bars, bar};
+use crate::tell;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::camera::Camera;
-use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
-use ibgs_core::memory::Bytes;
 use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, MeshFormat, Plan, fuse, maps_bytes};
-use ibgs_core::tell;
-use indicatif::{ProgressBar, ProgressStyle};
+use ibgs_core::sources::memory::MemoryBudget;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -70,7 +69,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let truth = args.compare.read()?;
     // A triangle has one colour, whichever views show it.
-    let mut model = Model::open(&args.model)?.showing_surface().levelled();
+    let mut model = args.model.open()?.showing_surface().levelled();
     args.compare.check(&model)?;
     model.renderer.shape_missing_planes()?;
     options.offset = model.renderer.space().file_offset().unwrap_or_default();
@@ -119,7 +118,7 @@ impl Args {
     }
 
     /// Cameras of the training views, in the size to render.
-    fn cameras(&self, model: &Model) -> Result<Vec<Camera>> {
+    fn cameras(&self, model: &OpenModel) -> Result<Vec<Camera>> {
         let sized = |camera: &Camera| match self.width {
             Some(width) => {
                 let height = f64::from(camera.height) * f64::from(width) / f64::from(camera.width);
@@ -127,7 +126,7 @@ impl Args {
             }
             None => *camera,
         };
-        let training = training(&model.cameras).into_iter();
+        let training = model.training_views().into_iter();
         let cameras: Vec<Camera> = training.map(|record| sized(&record.camera)).collect();
         let needed = maps_bytes(cameras.iter());
         match self.memory_bytes() {
@@ -138,18 +137,9 @@ impl Args {
     }
 }
 
-/// A bar that goes when it is dropped.
-fn progress(template: &str, length: usize) -> ProgressBar {
-    let bar = ProgressBar::new(length as u64);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    bar
-}
-
 /// Depths and colours of all views.
-fn render(model: &Model, cameras: &[Camera], max_angle: f64) -> Result<Vec<DepthMap>> {
-    let bar = progress("rendering {wide_bar} {pos}/{len} views, {eta} left", cameras.len());
+fn render(model: &OpenModel, cameras: &[Camera], max_angle: f64) -> Result<Vec<DepthMap>> {
+    let bar = bar("rendering", cameras.len());
     let mut maps = Vec::with_capacity(cameras.len());
     for camera in cameras {
         let frame = model.renderer.render(camera)?;
@@ -168,10 +158,8 @@ fn render(model: &Model, cameras: &[Camera], max_angle: f64) -> Result<Vec<Depth
 /// The mesh, and the size of its voxels.
 fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<(Mesh, f64)> {
     let plan = Plan::of(maps, options)?;
-    let bar = progress("fusing {wide_bar} {percent} %, {eta} left", 0);
     let start = Instant::now();
-    let grid = fuse(maps, &plan, &bar)?;
-    bar.finish_and_clear();
+    let grid = fuse(maps, &plan, &Bars::default())?;
     let seconds = start.elapsed().as_secs_f64();
     tell!(
         "voxels of {}, truncation {}, largest depth {}: {:.1} million in {}, fused in {seconds:.1} s, {:.0} million \

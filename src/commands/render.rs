@@ -1,13 +1,14 @@
 //! `ibgs render`
 
-use super::model::ModelArgs;
-use super::outputs::{write_exr, write_pictures};
-use super::{Model, Output, Place};
+use super::model::{ModelArgs, OpenModel};
+use crate::progress::bar;
+use crate::tell;
 use anyhow::{Result, bail};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera_path::CameraPath;
-use ibgs_core::tell;
-use ibgs_core::train::output::cameras::Split;
+use ibgs_core::output::cameras::Split;
+use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
 use ibgs_core::video::{self, frame_name};
 use std::path::PathBuf;
 
@@ -37,7 +38,7 @@ pub struct Args {
     #[arg(short, long, requires = "camera_path")]
     output: Option<PathBuf>,
     /// What to write of each view [default: final where the model has it, and base].
-    #[arg(long, value_enum, value_delimiter = ',')]
+    #[arg(long, value_parser = outputs_parser(), value_delimiter = ',')]
     outputs: Vec<Output>,
     /// Write EXR files with the true values in place of pictures.
     #[arg(long)]
@@ -47,13 +48,22 @@ pub struct Args {
     video: bool,
 }
 
+/// Reads the name of an output.
+fn outputs_parser() -> impl TypedValueParser<Value = Output> {
+    let value = |output: Output| PossibleValue::new(output.name()).help(output.about());
+    PossibleValuesParser::new(Output::ALL.map(value)).map(|name| {
+        let named = Output::ALL.into_iter().find(|output| output.name() == name);
+        named.expect("one of the possible values")
+    })
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let path = args.camera_path.as_deref().map(CameraPath::load).transpose()?;
-    let mut model = Model::open(&args.model)?;
+    let mut model = args.model.open()?;
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
-        let name = output.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+        let name = output.name();
         bail!("{} has no residual network, so no `{name}`; leave it out of `--outputs`", args.model.model.display());
     }
     if outputs.iter().any(|output| output.needs_surface()) {
@@ -65,11 +75,11 @@ pub fn run(args: &Args) -> Result<()> {
     }
 }
 
-fn render_path(model: &Model, path: &CameraPath, args: &Args, outputs: &[Output]) -> Result<()> {
+fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Output]) -> Result<()> {
     let cameras = &path.cameras;
     let default = || model.folder.root().join("path").join(format!("ours_{}", model.iteration));
     let folder = args.output.clone().unwrap_or_else(default);
-    let bar = indicatif::ProgressBar::new(cameras.len() as u64);
+    let bar = bar("rendering", cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let frame = model.renderer.render(camera)?;
         match (args.exr, outputs) {
@@ -94,7 +104,7 @@ fn render_path(model: &Model, path: &CameraPath, args: &Args, outputs: &[Output]
     Ok(())
 }
 
-fn render_views(model: &Model, args: &Args, outputs: &[Output]) -> Result<()> {
+fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()> {
     let any_test = model.cameras.iter().any(|r| r.split == Some(Split::Test));
     let wanted = |split: Option<Split>| match args.views {
         Views::All => true,

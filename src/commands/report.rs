@@ -6,13 +6,13 @@ pub mod plot;
 use anyhow::{Context, Result};
 use ibgs_core::dataset::View;
 use ibgs_core::files::write_atomically;
+use ibgs_core::gpu::Bytes;
 use ibgs_core::image_io::read_picture;
-use ibgs_core::memory::Bytes;
+use ibgs_core::output::cameras::Split;
+use ibgs_core::output::figures::{Figures, Scores, Speed, Time};
+use ibgs_core::output::results::Protocol;
+use ibgs_core::output::{OutputFolder, PictureKind};
 use ibgs_core::picture::Picture;
-use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::figures::{Figures, Scores, Speed, Time};
-use ibgs_core::train::output::results::Protocol;
-use ibgs_core::train::output::{OutputFolder, PictureKind};
 use page::{Cell, Layer, number};
 use plot::{Plot, Series};
 use std::path::Path;
@@ -170,7 +170,7 @@ pub fn sentence(protocol: &Protocol) -> String {
 /// Curves of a training.
 fn training(figures: &Figures) -> String {
     let entries = &figures.log.entries;
-    let logged = |value: fn(&ibgs_core::train::output::log::LogEntry) -> f64| {
+    let logged = |value: fn(&ibgs_core::output::log::LogEntry) -> f64| {
         entries.iter().map(|entry| [f64::from(entry.iteration), value(entry)]).collect::<Vec<_>>()
     };
     let series = |name: &str, points: Vec<[f64; 2]>, marked| Series { name: name.to_owned(), points, marked };

@@ -1,39 +1,28 @@
 //! `ibgs train`
 
 mod estimate;
-mod keeper;
+mod plan;
 mod resume;
-mod run;
 mod stages;
-mod watch;
+mod terminal;
+mod window;
 
-pub use run::Run;
+pub use plan::Plan;
+pub use window::Watched;
 
-use super::{load_demo, load_scene, open_gpu, view};
-use anyhow::{Context, Result, bail};
+use super::{open_gpu, view};
+use anyhow::Result;
 use clap::Args as ClapArgs;
-use ibgs_core::dataset::demo::DemoOptions;
-use ibgs_core::dataset::{Alpha, ColorSpace, Dataset, Masks};
-use ibgs_core::fuse::memory::MemoryBudget;
-use ibgs_core::gpu::Gpu;
-use ibgs_core::raster::Rasterizer;
-use ibgs_core::scene::read_ply;
-use ibgs_core::tell;
-use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{DataConfig, Method, Strategy, TrainConfig};
-use ibgs_core::train::output::{Existing, OutputFolder};
+use ibgs_core::config::{Method, Strategy, TrainConfig};
+use ibgs_core::dataset::{Alpha, ColorSpace, Masks};
+use ibgs_core::sources::memory::MemoryBudget;
+use plan::DemoGiven;
 use stages::StageArgs;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::time::Duration;
 
-/// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
-const DEMO_ITERATIONS: [u32; 2] = [200, 10_000];
-/// Size of the residual network's images in the demo scene, relative to the photos.
-const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
 /// Iterations of a run that begins with a finished model, when none are asked for.
 const WARM_ITERATIONS: u32 = 3_000;
-const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
 
 /// Options of `ibgs train`; what is given here overrides the options file.
 #[derive(ClapArgs, Clone, Debug)]
@@ -189,6 +178,31 @@ fn set_some<T: Clone>(slot: &mut Option<T>, value: &Option<T>) {
 }
 
 impl Args {
+    /// The training that is asked for.
+    fn plan(&self) -> Result<Plan> {
+        let resumed =
+            self.model.as_deref().filter(|_| self.resume).map(|path| resume::checkpoint(self, path)).transpose()?;
+        let config = match &resumed {
+            Some(checkpoint) => checkpoint.config.clone(),
+            None => self.config()?,
+        };
+        Ok(Plan {
+            resumed,
+            model: self.model.clone(),
+            overwrite: self.overwrite,
+            gpu_memory: self.gpu_memory,
+            checkpoint_every: (self.checkpoint_every > 0.0)
+                .then(|| Duration::from_secs_f64(60.0 * self.checkpoint_every)),
+            // An options file counts in full: one that an earlier run wrote must give that run again.
+            demo: self.config.is_none().then_some(DemoGiven {
+                iterations: self.iterations,
+                max_splats: self.max_splats,
+                residual_factor: self.stages.residual_factor,
+            }),
+            ..Plan::new(config)
+        })
+    }
+
     /// The options file with the command line on top.
     fn config(&self) -> Result<TrainConfig> {
         let c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
@@ -253,160 +267,6 @@ pub fn run(args: &Args) -> Result<()> {
     if args.with_viewer {
         view::check_display()?;
     }
-    let run = start(args, || open_gpu(args.adapter.as_ref()), &|_| {})?;
-    if args.with_viewer { view::look(run) } else { run.train() }
-}
-
-/// Prepares a training: `told` hears what is being done. The GPU is asked for after the files have been read.
-pub fn start(args: &Args, gpu: impl FnOnce() -> Result<Arc<Gpu>>, told: &dyn Fn(&str)) -> Result<Run> {
-    // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
-    let resumed =
-        args.model.as_deref().filter(|_| args.resume).map(|path| resume::checkpoint(args, path)).transpose()?;
-    let mut config = match &resumed {
-        Some(checkpoint) => checkpoint.config.clone(),
-        None => args.config()?,
-    };
-    config.validate()?;
-    if resumed.is_none() {
-        refuse_output(args)?;
-    }
-    let start = config.init.as_deref().filter(|_| resumed.is_none()).map(read_ply).transpose()?;
-    told("loading the photos");
-    let scene = config.data.source.clone().map(|source| load_scene(&config, &source)).transpose()?;
-    if scene.is_none() {
-        refuse_scene_options(&config.data)?;
-    }
-    let gpu = gpu()?;
-    let dataset = match scene {
-        Some(dataset) => dataset,
-        None => {
-            told("ray tracing the demo scene; this takes some minutes the first time");
-            if resumed.is_none() {
-                demo_options(&mut config, args, &gpu);
-            }
-            demo_scene(&config, &gpu)?
-        }
-    };
-    config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
-    told("preparing the training");
-    let started = Instant::now();
-    let raster = Arc::new(Rasterizer::new(gpu.clone()));
-    gpu.warm_up();
-    let mut trainer = match (&resumed, start) {
-        (Some(checkpoint), _) => Trainer::resume(raster.clone(), &dataset, checkpoint)?,
-        (None, Some(start)) => {
-            config.sh_degree = Some(start.sh_degree);
-            Trainer::from_gaussians(raster.clone(), &dataset, &config, &start)?
-        }
-        (None, None) => Trainer::new(raster.clone(), &dataset, &config)?,
-    };
-    let mut needs = estimate::Needs::of(&trainer, &raster, &dataset, &config);
-    if let Some(most) = needs.limit(args.gpu_memory, &gpu)? {
-        config.densify.max_splats = Some(most);
-        trainer.limit_splats(most);
-    }
-    let needs = needs.sentence();
-    let folder = match (&resumed, &args.model) {
-        (Some(checkpoint), Some(path)) => {
-            tell!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
-            let folder = OutputFolder::at(path);
-            // The scene may have moved.
-            config.save(&folder.config_path())?;
-            folder
-        }
-        _ => create_output(args, &config, &dataset)?,
-    };
-    tell!(
-        "{} training views, {} test views, {} initial points; writing to {}",
-        dataset.train.len(),
-        dataset.test.len(),
-        dataset.points.len(),
-        folder.root().display()
-    );
-    tell!("{needs}");
-    let every = (args.checkpoint_every > 0.0).then(|| Duration::from_secs_f64(60.0 * args.checkpoint_every));
-    let run = Run::new(trainer, raster, dataset, config, folder, every, started);
-    Ok(match &resumed {
-        Some(checkpoint) => run.with_records_of(checkpoint),
-        None => run,
-    })
-}
-
-/// Options of photos on disk would be ignored, and still stand in the results.
-fn refuse_scene_options(data: &DataConfig) -> Result<()> {
-    let usual = DataConfig::default();
-    let given = [
-        ("--resolution", data.resolution != usual.resolution),
-        ("--resampler", data.resampler != usual.resampler),
-        ("--images", data.images != usual.images),
-        ("--max-resolution", data.max_resolution != usual.max_resolution),
-        ("--eval-split-every", data.eval_split_every != usual.eval_split_every),
-        ("--masks", data.masks != usual.masks),
-        ("--alpha", data.alpha != usual.alpha),
-        ("--color-space", data.color_space != usual.color_space),
-        ("--filter-points", data.filter_points != usual.filter_points),
-        ("--principal-point", data.principal_point != usual.principal_point),
-    ];
-    match given.iter().find(|(_, given)| *given) {
-        Some((option, _)) => bail!("option `{option}` does not apply to the built-in demo scene; leave it out"),
-        None => Ok(()),
-    }
-}
-
-/// Options of the demo scene where none are given.
-fn demo_options(config: &mut TrainConfig, args: &Args, gpu: &Gpu) {
-    let size = usize::from(!gpu.is_software());
-    // An options file counts in full: one that an earlier run wrote must give that run again.
-    if args.config.is_none() {
-        let usual = DEMO_ITERATIONS[size];
-        let usual = if args.init.is_some() { usual.min(WARM_ITERATIONS) } else { usual };
-        config.iterations = args.iterations.unwrap_or(usual);
-        config.densify.max_splats = args.max_splats.or(Some(DEMO_SPLATS[size]));
-        config.residual.factor = args.stages.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
-    }
-    config.data.eval = true;
-}
-
-fn demo_scene(config: &TrainConfig, gpu: &Gpu) -> Result<Dataset> {
-    let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
-    let dataset = load_demo(&options, config.data.demo_exposure_seed)?;
-    for note in &dataset.notes {
-        tell!("note: {note}");
-    }
-    Ok(dataset)
-}
-
-/// Refuses a folder that is there and may not be trained into, without touching it.
-fn refuse_output(args: &Args) -> Result<()> {
-    if let Some(path) = args.model.as_ref().filter(|path| path.exists() && !(args.overwrite && path.is_dir())) {
-        OutputFolder::create(path, Existing::Keep)?;
-    }
-    Ok(())
-}
-
-/// Makes the output folder and writes what is known before training; a new folder goes again where that fails.
-fn create_output(args: &Args, config: &TrainConfig, dataset: &Dataset) -> Result<OutputFolder> {
-    let path = match &args.model {
-        Some(path) => path.clone(),
-        None => free_folder(args, config.data.source.as_deref())?,
-    };
-    let (existing, is_new) = (if args.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
-    let folder = OutputFolder::create(&path, existing)?;
-    if let Err(error) = folder.write_start(config, dataset) {
-        if is_new {
-            let _ = std::fs::remove_dir_all(&path);
-        }
-        return Err(error.into());
-    }
-    Ok(folder)
-}
-
-fn free_folder(args: &Args, source: Option<&Path>) -> Result<PathBuf> {
-    let name = match source {
-        Some(path) => path.file_stem().and_then(|n| n.to_str()).unwrap_or("scene").to_owned(),
-        None => "demo".to_owned(),
-    };
-    let mut candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
-    let free = candidates.find_map(|n| Some(Path::new("output").join(n)).filter(|p| !p.exists() || args.overwrite));
-    free.context("no free output folder")
+    let session = args.plan()?.start(|| open_gpu(args.adapter.as_ref()), &|_| {})?;
+    if args.with_viewer { view::look(Watched::new(session)) } else { terminal::train(session) }
 }

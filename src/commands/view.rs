@@ -1,20 +1,24 @@
 //! `ibgs view`
 
-use super::model::{ModelArgs, is_bundle};
-use super::train::{self, Run};
-use super::{Model, on_stop, open_gpu};
+use super::model::ModelArgs;
+use super::train::{Plan, Watched};
+use super::{on_stop, open_gpu};
+use crate::progress::Bars;
 use crate::say;
+use crate::tell;
 use anyhow::{Context, Result, bail};
-use clap::{Args as ClapArgs, Parser};
+use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{self, Point};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::local_space::LocalSpace;
+use ibgs_core::model::is_bundle;
+use ibgs_core::output::OutputFolder;
+use ibgs_core::output::cameras::Split;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
-use ibgs_core::tell;
-use ibgs_core::train::output::cameras::Split;
 use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -59,8 +63,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let gpu = || open_gpu(args.adapter.as_ref());
     if let Some(scene) = &args.train {
-        let run = train::start(&training(scene.as_deref())?, gpu, &|_| {})?;
-        return look(run);
+        return look(Watched::new(training(scene.as_deref())?.start(gpu, &|_| {})?));
     }
     let (gpu, opened) = match &args.model {
         None => (gpu()?, None),
@@ -105,8 +108,8 @@ fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
 }
 
 /// Opens a window on a training, and trains until the window is closed.
-pub fn look(run: Run) -> Result<()> {
-    let gpu = run.gpu().clone();
+pub fn look(run: Watched) -> Result<()> {
+    let gpu = run.session().gpu().clone();
     window(&gpu, Some(trained(run)))
 }
 
@@ -127,19 +130,14 @@ pub fn check_display() -> Result<()> {
     Ok(())
 }
 
-/// The options of a training that the window begins.
-fn training(scene: Option<&Path>) -> Result<train::Args> {
-    #[derive(Parser)]
-    struct Line {
-        #[command(flatten)]
-        args: train::Args,
-    }
-    let mut line = vec!["ibgs".into()];
-    if let Some(scene) = scene {
-        // Photos are held out, so that the window has something to measure on.
-        line.extend(["--eval".into(), "--".into(), scene.as_os_str().to_owned()]);
-    }
-    Ok(Line::try_parse_from(line)?.args)
+/// A training that the window begins.
+fn training(scene: Option<&Path>) -> Result<Plan> {
+    let mut config = TrainConfig::default();
+    // Photos are held out, so that the window has something to measure on.
+    config.data.eval = scene.is_some();
+    // The model is opened from other folders too.
+    config.data.source = scene.map(std::path::absolute).transpose()?;
+    Ok(Plan::new(config))
 }
 
 /// Opens what is dropped into the window or chosen on its start page.
@@ -149,7 +147,7 @@ impl Open for Opener {
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened> {
         let gpu = || Ok(gpu.clone());
         let path = match wanted {
-            Wanted::Demo => return Ok(trained(train::start(&training(None)?, gpu, told)?)),
+            Wanted::Demo => return Ok(trained(Watched::new(training(None)?.start(gpu, told)?))),
             Wanted::Path(path) => path,
         };
         if !path.exists() {
@@ -157,21 +155,22 @@ impl Open for Opener {
         }
         let is_model = path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
         if dataset::is_archive(path) || path.is_dir() && !is_model {
-            return Ok(trained(train::start(&training(Some(path))?, gpu, told)?));
+            return Ok(trained(Watched::new(training(Some(path))?.start(gpu, told)?)));
         }
         told("opening the model");
         Ok(model(&ModelArgs { model: path.clone(), ..ModelArgs::default() }, gpu)?.1)
     }
 }
 
-fn trained(run: Run) -> Opened {
-    let dataset = run.dataset();
+fn trained(run: Watched) -> Opened {
+    let session = run.session();
+    let (dataset, folder) = (session.dataset(), session.folder().map(OutputFolder::root));
     let scene = Scene {
-        title: run.folder().root().display().to_string(),
-        path: run.source().map(Path::to_owned),
+        title: folder.map_or_else(String::new, |folder| folder.display().to_string()),
+        path: session.source().map(Path::to_owned),
         views: View::all(dataset),
         points: dataset.points.clone(),
-        pictures: run.folder().root().to_owned(),
+        pictures: folder.map(Path::to_owned).unwrap_or_default(),
     };
     Opened { scene, content: Content::Training(Box::new(run) as Box<dyn Training>) }
 }
@@ -183,10 +182,10 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
     if !path.is_dir() && !is_bundle(path) {
         return plain(path, title, gpu);
     }
-    let mut model = Model::open_on(args, gpu)?.showing_surface();
+    let mut model = args.open_on(gpu)?.showing_surface();
     let pictures = model.folder.root().to_owned();
     // A model can be looked at without the photos of its scene.
-    let (photos, points) = match model.dataset(args) {
+    let (photos, points) = match model.dataset(&Bars::default()) {
         Ok(dataset) => {
             let photo = |view: &ibgs_core::dataset::View| (view.name.clone(), view.photo.clone());
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
@@ -196,7 +195,7 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (HashMap::new(), Vec::new())
         }
     };
-    let view = |record: &ibgs_core::train::output::cameras::CameraRecord| {
+    let view = |record: &ibgs_core::output::cameras::CameraRecord| {
         let size = (record.camera.width, record.camera.height);
         let photo = photos.get(&record.name).filter(|photo| (photo.width, photo.height) == size);
         View {

@@ -7,13 +7,13 @@ use exr::prelude::{
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::{Photo, Point};
 use ibgs_core::exposure::Exposure;
 use ibgs_core::local_space::LocalSpace;
+use ibgs_core::output::cameras::{self, CameraRecord, Split};
 use ibgs_core::scene::{self, PlyFlavor};
-use ibgs_core::train::checkpoint;
-use ibgs_core::train::config::{Method, TrainConfig};
-use ibgs_core::train::output::cameras::{self, CameraRecord, Split};
+use ibgs_train::checkpoint;
 use image::{DynamicImage, ImageFormat};
 use serde_json::json;
 use std::fs;

@@ -1,6 +1,7 @@
 //! Machines that refuse: no adapter, no permission, no space.
 
 use super::Sandbox;
+use crate::common::skipped;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -97,7 +98,7 @@ fn folders_without_permission() {
     fs::create_dir(&locked).unwrap();
     fs::set_permissions(&locked, fs::Permissions::from_mode(0o555)).unwrap();
     if fs::write(locked.join("probe"), "").is_ok() {
-        eprintln!("SKIPPED: permission bits do not bind this user");
+        skipped("cli::bad_machine::folders_without_permission", "permission bits do not bind this user");
         return;
     }
     sandbox.fails("train scene --iterations 2 -m locked", &["locked", "choose a folder you may write to"]);
@@ -109,8 +110,8 @@ fn folders_without_permission() {
 pub struct Disk<'a>(&'a Path);
 
 impl Disk<'_> {
-    /// Or none where mounting is not allowed, said loudly.
-    pub fn mount<'a>(path: &'a Path, size: &str) -> Option<Disk<'a>> {
+    /// Or none where mounting is not allowed, and the test of this name is skipped.
+    pub fn mount<'a>(path: &'a Path, size: &str, test: &str) -> Option<Disk<'a>> {
         fs::create_dir_all(path).unwrap();
         let options = format!("size={size}");
         let mut mount = Command::new("mount");
@@ -118,7 +119,7 @@ impl Disk<'_> {
         match mount.output() {
             Ok(output) if output.status.success() => Some(Disk(path)),
             _ => {
-                eprintln!("SKIPPED: a disk of {size} cannot be mounted here");
+                skipped(test, &format!("a disk of {size} cannot be mounted here"));
                 None
             }
         }
@@ -138,12 +139,13 @@ fn full_disks() {
     let (sandbox, _) = Sandbox::with_scene();
     let path = sandbox.path("disk");
     let advice = "free some disk space";
+    let test = "cli::bad_machine::full_disks";
     // Too small for what is known before the training.
-    let Some(disk) = Disk::mount(&path, "16k") else { return };
+    let Some(disk) = Disk::mount(&path, "16k", test) else { return };
     sandbox.fails("train scene --iterations 2 -m disk/model", &["disk/model", advice]);
     drop(disk);
     // Room for that, but not for the model: the run ends, and no part of a model is left.
-    let Some(disk) = Disk::mount(&path, "44k") else { return };
+    let Some(disk) = Disk::mount(&path, "44k", test) else { return };
     let outcome = sandbox.run("train scene --iterations 2 -m disk/model");
     outcome.assert_failure(1, &["point_cloud.ply", advice]);
     let mut expected = ["cameras.json", "config.toml", "input.ply", "multi_view.json", "split.json"]
@@ -152,7 +154,7 @@ fn full_disks() {
     assert_eq!(super::files_in(&path), expected);
     drop(disk);
     // Room for the Gaussians of the first iteration, but not for the network of the second: no model without its network.
-    let Some(_disk) = Disk::mount(&path, "200k") else { return };
+    let Some(_disk) = Disk::mount(&path, "200k", test) else { return };
     let outcome = sandbox.run("train scene --iterations 2 -m disk/model");
     outcome.assert_failure(1, &["iteration_2", "residual_network.safetensors", advice]);
     for (at, file) in (4..).zip(["exposure.json", "point_cloud.ply"]) {

@@ -1,7 +1,7 @@
 //! `ibgs bench` on a tiny scene, and what it writes.
 
 use super::Sandbox;
-use ibgs_core::bench::{Report, Stage, Work};
+use ibgs_train::bench::{Report, Stage, Work};
 
 /// Two rows: the usual values, and another number of Gaussians.
 #[test]

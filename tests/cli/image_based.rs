@@ -1,7 +1,7 @@
 //! What goes beyond plain splatting: outputs of the residual and the surface, photos as sources, networks.
 
 use super::{Sandbox, files_in};
-use crate::reference::golden::golden_file;
+use crate::common::fixture;
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -196,7 +196,7 @@ fn folders_of_the_published_code() {
     assert_eq!(base["ours_30"]["views"], 2, "{base}");
     assert!(!sandbox.path("published/results_renders_aggregate.json").exists());
 
-    let Some(network) = golden_file("color_aggregation_network.pth") else { return };
+    let network = fixture("color_aggregation_network.pth");
     fs::copy(network, sandbox.path("published/color_aggregation_network.pth")).unwrap();
     for command in ["render published", "export published -o a.ibgs"] {
         sandbox.fails(command, &["cameras.json"]);

@@ -141,7 +141,8 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
 fn what_goes_away_while_training() {
     let (sandbox, _) = Sandbox::with_scene();
     let path = sandbox.path("model");
-    let Some(_disk) = super::bad_machine::Disk::mount(&path, "20m") else { return };
+    let test = "cli::resume::what_goes_away_while_training";
+    let Some(_disk) = super::bad_machine::Disk::mount(&path, "20m", test) else { return };
     let remount = |how: &str| {
         let options = format!("remount,{how}");
         assert!(Command::new("mount").args(["-o", &options]).arg(&path).status().unwrap().success());
@@ -173,7 +174,8 @@ fn what_goes_away_while_training() {
 fn a_disk_too_small_for_checkpoints() {
     let (sandbox, _) = Sandbox::with_scene();
     let path = sandbox.path("disk");
-    let Some(_disk) = super::bad_machine::Disk::mount(&path, "900k") else { return };
+    let test = "cli::resume::a_disk_too_small_for_checkpoints";
+    let Some(_disk) = super::bad_machine::Disk::mount(&path, "900k", test) else { return };
     sandbox.write("run.toml", options(30));
     let outcome = sandbox.succeeds("train scene --config run.toml -m disk/model --checkpoint-every 0.000001");
     assert!(outcome.stderr.contains("the training goes on without this checkpoint"), "{outcome}");

@@ -3,7 +3,7 @@
 use super::{Sandbox, files_in, snapshot};
 use glam::DVec3;
 use ibgs_core::camera::Camera;
-use ibgs_core::train::output::OutputFolder;
+use ibgs_core::output::OutputFolder;
 use serde_json::{Value, json};
 use std::fs;
 

@@ -2,9 +2,9 @@
 
 use crate::common::gpu;
 use ibgs_core::dataset::Photo;
-use ibgs_core::fuse::depth_cache::DepthCache;
-use ibgs_core::fuse::source_store::SourceStore;
-use ibgs_core::loss::Target;
+use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::depth_cache::DepthCache;
+use ibgs_core::sources::source_store::SourceStore;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -24,8 +24,8 @@ fn photos(count: usize) -> Vec<Arc<Photo>> {
 const LARGE: u64 = 480;
 const SMALL: u64 = 128;
 
-fn contents(target: &Target) -> Vec<u8> {
-    gpu().read(target.texels(), (target.size[0] * target.size[1] * 4) as usize).unwrap()
+fn contents(target: &DevicePhoto) -> Vec<u8> {
+    gpu().read(&target.texels, (target.size[0] * target.size[1] * 4) as usize).unwrap()
 }
 
 fn resident(store: &SourceStore) -> Vec<usize> {

@@ -1,12 +1,12 @@
 //! Neighbour choice against a slow second reading of method.md section 4, and on real scenes.
 
-use crate::scene_files::real_scene;
+use crate::common::shared;
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::demo::{DemoOptions, cameras};
 use ibgs_core::dataset::{self, Dataset, LoadOptions};
-use ibgs_core::fuse::sources::{Distances, LEAST, SourceFinder, SourceOptions, neighbours};
-use ibgs_core::train::output::multi_view;
+use ibgs_core::output::multi_view;
+use ibgs_core::sources::find::{Distances, LEAST, SourceFinder, SourceOptions, neighbours};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -149,14 +149,15 @@ fn odd_captures() {
     assert!(neighbours(&odd[10], Some(10), &odd, &limited).is_empty());
 }
 
-fn scene(name: &str) -> Option<Dataset> {
+/// A real scene, for the test of this name.
+fn scene(name: &str, test: &str) -> Option<Dataset> {
     let options = LoadOptions { eval: true, max_resolution: Some(64), ..LoadOptions::default() };
-    Some(dataset::load(&real_scene(name)?, &options).unwrap())
+    Some(dataset::load(&shared(&format!("data/{name}"), test)?, &options).unwrap())
 }
 
 #[test]
 fn golden_view_has_the_published_sources() {
-    let Some(fox) = scene("fox") else {
+    let Some(fox) = scene("fox", "fuse::sources::golden_view_has_the_published_sources") else {
         return;
     };
     for options in [absolute(), SourceOptions::default()] {
@@ -169,7 +170,7 @@ fn golden_view_has_the_published_sources() {
 #[test]
 fn every_view_of_a_real_capture_has_enough_sources() {
     for name in ["fox", "fern", "fox_nerf"] {
-        let Some(dataset) = scene(name) else {
+        let Some(dataset) = scene(name, "fuse::sources::every_view_of_a_real_capture_has_enough_sources") else {
             continue;
         };
         let counts = |options: &SourceOptions| {

@@ -1,28 +1,27 @@
 //! The residual network and the final image of the published implementation's dump.
 
 use super::surface::{golden_dump, view_of};
-use crate::common::{gpu, rasterizer, scene_splats, source_view, values};
+use crate::common::{gpu, rasterizer, scene_splats, shared, source_view};
 use crate::reference::geometry::pixel_ray;
 use crate::reference::golden::{Golden, load_golden};
 use crate::reference::psnr;
 use crate::reference::surface_scene::Scene;
 use crate::reference::warp::{DEPTH_AGREEMENT, Pair, Source};
-use burn::tensor::{Tensor, TensorData};
 use ibgs_core::camera::Camera;
-use ibgs_core::fuse::{WarpOptions, Warper};
+use ibgs_core::gpu::Buffer;
 use ibgs_core::gpu::Pass;
+use ibgs_core::raster::Keep;
+use ibgs_core::residual::ResidualInputs;
 use ibgs_core::residual::features::{FeatureInputs, Features};
-use ibgs_core::residual::layers::WEIGHTS;
 use ibgs_core::residual::{Hourglass, Precision, Residual, ResidualTask, Variant, weights};
-use std::path::Path;
+use ibgs_core::sources::{WarpOptions, Warper};
 
 /// Packed slots that enter the network.
 const SLOTS: usize = 3;
 
-/// The dump's network.
-fn load_weights() -> Vec<f32> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/golden/color_aggregation_network.pth");
-    weights::load(Path::new(path)).unwrap()
+/// The dump's network, for the test of this name.
+fn load_weights(test: &str) -> Option<Vec<f32>> {
+    Some(weights::load(&shared("golden/color_aggregation_network.pth", test)?).unwrap())
 }
 
 /// The target camera as the residual stage must see it to have the dump's rays, which pass through x = column.
@@ -74,7 +73,9 @@ fn single(map: &[[f64; 3]]) -> Vec<f32> {
 
 #[test]
 fn the_network_gives_the_dumped_residual() {
-    let Some(golden) = load_golden() else { return };
+    let test = "gradients::golden_final::the_network_gives_the_dumped_residual";
+    let Some(golden) = load_golden(test) else { return };
+    let Some(weights) = load_weights(test) else { return };
     let gpu = gpu();
     let inputs = dumped_inputs(&golden);
     let camera = ray_camera(&golden.camera);
@@ -83,7 +84,7 @@ fn the_network_gives_the_dumped_residual() {
     let seen = gpu.upload("seen", &inputs.seen).unwrap();
     let active = gpu.upload("active", &[SLOTS as u32, 0, 0, 0]).unwrap();
     let centers = gpu.upload("centres", &inputs.centers).unwrap();
-    let weights = gpu.upload("weights", &load_weights()).unwrap();
+    let weights = gpu.upload("weights", &weights).unwrap();
     let features = FeatureInputs {
         base: &base,
         warped: &warped,
@@ -158,25 +159,33 @@ fn report(what: &str, ours: &[f64], dumped: &[f64]) -> f64 {
 /// the dump's everywhere.
 #[test]
 fn a_published_model_gives_its_final_image() {
-    let Some((golden, scene)) = golden_dump() else { return };
+    let test = "gradients::golden_final::a_published_model_gives_its_final_image";
+    let Some((golden, scene)) = golden_dump(test) else { return };
+    let Some(weights) = load_weights(test) else { return };
     let gpu = gpu();
     let (raster, model, view) = (rasterizer(), scene_splats(&scene), view_of(&scene, 0.0));
-    let base = raster.render(&model, &view).unwrap();
     let forward = raster.surface(&model, &view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
     let options = WarpOptions { visible: SLOTS as u32, ..WarpOptions::default() };
-    let (warped, seen) = Warper::new(gpu.clone(), options).warp(&forward, &sources).unwrap();
-    let weights = Tensor::<1>::from_data(TensorData::new(load_weights(), [WEIGHTS]), &gpu.burn);
+    let warper = Warper::new(gpu.clone(), options);
+    let warped = warper.warp(&forward, &sources, warper.memory(&view.camera).unwrap()).unwrap();
+    let seen = &warped.seen;
+    let weights = gpu.upload("weights", &weights).unwrap();
     let task = ResidualTask { camera: ray_camera(&scene.camera), seen: seen.clone(), gain: 1.0 };
     let residual = Residual::new(gpu.clone(), Variant::default(), Precision::Full);
-    let render =
-        |warped: &Tensor<3>| values(residual.render(&task, base.clone(), warped.clone(), weights.clone()).unwrap());
-    let image = render(&warped);
+    let render = |warped: &Buffer| {
+        let (base, weights) = (forward.image.clone(), weights.clone());
+        let inputs = ResidualInputs { base, warped: warped.clone(), slots: SLOTS as u32, weights };
+        let image = raster.image_memory(&view.camera).unwrap();
+        let pass = residual.forward(&task, inputs, Keep::Image, image).unwrap();
+        crate::common::pixels(&pass.image, &view.camera)
+    };
+    let image = render(&warped.colors);
 
     let pixels = golden.base.len();
     let dumped = dumped_inputs(&golden);
     let mut words: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
-    let mut colors: Vec<f32> = warped.clone().into_data().try_into_vec().unwrap();
+    let mut colors: Vec<f32> = gpu.read(&warped.colors, 4 * SLOTS * pixels).unwrap();
     let depth: Vec<f32> = gpu.read(&forward.surface().unwrap().median_depth, pixels).unwrap();
     let flipped: Vec<usize> = (0..pixels).filter(|p| packed(words[*p]) != packed(dumped.seen[*p])).collect();
     for p in &flipped {
@@ -187,9 +196,9 @@ fn a_published_model_gives_its_final_image() {
     let share = flipped.len() as f64 / pixels as f64;
     println!("{} of {pixels} pixels ({:.3} %) see other sources", flipped.len(), 100.0 * share);
     gpu.queue.write_buffer(&seen.slots.buffer, 0, bytemuck::cast_slice(&words));
-    let patched = render(&Tensor::from_data(TensorData::new(colors, [SLOTS, pixels, 4]), &gpu.burn));
+    let patched = render(&gpu.upload("colours", &colors).unwrap());
 
-    let base = values(base);
+    let base = crate::common::pixels(&forward.image, &view.camera);
     let truth: Vec<f64> =
         golden.arrays.get("ground_truth").image(0).into_flattened().iter().map(|v| v / 255.0).collect();
     let clamped = |image: &[f64]| image.iter().map(|v| v.clamp(0.0, 1.0)).collect::<Vec<_>>();

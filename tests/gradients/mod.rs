@@ -4,8 +4,8 @@ mod golden_final;
 mod surface;
 mod whole_loss;
 
-use crate::common::{assert_images_agree, gradients, rasterizer, render, splats, values};
-use crate::reference::golden::{load_golden, load_golden_cloud, load_gradients};
+use crate::common::{assert_images_agree, gradients, pixels, rasterizer, render, splats};
+use crate::reference::golden::{load_dump, load_gradients};
 use crate::reference::random_scene::{random_camera, random_image, random_params};
 use crate::reference::{self, Model, Tensor, psnr, relative_error};
 use ibgs_core::raster::RasterView;
@@ -57,7 +57,7 @@ fn inactive_coefficients_have_no_gradient() {
 #[test]
 fn golden_base_gradients() {
     for file in ["gradients_k2_m2.npz", "gradients_k4_m3.npz", "gradients_k6_m4.npz"] {
-        let Some(golden) = load_gradients(file) else { return };
+        let golden = load_gradients(file);
         let p = &golden.params;
         let view = RasterView { tangent_limit: 1e6, ..RasterView::new(golden.cameras[0], p.sh_degree as u32) };
         assert_images_agree(file, &render(p, &view), &golden.out_base, 2e-5);
@@ -75,7 +75,8 @@ fn golden_base_gradients() {
 
 #[test]
 fn a_published_model_renders_its_base_image_and_has_the_twins_gradients() {
-    let (Some(golden), Some(cloud)) = (load_golden(), load_golden_cloud()) else { return };
+    let test = "gradients::a_published_model_renders_its_base_image_and_has_the_twins_gradients";
+    let Some((golden, cloud)) = load_dump(test) else { return };
     let p = &cloud.params;
     let camera = golden.camera;
     let view = RasterView { box_sigma: 3.0, ..RasterView::new(camera, 2) };
@@ -100,7 +101,8 @@ fn a_published_model_renders_its_base_image_and_has_the_twins_gradients() {
 /// A photo of ordinary size, 540 pixels wide: pixel coordinates are large, so float32 has less left for the offsets.
 #[test]
 fn a_published_model_at_full_size_follows_the_twin() {
-    let (Some(golden), Some(cloud)) = (load_golden(), load_golden_cloud()) else { return };
+    let test = "gradients::a_published_model_at_full_size_follows_the_twin";
+    let Some((golden, cloud)) = load_dump(test) else { return };
     let camera = golden.camera.resized(540, 960);
     let twin = reference::render(&cloud.params, &camera, [0.0; 3], 2);
     let ours = render(&cloud.params, &RasterView::new(camera, 2));
@@ -134,7 +136,7 @@ fn too_many_intersections_grow_the_room() {
     let view = RasterView::new(camera, 0);
     let raster = rasterizer();
     let before = raster.capacity();
-    let image = values(raster.render(&splats(&p), &view).unwrap());
+    let image = pixels(&raster.render(&splats(&p), &view).unwrap(), &view.camera);
     assert!(raster.capacity() > before, "{} intersections fit anyway", raster.capacity());
     let twin = reference::render(&p, &camera, [0.0; 3], 0);
     assert_images_agree("many intersections", &image, &twin.image, 2e-5);

@@ -1,14 +1,14 @@
 //! Median buffers, normal map and warping, forward and backward, against the twins and the golden data.
 
 use super::assert_gradient;
-use crate::common::{scene_splats, source_view, surface, values};
-use crate::reference::golden::{Golden, load_golden, load_golden_cloud, load_gradients};
+use crate::common::{scene_splats, source_view, surface};
+use crate::reference::golden::{Golden, load_dump, load_gradients};
 use crate::reference::random_scene::{exact, random_image};
 use crate::reference::surface_scene::*;
 use crate::reference::warp::{SOFT_REACH, Source};
 use crate::reference::{Model, geometry_backward::Cotangents, psnr, relative_error};
-use ibgs_core::fuse::{WarpOptions, Warper};
 use ibgs_core::raster::{RasterView, Rasterizer, Room, SurfaceOptions};
+use ibgs_core::sources::{WarpOptions, Warper};
 
 pub(super) fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
     let ideal = scene.model == Model::Ideal;
@@ -60,7 +60,7 @@ fn assert_outputs(what: &str, ours: &Cotangents, truth: &Cotangents, tolerance: 
 #[test]
 fn golden_surface_gradients() {
     for file in FILES {
-        let Some(golden) = load_gradients(file) else { return };
+        let golden = load_gradients(file);
         let (scene, v) = (golden_scene(&golden), golden_cotangents(&golden));
         for group in GROUPS {
             let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &only(&v, group));
@@ -196,9 +196,9 @@ fn an_unused_surface_changes_no_gradient() {
     assert!(ours.grad("normal").iter().chain(ours.grad("offset")).all(|v| *v == 0.0));
 }
 
-/// The published model with the source photos and depth maps of its dump.
-pub(super) fn golden_dump() -> Option<(Golden, Scene)> {
-    let (golden, cloud) = (load_golden()?, load_golden_cloud()?);
+/// The published model with the source photos and depth maps of its dump, for the test of this name.
+pub(super) fn golden_dump(test: &str) -> Option<(Golden, Scene)> {
+    let (golden, cloud) = load_dump(test)?;
     let depths = &golden.arrays.get("src_depths").data;
     let pixels = (golden.camera.width * golden.camera.height) as usize;
     let source = |(i, camera): (usize, &ibgs_core::camera::Camera)| Source {
@@ -227,7 +227,8 @@ fn quantile(values: &mut [f64], at: f64) -> f64 {
 
 #[test]
 fn a_published_model_gives_its_surface_and_warped_colours() {
-    let Some((golden, scene)) = golden_dump() else { return };
+    let test = "gradients::surface::a_published_model_gives_its_surface_and_warped_colours";
+    let Some((golden, scene)) = golden_dump(test) else { return };
     let pixels = (scene.camera.width * scene.camera.height) as usize;
     let zero = Cotangents::zeros(pixels, 4);
     let ours = surface(&scene, &view_of(&scene, 0.0), warping(&scene), &zero);
@@ -261,7 +262,8 @@ fn a_published_model_gives_its_surface_and_warped_colours() {
 
 #[test]
 fn a_published_models_surface_gradients_follow_the_twin() {
-    let Some((_, scene)) = golden_dump() else { return };
+    let test = "gradients::surface::a_published_models_surface_gradients_follow_the_twin";
+    let Some((_, scene)) = golden_dump(test) else { return };
     let v = random_cotangents(&scene, 7);
     let (geometry, _) = scene.run();
     let truth = scene.grads(&geometry, &v);
@@ -297,11 +299,12 @@ fn masked_sources_are_not_seen() {
         height: camera.height,
         rgba: vec![100; 4 * (camera.width * camera.height) as usize],
     };
-    sources[0].photo = ibgs_core::loss::Target::upload(&gpu, &blank).unwrap();
+    sources[0].photo = ibgs_core::sources::DevicePhoto::upload(&gpu, &blank).unwrap();
     let forward = raster.surface(&scene_splats(&scene), &view_of(&scene, 0.5)).unwrap();
-    let (warped, seen) = Warper::new(gpu.clone(), warping(&scene)).warp(&forward, &sources).unwrap();
+    let warper = Warper::new(gpu.clone(), warping(&scene));
+    let warped = warper.warp(&forward, &sources, warper.memory(&scene.camera).unwrap()).unwrap();
     let pixels = (scene.camera.width * scene.camera.height) as usize;
-    let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
+    let packed: Vec<u32> = gpu.read(&warped.seen.slots, pixels).unwrap();
     assert!(packed.iter().all(|word| word & 255 != 0) && packed.iter().any(|word| word & 255 == 1));
-    assert!(values(warped).iter().any(|v| *v != 0.0));
+    assert!(gpu.read::<f32>(&warped.colors, 4 * pixels).unwrap().iter().any(|v| *v != 0.0));
 }

@@ -1,7 +1,7 @@
 //! The loss of the last stage as a trainer combines it, on the GPU, against its double-precision twin.
 
 use super::surface::{view_of, warping};
-use crate::common::{gpu, rasterizer, scene_splats, source_view, values};
+use crate::common::{gpu, rasterizer, scene_parameters, source_view, values};
 use crate::reference::exposure::Exposure;
 use crate::reference::random_scene::{exact, random_image};
 use crate::reference::surface_scene::{Scene, TENSORS, smooth_photo, wall};
@@ -10,12 +10,15 @@ use crate::reference::whole_loss::{Case, CaseGrads, LAMBDA, Losses, NAMES, NORMA
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::Exposer;
-use ibgs_core::fuse::Warper;
-use ibgs_core::loss::{ImageLoss, NormalLoss, PhotometricLoss, SurfaceBuffers, Target};
-use ibgs_core::raster::{Leaves, Surface};
+use ibgs_core::raster::Surface;
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Factor, Precision, Residual, ResidualTask, Variant};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::Warper;
 use ibgs_shaders::EXPOSURE_PULL;
+use ibgs_train::autodiff::{self, Leaves};
+use ibgs_train::loss::{ImageLoss, NormalLoss, PhotometricLoss, SurfaceBuffers};
+use ibgs_train::tensor::device;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -55,11 +58,11 @@ fn case(seed: u64, exposed: bool, factor: Factor) -> Case {
     Case { scene, photo, weights: network(seed), variant, exposures, gain: 1.0, detached: false }
 }
 
-fn target(scene: &Scene, photo: &[[f64; 3]]) -> Target {
+fn target(scene: &Scene, photo: &[[f64; 3]]) -> DevicePhoto {
     let texel = |c: &[f64; 3]| [c[0], c[1], c[2], 1.0].map(|v| (v * 255.0).round() as u8);
     let (width, height) = (scene.camera.width, scene.camera.height);
     let rgba = photo.iter().flat_map(texel).collect();
-    Target::upload(&gpu(), &Photo { width, height, rgba }).unwrap()
+    DevicePhoto::upload(&gpu(), &Photo { width, height, rgba }).unwrap()
 }
 
 fn buffers(surface: &Surface) -> SurfaceBuffers {
@@ -101,20 +104,24 @@ enum Part {
 /// One iteration.
 fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let (gpu, raster, scene) = (gpu(), rasterizer(), &case.scene);
-    let (view, model, photo) = (view_of(scene, 0.5), scene_splats(scene), target(scene, &case.photo));
+    let (view, model, photo) = (view_of(scene, 0.5), scene_parameters(scene), target(scene, &case.photo));
     // Makes room for every intersection.
-    raster.render(&model, &view).unwrap();
+    raster.render(model.splats(), &view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
-    let leaves = Leaves::new(&model);
+    let leaves = Leaves::new(&gpu, &model).unwrap();
     let flat: Vec<f32> = case.weights.iter().map(|w| *w as f32).collect();
-    let weights = Tensor::<1>::from_data(TensorData::new(flat, [WEIGHTS]), &gpu.burn).autodiff().require_grad();
-    let (base, forward) = raster.tracked(&leaves, &view).unwrap();
-    let (warped, seen) = Warper::new(gpu.clone(), warping(scene)).tracked(&base, &forward, &sources).unwrap();
+    let weights =
+        Tensor::<1>::from_data(TensorData::new(flat, [WEIGHTS]), device(&gpu).unwrap()).autodiff().require_grad();
+    let (base, forward) = autodiff::rasterized(&raster, &leaves, &view).unwrap();
+    let warper = Warper::new(gpu.clone(), warping(scene));
+    let (warped, pass) = autodiff::warped(&warper, &base, &forward, &sources).unwrap();
+    let seen = &pass.seen;
     let exposer = Exposer::new(gpu.clone());
     let numbers: Vec<_> = case.exposures.iter().map(Exposure::single).collect();
     let exposures = numbers.split_first().map(|(own, sources)| exposer.upload(own, sources).unwrap());
-    let (plain, base) = (base.clone(), exposures.as_ref().map_or(base.clone(), |e| e.tracked(&base, &forward)));
-    let warped = exposures.as_ref().map_or(warped.clone(), |e| e.tracked_warped(warped, &seen));
+    let (plain, base) =
+        (base.clone(), exposures.as_ref().map_or(base.clone(), |e| autodiff::exposed(e, &base, &forward).unwrap()));
+    let warped = exposures.as_ref().map_or(warped.clone(), |e| autodiff::exposed_warped(e, warped, &pass).unwrap());
     let image_loss = ImageLoss::new(gpu.clone(), LAMBDA as f32);
     let surface = buffers(forward.surface().unwrap());
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;
@@ -124,7 +131,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let l_last = (part != Part::Side).then(|| {
         let (base, warped) = if case.detached { (base.detach(), warped.detach()) } else { (base, warped) };
         let task = ResidualTask { camera: scene.camera, seen: seen.clone(), gain: case.gain as f32 };
-        let image = residual.tracked(&task, base, warped, weights.clone()).unwrap();
+        let image = autodiff::residual(&residual, &task, base, warped, weights.clone()).unwrap();
         image_loss.tracked(image, &photo).unwrap().0
     });
     let side = l_base.clone() * 0.5 + l_normal.clone() + l_photo.clone();

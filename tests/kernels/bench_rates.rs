@@ -2,10 +2,10 @@
 
 use crate::common::gpu;
 use bytemuck::bytes_of;
-use ibgs_core::bench::Rates;
 use ibgs_core::gpu::Pass;
 use ibgs_shaders::types::FmaParams;
 use ibgs_shaders::{BENCH_COPY, BENCH_FMA, BENCH_FMAS};
+use ibgs_train::bench::Rates;
 
 #[test]
 fn the_copy_is_a_copy() {

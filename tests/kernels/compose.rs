@@ -5,10 +5,10 @@ use crate::reference::features::Composition;
 use crate::reference::finite::assert_gradient;
 use crate::reference::random_scene::{exact, random_image};
 use crate::reference::relative_error;
-use ibgs_core::fuse::Reach;
 use ibgs_core::gpu::{Buffer, Pass};
 use ibgs_core::residual::compose::{Compose, ComposeBuffers, ComposeGradients};
 use ibgs_core::residual::{Factor, Output, Variant};
+use ibgs_core::sources::Reach;
 
 const OUTPUTS: [Output; 2] = [Output::Residual, Output::Color];
 const FACTORS: [Factor; 3] = [Factor::Full, Factor::Half, Factor::Quarter];

@@ -1,18 +1,20 @@
 //! Densification: the plan's rules, and the kernels that carry it out.
 
-use crate::common::{gpu, rasterizer, splats};
+use crate::common::{gpu, parameters, rasterizer};
 use crate::reference::random_scene::{random_camera, random_image, random_params};
 use crate::reference::{self, raster::contributions};
 use bytemuck::bytes_of;
 use glam::DVec3;
+use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::dataset::Photo;
 use ibgs_core::gpu::Pass;
-use ibgs_core::loss::{ImageLoss, Outside, Target};
-use ibgs_core::raster::{Leaves, RasterView};
-use ibgs_core::train::config::{DensifyConfig, Strategy};
-use ibgs_core::train::densify::{Observations, Plan, Round, covered_errors, distance_length, plan};
+use ibgs_core::raster::RasterView;
+use ibgs_core::sources::{DevicePhoto, Outside};
 use ibgs_shaders::types::{GatherParams, ObserveParams, OpacityResetParams};
 use ibgs_shaders::{ALPHA_EMPTY, DENSIFY_GATHER, DENSIFY_OBSERVE, FINITE, OPACITY_RESET, TILE};
+use ibgs_train::autodiff::{Leaves, rasterized};
+use ibgs_train::densify::{Observations, Plan, Round, covered_errors, distance_length, plan};
+use ibgs_train::loss::ImageLoss;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -208,11 +210,12 @@ fn pixels_of_large_error_are_counted_for_those_that_cover_them() {
     for outside in [Outside::Unknown, Outside::Background([0.25, 0.5, 1.0])] {
         let raster = rasterizer();
         let gpu = raster.gpu().clone();
-        let model = splats(&p);
+        let model = parameters(&p);
         let view = RasterView::new(camera, 1);
-        raster.render(&model, &view).unwrap();
-        let (image, forward) = raster.tracked(&Leaves::new(&model), &view).unwrap();
-        let mut target = Target::upload(&gpu, &Photo { width, height, rgba: rgba.clone() }).unwrap();
+        raster.render(model.splats(), &view).unwrap();
+        let leaves = Leaves::new(&gpu, &model).unwrap();
+        let (image, forward) = rasterized(&raster, &leaves, &view).unwrap();
+        let mut target = DevicePhoto::upload(&gpu, &Photo { width, height, rgba: rgba.clone() }).unwrap();
         target.outside = outside;
         let (_, scratch) = ImageLoss::new(gpu.clone(), 0.2).tracked(image.clone(), &target).unwrap();
         let counts = covered_errors(&gpu, &forward, (&image, &target), &scratch.stats, p.len()).unwrap();

@@ -1,6 +1,6 @@
 //! Exposures against their twins.
 
-use crate::common::{gpu, rasterizer, splats, values};
+use crate::common::{gpu, parameters, rasterizer, values};
 use crate::reference::adam::Adam;
 use crate::reference::exposure::{Exposure as Twin, Image};
 use crate::reference::random_scene::{random_camera, random_image, random_params};
@@ -9,8 +9,10 @@ use crate::reference::relative_error;
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::exposure::{Exposer, Exposure, ExposureAdam, PhotoExposures};
 use ibgs_core::gpu::Pass;
-use ibgs_core::raster::{Leaves, RasterView};
+use ibgs_core::raster::RasterView;
 use ibgs_shaders::EXPOSURE_PULL;
+use ibgs_train::autodiff::{self, Leaves};
+use ibgs_train::tensor::device;
 
 /// An exposure that float32 holds.
 fn exposure(seed: u64) -> Twin {
@@ -25,11 +27,11 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         let (params, camera) = (random_params(60, 1, seed), random_camera(33, 21, seed));
         let background = [0.9f32, 0.05, 0.4];
         let view = RasterView { background, ..RasterView::new(camera, 1) };
-        let model = splats(&params);
+        let model = parameters(&params);
         // Makes room for every intersection.
-        raster.render(&model, &view).unwrap();
-        let leaves = Leaves::new(&model);
-        let (image, forward) = raster.tracked(&leaves, &view).unwrap();
+        raster.render(model.splats(), &view).unwrap();
+        let leaves = Leaves::new(&gpu, &model).unwrap();
+        let (image, forward) = autodiff::rasterized(&raster, &leaves, &view).unwrap();
         let twin_forward = render_twin(&params, &camera, background.map(f64::from), 1);
         let colors = values(image.clone().inner()).as_chunks().0.to_vec();
         let twin = Image { colors, transmittance: twin_forward.final_t, background: background.map(f64::from) };
@@ -38,21 +40,21 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         let own = exposure(seed);
         let exposer = Exposer::new(gpu.clone());
         let exposures = exposer.upload(&own.single(), &[]).unwrap();
-        let shown = exposures.tracked(&image, &forward);
+        let shown = autodiff::exposed(&exposures, &image, &forward).unwrap();
         let error = relative_error(&values(shown.clone().inner()), twin.exposed(&own).as_flattened());
         let v = random_image(33, 21, -1.0, 1.0, seed + 9);
         let flat: Vec<f32> = v.as_flattened().iter().map(|v| *v as f32).collect();
-        let cotangent = Tensor::<3>::from_data(TensorData::new(flat, [21, 33, 3]), &gpu.burn).autodiff();
+        let cotangent = Tensor::<3>::from_data(TensorData::new(flat, [21, 33, 3]), device(&gpu).unwrap()).autodiff();
         let (v_image, mut v_numbers) = twin.exposed_backward(&own, &v);
         v_numbers.iter_mut().zip(own.numbers()).for_each(|(v, number)| *v += f64::from(EXPOSURE_PULL) * number);
         // The gradients by the model are those by the image, brought back.
         let mut through = (shown * cotangent).sum().backward();
         let through = leaves.gradients(&mut through).unwrap();
         let by_numbers: Vec<f32> = gpu.read(exposures.v_target(), 8).unwrap();
-        let straight = Leaves::new(&model);
-        let (image, _) = raster.tracked(&straight, &view).unwrap();
+        let straight = Leaves::new(&gpu, &model).unwrap();
+        let (image, _) = autodiff::rasterized(&raster, &straight, &view).unwrap();
         let flat: Vec<f32> = v_image.as_flattened().iter().map(|v| *v as f32).collect();
-        let cotangent = Tensor::<3>::from_data(TensorData::new(flat, [21, 33, 3]), &gpu.burn).autodiff();
+        let cotangent = Tensor::<3>::from_data(TensorData::new(flat, [21, 33, 3]), device(&gpu).unwrap()).autodiff();
         let mut plain = (image * cotangent).sum().backward();
         let plain = straight.gradients(&mut plain).unwrap();
         let by_sh = relative_error(&values(through.sh), &values(plain.sh));

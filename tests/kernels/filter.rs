@@ -48,15 +48,15 @@ fn a_model_without_its_filters_but_with_their_effect_renders_alike() {
     let p = filtered_params(62);
     let view = RasterView::new(random_camera(80, 60, 62), 2);
     let model = splats(&p);
-    let (raw, filters) = model.download_raw().unwrap();
+    let (raw, filters) = model.download_raw(&gpu()).unwrap();
     assert_eq!(filters.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), p.filters);
-    let saved = model.download().unwrap();
+    let saved = model.download(&gpu()).unwrap();
     assert!(saved.log_scales != raw.log_scales && saved.opacity_logits != raw.opacity_logits);
     let raster = crate::common::rasterizer();
     let again = raster.render(&Splats::upload(&saved, &gpu()).unwrap(), &view).unwrap();
-    let ours = crate::common::values(raster.render(&model, &view).unwrap());
+    let ours = crate::common::pixels(&raster.render(&model, &view).unwrap(), &view.camera);
     let image: Vec<[f64; 3]> = ours.as_chunks().0.to_vec();
-    assert_images_agree("saved", &crate::common::values(again), &image, 2e-5);
+    assert_images_agree("saved", &crate::common::pixels(&again, &view.camera), &image, 2e-5);
 }
 
 #[test]

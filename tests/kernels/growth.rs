@@ -1,8 +1,8 @@
 //! The default strategy's rounds.
 
-use ibgs_core::train::config::{DensifyConfig, GrowthConfig};
-use ibgs_core::train::densify::growth::{half_opacity, halves};
-use ibgs_core::train::densify::{Observations, Plan, Round, plan};
+use ibgs_core::config::{DensifyConfig, GrowthConfig};
+use ibgs_train::densify::growth::{half_opacity, halves};
+use ibgs_train::densify::{Observations, Plan, Round, plan};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

@@ -1,6 +1,6 @@
 //! The hourglass against its twin, forward and backward.
 
-use crate::common::{gpu, values};
+use crate::common::{gpu, skipped, values};
 use crate::reference::finite::assert_gradient;
 use crate::reference::hourglass::{Map, backward, forward};
 use crate::reference::random_scene::exact;
@@ -18,6 +18,7 @@ use ibgs_core::residual::layers::{
     DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, HOURGLASS, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS,
 };
 use ibgs_core::residual::path::Path;
+use ibgs_train::tensor::device;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -220,7 +221,8 @@ fn the_twins_gradients_follow_finite_differences() {
 fn the_twin_is_the_network_of_ordinary_layers() {
     let gpu = gpu();
     let weights = random_weights(12);
-    let tensor = |values: &[f64]| Tensor::<1>::from_data(TensorData::new(single(values), [values.len()]), &gpu.burn);
+    let tensor =
+        |values: &[f64]| Tensor::<1>::from_data(TensorData::new(single(values), [values.len()]), device(&gpu).unwrap());
     let conv = |layer: &Layer, x: Tensor<4>| {
         let side = if layer.taps == 9 { 3 } else { 1 };
         let shape = [layer.outputs, layer.inputs, side, side];
@@ -341,6 +343,9 @@ fn assert_near(what: &str, ours: &[f32], twin: &[f64], tolerance: f64) {
     assert!(error <= tolerance, "{what}: relative error {error:e}");
 }
 
+/// Why a test of the matrix units does not run.
+const NO_UNITS: &str = "this adapter has no matrix units that fit";
+
 const MATRIX_SIZES: [(usize, usize); 5] = [(4, 4), (17, 9), (33, 18), (64, 48), (75, 53)];
 
 /// The path through matrix units keeps weights and activations in half precision and sums in float32: the residual must be as
@@ -352,7 +357,7 @@ fn matrix_units_give_the_residual_to_half_precision() {
         let weights = random_weights(seed);
         let (x, v_residual) = random_maps(width, height, seed);
         let Some(ours) = on_matrix_units(&weights, &x, &v_residual) else {
-            eprintln!("SKIPPED matrix_units_give_the_residual_to_half_precision: this adapter has none that fit");
+            skipped("kernels::hourglass::matrix_units_give_the_residual_to_half_precision", NO_UNITS);
             return;
         };
         let twin = interleaved(&forward(&weights, &x).residual);
@@ -366,7 +371,7 @@ fn matrix_units_give_the_gradients_of_whole_numbers() {
     for (seed, &(width, height)) in (0..).zip(&MATRIX_SIZES[1..]) {
         let (weights, x, v_residual) = whole_numbers(width, height, seed);
         let Some(ours) = on_matrix_units(&weights, &x, &v_residual) else {
-            eprintln!("SKIPPED matrix_units_give_the_gradients_of_whole_numbers: this adapter has none that fit");
+            skipped("kernels::hourglass::matrix_units_give_the_gradients_of_whole_numbers", NO_UNITS);
             return;
         };
         let passed = forward(&weights, &x);

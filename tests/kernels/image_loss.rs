@@ -6,7 +6,9 @@ use crate::reference::random_scene::random_image;
 use crate::reference::relative_error;
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
-use ibgs_core::loss::{ImageLoss, Outside, Target};
+use ibgs_core::sources::{DevicePhoto, Outside};
+use ibgs_train::loss::ImageLoss;
+use ibgs_train::tensor::device;
 
 type Image = Vec<[f64; 3]>;
 
@@ -25,11 +27,11 @@ fn on_gpu(image: &Image, photo: &Photo, lambda: f64) -> (f64, Vec<f64>) {
 
 fn on_gpu_with(image: &Image, photo: &Photo, lambda: f64, outside: Outside) -> (f64, Vec<f64>) {
     let gpu = gpu();
-    let mut target = Target::upload(&gpu, photo).unwrap();
+    let mut target = DevicePhoto::upload(&gpu, photo).unwrap();
     target.outside = outside;
     let flat: Vec<f32> = image.as_flattened().iter().map(|v| *v as f32).collect();
     let shape = [photo.height as usize, photo.width as usize, 3];
-    let leaf = Tensor::<3>::from_data(TensorData::new(flat, shape), &gpu.burn).autodiff().require_grad();
+    let leaf = Tensor::<3>::from_data(TensorData::new(flat, shape), device(&gpu).unwrap()).autodiff().require_grad();
     let loss = ImageLoss::new(gpu.clone(), lambda as f32);
     let (value, _scratch) = loss.tracked(leaf.clone(), &target).unwrap();
     let mut grads = (value.clone() * 3.0).backward();

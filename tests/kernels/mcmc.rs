@@ -3,12 +3,12 @@
 use crate::common::gpu;
 use bytemuck::bytes_of;
 use glam::{DMat3, DQuat, DVec3};
+use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::gpu::Pass;
-use ibgs_core::train::config::{DensifyConfig, Strategy};
-use ibgs_core::train::densify::mcmc::shared;
-use ibgs_core::train::densify::{Observations, Plan, Round, plan};
 use ibgs_shaders::MCMC_NOISE;
 use ibgs_shaders::types::McmcNoiseParams;
+use ibgs_train::densify::mcmc::shared;
+use ibgs_train::densify::{Observations, Plan, Round, plan};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -2,19 +2,19 @@
 
 use crate::common::gpu;
 use ibgs_core::residual::layers::WEIGHTS;
-use ibgs_core::residual::weights::{FILE_NAME, initial};
+use ibgs_core::residual::weights::{FILE_NAME, initial, read, write};
 use ibgs_core::residual::{NetworkError, ResidualNetwork};
 
 #[test]
 fn weights_survive_device_and_file() {
     let gpu = gpu();
-    let network = ResidualNetwork::init(&gpu, 11);
-    assert_eq!(network.to_values().unwrap(), initial(11));
+    let network = ResidualNetwork::init(&gpu, 11).unwrap();
+    assert_eq!(network.to_values(&gpu).unwrap(), initial(11));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(FILE_NAME);
-    network.save(&path).unwrap();
-    let loaded = ResidualNetwork::load(&gpu, &path).unwrap();
-    assert_eq!(loaded.to_values().unwrap(), initial(11));
+    write(&path, &network.to_values(&gpu).unwrap()).unwrap();
+    let loaded = ResidualNetwork::from_values(&gpu, &read(&path).unwrap()).unwrap();
+    assert_eq!(loaded.to_values(&gpu).unwrap(), initial(11));
 }
 
 #[test]
@@ -24,9 +24,8 @@ fn networks_that_cannot_be_are_refused() {
     assert!(matches!(short, Err(NetworkError::Count { found }) if found == WEIGHTS - 1));
     let mut weights = initial(1);
     weights[0] = f32::NAN;
-    let network = ResidualNetwork::from_values(&gpu, &weights).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(FILE_NAME);
-    let text = network.save(&path).unwrap_err().to_string();
+    let text = write(&path, &weights).unwrap_err().to_string();
     assert!(text.contains("`per_view_mlp.0.weight`") && !path.exists(), "{text}");
 }

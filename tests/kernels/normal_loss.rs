@@ -8,7 +8,9 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Photo;
 use ibgs_core::gpu::Pass;
-use ibgs_core::loss::{NormalLoss, SurfaceBuffers, Target};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_train::loss::{NormalLoss, SurfaceBuffers};
+use ibgs_train::tensor::device;
 
 const WEIGHT: f64 = 0.03;
 /// What stands in the gradient buffers before.
@@ -25,7 +27,7 @@ struct OnGpu {
 fn on_gpu(seen: Surface, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnGpu {
     let (gpu, camera) = (gpu(), seen.camera);
     let rgba = seen.valid.iter().flat_map(|valid| [7, 7, 7, if *valid { 128 } else { 127 }]).collect();
-    let photo = Target::upload(&gpu, &Photo { width: camera.width, height: camera.height, rgba }).unwrap();
+    let photo = DevicePhoto::upload(&gpu, &Photo { width: camera.width, height: camera.height, rgba }).unwrap();
     let narrow = |v: &[f64]| -> Vec<f32> { v.iter().map(|x| *x as f32).collect() };
     let surface = SurfaceBuffers {
         depth: gpu.upload("depth", &narrow(depth)).unwrap(),
@@ -36,7 +38,7 @@ fn on_gpu(seen: Surface, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnG
     };
     let pixels = depth.len();
     let shape = [camera.height as usize, camera.width as usize, 3];
-    let image = Tensor::<3>::from_data(TensorData::new(vec![0.5f32; 3 * pixels], shape), &gpu.burn);
+    let image = Tensor::<3>::from_data(TensorData::new(vec![0.5f32; 3 * pixels], shape), device(&gpu).unwrap());
     let leaf = image.autodiff().require_grad();
     let produced = leaf.clone() * 2.0;
     let loss = NormalLoss::new(gpu.clone(), WEIGHT as f32).tracked(&produced, &surface, &photo).unwrap();

@@ -7,7 +7,9 @@ use crate::reference::random_scene::random_image;
 use crate::reference::relative_error;
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
-use ibgs_core::loss::{PhotometricLoss, Target};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_train::loss::PhotometricLoss;
+use ibgs_train::tensor::device;
 
 const WEIGHT: f64 = 0.3;
 
@@ -50,7 +52,7 @@ impl Case {
             [r, g, b, if *valid { 255 } else { 0 }]
         };
         let rgba = self.photo.iter().zip(&self.valid).flat_map(texel).collect();
-        let target = Target::upload(&gpu, &Photo { width: self.width, height: self.height, rgba }).unwrap();
+        let target = DevicePhoto::upload(&gpu, &Photo { width: self.width, height: self.height, rgba }).unwrap();
         // A source whose depth does not agree is as good as none.
         let byte = |i: usize, m: usize| match self.visible.get(m) {
             Some(visible) if visible[i] => (2 - m as u8 % 3) | (i as u8 % 3) << 4,
@@ -67,7 +69,7 @@ impl Case {
         };
         let (slots, pixels) = (self.warped.len(), self.photo.len());
         let flat: Vec<f32> = (0..slots).flat_map(|m| (0..pixels).flat_map(move |i| row(m, i))).collect();
-        let leaf = Tensor::<3>::from_data(TensorData::new(flat, [slots, pixels, 4]), &gpu.burn);
+        let leaf = Tensor::<3>::from_data(TensorData::new(flat, [slots, pixels, 4]), device(&gpu).unwrap());
         let leaf = leaf.autodiff().require_grad();
         let loss = PhotometricLoss::new(gpu.clone(), WEIGHT as f32).tracked(leaf.clone(), &seen, &target).unwrap();
         let mut grads = (loss.clone() * 3.0).backward();

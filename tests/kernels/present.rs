@@ -2,10 +2,10 @@
 
 use crate::train_smoke::image_based::small_model;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::loss::Target;
 use ibgs_core::picture::Picture;
 use ibgs_core::present::{Presenter, Shown};
 use ibgs_core::render::Frame;
+use ibgs_core::sources::DevicePhoto;
 
 /// The texture's pixels, RGB.
 fn pixels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
@@ -59,7 +59,7 @@ fn every_part_of_a_frame_looks_as_on_the_host() {
     // The scale below the picture stays behind.
     let depth_picture = Picture::depth(w, h, &depth, Some(range)).rgb[..photo.len()].to_vec();
     let visibility = frame.visibility().unwrap().unwrap();
-    let target = Target::upload(&gpu, &view.photo).unwrap();
+    let target = DevicePhoto::upload(&gpu, &view.photo).unwrap();
     // With how much two roundings may differ: colours of the palette are between its 256.
     let cases = [
         ("final", Shown::Final, Picture::colors(w, h, &image).rgb, 1),

@@ -3,9 +3,9 @@
 //! the MLP.
 
 use ibgs_core::camera::Camera;
-use ibgs_core::fuse::Reach;
 use ibgs_core::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, MLP2, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Inputs, Output, Variant};
+use ibgs_core::sources::Reach;
 
 /// Number of the source in an empty slot.
 pub const EMPTY: u8 = 255;

@@ -1,16 +1,17 @@
-//! Readers of the golden data beside the repository (`../shared/golden`): a dump of the published implementation and
-//! the true derivatives of two small scenes. Where the folder is absent they say so aloud and give None.
+//! Readers of the golden data: the true derivatives of small scenes (`tests/fixtures`), and a dump of the published
+//! implementation (`../shared/golden`). The dump is not in the repository: where it is absent its reader gives None.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use npyz::{DType, NpyHeader, npz::NpzArchive};
 
 use super::Params;
+use crate::common::{fixture, shared};
 
 /// A numpy array, every type widened to f64, last index fastest.
 #[derive(Clone, Debug)]
@@ -48,7 +49,7 @@ impl Npz {
     }
 
     fn read(path: &Path) -> Npz {
-        let mut archive = NpzArchive::open(path).expect("npz opens");
+        let mut archive = NpzArchive::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let names: Vec<String> = archive.array_names().map(str::to_owned).collect();
         let zip = archive.zip_archive();
         let arrays = names.into_iter().map(|name| {
@@ -94,18 +95,6 @@ fn half(bits: u16) -> f64 {
     sign * magnitude
 }
 
-/// The path of a golden file, or None (said aloud with the name of the running test) where it is absent.
-pub fn golden_file(name: &str) -> Option<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/golden"));
-    let path = folder.join(name);
-    if path.is_file() {
-        return Some(path);
-    }
-    let test = std::thread::current().name().unwrap_or("a test").to_owned();
-    eprintln!("SKIPPED {test}: ../shared/golden absent ({name})");
-    None
-}
-
 fn camera(rotation: &[f64], translation: &[f64], intrinsics: &[f64]) -> Camera {
     let [fx, fy, cx, cy, width, height] = intrinsics[..] else {
         panic!("six intrinsics, not {intrinsics:?}");
@@ -142,9 +131,9 @@ impl GoldenGradients {
     }
 }
 
-/// Reads `gradients_k4_m3.npz` or `gradients_k6_m4.npz`.
-pub fn load_gradients(file: &str) -> Option<GoldenGradients> {
-    let arrays = Npz::read(&golden_file(file)?);
+/// Reads `gradients_k2_m2.npz`, `gradients_k4_m3.npz` or `gradients_k6_m4.npz`.
+pub fn load_gradients(file: &str) -> GoldenGradients {
+    let arrays = Npz::read(&fixture(file));
     let param = |name: &str| arrays.get(&format!("param/{name}"));
     let coefficients = param("sh").shape[1];
     let params = Params {
@@ -163,7 +152,7 @@ pub fn load_gradients(file: &str) -> Option<GoldenGradients> {
             camera(part("R"), part("t"), part("fx_fy_cx_cy_w_h"))
         })
         .collect();
-    Some(GoldenGradients {
+    GoldenGradients {
         normals: param("normal").rows(),
         offsets: param("offset").data.clone(),
         params,
@@ -172,7 +161,7 @@ pub fn load_gradients(file: &str) -> Option<GoldenGradients> {
         out_base: arrays.get("out/base").rows(),
         cotangent_base: arrays.get("cotangent/base").rows(),
         arrays,
-    })
+    }
 }
 
 /// The dump of the published implementation at one test view.
@@ -185,9 +174,9 @@ pub struct Golden {
     pub arrays: Npz,
 }
 
-/// Reads `golden.npz`.
-pub fn load_golden() -> Option<Golden> {
-    let arrays = Npz::read(&golden_file("golden.npz")?);
+/// Reads `golden.npz` for the test of this name.
+pub fn load_golden(test: &str) -> Option<Golden> {
+    let arrays = Npz::read(&shared("golden/golden.npz", test)?);
     let intrinsics = &arrays.get("intrinsics").data;
     let pose = |m: &[f64]| {
         let rotation = [&m[0..3], &m[4..7], &m[8..11]].concat();
@@ -209,9 +198,14 @@ pub struct GoldenCloud {
     pub offsets: Vec<f64>,
 }
 
+/// Reads `golden.npz` and `point_cloud.ply` for the test of this name.
+pub fn load_dump(test: &str) -> Option<(Golden, GoldenCloud)> {
+    Some((load_golden(test)?, load_golden_cloud(test)?))
+}
+
 /// Reads `point_cloud.ply`: binary little-endian, float properties only.
-pub fn load_golden_cloud() -> Option<GoldenCloud> {
-    let bytes = fs::read(golden_file("point_cloud.ply")?).expect("PLY is readable");
+fn load_golden_cloud(test: &str) -> Option<GoldenCloud> {
+    let bytes = fs::read(shared("golden/point_cloud.ply", test)?).expect("PLY is readable");
     const END: &[u8] = b"end_header\n";
     let end = bytes.windows(END.len()).position(|w| w == END).expect("PLY header ends");
     let header = std::str::from_utf8(&bytes[..end]).expect("PLY header is text");

@@ -1,8 +1,8 @@
-//! The twins against the golden data beside the repository.
+//! The twins against the golden data.
 
 use ibgs_core::camera::Camera;
 
-use crate::reference::golden::{load_golden, load_golden_cloud, load_gradients};
+use crate::reference::golden::{load_dump, load_gradients};
 use crate::reference::{Forward, Model, Params, backward, psnr, relative_error, render_as};
 
 /// The golden gradients know neither tiles nor held ratios; the base image of the dump knows both.
@@ -13,9 +13,7 @@ fn render_ideal(p: &Params, camera: &Camera) -> Forward {
 #[test]
 fn base_gradients_agree_with_automatic_differentiation() {
     for file in ["gradients_k2_m2.npz", "gradients_k4_m3.npz", "gradients_k6_m4.npz"] {
-        let Some(golden) = load_gradients(file) else {
-            return;
-        };
+        let golden = load_gradients(file);
         let (p, camera) = (&golden.params, &golden.cameras[0]);
         let forward = render_ideal(p, camera);
         let error = relative_error(forward.image.as_flattened(), golden.out_base.as_flattened());
@@ -48,9 +46,7 @@ fn base_gradients_agree_with_automatic_differentiation() {
 /// A Gaussian that no pixel sees has a gradient of exactly zero, in the twin as in the golden data.
 #[test]
 fn gradients_are_zero_at_the_same_gaussians() {
-    let Some(golden) = load_gradients("gradients_k4_m3.npz") else {
-        return;
-    };
+    let golden = load_gradients("gradients_k4_m3.npz");
     let (p, camera) = (&golden.params, &golden.cameras[0]);
     let forward = render_ideal(p, camera);
     let g = backward(p, camera, [0.0; 3], &forward, &golden.cotangent_base);
@@ -62,9 +58,8 @@ fn gradients_are_zero_at_the_same_gaussians() {
 
 #[test]
 fn the_published_model_renders_the_same_base_image() {
-    let (Some(golden), Some(cloud)) = (load_golden(), load_golden_cloud()) else {
-        return;
-    };
+    let test = "reference_checks::golden::the_published_model_renders_the_same_base_image";
+    let Some((golden, cloud)) = load_dump(test) else { return };
     assert_eq!(cloud.params.len(), 29_883);
     assert_eq!(cloud.params.sh_degree, 2);
     assert_eq!(golden.source_cameras.len(), 4);
@@ -78,9 +73,7 @@ fn the_published_model_renders_the_same_base_image() {
 #[test]
 fn boxes_and_held_ratios_move_the_golden_gradients_little() {
     for file in ["gradients_k2_m2.npz", "gradients_k4_m3.npz", "gradients_k6_m4.npz"] {
-        let Some(golden) = load_gradients(file) else {
-            return;
-        };
+        let golden = load_gradients(file);
         let (p, camera) = (&golden.params, &golden.cameras[0]);
         let forward = render_as(p, camera, [0.0; 3], p.sh_degree, Model::Boxed);
         let g = backward(p, camera, [0.0; 3], &forward, &golden.cotangent_base);

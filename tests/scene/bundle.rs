@@ -2,11 +2,11 @@
 
 use super::{output, random_gaussians};
 use ibgs_core::bundle::{Bundle, BundleError};
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::Exposure;
-use ibgs_core::fuse::sources::SourceOptions;
-use ibgs_core::train::config::TrainConfig;
-use ibgs_core::train::output::{cameras, multi_view};
+use ibgs_core::output::{cameras, multi_view};
+use ibgs_core::sources::find::SourceOptions;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fs;

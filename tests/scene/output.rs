@@ -3,12 +3,12 @@
 use super::{header_length, random_gaussians, random_points};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use ibgs_core::camera::Camera;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{Dataset, Photo, View};
+use ibgs_core::output::cameras::Split;
+use ibgs_core::output::results::{Protocol, Scored, ViewScore};
+use ibgs_core::output::{Existing, OutputError, OutputFolder};
 use ibgs_core::scene::{PlyFlavor, write_ply};
-use ibgs_core::train::config::TrainConfig;
-use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::results::{Protocol, Scored, ViewScore};
-use ibgs_core::train::output::{Existing, OutputError, OutputFolder};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fs;

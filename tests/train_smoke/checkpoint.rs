@@ -4,10 +4,10 @@ use super::image_based::{dataset, model, staged};
 use super::units::moved;
 use super::{densifying, poison, run, trainer};
 use crate::common::rasterizer;
+use ibgs_core::config::{ExposureSwitch, Method, Strategy, TrainConfig};
 use ibgs_core::dataset::Dataset;
-use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
-use ibgs_core::train::config::{ExposureSwitch, Method, Strategy, TrainConfig};
-use ibgs_core::train::{TrainError, Trainer};
+use ibgs_train::checkpoint::{Checkpoint, CheckpointError};
+use ibgs_train::{TrainError, Trainer};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
@@ -227,9 +227,9 @@ fn what_is_no_number_is_found() {
         let mut training = resumed(&dataset, &good);
         let splats = training.splats();
         match part {
-            "rotations" => poison(splats.rotations.val()),
-            "normals" => poison(splats.normals.val()),
-            _ => poison(training.renderer().unwrap().part().unwrap().network.weights.val()),
+            "rotations" => poison(&splats.parameters.rotations),
+            "normals" => poison(&splats.parameters.normals),
+            _ => poison(&training.renderer().unwrap().part().unwrap().network.weights),
         }
         let error = training.checkpoint(Value::Null).err().unwrap();
         assert!(matches!(error, TrainError::NotFinite(40)), "{part}: {error}");

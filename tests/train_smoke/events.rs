@@ -2,11 +2,12 @@
 //! before the next one's step, so they show one step later.
 
 use super::{dataset, densifying, plain, psnr, run, trained, trainer};
-use ibgs_core::train::Trainer;
-use ibgs_core::train::config::Strategy;
+use crate::common::gpu;
+use ibgs_core::config::Strategy;
+use ibgs_train::Trainer;
 
 fn opacities(trainer: &Trainer) -> Vec<f32> {
-    let logits = trainer.splats().download().unwrap().opacity_logits;
+    let logits = trainer.splats().download(&gpu()).unwrap().opacity_logits;
     logits.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect()
 }
 
@@ -40,7 +41,7 @@ fn milestones_come_when_the_schedule_says() {
     let schedule = trainer.schedule();
     assert!((1..=60).filter(|&i| schedule.densify_at(i)).eq(rounds));
     assert!((1..=60).filter(|&i| schedule.reset_opacity_at(i)).eq(resets));
-    let model = trainer.splats().download().unwrap();
+    let model = trainer.splats().download(&gpu()).unwrap();
     model.validate().unwrap();
     assert!(model.len() > 300, "{} Gaussians", model.len());
     // Rounds soon after a reset must not take the transparent Gaussians away; these recover.
@@ -50,7 +51,7 @@ fn milestones_come_when_the_schedule_says() {
 #[test]
 fn a_run_with_all_milestones_scaled_down_ends_well() {
     // 50 iterations: resets every 5, a degree every 2, densification off.
-    let config = ibgs_core::train::config::TrainConfig { iterations: 50, ..Default::default() };
+    let config = ibgs_core::config::TrainConfig { iterations: 50, ..Default::default() };
     assert_eq!(trained(&dataset(), &config).len(), 300);
 }
 
@@ -109,9 +110,9 @@ fn pruning_removes_the_transparent_and_the_large() {
     let limit = (0.05 * trainer.extent()).ln() as f32;
     let is_large = |row: &[f32; 3]| row.iter().any(|s| *s > limit);
     run(&mut trainer, 10);
-    assert!(trainer.splats().download().unwrap().log_scales.iter().any(is_large));
+    assert!(trainer.splats().download(&gpu()).unwrap().log_scales.iter().any(is_large));
     run(&mut trainer, 11);
-    let left = trainer.splats().download().unwrap();
+    let left = trainer.splats().download(&gpu()).unwrap();
     assert!((1..300).contains(&left.len()) && !left.log_scales.iter().any(is_large), "{} left", left.len());
 }
 
@@ -129,6 +130,6 @@ fn one_training_view_is_enough() {
     let model = trained(&dataset, &densifying(30, 30));
     assert!(model.len() >= 300, "{} Gaussians", model.len());
     // Positions move with the scene's extent, which one camera does not have.
-    let start = trainer(&dataset, &plain(1)).splats().download().unwrap();
+    let start = trainer(&dataset, &plain(1)).splats().download(&gpu()).unwrap();
     assert!(model.sh != start.sh);
 }

@@ -3,17 +3,17 @@
 use super::{plain, run, trainer};
 use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};
+use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::eval::score_view;
-use ibgs_core::fuse::memory::MemoryBudget;
-use ibgs_core::fuse::source_store::SourceStore;
-use ibgs_core::fuse::sources::Draw;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::scene::{Gaussians, Splats};
-use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_core::sources::find::Draw;
+use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_core::sources::source_store::SourceStore;
+use ibgs_train::Trainer;
 use std::sync::{Arc, OnceLock};
 
 /// The tiny demo with so many views that neighbours see the same: 28 training views of 48 x 36.
@@ -21,7 +21,7 @@ pub fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
-        demo::load(&DemoOptions { views: 32, ..tiny_demo() }, Some(cache.path()), false).unwrap()
+        demo::load(&DemoOptions { views: 32, ..tiny_demo() }, Some(cache.path()), &()).unwrap()
     };
     DATASET.get_or_init(trace).clone()
 }
@@ -64,9 +64,9 @@ pub fn image_part(dataset: &Dataset, config: &TrainConfig, network: &[f32]) -> I
 
 /// Gaussians and network as they stand.
 pub fn model(trainer: &Trainer) -> (Gaussians, Option<Vec<f32>>) {
-    let gaussians = trainer.splats().download().unwrap();
+    let gaussians = trainer.splats().download(&gpu()).unwrap();
     gaussians.validate().unwrap();
-    (gaussians, trainer.renderer().unwrap().part().map(|part| part.network.to_values().unwrap()))
+    (gaussians, trainer.renderer().unwrap().part().map(|part| part.network.to_values(&gpu()).unwrap()))
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn a_finished_model_is_a_start() {
     let dataset = dataset();
     let mut base = trainer(&dataset, &plain(40));
     run(&mut base, 40);
-    let start = base.splats().download().unwrap();
+    let start = base.splats().download(&gpu()).unwrap();
     let config = TrainConfig { method: Method::Ibgs, init: Some("model.ply".into()), ..plain(40) };
     let config = TrainConfig { densify: Default::default(), opacity_reset: Default::default(), ..config };
     let raster = Arc::new(crate::common::rasterizer());

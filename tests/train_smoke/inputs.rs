@@ -1,9 +1,10 @@
 //! Photos and models of every kind train.
 
 use super::{dataset, densifying, image_based, plain, psnr, run, trained, trainer};
+use crate::common::gpu;
 use glam::DVec2;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{Dataset, Photo, View, demo};
-use ibgs_core::train::config::TrainConfig;
 use std::sync::Arc;
 
 /// Replaces the photos; `pixel` gets the view, the pixel's column and row, and its RGBA bytes.
@@ -81,7 +82,7 @@ fn the_background_can_be_white() {
     assert!((1..=12).filter(|&i| trainer.schedule().reset_opacity_at(i)).eq([8]));
     // It comes before the ninth step, which moves the logits by at most their rate.
     run(&mut trainer, 9);
-    let logits = trainer.splats().download().unwrap().opacity_logits;
+    let logits = trainer.splats().download(&gpu()).unwrap().opacity_logits;
     assert!(logits.iter().all(|&logit| logit <= (0.01f32 / 0.99).ln() + 0.0251));
 }
 
@@ -95,7 +96,7 @@ fn every_degree_of_the_spherical_harmonics_trains() {
         // The degree goes up at 10, 20 and 30, and no coefficient beyond it moves before.
         for until in [9, 19, 29, 40] {
             run(&mut trainer, until);
-            let model = trainer.splats().download().unwrap();
+            let model = trainer.splats().download(&gpu()).unwrap();
             assert_eq!(model.sh_degree, degree);
             let coefficients = model.sh_coefficients();
             let in_use = (until / 10).min(degree) + 1;

@@ -2,13 +2,13 @@
 
 use super::{dataset, densifying, image_based, run, trainer};
 use crate::common::{gpu, rasterizer};
+use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::dataset::{Dataset, Masks, Photo, View, demo};
 use ibgs_core::eval::score;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::Splats;
-use ibgs_core::train::Trainer;
-use ibgs_core::train::checkpoint::Checkpoint;
-use ibgs_core::train::config::{ExposureSwitch, Method, TrainConfig};
+use ibgs_train::Trainer;
+use ibgs_train::checkpoint::Checkpoint;
 use serde_json::Value;
 use std::sync::Arc;
 

@@ -1,15 +1,16 @@
 //! The estimate of a training's memory against what it takes.
 
 use crate::common::open_gpu;
-use ibgs_core::bench::synthetic;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::{Dataset, Photo, View};
+use ibgs_core::gpu::Bytes;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::memory::{Bytes, Demand, Estimate};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::Gaussians;
-use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{Method, TrainConfig};
+use ibgs_train::Trainer;
+use ibgs_train::bench::synthetic;
+use ibgs_train::memory::{Demand, Estimate};
 use std::sync::Arc;
 
 /// A grey photo of three views side by side.

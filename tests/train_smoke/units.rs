@@ -3,10 +3,10 @@
 use super::image_based::{dataset, staged};
 use super::{densifying, plain, run, trainer};
 use glam::DVec3;
+use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::score_view;
-use ibgs_core::train::Trainer;
-use ibgs_core::train::config::{ExposureSwitch, Method, TrainConfig};
+use ibgs_train::Trainer;
 
 const FAR: DVec3 = DVec3::new(5e6, -4e6, 1e5);
 

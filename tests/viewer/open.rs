@@ -30,7 +30,7 @@ fn the_start_page_opens_what_is_typed() {
     let folder = tempfile::tempdir().unwrap();
     let (renderer, _) = small_model();
     let file = folder.path().join("model.ply");
-    write_ply(&file, &renderer.splats().download().unwrap(), PlyFlavor::Full).unwrap();
+    write_ply(&file, &renderer.splats().download(renderer.gpu()).unwrap(), PlyFlavor::Full).unwrap();
     let mut window = window(None);
     snapshot(&mut window, "start page", 100);
     assert!(window.state().scene().is_none());

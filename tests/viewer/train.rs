@@ -3,11 +3,11 @@
 use super::*;
 use crate::train_smoke::image_based::{dataset, staged};
 use egui_kittest::kittest::Queryable;
-use ibgs::commands::train::Run;
+use ibgs::commands::train::Watched;
 use ibgs_core::gpu::AdapterChoice;
+use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::train::Trainer;
-use ibgs_core::train::output::{Existing, OutputFolder};
+use ibgs_train::{Session, Trainer};
 
 fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
     let (dataset, mut config) = (dataset(), staged(iterations));
@@ -17,8 +17,8 @@ fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
     let output = OutputFolder::create(&folder.join("model"), Existing::Keep).unwrap();
     output.write_start(&config, &dataset).unwrap();
     let scene = surroundings(&dataset, folder);
-    let run = Run::new(trainer, raster, dataset, config, output, None, Instant::now());
-    Opened { scene, content: Content::Training(Box::new(run)) }
+    let session = Session::of(trainer, raster, dataset, config, Instant::now()).with_output(output, None);
+    Opened { scene, content: Content::Training(Box::new(Watched::new(session))) }
 }
 
 fn iteration(viewer: &Viewer) -> u32 {

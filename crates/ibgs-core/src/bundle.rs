@@ -12,15 +12,15 @@
 //! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. So no part can be larger than the file.
 //! The archive's own checksums tell damage.
 
+use crate::config::TrainConfig;
 use crate::dataset::Photo;
 use crate::exposure::{self, Exposure};
 use crate::files::{WriteError, write_seekable_atomically};
 use crate::image_io;
+use crate::output::cameras::{self, CameraRecord, Split};
+use crate::output::multi_view::{self, ViewSources};
 use crate::scene::{Gaussians, PlyFlavor, SceneError, read_ply_from, write_ply_to};
 use crate::stored_zip::{self, StoredZip, add};
-use crate::train::config::TrainConfig;
-use crate::train::output::cameras::{self, CameraRecord, Split};
-use crate::train::output::multi_view::{self, ViewSources};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader};
 use rayon::prelude::*;

@@ -1,14 +1,15 @@
 //! Image metrics and the evaluation of a model (method.md section 9).
 
-pub mod lpips;
+pub mod scores;
 
 use crate::camera::Camera;
 use crate::dataset::{Photo, View};
+use crate::files::WriteError;
 use crate::gpu::GpuError;
+use crate::output::pictures::RenderError;
 use crate::render::{Frame, Rendered, Renderer};
 use glam::{DMat3, DVec3};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
-use lpips::{Lpips, LpipsError};
 use rayon::prelude::*;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::time::{Duration, Instant};
@@ -36,17 +37,21 @@ fn or_infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
 
 /// An image and a photo that are compared, 8-bit RGB row by row. Where a photo's alpha is under one half it takes the
 /// image's value.
-struct Pair {
-    image: Vec<u8>,
-    photo: Vec<u8>,
+pub struct Pair {
+    /// The image.
+    pub image: Vec<u8>,
+    /// The photo.
+    pub photo: Vec<u8>,
     /// Which pixels count.
-    valid: Vec<bool>,
+    pub valid: Vec<bool>,
 }
 
 impl Pair {
+    /// The two, for a metric.
+    ///
     /// # Panics
     /// When the sizes differ: a bug of ours.
-    fn new(image: &Rendered, photo: &Photo) -> Self {
+    pub fn new(image: &Rendered, photo: &Photo) -> Self {
         assert_eq!((image.width, image.height), (photo.width, photo.height), "image and photo differ in size");
         let rendered = image.to_rgb8();
         let mut given = rendered.clone();
@@ -189,15 +194,51 @@ pub struct ViewScores {
     pub image: Option<Score>,
 }
 
-/// Renders a view and compares its images with its photo; with a network for LPIPS by that too.
+/// Why a model could not be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// A distance of two images cannot be computed.
+    #[error("{0}")]
+    Distance(String),
+}
+
+impl From<RenderError> for EvalError {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Gpu(error) => Self::Gpu(error),
+            RenderError::Write(error) => Self::Write(error),
+        }
+    }
+}
+
+/// A distance of an image from a photo that needs more than arithmetic, as LPIPS does.
+pub trait Perceptual {
+    /// Distance of an image rounded to 8 bits from a photo of the same size, 0 for equal ones.
+    ///
+    /// # Errors
+    /// The images have no such distance, or the GPU failed.
+    fn distance(&self, image: &Rendered, photo: &Photo) -> Result<f64, EvalError>;
+}
+
+/// Renders a view and compares its images with its photo; by a perceptual distance too where one is given.
 ///
 /// # Errors
-/// Not enough memory, the device is lost, or an image that LPIPS cannot be computed of.
-pub fn score_view(renderer: &Renderer, view: &View, lpips: Option<&Lpips>) -> Result<(Frame, ViewScores), LpipsError> {
+/// Not enough memory, the device is lost, or an image that has no perceptual distance.
+pub fn score_view(
+    renderer: &Renderer,
+    view: &View,
+    perceptual: Option<&dyn Perceptual>,
+) -> Result<(Frame, ViewScores), EvalError> {
     let frame = renderer.render(&view.camera)?;
     let scored = |image: &Rendered| {
-        let lpips = lpips.map(|network| network.distance(image, &view.photo)).transpose()?;
-        Ok::<_, LpipsError>(Score { lpips, ..score(image, &view.photo) })
+        let lpips = perceptual.map(|metric| metric.distance(image, &view.photo)).transpose()?;
+        Ok::<_, EvalError>(Score { lpips, ..score(image, &view.photo) })
     };
     let base = scored(&frame.base()?)?;
     let image = frame.image()?.as_ref().map(scored).transpose()?;

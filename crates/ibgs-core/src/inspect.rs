@@ -6,9 +6,9 @@
 
 use crate::camera::Camera;
 use crate::dataset::Photo;
-use crate::fuse::WarpOptions;
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::render::Frame;
+use crate::sources::WarpOptions;
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 

@@ -16,30 +16,29 @@
 //!
 //! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] tells the user.
 
-pub mod bench;
 pub mod bundle;
 pub mod camera;
 pub mod camera_path;
+pub mod config;
 pub mod dataset;
 pub mod eval;
 pub mod exposure;
 pub mod files;
-pub mod fuse;
 pub mod gpu;
 pub mod image_io;
 pub mod inspect;
 pub mod local_space;
-pub mod loss;
-pub mod memory;
 pub mod mesh;
+pub mod model;
+pub mod output;
 pub mod picture;
 mod ply_offset;
 pub mod present;
+pub mod progress;
 pub mod raster;
 pub mod render;
 pub mod residual;
 pub mod scene;
-mod stored_zip;
-pub mod terminal;
-pub mod train;
+pub mod sources;
+pub mod stored_zip;
 pub mod video;

@@ -1,9 +1,9 @@
 //! What a frame shows, into a texture of the screen, without a way through the host.
 
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::loss::Target;
 use crate::picture::viridis;
 use crate::render::Frame;
+use crate::sources::DevicePhoto;
 use bytemuck::bytes_of;
 use ibgs_shaders::PRESENT;
 use ibgs_shaders::types::PresentParams;
@@ -25,9 +25,9 @@ pub enum Shown<'a> {
     /// How many sources see a pixel's point; so many have the brightest colour.
     Visibility(u32),
     /// Final image minus a photo of the frame's size around grey, so many times as strong.
-    Difference(&'a Target, f32),
+    Difference(&'a DevicePhoto, f32),
     /// A photo of the frame's size.
-    Photo(&'a Target),
+    Photo(&'a DevicePhoto),
 }
 
 /// Puts frames into textures; owns the memory between.
@@ -134,7 +134,7 @@ fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
     let base = || frame.base_memory().clone();
     let image = || frame.image_memory().cloned();
     let plain = |mode, values| Inputs { mode, values, others: None, words: None };
-    let photo = |target: &Target| {
+    let photo = |target: &DevicePhoto| {
         let size = [frame.camera().width, frame.camera().height];
         assert_eq!(target.size, size, "photo and frame differ in size");
         Some(target.texels.clone())

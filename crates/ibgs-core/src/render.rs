@@ -2,23 +2,21 @@
 //! scene's coordinates; on the device all is local ([`LocalSpace`]).
 
 use crate::camera::Camera;
+use crate::config::TrainConfig;
 use crate::dataset::Masks;
 use crate::exposure::{Exposer, ExposureField, Exposures};
-use crate::fuse::depth_cache::DepthCache;
-use crate::fuse::source_store::SourceStore;
-use crate::fuse::sources::{SourceFinder, SourceOptions};
-use crate::fuse::{Reach, Seen, SourceView, WarpOptions, Warper};
-use crate::gpu::buffer::primitive;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
 use crate::local_space::LocalSpace;
-use crate::raster::{Forward, Inputs, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
+use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
-use crate::residual::{Aggregation, Factor, Precision, Residual, ResidualTask, Variant};
+use crate::residual::{Aggregation, Factor, Precision, Residual, ResidualInputs, ResidualTask, Variant};
 use crate::scene::{SceneError, Splats};
-use crate::train::config::TrainConfig;
-use burn::tensor::Tensor;
+use crate::sources::depth_cache::DepthCache;
+use crate::sources::find::{SourceFinder, SourceOptions};
+use crate::sources::source_store::SourceStore;
+use crate::sources::{Reach, Seen, SourceView, WarpOptions, Warper};
 use ibgs_shaders::NEAR_DEPTH;
 use std::sync::{Arc, Mutex};
 
@@ -130,7 +128,8 @@ struct Sources {
 /// The final image and what it was made from.
 #[derive(Debug)]
 pub(crate) struct FinalImage {
-    pub image: Tensor<3>,
+    /// `[H, W, 3]`.
+    pub image: Buffer,
     /// Which sources its pixels see; none without any source.
     pub seen: Option<Arc<Lease<Seen>>>,
     /// Its sources, best first.
@@ -146,11 +145,8 @@ pub struct Frame {
     forward: Forward,
     /// The final image, where the model has a network.
     pub(crate) image: Option<FinalImage>,
-    /// Keeps the memory of the base image.
-    _base: Tensor<3>,
-    /// Where base and final image lie; their tensors keep the memory.
-    base_memory: Buffer,
-    image_memory: Option<Buffer>,
+    /// The base image, `[H, W, 3]`.
+    base: Buffer,
     camera: Camera,
     /// In local coordinates.
     pub(crate) local: Camera,
@@ -198,7 +194,7 @@ impl Renderer {
     /// # Errors
     /// When the device is lost.
     pub fn shape_missing_planes(&self) -> Result<(), SceneError> {
-        let gaussians = self.splats.download()?;
+        let gaussians = self.splats.download(self.gpu())?;
         if gaussians.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0]) {
             self.raster.shape_normals(&self.splats);
             self.forget_depths();
@@ -284,31 +280,31 @@ impl Renderer {
         let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
         let space = self.space();
         let local = space.camera(camera);
-        let (inputs, view) = (Inputs::of(&self.splats), self.view(&local));
+        let view = self.view(&local);
         let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
         let exposures = self.exposures(camera, indices)?;
         loop {
             let mut pass = Pass::new(&gpu, "frame");
-            let forward = self.raster.record(&mut pass, &inputs, &view, false)?;
+            let memory = self.raster.image_memory(camera)?;
+            let forward = self.raster.record(&mut pass, &self.splats, &view, Keep::Image, memory)?;
             let base = match &exposures {
-                Some(exposures) => exposures.record(&mut pass, &forward),
-                None => forward.image(),
+                Some(exposures) => {
+                    let exposed = gpu.transient("exposed image", forward.image.size)?;
+                    exposures.record(&mut pass, &forward, &exposed);
+                    exposed
+                }
+                None => forward.image.clone(),
             };
             let image = match (&self.image, &sources) {
                 (Some(stage), Some(sources)) => {
                     let base = (base.clone(), exposures.as_ref());
-                    Some(record_final(&mut pass, stage, &local, &forward, base, sources)?)
+                    Some(record_final(&mut pass, (&gpu, stage), &local, &forward, base, sources)?)
                 }
                 _ => None,
             };
             pass.submit();
-            // Asked for while the device works; burn takes its time to tell.
-            let memory = |tensor: Tensor<3>| Gpu::bind(&primitive(tensor)).clone();
-            let base_memory = memory(base.clone());
-            let image_memory = image.as_ref().map(|part| memory(part.image.clone()));
             let gpu = gpu.clone();
-            let frame =
-                Frame { gpu, forward, image, _base: base, base_memory, image_memory, camera: *camera, local, space };
+            let frame = Frame { gpu, forward, image, base, camera: *camera, local, space };
             then(&frame)?;
             if room == Room::Assumed || self.raster.had_room(&frame.forward)? {
                 return Ok(frame);
@@ -347,24 +343,31 @@ impl Renderer {
 /// Records the final image of a view, whose base image stands as it is without sources.
 fn record_final(
     pass: &mut Pass,
-    stage: &ImageStage,
+    (gpu, stage): (&Gpu, &ImageStage),
     camera: &Camera,
     forward: &Forward,
-    (base, exposures): (Tensor<3>, Option<&Exposures>),
+    (base, exposures): (Buffer, Option<&Exposures>),
     sources: &Sources,
 ) -> Result<FinalImage, GpuError> {
     let options = stage.warper.options;
     if sources.views.is_empty() {
         return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
     }
-    let (warped, seen) = stage.warper.record_warp(pass, forward, &sources.views)?;
-    let warped = match exposures {
-        Some(exposures) => exposures.record_warped(pass, warped, &seen),
-        None => warped,
+    let warper = &stage.warper;
+    let warped = warper.record(pass, forward, &sources.views, warper.memory(camera)?)?;
+    let colors = match exposures {
+        Some(exposures) => {
+            let exposed = gpu.transient("exposed warped colours", warped.colors.size)?;
+            exposures.record_warped(pass, &warped, &exposed);
+            exposed
+        }
+        None => warped.colors.clone(),
     };
-    let task = ResidualTask { camera: *camera, seen: seen.clone(), gain: 1.0 };
-    let weights = stage.part.network.weights.val();
-    let image = stage.residual.record(pass, &task, [base, warped], weights)?;
+    let task = ResidualTask { camera: *camera, seen: warped.seen.clone(), gain: 1.0 };
+    let weights = stage.part.network.weights.clone();
+    let inputs = ResidualInputs { base, warped: colors, slots: warped.visible, weights };
+    let image = gpu.transient("final image", forward.image.size)?;
+    let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
     // Not the photos on the device: the store could not give their memory to others.
     let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
         view: index,
@@ -373,7 +376,9 @@ fn record_final(
         depth: source.depth.clone(),
     };
     let sources = sources.indices.iter().zip(&sources.views).map(keep).collect();
-    Ok(FinalImage { image, seen: Some(seen), sources, options })
+    let image = residual.image.clone();
+    pass.keep(residual);
+    Ok(FinalImage { image, seen: Some(warped.seen), sources, options })
 }
 
 impl Frame {
@@ -384,12 +389,12 @@ impl Frame {
 
     /// The base image, on the device, `[H, W, 3]`.
     pub(crate) fn base_memory(&self) -> &Buffer {
-        &self.base_memory
+        &self.base
     }
 
     /// The final image, on the device, `[H, W, 3]`.
     pub(crate) fn image_memory(&self) -> Option<&Buffer> {
-        self.image_memory.as_ref()
+        self.image.as_ref().map(|part| &part.image)
     }
 
     /// The sources that the pixels see, on the device.
@@ -434,7 +439,7 @@ impl Frame {
     /// # Errors
     /// When the device is lost; so with the others.
     pub fn base(&self) -> Result<Rendered, GpuError> {
-        self.read(&self.base_memory)
+        self.read(&self.base)
     }
 
     /// The final image; none where the model has no network.
@@ -442,7 +447,7 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn image(&self) -> Result<Option<Rendered>, GpuError> {
-        self.image_memory.as_ref().map(|memory| self.read(memory)).transpose()
+        self.image_memory().map(|memory| self.read(memory)).transpose()
     }
 
     fn read(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
@@ -482,17 +487,12 @@ impl Frame {
     }
 }
 
-/// An image `[H, W, 3]` on the host.
-fn read_image(gpu: &Gpu, image: Tensor<3>) -> Result<Rendered, GpuError> {
-    let [height, width, _] = image.dims();
-    let rgb = gpu.read(&Gpu::bind(&primitive(image)), 3 * height * width)?;
-    Ok(Rendered { width: width as u32, height: height as u32, rgb })
-}
-
 /// The base image of Gaussians alone, from a camera in the scene.
 ///
 /// # Errors
 /// Not enough memory, or the device is lost.
 pub fn render_base(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Rendered, GpuError> {
-    read_image(raster.gpu(), raster.render(splats, &RasterView::new(splats.space.camera(camera), splats.sh_degree()))?)
+    let Camera { width, height, .. } = *camera;
+    let image = raster.render(splats, &RasterView::new(splats.space.camera(camera), splats.sh_degree()))?;
+    Ok(Rendered { width, height, rgb: raster.gpu().read(&image, 3 * camera.pixels())? })
 }

@@ -12,14 +12,15 @@ use crate::navigator::Navigator;
 use crate::panels::{self, Panels};
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
-use crate::{Open, Opened, Progress, Scene, Wanted, marks};
+use crate::{Open, Opened, Scene, Wanted, marks};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
 use framing::fitted;
 use glam::DVec3;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::inspect::Inspection;
-use ibgs_core::loss::Target;
+use ibgs_core::output::log::TrainingProgress;
+use ibgs_core::sources::DevicePhoto;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,7 +46,7 @@ pub(crate) struct Found {
 
 /// A training as the window knows it.
 pub(crate) struct Trained {
-    pub progress: Progress,
+    pub progress: TrainingProgress,
     pub running: bool,
     pub curves: Curves,
 }
@@ -74,7 +75,7 @@ pub struct Viewer {
     pub(crate) panels: Panels,
     pub(crate) thumbnails: Thumbnails,
     pub(crate) settings: Settings,
-    photo: Option<(usize, Target)>,
+    photo: Option<(usize, DevicePhoto)>,
     /// What the cameras look at, and extent of the scene.
     center: DVec3,
     pub(crate) extent: f64,
@@ -163,7 +164,7 @@ impl Viewer {
     }
 
     /// How far the training is, and whether it goes on.
-    pub fn progress(&self) -> Option<(&Progress, bool)> {
+    pub fn progress(&self) -> Option<(&TrainingProgress, bool)> {
         self.training.as_ref().map(|trained| (&trained.progress, trained.running))
     }
 
@@ -322,7 +323,7 @@ impl Viewer {
         view.camera.resized(sides(w * scale), sides(h * scale))
     }
 
-    fn photo(&mut self) -> Result<Option<Target>, GpuError> {
+    fn photo(&mut self) -> Result<Option<DevicePhoto>, GpuError> {
         let index = self.on_view.filter(|_| self.shows(Mode::needs_photo));
         let Some(index) = index else {
             self.photo = None;
@@ -330,7 +331,7 @@ impl Viewer {
         };
         if self.photo.as_ref().is_none_or(|(of, _)| *of != index) {
             let photo = self.view().and_then(|view| view.photo.clone());
-            let upload = |photo: Arc<ibgs_core::dataset::Photo>| Target::upload(&self.gpu, &photo);
+            let upload = |photo: Arc<ibgs_core::dataset::Photo>| DevicePhoto::upload(&self.gpu, &photo);
             self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
         }
         Ok(self.photo.as_ref().map(|(_, target)| target.clone()))

@@ -6,8 +6,8 @@ use eframe::egui::TextureId;
 use eframe::egui_wgpu::RenderState;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError};
-use ibgs_core::loss::Target;
 use ibgs_core::present::Presenter;
+use ibgs_core::sources::DevicePhoto;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -190,7 +190,7 @@ impl Canvas {
         state: &RenderState,
         side: usize,
         mode: Mode,
-        photo: Option<&Target>,
+        photo: Option<&DevicePhoto>,
     ) -> Result<Option<TextureId>, GpuError> {
         let Some(last) = &self.last else { return Ok(None) };
         let camera = last.frame.camera();
@@ -209,7 +209,11 @@ impl Canvas {
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
-    pub fn picture(&mut self, mode: Mode, photo: Option<&Target>) -> Result<Option<(u32, u32, Vec<u8>)>, GpuError> {
+    pub fn picture(
+        &mut self,
+        mode: Mode,
+        photo: Option<&DevicePhoto>,
+    ) -> Result<Option<(u32, u32, Vec<u8>)>, GpuError> {
         let Some(last) = &self.last else { return Ok(None) };
         let camera = last.frame.camera();
         let photo = photo.filter(|photo| photo.size == [camera.width, camera.height]);

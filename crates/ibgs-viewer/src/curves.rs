@@ -1,6 +1,6 @@
 //! What a training's plots show.
 
-use crate::Progress;
+use ibgs_core::output::log::TrainingProgress;
 
 /// Most points of a curve; older ones are thinned out.
 const MOST: usize = 2000;
@@ -19,7 +19,7 @@ pub struct Curves {
 
 impl Curves {
     /// Adds what a report says, if it is new.
-    pub fn add(&mut self, progress: &Progress) {
+    pub fn add(&mut self, progress: &TrainingProgress) {
         let (Some(loss), Some(psnr)) = (progress.loss, progress.psnr) else { return };
         if self.last == Some((loss, psnr)) {
             return;
@@ -47,11 +47,11 @@ mod tests {
     #[test]
     fn curves_stay_short_and_keep_their_ends() {
         let mut curves = Curves::default();
-        curves.add(&Progress::default());
+        curves.add(&TrainingProgress::default());
         assert!(curves.loss.is_empty(), "nothing has come back yet");
         for iteration in 0..10_000u32 {
             let (loss, psnr) = (Some(1.0 / (iteration + 1) as f32), Some(20.0));
-            let progress = Progress { iteration, loss, psnr, ..Progress::default() };
+            let progress = TrainingProgress { iteration, loss, psnr, ..TrainingProgress::default() };
             curves.add(&progress);
             curves.add(&progress);
         }

@@ -25,10 +25,9 @@ use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use eframe::{NativeOptions, egui};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{self, Dataset, Photo, Point};
-use ibgs_core::eval::Score;
 use ibgs_core::gpu::Gpu;
+use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::render::Renderer;
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -112,60 +111,26 @@ pub trait Training: Send {
     /// One iteration, and what is due after it: saving and measuring, of which `told` hears.
     ///
     /// # Errors
-    /// The device failed, a file cannot be written, or the loss is no number any more.
+    /// The device failed, a file cannot be written, or a value is not finite.
     fn step(&mut self, told: &dyn Fn(&str)) -> Result<()>;
 
     /// How far it is.
-    fn progress(&self) -> Progress;
+    fn progress(&self) -> TrainingProgress;
 
     /// A renderer of the model as it is now, used before the next step; it finds the surface of every frame.
     fn renderer(&self) -> Result<Renderer>;
 
-    /// Writes the model as it is now; says where.
+    /// Writes the model as it is now; returns where, none where the training writes no files.
     ///
     /// # Errors
     /// The device failed, or a file cannot be written.
-    fn save(&mut self) -> Result<PathBuf>;
+    fn save(&mut self) -> Result<Option<PathBuf>>;
 
     /// Writes what is to be written at the end: called once, after the last iteration or when the window is closed before.
     ///
     /// # Errors
     /// The device failed, or a file cannot be written.
     fn finish(&mut self) -> Result<()>;
-}
-
-/// How far a training is.
-#[derive(Clone, Debug, Default)]
-pub struct Progress {
-    /// Iterations done.
-    pub iteration: u32,
-    /// Iterations of the whole run.
-    pub iterations: u32,
-    /// Stage of the schedule.
-    pub stage: &'static str,
-    /// Mean loss of recent iterations; none where nothing has come back from the GPU yet.
-    pub loss: Option<f32>,
-    /// Their mean PSNR against the training photos, in dB.
-    pub psnr: Option<f32>,
-    /// Number of Gaussians.
-    pub gaussians: usize,
-    /// Time spent in iterations.
-    pub seconds: f64,
-    /// What was measured on the held-out views so far.
-    pub evaluations: Vec<Evaluation>,
-}
-
-/// A measurement on the held-out views.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Evaluation {
-    /// After so many iterations.
-    pub iteration: u32,
-    /// Number of Gaussians.
-    pub gaussians: usize,
-    /// Mean of the base images.
-    pub base: Score,
-    /// Mean of the final images, where there were any.
-    pub image: Option<Score>,
 }
 
 /// The device of a GPU, for windows and tests.

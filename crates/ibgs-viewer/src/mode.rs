@@ -1,7 +1,7 @@
 //! What the canvas can show.
 
-use ibgs_core::loss::Target;
 use ibgs_core::present::Shown;
+use ibgs_core::sources::DevicePhoto;
 use serde::{Deserialize, Serialize};
 
 /// What the canvas shows.
@@ -100,7 +100,7 @@ impl Mode {
     }
 
     /// The same for the device; the final image where a photo is needed and there is none.
-    pub fn shown<'a>(self, style: &Style, photo: Option<&'a Target>) -> Shown<'a> {
+    pub fn shown<'a>(self, style: &Style, photo: Option<&'a DevicePhoto>) -> Shown<'a> {
         match (self, photo) {
             (Mode::Final, _) | (Mode::Difference | Mode::Photo, None) => Shown::Final,
             (Mode::Base, _) => Shown::Base,

@@ -2,16 +2,16 @@
 
 use crate::film::{Film, Shoot};
 use crate::mode::{Mode, Style};
-use crate::{Content, Open, Opened, Progress, Scene, Training, Wanted};
+use crate::{Content, Open, Opened, Scene, Training, Wanted};
 use anyhow::Result;
 use eframe::egui;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::inspect::Inspection;
+use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::picture::usual_range;
 use ibgs_core::present::Presenter;
 use ibgs_core::render::{Frame, Renderer};
-use ibgs_core::tell;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -102,7 +102,7 @@ pub enum News {
     /// What is being done.
     Doing(String),
     /// Something was opened; with how far it is where it is a training.
-    Opened(Box<Scene>, Option<Progress>),
+    Opened(Box<Scene>, Option<TrainingProgress>),
     /// A finished frame.
     Rendered(Box<Rendered>),
     /// Why a pixel looks as it does.
@@ -113,7 +113,7 @@ pub enum News {
         focus: bool,
     },
     /// How far the training is; with whether it goes on.
-    Progress(Box<Progress>, bool),
+    Progress(Box<TrainingProgress>, bool),
     /// The model was saved.
     Saved(PathBuf),
     /// Frames of the film that are done, of so many.
@@ -275,9 +275,9 @@ impl Desk {
         if std::mem::take(&mut work.unfinished)
             && let Some(training) = work.training()
         {
-            tell!("stopped at iteration {}: saving and measuring", training.progress().iteration);
+            log::info!("stopped at iteration {}: saving and measuring", training.progress().iteration);
             if let Err(error) = training.finish() {
-                tell!("error: {}", sentence(&error));
+                log::error!("{}", sentence(&error));
             }
         }
         work.content = None;
@@ -319,7 +319,8 @@ impl Desk {
             Command::Save => {
                 if let Some(training) = work.training() {
                     match training.save() {
-                        Ok(path) => self.tell(News::Saved(path)),
+                        Ok(Some(path)) => self.tell(News::Saved(path)),
+                        Ok(None) => {}
                         Err(error) => self.failed(&error),
                     }
                 }

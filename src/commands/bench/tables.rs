@@ -1,8 +1,8 @@
 //! The figures as tables.
 
 use crate::say;
-use ibgs_core::bench::{Configuration, Rates, Timing, Work};
-use ibgs_core::memory::Bytes;
+use ibgs_core::gpu::Bytes;
+use ibgs_train::bench::{Configuration, Rates, Timing, Work};
 
 /// What the floors are reckoned by.
 pub fn print_rates(rates: &Rates) {

@@ -1,7 +1,7 @@
 //! What models are compared by.
 
 use crate::commands::report::duration;
-use ibgs_core::train::output::figures::{Figures, Means};
+use ibgs_core::output::figures::{Figures, Means};
 
 /// One figure of a model.
 pub struct Column {

@@ -7,9 +7,9 @@ use crate::commands::report::plot::{self, Plot, Series};
 use anyhow::{Context, Result};
 use ibgs_core::files::write_atomically;
 use ibgs_core::image_io::read_picture;
+use ibgs_core::output::PictureKind;
+use ibgs_core::output::cameras::Split;
 use ibgs_core::picture::Picture;
-use ibgs_core::train::output::PictureKind;
-use ibgs_core::train::output::cameras::Split;
 use std::collections::BTreeSet;
 use std::path::Path;
 

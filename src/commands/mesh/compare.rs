@@ -1,16 +1,16 @@
 //! How good the mesh is, against a true surface.
 
-use crate::commands::Model;
+use crate::commands::model::OpenModel;
 use crate::say;
+use crate::tell;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::mesh::Mesh;
 use ibgs_core::mesh::demo::{TrueSurface, normal_map_errors};
 use ibgs_core::mesh::score::{Cloud, CropVolume, Pair, read_transform, read_truth};
-use ibgs_core::tell;
-use ibgs_core::train::output::cameras::Split;
-use ibgs_core::train::output::figures::MESH_FILE;
+use ibgs_core::output::cameras::Split;
+use ibgs_core::output::figures::MESH_FILE;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ impl Options {
     }
 
     /// Whether there is something to compare a model with, where that is asked for.
-    pub fn check(&self, model: &Model) -> Result<()> {
+    pub fn check(&self, model: &OpenModel) -> Result<()> {
         if self.compare.is_none() && !model.is_demo() && !self.threshold.is_empty() {
             bail!("`--threshold` needs `--compare` with a true surface");
         }
@@ -101,7 +101,7 @@ impl Options {
     pub fn report(
         &self,
         truth: Option<Truth>,
-        model: &mut Model,
+        model: &mut OpenModel,
         mesh: &Mesh,
         voxel: f64,
         cameras: &[Camera],
@@ -167,7 +167,7 @@ impl Options {
 }
 
 /// Errors of the rendered normals over the held-out views (all views when none were held out).
-fn normal_map(model: &Model) -> Result<Value> {
+fn normal_map(model: &OpenModel) -> Result<Value> {
     let any_test = model.cameras.iter().any(|record| record.split == Some(Split::Test));
     let records = model.cameras.iter().filter(|record| !any_test || record.split == Some(Split::Test));
     let (mut angles, mut views) = (Vec::new(), 0);

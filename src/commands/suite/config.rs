@@ -1,8 +1,8 @@
 //! The configuration of a suite: which scenes, with which options, beside which published figures.
 
 use anyhow::{Context, Result, bail};
+use ibgs_core::config::TrainConfig;
 use ibgs_core::files::parse_toml;
-use ibgs_core::train::config::TrainConfig;
 use serde::Deserialize;
 use std::collections::HashSet;
 use std::ffi::OsString;

@@ -2,8 +2,8 @@
 
 use super::config::{Job, Published, Suite};
 use anyhow::Result;
-use ibgs_core::train::config::Method;
-use ibgs_core::train::output::{OutputFolder, figures};
+use ibgs_core::config::Method;
+use ibgs_core::output::{OutputFolder, figures};
 use serde_json::{Value, json};
 
 /// A column of the tables.

@@ -1,15 +1,16 @@
 //! What a training will take of the device's memory, told before it begins.
 
+use crate::tell;
 use anyhow::{Result, bail};
 use ibgs_core::camera::Camera;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
-use ibgs_core::fuse::memory::MemoryBudget;
+use ibgs_core::gpu::Bytes;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::memory::{Bytes, Demand, Estimate};
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::tell;
-use ibgs_core::train::Trainer;
-use ibgs_core::train::config::TrainConfig;
+use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::Trainer;
+use ibgs_train::memory::{Demand, Estimate};
 
 /// Part of a device's memory that `auto` may take: other programs and the driver need some.
 const PART: f64 = 0.9;

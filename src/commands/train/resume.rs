@@ -1,10 +1,10 @@
 //! `--resume`: what a training goes on from.
 
 use super::Args;
+use crate::tell;
 use anyhow::{Result, bail};
-use ibgs_core::tell;
-use ibgs_core::train::checkpoint::{Checkpoint, CheckpointError};
-use ibgs_core::train::output::OutputFolder;
+use ibgs_core::output::OutputFolder;
+use ibgs_train::checkpoint::{Checkpoint, CheckpointError};
 use std::path::Path;
 use toml::{Table, Value};
 

@@ -2,9 +2,9 @@
 
 use super::{set, set_some};
 use clap::Args as ClapArgs;
-use ibgs_core::fuse::memory::MemoryBudget;
-use ibgs_core::fuse::sources::Distances;
-use ibgs_core::train::config::{ExposureSwitch, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, TrainConfig};
+use ibgs_core::sources::find::Distances;
+use ibgs_core::sources::memory::MemoryBudget;
 
 /// What `--source-distance` may be.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -22,6 +22,7 @@ pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampl
 
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
+use crate::progress::Progress;
 use archive::Unpacked;
 use glam::{DVec2, DVec3};
 use photos::Frame;
@@ -228,18 +229,26 @@ pub fn parse_points_ply(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, Dataset
 /// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder, a ZIP archive
 /// of one, or a `transforms.json`.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
+    load_with(path, options, &())
+}
+
+/// As [`load`]; `progress` hears of the photos.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
     options.check()?;
     if !is_archive(path) {
-        return load_folder(path, options);
+        return load_folder(path, options, progress);
     }
     let unpacked = Unpacked::new(path)?;
-    let loaded = load_folder(&unpacked.root(), options);
+    let loaded = load_folder(&unpacked.root(), options, progress);
     let dataset = loaded.map_err(|error| DatasetError::InArchive(unpacked.told(&error.to_string())))?;
     let notes = dataset.notes.iter().map(|note| unpacked.told(note)).collect();
     Ok(Dataset { path: path.to_owned(), notes, ..dataset })
 }
 
-fn load_folder(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
+fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
     let mut scene = match format_of(path)? {
         Format::Colmap => colmap::read(path, options)?,
         Format::Transforms => nerf::read(path, options)?,
@@ -266,7 +275,7 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetErr
         _ => Alpha::Mask,
     };
     let options = &LoadOptions { alpha: options.alpha.or(Some(usual)), ..options.clone() };
-    photos::load_views(&scene.frames, options, &mut dataset)?;
+    photos::load_views(&scene.frames, options, progress, &mut dataset)?;
     let root = root(path);
     split::split(&mut dataset, scene.held_out, root, options)?;
     points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;

@@ -242,9 +242,6 @@ pub struct LoadOptions {
     pub seed: u64,
     /// Number of random points where the scene has none.
     pub random_points: usize,
-    /// Shows a progress bar on stderr.
-    #[serde(skip)]
-    pub progress: bool,
 }
 
 impl Default for LoadOptions {
@@ -264,7 +261,6 @@ impl Default for LoadOptions {
             filter_points: false,
             seed: 0,
             random_points: 100_000,
-            progress: false,
         }
     }
 }

@@ -5,10 +5,10 @@ use super::error::{DatasetError, read_bytes};
 use super::lens::{Lens, Pose};
 use super::undistort::undistort;
 use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
+use crate::progress::Progress;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
 use image::{GrayImage, ImageBuffer, Rgba, RgbaImage};
-use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -170,30 +170,31 @@ fn to_image(photo: Photo, path: &Path) -> Result<RgbaImage, DatasetError> {
 }
 
 /// Decodes, undistorts and resamples all photos, in parallel; adds views and notes to `dataset`.
-pub(crate) fn load_views(frames: &[Frame], options: &LoadOptions, dataset: &mut Dataset) -> Result<(), DatasetError> {
-    let bar = if options.progress { ProgressBar::new(frames.len() as u64) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:32}] {pos}/{len} {eta}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    bar.set_message("Loading photos");
+pub(crate) fn load_views(
+    frames: &[Frame],
+    options: &LoadOptions,
+    progress: &dyn Progress,
+    dataset: &mut Dataset,
+) -> Result<(), DatasetError> {
+    progress.begin("loading photos", frames.len());
     // The first bad photo in name order is reported, whichever thread meets one first.
     let first_bad = AtomicUsize::new(usize::MAX);
     let loaded: Vec<Option<Result<Loaded, DatasetError>>> = frames
         .par_iter()
         .enumerate()
-        .progress_with(bar.clone())
         .map(|(index, frame)| {
             if index > first_bad.load(Ordering::Relaxed) {
                 return None;
             }
             let loaded = load_one(frame, options);
+            progress.step();
             if loaded.is_err() {
                 first_bad.fetch_min(index, Ordering::Relaxed);
             }
             Some(loaded)
         })
         .collect();
-    bar.finish_and_clear();
+    progress.end();
     let loaded = loaded.into_iter().flatten().collect::<Result<Vec<Loaded>, _>>()?;
     add_notes(&loaded, &mut dataset.notes);
     if options.alpha == Some(Alpha::Composite) {

@@ -107,7 +107,7 @@ impl ExposureField {
 }
 
 /// Root mean square of log gains.
-pub(crate) fn spread(photos: &[Exposure]) -> f64 {
+pub fn spread(photos: &[Exposure]) -> f64 {
     let squares: f64 = photos.iter().flat_map(|photo| photo.log_gain).map(|v| f64::from(v).powi(2)).sum();
     (squares / (3 * photos.len()).max(1) as f64).sqrt()
 }

@@ -1,21 +1,12 @@
-//! Images and warped colours in a photo's exposure, as burn autodiff operations.
+//! Images and warped colours in a photo's exposure, and the gradients by them.
 
 use super::{Exposure, PhotoExposures, ROW_BYTES};
-use crate::fuse::{MAX_SOURCES, Seen};
-use crate::gpu::buffer::{from_primitive, primitive};
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Forward;
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
-use burn::tensor::Tensor;
-use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::CubeBackend;
+use crate::sources::{MAX_SOURCES, Warped};
 use bytemuck::{bytes_of, cast_slice};
-use ibgs_shaders::types::{ExposeParams, SlotsParams};
+use ibgs_shaders::types::ExposeParams;
 use ibgs_shaders::{EXPOSE, EXPOSE_BACKWARD, EXPOSE_TOTAL, EXPOSE_WARPED, EXPOSE_WARPED_BACKWARD, EXPOSURE_GROUPS};
 use std::sync::Arc;
 
@@ -41,62 +32,6 @@ struct Room {
 pub struct Exposer {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Room>>,
-}
-
-#[derive(Debug)]
-struct ExposeBackward;
-
-#[derive(Clone, Debug)]
-struct Saved {
-    exposures: Exposures,
-    forward: Forward,
-    params: ExposeParams,
-}
-
-impl Backward<CubeBackend, 1> for ExposeBackward {
-    type State = Saved;
-
-    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_exposed = burn_wgpu::into_contiguous(grads.consume::<CubeBackend>(&ops.node));
-        let [Some(parent)] = ops.parents else { return };
-        let Saved { exposures: Exposures { gpu, room }, forward, params } = ops.state;
-        let v_image = gpu.empty_like_shape(&forward.image, forward.image.meta.shape());
-        let [image, v_exposed, out] = [&forward.image, &v_exposed, &v_image].map(Gpu::bind);
-        let mut pass = Pass::new(&gpu, "exposure backward");
-        let t = &forward.workspace.final_t;
-        let buffers: [&Buffer; 6] = [&room.rows, &image, t, &v_exposed, &out, &room.partials];
-        pass.groups(&EXPOSE_BACKWARD, &buffers, bytes_of(&params), EXPOSURE_GROUPS as usize);
-        pass.groups(&EXPOSE_TOTAL, &[&room.rows, &room.partials, &room.v_target], &[], 1);
-        pass.submit();
-        grads.register::<CubeBackend>(parent.id, v_image);
-    }
-}
-
-#[derive(Debug)]
-struct WarpedBackward;
-
-#[derive(Clone, Debug)]
-struct SavedWarped {
-    exposures: Exposures,
-    seen: Arc<Lease<Seen>>,
-    params: SlotsParams,
-}
-
-impl Backward<CubeBackend, 1> for WarpedBackward {
-    type State = SavedWarped;
-
-    fn backward(self, ops: Ops<SavedWarped, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_shifted = burn_wgpu::into_contiguous(grads.consume::<CubeBackend>(&ops.node));
-        let [Some(parent)] = ops.parents else { return };
-        let SavedWarped { exposures: Exposures { gpu, room }, seen, params } = ops.state;
-        let v_warped = gpu.empty_like_shape(&v_shifted, v_shifted.meta.shape());
-        let [v, out] = [&v_shifted, &v_warped].map(Gpu::bind);
-        let mut pass = Pass::new(&gpu, "exposure backward");
-        let buffers: [&Buffer; 4] = [&room.rows, &seen.slots, &v, &out];
-        pass.linear(&EXPOSE_WARPED_BACKWARD, &buffers, bytes_of(&params), params.pixels as usize);
-        pass.submit();
-        grads.register::<CubeBackend>(parent.id, v_warped);
-    }
 }
 
 const LABEL: &str = "exposure";
@@ -157,98 +92,59 @@ impl Exposer {
 }
 
 impl Exposures {
-    /// `[8]` f32: gradient by the target's (log gains, 0, offsets, 0), there once the backward pass of [`Exposures::tracked`] is
+    /// `[8]` f32: gradient by the target's (log gains, 0, offsets, 0), there once [`Exposures::backward`] is
     /// submitted; with that of half the squares of its numbers times [`EXPOSURE_PULL`](ibgs_shaders::EXPOSURE_PULL).
     pub fn v_target(&self) -> &Buffer {
         &self.room.v_target
     }
 
-    fn saved(&self, forward: &Forward) -> Saved {
-        let background = forward.frame.background;
+    /// The GPU it works on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    fn params(forward: &Forward) -> ExposeParams {
         let [width, height] = forward.frame.size;
-        let params = ExposeParams { background, pixels: width * height };
-        Saved { exposures: self.clone(), forward: forward.clone(), params }
+        ExposeParams { background: forward.frame.background, pixels: width * height }
     }
 
-    fn expose(&self, pass: &mut Pass, saved: &Saved) -> CubeTensor {
-        let Saved { forward, params, .. } = saved;
-        let out = self.gpu.empty_like_shape(&forward.image, forward.image.meta.shape());
-        let [image, bound] = [&forward.image, &out].map(Gpu::bind);
-        let buffers: [&Buffer; 4] = [&self.room.rows, &image, &forward.workspace.final_t, &bound];
-        pass.linear(&EXPOSE, &buffers, bytes_of(params), params.pixels as usize);
-        out
-    }
-
-    /// Records the image of a pass in the target's exposure, `[H, W, 3]`. What shines through of the background keeps its
-    /// colour.
-    pub(crate) fn record(&self, pass: &mut Pass, forward: &Forward) -> Tensor<3> {
+    /// Records the image of a pass in the target's exposure into `exposed`, `[H, W, 3]`. What shines through of the background
+    /// keeps its colour.
+    pub fn record(&self, pass: &mut Pass, forward: &Forward, exposed: &Buffer) {
         pass.relabel(LABEL);
-        let saved = self.saved(forward);
-        let out = self.expose(pass, &saved);
-        pass.keep(saved);
-        from_primitive(out)
+        let params = Self::params(forward);
+        let buffers: [&Buffer; 4] = [&self.room.rows, &forward.image, &forward.workspace.final_t, exposed];
+        pass.linear(&EXPOSE, &buffers, bytes_of(&params), params.pixels as usize);
+        pass.keep((self.clone(), forward.clone()));
     }
 
-    /// The tracked image of a pass in the target's exposure, on the autodiff graph. The gradient by the exposure itself is
-    /// [`Exposures::v_target`]; none flows through the transmittance.
-    ///
-    /// # Panics
-    /// When the image is not on the autodiff graph: a bug of ours.
-    pub fn tracked(&self, image: &Tensor<3>, forward: &Forward) -> Tensor<3> {
-        type Ad = Autodiff<CubeBackend>;
-        let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
-        let saved = self.saved(forward);
-        let mut pass = Pass::new(&self.gpu, LABEL);
-        let out = self.expose(&mut pass, &saved);
+    /// The gradient by the image of a pass into `v_image` from that by the exposed one, `[H, W, 3]`, and that by the exposure
+    /// itself into [`Exposures::v_target`]; none flows through the transmittance.
+    pub fn backward(&self, forward: &Forward, v_exposed: &Buffer, v_image: &Buffer) {
+        let (room, params) = (&self.room, Self::params(forward));
+        let mut pass = Pass::new(&self.gpu, "exposure backward");
+        let t = &forward.workspace.final_t;
+        let buffers: [&Buffer; 6] = [&room.rows, &forward.image, t, v_exposed, v_image, &room.partials];
+        pass.groups(&EXPOSE_BACKWARD, &buffers, bytes_of(&params), EXPOSURE_GROUPS as usize);
+        pass.groups(&EXPOSE_TOTAL, &[&room.rows, &room.partials, &room.v_target], &[], 1);
         pass.submit();
-        let output = match ExposeBackward.prepare::<NoCheckpointing>([image.node()]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(saved, out),
-            OpsKind::UnTracked(prep) => prep.finish(out),
-        };
-        Tensor::from_primitive::<Ad>(output)
     }
 
-    fn shift(&self, pass: &mut Pass, warped: &CubeTensor, saved: &SavedWarped) -> CubeTensor {
-        let out = self.gpu.empty_like_shape(warped, warped.meta.shape());
-        let [bound, shifted] = [warped, &out].map(Gpu::bind);
-        let buffers: [&Buffer; 4] = [&self.room.rows, &bound, &saved.seen.slots, &shifted];
-        pass.linear(&EXPOSE_WARPED, &buffers, bytes_of(&saved.params), saved.params.pixels as usize);
-        out
-    }
-
-    fn saved_warped(&self, warped: &CubeTensor, seen: &Arc<Lease<Seen>>) -> SavedWarped {
-        let shape = warped.meta.shape();
-        let params = SlotsParams { pixels: shape[1] as u32, slots: shape[0] as u32 };
-        SavedWarped { exposures: self.clone(), seen: seen.clone(), params }
-    }
-
-    /// Records the warped colours `[V, P, 4]` in the target's exposure.
-    pub(crate) fn record_warped(&self, pass: &mut Pass, warped: Tensor<3>, seen: &Arc<Lease<Seen>>) -> Tensor<3> {
+    /// Records warped colours, `[V, P, 4]`, in the target's exposure into `exposed`.
+    pub fn record_warped(&self, pass: &mut Pass, warped: &Warped, exposed: &Buffer) {
         pass.relabel(LABEL);
-        let warped = primitive(warped);
-        let saved = self.saved_warped(&warped, seen);
-        let out = self.shift(pass, &warped, &saved);
-        pass.keep((saved, warped));
-        from_primitive(out)
+        let params = warped.slots();
+        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.colors, &warped.seen.slots, exposed];
+        pass.linear(&EXPOSE_WARPED, &buffers, bytes_of(&params), params.pixels as usize);
+        pass.keep((self.clone(), warped.clone()));
     }
 
-    /// Tracked warped colours `[V, P, 4]` in the target's exposure, on the autodiff graph; the exposures are constants.
-    ///
-    /// # Panics
-    /// When the colours are not on the autodiff graph: a bug of ours.
-    pub fn tracked_warped(&self, warped: Tensor<3>, seen: &Arc<Lease<Seen>>) -> Tensor<3> {
-        type Ad = Autodiff<CubeBackend>;
-        let warped = warped.try_into_primitive::<Ad>().expect("the colours are on the autodiff graph");
-        let node = warped.node();
-        let warped = warped.into_primitive();
-        let saved = self.saved_warped(&warped, seen);
-        let mut pass = Pass::new(&self.gpu, LABEL);
-        let out = self.shift(&mut pass, &warped, &saved);
+    /// The gradient by warped colours into `v_colors` from that by the exposed ones, `[V, P, 4]`; the exposures are constants.
+    pub fn warped_backward(&self, warped: &Warped, v_exposed: &Buffer, v_colors: &Buffer) {
+        let params = warped.slots();
+        let mut pass = Pass::new(&self.gpu, "exposure backward");
+        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.seen.slots, v_exposed, v_colors];
+        pass.linear(&EXPOSE_WARPED_BACKWARD, &buffers, bytes_of(&params), params.pixels as usize);
         pass.submit();
-        let output = match WarpedBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(saved, out),
-            OpsKind::UnTracked(prep) => prep.finish(out),
-        };
-        Tensor::from_primitive::<Ad>(output)
     }
 }

@@ -125,8 +125,7 @@ impl PhotoExposures {
 
     fn part(&self, buffer: &Buffer, photo: usize) -> Buffer {
         assert!(photo < self.steps.len(), "photo {photo} of {}", self.steps.len());
-        let offset = buffer.offset + (4 * STRIDE * photo) as u64;
-        Buffer { buffer: buffer.buffer.clone(), offset, size: ROW_BYTES }
+        buffer.part((4 * STRIDE * photo) as u64, ROW_BYTES)
     }
 
     /// Records one step of Adam for one photo's exposure; `gradient` is a row, `[8]` f32.

@@ -1,13 +1,10 @@
-//! Buffers of our own, and burn tensors seen as buffers.
+//! Storage buffers and what keeps their memory.
 
 use super::{Gpu, GpuError};
-use burn::tensor::{DType, Shape, Tensor};
-use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::{AutoCompiler, CubeBackend};
-use cubecl::wgpu::WgpuServer;
-use std::sync::mpsc;
+use std::any::Any;
+use std::sync::{Arc, Mutex, Weak, mpsc};
 
-/// A storage buffer, or a part of one.
+/// A storage buffer, or a part of one. Clones share the memory.
 #[derive(Clone, Debug)]
 pub struct Buffer {
     /// The wgpu buffer.
@@ -16,19 +13,74 @@ pub struct Buffer {
     pub offset: u64,
     /// Bytes.
     pub size: u64,
+    /// Keeps the memory from being given to something else: a tensor of another library, or a place in a pool. None: the
+    /// wgpu buffer is this one's alone.
+    _owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
-/// A burn tensor's memory, kept alive while a pass that uses it is recorded and submitted.
-pub struct Bound {
-    view: Buffer,
-    _guard: Box<dyn Send>,
-}
-
-impl std::ops::Deref for Bound {
-    type Target = Buffer;
-    fn deref(&self) -> &Buffer {
-        &self.view
+impl Buffer {
+    /// Memory that belongs to `owner`, as long as a clone of this lives.
+    pub fn owned_by(buffer: wgpu::Buffer, offset: u64, size: u64, owner: impl Any + Send + Sync) -> Self {
+        Self { buffer, offset, size, _owner: Some(Arc::new(owner)) }
     }
+
+    /// A whole wgpu buffer.
+    pub fn whole(buffer: wgpu::Buffer) -> Self {
+        let size = buffer.size();
+        Self { buffer, offset: 0, size, _owner: None }
+    }
+
+    /// `bytes` of it from byte `first` on.
+    pub fn part(&self, first: u64, bytes: u64) -> Self {
+        Self { offset: self.offset + first, size: bytes, ..self.clone() }
+    }
+}
+
+/// Memory that came back, by what it is for and its bytes; the oldest first.
+#[derive(Debug, Default)]
+pub(super) struct Transients(Mutex<Vec<(&'static str, wgpu::Buffer)>>);
+
+/// Most buffers that wait to be used again.
+const MOST_TRANSIENTS: usize = 16;
+
+impl Transients {
+    fn take(&self, what: &'static str, size: u64) -> Option<wgpu::Buffer> {
+        let mut free = self.0.lock().expect("transient memory");
+        let at = free.iter().position(|(kind, buffer)| *kind == what && buffer.size() == size)?;
+        Some(free.remove(at).1)
+    }
+
+    fn give_back(&self, what: &'static str, buffer: wgpu::Buffer) {
+        let mut free = self.0.lock().expect("transient memory");
+        free.push((what, buffer));
+        if free.len() > MOST_TRANSIENTS {
+            free.remove(0);
+        }
+    }
+
+    pub fn clear(&self) {
+        self.0.lock().expect("transient memory").clear();
+    }
+}
+
+/// A transient buffer in use.
+struct InUse {
+    what: &'static str,
+    buffer: wgpu::Buffer,
+    home: Weak<Transients>,
+}
+
+impl Drop for InUse {
+    fn drop(&mut self) {
+        if let Some(home) = self.home.upgrade() {
+            home.give_back(self.what, self.buffer.clone());
+        }
+    }
+}
+
+/// Bytes of a buffer that holds at least `bytes`.
+fn rounded(bytes: u64) -> u64 {
+    bytes.max(16).next_multiple_of(16)
 }
 
 impl Gpu {
@@ -39,7 +91,7 @@ impl Gpu {
     pub fn allocate(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
         self.check()?;
         self.check_size(what, bytes)?;
-        let size = bytes.max(16).next_multiple_of(16);
+        let size = rounded(bytes);
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
@@ -48,9 +100,24 @@ impl Gpu {
             mapped_at_creation: false,
         });
         match pollster::block_on(scope.pop()) {
-            None => Ok(Buffer { buffer, offset: 0, size }),
+            None => Ok(Buffer::whole(buffer)),
             Some(_) => Err(GpuError::OutOfMemory { what, bytes: size }),
         }
+    }
+
+    /// Memory for one frame, which goes back to a pool with its last clone; contents undefined. Keep a clone until the work
+    /// that uses it is submitted: the memory may become another frame's afterwards.
+    ///
+    /// # Errors
+    /// As [`Gpu::allocate`].
+    pub fn transient(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
+        let size = rounded(bytes);
+        let buffer = match self.transients.take(what, size) {
+            Some(buffer) => buffer,
+            None => self.allocate(what, bytes)?.buffer,
+        };
+        let home = Arc::downgrade(&self.transients);
+        Ok(Buffer::owned_by(buffer.clone(), 0, size, InUse { what, buffer, home }))
     }
 
     /// Bytes that the device can bind at once.
@@ -106,12 +173,12 @@ impl Gpu {
     /// # Errors
     /// When the device is lost.
     pub fn read_at<T: bytemuck::Pod>(&self, source: &Buffer, first: usize, count: usize) -> Result<Vec<T>, GpuError> {
-        let skipped = (first * size_of::<T>()) as u64;
-        self.read(&Buffer { offset: source.offset + skipped, ..source.clone() }, count)
+        let bytes = size_of::<T>() as u64;
+        self.read(&source.part(first as u64 * bytes, count as u64 * bytes), count)
     }
 
     /// A buffer that the host can map for reading.
-    pub(crate) fn staging(&self, bytes: u64) -> wgpu::Buffer {
+    pub fn staging(&self, bytes: u64) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("readback"),
             size: bytes.max(4).next_multiple_of(4),
@@ -119,42 +186,4 @@ impl Gpu {
             mapped_at_creation: false,
         })
     }
-
-    /// The memory behind a float tensor primitive. Flushes burn's pending work, so that what we submit next follows it.
-    pub fn bind(tensor: &CubeTensor) -> Bound {
-        let client = &tensor.client;
-        let guard =
-            client.get_resource::<WgpuServer<AutoCompiler>>(tensor.handle.clone()).expect("a live tensor has memory");
-        let resource = guard.resource();
-        let view = Buffer { buffer: resource.buffer.clone(), offset: resource.offset, size: resource.size };
-        Bound { view, _guard: Box::new(guard) }
-    }
-
-    /// An uninitialised float32 tensor; every value must be written before it is read. Its size must have passed
-    /// [`Gpu::check_size`]: burn panics where memory cannot be had.
-    pub fn empty_like_shape(&self, like: &CubeTensor, shape: &[usize]) -> CubeTensor {
-        let values: usize = shape.iter().product();
-        let handle = like.client.empty((values * size_of::<f32>()).max(16));
-        CubeTensor::new_contiguous(
-            like.client.clone(),
-            like.device.clone(),
-            Shape::from(shape.to_vec()),
-            handle,
-            DType::F32,
-        )
-    }
-}
-
-/// The contiguous primitive behind a float tensor outside autodiff.
-///
-/// # Panics
-/// When the tensor lives on another backend: a bug of ours.
-pub fn primitive<const D: usize>(tensor: Tensor<D>) -> CubeTensor {
-    let cube = tensor.try_into_primitive::<CubeBackend>().expect("tensors live on the wgpu backend");
-    burn_wgpu::into_contiguous(cube)
-}
-
-/// The tensor of a primitive.
-pub fn from_primitive<const D: usize>(cube: CubeTensor) -> Tensor<D> {
-    Tensor::from_primitive::<CubeBackend>(cube)
 }

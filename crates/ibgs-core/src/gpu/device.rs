@@ -1,11 +1,11 @@
-//! Choosing an adapter, creating the one device that burn and our kernels share.
+//! Choosing an adapter, and creating its device.
 
+use super::buffer::Transients;
 use super::matrix::{experimental_features, matrix_units};
 use super::profile::Profiler;
-use burn::tensor::Device;
-use burn::tensor::wgpu::{MemoryConfiguration, WgpuSetup};
 use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
 use serde::{Deserialize, Serialize};
+use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -104,7 +104,7 @@ pub struct MemoryReport {
 /// Buffers of one label.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MemoryKind {
-    /// Label of the buffers. burn's tensors have none: wgpu's own name for that stands here.
+    /// Label of the buffers; those of another library on the same device may have none: wgpu's own name for that stands here.
     pub name: String,
     /// Bytes of them all.
     pub bytes: u64,
@@ -114,13 +114,11 @@ pub struct MemoryKind {
 
 /// The shared device with everything that outlives a single pass.
 pub struct Gpu {
-    /// burn's name of the device (without autodiff).
-    pub burn: Device,
     /// Where the adapter was found; windows need it.
     pub instance: wgpu::Instance,
     /// The adapter of the device.
     pub adapter: wgpu::Adapter,
-    /// The wgpu device that burn and our kernels share.
+    /// The device.
     pub device: wgpu::Device,
     /// Its only queue.
     pub queue: wgpu::Queue,
@@ -130,6 +128,9 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     /// Its matrix units for products of halves; none where the adapter has none that fit our kernels.
     pub matrix_units: Option<MatrixUnits>,
+    /// What a library that shares the device keeps with it.
+    companion: OnceLock<Box<dyn Any + Send + Sync>>,
+    pub(super) transients: Arc<Transients>,
     /// What the test of the matrix units came to.
     pub(crate) matrix_units_pay: OnceLock<bool>,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
@@ -245,7 +246,7 @@ fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wg
 }
 
 impl Gpu {
-    /// Opens the chosen adapter with all its limits and registers it with burn.
+    /// Opens the chosen adapter with all its features and limits.
     ///
     /// # Errors
     /// No such adapter, one that lacks a needed limit, or a driver that refuses.
@@ -259,7 +260,7 @@ impl Gpu {
             return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
         }
         let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
-        // burn generates code for whatever the adapter offers, so the device must have it enabled.
+        // A library that shares the device may generate code for whatever the adapter offers.
         let mut wanted = adapter
             .features()
             .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
@@ -275,37 +276,7 @@ impl Gpu {
         };
         let (device, queue) =
             pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| refused(e.to_string()))?;
-        let backend = info.backend;
-        let setup = WgpuSetup {
-            instance: instance.clone(),
-            adapter: adapter.clone(),
-            device: device.clone(),
-            queue: queue.clone(),
-            backend,
-        };
-        // Exclusive pages: every tensor is a wgpu buffer of its own, so that one dispatch may read one tensor and
-        // write another.
-        let burn = Device::wgpu_options()
-            .setup(setup)
-            .memory_config(MemoryConfiguration::ExclusivePages)
-            .init()
-            .map_err(|e| refused(e.to_string()))?;
-        // In place of burn's own callbacks, of which the one for errors panics.
-        let fault = Arc::new(OnceLock::new());
-        let (first, also) = (fault.clone(), fault.clone());
-        device.set_device_lost_callback(move |reason, text| {
-            let _ = first.set(format!("the device is lost ({reason:?}) {text}").trim_end().to_owned());
-        });
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            let text = error.to_string();
-            // A window's surface that could not be set up in time (a software adapter was busy) is set up again.
-            if !text.contains("Surface::configure") {
-                // Whoever waits for the device next hears of it.
-                let _ = also.set(text.split_whitespace().collect::<Vec<_>>().join(" "));
-            }
-        }));
-        Ok(Arc::new(Gpu {
-            burn,
+        let gpu = Gpu {
             limits: device.limits(),
             instance,
             adapter,
@@ -313,11 +284,47 @@ impl Gpu {
             queue,
             info,
             matrix_units,
+            companion: OnceLock::new(),
+            transients: Arc::default(),
             matrix_units_pay: OnceLock::new(),
             pipelines: Mutex::default(),
             profiler: Mutex::default(),
-            fault,
-        }))
+            fault: Arc::default(),
+        };
+        gpu.watch();
+        Ok(Arc::new(gpu))
+    }
+
+    /// Sets the callbacks that note what goes wrong on the device, in place of those of another library.
+    pub fn watch(&self) {
+        let (first, also) = (self.fault.clone(), self.fault.clone());
+        self.device.set_device_lost_callback(move |reason, text| {
+            let _ = first.set(format!("the device is lost ({reason:?}) {text}").trim_end().to_owned());
+        });
+        self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let text = error.to_string();
+            // A window's surface that could not be set up in time (a software adapter was busy) is set up again.
+            if !text.contains("Surface::configure") {
+                // Whoever waits for the device next hears of it.
+                let _ = also.set(text.split_whitespace().collect::<Vec<_>>().join(" "));
+            }
+        }));
+    }
+
+    /// What a library that shares the device keeps with it; none yet.
+    ///
+    /// # Panics
+    /// When another type is kept: there is one such library, ours for training.
+    pub fn companion<T: Any + Send + Sync>(&self) -> Option<&T> {
+        self.companion.get().map(|kept| kept.downcast_ref().expect("one type of companion"))
+    }
+
+    /// Keeps something with the device, unless there is already something; returns what is kept then.
+    ///
+    /// # Panics
+    /// As [`Gpu::companion`].
+    pub fn set_companion<T: Any + Send + Sync>(&self, companion: T) -> &T {
+        self.companion.get_or_init(|| Box::new(companion)).downcast_ref().expect("one type of companion")
     }
 
     /// True on a software adapter.
@@ -337,7 +344,7 @@ impl Gpu {
         }
     }
 
-    /// What lies in device memory now, ours and burn's; none where the driver does not tell.
+    /// What lies in device memory now; none where the driver does not report it.
     pub fn memory_report(&self) -> Option<MemoryReport> {
         let report = self.device.generate_allocator_report()?;
         let mut kinds: BTreeMap<String, MemoryKind> = BTreeMap::new();
@@ -359,9 +366,9 @@ impl Gpu {
         })
     }
 
-    /// Gives memory back that burn keeps for reuse.
+    /// Gives memory back that is kept for reuse.
     pub fn release_unused(&self) {
-        self.burn.memory_cleanup();
+        self.transients.clear();
     }
 
     /// Waits until everything submitted so far is done.
@@ -382,7 +389,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device is lost.
-    pub(crate) fn answer<T>(&self, receiver: &Receiver<T>) -> Result<T, GpuError> {
+    pub fn answer<T>(&self, receiver: &Receiver<T>) -> Result<T, GpuError> {
         loop {
             match receiver.recv_timeout(PATIENCE) {
                 Ok(value) => return Ok(value),

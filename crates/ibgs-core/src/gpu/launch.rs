@@ -1,7 +1,6 @@
 //! The only place that dispatches: a [`Pass`] records kernels into one encoder and submits it once.
 
 use super::{Buffer, Gpu};
-use crate::tell;
 use ibgs_shaders::Kernel;
 use std::any::Any;
 
@@ -24,7 +23,7 @@ impl<'a> Pass<'a> {
     }
 
     /// What comes next has another label in measurements.
-    pub(crate) fn relabel(&mut self, label: &'static str) {
+    pub fn relabel(&mut self, label: &'static str) {
         self.open = None;
         self.label = label;
     }
@@ -96,7 +95,7 @@ impl<'a> Pass<'a> {
     }
 
     /// Keeps something until the pass is submitted: memory that it uses, which nothing else may get before.
-    pub(crate) fn keep(&mut self, owner: impl Any) {
+    pub fn keep(&mut self, owner: impl Any) {
         self.kept.push(Box::new(owner));
     }
 
@@ -119,12 +118,12 @@ impl<'a> Pass<'a> {
     }
 
     /// Copies the first `bytes` to byte `at` of another buffer.
-    pub(crate) fn copy(&mut self, source: &Buffer, target: &Buffer, at: u64, bytes: u64) {
+    pub fn copy(&mut self, source: &Buffer, target: &Buffer, at: u64, bytes: u64) {
         self.copy_out(source, &target.buffer, target.offset + at, bytes);
     }
 
     /// Copies the first `bytes` into a mappable buffer.
-    pub(crate) fn copy_out(&mut self, source: &Buffer, target: &wgpu::Buffer, at: u64, bytes: u64) {
+    pub fn copy_out(&mut self, source: &Buffer, target: &wgpu::Buffer, at: u64, bytes: u64) {
         self.open = None;
         self.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
     }
@@ -138,7 +137,7 @@ impl<'a> Pass<'a> {
         self.gpu.queue.submit([self.encoder.finish()]);
         if let Err(error) = self.gpu.collect_profile() {
             // Only measurements are lost.
-            tell!("warning: {error}");
+            log::warn!("{error}");
         }
     }
 }

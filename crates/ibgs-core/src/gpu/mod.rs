@@ -1,6 +1,7 @@
 //! The GPU: adapter and device, kernel launches, prefix sum and radix sort.
 
 pub mod buffer;
+mod bytes;
 pub mod device;
 mod heap;
 pub mod launch;
@@ -10,7 +11,8 @@ pub mod profile;
 pub mod scan;
 pub mod sort;
 
-pub use buffer::{Bound, Buffer};
+pub use buffer::Buffer;
+pub use bytes::Bytes;
 pub use device::{AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, backends, list_adapters};
 pub use launch::Pass;
 pub use profile::Measured;

@@ -93,7 +93,7 @@ impl Gpu {
         };
         let pending = std::mem::take(&mut profiler.pending);
         let size = pending.len() as u64 * 16;
-        let view = super::Buffer { buffer: profiler.resolve.clone(), offset: 0, size };
+        let view = super::Buffer::whole(profiler.resolve.clone()).part(0, size);
         let ticks: Vec<u64> = self.read(&view, 2 * pending.len())?;
         let period = f64::from(self.queue.get_timestamp_period());
         for (launch, pair) in pending.iter().zip(ticks.chunks_exact(2)) {

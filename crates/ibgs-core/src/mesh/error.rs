@@ -1,8 +1,8 @@
 //! Why there is no mesh, or no score of one.
 
 use crate::files::WriteError;
+use crate::gpu::Bytes;
 use crate::local_space::Length;
-use crate::memory::Bytes;
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;

@@ -4,7 +4,6 @@ use super::*;
 use crate::camera::Camera;
 use crate::dataset::demo::look_at;
 use glam::{DVec2, DVec3, dvec3};
-use indicatif::ProgressBar;
 use std::collections::HashMap;
 
 const RED: [f32; 3] = [1.0, 0.5, 0.0];
@@ -58,7 +57,7 @@ fn plan(maps: &[DepthMap], voxel: f64) -> Plan {
 }
 
 fn meshed(maps: &[DepthMap], plan: &Plan) -> Mesh {
-    let mut mesh = fuse(maps, plan, &ProgressBar::hidden()).unwrap().mesh().unwrap();
+    let mut mesh = fuse(maps, plan, &()).unwrap().mesh().unwrap();
     mesh.keep_largest(0);
     mesh
 }
@@ -180,7 +179,7 @@ fn what_cannot_be_fused_says_why() {
     let base = FusionOptions { voxel: Some(0.05), ..FusionOptions::default() };
     let fused = |options: FusionOptions| {
         let plan = Plan::of(&maps, &options)?;
-        fuse(&maps, &plan, &ProgressBar::hidden())?.mesh()
+        fuse(&maps, &plan, &())?.mesh()
     };
     let tells = |options: FusionOptions, fragments: &[&str]| {
         let text = fused(options).unwrap_err().to_string();

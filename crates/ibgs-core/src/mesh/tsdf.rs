@@ -7,8 +7,8 @@
 use super::depth_map::Pixel;
 use super::plan::{Plan, inside};
 use super::{DepthMap, MeshError};
+use crate::progress::Progress;
 use glam::{DVec3, IVec3, Vec3};
-use indicatif::ProgressBar;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
@@ -66,12 +66,12 @@ impl Grid {
     }
 }
 
-/// Fuses depth maps. The bar is given its length, and counts blocks.
+/// Fuses depth maps. `progress` counts blocks.
 ///
 /// # Errors
 /// [`MeshError::Voxels`] when they need more memory than allowed, [`MeshError::NoSurface`] when no depth lies within the plan's
 /// limits.
-pub fn fuse(maps: &[DepthMap], plan: &Plan, bar: &ProgressBar) -> Result<Grid, MeshError> {
+pub fn fuse(maps: &[DepthMap], plan: &Plan, progress: &dyn Progress) -> Result<Grid, MeshError> {
     let found = places(maps, plan)?.ok_or_else(|| too_fine(maps, plan))?;
     let mut places: Vec<IVec3> = found.into_iter().collect();
     if places.is_empty() {
@@ -79,11 +79,11 @@ pub fn fuse(maps: &[DepthMap], plan: &Plan, bar: &ProgressBar) -> Result<Grid, M
     }
     // The same grid whatever the hash; neighbours in space follow each other and read the same pixels.
     places.par_sort_unstable_by_key(|p| (p.z, p.y, p.x));
-    bar.set_length(places.len() as u64);
+    progress.begin("fusing", places.len());
     let views: Vec<View> = maps.iter().map(|map| View::new(map, plan)).collect();
     let fused = places.into_par_iter().map(|at| {
         let fused = fuse_block(at, &views, plan);
-        bar.inc(1);
+        progress.step();
         fused
     });
     let (blocks, counts): (Vec<Block>, Vec<u64>) = fused.unzip();

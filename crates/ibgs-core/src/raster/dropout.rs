@@ -29,7 +29,7 @@ impl Dropout {
 }
 
 /// The seed of an iteration: another one for each `seed` and `iteration`.
-pub(crate) fn iteration_seed(seed: u64, iteration: u32) -> u32 {
+pub fn iteration_seed(seed: u64, iteration: u32) -> u32 {
     hash(hash(hash(iteration) ^ seed as u32) ^ (seed >> 32) as u32)
 }
 

@@ -1,4 +1,4 @@
-//! The Gaussian rasterizer: its passes, its memory, and its registration with burn's autodiff.
+//! The Gaussian rasterizer: its passes and its memory.
 //!
 //! Forward: `project`, depth sort, prefix sum of the tile counts, `tile_emit`, stable tile sort, `tile_ranges`,
 //! `rasterize`. The blending order is exactly tile, then float32 view depth, then Gaussian index, and nothing depends on
@@ -8,23 +8,20 @@
 //! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface` takes the place of
 //! `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
 
-mod autodiff;
+mod backward;
 mod dropout;
 mod surface;
 mod workspace;
 
-pub use autodiff::{Leaves, RasterGradients};
-pub use dropout::Dropout;
-pub(crate) use dropout::iteration_seed;
+pub use backward::RasterGradients;
+pub use dropout::{Dropout, iteration_seed};
 pub use surface::{Surface, SurfaceOptions};
 pub use workspace::Workspace;
 
 use crate::camera::Camera;
-use crate::gpu::buffer::primitive;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::scene::Splats;
-use burn_cubecl::tensor::CubeTensor;
+use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::Frame;
 use ibgs_shaders::*;
@@ -65,7 +62,7 @@ impl RasterView {
         }
     }
 
-    fn frame(&self, count: usize, coefficients: usize, capacity: usize) -> Frame {
+    fn frame(&self, splats: &Splats, capacity: usize) -> Frame {
         let c = &self.camera;
         let r = c.view_from_world.transpose();
         let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
@@ -76,13 +73,13 @@ impl RasterView {
             focal: c.focal.as_vec2().to_array(),
             principal: (c.principal - 0.5).as_vec2().to_array(),
             center: c.center().as_vec3().to_array(),
-            count: count as u32,
+            count: splats.count as u32,
             size: [c.width, c.height],
             dropout_below: self.dropout.below,
             dropout_seed: self.dropout.seed,
             background: self.background,
-            sh_degree: self.sh_degree.min((coefficients as f64).sqrt() as u32 - 1),
-            sh_coefficients: coefficients as u32,
+            sh_degree: self.sh_degree.min(splats.sh_degree()),
+            sh_coefficients: splats.coefficients as u32,
             capacity: capacity as u32,
             box_sigma: self.box_sigma,
             tangent_limit: self.tangent_limit,
@@ -90,48 +87,13 @@ impl RasterView {
     }
 }
 
-/// The primitives that the rasterizer reads.
-#[derive(Clone, Debug)]
-pub(crate) struct Inputs {
-    /// `[N, 3]`
-    pub means: CubeTensor,
-    /// `[N, 4]`, w x y z
-    pub rotations: CubeTensor,
-    /// `[N, 3]`
-    pub log_scales: CubeTensor,
-    /// `[N]`
-    pub opacity_logits: CubeTensor,
-    /// `[N, coefficients, 3]`
-    pub sh: CubeTensor,
-    /// `[N, 3]`
-    pub normals: CubeTensor,
-    /// `[N]`
-    pub offsets: CubeTensor,
-    /// `[N]`
-    pub filters: CubeTensor,
-}
-
-impl Inputs {
-    pub(crate) fn of(splats: &Splats) -> Self {
-        Self {
-            means: primitive(splats.means.val()),
-            rotations: primitive(splats.rotations.val()),
-            log_scales: primitive(splats.log_scales.val()),
-            opacity_logits: primitive(splats.opacity_logits.val()),
-            sh: primitive(splats.sh.val()),
-            normals: primitive(splats.normals.val()),
-            offsets: primitive(splats.offsets.val()),
-            filters: primitive(splats.filters.val()),
-        }
-    }
-
-    fn count(&self) -> usize {
-        self.means.meta.shape()[0]
-    }
-
-    fn coefficients(&self) -> usize {
-        self.sh.meta.shape()[1]
-    }
+/// Whether a pass keeps what a backward pass needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// The image alone.
+    Image,
+    /// Memory for gradients as well.
+    Gradients,
 }
 
 /// Whether a pass makes certain that every tile intersection fits.
@@ -147,19 +109,21 @@ pub enum Room {
 /// One forward pass: the image and what its backward pass needs.
 #[derive(Clone, Debug)]
 pub struct Forward {
-    /// `[H, W, 3]`
-    pub(crate) image: CubeTensor,
-    pub(crate) frame: Frame,
+    /// Image, `[H, W, 3]`.
+    pub image: Buffer,
+    /// Uniforms of the view.
+    pub frame: Frame,
     /// Which of the tile sort's buffer pairs holds the sorted list.
     sorted: usize,
-    pub(crate) workspace: Arc<Lease<Workspace>>,
+    /// Memory of the pass.
+    pub workspace: Arc<Lease<Workspace>>,
     /// What the view's [`RasterView::surface`] asked for.
     surface: Option<Arc<Lease<Surface>>>,
 }
 
 impl Forward {
     /// The Gaussians of every tile, front to back.
-    pub(crate) fn sorted_gaussians(&self) -> &Buffer {
+    pub fn sorted_gaussians(&self) -> &Buffer {
         self.workspace.sorted_gaussians(self.sorted)
     }
 }
@@ -193,7 +157,7 @@ impl Rasterizer {
     }
 
     /// Makes room for exactly so many intersections, which [`capacity`](Self::capacity) told.
-    pub(crate) fn set_capacity(&self, capacity: u64) {
+    pub fn set_capacity(&self, capacity: u64) {
         self.capacity.store(capacity.min(self.gpu.binding_limit() / 16), Ordering::Relaxed);
     }
 
@@ -225,52 +189,73 @@ impl Rasterizer {
         Workspace::new(&self.gpu, count, capacity, tiles, pixels, rows)
     }
 
-    pub(crate) fn forward(&self, inputs: &Inputs, view: &RasterView, gradients: bool) -> Result<Forward, GpuError> {
+    /// Bytes of a view's image.
+    ///
+    /// # Errors
+    /// When the device cannot bind them at once.
+    fn image_bytes(&self, camera: &Camera) -> Result<u64, GpuError> {
+        let bytes = 12 * camera.pixels() as u64;
+        self.gpu.check_size("image", bytes)?;
+        Ok(bytes)
+    }
+
+    /// Memory of its own for a view's image.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn image_memory(&self, camera: &Camera) -> Result<Buffer, GpuError> {
+        self.gpu.transient("image", self.image_bytes(camera)?)
+    }
+
+    /// One forward pass into `image`, `[H, W, 3]`.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn forward(&self, splats: &Splats, view: &RasterView, keep: Keep, image: Buffer) -> Result<Forward, GpuError> {
         let mut pass = Pass::new(&self.gpu, LABEL);
-        let forward = self.record(&mut pass, inputs, view, gradients)?;
+        let forward = self.record(&mut pass, splats, view, keep, image)?;
         pass.submit();
         Ok(forward)
     }
 
-    /// Records the forward pass of a view.
-    pub(crate) fn record(
+    /// Records the forward pass of a view into `image`, `[H, W, 3]`.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn record(
         &self,
         pass: &mut Pass,
-        inputs: &Inputs,
+        splats: &Splats,
         view: &RasterView,
-        gradients: bool,
+        keep: Keep,
+        image: Buffer,
     ) -> Result<Forward, GpuError> {
-        let gpu = &*self.gpu;
-        let camera = &view.camera;
-        let image = gpu.empty_like_shape(&inputs.means, &[camera.height as usize, camera.width as usize, 3]);
-        let rows = match (gradients, view.surface) {
-            (false, _) => 0,
-            (true, None) => 3,
-            (true, Some(_)) => 4,
+        let rows = match (keep, view.surface) {
+            (Keep::Image, _) => 0,
+            (Keep::Gradients, None) => 3,
+            (Keep::Gradients, Some(_)) => 4,
         };
-        let ws = self.leased_workspace(inputs, view, rows)?;
-        let frame = view.frame(inputs.count(), inputs.coefficients(), ws.isects());
-        let surface = view.surface.map(|o| self.leased_surface(inputs.count(), view, o, gradients)).transpose()?;
-        let bound_image = Gpu::bind(&image);
+        let ws = self.leased_workspace(splats, view, rows)?;
+        let frame = view.frame(splats, ws.isects());
+        let surface = view.surface.map(|o| self.leased_surface(splats.count, view, o, keep)).transpose()?;
         pass.relabel(LABEL);
-        let sorted = record_lists(pass, &ws, inputs, &frame);
+        let sorted = record_lists(pass, &ws, splats, &frame);
         let grid = tile_grid(&frame);
         let list = ws.sorted_gaussians(sorted);
         match &surface {
             None => {
-                let blend: [&Buffer; 6] =
-                    [&ws.projected, list, &ws.tile_ranges, &bound_image, &ws.final_t, &ws.last_entry];
+                let blend: [&Buffer; 6] = [&ws.projected, list, &ws.tile_ranges, &image, &ws.final_t, &ws.last_entry];
                 pass.grid(&RASTERIZE, &blend, bytes_of(&frame), grid);
             }
             Some(s) => {
-                surface::record_planes(pass, inputs, &s.planes, &frame);
+                surface::record_planes(pass, splats, &s.planes, &frame);
                 s.clear_gradients(pass);
                 let blend: [&Buffer; 11] = [
                     &ws.projected,
                     &s.planes,
                     list,
                     &ws.tile_ranges,
-                    &bound_image,
+                    &image,
                     &ws.final_t,
                     &ws.last_entry,
                     &s.normal_map,
@@ -284,13 +269,12 @@ impl Rasterizer {
         Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)), surface })
     }
 
-    fn leased_workspace(&self, inputs: &Inputs, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {
+    fn leased_workspace(&self, splats: &Splats, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {
         let Camera { width, height, .. } = view.camera;
-        let pixels = width as usize * height as usize;
         let tiles = width.div_ceil(TILE) as usize * height.div_ceil(TILE) as usize;
-        self.gpu.check_size("image", 12 * pixels as u64)?;
-        let ws = self.workspace(inputs.count(), tiles, pixels, rows)?;
-        self.gpu.queue.write_buffer(&ws.count.buffer, 0, bytes_of(&(inputs.count() as u32)));
+        self.image_bytes(&view.camera)?;
+        let ws = self.workspace(splats.count, tiles, view.camera.pixels(), rows)?;
+        self.gpu.queue.write_buffer(&ws.count.buffer, 0, bytes_of(&(splats.count as u32)));
         Ok(ws)
     }
 
@@ -304,18 +288,17 @@ impl Rasterizer {
     pub fn depth_map(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
         let gpu = &*self.gpu;
         let options = view.surface.expect("a depth map needs the surface's options");
-        let inputs = Inputs::of(splats);
         // Colours are not looked at.
         let view = RasterView { sh_degree: 0, ..*view };
         let Camera { width, height, .. } = view.camera;
         let depth = gpu.allocate("median depth", 4 * u64::from(width) * u64::from(height))?;
-        let planes = gpu.allocate("planes", 16 * inputs.count() as u64)?;
+        let planes = gpu.allocate("planes", 16 * splats.count as u64)?;
         loop {
-            let ws = self.leased_workspace(&inputs, &view, 0)?;
-            let frame = view.frame(inputs.count(), inputs.coefficients(), ws.isects());
+            let ws = self.leased_workspace(splats, &view, 0)?;
+            let frame = view.frame(splats, ws.isects());
             let mut pass = Pass::new(gpu, "depth map");
-            let sorted = record_lists(&mut pass, &ws, &inputs, &frame);
-            surface::record_planes(&mut pass, &inputs, &planes, &frame);
+            let sorted = record_lists(&mut pass, &ws, splats, &frame);
+            surface::record_planes(&mut pass, splats, &planes, &frame);
             let buffers: [&Buffer; 5] = [&ws.projected, &planes, ws.sorted_gaussians(sorted), &ws.tile_ranges, &depth];
             let params = options.frame(&view);
             pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), tile_grid(&frame));
@@ -333,7 +316,10 @@ impl Rasterizer {
     }
 
     /// Whether every intersection of a pass fitted; makes room otherwise. Waits for the GPU.
-    pub(crate) fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
         let needed = forward.intersections(&self.gpu)?;
         let fitted = needed <= u64::from(forward.frame.capacity);
         if !fitted {
@@ -346,8 +332,8 @@ impl Rasterizer {
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
-    pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<burn::tensor::Tensor<3>, GpuError> {
-        Ok(self.surface(splats, view)?.image())
+    pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<Buffer, GpuError> {
+        Ok(self.surface(splats, view)?.image)
     }
 
     /// Image and, where the view asks for one, surface of the model, waiting for the exact intersection count.
@@ -355,9 +341,9 @@ impl Rasterizer {
     /// # Errors
     /// Not enough memory, or the device is lost.
     pub fn surface(&self, splats: &Splats, view: &RasterView) -> Result<Forward, GpuError> {
-        let inputs = Inputs::of(splats);
         loop {
-            let forward = self.forward(&inputs, view, false)?;
+            let image = self.image_memory(&view.camera)?;
+            let forward = self.forward(splats, view, Keep::Image, image)?;
             if self.had_room(&forward)? {
                 return Ok(forward);
             }
@@ -374,11 +360,6 @@ impl Rasterizer {
 }
 
 impl Forward {
-    /// Image `[H, W, 3]`.
-    pub fn image(&self) -> burn::tensor::Tensor<3> {
-        crate::gpu::buffer::from_primitive(self.image.clone())
-    }
-
     /// The surface, where the view asked for one.
     pub fn surface(&self) -> Option<&Arc<Lease<Surface>>> {
         self.surface.as_ref()
@@ -399,13 +380,10 @@ fn tile_grid(frame: &Frame) -> [u32; 3] {
 }
 
 /// Records everything up to the tile lists; returns which buffer pair of the tile sort holds them.
-fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame) -> usize {
+fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &Frame) -> usize {
     let n = frame.count as usize;
     let bytes = bytes_of(frame);
-    let bound =
-        [&inputs.means, &inputs.rotations, &inputs.log_scales, &inputs.opacity_logits, &inputs.sh, &inputs.filters]
-            .map(Gpu::bind);
-    let [means, rotations, log_scales, opacity_logits, sh, filters] = bound.each_ref().map(|b| &**b);
+    let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
     let project: [&Buffer; 9] = [
         means,
         rotations,
@@ -415,7 +393,7 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, inputs: &Inputs, frame: &Frame)
         &ws.projected,
         &ws.depth_sort.keys[0],
         &ws.tile_counts,
-        filters,
+        &splats.filters,
     ];
     pass.linear(&PROJECT, &project, bytes, n);
     let by_depth = ws.depth_sort.record(pass, &ws.count, 32);

@@ -1,10 +1,10 @@
 //! What a rasterizer pass with a surface gives beside the colour (method.md section 3), and the gradients by it.
 
-use super::{Inputs, RasterView, Rasterizer};
+use super::{Keep, RasterView, Rasterizer};
 use crate::camera::Camera;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::scene::Splats;
+use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{Frame, SurfaceFrame};
 use ibgs_shaders::{PLANES, SHORTEST_AXIS, TILE};
@@ -28,7 +28,7 @@ impl Default for SurfaceOptions {
 
 impl SurfaceOptions {
     /// Principal point in coordinates in which the pixel with index x lies at x.
-    pub(crate) fn principal(&self, camera: &Camera) -> [f32; 2] {
+    pub fn principal(&self, camera: &Camera) -> [f32; 2] {
         (camera.principal - self.ray_offset).as_vec2().to_array()
     }
 
@@ -83,13 +83,7 @@ pub struct SurfaceGradients {
 }
 
 impl Surface {
-    fn new(
-        gpu: &Gpu,
-        count: usize,
-        view: &RasterView,
-        options: SurfaceOptions,
-        gradients: bool,
-    ) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, count: usize, view: &RasterView, options: SurfaceOptions, keep: Keep) -> Result<Self, GpuError> {
         let p = u64::from(view.camera.width) * u64::from(view.camera.height);
         let values = p * u64::from(options.slots);
         let by = || {
@@ -105,7 +99,7 @@ impl Surface {
             median_depth: gpu.allocate("median depth", 4 * p)?,
             slots: gpu.allocate("median intersections", 8 * values)?,
             slot_entries: gpu.allocate("median intersections", 4 * values)?,
-            v: gradients.then(by).transpose()?,
+            v: (keep == Keep::Gradients).then(by).transpose()?,
             camera: view.camera,
             options,
             frame: options.frame(view),
@@ -115,12 +109,12 @@ impl Surface {
         })
     }
 
-    fn fits(&self, count: usize, values: usize, pixels: usize, gradients: bool) -> bool {
+    fn fits(&self, count: usize, values: usize, pixels: usize, keep: Keep) -> bool {
         self.gaussians >= count
             && self.gaussians <= 2 * count.max(1024)
             && self.values >= values
             && self.pixels >= pixels
-            && (self.v.is_some() || !gradients)
+            && (self.v.is_some() || keep == Keep::Image)
     }
 
     pub(super) fn clear_gradients(&self, pass: &mut Pass) {
@@ -132,22 +126,19 @@ impl Surface {
     }
 }
 
-pub(super) fn record_planes(pass: &mut Pass, inputs: &Inputs, planes: &Buffer, frame: &Frame) {
-    let bound = [&inputs.means, &inputs.normals, &inputs.offsets].map(Gpu::bind);
-    let [means, normals, offsets] = &bound;
-    pass.linear(&PLANES, &[means, normals, offsets, planes], bytes_of(frame), frame.count as usize);
+pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer, frame: &Frame) {
+    let PerGaussian { means, normals, offsets, .. } = &splats.parameters;
+    pass.linear(&PLANES, &[means, normals, offsets, planes], bytes_of(frame), splats.count);
 }
 
 impl Rasterizer {
     /// Sets every plane's normal to its Gaussian's shortest axis and its offset to 0 (method.md section 1), in place.
     pub fn shape_normals(&self, splats: &Splats) {
-        let inputs = Inputs::of(splats);
-        let bound = [&inputs.rotations, &inputs.log_scales, &inputs.normals, &inputs.offsets].map(Gpu::bind);
-        let frame = Frame { count: inputs.count() as u32, ..Frame::default() };
+        let PerGaussian { rotations, log_scales, normals, offsets, .. } = &splats.parameters;
+        let frame = Frame { count: splats.count as u32, ..Frame::default() };
         let mut pass = Pass::new(&self.gpu, "shape normals");
-        let [rotations, log_scales, normals, offsets] = &bound;
         let buffers: [&Buffer; 4] = [rotations, log_scales, normals, offsets];
-        pass.linear(&SHORTEST_AXIS, &buffers, bytes_of(&frame), inputs.count());
+        pass.linear(&SHORTEST_AXIS, &buffers, bytes_of(&frame), splats.count);
         pass.submit();
     }
 
@@ -156,16 +147,16 @@ impl Rasterizer {
         count: usize,
         view: &RasterView,
         options: SurfaceOptions,
-        gradients: bool,
+        keep: Keep,
     ) -> Result<Arc<Lease<Surface>>, GpuError> {
         let pixels = view.camera.width as usize * view.camera.height as usize;
-        let free = self.surfaces.take().filter(|s| s.fits(count, pixels * options.slots as usize, pixels, gradients));
+        let free = self.surfaces.take().filter(|s| s.fits(count, pixels * options.slots as usize, pixels, keep));
         let surface = match free {
             Some(free) => Surface { camera: view.camera, options, frame: options.frame(view), ..free },
             None => {
                 // Whatever else is free is too small as well.
                 self.surfaces.clear();
-                Surface::new(&self.gpu, count, view, options, gradients)?
+                Surface::new(&self.gpu, count, view, options, keep)?
             }
         };
         Ok(Arc::new(self.surfaces.lease(surface)))

@@ -1,8 +1,8 @@
 //! The final colour from base colour and residual (method.md section 6), and its derivative.
 
 use super::variant::{Output, Variant};
-use crate::fuse::Reach;
 use crate::gpu::{Buffer, Pass};
+use crate::sources::Reach;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::ComposeParams;
 use ibgs_shaders::{RESIDUAL_COMPOSE, RESIDUAL_COMPOSE_BACKWARD};
@@ -20,7 +20,7 @@ pub struct Compose {
 pub struct ComposeBuffers<'a> {
     /// `[4]` words, the first: number of slots that are non-empty somewhere in the image.
     pub active: &'a Buffer,
-    /// Which sources the pixels see, `[P]` u32 as in [`Seen::slots`](crate::fuse::Seen::slots).
+    /// Which sources the pixels see, `[P]` u32 as in [`Seen::slots`](crate::sources::Seen::slots).
     pub seen: &'a Buffer,
     /// Base colour, `[P, 3]`.
     pub base: &'a Buffer,

@@ -29,7 +29,7 @@ const _: () = assert!(CONFIDENCE.offset == 66_095 && CONFIDENCE_WEIGHTS == HIDDE
 /// Sums of a workgroup of the backward pass.
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;
 /// Bytes of the sums of all workgroups.
-pub(crate) const SUMS_BYTES: u64 = 4 * GROUPS as u64 * SUMS as u64;
+pub const SUMS_BYTES: u64 = 4 * GROUPS as u64 * SUMS as u64;
 
 /// What the network's input is made of. W x H is the image's size, P = W H.
 #[derive(Clone, Copy, Debug)]

@@ -49,7 +49,7 @@ impl Map {
     fn reuse(&self, channels: usize, size: [u32; 2]) -> Self {
         let bytes = Self::bytes(channels, size);
         assert!(bytes <= self.buffer.size, "a map does not fit its memory");
-        Self { buffer: Buffer { size: bytes, ..self.buffer.clone() }, channels, size }
+        Self { buffer: self.buffer.part(0, bytes), channels, size }
     }
 
     fn pixels(&self) -> u32 {

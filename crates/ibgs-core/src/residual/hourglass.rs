@@ -101,7 +101,7 @@ impl Map {
     fn reuse(&self, channels: usize, size: [u32; 2], at: u64) -> Self {
         let bytes = Self::bytes(channels, size);
         assert!(at + bytes <= self.buffer.size, "planes do not fit their memory");
-        let buffer = Buffer { buffer: self.buffer.buffer.clone(), offset: self.buffer.offset + at, size: bytes };
+        let buffer = self.buffer.part(at, bytes);
         Self { buffer, channels: channels as u32, size }
     }
 

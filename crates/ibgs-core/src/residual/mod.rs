@@ -15,6 +15,6 @@ pub mod weights;
 
 pub use hourglass::Hourglass;
 pub use network::ResidualNetwork;
-pub use operation::{Residual, ResidualTask};
+pub use operation::{Residual, ResidualGradients, ResidualInputs, ResidualPass, ResidualTask};
 pub use variant::{Aggregation, Factor, Inputs, Output, Precision, Variant};
 pub use weights::NetworkError;

@@ -1,4 +1,4 @@
-//! From base colour and warped source colours to the final image (method.md section 6), as a burn autodiff operation.
+//! From base colour and warped source colours to the final image (method.md section 6), and the gradients by them.
 
 use super::compose::{Compose, ComposeBuffers, ComposeGradients};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
@@ -7,18 +7,10 @@ use super::hourglass::Hourglass;
 use super::path::Path;
 use super::variant::{Precision, Variant};
 use crate::camera::Camera;
-use crate::fuse::Seen;
-use crate::gpu::buffer::{from_primitive, primitive};
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
-use burn::tensor::Tensor;
-use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::CubeBackend;
+use crate::raster::Keep;
+use crate::sources::Seen;
 use std::sync::Arc;
 
 /// One target view's task.
@@ -59,37 +51,42 @@ struct BackwardScratch {
 
 const LABEL: &str = "residual";
 
-#[derive(Debug)]
-struct ResidualBackward;
-
+/// What the final image is made from, on the device.
 #[derive(Clone, Debug)]
-struct Saved {
-    gpu: Arc<Gpu>,
+pub struct ResidualInputs {
+    /// Base colour, `[H, W, 3]`.
+    pub base: Buffer,
+    /// Warped colours, `[V, P, 4]`.
+    pub warped: Buffer,
+    /// Packed slots, V.
+    pub slots: u32,
+    /// Flat weights of the network, `[WEIGHTS]`.
+    pub weights: Buffer,
+}
+
+/// The final image and what its gradients need.
+#[derive(Clone, Debug)]
+pub struct ResidualPass {
+    /// Final image, `[H, W, 3]`.
+    pub image: Buffer,
+    inputs: ResidualInputs,
     scratch: Arc<Lease<Scratch>>,
     task: ResidualTask,
     variant: Variant,
-    base: CubeTensor,
-    warped: CubeTensor,
-    weights: CubeTensor,
-    image: CubeTensor,
 }
 
-impl Backward<CubeBackend, 3> for ResidualBackward {
-    type State = Saved;
-
-    fn backward(self, ops: Ops<Saved, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_image = burn_wgpu::into_contiguous(grads.consume::<CubeBackend>(&ops.node));
-        let inputs_learn = ops.parents[..2].iter().any(Option::is_some);
-        let gradients = ops.state.backward(&v_image, inputs_learn);
-        for (parent, gradient) in ops.parents.into_iter().zip(gradients) {
-            if let Some((node, gradient)) = parent.zip(gradient) {
-                grads.register::<CubeBackend>(node.id, gradient);
-            }
-        }
-    }
+/// Where the gradients of the inputs go; contents before are overwritten.
+#[derive(Clone, Copy, Debug)]
+pub struct ResidualGradients<'a> {
+    /// By the base colour, `[H, W, 3]`. Written in part where the colours do not learn.
+    pub base: &'a Buffer,
+    /// By the warped colours, `[V, P, 4]`; none where neither they nor the base colour learn.
+    pub warped: Option<&'a Buffer>,
+    /// By the weights, `[WEIGHTS]`.
+    pub weights: &'a Buffer,
 }
 
-impl Saved {
+impl ResidualPass {
     fn features(&self) -> Features {
         Features::new(&self.task.camera, self.scratch.slots, self.variant)
     }
@@ -98,48 +95,45 @@ impl Saved {
         Compose::new(self.scratch.size, self.variant, self.task.gain)
     }
 
-    /// Records the final image into `self.image`.
     fn record(&self, pass: &mut Pass) {
-        let [base, warped, weights, image] = [&self.base, &self.warped, &self.weights, &self.image].map(Gpu::bind);
+        let ResidualInputs { base, warped, weights, .. } = &self.inputs;
         let (scratch, seen) = (&self.scratch, &self.task.seen);
         pass.relabel(LABEL);
-        let inputs = feature_inputs(seen, &base, &warped, &weights);
+        let inputs = feature_inputs(seen, base, warped, weights);
         scratch.network.record_input(pass, &self.features(), &inputs);
-        scratch.network.forward(pass, &weights);
+        scratch.network.forward(pass, weights);
         let residual = scratch.network.residual();
-        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.slots, base: &base, residual, image: &image };
+        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.slots, base, residual, image: &self.image };
         self.compose().record(pass, &buffers);
     }
 
-    /// Gradients by base colour, warped colours (both only where `inputs_learn`) and weights.
-    fn backward(&self, v_image: &CubeTensor, inputs_learn: bool) -> [Option<CubeTensor>; 3] {
-        let gpu = &*self.gpu;
-        let [base, warped, weights, v_image] = [&self.base, &self.warped, &self.weights, v_image].map(Gpu::bind);
-        let empty = |like: &CubeTensor| gpu.empty_like_shape(&self.base, like.meta.shape());
-        let [v_base, v_warped, v_weights] = [&self.base, &self.warped, &self.weights].map(empty);
-        let [b_base, b_warped, b_weights] = [&v_base, &v_warped, &v_weights].map(Gpu::bind);
+    /// Gradients from that of the final image, `[H, W, 3]`.
+    ///
+    /// # Panics
+    /// When the pass was made without memory for gradients: a bug of ours.
+    pub fn backward(&self, gpu: &Gpu, v_image: &Buffer, v: &ResidualGradients) {
+        let ResidualInputs { base, warped, weights, .. } = &self.inputs;
         let (scratch, seen) = (&self.scratch, &self.task.seen);
         let own = scratch.backward.as_ref().expect("a tracked pass has memory for its gradients");
         let mut pass = Pass::new(gpu, "residual backward");
         let composed = ComposeGradients {
             active: &seen.active,
             seen: &seen.slots,
-            v_image: &v_image,
+            v_image,
             v_residual: &own.v_residual,
-            v_base: &b_base,
+            v_base: v.base,
         };
         self.compose().record_backward(&mut pass, &composed);
-        scratch.network.backward(&mut pass, &weights, &own.v_residual, &b_weights);
-        let inputs = feature_inputs(seen, &base, &warped, &weights);
+        scratch.network.backward(&mut pass, weights, &own.v_residual, v.weights);
+        let inputs = feature_inputs(seen, base, warped, weights);
         let v_x = scratch.network.v_x();
-        let gradients = FeatureGradients { v_x, v_weights: &b_weights, scratch: &own.features };
+        let gradients = FeatureGradients { v_x, v_weights: v.weights, scratch: &own.features };
         self.features().record_backward(&mut pass, &inputs, &gradients);
-        if inputs_learn {
-            let v = InputGradients { v_warped: &b_warped, v_base: &b_base };
+        if let Some(v_warped) = v.warped {
+            let v = InputGradients { v_warped, v_base: v.base };
             self.features().record_inputs_backward(&mut pass, &inputs, &gradients, &v);
         }
         pass.submit();
-        [inputs_learn.then_some(v_base), inputs_learn.then_some(v_warped), Some(v_weights)]
     }
 }
 
@@ -154,14 +148,20 @@ impl Residual {
         Self { gpu, pool: Arc::default(), variant, half }
     }
 
+    /// The GPU it works on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
     /// Whether an image of this size is large enough for the network at its factor; a smaller one has no residual.
     pub fn fits(&self, camera: &Camera) -> bool {
         Hourglass::fits(self.variant.factor.size([camera.width, camera.height]))
     }
 
-    fn scratch(&self, task: &ResidualTask, slots: u32, gradients: bool) -> Result<Scratch, GpuError> {
+    fn scratch(&self, task: &ResidualTask, slots: u32, keep: Keep) -> Result<Scratch, GpuError> {
         let gpu = &*self.gpu;
         let size = [task.camera.width, task.camera.height];
+        let gradients = keep == Keep::Gradients;
         let free = self.pool.take();
         if let Some(s) = free.filter(|s| s.size == size && s.slots == slots && (s.backward.is_some() || !gradients)) {
             return Ok(s);
@@ -182,87 +182,44 @@ impl Residual {
         })
     }
 
-    /// Memory and inputs of a pass.
-    fn prepared(
-        &self,
-        task: &ResidualTask,
-        [base, warped, weights]: [CubeTensor; 3],
-        gradients: bool,
-    ) -> Result<Saved, GpuError> {
-        let slots = warped.meta.shape()[0] as u32;
-        let scratch = Arc::new(self.pool.lease(self.scratch(task, slots, gradients)?));
-        let image = self.gpu.empty_like_shape(&base, base.meta.shape());
-        let (gpu, variant, task) = (self.gpu.clone(), self.variant, task.clone());
-        Ok(Saved { gpu, scratch, task, variant, base, warped, weights, image })
-    }
-
-    /// Final image `[H, W, 3]` from base colour `[H, W, 3]` and warped colours `[V, P, 4]`.
+    /// Final image, `[H, W, 3]`, into `image`.
     ///
     /// # Errors
     /// Not enough memory.
     ///
     /// # Panics
     /// For an image that does not fit ([`Residual::fits`]): a bug of ours.
-    pub fn render(
+    pub fn forward(
         &self,
         task: &ResidualTask,
-        base: Tensor<3>,
-        warped: Tensor<3>,
-        weights: Tensor<1>,
-    ) -> Result<Tensor<3>, GpuError> {
+        inputs: ResidualInputs,
+        keep: Keep,
+        image: Buffer,
+    ) -> Result<ResidualPass, GpuError> {
         let mut pass = Pass::new(&self.gpu, LABEL);
-        let image = self.record(&mut pass, task, [base, warped], weights)?;
+        let forward = self.record(&mut pass, task, inputs, keep, image)?;
         pass.submit();
-        Ok(image)
+        Ok(forward)
     }
 
-    /// As [`Residual::render`], as a part of a pass, of base and warped colours.
-    pub(crate) fn record(
-        &self,
-        pass: &mut Pass,
-        task: &ResidualTask,
-        [base, warped]: [Tensor<3>; 2],
-        weights: Tensor<1>,
-    ) -> Result<Tensor<3>, GpuError> {
-        let inputs = [primitive(base), primitive(warped), primitive(weights)];
-        let saved = self.prepared(task, inputs, false)?;
-        saved.record(pass);
-        let image = from_primitive(saved.image.clone());
-        pass.keep(saved);
-        Ok(image)
-    }
-
-    /// As [`Residual::render`] on the autodiff graph. Gradients flow into the weights, and into base and warped colours
-    /// where these are tracked themselves.
+    /// As [`Residual::forward`], as a part of a pass, which has to keep what this returns until it is submitted.
     ///
     /// # Errors
     /// Not enough memory.
     ///
     /// # Panics
-    /// For an image that does not fit, or tensors that are not on the autodiff graph: bugs of ours.
-    pub fn tracked(
+    /// As [`Residual::forward`].
+    pub fn record(
         &self,
+        pass: &mut Pass,
         task: &ResidualTask,
-        base: Tensor<3>,
-        warped: Tensor<3>,
-        weights: Tensor<1>,
-    ) -> Result<Tensor<3>, GpuError> {
-        type Ad = Autodiff<CubeBackend>;
-        let on_graph = "the tensors are on the autodiff graph";
-        let base = base.try_into_primitive::<Ad>().expect(on_graph);
-        let warped = warped.try_into_primitive::<Ad>().expect(on_graph);
-        let weights = weights.try_into_primitive::<Ad>().expect(on_graph);
-        let nodes = [base.node(), warped.node(), weights.node()];
-        let inputs = [base.into_primitive(), warped.into_primitive(), weights.into_primitive()];
-        let saved = self.prepared(task, inputs, true)?;
-        let mut pass = Pass::new(&self.gpu, LABEL);
-        saved.record(&mut pass);
-        pass.submit();
-        let image = saved.image.clone();
-        let output = match ResidualBackward.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(saved, image),
-            OpsKind::UnTracked(prep) => prep.finish(image),
-        };
-        Ok(Tensor::from_primitive::<Ad>(output))
+        inputs: ResidualInputs,
+        keep: Keep,
+        image: Buffer,
+    ) -> Result<ResidualPass, GpuError> {
+        let scratch = Arc::new(self.pool.lease(self.scratch(task, inputs.slots, keep)?));
+        let forward = ResidualPass { image, inputs, scratch, task: task.clone(), variant: self.variant };
+        forward.record(pass);
+        Ok(forward)
     }
 }

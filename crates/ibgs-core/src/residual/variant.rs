@@ -1,6 +1,6 @@
 //! The studied variants of the residual network (method.md section 6).
 
-use crate::fuse::Reach;
+use crate::sources::Reach;
 use serde::{Deserialize, Serialize};
 
 /// What the network sees of base colour and sources.

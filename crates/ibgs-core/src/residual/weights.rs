@@ -4,6 +4,7 @@ use super::layers::{CONFIDENCE, LAYERS, Layer, MLP1, MLP2, WEIGHTS};
 use super::pth::read_pth;
 use super::state_dict::StateDict;
 use crate::files::{WriteError, write_atomically};
+use crate::gpu::GpuError;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensorError, TensorView, serialize};
@@ -84,9 +85,9 @@ pub enum NetworkError {
         /// Weights given.
         found: usize,
     },
-    /// The device did not give the weights back.
-    #[error("the residual network could not be read back from the GPU: {0}")]
-    Device(String),
+    /// The GPU failed.
+    #[error("the residual network: {0}")]
+    Gpu(#[from] GpuError),
     /// Writing failed.
     #[error(transparent)]
     Write(#[from] WriteError),

@@ -3,6 +3,7 @@
 pub mod error;
 pub mod gaussians;
 pub mod init;
+mod per_gaussian;
 pub mod ply;
 mod ply_rows;
 mod splats;
@@ -10,6 +11,7 @@ mod splats;
 pub use error::SceneError;
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 pub use init::from_points;
+pub use per_gaussian::PerGaussian;
 pub(crate) use ply::write_ply_to;
 pub use ply::{PlyFlavor, read_ply, read_ply_from, write_ply, write_points_ply};
-pub use splats::Splats;
+pub use splats::{Splats, values_of};

@@ -2,16 +2,17 @@
 
 use super::framing::{looked_at, middle};
 use super::{Found, Trained, Viewer};
+use crate::Scene;
 use crate::curves::Curves;
 use crate::mode::Mode;
 use crate::navigator::up_axis;
 use crate::panels::Panels;
 use crate::thumbnails::Thumbnails;
 use crate::worker::News;
-use crate::{Progress, Scene};
 use eframe::egui::{self, ViewportCommand};
 use ibgs_core::camera::{scene_extent, usable_extent};
 use ibgs_core::inspect::Inspection;
+use ibgs_core::output::log::TrainingProgress;
 use std::time::Duration;
 
 /// Longest time between the clicks of a double click.
@@ -53,7 +54,7 @@ impl Viewer {
         }
     }
 
-    fn opened(&mut self, scene: Scene, progress: Option<Progress>, ctx: &egui::Context) {
+    fn opened(&mut self, scene: Scene, progress: Option<TrainingProgress>, ctx: &egui::Context) {
         ctx.send_viewport_cmd(ViewportCommand::Title(format!("{} - ibgs", scene.title)));
         if let Some(path) = scene.path.as_ref().and_then(|path| std::path::absolute(path).ok()) {
             self.settings.recent.retain(|other| *other != path);

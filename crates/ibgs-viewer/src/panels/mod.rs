@@ -13,8 +13,8 @@ pub use start::start;
 use crate::app::Viewer;
 use crate::mode::Mode;
 use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, Vec2};
+use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
-use ibgs_core::memory::Bytes;
 use path::PathEditor;
 
 /// Which panels are shown, and what they hold.

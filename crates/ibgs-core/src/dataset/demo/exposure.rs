@@ -32,7 +32,7 @@ mod tests {
     fn exposures_differ_within_their_range_and_repeat() {
         let options = DemoOptions { width: 16, height: 12, views: 9, samples: 1, points: 10, seed: 0 };
         let folder = tempfile::tempdir().unwrap();
-        let plain = demo::load(&options, Some(folder.path()), false).unwrap();
+        let plain = demo::load(&options, Some(folder.path()), &()).unwrap();
         let changed = |seed| {
             let mut dataset = plain.clone();
             change_exposure(&mut dataset, seed);

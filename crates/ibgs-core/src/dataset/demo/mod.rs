@@ -17,9 +17,9 @@ mod trace;
 
 use super::{Dataset, Photo, View};
 use crate::camera::Camera;
+use crate::progress::Progress;
 use cache::{Cache, Found};
 use glam::DVec3;
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -102,9 +102,9 @@ pub enum DemoError {
 /// Reads the demo scene from the cache and traces what is missing or damaged there.
 ///
 /// The scene gets its own folder in `cache_dir` (`None`: `ibgs` in the user's cache folder), named after the options
-/// and [`VERSION`]. A cache that cannot be written only costs time and adds a note. `progress` shows a bar on
-/// standard error while photos are traced.
-pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: bool) -> Result<Dataset, DemoError> {
+/// and [`VERSION`]. A cache that cannot be written only costs time and adds a note. `progress` hears of photos
+/// that are traced.
+pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: &dyn Progress) -> Result<Dataset, DemoError> {
     options.validate()?;
     let base = match cache_dir {
         Some(dir) => Some(dir.to_path_buf()),
@@ -142,7 +142,7 @@ fn load_photos(
     cache: &Cache,
     options: &DemoOptions,
     cameras: &[Camera],
-    progress: bool,
+    progress: &dyn Progress,
     notes: &mut Vec<String>,
 ) -> (Vec<Photo>, Option<String>) {
     let found: Vec<Found> = (0..cameras.len())
@@ -154,7 +154,9 @@ fn load_photos(
         notes.push(format!("{damaged} cached photo(s) of the demo scene were damaged and traced again"));
     }
     let missing = found.iter().filter(|found| !matches!(found, Found::Photo(_))).count();
-    let bar = progress_bar(missing, progress);
+    if missing > 0 {
+        progress.begin("ray tracing the demo scene", missing);
+    }
     let trouble: Mutex<Option<String>> = Mutex::new(None);
     let note = || trouble.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let photos = found
@@ -169,23 +171,11 @@ fn load_photos(
             if !given_up && let Err(message) = cache.write_photo(&view_name(index), &photo) {
                 note().get_or_insert(message);
             }
-            bar.inc(1);
+            progress.step();
             photo
         })
         .collect();
-    bar.finish_and_clear();
+    progress.end();
     let trouble = note().take();
     (photos, trouble)
-}
-
-fn progress_bar(photos: usize, visible: bool) -> ProgressBar {
-    if !visible || photos == 0 {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(photos as u64);
-    let template = "ray tracing the demo scene {wide_bar} {pos}/{len} photos, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    bar
 }

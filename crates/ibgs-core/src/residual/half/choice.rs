@@ -3,7 +3,6 @@
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::residual::layers::{self, HOURGLASS, INPUT, WEIGHTS};
 use crate::residual::path::Path;
-use crate::tell;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::{Duration, Instant};
@@ -123,7 +122,7 @@ pub fn pays(gpu: &Gpu) -> bool {
         }
         match error(gpu)? {
             Some(error) if error > TOLERANCE => {
-                tell!("warning: the matrix units of {} are wrong by {error:.1e} and are not used", gpu.info.name);
+                log::warn!("the matrix units of {} are wrong by {error:.1e} and are not used", gpu.info.name);
                 Ok(false)
             }
             Some(_) => faster(gpu),
@@ -132,7 +131,7 @@ pub fn pays(gpu: &Gpu) -> bool {
     };
     *gpu.matrix_units_pay.get_or_init(|| {
         test().unwrap_or_else(|error: GpuError| {
-            tell!("warning: the matrix units could not be tested and are not used: {error}");
+            log::warn!("the matrix units could not be tested and are not used: {error}");
             false
         })
     })

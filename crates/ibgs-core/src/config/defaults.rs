@@ -1,0 +1,162 @@
+//! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
+
+use crate::dataset::Masks;
+
+use super::{
+    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method,
+    OpacityResetConfig, ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
+};
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            method: Method::Ibgs,
+            iterations: 30_000,
+            schedule_scaling: true,
+            init: None,
+            seed: 0,
+            deterministic: false,
+            sh_degree: None,
+            sh_interval: None,
+            white_background: false,
+            ssim_weight: 0.2,
+            initial_opacity: None,
+            initial_scale: None,
+            eval_every: 0,
+            eval_iterations: None,
+            save_iterations: None,
+            data: DataConfig::default(),
+            learning_rates: LearningRates::default(),
+            filter: 0.0,
+            adam: AdamConfig::default(),
+            densify: DensifyConfig::default(),
+            opacity_reset: OpacityResetConfig::default(),
+            sources: SourceOptions::default(),
+            surface: SurfaceConfig::default(),
+            residual: ResidualConfig::default(),
+            exposure: ExposureConfig::default(),
+        }
+    }
+}
+
+/// What depends on other options where it is unset.
+impl TrainConfig {
+    /// Opacity and relative scale of the first Gaussians.
+    pub fn start(&self) -> [f64; 2] {
+        let [opacity, scale] = if self.densify.strategy == Strategy::Mcmc { [0.5, 0.1] } else { [0.1, 1.0] };
+        [self.initial_opacity.unwrap_or(opacity), self.initial_scale.unwrap_or(scale)]
+    }
+
+    /// Degree of the spherical harmonics.
+    pub fn sh_degree(&self) -> u32 {
+        self.sh_degree.unwrap_or(if self.method == Method::Gs3 { 3 } else { 2 })
+    }
+
+    /// Share of the coefficients beyond the constant that each iteration takes away, times their rate.
+    pub fn sh_rest_decay(&self) -> f64 {
+        self.learning_rates.sh_rest_decay.unwrap_or(if self.method == Method::Gs3 { 1.0 } else { 0.0 })
+    }
+}
+
+impl McmcConfig {
+    /// Factor by which the number of Gaussians grows in a round at the least, where the options give none.
+    pub const LEAST_GROWTH: f64 = 1.05;
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            source: None,
+            resolution: "1".to_owned(),
+            resampler: "lanczos3".to_owned(),
+            images: None,
+            max_resolution: None,
+            eval: false,
+            eval_split_every: 8,
+            principal_point: "true".to_owned(),
+            masks: Masks::Ignore,
+            alpha: None,
+            color_space: None,
+            filter_points: false,
+            random_points: 100_000,
+            demo_exposure_seed: None,
+        }
+    }
+}
+
+impl Default for LearningRates {
+    fn default() -> Self {
+        Self {
+            mean_initial: 1.6e-4,
+            mean_final: 1.6e-6,
+            mean_iterations: None,
+            rotation: 1e-3,
+            scale: 5e-3,
+            opacity: 2.5e-2,
+            sh_dc: 2.5e-3,
+            sh_rest_divisor: 20.0,
+            sh_rest_decay: None,
+            normal: 1e-3,
+            offset_factor: 0.5,
+        }
+    }
+}
+
+impl Default for AdamConfig {
+    fn default() -> Self {
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 }
+    }
+}
+
+impl Default for DensifyConfig {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Default,
+            start: None,
+            end: None,
+            interval: None,
+            grad_threshold: 2e-4,
+            near_depth: 1.0,
+            scale_threshold: 0.001,
+            abs_split: true,
+            abs_grad_threshold: 8e-4,
+            absgs_threshold: 4e-4,
+            abs_min_radius: 20.0,
+            abs_max_per_round: 50_000,
+            split_divisor: 1.6,
+            max_splats: None,
+            prune_opacity: 0.05,
+            prune_scale: 0.1,
+            prune_scale_by_distance: true,
+            prune_scale_after: None,
+            prune_screen_radius: 0.0,
+            growth: GrowthConfig::default(),
+            mcmc: McmcConfig::default(),
+        }
+    }
+}
+
+impl Default for GrowthConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.002,
+            fraction: 0.25,
+            error_pixels: 0.0,
+            prune_opacity: 1.0 / 255.0,
+            opacity_decay: 0.004,
+            screen_size: 0.5,
+        }
+    }
+}
+
+impl Default for McmcConfig {
+    fn default() -> Self {
+        Self { noise: 5e5, opacity_weight: 0.01, scale_weight: 0.01, dead_opacity: 0.005, growth: None }
+    }
+}
+
+impl Default for OpacityResetConfig {
+    fn default() -> Self {
+        Self { interval: None, max_opacity: 0.01 }
+    }
+}

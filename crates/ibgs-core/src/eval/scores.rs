@@ -1,0 +1,150 @@
+//! Scores of all held-out views.
+
+use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
+use crate::config::TrainConfig;
+use crate::dataset::{Dataset, Masks, View, demo};
+use crate::gpu::{Gpu, GpuError};
+use crate::output::cameras::Split;
+use crate::output::pictures::{Output, Place};
+use crate::output::results::{Protocol, Scored, ViewScore, means};
+use crate::output::{OutputError, OutputFolder};
+use crate::render::{Frame, Renderer};
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// A view with its photo as figures compare with it: that of an object lies over the run's background.
+pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
+    match config.data.masks {
+        Masks::Ignore => Cow::Borrowed(view),
+        Masks::Object => {
+            let photo = Arc::new(view.photo.over(config.background()));
+            Cow::Owned(View { photo, ..view.clone() })
+        }
+    }
+}
+
+/// Renders every held-out view and scores it, by a perceptual distance too where one is given; into the model folder where
+/// there is one. `hear` hears of each.
+///
+/// # Errors
+/// Not enough memory, the device is lost, or a picture cannot be written.
+pub fn score_test_views(
+    renderer: &Renderer,
+    dataset: &Dataset,
+    config: &TrainConfig,
+    into: Option<(&OutputFolder, u32)>,
+    perceptual: Option<&dyn Perceptual>,
+    hear: &mut dyn FnMut(&str, &ViewScores),
+) -> Result<Scores, EvalError> {
+    let mut scores = Scores::default();
+    // Without a source it is the built-in scene.
+    let is_demo = config.data.source.is_none();
+    for view in dataset.test.iter().map(|&index| compared(&dataset.views[index], config)) {
+        let view = &*view;
+        let (frame, scored) = score_view(renderer, view, perceptual)?;
+        if let Some((folder, iteration)) = into {
+            let place = Place { folder, split: Split::Test, iteration, name: &view.name };
+            place.write_outputs(&frame, &Output::of(renderer))?;
+            place.write_photo(&view.photo)?;
+        }
+        if is_demo {
+            scores.add_regions(&frame, view)?;
+        }
+        hear(&view.name, &scored);
+        let named = |Score { psnr, aligned_psnr, ssim, lpips }: Score| ViewScore {
+            name: view.name.clone(),
+            psnr,
+            aligned_psnr,
+            ssim,
+            lpips,
+        };
+        scores.base.push(named(scored.base));
+        scores.image.extend(scored.image.map(named));
+    }
+    Ok(scores)
+}
+
+/// Scores of all held-out views.
+#[derive(Clone, Debug, Default)]
+pub struct Scores {
+    /// Of the base images.
+    pub base: Vec<ViewScore>,
+    /// Of the final images; empty where the model has no network.
+    pub image: Vec<ViewScore>,
+    /// Of the demo scene, whose objects are known: base and final image on its glossy and mirror-like objects, then
+    /// elsewhere.
+    pub regions: Option<[[Region; 2]; 2]>,
+}
+
+impl Scores {
+    /// Writes them into the model folder.
+    ///
+    /// # Errors
+    /// A file cannot be written, or is damaged.
+    pub fn write(&self, folder: &OutputFolder, iteration: u32, protocol: &Protocol) -> Result<(), OutputError> {
+        folder.write_results(iteration, Scored::Base, &self.base, protocol)?;
+        if !self.image.is_empty() {
+            folder.write_results(iteration, Scored::Final, &self.image, protocol)?;
+        }
+        Ok(())
+    }
+
+    /// Errors on the demo scene's glossy and mirror-like objects and elsewhere.
+    fn add_regions(&mut self, frame: &Frame, view: &View) -> Result<(), GpuError> {
+        let objects = demo::truth(&view.camera).object;
+        let regions = self.regions.get_or_insert_default();
+        let images = [Some(frame.base()?), frame.image()?];
+        for (place, wanted) in regions.iter_mut().zip([true, false]) {
+            for (region, image) in place.iter_mut().zip(&images) {
+                if let Some(image) = image {
+                    region.add(image, &view.photo, |i| demo::is_view_dependent(objects[i]) == wanted);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// `glossy objects: final 25.10 dB, base 23.00 dB; elsewhere: ...`, where the scene's objects are known.
+    pub fn regions_sentence(&self) -> Option<String> {
+        let [glossy, elsewhere] = self.regions?;
+        let one = |[base, image]: [Region; 2]| match self.image.is_empty() {
+            true => format!("{:.2} dB", base.psnr()),
+            false => format!("final {:.2} dB, base {:.2} dB", image.psnr(), base.psnr()),
+        };
+        Some(format!("glossy and mirror-like objects: {}; elsewhere: {}", one(glossy), one(elsewhere)))
+    }
+
+    /// `PSNR 29.9 dB, SSIM 0.84`, of the base image too where there is a final one.
+    pub fn sentence(&self) -> String {
+        let one = |scores: &[ViewScore]| {
+            let Score { psnr, ssim, .. } = means(scores);
+            format!("PSNR {psnr:.3} dB, SSIM {ssim:.4}")
+        };
+        match self.image.is_empty() {
+            true => one(&self.base),
+            false => format!("final {}, base {}", one(&self.image), one(&self.base)),
+        }
+    }
+}
+
+/// What the figures of a run depend on.
+pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol {
+    let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
+    Protocol {
+        resampler: match resized {
+            true => format!("{}, or the scene's own reduced photos", config.data.resampler),
+            false => "none".to_owned(),
+        },
+        factor: config.data.resolution.clone(),
+        split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
+        principal_point: config.data.principal_point.clone(),
+        masks: match (config.data.masks, config.white_background) {
+            (Masks::Ignore, _) => "ignore",
+            (Masks::Object, false) => "object, photos over black",
+            (Masks::Object, true) => "object, photos over white",
+        }
+        .to_owned(),
+        device: gpu.describe(),
+        lpips: None,
+    }
+}

@@ -1,9 +1,0 @@
-//! Losses (method.md section 7).
-
-mod image;
-mod normal;
-mod photometric;
-
-pub use image::{ImageLoss, ImageStats, LossScratch, Outside, Target};
-pub use normal::{NormalLoss, SurfaceBuffers};
-pub use photometric::PhotometricLoss;

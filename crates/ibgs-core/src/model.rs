@@ -1,0 +1,343 @@
+//! A trained model on disk: a model folder of ours or of the published code, or a one-file bundle.
+//!
+//! ```no_run
+//! use ibgs_core::gpu::{AdapterChoice, Gpu};
+//! use ibgs_core::model::{Model, ModelOptions};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::open(&AdapterChoice::Best)?;
+//! let mut model = Model::open("output/demo".as_ref(), &ModelOptions::default())?;
+//! let renderer = model.renderer(&gpu)?;
+//! let frame = renderer.render(&model.cameras[0].camera)?;
+//! println!("{} pixels", frame.base()?.rgb.len() / 3);
+//! # Ok(())
+//! # }
+//! ```
+
+mod error;
+
+pub use error::ModelError;
+
+use crate::bundle::Bundle;
+use crate::camera::Camera;
+use crate::config::schedule::Schedule;
+use crate::config::{Method, TrainConfig};
+use crate::dataset::demo::{self, DemoOptions};
+use crate::dataset::{self, Dataset, Photo};
+use crate::exposure::{Exposure, ExposureField};
+use crate::gpu::Gpu;
+use crate::local_space::LocalSpace;
+use crate::output::OutputFolder;
+use crate::output::cameras::{self, CameraRecord, Split};
+use crate::progress::Progress;
+use crate::raster::Rasterizer;
+use crate::render::{ImageOptions, ImagePart, Renderer};
+use crate::residual::{Precision, ResidualNetwork, weights};
+use crate::scene::{Gaussians, Splats, read_ply};
+use crate::sources::find::Distances;
+use crate::sources::memory::MemoryBudget;
+use crate::sources::source_store::SourceStore;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// How a model is opened.
+#[derive(Clone, Debug, Default)]
+pub struct ModelOptions {
+    /// Scene folder, when it has moved since the training.
+    pub source: Option<PathBuf>,
+    /// Iteration; none: the latest.
+    pub iteration: Option<u32>,
+    /// For a model folder of the published code: factor or width of the photos that it was trained on.
+    pub resolution: Option<String>,
+    /// Device memory for the source photos; none: as in the training.
+    pub source_memory: Option<MemoryBudget>,
+    /// How precisely the residual network computes.
+    pub precision: Precision,
+}
+
+/// A model, read from its files.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// What was opened.
+    pub path: PathBuf,
+    /// Where results go: the model folder, or a folder beside the bundle.
+    pub folder: OutputFolder,
+    /// How it was trained.
+    pub config: TrainConfig,
+    /// Iteration of the loaded model.
+    pub iteration: u32,
+    /// The views that it was trained and measured on.
+    pub cameras: Vec<CameraRecord>,
+    /// The Gaussians, as the file has them.
+    pub gaussians: Gaussians,
+    /// Flat weights of the residual network.
+    pub network: Option<Vec<f32>>,
+    /// Bytes of the residual network's file.
+    pub network_bytes: u64,
+    /// Bytes of the bundle, where the model is one.
+    pub bundle_bytes: Option<u64>,
+    /// Exposures of the training photos by name, where they were corrected.
+    exposure: Option<HashMap<String, Exposure>>,
+    /// Training photos by name, where the model brings them.
+    photos: Option<HashMap<String, Arc<Photo>>>,
+    /// Another program wrote it: the scene has its cameras.
+    foreign: bool,
+    source: Option<PathBuf>,
+    /// The scene, where it was needed.
+    dataset: Option<Dataset>,
+}
+
+impl Model {
+    /// Reads a model's files; neither a GPU nor the scene are needed.
+    ///
+    /// # Errors
+    /// A file that is missing or damaged, or an option that does not fit the model.
+    pub fn open(path: &Path, options: &ModelOptions) -> Result<Self, ModelError> {
+        let mut model = if is_bundle(path) { from_bundle(path)? } else { from_folder(path, options)? };
+        if let Some(wanted) = options.iteration.filter(|&n| n != model.iteration) {
+            return Err(ModelError::OtherIteration { path: path.to_owned(), found: model.iteration, wanted });
+        }
+        if options.resolution.is_some() && !model.foreign {
+            return Err(ModelError::KnowsItsPhotos { path: path.to_owned() });
+        }
+        model.source.clone_from(&options.source);
+        if let Some(memory) = options.source_memory {
+            model.config.sources.memory = memory;
+        }
+        model.config.residual.precision = options.precision;
+        Ok(model)
+    }
+
+    /// Loads the scene where a renderer needs its photos or cameras: once, and not for a model that brings them.
+    ///
+    /// # Errors
+    /// The scene is missing, damaged, or not the one that the model was trained on.
+    pub fn load_photos(&mut self, progress: &dyn Progress) -> Result<(), ModelError> {
+        if self.dataset.is_some() {
+            return Ok(());
+        }
+        if let Some(source) = self.source.as_ref().filter(|_| self.foreign) {
+            let found = load_scene(&self.config, source, progress)?;
+            self.cameras = cameras::records(&found);
+            self.dataset = Some(found);
+        } else if self.network.is_some() && self.photos.is_none() {
+            self.dataset = Some(self.scene(progress)?);
+        }
+        Ok(())
+    }
+
+    /// The scene that the model was trained on, with the model's own split.
+    ///
+    /// # Errors
+    /// As [`Model::load_photos`].
+    pub fn dataset(&mut self, progress: &dyn Progress) -> Result<&Dataset, ModelError> {
+        if self.dataset.is_none() {
+            self.dataset = Some(self.scene(progress)?);
+        }
+        Ok(self.dataset.as_ref().expect("just loaded"))
+    }
+
+    /// Puts the model on a device; loads the scene where its photos are needed.
+    ///
+    /// # Errors
+    /// Not enough memory, or as [`Model::load_photos`].
+    pub fn renderer(&mut self, gpu: &Arc<Gpu>) -> Result<Renderer, ModelError> {
+        self.load_photos(&())?;
+        let part = self.network.as_ref().map(|network| self.image_part(gpu, network)).transpose()?;
+        let splats = Splats::upload(&self.gaussians.in_space(self.space()), gpu)?;
+        let field = self.exposure_field()?;
+        let raster = Arc::new(Rasterizer::new(gpu.clone()));
+        Ok(Renderer::new(raster, splats, self.config.background(), part).with_exposure(field))
+    }
+
+    /// Where it is rendered: where it was trained, by its cameras; by the Gaussians where there are none.
+    pub fn space(&self) -> LocalSpace {
+        space(&self.cameras, &self.gaussians)
+    }
+
+    /// The views that it was trained on, in their order.
+    pub fn training_views(&self) -> Vec<&CameraRecord> {
+        self.cameras.iter().filter(|record| record.split != Some(Split::Test)).collect()
+    }
+
+    /// Whether it was trained on the built-in scene.
+    pub fn is_demo(&self) -> bool {
+        self.config.data.source.is_none() && !self.foreign
+    }
+
+    /// The exposures of its photos, where they were corrected.
+    ///
+    /// # Errors
+    /// A training view has none.
+    pub fn exposure_field(&self) -> Result<Option<ExposureField>, ModelError> {
+        let Some(photos) = &self.exposure else { return Ok(None) };
+        let training = self.training_views();
+        let own = |record: &&CameraRecord| {
+            photos.get(&record.name).copied().ok_or_else(|| ModelError::NoExposure { name: record.name.clone() })
+        };
+        let photos = training.iter().map(own).collect::<Result<Vec<_>, _>>()?;
+        let cameras: Arc<[Camera]> = training.iter().map(|record| record.camera).collect();
+        Ok(Some(ExposureField::new(cameras, photos)))
+    }
+
+    fn image_part(&self, gpu: &Arc<Gpu>, network: &[f32]) -> Result<ImagePart, ModelError> {
+        let training = self.training_views();
+        let by_name: HashMap<&str, &Arc<Photo>> =
+            self.dataset.iter().flat_map(|d| &d.views).map(|v| (v.name.as_str(), &v.photo)).collect();
+        let photo = |record: &&CameraRecord| {
+            let own = self.photos.as_ref().and_then(|photos| photos.get(&record.name));
+            let photo = own.or_else(|| by_name.get(record.name.as_str()).copied());
+            photo.cloned().ok_or_else(|| ModelError::NoPhoto { name: record.name.clone() })
+        };
+        let photos = training.iter().map(photo).collect::<Result<Vec<_>, _>>()?;
+        let cameras: Arc<[Camera]> = training.iter().map(|record| record.camera).collect();
+        let mut pairs = training.iter().zip(&photos);
+        if let Some((record, _)) = pairs.find(|(r, p)| [r.camera.width, r.camera.height] != [p.width, p.height]) {
+            return Err(ModelError::PhotoSize { name: record.name.clone() });
+        }
+        let options = ImageOptions::new(&self.config);
+        let budget = options.sources.memory.bytes(gpu);
+        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, budget)?);
+        Ok(ImagePart { cameras, photos, network: ResidualNetwork::from_values(gpu, network)?, options })
+    }
+
+    /// Loads the scene that the model was trained on, with the model's own split.
+    fn scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
+        let config = &self.config;
+        let mut dataset = match self.source.as_ref().or(config.data.source.as_ref()) {
+            Some(source) => load_scene(config, source, progress)?,
+            None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
+            None => self.demo_scene(progress)?,
+        };
+        let split = |wanted: Split| {
+            let named = self.cameras.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
+            let found = named.map(|name| {
+                let position = dataset.views.iter().position(|view| view.name == *name);
+                position.ok_or_else(|| ModelError::NoPhoto { name: name.clone() })
+            });
+            found.collect::<Result<Vec<_>, _>>()
+        };
+        let (train, test) = (split(Split::Train)?, split(Split::Test)?);
+        (dataset.train, dataset.test) = (train, test);
+        Ok(dataset)
+    }
+
+    /// The demo scene in the size that the model's cameras have.
+    fn demo_scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
+        let width = self.cameras.first().ok_or(ModelError::NoCameras)?.camera.width;
+        let presets = [DemoOptions::small(), DemoOptions::large()];
+        let preset = presets.into_iter().find(|p| p.width == width).ok_or(ModelError::DemoSize { width })?;
+        Ok(load_demo(&preset, self.config.data.demo_exposure_seed, progress)?)
+    }
+}
+
+/// Loads a scene as a run was configured with it; notes go to the log.
+///
+/// # Errors
+/// The scene is missing or damaged, or an option makes no sense.
+pub fn load_scene(
+    config: &TrainConfig,
+    source: &Path,
+    progress: &dyn Progress,
+) -> Result<Dataset, dataset::DatasetError> {
+    let dataset = dataset::load_with(source, &config.load_options()?, progress)?;
+    for note in &dataset.notes {
+        log::info!("{note}");
+    }
+    Ok(dataset)
+}
+
+/// Loads the demo scene; with a seed every photo has another exposure.
+///
+/// # Errors
+/// Options outside of their range.
+pub fn load_demo(
+    options: &DemoOptions,
+    exposure_seed: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Dataset, demo::DemoError> {
+    let mut dataset = demo::load(options, None, progress)?;
+    if let Some(seed) = exposure_seed {
+        demo::change_exposure(&mut dataset, seed);
+    }
+    Ok(dataset)
+}
+
+/// Where a model is rendered: where it was trained, by its cameras; by the Gaussians where there are none.
+pub fn space(cameras: &[CameraRecord], gaussians: &Gaussians) -> LocalSpace {
+    LocalSpace::of_scene(cameras.iter().map(|record| &record.camera), gaussians.positions())
+}
+
+/// Whether a path names a one-file bundle, there or not.
+pub fn is_bundle(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "ibgs") && !path.is_dir()
+}
+
+fn from_bundle(path: &Path) -> Result<Model, ModelError> {
+    let bundle = Bundle::read(path)?;
+    let bundle_bytes = path.metadata().ok().map(|file| file.len());
+    let network_bytes = bundle.network.as_ref().map_or(0, |bytes| bytes.len() as u64);
+    let network = bundle.network.map(|bytes| weights::from_bytes(&bytes, path)).transpose()?;
+    Ok(Model {
+        path: path.to_owned(),
+        folder: OutputFolder::at(&path.with_extension("")),
+        config: bundle.config,
+        iteration: bundle.iteration,
+        cameras: bundle.cameras,
+        gaussians: bundle.gaussians,
+        network,
+        network_bytes,
+        exposure: bundle.exposure,
+        bundle_bytes,
+        photos: Some(bundle.photos.into_iter().collect()),
+        foreign: false,
+        source: None,
+        dataset: None,
+    })
+}
+
+fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError> {
+    let folder = OutputFolder::open(path)?;
+    let foreign = !folder.config_path().exists();
+    let config = if foreign { published_options(options) } else { folder.read_config()? };
+    let latest = folder.latest_iteration()?.ok_or_else(|| ModelError::NoPointCloud { path: path.to_owned() })?;
+    let iteration = options.iteration.unwrap_or(latest);
+    let network_path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
+    let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations).residual_at(iteration);
+    if network_path.is_none() && residual && !foreign {
+        let missing = folder.network_save_path(iteration);
+        log::warn!("{} is missing; without its network the model gives the base image alone", missing.display());
+    }
+    let network = network_path.as_deref().map(weights::load).transpose()?;
+    let network_bytes = network_path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
+    let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
+    // Those of the scene take the place of a foreign folder's.
+    let cameras = if foreign && options.source.is_some() { Vec::new() } else { folder.read_cameras()? };
+    Ok(Model {
+        path: path.to_owned(),
+        exposure: if foreign { None } else { folder.read_exposures(iteration)? },
+        bundle_bytes: None,
+        photos: None,
+        folder,
+        config,
+        iteration,
+        cameras,
+        gaussians,
+        network,
+        network_bytes,
+        foreign,
+        source: None,
+        dataset: None,
+    })
+}
+
+/// How the published code trains and measures: its model folders have no options file of ours.
+fn published_options(options: &ModelOptions) -> TrainConfig {
+    let mut config = TrainConfig::default();
+    config.data.eval = true;
+    config.data.principal_point = "centred".to_owned();
+    config.data.resampler = "bicubic".to_owned();
+    config.data.resolution = options.resolution.clone().unwrap_or(config.data.resolution);
+    config.sources.distances = Distances::Absolute;
+    config
+}

@@ -1,0 +1,94 @@
+//! Why a model cannot be opened.
+
+use crate::bundle::BundleError;
+use crate::dataset::DatasetError;
+use crate::dataset::demo::DemoError;
+use crate::exposure;
+use crate::gpu::GpuError;
+use crate::output::OutputError;
+use crate::residual::NetworkError;
+use crate::scene::SceneError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a model cannot be opened or put on a device.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// Its folder.
+    #[error(transparent)]
+    Folder(#[from] OutputError),
+    /// Its bundle.
+    #[error(transparent)]
+    Bundle(#[from] BundleError),
+    /// Its Gaussians.
+    #[error(transparent)]
+    Gaussians(#[from] SceneError),
+    /// Its network.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// Its scene.
+    #[error(transparent)]
+    Scene(#[from] DatasetError),
+    /// The demo scene.
+    #[error(transparent)]
+    Demo(#[from] DemoError),
+    /// The device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A bundle has one iteration.
+    #[error("{} holds iteration {found} alone, not {wanted}", path.display())]
+    OtherIteration {
+        /// The model.
+        path: PathBuf,
+        /// Its iteration.
+        found: u32,
+        /// The one asked for.
+        wanted: u32,
+    },
+    /// A resolution was given for a model that knows its own.
+    #[error("{} says itself which photos it was trained on", path.display())]
+    KnowsItsPhotos {
+        /// The model.
+        path: PathBuf,
+    },
+    /// A folder without a trained model.
+    #[error("{} holds no point cloud", path.display())]
+    NoPointCloud {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Its scene is not known.
+    #[error("{} has no config.toml that names its scene", path.display())]
+    NoScene {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// An exposure is missing.
+    #[error("the model's {} has no exposure of `{name}`", exposure::FILE_NAME)]
+    NoExposure {
+        /// Name of the photo.
+        name: String,
+    },
+    /// A photo that the model was trained on is missing.
+    #[error("the scene has no photo `{name}` any more")]
+    NoPhoto {
+        /// Its name.
+        name: String,
+    },
+    /// A photo has changed.
+    #[error("the photo `{name}` has another size than the model's camera; give the scene as it was trained")]
+    PhotoSize {
+        /// Its name.
+        name: String,
+    },
+    /// The model folder lists no camera.
+    #[error("the model has no cameras")]
+    NoCameras,
+    /// The demo scene exists in two sizes.
+    #[error("the model's demo scene is {width} pixels wide, which is no size of it")]
+    DemoSize {
+        /// Width of its photos.
+        width: u32,
+    },
+}

@@ -1,0 +1,453 @@
+//! The output folder of a training run: its layout, and who may write where.
+//!
+//! ```text
+//! config.toml  cameras.json  split.json  input.ply
+//! multi_view.json                                      sources of each view
+//! point_cloud/iteration_N/point_cloud.ply
+//! point_cloud/iteration_N/residual_network.safetensors from the first iteration with a residual on
+//! point_cloud/iteration_N/exposure.json                where the photos' exposures were corrected
+//! {test,train}/ours_N/OUTPUT/NAME.png                  OUTPUT: gt, renders, renders_aggregate, predicted_residual,
+//!                                                      renders_depth, renders_normal, visibility
+//! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
+//! path/ours_N/                                         frames of a camera path
+//! mesh/ours_N/mesh.ply                                 triangle mesh
+//! checkpoints/N.ibgs                                   what a training goes on from, while it runs or after it was stopped
+//! results_renders.json  per_view_renders.json          scores of the base image
+//! results_renders_aggregate.json  per_view_renders_aggregate.json
+//!                                                      scores of the final image
+//! result_training.json                                 time of the training
+//! training_log.json                                    loss, PSNR and Gaussians over the training
+//! result_fps_mem.json                                  speed, memory and storage, once measured
+//! results_mesh.json                                    scores of the mesh, once measured
+//! report.html                                          all of it to look at, once measured
+//! ```
+//! A folder of the published code has no `config.toml`, and its network in `color_aggregation_network.pth`.
+
+pub mod cameras;
+mod error;
+pub mod figures;
+pub mod log;
+pub mod multi_view;
+pub mod pictures;
+pub mod results;
+
+pub use error::OutputError;
+
+use crate::config::{Method, TrainConfig};
+use crate::dataset::Dataset;
+use crate::exposure::{self, Exposure};
+use crate::files::{self, WriteError};
+use crate::residual::weights;
+use crate::scene::write_points_ply;
+use cameras::{CameraRecord, Split};
+use multi_view::ViewSources;
+use results::{Protocol, Scored, ViewScore};
+use std::collections::HashMap;
+use std::fs;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+
+/// What one file of the folder says about the run, by name; used to tell our folders from others.
+const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
+
+/// File of the report on a model.
+pub const REPORT_FILE: &str = "report.html";
+
+/// Extensions of photo names, which a picture's `.png` replaces.
+const PHOTO_EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "bmp", "webp"];
+
+/// What to do with a model that is in the folder already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Refuse to touch it.
+    Keep,
+    /// Remove its point clouds, pictures and results before the new run.
+    Replace,
+}
+
+/// What a picture of a view shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureKind {
+    /// The photo.
+    Truth,
+    /// The base image.
+    Base,
+    /// The final image.
+    Final,
+    /// The residual.
+    Residual,
+    /// Median depths.
+    Depth,
+    /// Normals.
+    Normal,
+    /// Number of sources that see a pixel's point.
+    Visibility,
+}
+
+impl PictureKind {
+    /// Name of the folder of such pictures, as the published code has it where it has one.
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Truth => "gt",
+            Self::Base => "renders",
+            Self::Final => "renders_aggregate",
+            Self::Residual => "predicted_residual",
+            Self::Depth => "renders_depth",
+            Self::Normal => "renders_normal",
+            Self::Visibility => "visibility",
+        }
+    }
+}
+
+/// The folder of one training run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutputFolder {
+    root: PathBuf,
+}
+
+impl OutputFolder {
+    /// Makes the folder for a new run. Call it once the data set is loaded: with [`Existing::Replace`] an older model
+    /// is gone afterwards.
+    ///
+    /// # Errors
+    /// With [`Existing::Keep`], [`OutputError::HoldsModel`] where a trained model is and [`OutputError::Foreign`]
+    /// where a file of ours would replace one that belongs to something else. [`OutputError::Write`] in both cases.
+    pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
+        files::create_folder(path)?;
+        let folder = Self { root: path.to_owned() };
+        match existing {
+            Existing::Keep => folder.refuse_existing()?,
+            Existing::Replace => folder.remove_model()?,
+        }
+        Ok(folder)
+    }
+
+    /// Opens the folder of a finished or interrupted run.
+    ///
+    /// # Errors
+    /// [`OutputError::NoModel`] when no model was saved there, [`OutputError::Read`].
+    pub fn open(path: &Path) -> Result<Self, OutputError> {
+        let folder = Self { root: path.to_owned() };
+        match folder.latest_iteration()? {
+            Some(_) => Ok(folder),
+            None => Err(OutputError::NoModel { path: path.to_owned() }),
+        }
+    }
+
+    /// A folder for results, whatever is in it.
+    pub fn at(path: &Path) -> Self {
+        Self { root: path.to_owned() }
+    }
+
+    /// Where the residual network of an iteration is saved: beside its point cloud.
+    pub fn network_save_path(&self, iteration: u32) -> PathBuf {
+        self.point_cloud_path(iteration).with_file_name(weights::FILE_NAME)
+    }
+
+    /// Where the photos' exposures of an iteration are saved: beside its point cloud.
+    pub fn exposure_path(&self, iteration: u32) -> PathBuf {
+        self.point_cloud_path(iteration).with_file_name(exposure::FILE_NAME)
+    }
+
+    /// Writes the training photos' exposures, in the order of the training views.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn write_exposures(&self, iteration: u32, dataset: &Dataset, photos: &[Exposure]) -> Result<(), OutputError> {
+        let names = dataset.train.iter().map(|&view| dataset.views[view].name.as_str());
+        Ok(write_json(&self.exposure_path(iteration), &exposure::to_json(names.zip(photos)))?)
+    }
+
+    /// Reads the photos' exposures of an iteration by name; none where none were corrected.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Damaged`] naming the photo.
+    pub fn read_exposures(&self, iteration: u32) -> Result<Option<HashMap<String, Exposure>>, OutputError> {
+        let path = self.exposure_path(iteration);
+        match fs::read_to_string(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(source) => Err(OutputError::Read { path, source }),
+            Ok(text) => exposure::from_json(&text).map(Some).map_err(|reason| OutputError::Damaged { path, reason }),
+        }
+    }
+
+    /// The residual network of an iteration, ours or the published code's; none where there is none.
+    pub fn network_path(&self, iteration: u32) -> Option<PathBuf> {
+        let beside = self.network_save_path(iteration);
+        let published = beside.with_file_name(weights::PUBLISHED_FILE_NAME);
+        let at_root = self.root.join(weights::PUBLISHED_FILE_NAME);
+        [beside, published, at_root].into_iter().find(|path| path.is_file())
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// `config.toml`.
+    pub fn config_path(&self) -> PathBuf {
+        self.root.join("config.toml")
+    }
+
+    /// `cameras.json`.
+    pub fn cameras_path(&self) -> PathBuf {
+        self.root.join("cameras.json")
+    }
+
+    /// `point_cloud/iteration_N/point_cloud.ply`; the PLY writer makes the folders.
+    pub fn point_cloud_path(&self, iteration: u32) -> PathBuf {
+        self.root.join("point_cloud").join(format!("iteration_{iteration}")).join("point_cloud.ply")
+    }
+
+    /// `mesh/ours_N/mesh.ply`.
+    pub fn mesh_path(&self, iteration: u32) -> PathBuf {
+        self.root.join("mesh").join(format!("ours_{iteration}")).join("mesh.ply")
+    }
+
+    /// `test/ours_N/OUTPUT/NAME.png` (or `train/...`), with the sub-folders of the photo's name and `.png` in place of
+    /// its extension. Parts of the name that lead out of the folder are left out.
+    pub fn picture_path(&self, split: Split, iteration: u32, output: &str, name: &str) -> PathBuf {
+        let mut path = self.root.join(split.folder());
+        path.push(format!("ours_{iteration}"));
+        path.push(output);
+        for component in Path::new(name).components() {
+            if let Component::Normal(part) = component {
+                path.push(part);
+            }
+        }
+        // `frame.0001` has no extension that could be replaced.
+        let photo = path
+            .extension()
+            .is_some_and(|extension| PHOTO_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)));
+        if photo {
+            path.set_extension("");
+        }
+        path.as_mut_os_string().push(".png");
+        path
+    }
+
+    /// `checkpoints`.
+    pub fn checkpoints_path(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
+    /// `checkpoints/N.ibgs`.
+    pub fn checkpoint_path(&self, iteration: u32) -> PathBuf {
+        self.checkpoints_path().join(format!("{iteration}.ibgs"))
+    }
+
+    /// The checkpoints with their iterations, the latest first.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has none.
+    pub fn checkpoints(&self) -> Result<Vec<(u32, PathBuf)>, OutputError> {
+        let mut found = self.numbered("checkpoints", "", ".ibgs")?;
+        found.sort_unstable_by_key(|(iteration, _)| std::cmp::Reverse(*iteration));
+        Ok(found)
+    }
+
+    /// Removes all checkpoints but those of the iterations that are `kept`, and what a killed run left half-written beside them.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Write`].
+    pub fn remove_checkpoints(&self, kept: &[u32]) -> Result<(), OutputError> {
+        let old = self.checkpoints()?.into_iter().filter(|(iteration, _)| !kept.contains(iteration));
+        for path in old.map(|(_, path)| path).chain(files::leftovers(&self.checkpoints_path())) {
+            fs::remove_file(&path).map_err(|source| WriteError::new(&path, source))?;
+        }
+        // Stays where something else lies in it.
+        if kept.is_empty() {
+            let _ = fs::remove_dir(self.checkpoints_path());
+        }
+        Ok(())
+    }
+
+    /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has no iteration.
+    pub fn latest_iteration(&self) -> Result<Option<u32>, OutputError> {
+        let numbered = self.numbered("point_cloud", "iteration_", "")?;
+        let saved = numbered.into_iter().filter(|(_, path)| path.join("point_cloud.ply").is_file());
+        Ok(saved.map(|(iteration, _)| iteration).max())
+    }
+
+    /// Writes what is known before training: `config.toml`, `cameras.json`, `split.json`, `input.ply`, and where photos of
+    /// neighbouring views are used `multi_view.json`.
+    ///
+    /// # Errors
+    /// The first file that cannot be written.
+    pub fn write_start(&self, config: &TrainConfig, dataset: &Dataset) -> Result<(), OutputError> {
+        config.save(&self.config_path())?;
+        let records = cameras::records(dataset);
+        write_json(&self.cameras_path(), &cameras::to_json(&records))?;
+        write_json(&self.root.join("split.json"), &cameras::split_json(&records))?;
+        write_points_ply(&self.root.join("input.ply"), &dataset.points, dataset.space())?;
+        if config.method == Method::Ibgs {
+            self.write_multi_view(&multi_view::records(dataset, &config.sources))?;
+        }
+        Ok(())
+    }
+
+    /// Reads `config.toml`.
+    ///
+    /// # Errors
+    /// [`OutputError::Config`] naming file and field.
+    pub fn read_config(&self) -> Result<TrainConfig, OutputError> {
+        Ok(TrainConfig::load(&self.config_path())?)
+    }
+
+    /// Reads `cameras.json`: the cameras exactly as they were written. Files of other programs in the form of 3D
+    /// Gaussian splatting (without `cx`, `cy`, `translation`, `split`) load too, with centred principal points.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Damaged`] naming line or camera.
+    pub fn read_cameras(&self) -> Result<Vec<CameraRecord>, OutputError> {
+        let path = self.cameras_path();
+        let text = fs::read_to_string(&path).map_err(|source| OutputError::Read { path: path.clone(), source })?;
+        cameras::from_json(&text).map_err(|reason| OutputError::Damaged { path, reason })
+    }
+
+    /// Writes the sources of each view to `multi_view.json`.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn write_multi_view(&self, views: &[ViewSources]) -> Result<(), OutputError> {
+        let write = |out: &mut dyn io::Write| out.write_all(multi_view::to_text(views)?.as_bytes());
+        Ok(files::write_atomically(&self.root.join("multi_view.json"), write)?)
+    }
+
+    /// Reads `multi_view.json`.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`], [`OutputError::Damaged`] naming the line.
+    pub fn read_multi_view(&self) -> Result<Vec<ViewSources>, OutputError> {
+        let path = self.root.join("multi_view.json");
+        let text = fs::read_to_string(&path).map_err(|source| OutputError::Read { path: path.clone(), source })?;
+        multi_view::from_text(&text).map_err(|reason| OutputError::Damaged { path, reason })
+    }
+
+    /// Adds the scores of the base or the final image at `iteration` to `results_renders.json` and
+    /// `per_view_renders.json` (`.._renders_aggregate.json` for the final image), which keep their other iterations. Each
+    /// mean runs over all views; LPIPS is `null` until it is measured, and so is a mean that is not finite (the PSNR of
+    /// equal images).
+    ///
+    /// # Errors
+    /// [`OutputError::Damaged`] when a results file that is there is no JSON object, [`OutputError::Write`].
+    pub fn write_results(
+        &self,
+        iteration: u32,
+        scored: Scored,
+        scores: &[ViewScore],
+        protocol: &Protocol,
+    ) -> Result<(), OutputError> {
+        let [summary, per_view] = scored.files();
+        self.write_result(iteration, summary, results::summary(scores, protocol))?;
+        self.write_result(iteration, per_view, results::per_view(scores))
+    }
+
+    /// Adds what was measured at `iteration` to a results file, which keeps its other iterations.
+    ///
+    /// # Errors
+    /// [`OutputError::Damaged`] when the file is there and no JSON object, [`OutputError::Write`].
+    pub fn write_result(&self, iteration: u32, file: &str, value: serde_json::Value) -> Result<(), OutputError> {
+        let path = self.root.join(file);
+        let mut all = read_object(&path)?;
+        all.insert(format!("ours_{iteration}"), value);
+        Ok(write_json(&path, &all.into())?)
+    }
+
+    /// Entries `PREFIX<number>SUFFIX` of a folder, with their numbers.
+    fn numbered(&self, folder: &str, prefix: &str, suffix: &str) -> Result<Vec<(u32, PathBuf)>, OutputError> {
+        let path = self.root.join(folder);
+        let list = || -> io::Result<Vec<(u32, PathBuf)>> {
+            let entries = match fs::read_dir(&path) {
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+                entries => entries?,
+            };
+            let mut found = Vec::new();
+            for entry in entries {
+                let entry = entry?;
+                let name = entry.file_name();
+                let number =
+                    name.to_str().and_then(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok());
+                found.extend(number.map(|number| (number, entry.path())));
+            }
+            Ok(found)
+        };
+        list().map_err(|source| OutputError::Read { path: path.clone(), source })
+    }
+
+    fn refuse_existing(&self) -> Result<(), OutputError> {
+        if let Some(iteration) = self.latest_iteration()? {
+            return Err(OutputError::HoldsModel { path: self.root.clone(), iteration });
+        }
+        if let Some(&(iteration, _)) = self.checkpoints()?.first() {
+            return Err(OutputError::HoldsTraining { path: self.root.clone(), iteration });
+        }
+        // A run that ended before its first save left options that load; its files may be replaced.
+        if TrainConfig::load(&self.config_path()).is_ok() {
+            return Ok(());
+        }
+        match RUN_FILES.into_iter().find(|file| self.root.join(file).exists()) {
+            None => Ok(()),
+            Some(file) => Err(OutputError::Foreign { path: self.root.clone(), file }),
+        }
+    }
+
+    /// Removes what an older run saved, so that none of it passes for the new run's.
+    fn remove_model(&self) -> Result<(), OutputError> {
+        let folders = [
+            ("point_cloud", "iteration_"),
+            (Split::Test.folder(), "ours_"),
+            (Split::Train.folder(), "ours_"),
+            ("path", "ours_"),
+            ("mesh", "ours_"),
+        ];
+        for (folder, prefix) in folders {
+            for (_, path) in self.numbered(folder, prefix, "")? {
+                fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
+            }
+        }
+        self.remove_checkpoints(&[])?;
+        let scores = [Scored::Base, Scored::Final].map(Scored::files);
+        let others = [
+            figures::SPEED_FILE,
+            figures::TIME_FILE,
+            figures::LOG_FILE,
+            REPORT_FILE,
+            figures::MESH_FILE,
+            "multi_view.json",
+        ];
+        for file in scores.as_flattened().iter().chain(&others) {
+            let path = self.root.join(file);
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(WriteError::new(&path, error).into());
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn write_json(path: &Path, value: &serde_json::Value) -> Result<(), WriteError> {
+    files::write_atomically(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, value).map_err(io::Error::from)?;
+        out.write_all(b"\n")
+    })
+}
+
+/// The JSON object in a file; a missing file is an empty one.
+fn read_object(path: &Path) -> Result<serde_json::Map<String, serde_json::Value>, OutputError> {
+    let text = match fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Default::default()),
+        Err(source) => {
+            return Err(OutputError::Read { path: path.to_owned(), source });
+        }
+        Ok(text) => text,
+    };
+    serde_json::from_str(&text)
+        .map_err(|error| OutputError::Damaged { path: path.to_owned(), reason: error.to_string() })
+}

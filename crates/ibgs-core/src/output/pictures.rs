@@ -1,0 +1,216 @@
+//! What a rendered view is written as.
+
+use super::cameras::Split;
+use super::{OutputFolder, PictureKind};
+use crate::camera::Camera;
+use crate::dataset::Photo;
+use crate::files::WriteError;
+use crate::gpu::GpuError;
+use crate::picture::{Picture, exr};
+use crate::render::{Frame, Renderer};
+use std::path::{Path, PathBuf};
+
+/// Why a frame was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// One picture of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// The final image.
+    Final,
+    /// The base image.
+    Base,
+    /// Final minus base image, around grey.
+    Residual,
+    /// Median depth, with a scale.
+    Depth,
+    /// Normal map.
+    Normal,
+    /// Number of photos used at each pixel.
+    Visibility,
+}
+
+impl Output {
+    /// All of them.
+    pub const ALL: [Output; 6] =
+        [Output::Final, Output::Base, Output::Residual, Output::Depth, Output::Normal, Output::Visibility];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Output::Final => "final",
+            Output::Base => "base",
+            Output::Residual => "residual",
+            Output::Depth => "depth",
+            Output::Normal => "normal",
+            Output::Visibility => "visibility",
+        }
+    }
+
+    /// What it shows, in a few words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Output::Final => "The final image",
+            Output::Base => "The base image",
+            Output::Residual => "Final minus base image, around grey",
+            Output::Depth => "Median depth, with a scale",
+            Output::Normal => "Normal map",
+            Output::Visibility => "Number of photos used at each pixel",
+        }
+    }
+
+    /// What is written without being asked for: the images that the model has.
+    pub fn of(renderer: &Renderer) -> Vec<Output> {
+        match renderer.part() {
+            Some(_) => vec![Output::Base, Output::Final],
+            None => vec![Output::Base],
+        }
+    }
+
+    /// Whether only a model with a residual network has it.
+    pub fn needs_network(self) -> bool {
+        matches!(self, Output::Final | Output::Residual | Output::Visibility)
+    }
+
+    /// Whether it shows the surface.
+    pub fn needs_surface(self) -> bool {
+        matches!(self, Output::Depth | Output::Normal)
+    }
+
+    /// The kind of picture.
+    pub fn kind(self) -> PictureKind {
+        match self {
+            Output::Final => PictureKind::Final,
+            Output::Base => PictureKind::Base,
+            Output::Residual => PictureKind::Residual,
+            Output::Depth => PictureKind::Depth,
+            Output::Normal => PictureKind::Normal,
+            Output::Visibility => PictureKind::Visibility,
+        }
+    }
+}
+
+/// Everything that a frame shows, on the host.
+struct Shown {
+    size: [u32; 2],
+    base: Vec<f32>,
+    image: Option<Vec<f32>>,
+    depth: Option<Vec<f32>>,
+    normals: Option<Vec<f32>>,
+    visibility: Option<Vec<u32>>,
+}
+
+impl Shown {
+    fn of(frame: &Frame, outputs: &[Output]) -> Result<Self, GpuError> {
+        let wants = |output| outputs.contains(&output);
+        let base = frame.base()?;
+        Ok(Self {
+            size: [base.width, base.height],
+            base: base.rgb,
+            image: frame.image()?.map(|image| image.rgb),
+            depth: if wants(Output::Depth) { frame.depth()? } else { None },
+            normals: if wants(Output::Normal) { frame.normals()? } else { None },
+            visibility: if wants(Output::Visibility) { frame.visibility()? } else { None },
+        })
+    }
+
+    fn residual(&self) -> Option<Vec<f32>> {
+        self.image.as_ref().map(|image| image.iter().zip(&self.base).map(|(a, b)| a - b).collect())
+    }
+
+    fn picture(&self, output: Output) -> Option<Picture> {
+        let [w, h] = self.size;
+        match output {
+            Output::Final => self.image.as_ref().map(|v| Picture::colors(w, h, v)),
+            Output::Base => Some(Picture::colors(w, h, &self.base)),
+            Output::Residual => self.residual().map(|v| Picture::residual(w, h, &v)),
+            Output::Depth => self.depth.as_ref().map(|v| Picture::depth(w, h, v, None)),
+            Output::Normal => self.normals.as_ref().map(|v| Picture::normals(w, h, v)),
+            Output::Visibility => self.visibility.as_ref().map(|v| Picture::visibility(w, h, v, 4)),
+        }
+    }
+}
+
+/// Writes the wanted pictures of a frame, each to the path that `path` gives.
+///
+/// # Errors
+/// The device is lost, or a file cannot be written.
+pub fn write_pictures(
+    frame: &Frame,
+    outputs: &[Output],
+    path: impl Fn(PictureKind) -> PathBuf,
+) -> Result<(), RenderError> {
+    let shown = Shown::of(frame, outputs)?;
+    for &output in outputs {
+        if let Some(picture) = shown.picture(output) {
+            picture.write(&path(output.kind()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the wanted outputs of a frame as one EXR file with their true values.
+///
+/// # Errors
+/// The device is lost, or the file cannot be written.
+pub fn write_exr(frame: &Frame, camera: &Camera, outputs: &[Output], path: &Path) -> Result<(), RenderError> {
+    let shown = Shown::of(frame, outputs)?;
+    let residual = shown.residual();
+    let wants = |output| outputs.contains(&output);
+    let layers = exr::Layers {
+        image: shown.image.as_deref().filter(|_| wants(Output::Final)),
+        base: Some(shown.base.as_slice()).filter(|_| wants(Output::Base)),
+        residual: residual.as_deref().filter(|_| wants(Output::Residual)),
+        depth: shown.depth.as_deref(),
+        normal: shown.normals.as_deref(),
+        visibility: shown.visibility.as_deref(),
+    };
+    Ok(exr::write(path, camera, frame.near_depth(), &layers)?)
+}
+
+/// Where a view's pictures belong in a model folder.
+pub struct Place<'a> {
+    /// The model folder.
+    pub folder: &'a OutputFolder,
+    /// Side of the split.
+    pub split: Split,
+    /// Iteration of the model.
+    pub iteration: u32,
+    /// Name of the view.
+    pub name: &'a str,
+}
+
+impl Place<'_> {
+    fn path(&self, kind: PictureKind) -> PathBuf {
+        self.folder.picture_path(self.split, self.iteration, kind.folder(), self.name)
+    }
+
+    /// Writes the wanted pictures of a frame.
+    ///
+    /// # Errors
+    /// The device is lost, or a file cannot be written.
+    pub fn write_outputs(&self, frame: &Frame, outputs: &[Output]) -> Result<(), RenderError> {
+        write_pictures(frame, outputs, |kind| self.path(kind))
+    }
+
+    /// Writes the view's photo beside them.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_photo(&self, photo: &Photo) -> Result<(), WriteError> {
+        Picture::photo(photo).write(&self.path(PictureKind::Truth))
+    }
+
+    /// Path of the view's EXR file.
+    pub fn exr_path(&self) -> PathBuf {
+        self.folder.picture_path(self.split, self.iteration, "exr", self.name).with_extension("exr")
+    }
+}

@@ -1,0 +1,19 @@
+//! How far long work is.
+
+/// Hears how far long work is. `()` does not listen.
+pub trait Progress: Sync {
+    /// Work of so many steps begins; what came before has ended.
+    fn begin(&self, what: &'static str, steps: usize);
+
+    /// One step is done; called from any thread.
+    fn step(&self);
+
+    /// The work has ended.
+    fn end(&self);
+}
+
+impl Progress for () {
+    fn begin(&self, _: &'static str, _: usize) {}
+    fn step(&self) {}
+    fn end(&self) {}
+}

@@ -1,0 +1,135 @@
+//! The backward pass.
+
+use super::{Forward, tile_grid};
+use crate::gpu::{Buffer, Gpu, Pass};
+use crate::scene::{PerGaussian, Splats};
+use bytemuck::bytes_of;
+use ibgs_shaders::{PLANES_BACKWARD, PROJECT_BACKWARD, RASTERIZE_BACKWARD, RASTERIZE_SURFACE_BACKWARD};
+
+/// Where the gradients of one backward pass go, float32; contents before are overwritten.
+#[derive(Clone, Debug)]
+pub struct RasterGradients {
+    /// By the means, `[N, 3]`.
+    pub means: Buffer,
+    /// By the raw quaternions, `[N, 4]`.
+    pub rotations: Buffer,
+    /// By the logarithms of the scales, `[N, 3]`.
+    pub log_scales: Buffer,
+    /// By the opacity logits, `[N]`.
+    pub opacity_logits: Buffer,
+    /// By the spherical-harmonics coefficients, `[N, coefficients, 3]`.
+    pub sh: Buffer,
+    /// (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels, `[N, 4]`.
+    pub screen: Buffer,
+    /// By the planes' raw normals, `[N, 3]`, and offsets, `[N]`: needed where the pass has a surface.
+    pub planes: Option<[Buffer; 2]>,
+}
+
+impl Forward {
+    /// Gradients from that of the image, `[H, W, 3]`, and, with a surface, from those that were added to it
+    /// ([`Surface::v`](super::Surface::v)).
+    ///
+    /// # Panics
+    /// When the pass did not keep what its gradients need, or `v` lacks the planes: bugs of ours.
+    pub fn backward(&self, gpu: &Gpu, splats: &Splats, v_image: &Buffer, v: &RasterGradients) {
+        assert_eq!(self.surface.is_some(), v.planes.is_some(), "gradients of the planes");
+        let mut pass = Pass::new(gpu, "rasterize backward");
+        self.record_blend(&mut pass, v_image);
+        self.record_project(&mut pass, splats, v);
+        pass.submit();
+    }
+
+    fn record_blend(&self, pass: &mut Pass, v_image: &Buffer) {
+        let ws = &self.workspace;
+        let frame = &self.frame;
+        let sorted = self.sorted;
+        let grid = tile_grid(frame);
+        let (list, isects) = (self.sorted_gaussians(), &ws.tile_sort.values[sorted]);
+        match &self.surface {
+            None => {
+                let [v_color, v_xy, v_cov] = [0, 1, 2].map(|i| &ws.rows[i]);
+                let blend: [&Buffer; 10] = [
+                    &ws.projected,
+                    list,
+                    isects,
+                    &ws.tile_ranges,
+                    &ws.final_t,
+                    &ws.last_entry,
+                    v_image,
+                    v_color,
+                    v_xy,
+                    v_cov,
+                ];
+                pass.grid(&RASTERIZE_BACKWARD, &blend, bytes_of(frame), grid);
+            }
+            Some(s) => {
+                let v = s.v.as_ref().expect("a tracked surface has gradients");
+                let [v_color, v_xy, v_cov, v_plane] = [0, 1, 2, 3].map(|i| &ws.rows[i]);
+                let blend: [&Buffer; 18] = [
+                    &ws.projected,
+                    &s.planes,
+                    list,
+                    isects,
+                    &ws.tile_ranges,
+                    &ws.final_t,
+                    &ws.last_entry,
+                    &s.median_depth,
+                    &s.slots,
+                    &s.slot_entries,
+                    v_image,
+                    &v.normal_map,
+                    &v.median_depth,
+                    &v.slots,
+                    v_color,
+                    v_xy,
+                    v_cov,
+                    v_plane,
+                ];
+                pass.grid(&RASTERIZE_SURFACE_BACKWARD, &blend, bytes_of(&s.frame), grid);
+            }
+        }
+    }
+
+    fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
+        let PerGaussian { means, rotations, log_scales, sh, normals, offsets, .. } = &splats.parameters;
+        let ws = &self.workspace;
+        let (frame, order) = (bytes_of(&self.frame), &ws.depth_sort.values[0]);
+        let project: [&Buffer; 18] = [
+            means,
+            rotations,
+            log_scales,
+            sh,
+            &ws.projected,
+            order,
+            &ws.offsets,
+            &ws.tile_counts,
+            &ws.rows[0],
+            &ws.rows[1],
+            &ws.rows[2],
+            &v.means,
+            &v.rotations,
+            &v.log_scales,
+            &v.opacity_logits,
+            &v.sh,
+            &v.screen,
+            &splats.filters,
+        ];
+        pass.linear(&PROJECT_BACKWARD, &project, frame, splats.count);
+        if let (Some(s), Some([v_normals, v_offsets])) = (&self.surface, &v.planes) {
+            let planes: [&Buffer; 11] = [
+                means,
+                normals,
+                offsets,
+                &s.planes,
+                order,
+                &ws.offsets,
+                &ws.tile_counts,
+                &ws.rows[3],
+                &v.means,
+                v_normals,
+                v_offsets,
+            ];
+            pass.linear(&PLANES_BACKWARD, &planes, frame, splats.count);
+        }
+    }
+}

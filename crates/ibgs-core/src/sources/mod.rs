@@ -1,0 +1,11 @@
+//! What the photos of neighbouring training views tell about a target view (method.md sections 4, 5 and 8).
+
+pub mod depth_cache;
+pub mod find;
+pub mod memory;
+mod photo;
+pub mod source_store;
+mod warp;
+
+pub use photo::{DevicePhoto, Outside};
+pub use warp::{MAX_SOURCES, Reach, Seen, SourceView, WarpOptions, Warped, Warper};

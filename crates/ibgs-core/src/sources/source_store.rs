@@ -1,0 +1,221 @@
+//! The training photos on the GPU, as packed 8-bit RGBA: all of them where they fit, otherwise those used last.
+
+use crate::dataset::Photo;
+use crate::gpu::{Buffer, Gpu, GpuError};
+use crate::sources::DevicePhoto;
+use std::sync::{Arc, Mutex};
+
+/// Uploads beyond this are handed to the device before more follow: wgpu keeps a copy of each until then.
+const FLUSH_EVERY: u64 = 256 << 20;
+
+/// Photos on the GPU within a memory budget.
+///
+/// A photo that is wanted and not there is uploaded. Where the budget does not hold it too, those whose last use is longest
+/// ago leave, never one whose [`DevicePhoto`] someone still holds: then the budget is exceeded for that long. A device that has
+/// less memory than the budget lowers it.
+///
+/// Keep a [`DevicePhoto`] until the pass that reads it is submitted: its memory may become another photo's afterwards.
+#[derive(Debug)]
+pub struct SourceStore {
+    gpu: Arc<Gpu>,
+    photos: Vec<Arc<Photo>>,
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    slots: Vec<Option<Slot>>,
+    /// Bytes; none: no limit.
+    budget: Option<u64>,
+    resident: u64,
+    /// Counts uses.
+    clock: u64,
+    /// Counts uploads.
+    uploads: u64,
+    /// Bytes uploaded since the last flush.
+    pending: u64,
+}
+
+#[derive(Debug)]
+struct Slot {
+    target: DevicePhoto,
+    last_use: u64,
+}
+
+impl State {
+    /// The resident photo whose last use is longest ago, of those that nobody holds.
+    fn oldest(&self) -> Option<usize> {
+        let free = |slot: &Slot| Arc::strong_count(&slot.target.held) == 1;
+        let resident = self.slots.iter().enumerate().filter_map(|(i, slot)| slot.as_ref().map(|slot| (i, slot)));
+        resident.filter(|(_, slot)| free(slot)).min_by_key(|(_, slot)| slot.last_use).map(|(i, _)| i)
+    }
+
+    /// Takes a photo out and gives its memory back.
+    fn evict(&mut self, index: usize) -> Option<Buffer> {
+        let slot = self.slots[index].take()?;
+        self.resident -= slot.target.texels.size;
+        Some(slot.target.texels)
+    }
+
+    /// Makes room for `bytes`; memory of exactly that size is handed over to be used again.
+    fn make_room(&mut self, bytes: u64) -> Option<Buffer> {
+        while self.budget.is_some_and(|budget| self.resident + bytes > budget) {
+            let freed = self.oldest().and_then(|index| self.evict(index))?;
+            if freed.size == bytes && self.budget.is_some_and(|budget| self.resident + bytes <= budget) {
+                return Some(freed);
+            }
+        }
+        None
+    }
+}
+
+/// Bytes that a photo takes on the device.
+fn bytes_of(photo: &Photo) -> u64 {
+    (photo.rgba.len() as u64).max(16).next_multiple_of(16)
+}
+
+impl SourceStore {
+    /// A store of `photos` that takes at most `budget` bytes (none: no limit). Everything is uploaded at once where it fits.
+    ///
+    /// # Errors
+    /// A photo that the device cannot bind.
+    pub fn new(gpu: Arc<Gpu>, photos: Vec<Arc<Photo>>, budget: Option<u64>) -> Result<Self, GpuError> {
+        for photo in &photos {
+            gpu.check_size("photo", bytes_of(photo))?;
+        }
+        let all: u64 = photos.iter().map(|photo| bytes_of(photo)).sum();
+        let slots = photos.iter().map(|_| None).collect();
+        let store = Self { gpu, photos, state: Mutex::new(State { slots, budget, ..State::default() }) };
+        if budget.is_none_or(|budget| all <= budget) {
+            for index in 0..store.photos.len() {
+                store.photo(index)?;
+                if store.lock().budget != budget {
+                    // The device has less memory than was hoped for: the rest comes when it is wanted.
+                    break;
+                }
+            }
+            store.gpu.queue.submit([]);
+        }
+        Ok(store)
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().expect("source store")
+    }
+
+    /// Number of photos.
+    pub fn len(&self) -> usize {
+        self.photos.len()
+    }
+
+    /// True without any photo.
+    pub fn is_empty(&self) -> bool {
+        self.photos.is_empty()
+    }
+
+    /// Photo `index` on the device, uploaded if it is not there.
+    ///
+    /// # Errors
+    /// Not enough memory, even with every other photo that is not held evicted.
+    ///
+    /// # Panics
+    /// When there is no such photo: a bug of ours.
+    pub fn photo(&self, index: usize) -> Result<DevicePhoto, GpuError> {
+        let mut state = self.lock();
+        state.clock += 1;
+        let last_use = state.clock;
+        if let Some(slot) = &mut state.slots[index] {
+            slot.last_use = last_use;
+            return Ok(slot.target.clone());
+        }
+        let target = self.upload(&mut state, &self.photos[index])?;
+        state.slots[index] = Some(Slot { target: target.clone(), last_use });
+        Ok(target)
+    }
+
+    /// Photo `index` on the host.
+    ///
+    /// # Panics
+    /// When there is no such photo: a bug of ours.
+    pub fn on_host(&self, index: usize) -> &Arc<Photo> {
+        &self.photos[index]
+    }
+
+    /// Several photos at once; none of them evicts another.
+    ///
+    /// # Errors
+    /// As [`SourceStore::photo`].
+    pub fn photos(&self, indices: &[usize]) -> Result<Vec<DevicePhoto>, GpuError> {
+        // Those that are there first, so that the others cannot push them out.
+        let mut found: Vec<(usize, DevicePhoto)> = Vec::with_capacity(indices.len());
+        let (there, missing): (Vec<usize>, Vec<usize>) =
+            (0..indices.len()).partition(|&at| self.is_resident(indices[at]));
+        for at in there.into_iter().chain(missing) {
+            found.push((at, self.photo(indices[at])?));
+        }
+        found.sort_by_key(|(at, _)| *at);
+        Ok(found.into_iter().map(|(_, target)| target).collect())
+    }
+
+    /// Uploads photos that will be wanted soon.
+    ///
+    /// # Errors
+    /// As [`SourceStore::photo`].
+    pub fn prefetch(&self, indices: &[usize]) -> Result<(), GpuError> {
+        self.photos(indices).map(|_| ())
+    }
+
+    /// Whether a photo is on the device now.
+    pub fn is_resident(&self, index: usize) -> bool {
+        self.lock().slots[index].is_some()
+    }
+
+    /// Bytes of the photos on the device.
+    pub fn resident_bytes(&self) -> u64 {
+        self.lock().resident
+    }
+
+    /// Uploads so far: as many as there are photos when everything fits.
+    pub fn uploads(&self) -> u64 {
+        self.lock().uploads
+    }
+
+    fn upload(&self, state: &mut State, photo: &Photo) -> Result<DevicePhoto, GpuError> {
+        let bytes = bytes_of(photo);
+        let texels = match state.make_room(bytes) {
+            Some(buffer) => buffer,
+            None => self.allocate(state, bytes)?,
+        };
+        // Ordered on the queue after every submitted pass that reads what was there before.
+        self.gpu.queue.write_buffer(&texels.buffer, 0, &photo.rgba);
+        state.resident += bytes;
+        state.uploads += 1;
+        state.pending += bytes;
+        if state.pending > FLUSH_EVERY {
+            state.pending = 0;
+            self.gpu.queue.submit([]);
+        }
+        Ok(DevicePhoto::new(texels, [photo.width, photo.height]))
+    }
+
+    /// New memory; where the device has none left the budget shrinks to what it gave, and older photos leave.
+    fn allocate(&self, state: &mut State, bytes: u64) -> Result<Buffer, GpuError> {
+        loop {
+            let error = match self.gpu.allocate("photo", bytes) {
+                Ok(buffer) => return Ok(buffer),
+                Err(error) => error,
+            };
+            let Some(oldest) = state.oldest() else {
+                return Err(error);
+            };
+            state.budget = Some(state.resident);
+            if let Some(freed) = state.evict(oldest)
+                && freed.size == bytes
+            {
+                return Ok(freed);
+            }
+            // Evicted memory returns once the device is done with it.
+            self.gpu.wait()?;
+        }
+    }
+}

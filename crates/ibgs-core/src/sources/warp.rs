@@ -1,0 +1,252 @@
+//! Warping of source photos to a target view through its median intersections (method.md section 5), and the
+//! gradients by them.
+
+use super::DevicePhoto;
+use crate::camera::Camera;
+use crate::gpu::pool::{Lease, Pool};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::raster::{Forward, Surface};
+use bytemuck::bytes_of;
+use ibgs_shaders::types::{SlotsParams, SourceParams};
+use ibgs_shaders::{TILE, WARP, WARP_BACKWARD};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// A source view: its camera, its photo and its own median depth `[H * W]` (0 where it met nothing). The depth is data: no
+/// gradient flows into it.
+#[derive(Clone, Debug)]
+pub struct SourceView {
+    /// Camera of the photo.
+    pub camera: Camera,
+    /// The photo.
+    pub photo: DevicePhoto,
+    /// The view's own median depth.
+    pub depth: Buffer,
+}
+
+/// How photos are warped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WarpOptions {
+    /// Packed slots V, 1 to 4: the first visible sources of each pixel.
+    pub visible: u32,
+    /// The depths of source and point agree when they differ by less than this part of the latter.
+    pub agreement: f32,
+    /// A source is packed when they differ by less than so many times that: 1, or up to 5 where a confidence weighs the sources.
+    pub reach: f32,
+}
+
+impl WarpOptions {
+    /// The reach where a confidence weighs the sources.
+    pub const SOFT_REACH: f32 = 5.0;
+}
+
+impl Default for WarpOptions {
+    fn default() -> Self {
+        Self { visible: 3, agreement: 0.01, reach: 1.0 }
+    }
+}
+
+/// Which pixels of the final image differ from the base image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reach {
+    /// Any, as published: the network also guesses where no source sees a pixel's point.
+    #[default]
+    Everywhere,
+    /// Those that see a source: where a view shows nothing the background stays. A departure from method.md.
+    Seen,
+}
+
+/// Which sources the pixels see.
+#[derive(Debug)]
+pub struct Seen {
+    /// `[P]` u32: byte m has the number of the source in packed slot m in its low half and the error of its depth, in thirds of
+    /// what agrees, in its high half (0 with a reach of 1); 255 where the slot is empty. Slot m is filled only where slot m - 1 is.
+    pub slots: Buffer,
+    /// Four u32; the first: how many packed slots some pixel fills.
+    pub active: Buffer,
+    /// `[M]` of (target camera centre - source camera centre, 0), world space.
+    pub centers: Buffer,
+    /// Number of sources M.
+    pub sources: u32,
+    pixels: usize,
+}
+
+/// Most sources of a target, M.
+pub const MAX_SOURCES: usize = 8;
+
+/// Warps; owns its scratch memory.
+#[derive(Debug)]
+pub struct Warper {
+    gpu: Arc<Gpu>,
+    pool: Arc<Pool<Seen>>,
+    /// How.
+    pub options: WarpOptions,
+}
+
+/// Warped sources and what their gradients need.
+#[derive(Clone, Debug)]
+pub struct Warped {
+    /// `[V, P, 4]`: the colour of the source in each packed slot and the cosine of the angle between the viewing rays; zero where
+    /// a slot is empty.
+    pub colors: Buffer,
+    /// Which sources the pixels see.
+    pub seen: Arc<Lease<Seen>>,
+    /// Packed slots, V.
+    pub visible: u32,
+    surface: Arc<Lease<Surface>>,
+    sources: Vec<(SourceView, SourceParams)>,
+}
+
+impl Warped {
+    /// What a kernel that goes over the colours needs.
+    pub(crate) fn slots(&self) -> SlotsParams {
+        SlotsParams { pixels: self.surface.camera.pixels() as u32, slots: self.visible }
+    }
+
+    /// Adds the gradients by the surface's depths and weights to the surface's own, where the rasterizer's backward pass reads
+    /// them, from those by the colours, `[V, P, 4]`.
+    ///
+    /// # Panics
+    /// When the surface was made without gradients: a bug of ours.
+    pub fn backward(&self, gpu: &Gpu, v_colors: &Buffer) {
+        let v = self.surface.v.as_ref().expect("a tracked surface has gradients");
+        let mut pass = Pass::new(gpu, "warp backward");
+        for (source, params) in &self.sources {
+            let buffers: [&Buffer; 8] = [
+                &self.surface.median_depth,
+                &self.surface.slots,
+                &source.photo.texels,
+                &self.colors,
+                &self.seen.slots,
+                v_colors,
+                &v.slots,
+                &v.median_depth,
+            ];
+            pass.grid(&WARP_BACKWARD, &buffers, bytes_of(params), tiles(params.size));
+        }
+        pass.submit();
+    }
+}
+
+const LABEL: &str = "warp";
+
+fn tiles(size: [u32; 2]) -> [u32; 3] {
+    [size[0].div_ceil(TILE), size[1].div_ceil(TILE), 1]
+}
+
+fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOptions) -> SourceParams {
+    let (target, camera) = (&surface.camera, &source.camera);
+    let rotation = camera.view_from_world * target.view_from_world.transpose();
+    let translation = camera.translation - rotation * target.translation;
+    let r = rotation.transpose();
+    let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
+    SourceParams {
+        row0: row(r.x_axis, translation.x),
+        row1: row(r.y_axis, translation.y),
+        row2: row(r.z_axis, translation.z),
+        focal: target.focal.as_vec2().to_array(),
+        principal: surface.options.principal(target),
+        source_focal: camera.focal.as_vec2().to_array(),
+        source_principal: surface.options.principal(camera),
+        size: [target.width, target.height],
+        source_size: [camera.width, camera.height],
+        index: index as u32,
+        visible: options.visible,
+        slots: surface.options.slots,
+        agreement: options.agreement,
+        reach: options.reach,
+        ..SourceParams::default()
+    }
+}
+
+impl Warper {
+    /// A warper without any memory yet.
+    pub fn new(gpu: Arc<Gpu>, options: WarpOptions) -> Self {
+        Self { gpu, pool: Arc::default(), options }
+    }
+
+    /// The GPU it works on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    fn scratch(&self, pixels: usize) -> Result<Seen, GpuError> {
+        if let Some(seen) = self.pool.take()
+            && seen.pixels >= pixels
+        {
+            return Ok(seen);
+        }
+        Ok(Seen {
+            slots: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
+            active: self.gpu.allocate("packed sources", 16)?,
+            centers: self.gpu.allocate("source centres", 16 * MAX_SOURCES as u64)?,
+            sources: 0,
+            pixels,
+        })
+    }
+
+    /// Memory for a view's warped colours, `[V, P, 4]`.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn memory(&self, camera: &Camera) -> Result<Buffer, GpuError> {
+        self.gpu.transient("warped colours", 16 * self.options.visible as u64 * camera.pixels() as u64)
+    }
+
+    /// Warps the sources, in their order, into `colors`.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// Without a surface or a source: bugs of ours.
+    pub fn warp(&self, forward: &Forward, sources: &[SourceView], colors: Buffer) -> Result<Warped, GpuError> {
+        let mut pass = Pass::new(&self.gpu, LABEL);
+        let warped = self.record(&mut pass, forward, sources, colors)?;
+        pass.submit();
+        Ok(warped)
+    }
+
+    /// As [`Warper::warp`], as a part of a pass.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// As [`Warper::warp`].
+    pub fn record(
+        &self,
+        pass: &mut Pass,
+        forward: &Forward,
+        sources: &[SourceView],
+        colors: Buffer,
+    ) -> Result<Warped, GpuError> {
+        let surface = forward.surface().expect("warping needs a surface");
+        assert!((1..=MAX_SOURCES).contains(&sources.len()), "warping needs one to {MAX_SOURCES} sources");
+        let pixels = surface.camera.pixels();
+        let seen = Seen { sources: sources.len() as u32, ..self.scratch(pixels)? };
+        let from = |s: &SourceView| (surface.camera.center() - s.camera.center()).extend(0.0).as_vec4().to_array();
+        let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();
+        self.gpu.queue.write_buffer(&seen.centers.buffer, 0, bytemuck::cast_slice(&centers));
+        pass.relabel(LABEL);
+        pass.clear(&seen.active);
+        let mut used = Vec::with_capacity(sources.len());
+        for (index, source) in sources.iter().enumerate() {
+            let params = params(surface, source, index, &self.options);
+            let buffers: [&Buffer; 7] = [
+                &surface.median_depth,
+                &surface.slots,
+                &source.photo.texels,
+                &source.depth,
+                &colors,
+                &seen.slots,
+                &seen.active,
+            ];
+            pass.grid(&WARP, &buffers, bytes_of(&params), tiles(params.size));
+            used.push((source.clone(), params));
+        }
+        let seen = Arc::new(self.pool.lease(seen));
+        Ok(Warped { colors, seen, visible: self.options.visible, surface: surface.clone(), sources: used })
+    }
+}

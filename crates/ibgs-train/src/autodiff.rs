@@ -1,0 +1,11 @@
+//! The kernels of [`ibgs_core`] as operations of burn's autodiff.
+
+mod exposure;
+mod raster;
+mod residual;
+mod warp;
+
+pub use exposure::{exposed, exposed_warped};
+pub use raster::{Leaves, SplatGradients, rasterized};
+pub use residual::residual;
+pub use warp::warped;

@@ -1,0 +1,90 @@
+//! How fast the device moves memory and computes, measured.
+
+use super::median;
+use bytemuck::bytes_of;
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_shaders::types::FmaParams;
+use ibgs_shaders::{BENCH_COPY, BENCH_FMA, BENCH_FMAS, Kernel};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Bytes of the copied buffer: beyond the caches of large GPUs, and quick on a software adapter.
+const COPIED: [u64; 2] = [512 << 20, 32 << 20];
+/// A run of multiply-adds is made at least this long, in milliseconds.
+const LONG_ENOUGH: f64 = 2.0;
+/// Fewest and most threads of multiply-adds.
+const THREADS: [u32; 2] = [1 << 12, 1 << 22];
+/// Steps of each of them.
+const STEPS: u32 = 32;
+/// Measured runs, after as many for warm-up.
+const RUNS: usize = 5;
+
+/// What the floors are reckoned by.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rates {
+    /// Bytes read and written a second by a copy of a large buffer.
+    pub bytes_per_second: f64,
+    /// Floating-point operations a second of multiply-adds in registers, two each.
+    pub operations_per_second: f64,
+}
+
+/// Milliseconds of one dispatch: by timestamps, or by the clock where the device has none.
+fn time(
+    gpu: &Gpu,
+    kernel: &'static Kernel,
+    buffers: &[&Buffer],
+    immediates: &[u8],
+    items: usize,
+) -> Result<f64, GpuError> {
+    let by_timestamps = gpu.start_profile();
+    gpu.wait()?;
+    let start = Instant::now();
+    let mut pass = Pass::new(gpu, "rates");
+    pass.linear(kernel, buffers, immediates, items);
+    pass.submit();
+    gpu.wait()?;
+    let clock = 1e3 * start.elapsed().as_secs_f64();
+    let measured: f64 = gpu.finish_profile().iter().map(|measured| measured.ms).sum();
+    Ok(if by_timestamps && measured > 0.0 { measured } else { clock })
+}
+
+fn median_time(run: &mut dyn FnMut() -> Result<f64, GpuError>) -> Result<f64, GpuError> {
+    for _ in 0..RUNS {
+        run()?;
+    }
+    Ok(median((0..RUNS).map(|_| run()).collect::<Result<_, _>>()?))
+}
+
+impl Rates {
+    /// Measures both; takes a fraction of a second.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn measure(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self { bytes_per_second: bandwidth(gpu)?, operations_per_second: operations(gpu)? })
+    }
+}
+
+fn bandwidth(gpu: &Gpu) -> Result<f64, GpuError> {
+    let bytes = COPIED[usize::from(gpu.is_software())].min(gpu.binding_limit() / 16 * 16);
+    let [from, to] = [gpu.allocate("copy", bytes)?, gpu.allocate("copy", bytes)?];
+    let count = (bytes / 16) as u32;
+    let ms = median_time(&mut || time(gpu, &BENCH_COPY, &[&from, &to], bytes_of(&count), count as usize))?;
+    Ok(2.0 * bytes as f64 / (1e-3 * ms))
+}
+
+fn operations(gpu: &Gpu) -> Result<f64, GpuError> {
+    let values = gpu.upload("multiply-adds", &[0.999f32, 0.5])?;
+    let sums = gpu.allocate("multiply-adds", 4 * u64::from(THREADS[1]))?;
+    let run = |count: u32| {
+        let params = FmaParams { count, steps: STEPS };
+        time(gpu, &BENCH_FMA, &[&values, &sums], bytes_of(&params), count as usize)
+    };
+    let mut count = THREADS[0];
+    run(count)?;
+    while count < THREADS[1] && run(count)? < LONG_ENOUGH {
+        count *= 2;
+    }
+    let ms = median_time(&mut || run(count))?;
+    Ok(2.0 * f64::from(count) * f64::from(STEPS * BENCH_FMAS) / (1e-3 * ms))
+}

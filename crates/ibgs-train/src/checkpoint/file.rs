@@ -1,0 +1,118 @@
+//! The file of a checkpoint.
+
+use super::{Checkpoint, CheckpointError, FORMAT, State, VERSION};
+use ibgs_core::config::TrainConfig;
+use ibgs_core::files::write_seekable_atomically;
+use ibgs_core::scene::MAX_SH_DEGREE;
+use ibgs_core::stored_zip::{self, StoredZip};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, Write};
+use std::path::Path;
+use zip::ZipWriter;
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: u32,
+    /// Of the program.
+    version: String,
+    /// Checksum of the scene.
+    scene: u32,
+}
+
+const HEADER: &str = "checkpoint.json";
+const CONFIG: &str = "config.toml";
+const STATE: &str = "state.json";
+const RUN: &str = "run.json";
+
+impl Checkpoint {
+    /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums tell damage.
+    ///
+    /// ```text
+    /// checkpoint.json   {"format": 2, "version": "0.1.0", "scene": checksum of cameras, names and photos}
+    /// config.toml       the options
+    /// state.json        iteration, random state, order of the views, exposures ...
+    /// run.json          times, curves and measurements so far
+    /// tensors/NAME      float32, little endian: parameters, moments, statistics, network, depth maps
+    /// ```
+    ///
+    /// # Errors
+    /// [`CheckpointError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+        Ok(write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip)))?)
+    }
+
+    fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>) -> io::Result<()> {
+        let mut add = |part: &str, bytes: &[u8]| stored_zip::add(zip, part, bytes);
+        let header = Header { format: FORMAT, version: VERSION.to_owned(), scene: self.scene };
+        add(HEADER, &serde_json::to_vec(&header)?)?;
+        add(CONFIG, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
+        add(STATE, &serde_json::to_vec(&self.state)?)?;
+        add(RUN, &serde_json::to_vec(&self.run)?)?;
+        for (name, values) in self.tensors() {
+            let little: Vec<u32>;
+            let bytes = match cfg!(target_endian = "little") {
+                true => bytemuck::cast_slice(values),
+                false => {
+                    little = values.iter().map(|v| v.to_bits().to_le()).collect();
+                    bytemuck::cast_slice(&little)
+                }
+            };
+            add(&format!("tensors/{name}"), bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Read`], [`CheckpointError::Damaged`] naming the part, [`CheckpointError::Version`].
+    pub fn read(path: &Path) -> Result<Self, CheckpointError> {
+        let unread = |source| CheckpointError::Read { path: path.to_owned(), source };
+        Self::read_from(BufReader::new(File::open(path).map_err(unread)?), path)
+    }
+
+    /// [`Checkpoint::read`] from anything seekable; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::read`].
+    pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, CheckpointError> {
+        let damaged = |reason: String| CheckpointError::Damaged { path: path.to_owned(), reason };
+        let mut zip = StoredZip::open(reader).map_err(damaged)?;
+        let header: Header = json(&mut zip, HEADER).map_err(damaged)?;
+        if header.format != FORMAT || header.version != VERSION {
+            let found = format!("{} (format {})", header.version, header.format);
+            return Err(CheckpointError::Version { path: path.to_owned(), found });
+        }
+        let config = bytes(&mut zip, CONFIG).map_err(damaged)?;
+        let config = TrainConfig::from_text(&String::from_utf8_lossy(&config), Path::new(CONFIG))
+            .map_err(|error| damaged(error.to_string()))?;
+        let state: State = json(&mut zip, STATE).map_err(damaged)?;
+        let run = json(&mut zip, RUN).map_err(damaged)?;
+        // Every value takes four bytes of the file.
+        if state.gaussians as u64 > zip.length() || state.sh_degree > MAX_SH_DEGREE {
+            return Err(damaged(format!("its `{STATE}` tells of more than the file holds")));
+        }
+        Self::assemble((config, header.scene, run, state), |name, count| tensor(&mut zip, name, count)).map_err(damaged)
+    }
+}
+
+/// A part, or what is wrong.
+fn bytes<R: Read + Seek>(zip: &mut StoredZip<R>, part: &str) -> Result<Vec<u8>, String> {
+    zip.bytes(part).map_err(|reason| format!("its `{part}` {reason}"))
+}
+
+fn json<R: Read + Seek, T: DeserializeOwned>(zip: &mut StoredZip<R>, part: &str) -> Result<T, String> {
+    let bytes = bytes(zip, part)?;
+    serde_json::from_slice(&bytes).map_err(|error| format!("its `{part}` makes no sense ({error})"))
+}
+
+fn tensor<R: Read + Seek>(zip: &mut StoredZip<R>, name: &str, count: usize) -> Result<Vec<f32>, String> {
+    let part = format!("tensors/{name}");
+    let bytes = bytes(zip, &part)?;
+    if Some(bytes.len()) != count.checked_mul(4) {
+        return Err(format!("its `{part}` has {} bytes in place of {count} values", bytes.len()));
+    }
+    Ok(bytes.as_chunks().0.iter().map(|&value| f32::from_le_bytes(value)).collect())
+}

@@ -1,0 +1,288 @@
+//! Densification and pruning: statistics on the GPU, the plan on the host by one of several strategies, the new model
+//! gathered on the GPU.
+
+mod gradient;
+pub mod growth;
+pub mod mcmc;
+
+use super::optim::Optimizer;
+use crate::parameters::Parameters;
+use crate::tensor::{self, bind, primitive};
+use burn::tensor::Tensor;
+use bytemuck::bytes_of;
+use glam::{DVec3, Vec3};
+use ibgs_core::config::{DensifyConfig, Strategy};
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::raster::Forward;
+use ibgs_core::scene::PerGaussian;
+use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::types::{GatherParams, ObserveParams};
+use ibgs_shaders::{DENSIFY_ERRORS, DENSIFY_GATHER, DENSIFY_OBSERVE};
+use rand_chacha::ChaCha8Rng;
+
+/// Marks a new Gaussian in [`Plan::sources`].
+const FRESH: u32 = 1 << 31;
+
+/// What the host needs to plan a round, one entry a Gaussian.
+#[derive(Clone, Debug, Default)]
+pub struct Observations {
+    /// What [`Statistics`] kept, see [`Over`].
+    pub statistics: Vec<[f32; 4]>,
+    /// World positions.
+    pub means: Vec<[f32; 3]>,
+    /// Raw quaternions, w x y z.
+    pub rotations: Vec<[f32; 4]>,
+    /// Logarithms of the scales.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Opacities before the sigmoid.
+    pub opacity_logits: Vec<f32>,
+}
+
+impl Observations {
+    /// Whether place and shape of a Gaussian are finite: what is not could not be saved.
+    fn is_finite(&self, i: usize) -> bool {
+        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+        finite(&self.means[i]) && finite(&self.rotations[i]) && finite(&self.log_scales[i])
+    }
+}
+
+/// Which prunings apply in a round.
+#[derive(Clone, Copy, Debug)]
+pub struct Round {
+    /// Scene extent in local units.
+    pub extent: f64,
+    /// The length whose part `prune-scale` is the largest scale.
+    pub prune_length: f64,
+    /// Prune by opacity.
+    pub transparent: bool,
+    /// Prune by scale (and screen radius, where that is on).
+    pub large: bool,
+    /// The number of Gaussians may grow.
+    pub grows: bool,
+    /// Part of the run that is done, 0 to 1.
+    pub progress: f64,
+    /// Rounds from this one on in the first half of the run.
+    pub until_half: u32,
+}
+
+/// The next model: where each row comes from, and what is not simply copied.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Row of the last model; the top bit marks a new Gaussian.
+    pub sources: Vec<u32>,
+    /// New means.
+    pub means: Vec<[f32; 3]>,
+    /// New logarithms of the scales.
+    pub log_scales: Vec<[f32; 3]>,
+    /// New opacities before the sigmoid; none: those of the sources.
+    pub opacity_logits: Option<Vec<f32>>,
+    /// Gaussians cloned (or added), split and pruned (or moved elsewhere).
+    pub counts: [usize; 3],
+}
+
+impl Plan {
+    fn push(&mut self, source: u32, mean: [f32; 3], log_scale: [f32; 3], opacity_logit: f32) {
+        self.sources.push(source);
+        self.means.push(mean);
+        self.log_scales.push(log_scale);
+        self.opacity_logits.get_or_insert_default().push(opacity_logit);
+    }
+}
+
+/// How the views since the last round become one value a Gaussian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Over {
+    /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels); gradients in units of half
+    /// the image.
+    Sum,
+    /// (largest absolute-gradient norm, pixels of large error, views, largest radius in units of the image's longer side); gradients in units of the
+    /// image.
+    Largest,
+}
+
+fn sigmoid(x: f32) -> f64 {
+    1.0 / (1.0 + (-f64::from(x)).exp())
+}
+
+/// From this many extents on a scene is far from its cameras.
+const FAR: f64 = 3.0;
+
+/// The median distance of the Gaussians from the mean camera position `centre` where they are far from the cameras; the extent
+/// elsewhere.
+pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
+    let mut distances: Vec<f64> = means.iter().map(|m| Vec3::from(*m).as_dvec3().distance(centre)).collect();
+    if distances.is_empty() {
+        return extent;
+    }
+    let middle = distances.len() / 2;
+    let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+    if *median > FAR * extent { *median } else { extent }
+}
+
+/// Plans a round.
+pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
+    match config.strategy {
+        Strategy::Default => growth::plan(o, config, round, rng),
+        Strategy::Published | Strategy::AbsGs => gradient::plan(o, config, round, rng),
+        Strategy::Mcmc => mcmc::plan(o, config, round, rng),
+    }
+}
+
+/// For each of `count` Gaussians, the pixels to which it contributes a share of at least 0.05 and where `image` differs from the
+/// photo by more than the mean absolute error of `stats`, see [`LossScratch`](crate::loss::LossScratch).
+///
+/// # Errors
+/// Not enough memory.
+pub fn covered_errors(
+    gpu: &Gpu,
+    forward: &Forward,
+    (image, target): (&Tensor<3>, &DevicePhoto),
+    stats: &Buffer,
+    count: usize,
+) -> Result<Buffer, GpuError> {
+    let counts = gpu.allocate("pixels of large error", 4 * count.max(1) as u64)?;
+    let params = target.params(0.0);
+    let image = bind(&primitive(image.clone().inner()));
+    let workspace = &forward.workspace;
+    let buffers: [&Buffer; 8] = [
+        &workspace.projected,
+        forward.sorted_gaussians(),
+        &workspace.tile_ranges,
+        &workspace.last_entry,
+        &image,
+        &target.texels,
+        stats,
+        &counts,
+    ];
+    let [x, y] = params.tiles;
+    let mut pass = Pass::new(gpu, "densify errors");
+    pass.grid(&DENSIFY_ERRORS, &buffers, bytes_of(&params), [x, y, 1]);
+    pass.submit();
+    Ok(counts)
+}
+
+/// Running statistics of every Gaussian since the last round.
+#[derive(Debug)]
+pub struct Statistics {
+    values: Buffer,
+    count: usize,
+}
+
+impl Statistics {
+    /// Statistics at zero.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, count: usize) -> Result<Self, GpuError> {
+        Ok(Self { values: gpu.allocate("densification statistics", 16 * count.max(1) as u64)?, count })
+    }
+
+    /// Four values a Gaussian; waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn values(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
+        gpu.read(&self.values, 4 * self.count)
+    }
+
+    /// Statistics that go on from there.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn from_values(gpu: &Gpu, values: &[f32]) -> Result<Self, GpuError> {
+        Ok(Self { values: gpu.upload("densification statistics", values)?, count: values.len() / 4 })
+    }
+
+    /// Adds one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
+    /// `near_depth` count less. `errors`: what [`covered_errors`] counted, for [`Over::Largest`].
+    pub fn observe(
+        &self,
+        gpu: &Gpu,
+        screen: Tensor<2>,
+        forward: &Forward,
+        (over, near_depth): (Over, f64),
+        errors: Option<&Buffer>,
+    ) {
+        let params = ObserveParams {
+            size: forward.frame.size,
+            count: self.count as u32,
+            near_depth: near_depth as f32,
+            largest: u32::from(over == Over::Largest),
+            errors: u32::from(errors.is_some()),
+        };
+        let gradient = bind(&primitive(screen));
+        let mut pass = Pass::new(gpu, "densify observe");
+        let workspace = &forward.workspace;
+        let errors = errors.unwrap_or(&workspace.tile_counts);
+        let buffers: [&Buffer; 4] = [&gradient, &workspace.projected, errors, &self.values];
+        pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(&params), self.count);
+        pass.submit();
+    }
+
+    /// Reads back everything that a plan needs; waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn observations(&self, gpu: &Gpu, optimizer: &Optimizer) -> Result<Observations, GpuError> {
+        let [means, rotations, log_scales, opacity_logits, ..] = optimizer.slots() else {
+            unreachable!("an optimiser has the base's slots")
+        };
+        Ok(Observations {
+            statistics: gpu.read(&self.values, self.count)?,
+            means: gpu.read(&means.parameter, self.count)?,
+            rotations: gpu.read(&rotations.parameter, self.count)?,
+            log_scales: gpu.read(&log_scales.parameter, self.count)?,
+            opacity_logits: gpu.read(&opacity_logits.parameter, self.count)?,
+        })
+    }
+}
+
+/// Carries a plan out: the new model and its optimiser.
+///
+/// # Errors
+/// Not enough memory.
+pub fn apply(
+    gpu: &Gpu,
+    parameters: &Parameters,
+    optimizer: &Optimizer,
+    plan: Plan,
+) -> Result<(Parameters, Optimizer), GpuError> {
+    let (n, splats) = (plan.sources.len(), parameters.splats());
+    let sources = gpu.upload("densification plan", &plan.sources)?;
+    let mut pass = Pass::new(gpu, "densify");
+    let mut gather = |from: &Buffer, to: &Buffer, row: usize, fresh_zero: u32| {
+        let params = GatherParams { count: (n * row) as u32, row: row as u32, fresh_zero, pad: 0 };
+        pass.linear(&DENSIFY_GATHER, &[&sources, from, to], bytes_of(&params), n * row);
+    };
+    let mut moments = Vec::new();
+    for slot in optimizer.slots() {
+        let mut pair = Vec::new();
+        for from in &slot.moments {
+            let to = gpu.allocate("Adam moments", 4 * (n * slot.row).max(1) as u64)?;
+            gather(from, &to, slot.row, 1);
+            pair.push(to);
+        }
+        moments.push(pair.try_into().unwrap_or_else(|_| unreachable!("two moments")));
+    }
+    let planned = PerGaussian {
+        means: Some(plan.means.into_flattened()),
+        log_scales: Some(plan.log_scales.into_flattened()),
+        opacity_logits: plan.opacity_logits,
+        ..PerGaussian::default()
+    };
+    let shapes = Parameters::shapes(n, splats.coefficients).zip(PerGaussian::rows(splats.coefficients));
+    let each = splats.parameters.as_ref().zip(PerGaussian::<()>::NAMES).zip(shapes).zip(planned);
+    let tensors = each.try_map(|(((from, name), (shape, row)), values)| match values {
+        Some(values) => tensor::upload(gpu, name, &values, &shape),
+        None => {
+            let to = tensor::empty(gpu, name, &shape)?;
+            gather(from, &bind(&to), row, 0);
+            Ok(to)
+        }
+    })?;
+    let next = Parameters::new(gpu, splats.space, tensors)?;
+    gather(&splats.filters, &next.splats().filters, 1, 0);
+    pass.submit();
+    let optimizer = optimizer.rearranged(next.splats(), moments);
+    Ok((next, optimizer))
+}

@@ -1,0 +1,69 @@
+//! The photos' exposures in a training, see [`ibgs_core::exposure`].
+
+use ibgs_core::camera::Camera;
+use ibgs_core::config::schedule::Schedule;
+use ibgs_core::config::{ExposureConfig, ExposureSwitch};
+use ibgs_core::exposure::{Exposer, ExposureAdam, ExposureField, ExposureState, Exposures, PhotoExposures, spread};
+use ibgs_core::gpu::{Gpu, GpuError, Pass};
+use std::sync::Arc;
+
+/// The exposures of the training photos as they are learned.
+pub(super) struct Exposing {
+    gpu: Arc<Gpu>,
+    exposer: Exposer,
+    photos: PhotoExposures,
+    switch: ExposureSwitch,
+    least_spread: f64,
+}
+
+impl Exposing {
+    /// None where they are not corrected.
+    pub fn new(gpu: &Arc<Gpu>, photos: usize, config: &ExposureConfig) -> Result<Option<Self>, GpuError> {
+        let ExposureConfig { beta1, beta2, epsilon: eps, .. } = *config;
+        let make = || {
+            Ok(Self {
+                gpu: gpu.clone(),
+                exposer: Exposer::new(gpu.clone()),
+                photos: PhotoExposures::new(gpu, photos, ExposureAdam { beta1, beta2, eps })?,
+                switch: config.enabled,
+                least_spread: config.least_spread,
+            })
+        };
+        (config.enabled != ExposureSwitch::Off).then(make).transpose()
+    }
+
+    /// Those of a view and of its sources, on the device.
+    pub fn of(&self, view: usize, sources: &[usize]) -> Result<Exposures, GpuError> {
+        self.exposer.gather(&self.photos, view, sources)
+    }
+
+    /// Steps a view's exposure by the gradient of its iteration.
+    pub fn step(&mut self, view: usize, exposures: &Exposures, rate: f64) {
+        let mut pass = Pass::new(&self.gpu, "exposure");
+        self.photos.record_step(&mut pass, view, exposures.v_target(), rate);
+        pass.submit();
+    }
+
+    /// Whether `auto` gives them up after this iteration: the photos hardly differ. Waits for the GPU.
+    pub fn is_idle_at(&self, iteration: u32, schedule: &Schedule) -> Result<bool, GpuError> {
+        if self.switch != ExposureSwitch::Auto || iteration != schedule.exposure_decision {
+            return Ok(false);
+        }
+        Ok(spread(&self.photos.exposures(&self.gpu)?) < self.least_spread)
+    }
+
+    /// What they say of any view; waits for the GPU.
+    pub fn field(&self, cameras: &Arc<[Camera]>) -> Result<ExposureField, GpuError> {
+        Ok(ExposureField::new(cameras.clone(), self.photos.exposures(&self.gpu)?))
+    }
+
+    /// Everything on the host; waits for the GPU.
+    pub fn states(&self) -> Result<Vec<ExposureState>, GpuError> {
+        self.photos.states(&self.gpu)
+    }
+
+    pub fn restore(&mut self, states: &[ExposureState]) -> Result<(), GpuError> {
+        self.photos = PhotoExposures::from_states(&self.gpu, states, self.photos.adam)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,44 @@
+//! The 3D smoothing filter of the training views: no Gaussian is narrower than what the nearest of them resolves, so that other
+//! distances show no detail that no photo has. Yu et al., "Mip-Splatting", CVPR 2024.
+
+use bytemuck::bytes_of;
+use ibgs_core::camera::Camera;
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::scene::Splats;
+use ibgs_shaders::FILTER_SIZES;
+use ibgs_shaders::types::FilterParams;
+
+/// Finds the sizes of the filters.
+#[derive(Debug)]
+pub struct FilterSizes {
+    /// Centre and larger focal length in pixels of each camera, as `[f32; 4]`.
+    cameras: Buffer,
+    count: u32,
+    factor: f32,
+}
+
+impl FilterSizes {
+    /// Filters of `factor` pixels of the nearest camera.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, cameras: &[Camera], factor: f64) -> Result<Self, GpuError> {
+        let rows: Vec<[f32; 4]> =
+            cameras.iter().map(|c| c.center().extend(c.focal.max_element()).as_vec4().to_array()).collect();
+        let cameras = gpu.upload("cameras of the filters", &rows)?;
+        Ok(Self { cameras, count: rows.len() as u32, factor: factor as f32 })
+    }
+
+    /// Sets the filter of every Gaussian by where it is now, in place.
+    pub fn update(&self, gpu: &Gpu, splats: &Splats) {
+        let params = FilterParams { count: splats.len() as u32, cameras: self.count, factor: self.factor };
+        let mut pass = Pass::new(gpu, "filter sizes");
+        pass.linear(
+            &FILTER_SIZES,
+            &[&splats.parameters.means, &self.cameras, &splats.filters],
+            bytes_of(&params),
+            splats.len(),
+        );
+        pass.submit();
+    }
+}

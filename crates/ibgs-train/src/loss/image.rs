@@ -1,0 +1,167 @@
+//! `(1 - lambda) L1 + lambda (1 - SSIM)` of an image against a photo, as a burn autodiff operation.
+
+use crate::tensor::{bind, contiguous, empty_like};
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::tensor::Tensor;
+use burn_cubecl::tensor::CubeTensor;
+use burn_wgpu::CubeBackend;
+use bytemuck::bytes_of;
+use ibgs_core::gpu::pool::{Lease, Pool};
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::types::LossParams;
+use ibgs_shaders::{IMAGE_LOSS, IMAGE_LOSS_BACKWARD, IMAGE_LOSS_TOTAL};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// What the loss was made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ImageStats {
+    /// The loss.
+    pub loss: f32,
+    /// Mean absolute error.
+    pub l1: f32,
+    /// Mean SSIM.
+    pub ssim: f32,
+    /// Mean squared error of the image clamped to 0..1.
+    pub mse: f32,
+}
+
+impl ImageStats {
+    /// From the four values of a statistics buffer.
+    pub fn from_values(v: [f32; 4]) -> Self {
+        Self { loss: v[0], l1: v[1], ssim: v[2], mse: v[3] }
+    }
+
+    /// Peak signal-to-noise ratio in dB.
+    pub fn psnr(&self) -> f32 {
+        -10.0 * self.mse.max(1e-10).log10()
+    }
+}
+
+/// Scratch memory of one image size.
+#[derive(Debug)]
+pub struct LossScratch {
+    moments: Buffer,
+    partials: Buffer,
+    /// (loss, L1, SSIM, MSE).
+    pub stats: Buffer,
+    pixels: usize,
+    groups: usize,
+}
+
+/// The image loss; owns its scratch memory.
+#[derive(Debug)]
+pub struct ImageLoss {
+    gpu: Arc<Gpu>,
+    pool: Arc<Pool<LossScratch>>,
+    /// Weight of 1 - SSIM.
+    pub lambda: f32,
+}
+
+#[derive(Debug)]
+struct LossBackward;
+
+#[derive(Clone, Debug)]
+struct Saved {
+    gpu: Arc<Gpu>,
+    image: CubeTensor,
+    target: DevicePhoto,
+    params: LossParams,
+    scratch: Arc<Lease<LossScratch>>,
+}
+
+impl Backward<CubeBackend, 1> for LossBackward {
+    type State = Saved;
+
+    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let v_loss = grads.consume::<CubeBackend>(&ops.node);
+        let [Some(parent)] = ops.parents else { return };
+        grads.register::<CubeBackend>(parent.id, ops.state.backward(&v_loss));
+    }
+}
+
+impl Saved {
+    fn backward(&self, v_loss: &CubeTensor) -> CubeTensor {
+        let gpu = &*self.gpu;
+        let v_image = empty_like(&self.image, self.image.meta.shape());
+        let (image, upstream, out) = (bind(&self.image), bind(v_loss), bind(&v_image));
+        let mut pass = Pass::new(gpu, "image loss backward");
+        let buffers: [&Buffer; 5] = [&image, &self.target.texels, &self.scratch.moments, &upstream, &out];
+        let [x, y] = self.params.tiles;
+        pass.grid(&IMAGE_LOSS_BACKWARD, &buffers, bytes_of(&self.params), [x, y, 3]);
+        pass.submit();
+        v_image
+    }
+}
+
+impl ImageLoss {
+    /// A loss with `lambda` as the weight of 1 - SSIM.
+    pub fn new(gpu: Arc<Gpu>, lambda: f32) -> Self {
+        Self { gpu, pool: Arc::default(), lambda }
+    }
+
+    fn scratch(&self, pixels: usize, groups: usize) -> Result<LossScratch, GpuError> {
+        if let Some(scratch) = self.pool.take()
+            && scratch.pixels >= pixels
+            && scratch.groups >= groups
+        {
+            return Ok(scratch);
+        }
+        Ok(LossScratch {
+            moments: self.gpu.allocate("SSIM moments", 36 * pixels as u64)?,
+            partials: self.gpu.allocate("loss sums", 16 * groups as u64)?,
+            stats: self.gpu.allocate("loss statistics", 16)?,
+            pixels,
+            groups,
+        })
+    }
+
+    fn forward(&self, image: CubeTensor, target: &DevicePhoto) -> Result<(CubeTensor, Saved), GpuError> {
+        let gpu = &*self.gpu;
+        let [width, height] = target.size;
+        assert_eq!(image.meta.shape()[..], [height as usize, width as usize, 3], "image and photo differ in size");
+        let params = target.params(self.lambda);
+        let tiles = params.tiles;
+        let scratch = self.scratch((width * height) as usize, (3 * tiles[0] * tiles[1]) as usize)?;
+        let loss = empty_like(&image, &[1]);
+        let (bound_image, bound_loss) = (bind(&image), bind(&loss));
+        let mut pass = Pass::new(gpu, "image loss");
+        let buffers: [&Buffer; 4] = [&bound_image, &target.texels, &scratch.moments, &scratch.partials];
+        pass.grid(&IMAGE_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
+        let total: [&Buffer; 3] = [&scratch.partials, &bound_loss, &scratch.stats];
+        pass.grid(&IMAGE_LOSS_TOTAL, &total, bytes_of(&params), [1, 1, 1]);
+        pass.submit();
+        let scratch = Arc::new(self.pool.lease(scratch));
+        let saved = Saved { gpu: self.gpu.clone(), image, target: target.clone(), params, scratch };
+        Ok((loss, saved))
+    }
+
+    /// Loss `[1]` of a tracked image `[H, W, 3]` on the autodiff graph, and the scratch that holds its statistics.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// When image and photo differ in size, or the image is not on the autodiff graph: bugs of ours.
+    pub fn tracked(
+        &self,
+        image: Tensor<3>,
+        target: &DevicePhoto,
+    ) -> Result<(Tensor<1>, Arc<Lease<LossScratch>>), GpuError> {
+        type Ad = Autodiff<CubeBackend>;
+        let image = image.try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
+        let node = image.node();
+        let (loss, saved) = self.forward(contiguous(image.into_primitive()), target)?;
+        let scratch = saved.scratch.clone();
+        let output = match LossBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish(saved, loss),
+            OpsKind::UnTracked(prep) => prep.finish(loss),
+        };
+        Ok((Tensor::from_primitive::<Ad>(output), scratch))
+    }
+}

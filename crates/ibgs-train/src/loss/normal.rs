@@ -1,0 +1,188 @@
+//! The normal loss (method.md section 7): the normals of the median depth against the normal map, as a burn autodiff
+//! operation whose gradients go into buffers beside the graph.
+
+use crate::tensor::{bind, empty_like};
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::tensor::Tensor;
+use burn_cubecl::tensor::CubeTensor;
+use burn_wgpu::CubeBackend;
+use bytemuck::bytes_of;
+use ibgs_core::camera::Camera;
+use ibgs_core::gpu::pool::{Lease, Pool};
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::types::{MeanParams, SurfaceParams};
+use ibgs_shaders::{DEPTH_NORMALS, LOSS_MEAN, NORMAL_LOSS, NORMAL_LOSS_BACKWARD, TILE};
+use std::sync::Arc;
+
+/// The surface that a forward pass met, and where the gradients by it are gathered. Pixels row by row, P of them; four
+/// wgpu buffers of their own. Cloning shares them.
+#[derive(Clone, Debug)]
+pub struct SurfaceBuffers {
+    /// `[P]` f32: median depth, 0 where nothing was met, never negative.
+    pub depth: Buffer,
+    /// `[P, 3]` f32: normal map in camera space, not normalised.
+    pub normal: Buffer,
+    /// `[P]` f32: gradient by the depth; losses add to it.
+    pub v_depth: Buffer,
+    /// `[P, 3]` f32: gradient by the normal map; losses add to it.
+    pub v_normal: Buffer,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half: the pixel with index x lies at x.
+    pub principal: [f32; 2],
+}
+
+impl SurfaceBuffers {
+    /// Zeroed buffers for a camera's image.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, camera: &Camera) -> Result<Self, GpuError> {
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        Ok(Self {
+            depth: gpu.allocate("median depth", 4 * pixels)?,
+            normal: gpu.allocate("normal map", 12 * pixels)?,
+            v_depth: gpu.allocate("gradient of the median depth", 4 * pixels)?,
+            v_normal: gpu.allocate("gradient of the normal map", 12 * pixels)?,
+            size: [camera.width, camera.height],
+            focal: camera.focal.as_vec2().to_array(),
+            principal: (camera.principal - 0.5).as_vec2().to_array(),
+        })
+    }
+
+    fn params(&self, weight: f32) -> SurfaceParams {
+        SurfaceParams { size: self.size, focal: self.focal, principal: self.principal, weight, pad: 0.0 }
+    }
+
+    fn tiles(&self) -> [u32; 3] {
+        [self.size[0].div_ceil(TILE), self.size[1].div_ceil(TILE), 1]
+    }
+
+    /// Records the depth normals Nd of method.md section 3 into `out`, `[P, 3]` f32 in camera space: unit length, or
+    /// zero on the one-pixel border and where neighbours met nothing. For pictures; the loss does not need them.
+    pub fn record_depth_normals(&self, pass: &mut Pass, out: &Buffer) {
+        pass.grid(&DEPTH_NORMALS, &[&self.depth, out], bytes_of(&self.params(0.0)), self.tiles());
+    }
+}
+
+/// Scratch memory of one image size.
+#[derive(Debug)]
+struct Scratch {
+    partials: Buffer,
+    stats: Buffer,
+    groups: usize,
+}
+
+/// `weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N))` over all pixels, of which those that the photo masks add
+/// nothing to the sums; owns its scratch memory.
+#[derive(Debug)]
+pub struct NormalLoss {
+    gpu: Arc<Gpu>,
+    pool: Arc<Pool<Scratch>>,
+    /// Weight of the loss.
+    pub weight: f32,
+}
+
+#[derive(Debug)]
+struct NormalBackward;
+
+#[derive(Clone, Debug)]
+struct Saved {
+    gpu: Arc<Gpu>,
+    surface: SurfaceBuffers,
+    photo: DevicePhoto,
+    params: SurfaceParams,
+}
+
+impl Backward<CubeBackend, 1> for NormalBackward {
+    type State = Saved;
+
+    /// Registers nothing for the parent: the gradients go into the surface's own buffers.
+    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let v_loss = grads.consume::<CubeBackend>(&ops.node);
+        let Saved { gpu, surface, photo, params } = &ops.state;
+        let upstream = bind(&v_loss);
+        let mut pass = Pass::new(gpu, "normal loss backward");
+        let buffers: [&Buffer; 6] =
+            [&surface.depth, &surface.normal, &photo.texels, &upstream, &surface.v_depth, &surface.v_normal];
+        pass.grid(&NORMAL_LOSS_BACKWARD, &buffers, bytes_of(params), surface.tiles());
+        pass.submit();
+    }
+}
+
+impl NormalLoss {
+    /// A loss with this weight.
+    pub fn new(gpu: Arc<Gpu>, weight: f32) -> Self {
+        Self { gpu, pool: Arc::default(), weight }
+    }
+
+    fn scratch(&self, groups: usize) -> Result<Lease<Scratch>, GpuError> {
+        let fitting = self.pool.take().filter(|s| s.groups >= groups);
+        let made = match fitting {
+            Some(scratch) => scratch,
+            None => Scratch {
+                partials: self.gpu.allocate("normal loss sums", 8 * groups as u64)?,
+                stats: self.gpu.allocate("normal loss statistics", 8)?,
+                groups,
+            },
+        };
+        Ok(self.pool.lease(made))
+    }
+
+    fn forward(
+        &self,
+        like: &CubeTensor,
+        surface: &SurfaceBuffers,
+        photo: &DevicePhoto,
+    ) -> Result<CubeTensor, GpuError> {
+        let gpu = &*self.gpu;
+        let tiles = surface.tiles();
+        let groups = tiles[0] * tiles[1];
+        let scratch = self.scratch(groups as usize)?;
+        let loss = empty_like(like, &[1]);
+        let bound = bind(&loss);
+        let mut pass = Pass::new(gpu, "normal loss");
+        let buffers = [&surface.depth, &surface.normal, &photo.texels, &scratch.partials];
+        pass.grid(&NORMAL_LOSS, &buffers, bytes_of(&surface.params(self.weight)), tiles);
+        let mean = MeanParams { count: groups, weight: self.weight };
+        pass.groups(&LOSS_MEAN, &[&scratch.partials, &bound, &scratch.stats], bytes_of(&mean), 1);
+        pass.submit();
+        Ok(loss)
+    }
+
+    /// Loss `[1]` of the surface behind a tracked image; masked pixels of the photo have no part in it. The image only places the loss in the graph: it gets no
+    /// gradient from here, but whatever made it runs its backward pass after this one and finds `v_depth` and
+    /// `v_normal` complete.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// When the image is not on the autodiff graph, or the photo has another size: bugs of ours.
+    pub fn tracked(
+        &self,
+        image: &Tensor<3>,
+        surface: &SurfaceBuffers,
+        photo: &DevicePhoto,
+    ) -> Result<Tensor<1>, GpuError> {
+        type Ad = Autodiff<CubeBackend>;
+        assert_eq!(surface.size, photo.size, "surface and photo differ in size");
+        let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
+        let node = image.node();
+        let loss = self.forward(&image.into_primitive(), surface, photo)?;
+        let params = surface.params(self.weight);
+        let saved = Saved { gpu: self.gpu.clone(), surface: surface.clone(), photo: photo.clone(), params };
+        let output = match NormalBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish(saved, loss),
+            OpsKind::UnTracked(prep) => prep.finish(loss),
+        };
+        Ok(Tensor::from_primitive::<Ad>(output))
+    }
+}

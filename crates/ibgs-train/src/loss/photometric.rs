@@ -1,0 +1,169 @@
+//! The photometric loss (method.md section 7): SSIM of the photo and the source photos warped to it, as a burn autodiff
+//! operation.
+
+use crate::tensor::{bind, contiguous, empty_like};
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::tensor::Tensor;
+use burn_cubecl::tensor::CubeTensor;
+use burn_wgpu::CubeBackend;
+use bytemuck::bytes_of;
+use ibgs_core::gpu::pool::{Lease, Pool};
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::types::{LossParams, MeanParams};
+use ibgs_shaders::{LOSS_MEAN, PHOTOMETRIC_LOSS, PHOTOMETRIC_LOSS_BACKWARD, TILE};
+use std::sync::Arc;
+
+/// Slots that fit into the four bytes of a pixel's `seen` word.
+const MAX_SLOTS: usize = 4;
+
+/// Scratch memory of one image size and number of slots.
+#[derive(Debug)]
+struct Scratch {
+    /// Derivatives of SSIM by its windowed moments, a buffer a slot: together they could outgrow one binding.
+    moments: Vec<Buffer>,
+    partials: Buffer,
+    /// (loss, pixels and channels that count).
+    stats: Buffer,
+    pixels: usize,
+    groups: usize,
+}
+
+/// `weight x mean over visible (slot, pixel) of 1 - SSIM_p(photo, warped)`; owns its scratch memory.
+///
+/// A pair counts when the slot is filled at the pixel by a source whose depth agrees and the photo is valid there. Around
+/// it SSIM sees the warped image where that counts, elsewhere the photo; masked parts of the photo are zero in both, as
+/// the outside of the image is.
+#[derive(Debug)]
+pub struct PhotometricLoss {
+    gpu: Arc<Gpu>,
+    pool: Arc<Pool<Scratch>>,
+    /// Weight of the loss.
+    pub weight: f32,
+}
+
+#[derive(Debug)]
+struct PhotometricBackward;
+
+#[derive(Clone, Debug)]
+struct Saved {
+    gpu: Arc<Gpu>,
+    warped: CubeTensor,
+    seen: Buffer,
+    target: DevicePhoto,
+    params: LossParams,
+    scratch: Arc<Lease<Scratch>>,
+}
+
+impl Backward<CubeBackend, 1> for PhotometricBackward {
+    type State = Saved;
+
+    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let v_loss = grads.consume::<CubeBackend>(&ops.node);
+        let [Some(parent)] = ops.parents else { return };
+        grads.register::<CubeBackend>(parent.id, ops.state.backward(&v_loss));
+    }
+}
+
+impl Saved {
+    fn slots(&self) -> usize {
+        self.warped.meta.shape()[0]
+    }
+
+    fn backward(&self, v_loss: &CubeTensor) -> CubeTensor {
+        let gpu = &*self.gpu;
+        let v_warped = empty_like(&self.warped, self.warped.meta.shape());
+        let (warped, upstream, out) = (bind(&self.warped), bind(v_loss), bind(&v_warped));
+        let mut pass = Pass::new(gpu, "photometric loss backward");
+        let [x, y] = self.params.tiles;
+        for (slot, moments) in (0..).zip(&self.scratch.moments[..self.slots()]) {
+            let texels = &self.target.texels;
+            let buffers = [&warped, &self.seen, texels, moments, &self.scratch.stats, &upstream, &out];
+            let params = LossParams { slot, ..self.params };
+            pass.grid(&PHOTOMETRIC_LOSS_BACKWARD, &buffers, bytes_of(&params), [x, y, 3]);
+        }
+        pass.submit();
+        v_warped
+    }
+}
+
+impl PhotometricLoss {
+    /// A loss with this weight.
+    pub fn new(gpu: Arc<Gpu>, weight: f32) -> Self {
+        Self { gpu, pool: Arc::default(), weight }
+    }
+
+    fn scratch(&self, slots: usize, pixels: usize, groups: usize) -> Result<Lease<Scratch>, GpuError> {
+        let fits = |s: &Scratch| s.moments.len() >= slots && s.pixels >= pixels && s.groups >= groups;
+        if let Some(scratch) = self.pool.take().filter(fits) {
+            return Ok(self.pool.lease(scratch));
+        }
+        let moments = || self.gpu.allocate("SSIM moments of the warped images", 36 * pixels as u64);
+        let scratch = Scratch {
+            moments: (0..slots).map(|_| moments()).collect::<Result<_, _>>()?,
+            partials: self.gpu.allocate("photometric loss sums", 8 * groups as u64)?,
+            stats: self.gpu.allocate("photometric loss statistics", 8)?,
+            pixels,
+            groups,
+        };
+        Ok(self.pool.lease(scratch))
+    }
+
+    fn forward(
+        &self,
+        warped: CubeTensor,
+        seen: &Buffer,
+        target: &DevicePhoto,
+    ) -> Result<(CubeTensor, Saved), GpuError> {
+        let gpu = &*self.gpu;
+        let [width, height] = target.size;
+        let pixels = (width * height) as usize;
+        let slots = warped.meta.shape()[0];
+        assert_eq!(warped.meta.shape()[1..], [pixels, 4], "warped images and photo differ in size");
+        assert!((1..=MAX_SLOTS).contains(&slots), "slots of the warped images");
+        gpu.check_size("warped images", 16 * (slots * pixels) as u64)?;
+        let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
+        let params = LossParams { size: target.size, tiles, lambda: self.weight, ..LossParams::default() };
+        let groups = 3 * slots as u32 * tiles[0] * tiles[1];
+        let scratch = self.scratch(slots, pixels, groups as usize)?;
+        let loss = empty_like(&warped, &[1]);
+        let (bound_warped, bound_loss) = (bind(&warped), bind(&loss));
+        let mut pass = Pass::new(gpu, "photometric loss");
+        for (slot, moments) in (0..).zip(&scratch.moments[..slots]) {
+            let buffers = [&bound_warped, seen, &target.texels, moments, &scratch.partials];
+            let params = LossParams { slot, ..params };
+            pass.grid(&PHOTOMETRIC_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
+        }
+        let mean = MeanParams { count: groups, weight: self.weight };
+        pass.groups(&LOSS_MEAN, &[&scratch.partials, &bound_loss, &scratch.stats], bytes_of(&mean), 1);
+        pass.submit();
+        let (gpu, seen, target) = (self.gpu.clone(), seen.clone(), target.clone());
+        Ok((loss, Saved { gpu, warped, seen, target, params, scratch: Arc::new(scratch) }))
+    }
+
+    /// Loss `[1]` of tracked warped images `[V, P, 4]` (V at most 4; colour and cosine, pixels row by row), 0 where
+    /// nothing is visible. `seen` holds `[P]` u32: byte m is the number of the source in slot m, 255 where the slot is
+    /// empty. The gradient reaches the colours of the pairs that count; that of the cosine is 0.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    ///
+    /// # Panics
+    /// When warped images and photo differ in size, or the images are not on the autodiff graph: bugs of ours.
+    pub fn tracked(&self, warped: Tensor<3>, seen: &Buffer, target: &DevicePhoto) -> Result<Tensor<1>, GpuError> {
+        type Ad = Autodiff<CubeBackend>;
+        let warped = warped.try_into_primitive::<Ad>().expect("the warped images are on the autodiff graph");
+        let node = warped.node();
+        let contiguous = contiguous(warped.into_primitive());
+        let (loss, saved) = self.forward(contiguous, seen, target)?;
+        let output = match PhotometricBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish(saved, loss),
+            OpsKind::UnTracked(prep) => prep.finish(loss),
+        };
+        Ok(Tensor::from_primitive::<Ad>(output))
+    }
+}

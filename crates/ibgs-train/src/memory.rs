@@ -1,0 +1,321 @@
+//! How much device memory a training takes, reckoned before it begins.
+//!
+//! Counted are the buffers of an iteration in which everything is at work, those that burn keeps between iterations,
+//! and what densification and evaluation need beside it. Bytes are as the modules allocate them; where these change, the
+//! test that compares the estimate with the allocator's report fails. With N Gaussians of C coefficients a channel, room
+//! for I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V slots, M
+//! sources and `ibgs` (for `3dgs` the parts in braces fall away):
+//!
+//! | part | bytes |
+//! |---|---|
+//! | photos | 4 a pixel of all training photos, within `--source-memory` |
+//! | Gaussians | (64 + 12 C) N |
+//! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
+//! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
+//! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
+//! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
+//! | surface | {16 N + (32 + 20 K) P} |
+//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
+//! | losses | 36 P {twice, and 36 V P} |
+//! | depth maps | {4 a pixel of all training photos} |
+//! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
+//! | evaluation | {608 p + (64 + 16 V + 4 M + 12 K) P, where there are views to evaluate} |
+
+use ibgs_core::camera::Camera;
+use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
+use ibgs_core::residual::Factor;
+use ibgs_core::residual::features::SUMS_BYTES;
+use ibgs_core::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
+use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
+
+/// Tile intersections of a Gaussian that trained scenes of about a megapixel do not exceed on average.
+const INTERSECTIONS: u64 = 8;
+
+/// What a training is asked to hold.
+#[derive(Clone, Copy, Debug)]
+pub struct Demand<'a> {
+    /// Its options.
+    pub config: &'a TrainConfig,
+    /// Degree of the spherical harmonics.
+    pub sh_degree: u32,
+    /// Cameras of the training views.
+    pub cameras: &'a [Camera],
+    /// Number of Gaussians.
+    pub gaussians: u64,
+    /// Tile intersections that there is room for.
+    pub room: u64,
+    /// Bytes that the photos may take; none: no limit.
+    pub photo_budget: Option<u64>,
+    /// Gaussians may still be added.
+    pub grows: bool,
+    /// Views are evaluated on the way.
+    pub evaluates: bool,
+}
+
+impl Demand<'_> {
+    /// The same training with more Gaussians: as many intersections for each as now, but not more than trained scenes
+    /// have, and twice the room.
+    pub fn grown_to(self, gaussians: u64) -> Self {
+        // A training begins with room for four times the most that it counts.
+        let counted = self.room / 4;
+        let alike = (counted as f64 * gaussians as f64 / self.gaussians.max(1) as f64) as u64;
+        let needed = alike.min(counted.max(INTERSECTIONS * gaussians));
+        Self { gaussians, room: self.room.max(2 * needed + 1024), ..self }
+    }
+}
+
+/// Buffers of one purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// What they belong to; a row of the module's table.
+    pub part: &'static str,
+    /// What one of them holds.
+    pub what: &'static str,
+    /// Bytes of one.
+    pub bytes: u64,
+    /// How many there are.
+    pub buffers: u64,
+}
+
+/// The buffers of a training.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Estimate {
+    parts: Vec<Part>,
+}
+
+/// Sizes that the parts are made of.
+struct Sizes {
+    n: u64,
+    coefficients: u64,
+    room: u64,
+    pixels: u64,
+    tiles: u64,
+    /// Width and height of the network's images.
+    low: [u64; 2],
+    medians: u64,
+    slots: u64,
+    sources: u64,
+}
+
+impl Sizes {
+    fn of(demand: &Demand) -> Self {
+        let config = demand.config;
+        let factor = Factor::of(config.residual.factor);
+        let largest = |of: &dyn Fn(&Camera) -> u64| demand.cameras.iter().map(of).max().unwrap_or(0);
+        let area = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
+        let widest = demand.cameras.iter().max_by_key(|c| area([c.width, c.height]));
+        let low = widest.map_or([0; 2], |c| factor.size([c.width, c.height]).map(u64::from));
+        Self {
+            n: demand.gaussians,
+            coefficients: u64::from(demand.sh_degree + 1).pow(2),
+            room: demand.room,
+            pixels: largest(&|c| area([c.width, c.height])),
+            tiles: largest(&|c| area([c.width.div_ceil(TILE), c.height.div_ceil(TILE)])),
+            low,
+            medians: config.surface.intersections.into(),
+            slots: config.sources.visible.into(),
+            sources: config.sources.used.into(),
+        }
+    }
+
+    fn low_pixels(&self) -> u64 {
+        self.low[0] * self.low[1]
+    }
+
+    /// Values of a Gaussian by tensor: mean, rotation, scales, opacity, spherical harmonics, normal, offset.
+    fn tensors(&self) -> [(&'static str, u64); 7] {
+        let sh = 3 * self.coefficients;
+        [("means", 3), ("rotations", 4), ("scales", 3), ("opacities", 1), ("sh", sh), ("normals", 3), ("offsets", 1)]
+    }
+}
+
+impl Estimate {
+    /// The buffers of a training.
+    pub fn new(demand: &Demand) -> Self {
+        let sizes = Sizes::of(demand);
+        let image_based = demand.config.method == Method::Ibgs;
+        let mut estimate = Self { parts: Vec::new() };
+        estimate.add_photos(demand);
+        estimate.add_gaussians(&sizes, image_based, demand.grows);
+        estimate.add_raster(&sizes, image_based);
+        estimate.add("images", "base image and its gradient", 12 * sizes.pixels, 2);
+        if demand.config.exposure.enabled != ExposureSwitch::Off {
+            estimate.add("images", "base image in the photo's exposure and its gradient", 12 * sizes.pixels, 2);
+        }
+        estimate.add("losses", "SSIM moments", 36 * sizes.pixels, if image_based { 2 } else { 1 });
+        if image_based {
+            estimate.add_surface(&sizes);
+            estimate.add_network(&sizes, demand);
+            let maps = demand.cameras.iter().map(|c| 4 * u64::from(c.width) * u64::from(c.height));
+            let (count, bytes) = (demand.cameras.len() as u64, maps.sum::<u64>());
+            estimate.add("depth maps", "depth maps of the training views", bytes / count.max(1), count);
+        }
+        estimate
+    }
+
+    fn add(&mut self, part: &'static str, what: &'static str, bytes: u64, buffers: u64) {
+        self.parts.push(Part { part, what, bytes, buffers });
+    }
+
+    fn add_photos(&mut self, demand: &Demand) {
+        let photo = |c: &Camera| (4 * u64::from(c.width) * u64::from(c.height)).next_multiple_of(16);
+        let all: u64 = demand.cameras.iter().map(photo).sum();
+        let largest = demand.cameras.iter().map(photo).max().unwrap_or(0);
+        // A view and its sources are there at the same time whatever the budget.
+        let least = largest * (1 + u64::from(demand.config.sources.used)).min(demand.cameras.len() as u64);
+        let kept = demand.photo_budget.map_or(all, |budget| all.min(budget.max(least)));
+        self.add("photos", "training photos", largest, kept.div_ceil(largest.max(1)));
+    }
+
+    fn add_gaussians(&mut self, sizes: &Sizes, image_based: bool, grows: bool) {
+        let n = sizes.n;
+        for (at, (what, values)) in sizes.tensors().into_iter().enumerate() {
+            // Normals and offsets are only trained with the surface.
+            let trained = at < 5 || image_based;
+            self.add("Gaussians", what, 4 * values * n, 1);
+            self.add("gradients", what, 4 * values * n, u64::from(trained));
+            self.add("optimiser", what, 4 * values * n, 2 * u64::from(trained));
+            let again = if trained { 3 } else { 1 };
+            self.add("densification", what, 4 * values * n, if grows { again } else { 0 });
+        }
+        self.add("Gaussians", "filters", 4 * n, 1);
+        self.add("densification", "filters", 4 * n, u64::from(grows));
+        self.add("gradients", "screen positions", 16 * n, 2);
+        self.add("optimiser", "densification statistics", 16 * n, 1);
+        if image_based {
+            self.add("optimiser", "network", 4 * WEIGHTS as u64, 2);
+        }
+    }
+
+    fn add_raster(&mut self, sizes: &Sizes, image_based: bool) {
+        let Sizes { n, room, pixels, tiles, .. } = *sizes;
+        let bins = |keys: u64| 4 * (keys.div_ceil(SORT_BLOCK.into()) + 1) * u64::from(SORT_BINS);
+        // The views whose depth maps are made have a workspace beside the iteration's.
+        let workspaces = if image_based { 2 } else { 1 };
+        self.add("raster", "projected Gaussians", 48 * n, workspaces);
+        self.add("raster", "tile counts and offsets", 4 * n, 3 * workspaces);
+        self.add("raster", "depth sort", 4 * n, 4 * workspaces);
+        self.add("raster", "depth sort histograms", bins(n), workspaces);
+        self.add("raster", "tile sort", 4 * room, 4 * workspaces);
+        self.add("raster", "tile sort histograms", bins(room), workspaces);
+        self.add("raster", "intersections", 4 * room, workspaces);
+        self.add("raster", "intersection gradients", 16 * room, if image_based { 4 } else { 3 });
+        self.add("raster", "tile ranges", 8 * tiles, workspaces);
+        self.add("raster", "last contributors", 4 * pixels, 2 * workspaces);
+        if image_based {
+            self.add("raster", "planes of a depth map", 16 * n, 1);
+        }
+    }
+
+    fn add_surface(&mut self, sizes: &Sizes) {
+        let Sizes { n, pixels, medians, slots, .. } = *sizes;
+        self.add("surface", "planes", 16 * n, 1);
+        self.add("surface", "normal map and its gradient", 12 * pixels, 2);
+        self.add("surface", "median depth and its gradient", 4 * pixels, 2);
+        self.add("surface", "median intersections and their gradient", 8 * medians * pixels, 2);
+        self.add("surface", "entries of the median intersections", 4 * medians * pixels, 1);
+        self.add("images", "final image, gradients of base and final image", 12 * pixels, 4);
+        self.add("images", "warped colours and their gradients", 16 * slots * pixels, 4);
+        self.add("losses", "SSIM moments of the warped images", 36 * pixels, slots);
+    }
+
+    fn add_network(&mut self, sizes: &Sizes, demand: &Demand) {
+        let Sizes { pixels, medians, slots, sources, .. } = *sizes;
+        let low = sizes.low_pixels();
+        let [half, quarter] = [2, 4].map(|by| (sizes.low[0] / by) * (sizes.low[1] / by));
+        self.add("network", "activations and gradients at full size", 4 * INPUT as u64 * low, 6);
+        self.add("network", "activations and gradients at half size", 4 * HALF as u64 * half, 4);
+        self.add("network", "activations at quarter size", 4 * QUARTER as u64 * quarter, 1);
+        self.add("network", "residual and its gradient", 12 * low, 2);
+        self.add("network", "gradients of the features", 16 * slots * low, 1);
+        self.add("network", "seen sources", 4 * pixels, 1);
+        let tiles = sizes.low[0].div_ceil(16) * sizes.low[1].div_ceil(2);
+        let row = (9 * INPUT * INPUT + INPUT) as u64;
+        self.add("network", "sums of the weights' gradients", 4 * row * tiles.div_ceil(8).min(264), 1);
+        self.add("network", "sums of the per-view network", SUMS_BYTES, 1);
+        self.add("network", "weights and their gradient", 4 * WEIGHTS as u64, 2);
+        if demand.config.exposure.enabled != ExposureSwitch::Off {
+            self.add("network", "warped colours in the photo's exposure and their gradient", 16 * slots * pixels, 2);
+        }
+        if demand.evaluates {
+            self.add("evaluation", "activations", 4 * INPUT as u64 * low, 4);
+            self.add("evaluation", "residual and images", 12 * pixels, 3);
+            self.add("evaluation", "warped colours", 16 * slots * pixels, 1);
+            self.add("evaluation", "depth maps of the sources", 4 * pixels, sources);
+            self.add("evaluation", "surface", (28 + 12 * medians) * pixels, 1);
+        }
+    }
+
+    /// All buffers.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Bytes in all.
+    pub fn total(&self) -> u64 {
+        self.parts.iter().map(|part| part.bytes * part.buffers).sum()
+    }
+
+    /// The largest single buffer.
+    pub fn largest(&self) -> Option<Part> {
+        self.parts.iter().copied().filter(|part| part.buffers > 0).max_by_key(|part| part.bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat3, DVec2, DVec3};
+    use ibgs_core::gpu::Bytes;
+
+    fn camera(width: u32, height: u32) -> Camera {
+        let size = DVec2::new(width.into(), height.into());
+        let (view_from_world, translation) = (DMat3::IDENTITY, DVec3::ZERO);
+        Camera { width, height, focal: size, principal: size / 2.0, view_from_world, translation }
+    }
+
+    fn demand<'a>(config: &'a TrainConfig, cameras: &'a [Camera], gaussians: u64) -> Demand<'a> {
+        let room = 4 * INTERSECTIONS * gaussians;
+        let photo_budget = Some(4 << 30);
+        Demand { config, sh_degree: 3, cameras, gaussians, room, photo_budget, grows: true, evaluates: true }
+    }
+
+    /// Bindings are limited to 2 GiB - 1 on many devices.
+    #[test]
+    fn no_binding_of_five_million_gaussians_is_too_large() {
+        let cameras = vec![camera(1600, 1064); 300];
+        let config = TrainConfig::default();
+        let small = demand(&config, &cameras, 100_000);
+        let estimate = Estimate::new(&small.grown_to(5_000_000));
+        for part in estimate.parts() {
+            println!("{:>14} {:<50} {:>12} x {}", part.part, part.what, part.bytes, part.buffers);
+            assert!(part.bytes < 1 << 31, "{}, {}: {} bytes", part.part, part.what, part.bytes);
+        }
+        println!("{} in all, the largest {:?}", Bytes(estimate.total()), estimate.largest());
+        assert_eq!(small.grown_to(5_000_000).room, 2 * INTERSECTIONS * 5_000_000 + 1024);
+    }
+
+    #[test]
+    fn more_of_anything_needs_more() {
+        let (few, many) = (vec![camera(64, 48); 3], vec![camera(64, 48); 9]);
+        let large = vec![camera(128, 48); 3];
+        let config = TrainConfig::default();
+        let base = TrainConfig { method: Method::Gs3, ..TrainConfig::default() };
+        let total = |demand: Demand| Estimate::new(&demand).total();
+        let usual = demand(&config, &few, 1000);
+        for more in [demand(&config, &many, 1000), demand(&config, &large, 1000), usual.grown_to(2000)] {
+            assert!(total(more) > total(usual));
+        }
+        for less in [
+            Demand { config: &base, ..usual },
+            Demand { grows: false, ..usual },
+            Demand { evaluates: false, ..usual },
+            Demand { sh_degree: 0, ..usual },
+            Demand { room: usual.room / 2, ..usual },
+            Demand { photo_budget: Some(0), cameras: &many, ..usual },
+        ] {
+            let compared = Demand { cameras: less.cameras, ..usual };
+            assert!(total(less) < total(compared));
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Adam for the Gaussians and the network (method.md sections 1 and 6): one fused kernel a tensor, in place.
+
+use crate::autodiff::SplatGradients;
+use crate::tensor::{bind, primitive};
+use burn_cubecl::tensor::CubeTensor;
+use bytemuck::bytes_of;
+use ibgs_core::config::{AdamConfig, TrainConfig};
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::scene::{PerGaussian, Splats};
+use ibgs_shaders::types::{AdamParams, OpacityResetParams};
+use ibgs_shaders::{ADAM, FINITE, OPACITY_RESET};
+
+/// Slots of the base colour and of the planes: normals and offsets.
+const BASE: usize = 5;
+const PLANES: usize = 2;
+const OPACITY: usize = 3;
+
+/// Rates of one step, three a slot: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
+/// the share of the rest that is lost, times its rate.
+#[derive(Clone, Copy, Debug)]
+pub struct Rates([[f64; 3]; BASE + PLANES]);
+
+impl Rates {
+    /// The rates of one iteration; `mean` is in local units, the fixed rates count `factor` times.
+    pub fn new(config: &TrainConfig, mean: f64, factor: f64) -> Self {
+        let rates = &config.learning_rates;
+        let both = |rate: f64| [rate, rate, 0.0];
+        let fixed = |rate: f64| both(rate * factor);
+        let dc = rates.sh_dc * factor;
+        Self([
+            both(mean),
+            fixed(rates.rotation),
+            fixed(rates.scale),
+            fixed(rates.opacity),
+            [dc, dc / rates.sh_rest_divisor, config.sh_rest_decay()],
+            fixed(rates.normal),
+            both(mean * rates.offset_factor),
+        ])
+    }
+}
+
+/// One parameter tensor with its moments.
+pub(super) struct Slot {
+    pub parameter: Buffer,
+    pub moments: [Buffer; 2],
+    /// Number of values and values a Gaussian.
+    pub count: usize,
+    pub row: usize,
+}
+
+impl Slot {
+    /// Moments at zero for a parameter with `row` values a Gaussian.
+    fn new(gpu: &Gpu, (parameter, count, row): (Buffer, usize, usize)) -> Result<Self, GpuError> {
+        let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
+        Ok(Self { parameter, moments: [moment()?, moment()?], count, row })
+    }
+
+    /// Records the count of the parameter's values that are no finite number.
+    fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        pass.linear(&FINITE, &[&self.parameter, broken], bytes_of(&(self.count as u32)), self.count);
+    }
+
+    /// Reads the moments back.
+    fn read(&self, gpu: &Gpu) -> Result<[Vec<f32>; 2], GpuError> {
+        let [first, second] = &self.moments;
+        Ok([gpu.read(first, self.count)?, gpu.read(second, self.count)?])
+    }
+
+    /// Puts moments in place of its own.
+    fn restore(&mut self, gpu: &Gpu, [first, second]: &[Vec<f32>; 2]) -> Result<(), GpuError> {
+        self.moments = [gpu.upload("Adam moments", first)?, gpu.upload("Adam moments", second)?];
+        Ok(())
+    }
+
+    /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest` and the decay.
+    fn record_step(
+        &self,
+        pass: &mut Pass,
+        gradient: &Buffer,
+        config: &AdamConfig,
+        [rate, rate_rest, decay_rest]: [f64; 3],
+        steps: i32,
+    ) {
+        let correction = |beta: f64| (1.0 / (1.0 - beta.powi(steps))) as f32;
+        let params = AdamParams {
+            count: self.count as u32,
+            row: self.row as u32,
+            head: 3,
+            rate: rate as f32,
+            rate_rest: rate_rest as f32,
+            beta1: config.beta1 as f32,
+            beta2: config.beta2 as f32,
+            eps: config.epsilon as f32,
+            correction1: correction(config.beta1),
+            correction2: correction(config.beta2),
+            decay_rest: decay_rest as f32,
+        };
+        let [first, second] = &self.moments;
+        pass.linear(&ADAM, &[gradient, &self.parameter, first, second], bytes_of(&params), self.count);
+    }
+}
+
+/// Adam for a single tensor with one rate: the residual network's weights.
+pub struct TensorOptimizer {
+    slot: Slot,
+    config: AdamConfig,
+    steps: i32,
+}
+
+impl TensorOptimizer {
+    /// Moments at zero, for a parameter of `count` values.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, parameter: &Buffer, count: usize, config: AdamConfig) -> Result<Self, GpuError> {
+        Ok(Self { slot: Slot::new(gpu, (parameter.clone(), count, 1))?, config, steps: 0 })
+    }
+
+    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        self.slot.record_check(pass, broken);
+    }
+
+    pub(super) fn config(&self) -> AdamConfig {
+        self.config.clone()
+    }
+
+    /// Moments and number of steps; waits for the GPU.
+    pub(super) fn state(&self, gpu: &Gpu) -> Result<([Vec<f32>; 2], i32), GpuError> {
+        Ok((self.slot.read(gpu)?, self.steps))
+    }
+
+    /// Goes on from moments and number of steps.
+    pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[Vec<f32>; 2], steps: i32) -> Result<(), GpuError> {
+        self.steps = steps;
+        self.slot.restore(gpu, moments)
+    }
+
+    /// Moves the tensor one step.
+    pub fn step(&mut self, gpu: &Gpu, gradient: &CubeTensor, rate: f64) {
+        self.steps += 1;
+        let mut pass = Pass::new(gpu, "adam");
+        self.slot.record_step(&mut pass, &bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
+        pass.submit();
+    }
+}
+
+/// First and second moments of every parameter, and the parameters' own memory.
+pub struct Optimizer {
+    /// Means, rotations, log scales, opacities, SH and, where planes are trained, normals and offsets.
+    slots: Vec<Slot>,
+    config: AdamConfig,
+    /// Steps taken by the base and by the planes, which begin later.
+    steps: [i32; 2],
+}
+
+fn parameters(splats: &Splats, planes: bool) -> Vec<(Buffer, usize, usize)> {
+    let rows = PerGaussian::rows(splats.coefficients);
+    let slots = splats.parameters.clone().zip(rows).into_array().into_iter();
+    slots
+        .take(if planes { BASE + PLANES } else { BASE })
+        .map(|(parameter, row)| (parameter, row * splats.count, row))
+        .collect()
+}
+
+impl Optimizer {
+    /// Moments at zero; `planes`: normals and offsets are trained too.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, planes: bool) -> Result<Self, GpuError> {
+        let parameters = parameters(splats, planes).into_iter();
+        let slots = parameters.map(|parameter| Slot::new(gpu, parameter)).collect::<Result<_, _>>()?;
+        Ok(Self { slots, config, steps: [0; 2] })
+    }
+
+    pub(super) fn slots(&self) -> &[Slot] {
+        &self.slots
+    }
+
+    /// Records the count of all values that are no finite number.
+    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        self.slots.iter().for_each(|slot| slot.record_check(pass, broken));
+    }
+
+    /// Moments of every parameter and numbers of steps; waits for the GPU.
+    #[expect(clippy::type_complexity, reason = "moments by parameter")]
+    pub(super) fn state(&self, gpu: &Gpu) -> Result<(Vec<[Vec<f32>; 2]>, [i32; 2]), GpuError> {
+        Ok((self.slots.iter().map(|slot| slot.read(gpu)).collect::<Result<_, _>>()?, self.steps))
+    }
+
+    /// Goes on from moments and numbers of steps.
+    pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[[Vec<f32>; 2]], steps: [i32; 2]) -> Result<(), GpuError> {
+        self.steps = steps;
+        self.slots.iter_mut().zip(moments).try_for_each(|(slot, moments)| slot.restore(gpu, moments))
+    }
+
+    /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the slots.
+    pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer; 2]>) -> Self {
+        let parameters = parameters(splats, self.slots.len() > BASE).into_iter();
+        let slot = |((parameter, count, row), moments)| Slot { parameter, moments, count, row };
+        let slots = parameters.zip(moments).map(slot).collect();
+        Self { slots, config: self.config.clone(), steps: self.steps }
+    }
+
+    /// Moves every parameter that has a gradient one step.
+    pub fn step(&mut self, gpu: &Gpu, gradients: SplatGradients, rates: &Rates) {
+        let SplatGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes } = gradients;
+        let mut tensors = vec![
+            primitive(means),
+            primitive(rotations),
+            primitive(log_scales),
+            primitive(opacity_logits),
+            primitive(sh),
+        ];
+        self.steps[0] += 1;
+        if let Some((normals, offsets)) = planes {
+            tensors.extend([primitive(normals), primitive(offsets)]);
+            self.steps[1] += 1;
+        }
+        let mut pass = Pass::new(gpu, "adam");
+        for (i, ((slot, gradient), rates)) in self.slots.iter().zip(&tensors).zip(rates.0).enumerate() {
+            let steps = self.steps[usize::from(i >= BASE)];
+            slot.record_step(&mut pass, &bind(gradient), &self.config, rates, steps);
+        }
+        pass.submit();
+    }
+
+    /// Clamps every opacity to at most `limit` and clears the opacities' moments.
+    pub fn reset_opacity(&self, gpu: &Gpu, limit: f64) {
+        let slot = &self.slots[OPACITY];
+        let params = OpacityResetParams { count: slot.count as u32, limit: (limit / (1.0 - limit)).ln() as f32 };
+        let mut pass = Pass::new(gpu, "opacity reset");
+        let [first, second] = &slot.moments;
+        pass.linear(&OPACITY_RESET, &[&slot.parameter, first, second], bytes_of(&params), slot.count);
+        pass.submit();
+    }
+}

@@ -1,0 +1,115 @@
+//! What a training learns, as burn tensors whose memory the kernels share.
+
+use crate::tensor::{self, bind, from_primitive};
+use burn::tensor::Tensor;
+use burn_cubecl::tensor::CubeTensor;
+use ibgs_core::gpu::{Gpu, GpuError};
+use ibgs_core::local_space::LocalSpace;
+use ibgs_core::residual::ResidualNetwork;
+use ibgs_core::residual::layers::WEIGHTS;
+use ibgs_core::residual::weights::initial;
+use ibgs_core::scene::{Gaussians, PerGaussian, Splats, values_of};
+
+/// The Gaussians' raw parameters (method.md section 1).
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// The tensors.
+    pub tensors: PerGaussian<CubeTensor>,
+    splats: Splats,
+}
+
+impl Parameters {
+    /// Copies a model to the device.
+    ///
+    /// # Errors
+    /// When the device cannot bind one of its tensors at once.
+    pub fn upload(g: &Gaussians, gpu: &Gpu) -> Result<Self, GpuError> {
+        let shapes = Self::shapes(g.len(), g.sh_coefficients());
+        let named = PerGaussian::<()>::NAMES.zip(values_of(g)).zip(shapes);
+        let tensors = named.try_map(|((name, values), shape)| tensor::upload(gpu, name, values, &shape))?;
+        Self::new(gpu, g.space, tensors)
+    }
+
+    /// From tensors of these shapes; without filters.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(gpu: &Gpu, space: LocalSpace, tensors: PerGaussian<CubeTensor>) -> Result<Self, GpuError> {
+        let [count, coefficients, _] = tensors.sh.meta.shape()[..] else {
+            unreachable!("harmonics have three dimensions")
+        };
+        let filters = gpu.allocate("filters", 4 * count as u64)?;
+        let parameters = tensors.as_ref().map(bind);
+        let splats = Splats { space, count, coefficients, parameters, filters };
+        Ok(Self { tensors, splats })
+    }
+
+    /// Shapes of the tensors of so many Gaussians.
+    pub fn shapes(count: usize, coefficients: usize) -> PerGaussian<Vec<usize>> {
+        PerGaussian {
+            means: vec![count, 3],
+            rotations: vec![count, 4],
+            log_scales: vec![count, 3],
+            opacity_logits: vec![count],
+            sh: vec![count, coefficients, 3],
+            normals: vec![count, 3],
+            offsets: vec![count],
+        }
+    }
+
+    /// As kernels and renderers read them, in the same memory.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// Opacities before the sigmoid, `[N]`.
+    pub fn opacity_logits(&self) -> Tensor<1> {
+        from_primitive(self.tensors.opacity_logits.clone())
+    }
+
+    /// Logarithms of the scales, `[N, 3]`.
+    pub fn log_scales(&self) -> Tensor<2> {
+        from_primitive(self.tensors.log_scales.clone())
+    }
+}
+
+/// The residual network's weights.
+#[derive(Clone, Debug)]
+pub struct NetworkParameters {
+    tensor: CubeTensor,
+    network: ResidualNetwork,
+}
+
+impl NetworkParameters {
+    /// Random weights, see [`initial`].
+    ///
+    /// # Errors
+    /// burn refuses the device.
+    pub fn init(gpu: &Gpu, seed: u64) -> Result<Self, GpuError> {
+        Self::upload(gpu, &initial(seed))
+    }
+
+    /// These weights.
+    ///
+    /// # Errors
+    /// burn refuses the device.
+    ///
+    /// # Panics
+    /// With another number of weights: a bug of ours.
+    pub fn upload(gpu: &Gpu, weights: &[f32]) -> Result<Self, GpuError> {
+        assert_eq!(weights.len(), WEIGHTS, "weights of the network");
+        let tensor = tensor::upload(gpu, "weights of the network", weights, &[WEIGHTS])?;
+        let network = ResidualNetwork { weights: bind(&tensor) };
+        Ok(Self { tensor, network })
+    }
+
+    /// As kernels and renderers read them, in the same memory.
+    pub fn network(&self) -> &ResidualNetwork {
+        &self.network
+    }
+
+    /// The tensor, `[WEIGHTS]`.
+    pub fn tensor(&self) -> Tensor<1> {
+        from_primitive(self.tensor.clone())
+    }
+}

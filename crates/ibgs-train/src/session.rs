@@ -1,0 +1,279 @@
+//! A training run with everything around it: checkpoints, saving, measuring, return to the last good state.
+//!
+//! ```no_run
+//! use ibgs_core::config::TrainConfig;
+//! use ibgs_core::gpu::{AdapterChoice, Gpu};
+//! use ibgs_core::model::load_scene;
+//! use ibgs_train::Session;
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let config = TrainConfig { iterations: 7_000, ..TrainConfig::default() };
+//! let dataset = load_scene(&config, "my-scene".as_ref(), &())?;
+//! let gpu = Gpu::open(&AdapterChoice::Best)?;
+//! let mut session = Session::new(&gpu, dataset, config)?;
+//! session.run(&mut ())?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod error;
+mod event;
+mod keeper;
+mod saving;
+mod watch;
+
+pub use error::SessionError;
+pub use event::{Event, ExposureSummary, Observer, Summary};
+
+use crate::checkpoint::Checkpoint;
+use crate::{TrainError, Trainer};
+use ibgs_core::config::TrainConfig;
+use ibgs_core::dataset::Dataset;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::output::OutputFolder;
+use ibgs_core::output::log::{Evaluation, LogEntry, TrainingLog, TrainingProgress};
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::Renderer;
+use keeper::Keeper;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use watch::Watch;
+
+type Result<T> = std::result::Result<T, SessionError>;
+
+/// Part of the learning rates that counts after a value was not finite.
+const CAUTION: f64 = 0.5;
+
+/// What a run keeps beside its training; checkpoints hold it too.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+struct Records {
+    /// Time and memory of the iterations alone.
+    watch: Watch,
+    log: TrainingLog,
+    evaluations: Vec<Evaluation>,
+}
+
+/// What is to be done after an iteration.
+#[derive(Clone, Copy)]
+struct Due {
+    save: bool,
+    evaluate: bool,
+    /// The state is to be taken, and written.
+    keep: bool,
+    write: bool,
+}
+
+/// A training run.
+pub struct Session {
+    trainer: Trainer,
+    raster: Arc<Rasterizer>,
+    dataset: Dataset,
+    config: TrainConfig,
+    folder: Option<OutputFolder>,
+    records: Records,
+    keeper: Keeper,
+    started: Instant,
+    /// Time of the iterations before a resumed run.
+    before: Duration,
+    /// The records of the checkpoint could not be read.
+    lost_records: Option<String>,
+}
+
+impl Session {
+    /// A training of a scene that writes no files. Options that depend on the scene get their values.
+    ///
+    /// # Errors
+    /// Not enough memory, or no training view.
+    pub fn new(gpu: &Arc<Gpu>, dataset: Dataset, mut config: TrainConfig) -> Result<Self> {
+        let started = Instant::now();
+        config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
+        let raster = Arc::new(Rasterizer::new(gpu.clone()));
+        gpu.warm_up();
+        let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
+        Ok(Self::of(trainer, raster, dataset, config, started))
+    }
+
+    /// A training that has been prepared, from `started` on.
+    pub fn of(
+        trainer: Trainer,
+        raster: Arc<Rasterizer>,
+        dataset: Dataset,
+        config: TrainConfig,
+        started: Instant,
+    ) -> Self {
+        let (records, keeper) = (Records::default(), Keeper::new(None, None));
+        let (folder, before) = (None, Duration::ZERO);
+        Self { trainer, raster, dataset, config, folder, records, keeper, started, before, lost_records: None }
+    }
+
+    /// The same with files in a model folder, and a checkpoint `every` so often; none: only when it is stopped.
+    pub fn with_output(mut self, folder: OutputFolder, every: Option<Duration>) -> Self {
+        self.keeper = Keeper::new(Some(folder.clone()), every);
+        self.folder = Some(folder);
+        self
+    }
+
+    /// The same with the records of a checkpoint that it is resumed from; after [`Session::with_output`].
+    pub fn with_records_of(mut self, checkpoint: &Checkpoint) -> Self {
+        self.keeper.resumed(checkpoint.iteration());
+        match Records::deserialize(&checkpoint.run) {
+            Ok(records) => (self.before, self.records) = (records.watch.total(), records),
+            Err(error) => self.lost_records = Some(error.to_string()),
+        }
+        self
+    }
+
+    /// The GPU that it trains on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        self.raster.gpu()
+    }
+
+    /// The scene.
+    pub fn dataset(&self) -> &Dataset {
+        &self.dataset
+    }
+
+    /// The scene's folder; none of the built-in one.
+    pub fn source(&self) -> Option<&Path> {
+        self.config.data.source.as_deref()
+    }
+
+    /// Where it writes; none: nowhere.
+    pub fn folder(&self) -> Option<&OutputFolder> {
+        self.folder.as_ref()
+    }
+
+    /// Whether all iterations are done.
+    pub fn is_done(&self) -> bool {
+        self.trainer.iteration() >= self.config.iterations
+    }
+
+    /// Trains to the end, or until the observer ends it; then saves, measures and reports ([`Session::finish`]).
+    ///
+    /// # Errors
+    /// The device failed, a file cannot be written, or a value is not finite, after what can be saved was saved.
+    pub fn run(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        let mut flow = ControlFlow::Continue(());
+        while !self.is_done() && flow.is_continue() {
+            self.step(observer)?;
+            flow = observer.iteration(&self.progress());
+        }
+        if flow.is_break() {
+            observer.event(&Event::Stopped { iteration: self.trainer.iteration() });
+        }
+        self.finish(observer)
+    }
+
+    /// One iteration, and what is due after it; nothing after the last one.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn step(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        if self.is_done() {
+            return Ok(());
+        }
+        if let Some(error) = self.lost_records.take() {
+            observer.event(&Event::NoRecords { error });
+        }
+        let stepped = self.advance().and_then(|due| {
+            if due.evaluate {
+                observer.event(&Event::Measuring);
+            } else if due.save {
+                observer.event(&Event::Saving);
+            }
+            self.follow(due, observer)
+        });
+        stepped.or_else(|error| self.go_back(error, observer)).map_err(|error| self.rescue(error, observer))
+    }
+
+    /// One iteration.
+    fn advance(&mut self) -> Result<Due> {
+        let start = Instant::now();
+        // What a lost device is asked for it often takes without a word.
+        self.raster.gpu().check()?;
+        self.trainer.step()?;
+        let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
+        self.records.watch.count(schedule, iteration, self.raster.gpu());
+        let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
+        let (keep, write) = self.keeper.due();
+        // The first iteration of a stage asks for more memory, which may not be there. After the last one there is nothing to go
+        // on with.
+        let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations;
+        let due = Due { save, evaluate, keep, write };
+        // What is still at work belongs to the iterations, and not to what follows; the last one is saved.
+        if save || evaluate || keep {
+            self.raster.gpu().wait()?;
+        }
+        self.records.watch.spent(start.elapsed());
+        self.note();
+        Ok(due)
+    }
+
+    /// Does what is due after an iteration, and then keeps the state: a resumed run does nothing of the rest.
+    fn follow(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
+        if due.save || due.evaluate {
+            self.settle(due.save, due.evaluate, observer)?;
+        }
+        if due.keep { self.keep(due.write, observer) } else { Ok(()) }
+    }
+
+    /// Takes the state as it is now, and begins to write it where that is wanted.
+    fn keep(&mut self, write: bool, observer: &mut dyn Observer) -> Result<()> {
+        if self.trainer.iteration() > 0 {
+            let start = Instant::now();
+            let checkpoint = self.trainer.checkpoint(serde_json::to_value(&self.records)?)?;
+            self.keeper.take(checkpoint, write, start.elapsed(), observer);
+        }
+        Ok(())
+    }
+
+    /// After a value that was not finite: back to the last good state, once, and on with lower rates.
+    fn go_back(&mut self, error: SessionError, observer: &mut dyn Observer) -> Result<()> {
+        let broken = matches!(error, SessionError::Train(TrainError::NotFinite(_)));
+        let Some(checkpoint) = self.keeper.last().filter(|_| broken && !self.trainer.is_slowed()).cloned() else {
+            return Err(error);
+        };
+        let iteration = checkpoint.iteration();
+        observer.event(&Event::RolledBack { error: &error, iteration, rates: CAUTION });
+        self.trainer.restore(&checkpoint)?;
+        self.trainer.slow_down(CAUTION);
+        self.keeper.went_back(observer);
+        self.records = Records::deserialize(&checkpoint.run)?;
+        Ok(())
+    }
+
+    /// Takes the figures of the training into its log, which leaves out what it knows.
+    fn note(&mut self) {
+        let TrainingProgress { iteration, loss, psnr, gaussians, seconds, .. } = self.progress();
+        if let (Some(loss), Some(psnr)) = (loss, psnr) {
+            self.records.log.add(LogEntry { iteration, loss, psnr, gaussians, seconds });
+        }
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> TrainingProgress {
+        let telemetry = self.trainer.telemetry();
+        // Until something has come back from the GPU both are zero.
+        let known = telemetry.stats.loss != 0.0;
+        TrainingProgress {
+            iteration: self.trainer.iteration(),
+            iterations: self.config.iterations,
+            stage: watch::stage(self.trainer.schedule(), self.trainer.iteration().max(1)),
+            loss: known.then_some(telemetry.stats.loss),
+            psnr: known.then(|| telemetry.stats.psnr()),
+            gaussians: self.trainer.splats().len(),
+            seconds: self.records.watch.total().as_secs_f64(),
+            evaluations: self.records.evaluations.clone(),
+        }
+    }
+
+    /// A renderer of the model as it is now, used before the next step; it finds the surface of every frame.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn renderer(&self) -> Result<Renderer> {
+        Ok(self.trainer.renderer()?.showing_surface())
+    }
+}

@@ -1,0 +1,184 @@
+//! What a session reports, and to whom.
+
+use super::{SessionError, TrainingProgress};
+use ibgs_core::eval::scores::Scores;
+use std::fmt;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Hears of a training. `()` does not listen.
+pub trait Observer {
+    /// An iteration is done. [`ControlFlow::Break`] ends the training as if it were its last one, but what it goes on from is
+    /// kept.
+    fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
+        let _ = progress;
+        ControlFlow::Continue(())
+    }
+
+    /// Something happened beside the iterations.
+    fn event(&mut self, event: &Event) {
+        let _ = event;
+    }
+}
+
+impl Observer for () {}
+
+/// What happens beside the iterations of a training.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// The held-out views will be rendered and measured.
+    Measuring,
+    /// The model will be saved.
+    Saving,
+    /// The held-out views were measured.
+    Evaluated {
+        /// Iteration.
+        iteration: u32,
+        /// Number of Gaussians.
+        gaussians: usize,
+        /// Scores of every view.
+        scores: &'a Scores,
+        /// Mean time of an iteration so far.
+        iteration_time: Duration,
+    },
+    /// A value was not finite: the training has returned to its last good state.
+    RolledBack {
+        /// What was found.
+        error: &'a SessionError,
+        /// Iteration of the state.
+        iteration: u32,
+        /// Part of the learning rates that counts from now on.
+        rates: f64,
+    },
+    /// A checkpoint cannot be written; the training goes on without.
+    NoCheckpoint {
+        /// Why.
+        error: &'a SessionError,
+    },
+    /// Times and curves of a checkpoint cannot be read.
+    NoRecords {
+        /// Why.
+        error: String,
+    },
+    /// The training was stopped before its last iteration.
+    Stopped {
+        /// The iteration before.
+        iteration: u32,
+    },
+    /// Some iterations had more tile intersections than room and were left out.
+    Overflowed,
+    /// The training has ended, and its model is saved where it has a folder.
+    Finished(&'a Summary),
+}
+
+/// A training that has ended.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Iterations done.
+    pub iteration: u32,
+    /// Time of the iterations.
+    pub training: Duration,
+    /// Time of everything else.
+    pub beside: Duration,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Time and memory of each stage, in words.
+    pub stages: String,
+    /// What became of the photos' exposures.
+    pub exposure: ExposureSummary,
+    /// Where it can be resumed from; none after the last iteration or without a folder.
+    pub resumable: Option<PathBuf>,
+}
+
+/// What became of the photos' exposures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExposureSummary {
+    /// They were not looked at.
+    Off,
+    /// The photos hardly differ: not corrected.
+    Alike,
+    /// They were corrected.
+    Corrected {
+        /// Root mean square of their gains.
+        spread: f64,
+        /// Part of the gains and of the offsets that can be predicted from the photos around.
+        predicted: [f64; 2],
+    },
+}
+
+impl fmt::Display for ExposureSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("exposure: off"),
+            Self::Alike => f.write_str("exposure: the photos hardly differ; not corrected"),
+            Self::Corrected { spread, predicted } => {
+                let [gains, offsets] = predicted.map(|part| 100.0 * part);
+                write!(
+                    f,
+                    "exposure: the photos differ by {:.1} % (root mean square of their gains); {gains:.0} % of that can be \
+                     predicted from the photos around, {offsets:.0} % of their offsets",
+                    100.0 * spread
+                )
+            }
+        }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "trained {} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians\nstages: {}",
+            self.iteration,
+            self.training.as_secs_f64(),
+            self.beside.as_secs_f64(),
+            self.gaussians,
+            self.stages
+        )?;
+        if self.exposure != ExposureSummary::Off {
+            write!(f, "\n{}", self.exposure)?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Event<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Measuring => f.write_str("measuring on the held-out views"),
+            Self::Saving => f.write_str("saving"),
+            Self::Evaluated { iteration, gaussians, scores, iteration_time } => {
+                write!(
+                    f,
+                    "iteration {iteration}: test {} over {} views; {gaussians} Gaussians, {:.2} ms an iteration so far",
+                    scores.sentence(),
+                    scores.base.len(),
+                    1e3 * iteration_time.as_secs_f64()
+                )?;
+                match scores.regions_sentence() {
+                    Some(regions) => write!(f, "\n   {regions}"),
+                    None => Ok(()),
+                }
+            }
+            Self::RolledBack { error, iteration, rates } => {
+                write!(
+                    f,
+                    "warning: {error}; going back to iteration {iteration}, once, with {rates} times the learning rates"
+                )
+            }
+            Self::NoCheckpoint { error } => {
+                write!(f, "warning: {error}; the training goes on without this checkpoint")
+            }
+            Self::NoRecords { error } => {
+                write!(f, "note: times and curves of the iterations before are lost ({error})")
+            }
+            Self::Stopped { iteration } => write!(f, "stopped at iteration {iteration}: saving and evaluating"),
+            Self::Overflowed => f.write_str(
+                "note: some iterations had more tile intersections than there was room for, and were left out",
+            ),
+            Self::Finished(summary) => summary.fmt(f),
+        }
+    }
+}

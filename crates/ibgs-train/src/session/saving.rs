@@ -1,0 +1,196 @@
+//! What a session writes.
+
+use super::{Event, ExposureSummary, Observer, Result, Session, SessionError, Summary};
+use ibgs_core::config::{ExposureSwitch, Method};
+use ibgs_core::eval::Score;
+use ibgs_core::eval::scores::{protocol, score_test_views};
+use ibgs_core::exposure::{Exposure, ExposureField};
+use ibgs_core::output::OutputFolder;
+use ibgs_core::output::figures::TIME_FILE;
+use ibgs_core::output::log::Evaluation;
+use ibgs_core::output::results::{ViewScore, means};
+use ibgs_core::residual::weights;
+use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
+use serde_json::json;
+use std::fs;
+use std::path::PathBuf;
+
+/// What a model folder gets of a model.
+struct Parts<'a> {
+    iteration: u32,
+    gaussians: &'a Gaussians,
+    network: Option<&'a [f32]>,
+    exposure: Option<&'a [Exposure]>,
+}
+
+impl Session {
+    /// Saves and measures.
+    pub(super) fn settle(&mut self, save: bool, evaluate: bool, observer: &mut dyn Observer) -> Result<()> {
+        if save {
+            // What a checkpoint takes of a small disk while it is written must not be missed here.
+            self.keeper.settle(observer);
+            self.save()?;
+        }
+        if evaluate {
+            self.evaluate(observer)?;
+        }
+        match &self.folder {
+            Some(folder) => Ok(folder.write_log(&self.records.log)?),
+            None => Ok(()),
+        }
+    }
+
+    /// Saves what there is after an error, and says where it went.
+    pub(super) fn rescue(&mut self, error: SessionError, observer: &mut dyn Observer) -> SessionError {
+        // A lost device gives nothing back any more, and what is not finite is no state to resume from: then the last good one is
+        // what there is.
+        let _ = self.keep(false, observer);
+        let (Some(checkpoint), Some(folder)) = (self.keeper.last().cloned(), self.folder.clone()) else { return error };
+        let exposure = checkpoint.exposures();
+        let saved = self.write(
+            &folder,
+            &Parts {
+                iteration: checkpoint.iteration(),
+                gaussians: &checkpoint.gaussians,
+                network: checkpoint.network.as_ref().map(|network| &network.weights[..]),
+                exposure: exposure.as_deref(),
+            },
+        );
+        // Without the curves the error is reported all the same.
+        if saved.is_ok() {
+            let _ = folder.write_log(&self.records.log);
+        }
+        let resumed = self.keeper.write(observer);
+        if saved.is_err() && resumed.is_err() {
+            return error;
+        }
+        let checkpoint = resumed.ok().map(|()| checkpoint.iteration());
+        SessionError::Stopped { source: Box::new(error), saved: saved.ok(), checkpoint }
+    }
+
+    /// Writes the model as it is now into the model folder; returns where. None without a folder.
+    ///
+    /// # Errors
+    /// The device failed, or a file cannot be written.
+    pub fn save(&mut self) -> Result<Option<PathBuf>> {
+        let Some(folder) = &self.folder else { return Ok(None) };
+        let (renderer, gpu) = (self.trainer.renderer()?, self.raster.gpu());
+        let network = renderer.part().map(|part| part.network.to_values(gpu)).transpose()?;
+        let gaussians = self.trainer.splats().download(gpu)?;
+        // What is read from a lost device looks like any other answer.
+        gpu.check()?;
+        let parts = Parts {
+            iteration: self.trainer.iteration(),
+            gaussians: &gaussians,
+            network: network.as_deref(),
+            exposure: renderer.exposure().map(ExposureField::photos),
+        };
+        self.write(folder, &parts).map(Some)
+    }
+
+    fn write(&self, folder: &OutputFolder, parts: &Parts) -> Result<PathBuf> {
+        let &Parts { iteration, gaussians, network, exposure } = parts;
+        // Without planes the file is exactly what other programs write and read.
+        let planes = self.config.method == Method::Ibgs;
+        let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
+        let residual = self.trainer.schedule().residual_at(iteration);
+        let path = folder.point_cloud_path(iteration);
+        // The Gaussians last: a folder holds a model once it holds them, and never one without its network or exposures.
+        let written = || -> Result<()> {
+            if let Some(network) = network.filter(|_| residual) {
+                weights::write(&folder.network_save_path(iteration), network)?;
+            }
+            if let Some(photos) = exposure {
+                folder.write_exposures(iteration, &self.dataset, photos)?;
+            }
+            Ok(write_ply(&path, gaussians, flavor)?)
+        };
+        if let Err(error) = written() {
+            // Without them the other files are of no use.
+            if let Some(folder) = path.parent().filter(|_| !path.is_file()) {
+                let _ = fs::remove_dir_all(folder);
+            }
+            return Err(error);
+        }
+        Ok(path)
+    }
+
+    /// Renders the held-out views and scores them.
+    fn evaluate(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        let iteration = self.trainer.iteration();
+        if self.dataset.test.is_empty() {
+            return Ok(());
+        }
+        let renderer = self.trainer.renderer()?;
+        let into = self.folder.as_ref().map(|folder| (folder, iteration));
+        let scores = score_test_views(&renderer, &self.dataset, &self.config, into, None, &mut |_, _| {})?;
+        if let Some(folder) = &self.folder {
+            scores.write(folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
+        }
+        let gaussians = self.trainer.splats().len();
+        let iteration_time = self.records.watch.total() / iteration.max(1);
+        observer.event(&Event::Evaluated { iteration, gaussians, scores: &scores, iteration_time });
+        let mean = |scores: &[ViewScore]| -> Option<Score> { (!scores.is_empty()).then(|| means(scores)) };
+        let measured = |base| Evaluation { iteration, gaussians, base, image: mean(&scores.image) };
+        self.records.evaluations.extend(mean(&scores.base).map(measured));
+        Ok(())
+    }
+
+    /// Saves, measures and reports what there is: called once, after the last iteration or when the training is stopped
+    /// before. [`Session::run`] does.
+    ///
+    /// # Errors
+    /// The device failed, or a file cannot be written.
+    pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        let iteration = self.trainer.iteration();
+        if iteration == 0 {
+            return Ok(());
+        }
+        let is_whole = self.is_done();
+        // First of all: what follows takes its time.
+        let kept = if is_whole { Ok(()) } else { self.keep(true, observer).and_then(|()| self.keeper.finish()) };
+        // One that was stopped in between, or before it was saved.
+        let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());
+        let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
+        let settled = self.settle(save, evaluate, observer);
+        match &kept {
+            Ok(()) if !is_whole => {
+                settled.map_err(|error| SessionError::Unsettled { iteration, source: Box::new(error) })?
+            }
+            _ => settled?,
+        }
+        if self.trainer.overflowed() {
+            observer.event(&Event::Overflowed);
+        }
+        self.write_time()?;
+        let exposure = match (self.config.exposure.enabled, self.trainer.exposure()?) {
+            (ExposureSwitch::Off, _) => ExposureSummary::Off,
+            (_, None) => ExposureSummary::Alike,
+            (_, Some(field)) => ExposureSummary::Corrected { spread: field.spread(), predicted: field.trust() },
+        };
+        let training = self.records.watch.total();
+        let resumable = self.folder.as_ref().filter(|_| !is_whole && kept.is_ok());
+        observer.event(&Event::Finished(&Summary {
+            iteration,
+            training,
+            beside: (self.started.elapsed() + self.before).saturating_sub(training),
+            gaussians: self.trainer.splats().len(),
+            stages: self.records.watch.sentence(),
+            exposure,
+            resumable: resumable.map(|folder| folder.root().to_owned()),
+        }));
+        if is_whole { self.keeper.clear() } else { kept }
+    }
+
+    /// Writes how long the training took, for its figures.
+    fn write_time(&self) -> Result<()> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let time = json!({
+            "seconds": self.records.watch.total().as_secs_f64(),
+            "iterations": self.trainer.iteration(),
+            "stages": self.records.watch.json(),
+            "device": self.raster.gpu().describe(),
+        });
+        Ok(folder.write_result(self.trainer.iteration(), TIME_FILE, time)?)
+    }
+}

@@ -1,0 +1,287 @@
+//! The image-based part of a training iteration (method.md section 7): surface losses from the photos of neighbouring views,
+//! the residual network.
+
+use super::checkpoint::NetworkState;
+use super::optim::TensorOptimizer;
+use super::step::TrainError;
+use crate::autodiff;
+use crate::loss::{ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers};
+use crate::parameters::NetworkParameters;
+use crate::tensor::primitive;
+use burn::tensor::{Gradients, Tensor};
+use ibgs_core::camera::Camera;
+use ibgs_core::config::schedule::Schedule;
+use ibgs_core::config::{AdamConfig, TrainConfig};
+use ibgs_core::exposure::Exposures;
+use ibgs_core::gpu::pool::Lease;
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room, Surface};
+use ibgs_core::render::{ImageOptions, ImagePart};
+use ibgs_core::residual::layers::WEIGHTS;
+use ibgs_core::residual::weights::NetworkError;
+use ibgs_core::residual::{Residual, ResidualTask};
+use ibgs_core::scene::Splats;
+use ibgs_core::sources::depth_cache::DepthCache;
+use ibgs_core::sources::find::{Draw, SourceFinder};
+use ibgs_core::sources::source_store::SourceStore;
+use ibgs_core::sources::{DevicePhoto, SourceView, Warper};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What the image-based stages keep from iteration to iteration.
+pub(super) struct ImageStages {
+    gpu: Arc<Gpu>,
+    /// In local coordinates.
+    cameras: Arc<[Camera]>,
+    options: ImageOptions,
+    /// Candidates for the sources of each training view, best first.
+    neighbours: Vec<Vec<usize>>,
+    seed: u64,
+    /// Median depth of each training view when it was last trained.
+    depths: DepthCache,
+    warper: Warper,
+    residual: Residual,
+    normal_loss: NormalLoss,
+    photometric_loss: PhotometricLoss,
+    network: NetworkParameters,
+    network_optimizer: TensorOptimizer,
+}
+
+/// What the image-based stages keep, on the host.
+pub(super) struct StagesState {
+    pub network: NetworkState,
+    pub depths: BTreeMap<usize, Vec<f32>>,
+}
+
+/// An iteration in work: the view, its photo, and the rasterizer's pass.
+pub(super) struct Work<'a> {
+    pub iteration: u32,
+    /// Training view.
+    pub index: usize,
+    pub target: &'a DevicePhoto,
+    pub image: &'a Tensor<3>,
+    /// The image in the photo's exposure.
+    pub shown: &'a Tensor<3>,
+    /// Exposures of photo and sources, where they are corrected.
+    pub exposures: Option<&'a Exposures>,
+    /// The view's sources.
+    pub sources: &'a [usize],
+    pub forward: &'a Forward,
+    pub loss: &'a ImageLoss,
+    pub schedule: &'a Schedule,
+    pub photos: &'a SourceStore,
+    pub raster: &'a Rasterizer,
+    pub splats: &'a Splats,
+}
+
+/// The whole loss of an iteration.
+pub(super) struct Total {
+    /// Image losses.
+    image_loss: Tensor<1>,
+    /// Normal and photometric loss.
+    surface_loss: Option<Tensor<1>>,
+    /// Statistics of the image that counts: the final one where there is one.
+    pub scratch: Arc<Lease<LossScratch>>,
+    /// The network's weights as a leaf.
+    weights: Option<Tensor<1>>,
+}
+
+impl Total {
+    /// A total of the base image's loss alone.
+    pub fn base(loss: Tensor<1>, scratch: Arc<Lease<LossScratch>>) -> Self {
+        Self { image_loss: loss, surface_loss: None, scratch, weights: None }
+    }
+
+    fn add_surface_loss(&mut self, loss: Tensor<1>) {
+        self.surface_loss = Some(match self.surface_loss.take() {
+            Some(sum) => sum + loss,
+            None => loss,
+        });
+    }
+
+    /// The sum of all losses.
+    pub fn loss(&self) -> Tensor<1> {
+        match &self.surface_loss {
+            Some(surface) => self.image_loss.clone() + surface.clone(),
+            None => self.image_loss.clone(),
+        }
+    }
+}
+
+impl ImageStages {
+    /// For the training views, whose cameras come in the scene's and in local coordinates.
+    pub fn new(gpu: &Arc<Gpu>, cameras: [&Arc<[Camera]>; 2], config: &TrainConfig) -> Result<Self, GpuError> {
+        let [scene_cameras, cameras] = cameras;
+        let options = ImageOptions::new(config);
+        let finder = SourceFinder::new(scene_cameras, &options.sources);
+        let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
+        let network = NetworkParameters::init(gpu, config.seed)?;
+        let residual = &config.residual;
+        let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
+        Ok(Self {
+            neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
+            seed: config.seed,
+            // All of them: one that is rendered anew would be of another model, and the training another one.
+            depths: DepthCache::new(None),
+            warper: Warper::new(gpu.clone(), options.warp()),
+            residual: Residual::new(gpu.clone(), options.variant, options.precision),
+            normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
+            photometric_loss: PhotometricLoss::new(gpu.clone(), config.surface.photometric_weight as f32),
+            network_optimizer: TensorOptimizer::new(gpu, &network.network().weights, WEIGHTS, adam)?,
+            gpu: gpu.clone(),
+            network,
+            cameras: cameras.clone(),
+            options,
+        })
+    }
+
+    /// Records the count of the network's weights that are no finite number.
+    pub fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+        self.network_optimizer.record_check(pass, broken);
+    }
+
+    /// Network and, where `all` is wanted, depth maps on the host; waits for the GPU.
+    pub fn state(&mut self, all: bool) -> Result<StagesState, TrainError> {
+        let (moments, steps) = self.network_optimizer.state(&self.gpu)?;
+        let network = NetworkState { weights: self.network.network().to_values(&self.gpu)?, moments, steps };
+        let mut depths = BTreeMap::new();
+        for (view, camera) in self.cameras.iter().enumerate().filter(|_| all) {
+            if let Some(map) = self.depths.get(view) {
+                depths.insert(view, self.gpu.read(&map, camera.pixels())?);
+            }
+        }
+        Ok(StagesState { network, depths })
+    }
+
+    /// Goes on from there; a depth map that is not there is made anew when it is needed.
+    pub fn restore(&mut self, network: &NetworkState, depths: &BTreeMap<usize, Vec<f32>>) -> Result<(), TrainError> {
+        if network.weights.len() != WEIGHTS {
+            return Err(NetworkError::Count { found: network.weights.len() }.into());
+        }
+        self.network = NetworkParameters::upload(&self.gpu, &network.weights)?;
+        let (weights, adam) = (&self.network.network().weights, self.network_optimizer.config());
+        self.network_optimizer = TensorOptimizer::new(&self.gpu, weights, WEIGHTS, adam)?;
+        self.network_optimizer.restore(&self.gpu, &network.moments, network.steps)?;
+        self.depths.clear();
+        for (&view, depth) in depths {
+            self.depths.insert(view, self.gpu.upload("median depth", depth)?);
+        }
+        Ok(())
+    }
+
+    pub fn options(&self) -> &ImageOptions {
+        &self.options
+    }
+
+    /// Sources of a training view in an iteration, best first.
+    pub fn sources_of(&self, index: usize, iteration: u32) -> Vec<usize> {
+        let candidates = &self.neighbours[index];
+        let used = candidates.len().min(self.options.sources.used as usize);
+        match self.options.sources.draw {
+            Draw::Nearest => candidates[..used].to_vec(),
+            Draw::Random => {
+                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+                rng.set_stream(iteration.into());
+                let mut picks = rand::seq::index::sample(&mut rng, candidates.len(), used).into_vec();
+                picks.sort_unstable();
+                picks.into_iter().map(|pick| candidates[pick]).collect()
+            }
+        }
+    }
+
+    /// What a renderer of the model needs, with the cameras in the scene's coordinates.
+    pub fn part(&self, cameras: Arc<[Camera]>, photos: Arc<SourceStore>) -> ImagePart {
+        let (network, options) = (self.network.network().clone(), self.options.clone());
+        ImagePart { cameras, photos, network, options }
+    }
+
+    /// The iteration's loss, of which L_img(base) is always a part.
+    pub fn total(&mut self, work: &Work) -> Result<Total, GpuError> {
+        let (base_loss, scratch) = work.loss.tracked(work.shown.clone(), work.target)?;
+        let mut total = Total::base(base_loss, scratch);
+        if work.schedule.normal_loss_at(work.iteration) {
+            let surface = surface_buffers(work.forward.surface().expect("the surface stage has one"));
+            total.add_surface_loss(self.normal_loss.tracked(work.image, &surface, work.target)?);
+        }
+        if !work.sources.is_empty() {
+            self.add_sources(work, &mut total)?;
+        }
+        Ok(total)
+    }
+
+    /// Adds what the sources tell: the photometric loss, and the final image's.
+    fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
+        let sources = self.sources(work)?;
+        let (colors, warped) = autodiff::warped(&self.warper, work.image, work.forward, &sources)?;
+        let colors = match work.exposures {
+            Some(exposures) => autodiff::exposed_warped(exposures, colors, &warped)?,
+            None => colors,
+        };
+        let seen = warped.seen;
+        total.add_surface_loss(self.photometric_loss.tracked(colors.clone(), &seen.slots, work.target)?);
+        let camera = self.cameras[work.index];
+        if !work.schedule.residual_at(work.iteration) || !self.residual.fits(&camera) {
+            return Ok(());
+        }
+        let burn_in = work.schedule.burn_in(work.iteration);
+        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
+        let weights = self.network.tensor().autodiff().require_grad();
+        // During burn-in only the network learns from the final image.
+        let (base, colors) = match burn_in {
+            Some(_) => (work.shown.clone().detach(), colors.detach()),
+            None => (work.shown.clone(), colors),
+        };
+        let image = autodiff::residual(&self.residual, &task, base, colors, weights.clone())?;
+        let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
+        total.image_loss = (total.image_loss.clone() + final_loss) * 0.5;
+        total.scratch = scratch;
+        total.weights = Some(weights);
+        Ok(())
+    }
+
+    fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {
+        let photos = work.photos.photos(work.sources)?;
+        let mut views = Vec::with_capacity(work.sources.len());
+        for (&index, photo) in work.sources.iter().zip(photos) {
+            let camera = self.cameras[index];
+            let view =
+                RasterView { surface: Some(self.options.surface), ..RasterView::new(camera, work.splats.sh_degree()) };
+            let make = || work.raster.depth_map(work.splats, &view, Room::Checked);
+            let depth = self.depths.get_or_make(index, make)?;
+            views.push(SourceView { camera, photo, depth });
+        }
+        Ok(views)
+    }
+
+    /// Steps the network, and keeps the view's median depth.
+    pub fn finish(&mut self, work: &Work, total: &Total, gradients: &mut Gradients) -> Result<(), GpuError> {
+        if let Some(gradient) = total.weights.as_ref().and_then(|weights| weights.grad_remove(gradients)) {
+            let rate = work.schedule.network_lr(work.iteration);
+            self.network_optimizer.step(&self.gpu, &primitive(gradient), rate);
+        }
+        if let Some(surface) = work.forward.surface() {
+            let Camera { width, height, .. } = self.cameras[work.index];
+            let bytes = 4 * u64::from(width) * u64::from(height);
+            let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", bytes))?;
+            let mut pass = Pass::new(&self.gpu, "image stages");
+            pass.copy(&surface.median_depth, &kept, 0, bytes);
+            pass.submit();
+        }
+        Ok(())
+    }
+}
+
+fn surface_buffers(surface: &Surface) -> SurfaceBuffers {
+    let v = surface.v.as_ref().expect("a tracked surface has gradients");
+    SurfaceBuffers {
+        depth: surface.median_depth.clone(),
+        normal: surface.normal_map.clone(),
+        v_depth: v.median_depth.clone(),
+        v_normal: v.normal_map.clone(),
+        size: [surface.camera.width, surface.camera.height],
+        focal: surface.camera.focal.as_vec2().to_array(),
+        principal: surface.options.principal(&surface.camera),
+    }
+}

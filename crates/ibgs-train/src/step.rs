@@ -1,0 +1,476 @@
+//! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
+
+mod resume;
+
+use super::background::iteration_background;
+use super::checkpoint::CheckpointError;
+use super::densify::{self, Over, Round, Statistics, mcmc};
+use super::exposing::Exposing;
+use super::filter::FilterSizes;
+use super::optim::{Optimizer, Rates};
+use super::stages::{ImageStages, Total, Work};
+use super::telemetry::{Recorder, Telemetry};
+use crate::autodiff::{self, Leaves};
+use crate::loss::ImageLoss;
+use crate::parameters::Parameters;
+use ibgs_core::camera::{Camera, scene_extent, usable_extent};
+use ibgs_core::config::schedule::Schedule;
+use ibgs_core::config::{Method, Strategy, TrainConfig};
+use ibgs_core::dataset::{Dataset, Masks, Point};
+use ibgs_core::exposure::ExposureField;
+use ibgs_core::gpu::{Gpu, GpuError, Pass};
+use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
+use ibgs_core::render::Renderer;
+use ibgs_core::residual::weights::NetworkError;
+use ibgs_core::scene::{Gaussians, SceneError, Splats, from_points};
+use ibgs_core::sources::source_store::SourceStore;
+use ibgs_core::sources::{DevicePhoto, Outside};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Why training stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The model failed.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The network failed.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// A checkpoint cannot be gone on from.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The data set holds no training view.
+    #[error("the scene has no training view; check its split")]
+    NoViews,
+    /// The last iteration ended in the middle, so there is no state to go on from.
+    #[error("iteration {0} was not finished")]
+    Unfinished(u32),
+    /// The loss or the model is no number any more.
+    #[error(
+        "by iteration {0} the loss or a value of the model is not a finite number; try lower learning rates, and check the \
+         photos' cameras"
+    )]
+    NotFinite(u32),
+}
+
+/// At most `most` points, evenly taken from the list.
+fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
+    if points.len() <= most {
+        return Cow::Borrowed(points);
+    }
+    (0..most).map(|i| points[i * points.len() / most]).collect()
+}
+
+/// A running training.
+pub struct Trainer {
+    gpu: Arc<Gpu>,
+    raster: Arc<Rasterizer>,
+    loss: ImageLoss,
+    config: TrainConfig,
+    schedule: Schedule,
+    parameters: Parameters,
+    optimizer: Optimizer,
+    statistics: Statistics,
+    /// The 3D smoothing filter, where there is one.
+    filters: Option<FilterSizes>,
+    /// The photos' exposures, where they are corrected.
+    exposing: Option<Exposing>,
+    recorder: Recorder,
+    telemetry: Telemetry,
+    /// Cameras of the training views, in local coordinates.
+    cameras: Arc<[Camera]>,
+    /// The same in the scene's.
+    scene_cameras: Arc<[Camera]>,
+    /// Their photos.
+    photos: Arc<SourceStore>,
+    /// What goes beyond plain splatting.
+    stages: Option<ImageStages>,
+    /// The first Gaussians came with planes of their own.
+    has_planes: bool,
+    /// Views still to come in this epoch.
+    queue: Vec<usize>,
+    extent: f64,
+    /// What the pruning by scale measures by.
+    prune_length: f64,
+    rng: ChaCha8Rng,
+    iteration: u32,
+    overflowed: bool,
+    /// Checksum of the scene.
+    scene: u32,
+    /// Part of the learning rates that counts.
+    caution: f64,
+    /// The last iteration was done to its end.
+    is_whole: bool,
+}
+
+impl Trainer {
+    /// Uploads the training photos and makes the first Gaussians from the data set's points.
+    ///
+    /// # Errors
+    /// Not enough memory, no training view, points that are no positions.
+    pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
+        let points = thinned(&dataset.points, config.densify.most() as usize);
+        let [opacity, scale] = config.start();
+        let space = dataset.space();
+        let points: Vec<Point> = points.iter().map(|point| point.to_local(&space)).collect();
+        let mut start = from_points(&points, config.sh_degree(), opacity)?;
+        start.space = space;
+        start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
+        Self::from_gaussians(raster, dataset, config, &start)
+    }
+
+    /// Uploads the training photos and begins with the given Gaussians, in whatever space; their spherical harmonics keep their
+    /// degree.
+    ///
+    /// # Errors
+    /// Not enough memory, no training view.
+    pub fn from_gaussians(
+        raster: Arc<Rasterizer>,
+        dataset: &Dataset,
+        config: &TrainConfig,
+        start: &Gaussians,
+    ) -> Result<Self, TrainError> {
+        let trainer = Self::with_default_room(raster, (dataset, dataset.checksum()), config, start)?;
+        // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
+        // Gaussians grow fast.
+        let mut most = 0;
+        for index in 0..trainer.cameras.len() {
+            most = most.max(trainer.raster.count_intersections(trainer.splats(), &trainer.view(index))?);
+        }
+        trainer.raster.reserve(2 * most);
+        Ok(trainer)
+    }
+
+    /// The same without counting the intersections; the data set comes with its checksum.
+    fn with_default_room(
+        raster: Arc<Rasterizer>,
+        (dataset, scene): (&Dataset, u32),
+        config: &TrainConfig,
+        start: &Gaussians,
+    ) -> Result<Self, TrainError> {
+        let gpu = raster.gpu().clone();
+        if dataset.train.is_empty() {
+            return Err(TrainError::NoViews);
+        }
+        let space = dataset.space();
+        let start = start.in_space(space);
+        let parameters = Parameters::upload(&start, &gpu)?;
+        let splats = parameters.splats();
+        let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
+        let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
+        let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
+        let photos = views().map(|view| view.photo.clone()).collect();
+        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
+        let image_based = config.method == Method::Ibgs;
+        let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
+        let filters = (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
+        if let Some(filters) = &filters {
+            filters.update(&gpu, splats);
+        }
+        let (centre, extent) = scene_extent(scene_cameras.iter());
+        let (centre, extent) = (space.to_local(centre), usable_extent(extent / space.scale));
+        let prune_length = match config.densify.prune_scale_by_distance {
+            true => densify::distance_length(&start.means, centre, extent),
+            false => extent,
+        };
+        Ok(Self {
+            loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
+            schedule: Schedule::new(config, config.iterations),
+            optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), image_based)?,
+            statistics: Statistics::new(&gpu, splats.len())?,
+            filters,
+            exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
+            recorder: Recorder::new(&gpu)?,
+            telemetry: Telemetry::default(),
+            queue: Vec::new(),
+            extent,
+            prune_length,
+            rng: ChaCha8Rng::seed_from_u64(config.seed),
+            iteration: 0,
+            overflowed: false,
+            scene,
+            caution: 1.0,
+            is_whole: true,
+            config: config.clone(),
+            gpu,
+            raster,
+            parameters,
+            cameras,
+            scene_cameras,
+            photos,
+            stages,
+            has_planes: start.offsets.iter().any(|&offset| offset != 0.0),
+        })
+    }
+
+    /// Lets the number of Gaussians grow to `most` at most.
+    pub fn limit_splats(&mut self, most: u32) {
+        self.config.densify.max_splats = Some(most);
+    }
+
+    fn view(&self, index: usize) -> RasterView {
+        let mut view = RasterView::new(self.cameras[index], self.schedule.sh_degree(self.iteration));
+        view.background = self.iteration_background();
+        if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
+            view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
+        }
+        if self.schedule.residual_at(self.iteration) {
+            view.dropout = Dropout::new(self.config.residual.dropout, self.config.seed, self.iteration);
+        }
+        view
+    }
+
+    /// A renderer of the model as it is now; it shares the model's memory, so use it before the next step. Where exposures are
+    /// corrected it waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn renderer(&self) -> Result<Renderer, GpuError> {
+        let residual = self.stages.as_ref().filter(|_| self.schedule.residual_at(self.iteration));
+        let part = residual.map(|stages| stages.part(self.scene_cameras.clone(), self.photos.clone()));
+        let renderer = Renderer::new(self.raster.clone(), self.splats().clone(), self.background(), part);
+        Ok(renderer.with_exposure(self.exposure()?))
+    }
+
+    /// The photos' exposures as they are now; none where they are not corrected. Waits for the GPU.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn exposure(&self) -> Result<Option<ExposureField>, GpuError> {
+        self.exposing.as_ref().map(|exposing| exposing.field(&self.scene_cameras)).transpose()
+    }
+
+    /// Colour behind the Gaussians.
+    pub fn background(&self) -> [f32; 3] {
+        self.config.background()
+    }
+
+    /// Colour behind the Gaussians in this iteration's loss.
+    fn iteration_background(&self) -> [f32; 3] {
+        iteration_background(&self.config, self.iteration)
+    }
+
+    /// The photo of a training view as this iteration's loss compares with it.
+    fn target(&self, index: usize) -> Result<DevicePhoto, GpuError> {
+        let mut target = self.photos.photo(index)?;
+        if self.config.data.masks == Masks::Object {
+            target.outside = Outside::Background(self.iteration_background());
+        }
+        Ok(target)
+    }
+
+    /// Iterations done.
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+
+    /// The model as it is now, in local coordinates.
+    pub fn splats(&self) -> &Splats {
+        self.parameters.splats()
+    }
+
+    /// The run's milestones.
+    pub fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+
+    /// Scene extent in local units.
+    pub fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    /// Mean loss of recent iterations; some iterations old.
+    pub fn telemetry(&self) -> &Telemetry {
+        &self.telemetry
+    }
+
+    /// True if an iteration had more intersections than room: its gradient was left out. Known some iterations late.
+    pub fn overflowed(&self) -> bool {
+        self.overflowed
+    }
+
+    /// Sources of a training view in an iteration; none where they do not count yet.
+    fn sources(&self, index: usize, iteration: u32) -> Vec<usize> {
+        let stages = self.stages.as_ref().filter(|_| self.schedule.surface_loss_at(iteration));
+        stages.map_or_else(Vec::new, |stages| stages.sources_of(index, iteration))
+    }
+
+    fn next_view(&mut self) -> usize {
+        if self.queue.is_empty() {
+            self.queue = (0..self.cameras.len()).collect();
+            self.queue.shuffle(&mut self.rng);
+        }
+        self.queue.pop().expect("there are training views")
+    }
+
+    /// One iteration.
+    ///
+    /// # Errors
+    /// Not enough memory, device lost, or a loss that is not finite.
+    pub fn step(&mut self) -> Result<(), TrainError> {
+        self.is_whole = false;
+        self.iterate()?;
+        self.is_whole = true;
+        Ok(())
+    }
+
+    fn iterate(&mut self) -> Result<(), TrainError> {
+        self.restructure()?;
+        self.iteration += 1;
+        let iteration = self.iteration;
+        let index = self.next_view();
+        if !self.has_planes && self.schedule.shapes_normals_at(iteration, self.cameras.len()) {
+            self.raster.shape_normals(self.splats());
+        }
+        let target = self.target(index)?;
+        let leaves = Leaves::new(&self.gpu, &self.parameters)?;
+        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index))?;
+        let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
+        let sources = self.sources(index, iteration);
+        let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
+        let shown = match &exposures {
+            Some(exposures) => autodiff::exposed(exposures, &image, &forward)?,
+            None => image.clone(),
+        };
+        let work = Work {
+            iteration,
+            index,
+            target: &target,
+            image: &image,
+            shown: &shown,
+            exposures: exposures.as_ref(),
+            sources: &sources,
+            forward: &forward,
+            loss: &self.loss,
+            schedule: &self.schedule,
+            photos: &self.photos,
+            raster: &self.raster,
+            splats: self.parameters.splats(),
+        };
+        let total = match &mut self.stages {
+            Some(stages) => stages.total(&work)?,
+            None => self.loss.tracked(shown.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
+        };
+        let mut gradients = total.loss().backward();
+        if let Some(stages) = &mut self.stages {
+            stages.finish(&work, &total, &mut gradients)?;
+        }
+        let mut gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
+        if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &exposures) {
+            exposing.step(index, exposures, self.schedule.exposure_lr(iteration));
+        }
+        let is_mcmc = self.config.densify.strategy == Strategy::Mcmc;
+        if is_mcmc {
+            mcmc::penalise(&mut gradients, &self.parameters, &self.config.densify.mcmc);
+        }
+        if self.schedule.observes(iteration) {
+            let screen = gradients.screen.clone();
+            let how = match self.config.densify.strategy {
+                Strategy::Default => (Over::Largest, 0.0),
+                _ => (Over::Sum, self.config.densify.near_depth * self.extent),
+            };
+            let errors = if self.schedule.counts_errors(iteration, &self.config.densify) {
+                let (stats, count) = (&total.scratch.stats, self.splats().len());
+                Some(densify::covered_errors(&self.gpu, &forward, (&shown, &target), stats, count)?)
+            } else {
+                None
+            };
+            self.statistics.observe(&self.gpu, screen, &forward, how, errors.as_ref());
+        }
+        let mean_rate = self.schedule.mean_lr(iteration, self.extent);
+        let rates = Rates::new(&self.config, mean_rate, self.schedule.rate_factor);
+        self.optimizer.step(&self.gpu, gradients, &rates);
+        if is_mcmc {
+            let strength = self.config.densify.mcmc.noise * mean_rate;
+            mcmc::add_noise(&self.gpu, self.splats(), strength, self.config.seed, iteration);
+        }
+        if self.recorder.checks() {
+            let mut pass = Pass::new(&self.gpu, "finite numbers");
+            self.optimizer.record_check(&mut pass, self.recorder.broken());
+            if let Some(stages) = &self.stages {
+                stages.record_check(&mut pass, self.recorder.broken());
+            }
+            pass.submit();
+        }
+        let news = self.recorder.record(
+            &self.gpu,
+            &total.scratch.stats,
+            &forward.workspace.total,
+            u64::from(forward.frame.capacity),
+        )?;
+        if let Some(telemetry) = news {
+            self.note(telemetry)?;
+        }
+        self.prefetch()
+    }
+
+    /// Uploads what the next iteration reads while the GPU still works on this one; nothing to do where all photos fit.
+    fn prefetch(&self) -> Result<(), TrainError> {
+        if let (Some(_), Some(&next)) = (&self.stages, self.queue.last()) {
+            let mut wanted = vec![next];
+            wanted.extend(self.sources(next, self.iteration + 1));
+            self.photos.prefetch(&wanted)?;
+        }
+        Ok(())
+    }
+
+    /// Densification and opacity reset of the iteration that has just ended. They come before the next one and not at
+    /// its end, so that a model is saved and measured as it was trained, not as it was just torn up (a departure from the
+    /// published order).
+    fn restructure(&mut self) -> Result<(), TrainError> {
+        if self.schedule.densify_at(self.iteration) {
+            self.densify()?;
+        }
+        if let Some(exposing) = &self.exposing
+            && exposing.is_idle_at(self.iteration, &self.schedule)?
+        {
+            self.exposing = None;
+        }
+        if self.schedule.reset_opacity_at(self.iteration) {
+            self.optimizer.reset_opacity(&self.gpu, self.config.opacity_reset.max_opacity);
+        }
+        Ok(())
+    }
+
+    fn update_filters(&self) {
+        if let Some(filters) = &self.filters {
+            filters.update(&self.gpu, self.splats());
+        }
+    }
+
+    fn note(&mut self, telemetry: Telemetry) -> Result<(), TrainError> {
+        self.overflowed |= telemetry.overflows > 0;
+        self.raster.reserve(telemetry.most_isects);
+        self.telemetry = telemetry;
+        if telemetry.broken { Err(TrainError::NotFinite(self.iteration)) } else { Ok(()) }
+    }
+
+    fn densify(&mut self) -> Result<(), TrainError> {
+        let before = self.splats().len();
+        let observations = self.statistics.observations(&self.gpu, &self.optimizer)?;
+        let round = Round {
+            extent: self.extent,
+            prune_length: self.prune_length,
+            transparent: self.schedule.prune_transparent(self.iteration),
+            large: self.schedule.prune_large(self.iteration),
+            grows: self.schedule.grows_at(self.iteration),
+            progress: self.schedule.progress(self.iteration),
+            until_half: self.schedule.rounds_until_half(self.iteration),
+        };
+        let plan = densify::plan(&observations, &self.config.densify, &round, &mut self.rng);
+        (self.parameters, self.optimizer) = densify::apply(&self.gpu, &self.parameters, &self.optimizer, plan)?;
+        self.statistics = Statistics::new(&self.gpu, self.splats().len())?;
+        self.update_filters();
+        // Room for as many more intersections as there are Gaussians now.
+        let grown = self.telemetry.most_isects as f64 * self.splats().len() as f64 / before.max(1) as f64;
+        self.raster.reserve(grown as u64);
+        Ok(())
+    }
+}

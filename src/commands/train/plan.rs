@@ -1,0 +1,215 @@
+//! A training as it is asked for, by the command line or by the viewer.
+
+use super::{WARM_ITERATIONS, estimate};
+use crate::progress::Bars;
+use crate::tell;
+use anyhow::{Context, Result, bail};
+use ibgs_core::config::{DataConfig, TrainConfig};
+use ibgs_core::dataset::Dataset;
+use ibgs_core::dataset::demo::DemoOptions;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::model::{load_demo, load_scene};
+use ibgs_core::output::{Existing, OutputFolder};
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::scene::read_ply;
+use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::checkpoint::Checkpoint;
+use ibgs_train::{Session, Trainer};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
+const DEMO_ITERATIONS: [u32; 2] = [200, 10_000];
+/// Size of the residual network's images in the demo scene, relative to the photos.
+const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
+const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
+
+/// What is given of the options for which the demo scene has values of its own.
+#[derive(Clone, Debug, Default)]
+pub struct DemoGiven {
+    pub iterations: Option<u32>,
+    pub max_splats: Option<u32>,
+    pub residual_factor: Option<f64>,
+}
+
+/// A training that is asked for.
+#[derive(Debug)]
+pub struct Plan {
+    /// Its options.
+    pub config: TrainConfig,
+    /// What it is resumed from.
+    pub resumed: Option<Checkpoint>,
+    /// Output folder; none: a free one below `output`.
+    pub model: Option<PathBuf>,
+    /// Remove a model that is there.
+    pub overwrite: bool,
+    /// Device memory that it may take.
+    pub gpu_memory: MemoryBudget,
+    /// Time between two checkpoints; none: only when it is stopped.
+    pub checkpoint_every: Option<Duration>,
+    /// The demo scene's own values count where none is given here; none: the options count in full.
+    pub demo: Option<DemoGiven>,
+}
+
+impl Plan {
+    /// A training with these options, which says nothing else.
+    pub fn new(config: TrainConfig) -> Self {
+        Self {
+            config,
+            resumed: None,
+            model: None,
+            overwrite: false,
+            gpu_memory: MemoryBudget::Auto,
+            checkpoint_every: Some(Duration::from_secs(120)),
+            demo: Some(DemoGiven::default()),
+        }
+    }
+
+    /// Prepares the training; `hear` hears what is being done. The GPU is asked for after the files have been read.
+    pub fn start(self, gpu: impl FnOnce() -> Result<Arc<Gpu>>, hear: &dyn Fn(&str)) -> Result<Session> {
+        // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
+        let mut config = self.config.clone();
+        config.validate()?;
+        if self.resumed.is_none() {
+            self.refuse_output()?;
+        }
+        let start = config.init.as_deref().filter(|_| self.resumed.is_none()).map(read_ply).transpose()?;
+        hear("loading the photos");
+        let source = config.data.source.clone();
+        let scene = source.map(|source| load_scene(&config, &source, &Bars::default())).transpose()?;
+        if scene.is_none() {
+            refuse_scene_options(&config.data)?;
+        }
+        let gpu = gpu()?;
+        let dataset = match scene {
+            Some(dataset) => dataset,
+            None => {
+                hear("ray tracing the demo scene; this takes some minutes the first time");
+                if self.resumed.is_none() {
+                    self.demo_options(&mut config, &gpu);
+                }
+                demo_scene(&config, &gpu)?
+            }
+        };
+        config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
+        hear("preparing the training");
+        let started = Instant::now();
+        let raster = Arc::new(Rasterizer::new(gpu.clone()));
+        gpu.warm_up();
+        let mut trainer = match (&self.resumed, start) {
+            (Some(checkpoint), _) => Trainer::resume(raster.clone(), &dataset, checkpoint)?,
+            (None, Some(start)) => {
+                config.sh_degree = Some(start.sh_degree);
+                Trainer::from_gaussians(raster.clone(), &dataset, &config, &start)?
+            }
+            (None, None) => Trainer::new(raster.clone(), &dataset, &config)?,
+        };
+        let mut needs = estimate::Needs::of(&trainer, &raster, &dataset, &config);
+        if let Some(most) = needs.limit(self.gpu_memory, &gpu)? {
+            config.densify.max_splats = Some(most);
+            trainer.limit_splats(most);
+        }
+        let folder = match (&self.resumed, &self.model) {
+            (Some(checkpoint), Some(path)) => {
+                tell!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
+                let folder = OutputFolder::at(path);
+                // The scene may have moved.
+                config.save(&folder.config_path())?;
+                folder
+            }
+            _ => self.create_output(&config, &dataset)?,
+        };
+        tell!(
+            "{} training views, {} test views, {} initial points; writing to {}",
+            dataset.train.len(),
+            dataset.test.len(),
+            dataset.points.len(),
+            folder.root().display()
+        );
+        tell!("{}", needs.sentence());
+        let session = Session::of(trainer, raster, dataset, config, started).with_output(folder, self.checkpoint_every);
+        Ok(match &self.resumed {
+            Some(checkpoint) => session.with_records_of(checkpoint),
+            None => session,
+        })
+    }
+
+    /// Options of the demo scene where none are given.
+    fn demo_options(&self, config: &mut TrainConfig, gpu: &Gpu) {
+        let size = usize::from(!gpu.is_software());
+        if let Some(given) = &self.demo {
+            let usual = DEMO_ITERATIONS[size];
+            let usual = if config.init.is_some() { usual.min(WARM_ITERATIONS) } else { usual };
+            config.iterations = given.iterations.unwrap_or(usual);
+            config.densify.max_splats = given.max_splats.or(Some(DEMO_SPLATS[size]));
+            config.residual.factor = given.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
+        }
+        config.data.eval = true;
+    }
+
+    /// Refuses a folder that is there and may not be trained into, without touching it.
+    fn refuse_output(&self) -> Result<()> {
+        if let Some(path) = self.model.as_ref().filter(|path| path.exists() && !(self.overwrite && path.is_dir())) {
+            OutputFolder::create(path, Existing::Keep)?;
+        }
+        Ok(())
+    }
+
+    /// Makes the output folder and writes what is known before training; a new folder goes again where that fails.
+    fn create_output(&self, config: &TrainConfig, dataset: &Dataset) -> Result<OutputFolder> {
+        let path = match &self.model {
+            Some(path) => path.clone(),
+            None => self.free_folder(config.data.source.as_deref())?,
+        };
+        let (existing, is_new) = (if self.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
+        let folder = OutputFolder::create(&path, existing)?;
+        if let Err(error) = folder.write_start(config, dataset) {
+            if is_new {
+                let _ = std::fs::remove_dir_all(&path);
+            }
+            return Err(error.into());
+        }
+        Ok(folder)
+    }
+
+    fn free_folder(&self, source: Option<&Path>) -> Result<PathBuf> {
+        let name = match source {
+            Some(path) => path.file_stem().and_then(|n| n.to_str()).unwrap_or("scene").to_owned(),
+            None => "demo".to_owned(),
+        };
+        let mut candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
+        let free = candidates.find_map(|n| Some(Path::new("output").join(n)).filter(|p| !p.exists() || self.overwrite));
+        free.context("no free output folder")
+    }
+}
+
+/// Options of photos on disk would be ignored, and still stand in the results.
+fn refuse_scene_options(data: &DataConfig) -> Result<()> {
+    let usual = DataConfig::default();
+    let given = [
+        ("--resolution", data.resolution != usual.resolution),
+        ("--resampler", data.resampler != usual.resampler),
+        ("--images", data.images != usual.images),
+        ("--max-resolution", data.max_resolution != usual.max_resolution),
+        ("--eval-split-every", data.eval_split_every != usual.eval_split_every),
+        ("--masks", data.masks != usual.masks),
+        ("--alpha", data.alpha != usual.alpha),
+        ("--color-space", data.color_space != usual.color_space),
+        ("--filter-points", data.filter_points != usual.filter_points),
+        ("--principal-point", data.principal_point != usual.principal_point),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        Some((option, _)) => bail!("option `{option}` does not apply to the built-in demo scene; leave it out"),
+        None => Ok(()),
+    }
+}
+
+fn demo_scene(config: &TrainConfig, gpu: &Gpu) -> Result<Dataset> {
+    let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
+    let dataset = load_demo(&options, config.data.demo_exposure_seed, &Bars::default())?;
+    for note in &dataset.notes {
+        tell!("note: {note}");
+    }
+    Ok(dataset)
+}

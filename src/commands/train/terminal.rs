@@ -1,0 +1,96 @@
+//! A training on the terminal.
+
+use crate::commands::on_stop;
+use crate::tell;
+use anyhow::{Error, Result};
+use ibgs_core::output::log::TrainingProgress;
+use ibgs_train::Session;
+use ibgs_train::session::{Event, Observer, SessionError, Summary};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Iterations between two reports beside the bar.
+const REPORT: u32 = 20;
+
+/// Trains to the end, or until Ctrl-C.
+pub fn train(mut session: Session) -> Result<()> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    on_stop(move || flag.store(true, Ordering::SeqCst));
+    let progress = session.progress();
+    let mut terminal = Terminal { bar: bar(&progress), stop };
+    let outcome = session.run(&mut terminal);
+    terminal.bar.finish_and_clear();
+    outcome.map_err(advised)
+}
+
+/// Shows a training as a bar with lines above it.
+struct Terminal {
+    bar: ProgressBar,
+    stop: Arc<AtomicBool>,
+}
+
+impl Observer for Terminal {
+    fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
+        let TrainingProgress { iteration, loss, psnr, gaussians, .. } = *progress;
+        self.bar.set_position(u64::from(iteration));
+        if let (true, Some(loss), Some(psnr)) = (iteration.is_multiple_of(REPORT), loss, psnr) {
+            self.bar.set_message(format!("loss {loss:.4}  PSNR {psnr:5.2}  {gaussians} Gaussians"));
+        }
+        if self.stop.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn event(&mut self, event: &Event) {
+        if matches!(event, Event::Stopped { .. } | Event::Finished(_)) {
+            self.bar.finish_and_clear();
+        }
+        self.bar.suspend(|| print(event));
+    }
+}
+
+/// Prints what is worth a line.
+pub fn print(event: &Event) {
+    match event {
+        // The bar stands still, and the lines that follow say the rest.
+        Event::Measuring | Event::Saving => {}
+        event => tell!("{event}"),
+    }
+    if let Event::Finished(Summary { resumable: Some(folder), .. }) = event {
+        tell!("`ibgs train --resume -m {}` goes on from here", folder.display());
+    }
+}
+
+/// What the command line can do about an error.
+pub fn advised(error: SessionError) -> Error {
+    match error {
+        SessionError::Stopped { source, saved, checkpoint } => {
+            let source = Error::from(*source);
+            match (saved, checkpoint) {
+                (Some(path), Some(_)) => source.context(format!(
+                    "training stopped; the model so far is in {}, and `--resume` goes on from there",
+                    path.display()
+                )),
+                (Some(path), None) => {
+                    source.context(format!("training stopped; the model so far is in {}", path.display()))
+                }
+                (None, Some(iteration)) => {
+                    source.context(format!("training stopped; `--resume` goes on from iteration {iteration}"))
+                }
+                (None, None) => source,
+            }
+        }
+        SessionError::Unsettled { source, .. } => {
+            Error::from(*source).context("`--resume` goes on from here, but not all was saved and measured")
+        }
+        error => error.into(),
+    }
+}
+
+fn bar(progress: &TrainingProgress) -> ProgressBar {
+    let bar = ProgressBar::new(u64::from(progress.iterations));
+    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {eta} left";
+    bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
+}

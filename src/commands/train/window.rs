@@ -1,0 +1,59 @@
+//! A training in the viewer's window.
+
+use super::terminal::{advised, print};
+use anyhow::Result;
+use ibgs_core::output::log::TrainingProgress;
+use ibgs_core::render::Renderer;
+use ibgs_train::Session;
+use ibgs_train::session::{Event, Observer};
+use ibgs_viewer::Training;
+use std::path::PathBuf;
+
+/// A session that the viewer trains.
+pub struct Watched(Session);
+
+impl Watched {
+    /// For the window.
+    pub fn new(session: Session) -> Self {
+        Self(session)
+    }
+
+    /// The session.
+    pub fn session(&self) -> &Session {
+        &self.0
+    }
+}
+
+/// The window hears what is being done, the terminal the rest.
+struct Both<'a>(&'a dyn Fn(&str));
+
+impl Observer for Both<'_> {
+    fn event(&mut self, event: &Event) {
+        if matches!(event, Event::Measuring | Event::Saving) {
+            (self.0)(&event.to_string());
+        }
+        print(event);
+    }
+}
+
+impl Training for Watched {
+    fn step(&mut self, told: &dyn Fn(&str)) -> Result<()> {
+        self.0.step(&mut Both(told)).map_err(advised)
+    }
+
+    fn progress(&self) -> TrainingProgress {
+        self.0.progress()
+    }
+
+    fn renderer(&self) -> Result<Renderer> {
+        Ok(self.0.renderer()?)
+    }
+
+    fn save(&mut self) -> Result<Option<PathBuf>> {
+        Ok(self.0.save()?)
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.0.finish(&mut Both(&|_| {})).map_err(advised)
+    }
+}

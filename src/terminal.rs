@@ -1,0 +1,46 @@
+//! Lines for whoever runs the program. `eprintln!` panics once nobody reads any more (`ibgs train 2>&1 | head`, a terminal that
+//! was closed), and a training would end with it; [`tell!`](crate::tell) does not.
+
+use std::fmt::Arguments;
+use std::io::{Write, stderr};
+
+/// A line on standard error, formatted like `eprintln!`; lost where nobody reads.
+#[macro_export]
+macro_rules! tell {
+    ($($part:tt)*) => { $crate::terminal::tell(format_args!($($part)*)) };
+}
+
+/// What [`tell!`](crate::tell) does.
+pub fn tell(line: Arguments) {
+    let _ = writeln!(stderr().lock(), "{line}");
+}
+
+/// Prints what the libraries log: warnings and notes.
+struct Printer;
+
+impl log::Log for Printer {
+    fn enabled(&self, record: &log::Metadata) -> bool {
+        // Those of ours; wgpu and its friends say too much.
+        record.level() <= log::Level::Info && record.target().starts_with("ibgs")
+    }
+
+    fn log(&self, record: &log::Record) {
+        if self.enabled(record.metadata()) {
+            match record.level() {
+                log::Level::Error => tell!("error: {}", record.args()),
+                log::Level::Warn => tell!("warning: {}", record.args()),
+                _ => tell!("note: {}", record.args()),
+            }
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// Lets what the libraries log reach standard error.
+pub fn print_log() {
+    // Where there is a logger already, in tests, that one stays.
+    if log::set_logger(&Printer).is_ok() {
+        log::set_max_level(log::LevelFilter::Info);
+    }
+}
