@@ -7,6 +7,7 @@ mod bad_model;
 mod bench;
 mod bundle;
 mod compare;
+mod docs;
 mod image_based;
 mod inputs;
 mod install;
@@ -113,7 +114,8 @@ impl Sandbox {
         // Compiled kernels of a software adapter may be shared between tests: starting is four times faster.
         command.env("MESA_SHADER_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
         command.env_remove("RUST_BACKTRACE");
-        let opens_gpu = !arguments.starts_with("info") && !arguments.contains("--adapter");
+        let needs_none = ["info", "export"].iter().any(|command| arguments.starts_with(command));
+        let opens_gpu = !needs_none && !arguments.contains("--adapter");
         if let Some(adapter) = std::env::var_os("IBGS_TEST_ADAPTER").filter(|_| opens_gpu) {
             command.arg("--adapter").arg(adapter);
         }

@@ -16,45 +16,51 @@ use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
 use ibgs_train::bench::{self, DeviceReport, LEAST_RUNS, Rates, Report, Setting};
 use std::path::{Path, PathBuf};
 
-/// Gaussians of a synthetic scene, and its image size.
+/// Default number of Gaussians of the synthetic scene, and its image size.
 const USUAL: (usize, [u32; 2]) = (100_000, [960, 540]);
 
-/// Options of `ibgs bench`. Lists make a table: the first value of each is the usual one, and each other value is
-/// measured with the first ones of the other lists.
+const LISTS: &str = "\
+Options that take several values, separated by commas, make a table with one row per configuration: the first values \
+together, then each other value of one option with the first values of the others.";
+
+/// Options of `ibgs bench`.
 #[derive(ClapArgs)]
+#[command(after_help = LISTS)]
 pub struct Args {
-    /// Model folders or `.ibgs` bundles; left out: a synthetic scene.
+    /// Model folders or `.ibgs` bundles [default: a synthetic scene].
     models: Vec<PathBuf>,
-    /// Gaussians of the synthetic scene, such as `100k,1M`.
+    /// Numbers of Gaussians of the synthetic scene, such as `100k,1M` [default: 100k].
     #[arg(long, conflicts_with = "models")]
     gaussians: Option<String>,
-    /// Image sizes, WIDTHxHEIGHT or `540p`, `1080p`, `4k`; left out: a model's own, or 960x540.
+    /// Image sizes: WIDTHxHEIGHT, `540p`, `720p`, `1080p`, `1440p` or `4k` [default: the model's own; synthetic scene
+    /// 540p].
     #[arg(long)]
     size: Option<String>,
-    /// Numbers of sources.
+    /// Numbers of sources per view [default: the model's own; synthetic scene 4].
     #[arg(long, value_delimiter = ',')]
     sources: Option<Vec<u32>>,
-    /// Numbers of median intersections of a pixel.
+    /// Numbers of median intersections per pixel [default: the model's own; synthetic scene 4].
     #[arg(long, value_delimiter = ',')]
     intersections: Option<Vec<u32>>,
-    /// Spherical-harmonics degree of the synthetic scene.
+    /// Degree of the spherical harmonics of the synthetic scene, 0 to 3.
     #[arg(long, default_value_t = 2)]
     sh_degree: u32,
-    /// Precision of the residual network, in frames and in training: `auto` or `full`.
+    /// Precision of the residual network, in frames and in training: `full` (float32) or `auto` (half precision on matrix
+    /// units that pass a test).
     #[arg(long, default_value = "auto")]
     precision: ibgs_core::residual::Precision,
-    /// Runs that each median is of, after as many for warm-up.
+    /// Runs for each median, at least 5, after as many for warm-up.
     #[arg(long, default_value_t = 20)]
     iterations: u32,
-    /// Also write everything to a JSON file.
+    /// Also write all figures to a JSON file.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Adapter by number or part of its name; `ibgs info` lists them.
+    /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     adapter: Option<String>,
 }
 
-/// A model with the camera to see it by, and its options.
+/// A model with a camera and its options.
 struct Scene {
     name: String,
     gaussians: Gaussians,
@@ -75,7 +81,7 @@ struct Change {
 pub fn run(args: &Args) -> Result<()> {
     check(args)?;
     let changes = args.changes()?;
-    // Models before the device: mistakes that need none come first.
+    // Models are read before the device is opened: errors that need no device come first.
     let models = args.models.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
     for change in &changes {
         change.apply(&mut TrainConfig::default()).validate()?;
@@ -177,7 +183,7 @@ fn load(path: &Path) -> Result<Scene> {
         return scene(name, gaussians, &cameras, config);
     }
     let folder = OutputFolder::open(path)?;
-    // Folders of other programs have none.
+    // Model folders of other programs have no options file.
     let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
     let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;

@@ -1,4 +1,4 @@
-//! `ibgs compare`: the figures of several models beside each other.
+//! `ibgs compare`: the figures of several models side by side.
 
 mod columns;
 mod page;
@@ -20,23 +20,23 @@ use std::path::{Path, PathBuf};
 /// Options of `ibgs compare`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Model folders, as `ibgs train` writes them; two or more.
+    /// Two or more model folders, as `ibgs train` writes them.
     #[arg(required = true, num_args = 2.., value_name = "MODEL")]
     models: Vec<PathBuf>,
-    /// Iteration of every model; left out: the latest of each.
+    /// Saved iteration of every model [default: the latest of each].
     #[arg(long)]
     iteration: Option<u32>,
-    /// Write a page with the table, the curves and the pictures beside each other.
+    /// Write an HTML page with the table, the curves and the pictures side by side.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Write the figures as JSON.
+    /// Write the figures to a JSON file.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
-/// A model and what is known of it.
+/// A model and its figures.
 struct Run {
-    /// As the command line names it.
+    /// The path on the command line.
     name: String,
     folder: OutputFolder,
     figures: Figures,
@@ -54,7 +54,7 @@ impl Run {
         Ok(Self { name: path.display().to_string(), folder, figures })
     }
 
-    /// What is not there, and how it is made.
+    /// What is missing, and which command adds it.
     fn missing(&self) -> Option<String> {
         let Figures { base, speed, time, iteration, .. } = &self.figures;
         let parts = [("scores", base.is_none()), ("speed and storage", speed.is_none())];
@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> Result<()> {
 /// One field of a protocol.
 type Field = fn(&Protocol) -> Option<&String>;
 
-/// What runs are not measured alike by: figures that depend on it are no fair comparison.
+/// Fields of the protocol. Figures of runs that differ in one are not comparable.
 const FIELDS: [(&str, Field); 7] = [
     ("resolution", |p| Some(&p.factor)),
     ("resampler", |p| Some(&p.resampler)),
@@ -109,7 +109,7 @@ const FIELDS: [(&str, Field); 7] = [
     ("LPIPS", |p| p.lpips.as_ref()),
 ];
 
-/// Where the protocols differ, a sentence a field; what is not known differs from nothing.
+/// One sentence per field in which the protocols differ. Unknown values are ignored.
 fn differences(runs: &[Run]) -> Vec<String> {
     let mut warnings = Vec::new();
     for (name, field) in FIELDS {
@@ -124,7 +124,7 @@ fn differences(runs: &[Run]) -> Vec<String> {
     warnings
 }
 
-/// Runs that were scored on other views than the first one.
+/// A sentence if the runs were scored on different views.
 fn unlike_views(runs: &[Run]) -> Option<String> {
     let views = |run: &Run| -> Option<Vec<String>> {
         Some(run.figures.base.as_ref()?.views.psnr.keys().cloned().collect()).filter(|names: &Vec<_>| !names.is_empty())
@@ -134,7 +134,7 @@ fn unlike_views(runs: &[Run]) -> Option<String> {
     unlike.then(|| "the models are not measured on the same views".to_owned())
 }
 
-/// Which run is best in a column; none where fewer than two are known or all are alike.
+/// The best value of a column; none if fewer than two are known or all are equal.
 fn best(runs: &[Run], column: &Column) -> Option<f64> {
     let values: Vec<f64> = runs.iter().filter_map(|run| (column.value)(&run.figures)).collect();
     let (low, high) = (values.iter().copied().reduce(f64::min)?, values.iter().copied().reduce(f64::max)?);
@@ -144,7 +144,7 @@ fn best(runs: &[Run], column: &Column) -> Option<f64> {
     Some(if column.more_is_better { high } else { low })
 }
 
-/// Text of every column of every run, and whether it is the best one.
+/// For every run the text of each column, and whether it is the best.
 fn cells(runs: &[Run]) -> Vec<Vec<(String, bool)>> {
     let best: Vec<Option<f64>> = COLUMNS.iter().map(|column| best(runs, column)).collect();
     let row = |run: &Run| {
@@ -157,7 +157,7 @@ fn cells(runs: &[Run]) -> Vec<Vec<(String, bool)>> {
     runs.iter().map(row).collect()
 }
 
-/// The table on the terminal: a line a model, the best value of a column with a star.
+/// Prints the table: one line per model, a star at the best value of each column.
 fn print_table(runs: &[Run]) {
     let rows = cells(runs);
     let name_width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max("model".len());
@@ -192,7 +192,7 @@ fn to_json(runs: &[Run], warnings: &[String], notes: &[String]) -> Value {
     json!({ "models": runs.iter().map(one).collect::<Vec<_>>(), "warnings": warnings, "notes": notes })
 }
 
-/// What a run's figures depend on, for the page.
+/// How a run was measured, for the page.
 fn protocol_line(run: &Run) -> Option<String> {
     run.figures.protocol().map(sentence)
 }

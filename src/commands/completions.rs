@@ -8,7 +8,7 @@ use clap_complete::Shell;
 /// Options of `ibgs completions`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// The shell.
+    /// Shell to print completions for.
     shell: Shell,
 }
 

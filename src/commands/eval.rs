@@ -18,29 +18,34 @@ use ibgs_train::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// How the images reach LPIPS' network.
+/// Range of the values that LPIPS' network reads.
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum LpipsRange {
-    /// Mapped to -1..1, as the `lpips` package asks for.
+    /// Mapped to -1..1, as the `lpips` package expects.
     #[default]
     Signed,
-    /// Left in 0..1, as published figures of Gaussian splatting are taken.
+    /// Left in 0..1, as in published figures of Gaussian splatting.
     Published,
 }
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs eval output/my-scene --lpips-weights lpips_vgg.pth";
+
 /// Options of `ibgs eval`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
-    /// Weights of LPIPS (VGG), `.pth` or `.safetensors`: the state dict of the `lpips` package's LPIPS(net='vgg'), or two
-    /// files, torchvision's vgg16 and the package's vgg.pth.
+    /// Also measure LPIPS (VGG) with these weights, `.pth` or `.safetensors`: the state dict of the `lpips` package's
+    /// LPIPS(net='vgg'), or two files, torchvision's vgg16 and the package's vgg.pth.
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     lpips_weights: Vec<PathBuf>,
-    /// Range of the images that LPIPS compares.
+    /// Range of the values that LPIPS reads.
     #[arg(long, value_enum, default_value_t, requires = "lpips_weights")]
     lpips_range: LpipsRange,
-    /// File of the report, a page with figures, curves and pictures [default: MODEL/report.html].
+    /// HTML file for the report: figures, curves and pictures [default: MODEL/report.html].
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 }
@@ -61,7 +66,7 @@ pub fn run(args: &Args) -> Result<()> {
         LpipsRange::Signed => InputRange::Signed,
         LpipsRange::Published => InputRange::Published,
     };
-    // First, so that what LPIPS takes is no part of the model's memory.
+    // Measured first, so that the memory of LPIPS does not count as the model's.
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
     let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
     let lpips = |weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES);
@@ -94,7 +99,7 @@ fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset) -> Result<()>
     let views: Vec<_> = dataset.test.iter().map(|&index| compared(&dataset.views[index], &model.config)).collect();
     let views: Vec<&View> = views.iter().map(|view| &**view).collect();
     let report = Report {
-        name: &args.model.model.display().to_string(),
+        name: &args.model.files.model.display().to_string(),
         folder: &model.folder,
         figures: &Figures::read(&model.folder, model.iteration)?,
         views: &views,
@@ -138,7 +143,7 @@ impl Table {
     }
 }
 
-/// Speed, memory and storage.
+/// Measures speed, memory and storage.
 fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
     let renderer = &model.renderer;
     let warm = frames_per_second(renderer, cameras, Cache::Warm)?;
@@ -168,7 +173,7 @@ fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<V
     Ok(report)
 }
 
-/// Bytes of the training photos' files; none where one is not found.
+/// Size of the training photos' files in bytes; none if one is missing.
 fn photo_bytes(model: &OpenModel, scene: &Path) -> Option<u64> {
     let folder = model.config.data.images.clone().unwrap_or_else(|| "images".to_owned());
     let size = |name: &str| {

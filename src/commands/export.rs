@@ -1,6 +1,6 @@
 //! `ibgs export`
 
-use super::model::{ModelArgs, advised};
+use super::model::{FileArgs, advised};
 use crate::progress::Bars;
 use crate::tell;
 use anyhow::{Result, bail};
@@ -12,18 +12,23 @@ use ibgs_core::scene::{PlyFlavor, write_ply};
 
 use std::path::PathBuf;
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs export output/my-scene -o my-scene.ibgs";
+
 /// Options of `ibgs export`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
-    model: ModelArgs,
-    /// File to write: `.ibgs` is one file with Gaussians, network, cameras and source photos, `.ply` the Gaussians alone.
+    model: FileArgs,
+    /// File to write: `.ibgs` holds Gaussians, network, cameras and source photos; `.ply` holds the Gaussians only.
     #[arg(short, long)]
     output: PathBuf,
-    /// Leave out of a PLY what other programs do not know.
+    /// Leave out the field `nd` of a PLY, which other programs do not know.
     #[arg(long)]
     plain: bool,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     overwrite: bool,
 }
@@ -45,8 +50,11 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
     let mut model = args.model.read()?;
-    // The values of the network and of the photos' exposures are checked against the scene before anything is written.
+    model.load_photos(&Bars::default()).map_err(advised)?;
     let network = model.network.as_deref().map(ibgs_core::residual::weights::to_bytes).transpose()?;
+    if network.is_some() {
+        model.training_photos().map_err(advised)?;
+    }
     let dataset = model.dataset(&Bars::default()).map_err(advised)?.clone();
     let field = model.exposure_field().map_err(advised)?;
     let sources = multi_view::records(&dataset, &model.config.sources);

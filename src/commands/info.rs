@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Options of `ibgs info`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene folder, model folder, `.ibgs` bundle or PLY file; left out: the adapters of this machine.
+    /// Scene folder, model folder, `.ibgs` bundle or PLY file [default: list the adapters of this machine].
     path: Option<PathBuf>,
 }
 

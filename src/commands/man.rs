@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 /// Options of `ibgs man`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Folder for the pages of the program and of every command; left out: the program's page is printed.
+    /// Folder for the pages of the program and of every command [default: print the program's page].
     folder: Option<PathBuf>,
 }
 
 /// Writes the manual pages of the program's command line.
 pub fn run(args: &Args, program: Command) -> Result<()> {
-    // `help` and the same for every command need no pages.
+    // The `help` subcommands need no pages.
     let mut program = program.disable_help_subcommand(true);
     program.build();
     match &args.folder {

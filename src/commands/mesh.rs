@@ -17,39 +17,46 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// What `--memory auto` stands for.
+/// Bytes of `--memory auto`.
 const USUAL_MEMORY: u64 = 8 << 30;
+
+const EXAMPLES: &str = "\
+Example:
+  ibgs mesh output/my-scene -o my-scene.glb";
 
 /// Options of `ibgs mesh`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
     /// File to write, `.ply`, `.obj` or `.glb` [default: MODEL/mesh/ours_N/mesh.ply].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Side of a voxel in scene units [default: 1/512 of the scene's extent, at least the usual size of a pixel on the surface].
+    /// Side of a voxel in scene units [default: 1/512 of the scene's extent, at least the median size of a pixel on the
+    /// surface].
     #[arg(long)]
     voxel_size: Option<f64>,
-    /// Distances are cut off at so many voxels.
+    /// Truncation of the signed distances, in voxels.
     #[arg(long, default_value_t = 4.0)]
     truncation: f64,
-    /// Largest depth used, in scene units [default: 3 times the median depth].
+    /// Leave out surfaces farther from the camera than this, in scene units [default: 3 times the median depth].
     #[arg(long)]
     max_depth: Option<f64>,
-    /// Box that is meshed: x0,y0,z0,x1,y1,z1 in scene units [default: everything].
+    /// Mesh only the box x0,y0,z0,x1,y1,z1, in the scene's coordinates [default: everything].
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     bounds: Vec<f64>,
-    /// Leave out depths seen at a larger angle from the surface's normal, in degrees.
+    /// Leave out depths seen at a larger angle from the surface normal, in degrees.
     #[arg(long, default_value_t = 80.0)]
     max_angle: f64,
-    /// Keep so many connected pieces, those with the most triangles; 0 keeps all.
+    /// Number of connected pieces to keep, the largest first; 0: all.
     #[arg(long, default_value_t = 50)]
     clusters: usize,
-    /// Render the views this many pixels wide [default: as the photos].
+    /// Width of the rendered views in pixels [default: that of the photos].
     #[arg(long, value_parser = clap::value_parser!(u32).range(8..))]
     width: Option<u32>,
-    /// Memory for depth maps, and again for voxels and mesh: `auto` (8 GiB), `none` (no limit), or a size such as `2GiB`.
+    /// Memory for the depth maps, and the same again for voxels and mesh: `auto` (8 GiB), `none` (no limit), or a size
+    /// such as `2GiB`.
     #[arg(long, default_value = "auto")]
     memory: MemoryBudget,
     #[command(flatten)]
@@ -58,7 +65,7 @@ pub struct Args {
 
 /// Set while a file is being written.
 static WRITING: AtomicBool = AtomicBool::new(false);
-/// Set when Ctrl-C comes meanwhile.
+/// Set by Ctrl-C while a file is being written.
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
@@ -68,7 +75,7 @@ pub fn run(args: &Args) -> Result<()> {
         MeshFormat::of(output)?;
     }
     let truth = args.compare.read()?;
-    // A triangle has one colour, whichever views show it.
+    // A triangle has one colour for all views, so all are rendered in the same exposure.
     let mut model = args.model.open()?.showing_surface().levelled();
     args.compare.check(&model)?;
     model.renderer.shape_missing_planes()?;
@@ -117,7 +124,7 @@ impl Args {
         }
     }
 
-    /// Cameras of the training views, in the size to render.
+    /// Cameras of the training views, at the size to render.
     fn cameras(&self, model: &OpenModel) -> Result<Vec<Camera>> {
         let sized = |camera: &Camera| match self.width {
             Some(width) => {
@@ -137,7 +144,7 @@ impl Args {
     }
 }
 
-/// Depths and colours of all views.
+/// Renders depths and colours of all views.
 fn render(model: &OpenModel, cameras: &[Camera], max_angle: f64) -> Result<Vec<DepthMap>> {
     let bar = bar("rendering", cameras.len());
     let mut maps = Vec::with_capacity(cameras.len());
@@ -155,7 +162,7 @@ fn render(model: &OpenModel, cameras: &[Camera], max_angle: f64) -> Result<Vec<D
     Ok(maps)
 }
 
-/// The mesh, and the size of its voxels.
+/// Makes the mesh; returns it with the size of its voxels.
 fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<(Mesh, f64)> {
     let plan = Plan::of(maps, options)?;
     let start = Instant::now();
@@ -181,9 +188,9 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     Ok((mesh, plan.voxel))
 }
 
-/// Writes the mesh; Ctrl-C waits until the file is whole.
+/// Writes the mesh; Ctrl-C waits until the file is complete.
 fn write(mesh: &Mesh, path: &Path) -> Result<()> {
-    // Only one handler a process; where there is one already, that one stays.
+    // A process can have one handler only; an existing one stays.
     let _ = ctrlc::set_handler(|| match WRITING.load(Ordering::SeqCst) {
         true => STOPPED.store(true, Ordering::SeqCst),
         false => std::process::exit(130),

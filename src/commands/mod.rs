@@ -1,4 +1,4 @@
-//! One module a command: parse, call the core, print.
+//! One module per command: parse, call the libraries, print.
 
 pub mod bench;
 pub mod compare;
@@ -21,14 +21,14 @@ use ibgs_core::gpu::{AdapterChoice, Gpu};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Signals within so long after the first one are that one again: a terminal, `timeout` or a scheduler may send it to the
+/// A signal this soon after the first one is a copy of it: a terminal, `timeout` or a scheduler may send it both to the
 /// process and to its group.
 const SAME_SIGNAL: Duration = Duration::from_secs(1);
 
-/// Does something at the first Ctrl-C, SIGTERM or closed terminal; at a later one the program ends at once.
+/// Calls `first` at the first Ctrl-C, SIGTERM or closed terminal; a later one ends the program at once.
 pub fn on_stop(first: impl Fn() + Send + 'static) {
     let mut stopping = None;
-    // Only one handler a process; when there is one already (in tests), that one stays.
+    // A process can have one handler only; an existing one (in tests) stays.
     let _ = ctrlc::set_handler(move || match stopping {
         None => {
             stopping = Some(Instant::now());
@@ -39,7 +39,7 @@ pub fn on_stop(first: impl Fn() + Send + 'static) {
     });
 }
 
-/// Ends the program without the cleaning up of an orderly exit, in which drivers crash while other threads use them.
+/// Ends the program without the cleanup of an orderly exit, in which drivers crash while other threads use them.
 #[cfg(unix)]
 fn end_now() {
     use rustix::process::{Signal, getpid, kill_process};

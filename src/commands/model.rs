@@ -1,4 +1,4 @@
-//! A trained model, opened as the command line says.
+//! Opens a trained model as the command line describes it.
 
 use super::open_gpu;
 use crate::progress::Bars;
@@ -14,61 +14,76 @@ use std::ops::{Deref, DerefMut};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Options of every command that opens a model.
+/// Options of every command that reads a model's files.
 #[derive(ClapArgs, Clone, Default)]
-pub struct ModelArgs {
-    /// Model folder, as `ibgs train` writes it, or an `.ibgs` bundle.
+pub struct FileArgs {
+    /// Model folder (as `ibgs train` writes it) or `.ibgs` bundle.
     pub model: PathBuf,
-    /// Scene folder, when it has moved since the training.
+    /// Scene folder, if it has moved since the training.
     #[arg(short, long)]
     pub source: Option<PathBuf>,
-    /// Iteration; left out: the latest.
+    /// Saved iteration to open [default: the latest].
     #[arg(long)]
     pub iteration: Option<u32>,
-    /// For a model folder of the published code: factor or width of the photos that it was trained on.
+    /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
     #[arg(short, long)]
     pub resolution: Option<String>,
-    /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB`.
+}
+
+/// Options of every command that opens a model on a GPU.
+#[derive(ClapArgs, Clone, Default)]
+pub struct ModelArgs {
+    /// Its files.
+    #[command(flatten)]
+    pub files: FileArgs,
+    /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB` [default: as in the
+    /// training].
     #[arg(long)]
     pub source_memory: Option<MemoryBudget>,
-    /// `auto`: the residual network in half precision on matrix units where they pass a test; `full`: float32.
+    /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test).
     #[arg(long, default_value = "auto")]
     pub precision: Precision,
-    /// Adapter by number or part of its name; `ibgs info` lists them.
+    /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     pub adapter: Option<String>,
 }
 
-impl ModelArgs {
-    /// Reads the model's files alone.
+impl FileArgs {
+    /// Reads the model's files only, not the scene.
     pub fn read(&self) -> Result<Model> {
+        self.read_for(None, Precision::default())
+    }
+
+    fn read_for(&self, source_memory: Option<MemoryBudget>, precision: Precision) -> Result<Model> {
         let options = ModelOptions {
             source: self.source.clone(),
             iteration: self.iteration,
             resolution: self.resolution.clone(),
-            source_memory: self.source_memory,
-            precision: self.precision,
+            source_memory,
+            precision,
         };
         Model::open(&self.model, &options).map_err(advised)
     }
+}
 
+impl ModelArgs {
     /// Opens the model on the adapter that the command line names.
     pub fn open(&self) -> Result<OpenModel> {
         self.open_on(|| open_gpu(self.adapter.as_ref()))
     }
 
-    /// Opens the model on a GPU, which is asked for after the files have been read.
+    /// Opens the model on a GPU. `gpu` is called after the files have been read.
     pub fn open_on(&self, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<OpenModel> {
-        let mut model = self.read()?;
+        let mut model = self.files.read_for(self.source_memory, self.precision)?;
         model.load_photos(&Bars::default()).map_err(advised)?;
         let renderer = model.renderer(&gpu()?).map_err(advised)?;
-        // They are on the device now.
+        // The renderer has them on the device.
         model.gaussians = Gaussians::default();
         Ok(OpenModel { model, renderer })
     }
 }
 
-/// What the command line can do about an error.
+/// Adds to an error what the user can do about it.
 pub fn advised(error: ModelError) -> Error {
     let advice = match &error {
         ModelError::OtherIteration { .. } => "leave `--iteration` out",
@@ -79,11 +94,11 @@ pub fn advised(error: ModelError) -> Error {
     anyhow!("{error}; {advice}")
 }
 
-/// A model with what renders it.
+/// A model and its renderer.
 pub struct OpenModel {
     /// The model, without its Gaussians.
     model: Model,
-    /// Renders it.
+    /// The renderer.
     pub renderer: Renderer,
 }
 
@@ -101,12 +116,12 @@ impl DerefMut for OpenModel {
 }
 
 impl OpenModel {
-    /// Every view in the photos' mean exposure.
+    /// Renders every view in the mean exposure of the photos.
     pub fn levelled(self) -> Self {
         Self { renderer: self.renderer.levelled(), ..self }
     }
 
-    /// Depth and normals of every frame, also of a model that does not need them.
+    /// Renders depth and normals with every frame, even if the final image does not need them.
     pub fn showing_surface(self) -> Self {
         Self { renderer: self.renderer.showing_surface(), ..self }
     }

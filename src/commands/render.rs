@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// Which of the scene's views to render.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Views {
-    /// The held-out views (all views when none were held out).
+    /// The held-out views (all views if none were held out).
     Test,
     /// The training views.
     Train,
@@ -23,32 +23,37 @@ enum Views {
     All,
 }
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs render output/my-scene --outputs final,base,depth";
+
 /// Options of `ibgs render`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
-    /// Which views of the scene to render into the model folder.
+    /// Views of the scene to render into the model folder.
     #[arg(long, value_enum, default_value = "test")]
     views: Views,
-    /// Render a camera path (nerfstudio's JSON) in place of the scene's views.
+    /// Render a camera path (nerfstudio's JSON) instead of the scene's views.
     #[arg(long)]
     camera_path: Option<PathBuf>,
     /// Folder for the frames of a camera path [default: MODEL/path/ours_N].
     #[arg(short, long, requires = "camera_path")]
     output: Option<PathBuf>,
-    /// What to write of each view [default: final where the model has it, and base].
+    /// Outputs to write of each view, separated by commas [default: final, if the model has it, and base].
     #[arg(long, value_parser = outputs_parser(), value_delimiter = ',')]
     outputs: Vec<Output>,
-    /// Write EXR files with the true values in place of pictures.
+    /// Write EXR files with the exact values (32-bit floats) instead of pictures.
     #[arg(long)]
     exr: bool,
-    /// Also make a video of the frames of a camera path, with ffmpeg.
+    /// Also encode the frames of a camera path as a video, with ffmpeg.
     #[arg(long, requires = "camera_path", conflicts_with = "exr")]
     video: bool,
 }
 
-/// Reads the name of an output.
+/// Parses the name of an output.
 fn outputs_parser() -> impl TypedValueParser<Value = Output> {
     let value = |output: Output| PossibleValue::new(output.name()).help(output.about());
     PossibleValuesParser::new(Output::ALL.map(value)).map(|name| {
@@ -64,7 +69,10 @@ pub fn run(args: &Args) -> Result<()> {
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
         let name = output.name();
-        bail!("{} has no residual network, so no `{name}`; leave it out of `--outputs`", args.model.model.display());
+        bail!(
+            "{} has no residual network, so no `{name}`; leave it out of `--outputs`",
+            args.model.files.model.display()
+        );
     }
     if outputs.iter().any(|output| output.needs_surface()) {
         model = model.showing_surface();
@@ -84,7 +92,7 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
         let frame = model.renderer.render(camera)?;
         match (args.exr, outputs) {
             (true, _) => write_exr(&frame, camera, outputs, &folder.join(format!("{index:05}.exr")))?,
-            // The usual frames of a film lie side by side; where more is asked for, each kind has its folder.
+            // With one output all frames are in one folder; with more, each output has its own.
             (false, [_]) => write_pictures(&frame, outputs, |_| folder.join(frame_name(index)))?,
             (false, _) => write_pictures(&frame, outputs, |kind| folder.join(kind.folder()).join(frame_name(index)))?,
         }

@@ -17,14 +17,14 @@ use page::{Cell, Layer, number};
 use plot::{Plot, Series};
 use std::path::Path;
 
-/// Longest side of a picture in a page.
+/// Longest side of a picture in a page, in pixels.
 pub const PICTURE_SIDE: u32 = 800;
 
-/// What a report is made of.
+/// The contents of a report.
 pub struct Report<'a> {
-    /// What the model is called.
+    /// Name of the model.
     pub name: &'a str,
-    /// Where its pictures lie.
+    /// The folder with its pictures.
     pub folder: &'a OutputFolder,
     /// Its figures.
     pub figures: &'a Figures,
@@ -35,7 +35,7 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Writes it.
+    /// Writes the report.
     pub fn write(&self, path: &Path) -> Result<()> {
         let figures = self.figures;
         let mut body = format!("<p class=\"soft\">Iteration {}</p>\n", figures.iteration);
@@ -64,7 +64,7 @@ impl Report<'_> {
         table + &protocol.map_or_else(String::new, |text| format!("<p class=\"soft\">{}</p>\n", page::escape(&text)))
     }
 
-    /// Scores of every view, base and final image beside each other.
+    /// Scores of every view, base and final image side by side.
     fn table(&self) -> String {
         let scores: Vec<&Scores> = self.figures.image.iter().chain(&self.figures.base).collect();
         let head: &[&str] = match scores.len() {
@@ -85,7 +85,7 @@ impl Report<'_> {
         page::table(head, &self.views.iter().map(row).collect::<Vec<_>>())
     }
 
-    /// What the final image has more than the base image, `+1.234`.
+    /// PSNR of the final image minus that of the base image, `+1.234`.
     fn gain(&self, view: &str) -> String {
         let psnr = |scores: &Option<Scores>| scores.as_ref()?.views.psnr.get(view).copied().flatten();
         let gain = psnr(&self.figures.image).zip(psnr(&self.figures.base)).map(|(image, base)| image - base);
@@ -129,7 +129,7 @@ impl Report<'_> {
         parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 
-    /// The pictures of a view: photo, renders, errors, what the residual adds.
+    /// The pictures of a view: photo, renders, errors and residual.
     fn layers(&self, view: &View) -> Result<Vec<Layer>> {
         let read = |kind: PictureKind| {
             let iteration = self.figures.iteration;
@@ -157,7 +157,7 @@ impl Report<'_> {
     }
 }
 
-/// What figures depend on, in one sentence.
+/// The conditions of the measurement, in one sentence.
 pub fn sentence(protocol: &Protocol) -> String {
     let Protocol { resampler, factor, split, principal_point, masks, device, lpips } = protocol;
     let lpips = lpips.as_ref().map_or_else(|| "not computed".to_owned(), Clone::clone);
@@ -194,12 +194,12 @@ fn training(figures: &Figures) -> String {
     plot::beside(&plots)
 }
 
-/// Bytes on a disk, in millions as papers have them.
+/// A size on disk in units of 10^6 bytes, as in papers.
 pub fn megabytes(bytes: u64) -> String {
     format!("{:.2} MB", bytes as f64 * 1e-6)
 }
 
-/// Seconds as people read them, `7 min 47 s`.
+/// Seconds in readable form, `7 min 47 s`.
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.round() as u64;
     match whole {

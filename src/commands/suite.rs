@@ -40,36 +40,37 @@ fn shard(text: &str) -> Result<Shard, String> {
 /// Options of `ibgs suite`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Configuration (TOML): scenes, options, runs, published figures; `configs/` holds those of the usual benchmarks.
+    /// Configuration (TOML) of scenes, options, runs and published figures; `configs/` has the usual benchmarks.
     config: PathBuf,
-    /// Folder that holds the scenes, each in a folder of its name.
+    /// Folder of the scenes, each in a folder of its name.
     #[arg(long, default_value = ".")]
     data: PathBuf,
-    /// Where models, logs and the summary go [default: output/NAME of the configuration's file].
+    /// Folder for models, logs and summary [default: output/NAME, by the name of the configuration].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Only these scenes.
+    /// Names of the scenes to train, separated by commas [default: all].
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
-    /// Only these runs.
+    /// Names of the configuration's runs to do, separated by commas [default: all].
     #[arg(long, value_delimiter = ',')]
     runs: Vec<String>,
-    /// Iterations of every run, in place of the configuration's.
+    /// Iterations of every run [default: as in the configuration].
     #[arg(long)]
     iterations: Option<u32>,
-    /// Adapters to work on at the same time, by number or part of their names: one process each.
+    /// Adapters to use at the same time, one process each, by number or part of their names [default: the most
+    /// capable].
     #[arg(long, visible_alias = "adapter", value_delimiter = ',')]
     adapters: Vec<String>,
-    /// Work on this part alone, PART/COUNT; each part on its own machine.
+    /// Work on one part only, PART/COUNT such as 2/5; for several machines.
     #[arg(long, value_parser = shard)]
     shard: Option<Shard>,
-    /// Weights of LPIPS (VGG), as `ibgs eval` takes them.
+    /// Also measure LPIPS (VGG) with these weights, as in `ibgs eval`.
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     lpips_weights: Vec<PathBuf>,
-    /// Range of the images that LPIPS compares.
+    /// Range of the values that LPIPS reads.
     #[arg(long, value_enum, default_value_t, requires = "lpips_weights")]
     lpips_range: LpipsRange,
-    /// Train nothing; only write the summary of what is there.
+    /// Train nothing; write the summary of the runs that exist.
     #[arg(long)]
     summary_only: bool,
 }
@@ -123,7 +124,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// Does what is not done yet, a process a job, as many at once as there are adapters; the logs of what failed.
+/// Runs the unfinished jobs, one process per job and one job per adapter at a time; returns the logs of failed jobs.
 fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     let mine = |(index, _): &(usize, &Job)| args.shard.is_none_or(|s| index % s.of == s.part - 1);
     let todo: Vec<&Job> = jobs.iter().enumerate().filter(mine).map(|(_, job)| job).collect();
@@ -134,7 +135,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     }
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
-    // Ctrl-C reaches the processes too, which save and end; no other one begins.
+    // Ctrl-C also reaches the processes, which save and end; no new one starts.
     let stopped = Arc::new(AtomicBool::new(false));
     let next = || {
         let mut queue = queue.lock().expect("queue");
@@ -177,7 +178,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
 }
 
 impl Job {
-    /// The file that holds what the processes told.
+    /// The file with the output of the processes.
     fn log(&self) -> PathBuf {
         self.folder.with_extension("log")
     }
@@ -187,9 +188,9 @@ impl Job {
         text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no word").to_owned()
     }
 
-    /// What is still to be done where these figures are there.
+    /// The steps that are left when these figures exist.
     fn steps(&self, figures: &Figures) -> Vec<Step> {
-        // A training measures at its end, and has no checkpoint left then.
+        // A training measures at its end and then removes its checkpoints.
         let trains = !figures.has("PSNR") || self.is_stopped();
         let lacks = |name| trains || !figures.has(name);
         let steps = [
@@ -200,28 +201,29 @@ impl Job {
         steps.into_iter().filter(|(_, wanted)| *wanted).map(|(step, _)| step).collect()
     }
 
-    /// Whether a training was stopped: it saves, measures and ends well before its last iteration, or was killed.
+    /// Whether a training was stopped or killed before its last iteration. One that is stopped still saves, measures and
+    /// exits with 0.
     fn is_stopped(&self) -> bool {
         OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty())
     }
 
-    /// Whether all is measured.
+    /// Whether everything is measured.
     fn is_done(&self) -> bool {
         Figures::read(self).is_ok_and(|figures| self.steps(&figures).is_empty())
     }
 
-    /// Trains and measures in processes of their own, as far as that is not done, until all is to stop.
+    /// Runs the steps that are left, each in its own process, until `stopped`.
     fn run(&self, program: &Path, adapter: Option<&String>, stopped: &AtomicBool) -> Result<ExitStatus> {
         if let Some(parent) = self.folder.parent() {
             files::create_folder(parent)?;
         }
         let options = self.folder.with_extension("toml");
-        // A training that was stopped goes on, unless the configuration has changed since.
+        // A stopped training is resumed, unless the configuration has changed since.
         let same = TrainConfig::load(&options).is_ok_and(|config| config == self.config);
         let resumes = same && self.is_stopped();
         self.config.save(&options)?;
         let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;
-        // What a half-written folder says is nothing.
+        // An unreadable folder counts as empty.
         let steps = self.steps(&Figures::read(self).unwrap_or_default());
         let mut status = ExitStatus::default();
         for step in steps {

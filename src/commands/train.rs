@@ -21,140 +21,186 @@ use stages::StageArgs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Iterations of a run that begins with a finished model, when none are asked for.
+/// Iterations of a run that starts from a finished model (`--init`), unless `--iterations` is given.
 const WARM_ITERATIONS: u32 = 3_000;
 
-/// Options of `ibgs train`; what is given here overrides the options file.
+/// Headings of `ibgs train --help`, in their order there.
+mod heading {
+    pub const SCENE: &str = "Scene";
+    pub const OUTPUT: &str = "Output";
+    pub const LENGTH: &str = "Training length";
+    pub const EVALUATION: &str = "Evaluation and saving";
+    pub const GAUSSIANS: &str = "Gaussians";
+    pub const IMAGE_BASED: &str = "Image-based part";
+    pub const DEVICE: &str = "Device and memory";
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ibgs train my-scene --eval --iterations 7000   # short run with evaluation
+  ibgs train --resume -m output/my-scene         # resume a stopped training";
+
+/// Options of `ibgs train`; they override the options file.
+// `[default: ...]` in these texts repeats the defaults of `TrainConfig`, `Schedule` and `Plan`.
 #[derive(ClapArgs, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Scene folder (COLMAP model with photos, or transforms.json) or a .zip of one; left out: the built-in demo scene.
+    /// Scene folder (COLMAP model with photos, or transforms.json) or a .zip of one [default: the built-in demo scene].
     scene: Option<PathBuf>,
-    /// The same as SCENE.
-    #[arg(short, long, conflicts_with = "scene")]
-    source: Option<PathBuf>,
-    /// Output folder [default: output/NAME, or the first free output/NAME-2, -3 ...].
-    #[arg(short, long)]
-    model: Option<PathBuf>,
-    /// Train into an output folder that already holds a model, and remove that model.
-    #[arg(long)]
-    overwrite: bool,
-    /// Options file (TOML), as an earlier run wrote it.
-    #[arg(long)]
-    config: Option<PathBuf>,
-    /// What to train: `ibgs` with a residual from neighbouring photos; `3dgs` is plain 3D Gaussian splatting.
+
+    /// What to train: `ibgs` (Gaussians and a residual from neighbouring photos) or `3dgs` (plain 3D Gaussian splatting)
+    /// [default: ibgs].
     #[arg(long, value_parser = ["ibgs", "3dgs"])]
     method: Option<String>,
-    /// Divide the photos by 1, 2, 4 or 8, or resize them to a width in pixels.
-    #[arg(short, long)]
-    resolution: Option<String>,
-    /// How photos are made smaller; `bicubic` is the published code's way.
-    #[arg(long, value_parser = ["lanczos3", "bicubic"])]
-    resampler: Option<String>,
-    /// Photo folder inside the scene.
-    #[arg(short, long)]
-    images: Option<String>,
-    /// Longest side that a photo may have, in pixels.
+    /// Options file (TOML), such as the `config.toml` of an earlier run; the command line overrides it.
     #[arg(long)]
-    max_resolution: Option<u32>,
-    /// Hold every 8th photo out and measure on it.
-    #[arg(long)]
-    eval: bool,
-    /// Hold every so-manieth photo out.
-    #[arg(long)]
-    eval_split_every: Option<u32>,
-    /// `true`: the scene's own principal point; `centred`: the image centre, as the published code assumes.
-    #[arg(long, value_parser = ["true", "centred"])]
-    principal_point: Option<String>,
-    /// What lies outside of the masks, in `masks/` or alpha channels: `ignore`: anything, it does not count; `object`: nothing
-    /// [default: ignore].
-    #[arg(long)]
-    masks: Option<Masks>,
-    /// `mask`: transparent pixels of photos do not count; `composite`: the photos lie over the background colour
-    /// [default: composite in Blender scenes, mask in others and with `--masks object`].
-    #[arg(long)]
-    alpha: Option<Alpha>,
-    /// Values of the photos: `srgb` as they are, `linear` light [default: linear in EXR files, srgb in others].
-    #[arg(long)]
-    color_space: Option<ColorSpace>,
-    /// Leave out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images.
-    #[arg(long)]
-    filter_points: bool,
-    /// Number of iterations; the milestones follow.
-    #[arg(long, alias = "total-train-iters")]
-    iterations: Option<u32>,
-    /// Keep the milestones of a 30,000-iteration run whatever `--iterations` says.
-    #[arg(long)]
-    no_schedule_scaling: bool,
-    /// Degree of the spherical harmonics, 0 to 3; with `--init` that of its file.
-    #[arg(long, conflicts_with = "init")]
-    sh_degree: Option<u32>,
-    /// Begin with the Gaussians of a PLY file of this scene, and train in short what goes beyond them.
-    #[arg(long)]
-    init: Option<PathBuf>,
-    /// Iterations between two steps of the spherical-harmonics degree.
-    #[arg(long)]
-    sh_interval: Option<u32>,
-    /// Iterations of the position learning-rate schedule.
-    #[arg(long)]
-    mean_iterations: Option<u32>,
-    /// First densification comes after this iteration.
-    #[arg(long)]
-    densify_start: Option<u32>,
-    /// Last densification comes before this iteration.
-    #[arg(long)]
-    densify_end: Option<u32>,
-    /// Iterations between two densifications.
-    #[arg(long)]
-    densify_interval: Option<u32>,
-    /// How Gaussians are added and removed: `published` as in the paper, with opacity resets; `absgs` splits by absolute gradients;
-    /// `mcmc` moves them and grows to `--max-splats`.
-    #[arg(long, value_name = "STRATEGY", value_parser = ["default", "published", "absgs", "mcmc"])]
-    densify: Option<String>,
-    /// Iterations between two opacity resets.
-    #[arg(long)]
-    opacity_reset_interval: Option<u32>,
-    /// Most Gaussians.
-    #[arg(long)]
-    max_splats: Option<u32>,
-    /// Device memory that the training may take: `auto` (nine tenths of what other programs leave of it), `none` (no limit),
-    /// or a size such as `6GiB`; the number of Gaussians stops growing there.
-    #[arg(long, default_value = "auto")]
-    gpu_memory: MemoryBudget,
-    /// Evaluate every so many iterations.
-    #[arg(long)]
-    eval_every: Option<u32>,
-    /// Evaluate at these iterations besides the last.
-    #[arg(long, value_delimiter = ',')]
-    eval_iterations: Option<Vec<u32>>,
-    /// Save the model at these iterations besides the last.
-    #[arg(long, value_delimiter = ',')]
-    save_iterations: Option<Vec<u32>>,
-    /// Seed of view order and sampling.
-    #[arg(long)]
-    seed: Option<u64>,
-    /// White in place of black behind the Gaussians.
-    #[arg(long)]
-    white_background: bool,
-    #[command(flatten)]
-    stages: StageArgs,
-    /// Go on with the training that was stopped in the output folder `--model`, with its options.
+    config: Option<PathBuf>,
+    /// Resume the stopped training in the output folder `--model`, with its options.
     #[arg(long, requires = "model", conflicts_with_all = ["overwrite", "config", "init"])]
     resume: bool,
-    /// Minutes between two checkpoints, from which `--resume` goes on; 0: only when the training is stopped.
-    #[arg(long, value_name = "MINUTES", default_value_t = 2.0, value_parser = minutes)]
-    checkpoint_every: f64,
-    /// Repeat bit for bit on the same adapter, also where the run is resumed; checkpoints are larger.
-    #[arg(long)]
-    deterministic: bool,
-    /// Train in the viewer's window; closing it ends the training as Ctrl-C does.
+    /// Train in the viewer's window; closing it stops the training as Ctrl-C does.
     #[arg(long)]
     with_viewer: bool,
-    /// Adapter by number or part of its name; `ibgs info` lists them.
+    /// Seed of view order and sampling [default: 0].
     #[arg(long)]
+    seed: Option<u64>,
+    /// Repeat bit for bit on the same adapter and build, resumed or not; checkpoints are larger.
+    #[arg(long)]
+    deterministic: bool,
+
+    /// The same as SCENE.
+    #[arg(short, long, conflicts_with = "scene", help_heading = heading::SCENE)]
+    source: Option<PathBuf>,
+    /// Photo folder inside the scene [default: images, or images_N with `-r N` where it exists].
+    #[arg(short, long, help_heading = heading::SCENE)]
+    images: Option<String>,
+    /// Divide the photos' size by 1, 2, 4 or 8; a larger number is their width in pixels [default: 1].
+    #[arg(short, long, help_heading = heading::SCENE)]
+    resolution: Option<String>,
+    /// Largest width or height of a photo in pixels; larger photos are reduced [default: no limit].
+    #[arg(long, help_heading = heading::SCENE)]
+    max_resolution: Option<u32>,
+    /// Filter that reduces photos; `bicubic` is that of the published code [default: lanczos3].
+    #[arg(long, value_parser = ["lanczos3", "bicubic"], help_heading = heading::SCENE)]
+    resampler: Option<String>,
+    /// Principal point: `true` (the scene's own) or `centred` (the image centre, as the published code assumes)
+    /// [default: true].
+    #[arg(long, value_parser = ["true", "centred"], help_heading = heading::SCENE)]
+    principal_point: Option<String>,
+    /// Meaning of masked pixels (in `masks/` or alpha channels): `ignore` (they do not count) or `object` (they are empty
+    /// space) [default: ignore].
+    #[arg(long, help_heading = heading::SCENE)]
+    masks: Option<Masks>,
+    /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they show the background colour)
+    /// [default: composite in Blender scenes, mask in others and with `--masks object`].
+    #[arg(long, help_heading = heading::SCENE)]
+    alpha: Option<Alpha>,
+    /// Encoding of the photos' values: `srgb` or `linear` [default: linear in EXR files, srgb in others].
+    #[arg(long, help_heading = heading::SCENE)]
+    color_space: Option<ColorSpace>,
+    /// White background instead of black.
+    #[arg(long, help_heading = heading::SCENE)]
+    white_background: bool,
+    /// Leave out points of a COLMAP model that have a reprojection error over 2 pixels or are seen in fewer than 3
+    /// photos.
+    #[arg(long, help_heading = heading::SCENE)]
+    filter_points: bool,
+
+    /// Output folder [default: output/NAME, or the first free output/NAME-2, -3 ...].
+    #[arg(short, long, help_heading = heading::OUTPUT)]
+    model: Option<PathBuf>,
+    /// Replace the model that the output folder holds.
+    #[arg(long, help_heading = heading::OUTPUT)]
+    overwrite: bool,
+
+    /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: 30000;
+    /// with `--init` 3000; demo scene 10000, on a software adapter 200].
+    #[arg(long, alias = "total-train-iters", help_heading = heading::LENGTH)]
+    iterations: Option<u32>,
+    /// Do not scale: keep the milestones of a run of 30000 iterations.
+    #[arg(long, help_heading = heading::LENGTH)]
+    no_schedule_scaling: bool,
+
+    /// Hold out every Nth photo (by name) for evaluation, and measure on it; N is `--eval-split-every`.
+    #[arg(long, help_heading = heading::EVALUATION)]
+    eval: bool,
+    /// N of `--eval`, at least 2; implies `--eval` [default: 8].
+    #[arg(long, help_heading = heading::EVALUATION)]
+    eval_split_every: Option<u32>,
+    /// Iterations to evaluate at, besides the last; separated by commas [default: 7000, scaled].
+    #[arg(long, value_delimiter = ',', help_heading = heading::EVALUATION)]
+    eval_iterations: Option<Vec<u32>>,
+    /// Also evaluate every N iterations; 0: never [default: 0].
+    #[arg(long, help_heading = heading::EVALUATION)]
+    eval_every: Option<u32>,
+    /// Iterations to save the model at, besides the last; separated by commas [default: 7000, scaled].
+    #[arg(long, value_delimiter = ',', help_heading = heading::EVALUATION)]
+    save_iterations: Option<Vec<u32>>,
+    /// Minutes between two checkpoints; 0: only when the training stops.
+    #[arg(
+        long,
+        value_name = "MINUTES",
+        default_value_t = 2.0,
+        value_parser = minutes,
+        help_heading = heading::EVALUATION
+    )]
+    checkpoint_every: f64,
+
+    /// Start from the Gaussians of a PLY file of this scene; train surface and residual, without densification.
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    init: Option<PathBuf>,
+    /// Largest number of Gaussians [default: one per 45 pixels of the training photos, from 200000 to 3000000;
+    /// with `published` and `absgs` 5000000; demo scene 1000000, on a software adapter 12000].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    max_splats: Option<u32>,
+    /// Degree of the spherical harmonics (view dependence of the base colour), 0 to 3 [default: 2; with `--method 3dgs`
+    /// 3; with `--init` that of its file].
+    #[arg(long, conflicts_with = "init", help_heading = heading::GAUSSIANS)]
+    sh_degree: Option<u32>,
+    /// Iterations until the degree of the spherical harmonics in use rises by one [default: 1000, scaled; with `--init`
+    /// 1].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    sh_interval: Option<u32>,
+    /// Iterations over which the learning rate of the positions falls [default: 30000, scaled].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    mean_iterations: Option<u32>,
+    /// How Gaussians are added and removed: `default` splits by the largest gradient of any view; `published` as in the
+    /// paper, with opacity resets; `absgs` splits by absolute gradients; `mcmc` moves them and grows to `--max-splats`
+    /// [default: default].
+    #[arg(
+        long,
+        value_name = "STRATEGY",
+        value_parser = ["default", "published", "absgs", "mcmc"],
+        help_heading = heading::GAUSSIANS
+    )]
+    densify: Option<String>,
+    /// The first densification comes after this iteration [default: 500, less in short runs].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    densify_start: Option<u32>,
+    /// Gaussians are added only before this iteration [default: 21000; with `mcmc` 25000; with `published` and `absgs`
+    /// 15000; all scaled; with `--init` none are added].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    densify_end: Option<u32>,
+    /// Iterations between two densifications [default: 200, with the other strategies 100; less in short runs].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    densify_interval: Option<u32>,
+    /// Iterations between two opacity resets of `published` and `absgs` [default: 3000, scaled].
+    #[arg(long, help_heading = heading::GAUSSIANS)]
+    opacity_reset_interval: Option<u32>,
+
+    #[command(flatten)]
+    stages: StageArgs,
+
+    /// Device memory that the training may take: `auto` (nine tenths of what other programs leave), `none` (no limit),
+    /// or a size such as `6GiB`; the number of Gaussians stops growing there.
+    #[arg(long, default_value = "auto", help_heading = heading::DEVICE)]
+    gpu_memory: MemoryBudget,
+    /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
+    #[arg(long, help_heading = heading::DEVICE)]
     adapter: Option<String>,
 }
 
-/// Up to a year.
+/// Parses a number of minutes, up to a year.
 fn minutes(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(minutes) if (0.0..=525_600.0).contains(&minutes) => Ok(minutes),
@@ -178,7 +224,7 @@ fn set_some<T: Clone>(slot: &mut Option<T>, value: &Option<T>) {
 }
 
 impl Args {
-    /// The training that is asked for.
+    /// The training that the command line describes.
     fn plan(&self) -> Result<Plan> {
         let resumed =
             self.model.as_deref().filter(|_| self.resume).map(|path| resume::checkpoint(self, path)).transpose()?;
@@ -193,7 +239,7 @@ impl Args {
             gpu_memory: self.gpu_memory,
             checkpoint_every: (self.checkpoint_every > 0.0)
                 .then(|| Duration::from_secs_f64(60.0 * self.checkpoint_every)),
-            // An options file counts in full: one that an earlier run wrote must give that run again.
+            // With an options file the demo scene has no defaults of its own: the file of a run must repeat that run.
             demo: self.config.is_none().then_some(DemoGiven {
                 iterations: self.iterations,
                 max_splats: self.max_splats,
@@ -203,20 +249,20 @@ impl Args {
         })
     }
 
-    /// The options file with the command line on top.
+    /// The options file, overridden by the command line.
     fn config(&self) -> Result<TrainConfig> {
         let c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
         self.over(c)
     }
 
-    /// The command line on top of options.
+    /// `c`, overridden by the command line.
     fn over(&self, mut c: TrainConfig) -> Result<TrainConfig> {
         match self.method.as_deref() {
             Some("ibgs") => c.method = Method::Ibgs,
             Some(_) => c.method = Method::Gs3,
             None => {}
         }
-        // The model is opened from other folders too.
+        // Absolute: the model may be opened from another working directory.
         let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
         set_some(&mut c.data.source, &source);
         set(&mut c.data.resolution, &self.resolution);

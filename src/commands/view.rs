@@ -1,6 +1,6 @@
 //! `ibgs view`
 
-use super::model::ModelArgs;
+use super::model::{FileArgs, ModelArgs};
 use super::train::{Plan, Watched};
 use super::{on_stop, open_gpu};
 use crate::progress::Bars;
@@ -24,34 +24,39 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Most points that stand for the Gaussians of a file without a scene.
+/// Largest number of points that show the Gaussians of a file without a scene.
 const MOST_POINTS: usize = 50_000;
 
 /// Frames that `--measure` renders each way.
 const MEASURED: usize = 300;
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs view output/my-scene";
+
 /// Options of `ibgs view`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Model folder, `.ibgs` bundle or PLY file; left out: a start page.
+    /// Model folder, `.ibgs` bundle or PLY file [default: a start page].
     model: Option<PathBuf>,
-    /// Train on a scene folder in the window; without one on the built-in demo scene. `ibgs train --with-viewer` has
-    /// all options of a training.
+    /// Train in the window, on a scene folder or else on the built-in demo scene; `ibgs train --with-viewer` has all
+    /// options of a training.
     #[arg(long, value_name = "SCENE", num_args = 0..=1, conflicts_with_all = ["model", "source", "iteration"])]
     train: Option<Option<PathBuf>>,
-    /// Scene folder, when it has moved since the training.
+    /// Scene folder, if it has moved since the training.
     #[arg(short, long, requires = "model")]
     source: Option<PathBuf>,
-    /// Iteration; left out: the latest.
+    /// Saved iteration to open [default: the latest].
     #[arg(long, requires = "model")]
     iteration: Option<u32>,
-    /// For a model folder of the published code: factor or width of the photos that it was trained on.
+    /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
     #[arg(short, long, requires = "model")]
     resolution: Option<String>,
-    /// Open no window: tell how much longer its frames take than the renderer alone.
+    /// Open no window; print how much longer its frames take than the renderer alone.
     #[arg(long, requires = "model")]
     measure: bool,
-    /// Adapter by number or part of its name; `ibgs info` lists them.
+    /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     adapter: Option<String>,
 }
@@ -68,14 +73,13 @@ pub fn run(args: &Args) -> Result<()> {
     let (gpu, opened) = match &args.model {
         None => (gpu()?, None),
         Some(path) => {
-            let wanted = ModelArgs {
+            let files = FileArgs {
                 model: path.clone(),
                 source: args.source.clone(),
                 iteration: args.iteration,
                 resolution: args.resolution.clone(),
-                adapter: args.adapter.clone(),
-                ..ModelArgs::default()
             };
+            let wanted = ModelArgs { files, adapter: args.adapter.clone(), ..ModelArgs::default() };
             let (gpu, opened) = model(&wanted, gpu)?;
             if args.measure {
                 return measure(&gpu, opened);
@@ -86,7 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
     window(&gpu, opened)
 }
 
-/// Times frames that turn from one view to the next.
+/// Times frames that move from view to view.
 fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
     let Content::Model(renderer) = opened.content else { bail!("a training cannot be measured") };
     let views = &opened.scene.views;
@@ -113,12 +117,12 @@ pub fn look(run: Watched) -> Result<()> {
     window(&gpu, Some(trained(run)))
 }
 
-/// Opens the window; what stops the program closes it, so that a training in it is saved.
+/// Opens the window. A signal that stops the program closes it, so that a training in it is saved.
 fn window(gpu: &Arc<Gpu>, opened: Option<Opened>) -> Result<()> {
     Ok(ibgs_viewer::run(gpu, Opener, opened, |closer| on_stop(move || closer.close()))?)
 }
 
-/// Refuses before any work what would fail after it.
+/// Fails early if there is no display for a window.
 pub fn check_display() -> Result<()> {
     let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_unix = cfg!(all(unix, not(target_os = "macos")));
@@ -130,12 +134,12 @@ pub fn check_display() -> Result<()> {
     Ok(())
 }
 
-/// A training that the window begins.
+/// A training that starts in the window.
 fn training(scene: Option<&Path>) -> Result<Plan> {
     let mut config = TrainConfig::default();
-    // Photos are held out, so that the window has something to measure on.
+    // Held-out photos let the window measure the training.
     config.data.eval = scene.is_some();
-    // The model is opened from other folders too.
+    // Absolute: the model may be opened from another working directory.
     config.data.source = scene.map(std::path::absolute).transpose()?;
     Ok(Plan::new(config))
 }
@@ -158,7 +162,11 @@ impl Open for Opener {
             return Ok(trained(Watched::new(training(Some(path))?.start(gpu, told)?)));
         }
         told("opening the model");
-        Ok(model(&ModelArgs { model: path.clone(), ..ModelArgs::default() }, gpu)?.1)
+        Ok(model(
+            &ModelArgs { files: FileArgs { model: path.clone(), ..FileArgs::default() }, ..ModelArgs::default() },
+            gpu,
+        )?
+        .1)
     }
 }
 
@@ -177,14 +185,14 @@ fn trained(run: Watched) -> Opened {
 
 /// Opens a model folder, a bundle or a PLY file.
 fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
-    let path = &args.model;
+    let path = &args.files.model;
     let title = path.display().to_string();
     if !path.is_dir() && !is_bundle(path) {
         return plain(path, title, gpu);
     }
     let mut model = args.open_on(gpu)?.showing_surface();
     let pictures = model.folder.root().to_owned();
-    // A model can be looked at without the photos of its scene.
+    // A model can be viewed without the photos of its scene.
     let (photos, points) = match model.dataset(&Bars::default()) {
         Ok(dataset) => {
             let photo = |view: &ibgs_core::dataset::View| (view.name.clone(), view.photo.clone());
@@ -212,14 +220,14 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
     Ok((gpu, Opened { scene, content }))
 }
 
-/// Opens Gaussians alone.
+/// Opens the Gaussians of a PLY file.
 fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
     let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
     if !is_ply && path.exists() {
         bail!("{title} is neither a model folder, an .ibgs bundle, a PLY file nor a scene folder");
     }
     let gaussians = read_ply(path)?;
-    // Without cameras the Gaussians themselves tell the scale.
+    // Without cameras the Gaussians give the scale.
     let space = LocalSpace::of_points(gaussians.positions()).unwrap_or(gaussians.space);
     let gaussians = gaussians.into_space(space);
     let gpu = gpu()?;
@@ -231,7 +239,7 @@ fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> 
     Ok((gpu, Opened { scene, content: Content::Model(Arc::new(renderer)) }))
 }
 
-/// Some of the Gaussians as points: they tell where to look.
+/// A subset of the Gaussians as points; they show where the scene is.
 fn points(gaussians: &Gaussians) -> Vec<Point> {
     let step = gaussians.len().div_ceil(MOST_POINTS).max(1);
     gaussians.positions().step_by(step).map(|position| Point { position, color: [200; 3] }).collect()

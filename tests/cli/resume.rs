@@ -1,6 +1,7 @@
 //! Stopped trainings go on: `--resume`.
 
 use super::{Outcome, PATIENCE, Sandbox, files_in, wait_for};
+use ibgs_core::output::OutputFolder;
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -64,7 +65,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
     let before = files_in(&sandbox.path("model"));
     sandbox.run("train --resume").assert_failure(2, &["required arguments"]);
     sandbox.fails("train --resume -m nowhere", &["nowhere holds no checkpoint"]);
-    sandbox.fails("train --resume -m whole", &["whole holds no checkpoint"]);
+    sandbox.fails("train --resume -m whole", &["the training in whole has ended", "60 iterations"]);
     let words = ["model holds a training that stopped after iteration", "`--resume`"];
     sandbox.fails(&format!("{OPTIONS} -m model"), &words);
     sandbox.run("train --resume -m model --overwrite").assert_failure(2, &["--overwrite"]);
@@ -199,4 +200,33 @@ fn the_number_of_gaussians_stops_at_the_memory_given() {
     assert!((1_000..100_000).contains(&most.parse::<u32>().unwrap()), "{most}");
     let outcome = sandbox.succeeds("train scene -m all --iterations 2 --gpu-memory none");
     assert!(!outcome.stderr.contains("warning"), "{outcome}");
+}
+
+/// A folder has one training at a time, which nothing removes while it runs.
+#[cfg(unix)]
+#[test]
+fn a_folder_that_is_trained_into_is_refused() {
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.succeeds("train scene --method 3dgs --iterations 1 -m model");
+    let before = files_in(&sandbox.path("model"));
+    let lock = OutputFolder::at(&sandbox.path("model")).lock().unwrap();
+    for options in ["", " --overwrite"] {
+        let command = format!("train scene --method 3dgs --iterations 1 -m model{options}");
+        sandbox.fails(&command, &["model is being trained into by another run"]);
+    }
+    assert_eq!(files_in(&sandbox.path("model")), before);
+    drop(lock);
+    sandbox.succeeds("train scene --method 3dgs --iterations 1 -m model --overwrite");
+}
+
+/// A model in its own scene would hide the scene's files.
+#[test]
+fn a_scene_is_no_output_folder() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let before = files_in(&sandbox.path("scene"));
+    for options in ["", " --overwrite"] {
+        sandbox
+            .fails(&format!("train scene --iterations 1 -m scene{options}"), &["scene is the scene itself", "--model"]);
+    }
+    assert_eq!(files_in(&sandbox.path("scene")), before);
 }

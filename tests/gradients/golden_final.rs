@@ -13,7 +13,7 @@ use ibgs_core::gpu::Pass;
 use ibgs_core::raster::Keep;
 use ibgs_core::residual::ResidualInputs;
 use ibgs_core::residual::features::{FeatureInputs, Features};
-use ibgs_core::residual::{Hourglass, Precision, Residual, ResidualTask, Variant, weights};
+use ibgs_core::residual::{Precision, Residual, ResidualTask, UNet, Variant, weights};
 use ibgs_core::sources::{WarpOptions, Warper};
 
 /// Packed slots that enter the network.
@@ -93,19 +93,19 @@ fn the_network_gives_the_dumped_residual() {
         centers: &centers,
         weights: &weights,
     };
-    let hourglass = Hourglass::new(&gpu, camera.width, camera.height, false).unwrap();
+    let unet = UNet::new(&gpu, camera.width, camera.height, Keep::Image).unwrap();
     let mut pass = Pass::new(&gpu, "test");
-    Features::new(&camera, SLOTS as u32, Variant::default()).record(&mut pass, &features, hourglass.x());
-    hourglass.forward(&mut pass, &weights);
+    Features::new(&camera, SLOTS as u32, Variant::default()).record(&mut pass, &features, unet.x());
+    unet.forward(&mut pass, &weights);
     pass.submit();
     let pixels = golden.base.len();
-    let x: Vec<f32> = gpu.read(hourglass.x(), 35 * pixels).unwrap();
+    let x: Vec<f32> = gpu.read(unet.x(), 35 * pixels).unwrap();
     let rays = golden.arrays.get("camera_ray").image(0);
     let ray_error = |(i, ray): (usize, &[f64; 3])| {
         (0..3).map(|c| (f64::from(x[(32 + c) * pixels + i]) - ray[c]).abs()).fold(0.0, f64::max)
     };
     let by_ray = rays.iter().enumerate().map(ray_error).fold(0.0, f64::max);
-    let residual: Vec<f32> = gpu.read(hourglass.residual(), 3 * pixels).unwrap();
+    let residual: Vec<f32> = gpu.read(unet.residual(), 3 * pixels).unwrap();
     let truth = golden.arrays.get("residual").image(0);
     let errors: Vec<f64> = residual.iter().zip(truth.as_flattened()).map(|(a, b)| (f64::from(*a) - b).abs()).collect();
     let worst = errors.iter().copied().fold(0.0, f64::max);

@@ -49,7 +49,7 @@ fn random(count: usize, seed: u64) -> Vec<f64> {
 }
 
 /// Those of the per-view MLP and of the confidence.
-fn without_hourglass(weights: &[f64]) -> Vec<f64> {
+fn without_unet(weights: &[f64]) -> Vec<f64> {
     [&weights[..MLP_WEIGHTS], &weights[CONFIDENCE.offset..]].concat()
 }
 
@@ -104,14 +104,14 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
         assert_halves(&gpu, &features, &inputs, &read(&x, INPUT * n));
     }
     let mut v_weights = read(&v_weights, WEIGHTS);
-    let hourglass = &mut v_weights[MLP_WEIGHTS..CONFIDENCE.offset];
-    assert!(hourglass.iter().all(|v| v.is_nan()), "the hourglass' gradients are not touched");
-    hourglass.fill(0.0);
+    let unet = &mut v_weights[MLP_WEIGHTS..CONFIDENCE.offset];
+    assert!(unet.iter().all(|v| v.is_nan()), "the unet' gradients are not touched");
+    unet.fill(0.0);
     let v_base = read(&v_base, 3 * pixels).iter().map(|v| v - 0.5).collect();
     OnGpu { x: read(&x, INPUT * n), v_warped: read(&v_warped, 4 * view.warped.len()), v_base, v_weights }
 }
 
-/// The input of the hourglass on matrix units is the same, rounded and turned.
+/// The input of the U-Net on matrix units is the same, rounded and turned.
 fn assert_halves(gpu: &Gpu, features: &Features, inputs: &FeatureInputs, planes: &[f64]) {
     const PADDED: usize = 48;
     let n = planes.len() / INPUT;
@@ -200,8 +200,8 @@ fn twin_follows_finite_differences() {
                     1e-6,
                     |at| loss(&View { warped: at.as_chunks().0.to_vec(), ..view.clone() }),
                 );
-                // The hourglass' part is not read.
-                let [own, gradient] = [&view.weights, &grads.weights].map(|w| without_hourglass(w));
+                // The U-Net's part is not read.
+                let [own, gradient] = [&view.weights, &grads.weights].map(|w| without_unet(w));
                 let by_weights = assert_gradient(&format!("{what} weights"), &own, &gradient, 1e-6, |at| {
                     let mut weights = view.weights.clone();
                     weights[..MLP_WEIGHTS].copy_from_slice(&at[..MLP_WEIGHTS]);

@@ -152,7 +152,7 @@ impl View {
         (0..outputs.len()).fold(0, |best, m| if outputs[m][c] > outputs[best][c] { m } else { best })
     }
 
-    /// The hourglass' input, planes [38][pixels of the network's size].
+    /// The U-Net's input, planes [38][pixels of the network's size].
     pub fn input(&self) -> Vec<f64> {
         let ([w, h], n) = (self.size(), self.low()[0] * self.low()[1]);
         let features: Vec<_> = (0..self.active).map(|m| self.features(m)).collect();

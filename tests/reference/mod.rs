@@ -16,7 +16,6 @@ pub mod finite;
 pub mod geometry;
 pub mod geometry_backward;
 pub mod golden;
-pub mod hourglass;
 pub mod image_loss;
 pub mod lpips;
 pub mod normal_loss;
@@ -27,6 +26,7 @@ pub mod raster;
 pub mod sh;
 pub mod sort;
 pub mod surface_scene;
+pub mod unet;
 pub mod warp;
 pub mod whole_loss;
 

@@ -7,11 +7,11 @@ use super::exposure::{Exposure, Image};
 use super::features::{Composition, EMPTY, Grads as FeatureGrads, View};
 use super::geometry::Geometry;
 use super::geometry_backward::{Cotangents, GeometryGrads};
-use super::hourglass::{self, Map as Planes};
 use super::image_loss::{Map, image_loss, image_loss_backward};
 use super::normal_loss::{Surface, normal_loss, normal_loss_backward};
 use super::photometric_loss::{Masked, photometric_loss, photometric_loss_backward};
 use super::surface_scene::{Scene, grad};
+use super::unet::{self, Map as Planes};
 
 /// Weight of 1 - SSIM in the image loss.
 pub const LAMBDA: f64 = 0.2;
@@ -62,7 +62,7 @@ pub struct Run {
     plain: Image,
     exposed: Map,
     view: View,
-    network: hourglass::Forward,
+    network: unet::Forward,
     pub image: Map,
     pub losses: Losses,
 }
@@ -170,7 +170,7 @@ impl Case {
             weights: self.weights.clone(),
         };
         let [lw, lh] = view.low();
-        let network = hourglass::forward(&self.weights, &Planes::new(view.input(), lw, lh));
+        let network = unet::forward(&self.weights, &Planes::new(view.input(), lw, lh));
         let image = self.composition(&view).compose(&view.base, &pixels_of(&network.residual));
         let valid = vec![true; pixels];
         let masked = Masked { photo: &self.photo, valid: &valid, width, height };
@@ -200,7 +200,7 @@ impl Case {
         let composition = self.composition(&run.view);
         let (v_residual, v_corrected) = composition.compose_backward(&v_image);
         let v_residual = planes_of(&v_residual, composition.low());
-        let (v_x, mut weights) = hourglass::backward(&self.weights, &run.network, &v_residual);
+        let (v_x, mut weights) = unet::backward(&self.weights, &run.network, &v_residual);
         let mut v = run.view.input_backward(&v_x.data);
         weights.iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
         add(&mut v.base, &v_corrected);

@@ -17,7 +17,8 @@ fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
     let output = OutputFolder::create(&folder.join("model"), Existing::Keep).unwrap();
     output.write_start(&config, &dataset).unwrap();
     let scene = surroundings(&dataset, folder);
-    let session = Session::of(trainer, raster, dataset, config, Instant::now()).with_output(output, None);
+    let lock = output.lock().unwrap();
+    let session = Session::of(trainer, raster, dataset, config, Instant::now()).with_output(output, lock, None);
     Opened { scene, content: Content::Training(Box::new(Watched::new(session))) }
 }
 

@@ -5,18 +5,19 @@
 
 mod check;
 mod defaults;
+mod error;
 pub mod schedule;
 mod stages;
 
 pub use crate::sources::find::SourceOptions;
+pub use error::ConfigError;
 pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
 
 use crate::dataset::{Alpha, ColorSpace, DatasetError, LoadOptions, Masks};
-use crate::files::{self, TomlError, WriteError};
+use crate::files::{self, TomlError};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
-use thiserror::Error;
 
 /// What is trained.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -288,44 +289,6 @@ pub struct OpacityResetConfig {
     pub interval: Option<u32>,
     /// Opacity is clamped to at most this.
     pub max_opacity: f64,
-}
-
-/// Why options cannot be used.
-#[derive(Debug, Error)]
-pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("cannot read the options file {}: {source}; check the path", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the operating system said.
-        source: io::Error,
-    },
-    /// The file is not TOML, or has a field that is unknown or of the wrong kind.
-    #[error("{}, line {line}: {reason}", path.display())]
-    Parse {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A value makes no sense.
-    #[error("{place}: option `{field}` is {value}; {advice}")]
-    Invalid {
-        /// The file, or the command line.
-        place: String,
-        /// Path of the field as in the file, for instance `densify.interval`.
-        field: String,
-        /// The value.
-        value: String,
-        /// What it must be.
-        advice: &'static str,
-    },
-    /// The file cannot be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
 }
 
 impl TrainConfig {

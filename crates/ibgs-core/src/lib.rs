@@ -1,20 +1,32 @@
-//! Image-Based Gaussian Splatting: from posed photos to new views.
+//! Image-Based Gaussian Splatting: opens and renders models, and everything around that needs no training.
 //!
-//! The pipeline, module by module:
+//! ```text
+//!  photos, poses ── dataset ──► scene ──────► Gaussians ─┐
+//!                     │                                  │  on the device: Splats
+//!                     │                                  ▼
+//!                     │    camera ────────────────► raster ──► base image, normals, median depth, intersections
+//!                     ▼                                  │                 │
+//!            source photos, depth maps ──► sources ◄─────┘                 │
+//!                                            │ warped colours              │
+//!                                            ▼                             ▼
+//!                                         exposure ──► residual ──► final image ──► picture, present, eval
+//! ```
+//!
 //! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, or the built-in demo scene).
-//! 2. [`scene`] turns the points into Gaussians, on the host and on the device, and reads and writes PLY.
-//! 3. [`raster`] projects, sorts and blends them, forward and backward, as a burn autodiff operation.
-//! 4. [`fuse`] chooses the source views, keeps their photos and depth maps, and warps them into the view.
-//! 5. [`residual`] makes the warped colours a residual with a small network, and adds it to the base image.
-//! 6. [`loss`] compares base and final image with the photo, and the surface with itself and with the sources.
-//! 7. [`train`] runs the loop: schedule, optimiser, densification, output folder.
-//! 8. [`render`] is the one path from a model to images, which training, [`eval`] and [`mod@bench`] use too.
-//! 9. [`memory`] reckons what a training will take.
-//! 10. [`bundle`] keeps a model in one file; [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on
-//!     the screen, [`video`] makes films, [`inspect`] tells why one of its pixels looks as it does.
-//! 11. [`mesh`] fuses the depths of all views into a triangle mesh and compares that with a true surface.
+//! 2. [`scene`] makes Gaussians of the points, on the host and on the device, and reads and writes PLY.
+//! 3. [`raster`] projects, sorts and blends them: the forward and the backward pass.
+//! 4. [`sources`] chooses the source views, keeps their photos and depth maps, and warps them into the target view.
+//! 5. [`exposure`] brings colours into the exposure of a photo.
+//! 6. [`residual`] makes a residual of the warped colours with a small network, and adds it to the base image.
+//! 7. [`render`] is the one path from a model to images; [`model`] opens models, [`bundle`] keeps one in a single file,
+//!    [`output`] is the model folder, [`config`] the options of a training.
+//! 8. [`eval`] measures, [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on the screen, [`video`]
+//!    makes films, [`inspect`] explains a pixel, [`mesh`] fuses the depths of all views into a triangle mesh.
 //!
-//! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the one device that burn and our WGSL kernels share. [`terminal`] tells the user.
+//! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the device, its memory and the one place
+//! that dispatches. [`progress`] hears of long work; warnings and notes go to the `log` crate. Training is in `ibgs-train`.
+//!
+//! A model is rendered in a line: see [`model`].
 
 pub mod bundle;
 pub mod camera;
@@ -39,6 +51,9 @@ pub mod raster;
 pub mod render;
 pub mod residual;
 pub mod scene;
+mod sentence;
 pub mod sources;
 pub mod stored_zip;
 pub mod video;
+
+pub use sentence::sentence;

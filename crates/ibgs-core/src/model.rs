@@ -180,21 +180,30 @@ impl Model {
         Ok(Some(ExposureField::new(cameras, photos)))
     }
 
-    fn image_part(&self, gpu: &Arc<Gpu>, network: &[f32]) -> Result<ImagePart, ModelError> {
+    /// The photos of the training views, in their order, of the model itself or of the scene that is loaded
+    /// ([`Model::load_photos`]).
+    ///
+    /// # Errors
+    /// A photo is missing or has another size than its camera.
+    pub fn training_photos(&self) -> Result<Vec<Arc<Photo>>, ModelError> {
         let training = self.training_views();
         let by_name: HashMap<&str, &Arc<Photo>> =
             self.dataset.iter().flat_map(|d| &d.views).map(|v| (v.name.as_str(), &v.photo)).collect();
-        let photo = |record: &&CameraRecord| {
+        let photo = |record: &CameraRecord| {
             let own = self.photos.as_ref().and_then(|photos| photos.get(&record.name));
-            let photo = own.or_else(|| by_name.get(record.name.as_str()).copied());
-            photo.cloned().ok_or_else(|| ModelError::NoPhoto { name: record.name.clone() })
+            let found = own.or_else(|| by_name.get(record.name.as_str()).copied());
+            let photo = found.ok_or_else(|| ModelError::NoPhoto { name: record.name.clone() })?;
+            match [record.camera.width, record.camera.height] == [photo.width, photo.height] {
+                true => Ok(photo.clone()),
+                false => Err(ModelError::PhotoSize { name: record.name.clone() }),
+            }
         };
-        let photos = training.iter().map(photo).collect::<Result<Vec<_>, _>>()?;
-        let cameras: Arc<[Camera]> = training.iter().map(|record| record.camera).collect();
-        let mut pairs = training.iter().zip(&photos);
-        if let Some((record, _)) = pairs.find(|(r, p)| [r.camera.width, r.camera.height] != [p.width, p.height]) {
-            return Err(ModelError::PhotoSize { name: record.name.clone() });
-        }
+        training.into_iter().map(photo).collect()
+    }
+
+    fn image_part(&self, gpu: &Arc<Gpu>, network: &[f32]) -> Result<ImagePart, ModelError> {
+        let photos = self.training_photos()?;
+        let cameras: Arc<[Camera]> = self.training_views().iter().map(|record| record.camera).collect();
         let options = ImageOptions::new(&self.config);
         let budget = options.sources.memory.bytes(gpu);
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, budget)?);

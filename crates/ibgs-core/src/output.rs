@@ -26,12 +26,14 @@
 pub mod cameras;
 mod error;
 pub mod figures;
+mod lock;
 pub mod log;
 pub mod multi_view;
 pub mod pictures;
 pub mod results;
 
 pub use error::OutputError;
+pub use lock::FolderLock;
 
 use crate::config::{Method, TrainConfig};
 use crate::dataset::Dataset;

@@ -271,7 +271,7 @@ kernels! {
     EXPOSE_WARPED_BACKWARD = "expose_warped_backward" [256, 1, 1] (size_of::<types::SlotsParams>()):
         read("exposures"), read("seen"), read("v_shifted"), write("v_warped");
     // The residual network's input, per-view MLP and composition.
-    /// Features and per-view MLP: the hourglass' input.
+    /// Features and per-view MLP: the U-Net's input.
     RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"), write("x");
     /// Gradient of the per-view MLP by features and weights, a row of weights a workgroup.
@@ -290,7 +290,7 @@ kernels! {
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
         read("sources_seen"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
-    // The hourglass of the residual network.
+    // The U-Net of the residual network.
     /// 3 x 3 convolution, forward or gradient by the input.
     RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):
         read("weights"), read("input_a"), read("input_b"), write("output");
@@ -324,7 +324,7 @@ kernels! {
 kernels! {
     /// The kernels that need [`MatrixUnits`]: the residual network in half precision, sums in float32.
     MATRIX_KERNELS:
-    /// The hourglass' input in half precision, channels last.
+    /// The U-Net's input in half precision, channels last.
     HALF_FEATURES = "half_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"), write("x");
     /// A layer's weights to half precision in the order in which the matrix units read them.

@@ -449,7 +449,7 @@ pub struct UpsampleParams {
     pub pad: u32,
 }
 
-/// The hourglass' last two layers; the twin of `HeadParams`.
+/// The U-Net's last two layers; the twin of `HeadParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct HeadParams {

@@ -1,4 +1,4 @@
-// The hourglass' input in half precision, channels last, padded with zeros.
+// The U-Net's input in half precision, channels last, padded with zeros.
 #import half
 #import residual_features_main
 

@@ -1,4 +1,4 @@
-// The hourglass' input as planes in float32.
+// The U-Net's input as planes in float32.
 #import residual_features_main
 
 // Planes [38][pixels].

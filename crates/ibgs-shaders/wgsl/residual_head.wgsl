@@ -1,4 +1,4 @@
-// One thread four pixels: f and the residual of the hourglass' last two layers.
+// One thread four pixels: f and the residual of the U-Net's last two layers.
 #import index
 #import residual_head_kernel
 

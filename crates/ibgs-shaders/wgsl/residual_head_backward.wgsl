@@ -1,4 +1,4 @@
-// One thread four pixels: gradients by the two inputs of the hourglass' last two layers. Each takes the place of what it
+// One thread four pixels: gradients by the two inputs of the U-Net's last two layers. Each takes the place of what it
 // was made from at the same pixel: d1 becomes v_d1 (through its ReLU), f becomes v_x.
 #import index
 #import residual_head_kernel

@@ -29,8 +29,8 @@ use crate::{TrainError, Trainer};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::output::OutputFolder;
 use ibgs_core::output::log::{Evaluation, LogEntry, TrainingLog, TrainingProgress};
+use ibgs_core::output::{FolderLock, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use keeper::Keeper;
@@ -79,6 +79,8 @@ pub struct Session {
     before: Duration,
     /// The records of the checkpoint could not be read.
     lost_records: Option<String>,
+    /// Keeps others out of the folder.
+    _lock: Option<FolderLock>,
 }
 
 impl Session {
@@ -105,11 +107,24 @@ impl Session {
     ) -> Self {
         let (records, keeper) = (Records::default(), Keeper::new(None, None));
         let (folder, before) = (None, Duration::ZERO);
-        Self { trainer, raster, dataset, config, folder, records, keeper, started, before, lost_records: None }
+        Self {
+            trainer,
+            raster,
+            dataset,
+            config,
+            folder,
+            records,
+            keeper,
+            started,
+            before,
+            lost_records: None,
+            _lock: None,
+        }
     }
 
-    /// The same with files in a model folder, and a checkpoint `every` so often; none: only when it is stopped.
-    pub fn with_output(mut self, folder: OutputFolder, every: Option<Duration>) -> Self {
+    /// The same with files in a model folder that is locked, and a checkpoint `every` so often; none: only when it is stopped.
+    pub fn with_output(mut self, folder: OutputFolder, lock: FolderLock, every: Option<Duration>) -> Self {
+        self._lock = Some(lock);
         self.keeper = Keeper::new(Some(folder.clone()), every);
         self.folder = Some(folder);
         self

@@ -12,6 +12,7 @@ use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::picture::usual_range;
 use ibgs_core::present::Presenter;
 use ibgs_core::render::{Frame, Renderer};
+use ibgs_core::sentence;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -223,7 +224,7 @@ impl Desk {
     }
 
     fn failed(&self, error: &anyhow::Error) {
-        self.tell(News::Failed(sentence(error)));
+        self.tell(News::Failed(sentence(error.as_ref())));
     }
 
     /// Tells of an error; where the device has failed, a training saves what it has first.
@@ -277,7 +278,7 @@ impl Desk {
         {
             log::info!("stopped at iteration {}: saving and measuring", training.progress().iteration);
             if let Err(error) = training.finish() {
-                log::error!("{}", sentence(&error));
+                log::error!("{}", sentence(error.as_ref()));
             }
         }
         work.content = None;
@@ -441,28 +442,5 @@ impl Desk {
             work.reported = Some(Instant::now());
             self.tell(News::Progress(progress, running));
         }
-    }
-}
-
-/// Most characters of a sentence: names in a damaged file may be of any length.
-const MOST_CHARACTERS: usize = 2000;
-
-/// An error with those of its causes that its own text does not tell already, in one line: a name in a file may hold
-/// anything, also what would move a terminal's cursor.
-pub fn sentence(error: &anyhow::Error) -> String {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    let plain = |c: char| match c {
-        '\n' | '\r' | '\t' => " ".to_owned(),
-        c if c.is_control() => c.escape_default().to_string(),
-        c => c.to_string(),
-    };
-    match text.char_indices().nth(MOST_CHARACTERS) {
-        Some((end, _)) => text[..end].chars().map(plain).chain(["...".to_owned()]).collect(),
-        None => text.chars().map(plain).collect(),
     }
 }

@@ -4,7 +4,7 @@ use anyhow::{Result, bail};
 
 /// Largest image side in pixels.
 const MAX_SIDE: u32 = 16_384;
-/// Most Gaussians of a synthetic scene.
+/// Largest number of Gaussians of a synthetic scene.
 const MOST_GAUSSIANS: f64 = 5e7;
 /// Sizes with a name.
 const NAMED: [(&str, [u32; 2]); 5] = [
@@ -15,12 +15,12 @@ const NAMED: [(&str, [u32; 2]); 5] = [
     ("4k", [3840, 2160]),
 ];
 
-/// Numbers such as `5000`, `100k` or `1.5M`, parted by commas.
+/// Numbers such as `5000`, `100k` or `1.5M`, separated by commas.
 pub fn counts(text: &str) -> Result<Vec<usize>> {
     text.split(',').map(count).collect()
 }
 
-/// Widths and heights such as `1600x1064` or `1080p`, parted by commas.
+/// Widths and heights such as `1600x1064` or `1080p`, separated by commas.
 pub fn sizes(text: &str) -> Result<Vec<[u32; 2]>> {
     text.split(',').map(size).collect()
 }

@@ -1,16 +1,16 @@
-//! The figures as tables.
+//! Prints the figures as tables.
 
 use crate::say;
 use ibgs_core::gpu::Bytes;
 use ibgs_train::bench::{Configuration, Rates, Timing, Work};
 
-/// What the floors are reckoned by.
+/// Prints the rates from which the floors are computed.
 pub fn print_rates(rates: &Rates) {
     let (bytes, operations) = (1e-9 * rates.bytes_per_second, 1e-12 * rates.operations_per_second);
     say!("measured: copy {bytes:.1} GB/s read and written, multiply-adds {operations:.3} Tflop/s");
 }
 
-/// Every stage of a configuration beside its floor.
+/// Prints every stage of a configuration beside its floor.
 pub fn print_stages(configuration: &Configuration) {
     let Configuration { scene, width, height, load, .. } = configuration;
     say!();
@@ -52,7 +52,7 @@ fn print_timing(timing: &Timing) {
     say!("  {:<48} {:>10.4}", "one after the other without waiting", timing.in_a_row_ms);
 }
 
-/// One row a configuration; nothing where there is only one.
+/// Prints one row per configuration; nothing if there is only one.
 pub fn print_growth(configurations: &[Configuration]) {
     if configurations.len() < 2 {
         return;

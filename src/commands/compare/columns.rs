@@ -1,19 +1,19 @@
-//! What models are compared by.
+//! The columns in which models are compared.
 
 use crate::commands::report::duration;
 use ibgs_core::output::figures::{Figures, Means};
 
 /// One figure of a model.
 pub struct Column {
-    /// Its title in tables.
+    /// Title in tables.
     pub title: &'static str,
-    /// Its name in JSON.
+    /// Name in JSON.
     pub key: &'static str,
-    /// Whether a larger one is the better one.
+    /// Whether larger is better.
     pub more_is_better: bool,
-    /// Takes it out of what is known of a model.
+    /// Reads the value from a model's figures.
     pub value: fn(&Figures) -> Option<f64>,
-    /// How it is written.
+    /// Formats the value.
     pub text: fn(f64) -> String,
 }
 
@@ -37,7 +37,7 @@ fn rate(value: f64) -> String {
     format!("{value:.1}")
 }
 
-/// From the scores to what they cost.
+/// Scores first, then costs.
 pub const COLUMNS: [Column; 11] = [
     Column {
         title: "final PSNR",

@@ -41,7 +41,7 @@ fn table(runs: &[Run]) -> String {
     page::table(&head, &rows)
 }
 
-/// PSNR over the training, of every run where it is known.
+/// PSNR and loss over the training, of every run that recorded them.
 fn curves(runs: &[Run]) -> String {
     let measured = |run: &Run| {
         let figures = &run.figures;
@@ -61,7 +61,7 @@ fn curves(runs: &[Run]) -> String {
     plot::beside(&plots)
 }
 
-/// The views of all runs, each with its photo and what every run makes of it.
+/// The views of all runs, each with its photo and the image of every run.
 fn pictures(runs: &[Run]) -> Result<String> {
     let scores = runs.iter().filter_map(|run| run.figures.base.as_ref());
     let names: BTreeSet<&String> = scores.flat_map(|scores| scores.views.psnr.keys()).collect();

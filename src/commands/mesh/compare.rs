@@ -1,4 +1,4 @@
-//! How good the mesh is, against a true surface.
+//! Compares a mesh with a true surface.
 
 use crate::commands::model::OpenModel;
 use crate::say;
@@ -14,36 +14,40 @@ use ibgs_core::output::figures::MESH_FILE;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Thresholds for the demo scene, in its metres.
+/// Default thresholds for the demo scene, in metres.
 const DEMO_THRESHOLDS: [f64; 2] = [0.01, 0.02];
-/// DTU leaves out distances over 20 at a density of 0.2.
+/// Default of `--max-distance`, times the density: DTU leaves out distances over 20 at a density of 0.2.
 const DENSITIES: f64 = 100.0;
 
 /// Options of the comparison.
 #[derive(ClapArgs)]
+#[command(next_help_heading = "Comparison with a true surface")]
 pub struct Options {
-    /// True surface to compare with: a PLY file (points or mesh), or `demo`, that of the built-in scene, which its own models
-    /// are compared with unasked.
+    /// True surface to compare with: a PLY file (points or mesh), or `demo`: that of the demo scene [default: `demo` for
+    /// models of the demo scene, none for others].
     #[arg(long)]
     compare: Option<PathBuf>,
-    /// Distance that counts as near, for precision, recall and F1; several parted by commas [default for the demo: 0.01,0.02].
+    /// Largest distance of a match, for precision, recall and F1; several are separated by commas [default: 0.01,0.02
+    /// for the demo scene].
     #[arg(long, value_delimiter = ',')]
     threshold: Vec<f64>,
-    /// Text file with the 4 x 4 matrix that takes the model to the true surface, such as `Barn_trans.txt`.
+    /// Text file with the 4 x 4 matrix that maps the model to the true surface, such as `Barn_trans.txt`.
     #[arg(long, requires = "compare")]
     transform: Option<PathBuf>,
-    /// Volume in which surfaces are compared, JSON of Open3D's `SelectionPolygonVolume`, in the true surface's coordinates.
+    /// Volume in which the surfaces are compared: JSON of Open3D's `SelectionPolygonVolume`, in the true surface's
+    /// coordinates.
     #[arg(long, requires = "compare")]
     crop: Option<PathBuf>,
-    /// Least distance between two points for the Chamfer distance; DTU has 0.2 [default: half the least threshold].
+    /// Smallest distance between two points, for the Chamfer distance; DTU has 0.2 [default: half the smallest
+    /// threshold].
     #[arg(long)]
     density: Option<f64>,
-    /// Larger distances are left out of the Chamfer distance; DTU has 20 [default: 100 times the density].
+    /// Leave out larger distances from the Chamfer distance; DTU has 20 [default: 100 times the density].
     #[arg(long)]
     max_distance: Option<f64>,
 }
 
-/// A true surface from files, and what brings the mesh there.
+/// A true surface from files, with the transform from the mesh to it.
 pub struct Truth {
     cloud: Cloud,
     transform: Option<glam::DMat4>,
@@ -79,7 +83,7 @@ impl Options {
         Ok(Some(Truth { cloud, transform, crop }))
     }
 
-    /// Whether there is something to compare a model with, where that is asked for.
+    /// Fails if thresholds are given without a surface to compare with.
     pub fn check(&self, model: &OpenModel) -> Result<()> {
         if self.compare.is_none() && !model.is_demo() && !self.threshold.is_empty() {
             bail!("`--threshold` needs `--compare` with a true surface");
@@ -91,13 +95,13 @@ impl Options {
         if self.threshold.is_empty() { &DEMO_THRESHOLDS } else { &self.threshold }
     }
 
-    /// Surfaces are sampled so densely that every voxel of the protocol has a point, about.
+    /// Spacing of the samples on a surface: about one for every voxel of the protocol.
     fn spacing(&self) -> f64 {
         let least = self.thresholds().iter().copied().fold(f64::INFINITY, f64::min);
         (0.5 * least).min(self.density.unwrap_or(f64::INFINITY))
     }
 
-    /// Compares, prints and writes `results_mesh.json`, where there is something to compare with.
+    /// Compares the mesh, prints the result and writes `results_mesh.json`; does nothing without a true surface.
     pub fn report(
         &self,
         truth: Option<Truth>,
@@ -109,7 +113,7 @@ impl Options {
         let sampled = || Cloud::of_mesh(mesh, self.spacing());
         let mut report = match truth {
             Some(Truth { cloud, transform, crop }) => {
-                // The spacing is in the units of the truth.
+                // The spacing is in the units of the true surface.
                 let scale = transform.map_or(1.0, |matrix| matrix.determinant().abs().cbrt());
                 let mesh = Cloud::of_mesh(mesh, self.spacing() / scale);
                 let mesh = transform.into_iter().fold(mesh, Cloud::moved);
@@ -166,7 +170,7 @@ impl Options {
     }
 }
 
-/// Errors of the rendered normals over the held-out views (all views when none were held out).
+/// Errors of the rendered normals over the held-out views (all views if none were held out).
 fn normal_map(model: &OpenModel) -> Result<Value> {
     let any_test = model.cameras.iter().any(|record| record.split == Some(Split::Test));
     let records = model.cameras.iter().filter(|record| !any_test || record.split == Some(Split::Test));

@@ -1,12 +1,12 @@
-//! The parts that pages are made of: everything in one file, nothing from elsewhere.
+//! Building blocks of the HTML pages. Each page is one file that loads nothing else.
 
 use ibgs_core::picture::web::{WORST, error_color};
 use std::fmt::Write;
 
-/// What stands where nothing is known.
+/// Stands for an unknown value.
 pub const NONE: &str = "–";
 
-/// Text as it may stand in HTML, in an attribute too.
+/// Escapes text for HTML, attributes included.
 pub fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {
@@ -33,7 +33,7 @@ pub fn document(title: &str, body: &str) -> String {
     )
 }
 
-/// A part of a page under a heading; nothing where it is empty.
+/// A section with a heading; nothing if the content is empty.
 pub fn section(heading: &str, content: &str) -> String {
     if content.is_empty() {
         return String::new();
@@ -41,7 +41,7 @@ pub fn section(heading: &str, content: &str) -> String {
     format!("<section>\n<h2>{}</h2>\n{content}</section>\n", escape(heading))
 }
 
-/// A number with so many decimals.
+/// A number with this many decimals.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     value.filter(|value| value.is_finite()).map_or_else(|| NONE.to_owned(), |value| format!("{value:.decimals$}"))
 }
@@ -80,13 +80,13 @@ pub fn table(head: &[&str], rows: &[Vec<Cell>]) -> String {
     html + "</tbody>\n</table></div>\n"
 }
 
-/// Names and values, a row each.
+/// Names and values, one row each.
 pub fn list(rows: &[(String, String)]) -> String {
     let rows = rows.iter().map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(value)));
     format!("<dl>\n{}</dl>\n", rows.collect::<String>())
 }
 
-/// The colours of error pictures with the errors that they stand for.
+/// The colour scale of the error pictures.
 pub fn error_scale() -> String {
     let stop = |i: i32| {
         let [r, g, b] = error_color(f64::from(i) / 10.0);
@@ -104,15 +104,16 @@ pub fn error_scale() -> String {
     )
 }
 
-/// A picture that can be laid over others of its view.
+/// One of several pictures of a view, which lie on top of each other.
 pub struct Layer {
-    /// Which one it is, the same in every view.
+    /// Its kind, named alike in every view.
     pub kind: &'static str,
-    /// Its `data:` address.
+    /// Its `data:` URI.
     pub uri: String,
 }
 
-/// Pictures of one view above each other with a divider between the two that are chosen; nothing without pictures.
+/// The pictures of one view on top of each other, with a divider between the two that are selected; nothing without
+/// pictures.
 pub fn stage(name: &str, [width, height]: [u32; 2], layers: &[Layer], shown: [&str; 2]) -> String {
     if layers.is_empty() {
         return String::new();
@@ -134,7 +135,7 @@ pub fn stage(name: &str, [width, height]: [u32; 2], layers: &[Layer], shown: [&s
     )
 }
 
-/// The choice of the two pictures that every stage shows.
+/// Selects the two pictures that every stage shows.
 pub fn chooser(kinds: &[&str], shown: [&str; 2]) -> String {
     let select = |side: &str, label: &str, shown: &str| {
         let option = |kind: &&str| {

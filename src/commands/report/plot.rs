@@ -3,34 +3,34 @@
 use super::page::escape;
 use std::fmt::Write;
 
-/// Size in the units of the drawing.
+/// Size in SVG units.
 const SIZE: [f64; 2] = [480.0, 300.0];
 /// Space left of, right of, above and below the plot.
 const MARGIN: [f64; 4] = [56.0, 14.0, 14.0, 46.0];
 
 /// A curve.
 pub struct Series {
-    /// Stands in the legend.
+    /// Name in the legend.
     pub name: String,
     /// Its points, from left to right.
     pub points: Vec<[f64; 2]>,
-    /// Whether each point is marked: few points, each measured.
+    /// Whether to mark each point; for curves of few points.
     pub marked: bool,
 }
 
 /// A plot of some curves.
 pub struct Plot {
-    /// Stands above it.
+    /// Title above the plot.
     pub title: &'static str,
-    /// Along the horizontal axis.
+    /// Name of the horizontal axis.
     pub x: &'static str,
-    /// Along the vertical axis.
+    /// Name of the vertical axis.
     pub y: &'static str,
-    /// The curves; those without a point are left out.
+    /// The curves; empty ones are left out.
     pub series: Vec<Series>,
 }
 
-/// An axis: its ends and the values that are marked.
+/// An axis: its ends and its ticks.
 struct Axis {
     from: f64,
     to: f64,
@@ -38,7 +38,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Ends on round values around what is shown.
+    /// An axis with round ends that contains all values.
     fn around(values: impl Iterator<Item = f64> + Clone) -> Self {
         let (low, high) = (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max));
         let span = if high > low { high - low } else { high.abs().max(1.0) };
@@ -54,7 +54,7 @@ impl Axis {
         (value - self.from) / (self.to - self.from)
     }
 
-    /// Labels that are short and all of the same form.
+    /// Short labels of the ticks, all in the same form.
     fn labels(&self) -> Vec<String> {
         let most = self.ticks.iter().fold(0f64, |most, tick| most.max(tick.abs()));
         let (unit, suffix) = match most {
@@ -73,9 +73,9 @@ impl Axis {
 }
 
 impl Plot {
-    /// The plot as HTML; nothing where no curve has a point.
+    /// The plot as HTML; empty if no curve has a point.
     pub fn html(&self) -> String {
-        // A curve keeps its colour whether others are there or not.
+        // A curve's colour does not depend on which others are shown.
         let shown: Vec<(usize, &Series)> =
             self.series.iter().enumerate().filter(|(_, series)| !series.points.is_empty()).collect();
         if shown.is_empty() {
@@ -120,13 +120,13 @@ impl Plot {
     }
 }
 
-/// Plots beside each other as HTML; nothing where no curve has a point.
+/// Plots side by side as HTML; empty if no curve has a point.
 pub fn beside(plots: &[Plot]) -> String {
     let plots: String = plots.iter().map(Plot::html).collect();
     if plots.is_empty() { plots } else { format!("<div class=\"plots\">\n{plots}</div>\n") }
 }
 
-/// Where a point lies in the drawing.
+/// The position of a point in the drawing.
 fn place(x: &Axis, y: &Axis, [px, py]: [f64; 2]) -> [f64; 2] {
     let [left, right, top, bottom] = MARGIN;
     let (width, height) = (SIZE[0] - left - right, SIZE[1] - top - bottom);

@@ -1,4 +1,4 @@
-//! The configuration of a suite: which scenes, with which options, beside which published figures.
+//! The configuration of a suite: its scenes, options, runs and published figures.
 
 use anyhow::{Context, Result, bail};
 use ibgs_core::config::TrainConfig;
@@ -13,9 +13,9 @@ use toml::{Table, Value};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Suite {
-    /// Its name in the summary.
+    /// Title of the summary.
     pub title: String,
-    /// What a reader must know of its figures.
+    /// Note on the figures, for the reader.
     #[serde(default)]
     pub note: String,
     /// Options of all runs, as in `config.toml` of a training run.
@@ -23,10 +23,10 @@ pub struct Suite {
     options: Table,
     /// The scenes.
     pub scenes: Vec<Scene>,
-    /// What is trained on each scene; left out: the options above.
+    /// The runs on each scene; default: one with the options above.
     #[serde(default = "one_run")]
     pub runs: Vec<Run>,
-    /// Figures of the literature to stand beside ours.
+    /// Figures of the literature, to compare with ours.
     #[serde(default)]
     pub published: Vec<Published>,
 }
@@ -35,21 +35,21 @@ pub struct Suite {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Scene {
-    /// Its name, and that of its folder.
+    /// Name of the scene and of its folder.
     pub name: String,
-    /// Its folder in the data folder, where it is not the name.
+    /// Folder in the data folder, if it has another name.
     folder: Option<PathBuf>,
-    /// The built-in demo scene.
+    /// Whether it is the built-in demo scene.
     #[serde(default)]
     demo: bool,
     /// Options of this scene.
     #[serde(default)]
     options: Table,
-    /// The true surface that its mesh is compared with; the built-in scene needs none of these entries.
+    /// The true surface to compare its mesh with; for the demo scene all entries are optional.
     mesh: Option<Surface>,
 }
 
-/// A true surface, as `ibgs mesh` takes it; files lie in the scene's folder.
+/// A true surface: options of `ibgs mesh`, with files in the scene's folder.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct Surface {
@@ -62,7 +62,7 @@ struct Surface {
 }
 
 impl Surface {
-    /// Options of `ibgs mesh`, with the files of a scene.
+    /// The options of `ibgs mesh` for a scene folder.
     fn arguments(&self, scene: &Path) -> Vec<OsString> {
         let files = [("--compare", &self.compare), ("--transform", &self.transform), ("--crop", &self.crop)];
         let numbers =
@@ -73,7 +73,7 @@ impl Surface {
     }
 }
 
-/// A way to train.
+/// Options under a name.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Run {
@@ -84,28 +84,28 @@ pub struct Run {
     options: Table,
 }
 
-/// A row of a published table; what it does not state is left out.
+/// A row of a published table; figures that it does not state are left out.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Published {
     /// Method, or variant of the method.
     pub method: String,
-    /// Scene or benchmark; left out: the mean over the scenes.
+    /// Scene or benchmark; empty: the mean over the scenes.
     #[serde(default)]
     pub on: String,
-    /// dB.
+    /// PSNR in dB.
     pub psnr: Option<f64>,
     /// Structural similarity.
     pub ssim: Option<f64>,
-    /// With VGG.
+    /// LPIPS with VGG.
     pub lpips: Option<f64>,
     /// F1 of the mesh.
     pub f1: Option<f64>,
     /// Chamfer distance of the mesh.
     pub chamfer: Option<f64>,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: Option<f64>,
-    /// Of training.
+    /// Training time in minutes.
     pub minutes: Option<f64>,
     /// Storage in MB.
     pub storage_mb: Option<f64>,
@@ -130,9 +130,9 @@ pub struct Job {
     pub config: TrainConfig,
     /// Its model folder.
     pub folder: PathBuf,
-    /// Options of `ibgs mesh`, where there is a true surface to compare with.
+    /// Options of `ibgs mesh`; none if there is no true surface to compare with.
     pub mesh: Option<Vec<OsString>>,
-    /// Options of `ibgs eval` for LPIPS, where it is wanted.
+    /// Options of `ibgs eval` for LPIPS; empty without LPIPS.
     pub lpips: Vec<OsString>,
 }
 
@@ -143,7 +143,7 @@ impl Job {
     }
 }
 
-/// Puts the entries of `over` into `under`, tables entry by entry.
+/// Overrides the entries of `under` with those of `over`, tables entry by entry.
 fn merge(under: &mut Table, over: &Table) {
     for (key, value) in over {
         match (under.get_mut(key), value) {
@@ -155,7 +155,7 @@ fn merge(under: &mut Table, over: &Table) {
     }
 }
 
-/// A name that is a part of a path.
+/// Whether a name can be one component of a path.
 fn is_plain(name: &str) -> bool {
     !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', ':', '\0'])
 }
@@ -184,7 +184,7 @@ impl Suite {
                 }
             }
         }
-        // Mistakes show before anything is trained.
+        // Errors are found before anything is trained.
         for scene in &suite.scenes {
             for run in &suite.runs {
                 suite.config(scene, run)?;
@@ -193,7 +193,7 @@ impl Suite {
         Ok(suite)
     }
 
-    /// Keeps the named scenes and runs alone; all of them where none is named.
+    /// Keeps only the named scenes and runs; an empty list keeps all.
     pub fn keep(&mut self, scenes: &[String], runs: &[String]) -> Result<()> {
         let known = |what: &str, wanted: &[String], names: Vec<&String>| {
             let unknown = wanted.iter().find(|name| !names.contains(name));
@@ -219,13 +219,13 @@ impl Suite {
         data.join(scene.folder.as_deref().unwrap_or(Path::new(&scene.name)))
     }
 
-    /// Scenes that the data folder does not have.
+    /// Scenes that are missing in the data folder.
     pub fn missing<'a>(&'a self, data: &'a Path) -> impl Iterator<Item = &'a str> {
         let missing = |scene: &&Scene| !scene.demo && !Self::source(scene, data).exists();
         self.scenes.iter().filter(missing).map(|scene| scene.name.as_str())
     }
 
-    /// Scenes that are there without the true surface that their meshes are to be compared with.
+    /// Scenes that exist without the true surface to compare their meshes with.
     pub fn without_surface<'a>(&'a self, data: &'a Path) -> impl Iterator<Item = &'a str> {
         let without = move |scene: &&Scene| {
             let file = scene.mesh.as_ref().and_then(|surface| surface.compare.as_ref());
@@ -235,7 +235,7 @@ impl Suite {
         self.scenes.iter().filter(without).map(|scene| scene.name.as_str())
     }
 
-    /// Every run of every scene that is there.
+    /// Every run of every scene that exists.
     pub fn jobs(&self, data: &Path, output: &Path, iterations: Option<u32>, lpips: &[OsString]) -> Result<Vec<Job>> {
         let missing: HashSet<&str> = self.missing(data).collect();
         let bare: HashSet<&str> = self.without_surface(data).collect();

@@ -1,4 +1,4 @@
-//! What a suite has measured, beside what was published.
+//! The measured figures of a suite beside the published ones.
 
 use super::config::{Job, Published, Suite};
 use anyhow::Result;
@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 
 /// A column of the tables.
 struct Column {
-    /// In the JSON.
+    /// Name in the JSON.
     name: &'static str,
-    /// In the table.
+    /// Title in the table.
     head: &'static str,
     digits: usize,
-    /// A published figure of the kind.
+    /// The published figure.
     published: fn(&Published) -> Option<f64>,
 }
 
@@ -26,9 +26,9 @@ const fn column(
     Column { name, head, digits, published }
 }
 
-/// The final image, or the base where the run has no residual; `PSNR_aligned` after an affine map of the colours; frames a
-/// second with nothing kept from frame to frame, as published figures have it; storage of Gaussians, photos, poses and
-/// network.
+/// Scores are those of the final image, or of the base if the run has no residual. `PSNR_aligned` is taken after an affine
+/// map of the colours. Frames per second keep nothing from frame to frame, as in published figures. Storage is that of
+/// Gaussians, photos, poses and network.
 const COLUMNS: [Column; 12] = [
     column("PSNR", "PSNR", 2, |p| p.psnr),
     column("PSNR_aligned", "aligned PSNR", 2, |_| None),
@@ -44,12 +44,12 @@ const COLUMNS: [Column; 12] = [
     column("memory_gb", "memory (GB)", 2, |p| p.memory_gb),
 ];
 
-/// What was measured of one job, a value a column; none where it was not.
+/// The measured figures of one job, one value per column.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figures([Option<f64>; COLUMNS.len()]);
 
 impl Figures {
-    /// Reads what a job has left in its model folder.
+    /// Reads the figures in a job's model folder.
     pub fn read(job: &Job) -> Result<Self> {
         let found = figures::Figures::read(&OutputFolder::at(&job.folder), job.config.iterations)?;
         let means = |scores: &Option<figures::Scores>| scores.as_ref().map(|scores| scores.means.clone());
@@ -84,7 +84,7 @@ impl Figures {
         Self(COLUMNS.map(|column| (column.published)(published)))
     }
 
-    /// Means of what all have.
+    /// The mean of every column in which all have a value.
     fn mean(all: &[&Self]) -> Self {
         Self(std::array::from_fn(|column| {
             let sum: Option<f64> = all.iter().map(|figures| figures.0[column]).sum();
@@ -105,7 +105,7 @@ impl Figures {
     }
 }
 
-/// A Markdown table whose columns stand in line.
+/// A Markdown table with aligned columns.
 fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| row[column].chars().count());
@@ -131,7 +131,7 @@ fn row(name: String, figures: &Figures) -> Vec<String> {
     [name].into_iter().chain(figures.cells()).collect()
 }
 
-/// Figures of one scene, then of the means, each beside the published ones.
+/// The summary as Markdown: a table per scene, then one of the means, each with the published figures.
 pub fn text(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> String {
     let mut text = format!("# {}\n", suite.title);
     if !suite.note.is_empty() {
@@ -183,7 +183,7 @@ pub fn text(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> String {
     text
 }
 
-/// The same for programs.
+/// The summary as JSON.
 pub fn json(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> Value {
     let measured = jobs.iter().zip(figures).map(|(job, figures)| {
         json!({

@@ -1,4 +1,4 @@
-//! What a training will take of the device's memory, told before it begins.
+//! Estimates the device memory that a training needs, before it begins.
 
 use crate::tell;
 use anyhow::{Result, bail};
@@ -12,10 +12,10 @@ use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Trainer;
 use ibgs_train::memory::{Demand, Estimate};
 
-/// Part of a device's memory that `auto` may take: other programs and the driver need some.
+/// Share of the free device memory that `auto` may use; other programs and the driver need some.
 const PART: f64 = 0.9;
 
-/// The memory that a training needs with few or many Gaussians.
+/// Estimates the memory that a training needs, by the number of Gaussians.
 pub struct Needs {
     config: TrainConfig,
     cameras: Vec<Camera>,
@@ -28,7 +28,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// Of a training as it begins.
+    /// For a training at its start.
     pub fn of(trainer: &Trainer, raster: &Rasterizer, dataset: &Dataset, config: &TrainConfig) -> Self {
         Self {
             config: config.clone(),
@@ -46,7 +46,7 @@ impl Needs {
         self.config.init.is_none() && self.gaussians < self.most
     }
 
-    /// Bytes with so many Gaussians.
+    /// Bytes needed at this number of Gaussians.
     fn bytes(&self, gaussians: u64) -> u64 {
         let now = Demand {
             config: &self.config,
@@ -62,10 +62,10 @@ impl Needs {
         Estimate::new(&demand).total()
     }
 
-    /// The most Gaussians that fit into the budget; none where all do that may come.
+    /// The largest number of Gaussians that fits into the budget; none if the cap of the options fits.
     ///
     /// # Errors
-    /// Not even the first ones fit.
+    /// The initial Gaussians do not fit.
     pub fn limit(&mut self, budget: MemoryBudget, gpu: &Gpu) -> Result<Option<u32>> {
         let budget = match budget {
             MemoryBudget::Auto => gpu.memory_bytes().map(|bytes| (PART * bytes as f64) as u64),

@@ -1,15 +1,15 @@
-//! A training as it is asked for, by the command line or by the viewer.
+//! A training as the command line or the viewer describes it.
 
 use super::{WARM_ITERATIONS, estimate};
 use crate::progress::Bars;
 use crate::tell;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use ibgs_core::config::{DataConfig, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{load_demo, load_scene};
-use ibgs_core::output::{Existing, OutputFolder};
+use ibgs_core::output::{Existing, FolderLock, OutputError, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::read_ply;
 use ibgs_core::sources::memory::MemoryBudget;
@@ -19,13 +19,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Iterations and most Gaussians of the demo scene when none are asked for: on a software adapter and on a GPU.
+/// Default iterations of the demo scene: on a software adapter, on a GPU.
 const DEMO_ITERATIONS: [u32; 2] = [200, 10_000];
-/// Size of the residual network's images in the demo scene, relative to the photos.
+/// Default size of the residual network's images in the demo scene, relative to the photos.
 const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
+/// Default cap on the number of Gaussians of the demo scene.
 const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
 
-/// What is given of the options for which the demo scene has values of its own.
+/// The options for which the demo scene has its own defaults, where they are given.
 #[derive(Clone, Debug, Default)]
 pub struct DemoGiven {
     pub iterations: Option<u32>,
@@ -33,27 +34,27 @@ pub struct DemoGiven {
     pub residual_factor: Option<f64>,
 }
 
-/// A training that is asked for.
+/// What to train, and where to write it.
 #[derive(Debug)]
 pub struct Plan {
     /// Its options.
     pub config: TrainConfig,
-    /// What it is resumed from.
+    /// The checkpoint to resume from.
     pub resumed: Option<Checkpoint>,
     /// Output folder; none: a free one below `output`.
     pub model: Option<PathBuf>,
-    /// Remove a model that is there.
+    /// Replace the model that the output folder holds.
     pub overwrite: bool,
-    /// Device memory that it may take.
+    /// Device memory that the training may use.
     pub gpu_memory: MemoryBudget,
-    /// Time between two checkpoints; none: only when it is stopped.
+    /// Time between two checkpoints; none: only when the training stops.
     pub checkpoint_every: Option<Duration>,
-    /// The demo scene's own values count where none is given here; none: the options count in full.
+    /// Overrides the demo scene's own defaults; none: `config` applies as it is.
     pub demo: Option<DemoGiven>,
 }
 
 impl Plan {
-    /// A training with these options, which says nothing else.
+    /// A training with these options, all else at its default.
     pub fn new(config: TrainConfig) -> Self {
         Self {
             config,
@@ -66,9 +67,9 @@ impl Plan {
         }
     }
 
-    /// Prepares the training; `hear` hears what is being done. The GPU is asked for after the files have been read.
+    /// Prepares the training. `hear` receives what is being done; `gpu` is called after the files have been read.
     pub fn start(self, gpu: impl FnOnce() -> Result<Arc<Gpu>>, hear: &dyn Fn(&str)) -> Result<Session> {
-        // Mistakes that need no GPU first, and nothing is written before all that can be checked has been.
+        // Errors that need no GPU come first; nothing is written before everything is checked.
         let mut config = self.config.clone();
         config.validate()?;
         if self.resumed.is_none() {
@@ -110,13 +111,14 @@ impl Plan {
             config.densify.max_splats = Some(most);
             trainer.limit_splats(most);
         }
-        let folder = match (&self.resumed, &self.model) {
+        let (folder, lock) = match (&self.resumed, &self.model) {
             (Some(checkpoint), Some(path)) => {
                 tell!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
                 let folder = OutputFolder::at(path);
+                let lock = folder.lock()?;
                 // The scene may have moved.
                 config.save(&folder.config_path())?;
-                folder
+                (folder, lock)
             }
             _ => self.create_output(&config, &dataset)?,
         };
@@ -128,14 +130,15 @@ impl Plan {
             folder.root().display()
         );
         tell!("{}", needs.sentence());
-        let session = Session::of(trainer, raster, dataset, config, started).with_output(folder, self.checkpoint_every);
+        let session =
+            Session::of(trainer, raster, dataset, config, started).with_output(folder, lock, self.checkpoint_every);
         Ok(match &self.resumed {
             Some(checkpoint) => session.with_records_of(checkpoint),
             None => session,
         })
     }
 
-    /// Options of the demo scene where none are given.
+    /// Sets the defaults of the demo scene where no option is given.
     fn demo_options(&self, config: &mut TrainConfig, gpu: &Gpu) {
         let size = usize::from(!gpu.is_software());
         if let Some(given) = &self.demo {
@@ -148,29 +151,40 @@ impl Plan {
         config.data.eval = true;
     }
 
-    /// Refuses a folder that is there and may not be trained into, without touching it.
+    /// Fails if the output folder exists and may not be used; changes nothing.
     fn refuse_output(&self) -> Result<()> {
-        if let Some(path) = self.model.as_ref().filter(|path| path.exists() && !(self.overwrite && path.is_dir())) {
-            OutputFolder::create(path, Existing::Keep)?;
+        let Some(path) = self.model.as_ref().filter(|path| path.exists()) else { return Ok(()) };
+        let same =
+            |source: &PathBuf| source.canonicalize().ok().zip(path.canonicalize().ok()).is_some_and(|(a, b)| a == b);
+        if self.config.data.source.as_ref().is_some_and(same) {
+            bail!("{} is the scene itself; choose another `--model`", path.display());
+        }
+        OutputFolder::at(path).lock()?;
+        if !(self.overwrite && path.is_dir()) {
+            OutputFolder::create(path, Existing::Keep).map_err(advised)?;
         }
         Ok(())
     }
 
-    /// Makes the output folder and writes what is known before training; a new folder goes again where that fails.
-    fn create_output(&self, config: &TrainConfig, dataset: &Dataset) -> Result<OutputFolder> {
+    /// Creates the output folder and writes the files that are known before the training; removes a new folder if that
+    /// fails.
+    fn create_output(&self, config: &TrainConfig, dataset: &Dataset) -> Result<(OutputFolder, FolderLock)> {
         let path = match &self.model {
             Some(path) => path.clone(),
             None => self.free_folder(config.data.source.as_deref())?,
         };
         let (existing, is_new) = (if self.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
-        let folder = OutputFolder::create(&path, existing)?;
+        // Before anything in it is removed.
+        let lock = path.is_dir().then(|| OutputFolder::at(&path).lock()).transpose()?;
+        let folder = OutputFolder::create(&path, existing).map_err(advised)?;
+        let lock = lock.map_or_else(|| folder.lock(), Ok)?;
         if let Err(error) = folder.write_start(config, dataset) {
             if is_new {
                 let _ = std::fs::remove_dir_all(&path);
             }
             return Err(error.into());
         }
-        Ok(folder)
+        Ok((folder, lock))
     }
 
     fn free_folder(&self, source: Option<&Path>) -> Result<PathBuf> {
@@ -184,7 +198,17 @@ impl Plan {
     }
 }
 
-/// Options of photos on disk would be ignored, and still stand in the results.
+/// What the command line can do about an output folder.
+fn advised(error: OutputError) -> Error {
+    match error {
+        OutputError::HoldsModel { .. } | OutputError::HoldsTraining { .. } | OutputError::Foreign { .. } => {
+            anyhow!("{error} (`--overwrite`)")
+        }
+        error => error.into(),
+    }
+}
+
+/// Refuses options of photos on disk for the demo scene: they would be ignored, and still recorded in the results.
 fn refuse_scene_options(data: &DataConfig) -> Result<()> {
     let usual = DataConfig::default();
     let given = [

@@ -1,4 +1,4 @@
-//! `--resume`: what a training goes on from.
+//! `--resume`: the checkpoint that a training resumes from.
 
 use super::Args;
 use crate::tell;
@@ -8,7 +8,7 @@ use ibgs_train::checkpoint::{Checkpoint, CheckpointError};
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The checkpoint to go on from; the scene may have moved, no other option may differ.
+/// The checkpoint to resume from. The scene may have moved; no other option may differ.
 pub fn checkpoint(args: &Args, path: &Path) -> Result<Checkpoint> {
     let mut checkpoint = newest(&OutputFolder::at(path))?;
     let wanted = args.over(checkpoint.config.clone())?;
@@ -36,9 +36,15 @@ fn difference<'a>(a: &'a Table, b: &'a Table) -> Option<(String, Option<&'a Valu
     })
 }
 
-/// The newest whole checkpoint of a model folder; of each damaged one a note tells.
+/// The newest intact checkpoint of a model folder; warns of each damaged one.
 fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
     let found = folder.checkpoints()?;
+    if let (true, Some(iteration)) = (found.is_empty(), folder.latest_iteration()?) {
+        bail!(
+            "the training in {} has ended, its model has {iteration} iterations; there is nothing to resume",
+            folder.root().display()
+        );
+    }
     if found.is_empty() {
         bail!("{} holds no checkpoint to go on from; train without `--resume`", folder.root().display());
     }

@@ -1,17 +1,17 @@
-//! Options of the image-based stages; the rarer ones stand in the options file alone.
+//! Options of the image-based part. The options file has more.
 
-use super::{set, set_some};
+use super::{heading, set, set_some};
 use clap::Args as ClapArgs;
 use ibgs_core::config::{ExposureSwitch, TrainConfig};
 use ibgs_core::sources::find::Distances;
 use ibgs_core::sources::memory::MemoryBudget;
 
-/// What `--source-distance` may be.
+/// A value of `--source-distance`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Distance {
     /// A rule.
     Rule(Distances),
-    /// A limit in scene units.
+    /// The largest distance, in scene units.
     Most(f64),
 }
 
@@ -26,40 +26,44 @@ fn distance(text: &str) -> Result<Distance, String> {
     }
 }
 
-/// Options of the residual and its sources.
+/// Options of the residual and its sources, and of the photos' exposure.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct StageArgs {
-    /// Photos of neighbouring views that are read for a view, 1 to 8.
-    #[arg(long)]
-    sources: Option<u32>,
-    /// Of these the first so many that see a point are used there, 1 to 4.
-    #[arg(long)]
-    visible_sources: Option<u32>,
-    /// Largest angle between the axes of a view and its sources, in degrees.
-    #[arg(long)]
-    source_angle: Option<f64>,
-    /// Distance of the sources: `adaptive`, `absolute` (0.01 to 1.5, as published), or the largest one in scene units.
-    #[arg(long, value_parser = distance)]
-    source_distance: Option<Distance>,
-    /// GPU memory for the source photos: `auto`, `none` (no limit), or a size such as `512MiB`.
-    #[arg(long)]
-    source_memory: Option<MemoryBudget>,
-    /// Median intersections of a pixel: 2, 4, 6 or 8.
-    #[arg(long)]
-    intersections: Option<u32>,
-    /// Run the residual network at 1, 0.5 or 0.25 of the image's size.
-    #[arg(long)]
-    pub(super) residual_factor: Option<f64>,
-    /// `auto`: the residual network in half precision on matrix units where they pass a test; `full`: float32.
-    #[arg(long)]
-    precision: Option<ibgs_core::residual::Precision>,
-    /// Correct the exposure of the photos: `on`, `off`, or `auto`: where they differ.
-    #[arg(long)]
+    /// Correct the exposure of the photos: `on`, `off` or `auto` (where they differ) [default: auto].
+    #[arg(long, help_heading = heading::SCENE)]
     exposure: Option<ExposureSwitch>,
+    /// Neighbouring photos (sources) read for each view, 1 to 8 [default: 4].
+    #[arg(long, help_heading = heading::IMAGE_BASED)]
+    sources: Option<u32>,
+    /// Of these, how many are used at a point: the first that see it, 1 to 4 [default: 3].
+    #[arg(long, help_heading = heading::IMAGE_BASED)]
+    visible_sources: Option<u32>,
+    /// Largest angle between the optical axes of a view and its sources, in degrees [default: 30].
+    #[arg(long, help_heading = heading::IMAGE_BASED)]
+    source_angle: Option<f64>,
+    /// Distance of the sources: `adaptive` (by the spacing of the cameras), `absolute` (0.01 to 1.5, as published), or
+    /// the largest one in scene units [default: adaptive].
+    #[arg(long, value_parser = distance, help_heading = heading::IMAGE_BASED)]
+    source_distance: Option<Distance>,
+    /// Median intersections per pixel, at which the sources are read: 2, 4, 6 or 8 [default: 4].
+    #[arg(long, help_heading = heading::IMAGE_BASED)]
+    intersections: Option<u32>,
+    /// Run the residual network at 1, 0.5 or 0.25 of the image's size [default: 1; demo scene on a software adapter
+    /// 0.5].
+    #[arg(long, help_heading = heading::IMAGE_BASED)]
+    pub(super) residual_factor: Option<f64>,
+    /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test, but
+    /// not with `--deterministic`) [default: auto].
+    #[arg(long, help_heading = heading::IMAGE_BASED)]
+    precision: Option<ibgs_core::residual::Precision>,
+    /// GPU memory for the source photos: `auto` (4 GiB, or 1 GiB where the GPU has no memory of its own), `none` (no
+    /// limit), or a size such as `512MiB` [default: auto].
+    #[arg(long, help_heading = heading::DEVICE)]
+    source_memory: Option<MemoryBudget>,
 }
 
 impl StageArgs {
-    /// Puts what is given on top of the options file.
+    /// Overrides `c` with the options that are given.
     pub(super) fn apply(&self, c: &mut TrainConfig) {
         set(&mut c.sources.used, &self.sources);
         if let Some(used) = self.sources {

@@ -26,7 +26,7 @@ pub fn train(mut session: Session) -> Result<()> {
     outcome.map_err(advised)
 }
 
-/// Shows a training as a bar with lines above it.
+/// Shows a training as a progress bar with messages above it.
 struct Terminal {
     bar: ProgressBar,
     stop: Arc<AtomicBool>,
@@ -50,10 +50,10 @@ impl Observer for Terminal {
     }
 }
 
-/// Prints what is worth a line.
+/// Prints an event if it deserves a line.
 pub fn print(event: &Event) {
     match event {
-        // The bar stands still, and the lines that follow say the rest.
+        // The bar pauses; the next event reports the result.
         Event::Measuring | Event::Saving => {}
         event => tell!("{event}"),
     }
@@ -62,7 +62,7 @@ pub fn print(event: &Event) {
     }
 }
 
-/// What the command line can do about an error.
+/// Adds to an error what the user can do about it.
 pub fn advised(error: SessionError) -> Error {
     match error {
         SessionError::Stopped { source, saved, checkpoint } => {

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub struct Watched(Session);
 
 impl Watched {
-    /// For the window.
+    /// Wraps a session for the window.
     pub fn new(session: Session) -> Self {
         Self(session)
     }
@@ -24,7 +24,7 @@ impl Watched {
     }
 }
 
-/// The window hears what is being done, the terminal the rest.
+/// Reports work in progress to the window and the other events to the terminal.
 struct Both<'a>(&'a dyn Fn(&str));
 
 impl Observer for Both<'_> {

@@ -189,7 +189,10 @@ pub fn list_adapters() -> Vec<wgpu::Adapter> {
 
 /// What an adapter lacks for a run; empty when it will do.
 pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
-    let limits = adapter.limits();
+    missing(&adapter.limits(), adapter.features())
+}
+
+fn missing(limits: &wgpu::Limits, features: wgpu::Features) -> Vec<String> {
     let mut missing = Vec::new();
     let mut need = |name: &str, has: u64, wanted: u64| {
         if has < wanted {
@@ -200,10 +203,27 @@ pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
     need("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_MEMORY.into());
     need("invocations per workgroup", limits.max_compute_invocations_per_workgroup.into(), 256);
     need("bytes of immediate data", limits.max_immediate_size.into(), IMMEDIATES.into());
-    if !adapter.features().contains(wgpu::Features::IMMEDIATES) {
+    if !features.contains(wgpu::Features::IMMEDIATES) {
         missing.push("the feature IMMEDIATES".to_owned());
     }
     missing
+}
+
+/// How to ask an adapter for a device that ibgs can use: with all its features and limits.
+pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+    // A library that shares the device may generate code for whatever the adapter offers.
+    let mut wanted = adapter
+        .features()
+        .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
+    wanted.set(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX, matrix_units(adapter).is_some());
+    wgpu::DeviceDescriptor {
+        label: Some("ibgs"),
+        required_features: wanted,
+        required_limits: adapter.limits(),
+        memory_hints: wgpu::MemoryHints::MemoryUsage,
+        experimental_features: experimental_features(),
+        ..Default::default()
+    }
 }
 
 fn rank(info: &wgpu::AdapterInfo) -> u32 {
@@ -260,39 +280,46 @@ impl Gpu {
             return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
         }
         let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
-        // A library that shares the device may generate code for whatever the adapter offers.
-        let mut wanted = adapter
-            .features()
-            .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
-        let matrix_units = matrix_units(&adapter);
-        wanted.set(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX, matrix_units.is_some());
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("ibgs"),
-            required_features: wanted,
-            required_limits: adapter.limits(),
-            memory_hints: wgpu::MemoryHints::MemoryUsage,
-            experimental_features: experimental_features(),
-            ..Default::default()
-        };
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| refused(e.to_string()))?;
-        let gpu = Gpu {
-            limits: device.limits(),
+        let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(&adapter)))
+            .map_err(|e| refused(e.to_string()))?;
+        let gpu = Self::from_wgpu(instance, adapter, device, queue)?;
+        gpu.watch();
+        Ok(gpu)
+    }
+
+    /// The device of another program, asked for by [`device_descriptor`]. Its callbacks stay: where they do not end the program,
+    /// a lost device shows in the next wait.
+    ///
+    /// # Errors
+    /// The device lacks a limit or a feature.
+    pub fn from_wgpu(
+        instance: wgpu::Instance,
+        adapter: wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Result<Arc<Gpu>, GpuError> {
+        let info = adapter.get_info();
+        let (limits, features) = (device.limits(), device.features());
+        let missing = missing(&limits, features);
+        if !missing.is_empty() {
+            return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
+        }
+        let experimental = features.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX);
+        Ok(Arc::new(Gpu {
+            matrix_units: matrix_units(&adapter).filter(|_| experimental),
+            limits,
             instance,
             adapter,
             device,
             queue,
             info,
-            matrix_units,
             companion: OnceLock::new(),
             transients: Arc::default(),
             matrix_units_pay: OnceLock::new(),
             pipelines: Mutex::default(),
             profiler: Mutex::default(),
             fault: Arc::default(),
-        };
-        gpu.watch();
-        Ok(Arc::new(gpu))
+        }))
     }
 
     /// Sets the callbacks that note what goes wrong on the device, in place of those of another library.

@@ -13,6 +13,8 @@ pub mod sort;
 
 pub use buffer::Buffer;
 pub use bytes::Bytes;
-pub use device::{AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, backends, list_adapters};
+pub use device::{
+    AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, backends, device_descriptor, list_adapters,
+};
 pub use launch::Pass;
 pub use profile::Measured;

@@ -33,6 +33,12 @@ pub enum OutputError {
         /// Iteration of its latest checkpoint.
         iteration: u32,
     },
+    /// Another training writes into it now.
+    #[error("{} is being trained into by another run; choose another folder or wait for its end", path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The folder belongs to something else.
     #[error(
         "{} holds a `{file}` that no training run wrote, perhaps it is a scene folder; choose another output folder or allow overwriting it",

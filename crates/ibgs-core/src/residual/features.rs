@@ -1,4 +1,4 @@
-//! Features of the visible sources, per-view MLP and what joins them to the hourglass' input, with their derivatives
+//! Features of the visible sources, per-view MLP and what joins them to the U-Net's input, with their derivatives
 //! (method.md sections 5 and 6).
 
 use super::layers::{CONFIDENCE, ENC1, HIDDEN, INPUT, MLP1, MLP2};
@@ -59,7 +59,7 @@ pub struct FeatureScratch {
 /// What the features' backward pass reads and writes besides the inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureGradients<'a> {
-    /// Gradient by the hourglass' input, planes `[38][w h]`, read.
+    /// Gradient by the U-Net's input, planes `[38][w h]`, read.
     pub v_x: &'a Buffer,
     /// Gradient by the network's weights: those of the per-view MLP and of the confidence are assigned, zeros to the latter
     /// where it is not read.
@@ -141,7 +141,7 @@ impl Features {
         })
     }
 
-    /// Records the hourglass' input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
+    /// Records the U-Net's input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
     /// base colour (zeros with [`Inputs::DifferencesOnly`]).
     pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
         self.record_with(&RESIDUAL_FEATURES, pass, inputs, x);

@@ -1,15 +1,16 @@
-//! The hourglass in half precision on the adapter's matrix units, forward and backward (method.md section 6).
+//! The U-Net in half precision on the adapter's matrix units, forward and backward (method.md section 6).
 //!
 //! Activations are channels last, `[pixel][channel]`, padded to a multiple of 16 channels; products of halves are summed in
-//! float32. As in [`Hourglass`](super::hourglass::Hourglass) concatenations, maxima and enlargements are never stored.
+//! float32. As in [`UNet`](super::unet::U-Net) concatenations, maxima and enlargements are never stored.
 //! Gradients are multiplied by a scale while they are halves, so that the smallest ones that matter have all their digits.
 
 mod backward;
 pub mod choice;
 
-use super::hourglass::{Mode, Store};
 use super::layers::{self, HALF, INPUT, Layer, QUARTER};
+use super::unet::{Mode, Store};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::raster::Keep;
 use backward::Training;
 use bytemuck::bytes_of;
 use half::f16;
@@ -108,7 +109,7 @@ const CONVOLUTIONS: [(&Layer, usize); 7] = [
 
 /// Memory for images of one size.
 #[derive(Debug)]
-pub struct HalfHourglass {
+pub struct HalfUNet {
     units: MatrixUnits,
     packed: Buffer,
     convolutions: [Packed; 7],
@@ -141,13 +142,14 @@ fn groups(outputs: usize, units: MatrixUnits) -> u32 {
     (outputs as u32).next_multiple_of(3 * units.side) / units.side
 }
 
-impl HalfHourglass {
+impl HalfUNet {
     /// Memory for images of `width` x `height` pixels: 446 bytes a pixel, with `gradients` 868; none where the adapter has no
     /// matrix units.
     ///
     /// # Errors
     /// Not enough memory, or more than the device binds at once.
-    pub fn new(gpu: &Gpu, width: u32, height: u32, gradients: bool) -> Result<Option<Self>, GpuError> {
+    pub fn new(gpu: &Gpu, width: u32, height: u32, keep: Keep) -> Result<Option<Self>, GpuError> {
+        let gradients = keep == Keep::Gradients;
         let Some(units) = gpu.matrix_units else { return Ok(None) };
         let mut at = 0;
         let mut convolutions =
@@ -167,17 +169,17 @@ impl HalfHourglass {
             convolutions,
             fuse,
             last,
-            v_x: gpu.allocate("hourglass v_x", 4 * INPUT as u64 * if gradients { pixels } else { 1 })?,
+            v_x: gpu.allocate("unet v_x", 4 * INPUT as u64 * if gradients { pixels } else { 1 })?,
             residual: gpu.allocate("residual", 12 * pixels)?,
-            x: map("hourglass x", INPUT, full)?,
-            e1: map("hourglass e1", INPUT, full)?,
-            e2: map("hourglass e2", HALF, half)?,
-            b: map("hourglass b", QUARTER, quarter)?,
-            u2: map("hourglass u2", HALF, half)?,
-            d2: map("hourglass d2", HALF, half)?,
-            u1: map("hourglass u1", INPUT, full)?,
-            d1: map("hourglass d1", INPUT, full)?,
-            f: map("hourglass f", INPUT, if gradients { full } else { [1, 1] })?,
+            x: map("unet x", INPUT, full)?,
+            e1: map("unet e1", INPUT, full)?,
+            e2: map("unet e2", HALF, half)?,
+            b: map("unet b", QUARTER, quarter)?,
+            u2: map("unet u2", HALF, half)?,
+            d2: map("unet d2", HALF, half)?,
+            u1: map("unet u1", INPUT, full)?,
+            d1: map("unet d1", INPUT, full)?,
+            f: map("unet f", INPUT, if gradients { full } else { [1, 1] })?,
             training,
         }))
     }
@@ -201,17 +203,17 @@ impl HalfHourglass {
         );
     }
 
-    /// The gradient by the input after [`HalfHourglass::backward`], `[38][height * width]`.
+    /// The gradient by the input after [`HalfUNet::backward`], `[38][height * width]`.
     pub fn v_x(&self) -> &Buffer {
         &self.v_x
     }
 
-    /// The output of [`HalfHourglass::forward`], `[height * width * 3]`.
+    /// The output of [`HalfUNet::forward`], `[height * width * 3]`.
     pub fn residual(&self) -> &Buffer {
         &self.residual
     }
 
-    /// Whether [`HalfHourglass::backward`] can run.
+    /// Whether [`HalfUNet::backward`] can run.
     pub fn has_gradients(&self) -> bool {
         self.training.is_some()
     }

@@ -4,7 +4,7 @@
 pub const FEATURES: usize = 7;
 /// Channels of the per-view MLP.
 pub const HIDDEN: usize = 32;
-/// Channels of the hourglass' input: aggregated features, unit viewing ray, base colour.
+/// Channels of the U-Net's input: aggregated features, unit viewing ray, base colour.
 pub const INPUT: usize = HIDDEN + 6;
 /// Channels at a half of the size.
 pub const HALF: usize = INPUT / 2;
@@ -79,8 +79,8 @@ pub const CONFIDENCE: Layer = Layer::new("per_view_confidence", 1, HIDDEN + 1, 1
 /// Every layer in order.
 pub const LAYERS: [Layer; 12] = [MLP1, MLP2, ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL, CONFIDENCE];
 
-/// Those of the hourglass, in order.
-pub const HOURGLASS: &[Layer] = &[ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL];
+/// Those of the U-Net, in order.
+pub const UNET: &[Layer] = &[ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL];
 
 /// Length of the flat weight vector.
 pub const WEIGHTS: usize = CONFIDENCE.end();

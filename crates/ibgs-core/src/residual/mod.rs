@@ -1,20 +1,20 @@
-//! The residual network (method.md section 6): [`features`] and per-view MLP, then the hourglass, then [`compose`].
+//! The residual network (method.md section 6): [`features`] and per-view MLP, then the U-Net, then [`compose`].
 
+pub mod backend;
 pub mod compose;
 pub mod features;
 pub mod half;
-pub mod hourglass;
 pub mod layers;
 pub mod network;
 mod operation;
-pub mod path;
 pub mod pth;
 pub mod state_dict;
+pub mod unet;
 pub mod variant;
 pub mod weights;
 
-pub use hourglass::Hourglass;
 pub use network::ResidualNetwork;
 pub use operation::{Residual, ResidualGradients, ResidualInputs, ResidualPass, ResidualTask};
+pub use unet::UNet;
 pub use variant::{Aggregation, Factor, Inputs, Output, Precision, Variant};
 pub use weights::NetworkError;

@@ -1,10 +1,10 @@
 //! From base colour and warped source colours to the final image (method.md section 6), and the gradients by them.
 
+use super::backend::{Arithmetic, Backend};
 use super::compose::{Compose, ComposeBuffers, ComposeGradients};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
 use super::half::choice;
-use super::hourglass::Hourglass;
-use super::path::Path;
+use super::unet::UNet;
 use super::variant::{Precision, Variant};
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
@@ -30,14 +30,13 @@ pub struct Residual {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Scratch>>,
     variant: Variant,
-    /// In half precision on the matrix units.
-    half: bool,
+    arithmetic: Arithmetic,
 }
 
 /// Memory of one image size.
 #[derive(Debug)]
 struct Scratch {
-    network: Path,
+    network: Backend,
     size: [u32; 2],
     slots: u32,
     backward: Option<BackwardScratch>,
@@ -144,8 +143,11 @@ fn feature_inputs<'a>(seen: &'a Seen, base: &'a Buffer, warped: &'a Buffer, weig
 impl Residual {
     /// A residual stage without any memory yet.
     pub fn new(gpu: Arc<Gpu>, variant: Variant, precision: Precision) -> Self {
-        let half = precision == Precision::Auto && choice::pays(&gpu);
-        Self { gpu, pool: Arc::default(), variant, half }
+        let arithmetic = match precision {
+            Precision::Auto if choice::pays(&gpu) => Arithmetic::Half,
+            _ => Arithmetic::Full,
+        };
+        Self { gpu, pool: Arc::default(), variant, arithmetic }
     }
 
     /// The GPU it works on.
@@ -155,7 +157,7 @@ impl Residual {
 
     /// Whether an image of this size is large enough for the network at its factor; a smaller one has no residual.
     pub fn fits(&self, camera: &Camera) -> bool {
-        Hourglass::fits(self.variant.factor.size([camera.width, camera.height]))
+        UNet::fits(self.variant.factor.size([camera.width, camera.height]))
     }
 
     fn scratch(&self, task: &ResidualTask, slots: u32, keep: Keep) -> Result<Scratch, GpuError> {
@@ -175,7 +177,7 @@ impl Residual {
             })
         };
         Ok(Scratch {
-            network: Path::new(gpu, low, gradients, self.half)?,
+            network: Backend::new(gpu, low, keep, self.arithmetic)?,
             size,
             slots,
             backward: gradients.then(backward).transpose()?,

@@ -1,4 +1,4 @@
-// The kernel that makes the hourglass' input, one thread a pixel of the network's size: features of the visible sources,
+// The kernel that makes the U-Net's input, one thread a pixel of the network's size: features of the visible sources,
 // per-view MLP, mean, largest value or mean by confidence over the slots, viewing ray and base colour (method.md section 6). It hands each four of
 // the 38 channels to the `put` of the file that imports it, the last two with zeros.
 #import index

@@ -1,4 +1,4 @@
-// The two 1 x 1 convolutions at the hourglass' end: f = relu(fuse [d1, x]) and the residual, linear in f. A thread owns
+// The two 1 x 1 convolutions at the U-Net's end: f = relu(fuse [d1, x]) and the residual, linear in f. A thread owns
 // four pixels; 38 channels are ten quads.
 
 struct HeadParams {

@@ -30,7 +30,7 @@ const INPUTS_SOURCE_COLORS: u32 = 1u;
 const INPUTS_DIFFERENCES_ONLY: u32 = 2u;
 const AGGREGATION_LARGEST: u32 = 1u;
 const AGGREGATION_SOFT: u32 = 2u;
-// Channels of the hourglass' input: aggregated features, ray, base colour.
+// Channels of the U-Net's input: aggregated features, ray, base colour.
 const RAY_CHANNEL: u32 = 32u;
 const BASE_CHANNEL: u32 = 35u;
 

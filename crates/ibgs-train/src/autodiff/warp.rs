@@ -1,40 +1,15 @@
 //! Warping.
 
-use crate::tensor::{bind, contiguous, empty};
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use super::unary;
+use crate::tensor::{bind, empty};
 use burn::tensor::Tensor;
-use burn_wgpu::CubeBackend;
-use ibgs_core::gpu::{Gpu, GpuError};
+use ibgs_core::gpu::GpuError;
 use ibgs_core::raster::Forward;
 use ibgs_core::sources::{SourceView, Warped, Warper};
-use std::sync::Arc;
-
-#[derive(Debug)]
-struct WarpBackward;
-
-#[derive(Clone, Debug)]
-struct Saved {
-    gpu: Arc<Gpu>,
-    warped: Warped,
-}
-
-impl Backward<CubeBackend, 1> for WarpBackward {
-    type State = Saved;
-
-    /// The gradient goes into the surface's own gradient buffers, which the rasterizer reads: the image, the parent, gets
-    /// none from here.
-    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_colors = contiguous(grads.consume::<CubeBackend>(&ops.node));
-        ops.state.warped.backward(&ops.state.gpu, &bind(&v_colors));
-    }
-}
 
 /// Warped colours `[V, P, 4]` on the autodiff graph of the image that `forward` made, and the pass. Gradients flow through the
-/// bilinear reads, the weights, the median depth and the cosine.
+/// bilinear reads, the weights, the median depth and the cosine: into the surface's own gradient buffers, which the rasterizer
+/// reads. The image, the parent, gets none from here.
 ///
 /// # Errors
 /// Not enough memory.
@@ -47,15 +22,17 @@ pub fn warped(
     forward: &Forward,
     sources: &[SourceView],
 ) -> Result<(Tensor<3>, Warped), GpuError> {
-    type Ad = Autodiff<CubeBackend>;
-    let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
+    let gpu = warper.gpu().clone();
     let pixels = forward.frame.size.map(|n| n as usize).iter().product();
-    let gpu = warper.gpu();
-    let colors = empty(gpu, "warped colours", &[warper.options.visible as usize, pixels, 4])?;
+    let colors = empty(&gpu, "warped colours", &[warper.options.visible as usize, pixels, 4])?;
     let warped = warper.warp(forward, sources, bind(&colors))?;
-    let output = match WarpBackward.prepare::<NoCheckpointing>([image.node()]).compute_bound().stateful() {
-        OpsKind::Tracked(prep) => prep.finish(Saved { gpu: gpu.clone(), warped: warped.clone() }, colors),
-        OpsKind::UnTracked(prep) => prep.finish(colors),
-    };
-    Ok((Tensor::from_primitive::<Ad>(output), warped))
+    let pass = warped.clone();
+    let colors = unary(image.clone(), |_| {
+        let rule = move |v_colors: &_| {
+            pass.backward(&gpu, &bind(v_colors));
+            None
+        };
+        Ok::<_, GpuError>((colors, rule))
+    })?;
+    Ok((colors, warped))
 }

@@ -15,7 +15,7 @@
 //! | depth maps | M times project with C = 1, sort, planes, and 64 n + 4 I + 8 T + 4 P | M times theirs |
 //! | warp | (4 + 8 K + 8 M + 16 V + 4) P | 40 min(M, V) P |
 //! | features | (12 + 16 A + 4) P + 152 p | 2 (7 x 32 + 32 x 32) A p |
-//! | hourglass | 4 bytes an input and output of each layer | 2 a weight and pixel of each layer |
+//! | U-Net | 4 bytes an input and output of each layer | 2 a weight and pixel of each layer |
 //! | compose | 24 P + 12 p | 9 P |
 //! | image loss | 52 P an image | 660 P an image |
 //! | normal loss | 16 P | 60 P |
@@ -24,8 +24,8 @@
 //! | normal loss backward | 48 P | 120 P |
 //! | photometric loss backward | 8 P + 52 A P + 16 V P | 396 A P |
 //! | compose backward | 24 P + 12 p | 9 P |
-//! | hourglass backward | as forward, for the gradients, and the activations once more | as forward |
-//! | hourglass weights | as forward | as forward |
+//! | U-Net backward | as forward, for the gradients, and the activations once more | as forward |
+//! | U-Net weights | as forward | as forward |
 //! | features backward | (16 + 16 A) P + 152 p + 16 A p + (16 V + 24) P | 3 times the forward's |
 //! | warp backward | (4 + 8 K + 4 M + 32 V + 4) P + (16 K + 8) P | 40 min(M, V) P |
 //! | blend backward | 48 n + 8 I + 8 T + 20 P + 48 I; with surface also 16 n + (20 + 20 K) P + 16 I | 14 B |
@@ -110,7 +110,7 @@ impl Floor {
 /// A layer, the halvings of the size at which it is computed, and channels and halvings of each input.
 type Placed = (Layer, u32, &'static [(usize, u32)]);
 
-/// The hourglass.
+/// The U-Net.
 const LAYERS: [Placed; 9] = [
     (ENC1, 0, &[(INPUT, 0)]),
     (ENC2, 1, &[(INPUT, 0)]),
@@ -130,7 +130,7 @@ impl Load {
     }
 
     /// Inputs and outputs of every layer once, and its multiply-adds.
-    fn hourglass(&self) -> Floor {
+    fn unet(&self) -> Floor {
         let layer = |(layer, at, inputs): &Placed| {
             let read: f64 = inputs.iter().map(|&(channels, at)| channels as f64 * self.network_pixels(at)).sum();
             let pixels = self.network_pixels(*at);
@@ -210,9 +210,9 @@ impl Load {
                 let written = 16.0 * a * low + (16.0 * v + 24.0) * p;
                 Floor::new(forward.bytes + written, 3.0 * forward.operations)
             }
-            Stage::Hourglass | Stage::HourglassWeights => self.hourglass(),
-            Stage::HourglassBackward => {
-                let forward = self.hourglass();
+            Stage::UNet | Stage::UNetWeights => self.unet(),
+            Stage::UNetBackward => {
+                let forward = self.unet();
                 let signs: f64 =
                     LAYERS[..8].iter().map(|(l, at, _)| 4.0 * l.outputs as f64 * self.network_pixels(*at)).sum();
                 Floor::new(forward.bytes + signs, forward.operations)
@@ -266,14 +266,14 @@ mod tests {
     }
 
     #[test]
-    fn the_hourglass_counts_every_weight_once_a_pixel() {
+    fn the_unet_counts_every_weight_once_a_pixel() {
         // Sides that two halvings divide: full, half and quarter size as exact parts.
         let pixels = 64.0 * 48.0;
         let full = 38 * 38 * 9 + 38 * 19 * 9 + 38 * 76 * 9 + 38 * 76 + 3 * 38;
         let half = 19 * 38 * 9 + 19 * 9 * 9 + 19 * 38 * 9;
         let quarter = 9 * 19 * 9;
         let weights = f64::from(full) + f64::from(half) / 4.0 + f64::from(quarter) / 16.0;
-        let floor = load().hourglass();
+        let floor = load().unet();
         assert!((floor.operations - 2.0 * weights * pixels).abs() < 1.0, "{floor:?}");
         // Planes that are read and written at each size.
         let planes = f64::from(76 + 38 + 38 + 114 + 114 + 41)

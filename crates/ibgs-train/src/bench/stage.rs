@@ -35,8 +35,8 @@ pub enum Stage {
     Warp,
     /// Features and per-view MLP.
     Features,
-    /// The hourglass.
-    Hourglass,
+    /// The U-Net.
+    UNet,
     /// Base colour and residual to the final colour.
     Compose,
     /// L1 and SSIM, of base and final image.
@@ -53,10 +53,10 @@ pub enum Stage {
     PhotometricLossBackward,
     /// Gradient of the composition, and of the colour map.
     ComposeBackward,
-    /// Gradient of the hourglass by activations.
-    HourglassBackward,
-    /// Gradient of the hourglass by weights.
-    HourglassWeights,
+    /// Gradient of the U-Net by activations.
+    UNetBackward,
+    /// Gradient of the U-Net by weights.
+    UNetWeights,
     /// Gradient of features and MLP by inputs and weights.
     FeaturesBackward,
     /// Gradient of the warping.
@@ -99,7 +99,7 @@ impl Work {
     /// Its stages in order.
     pub fn stages(self) -> Vec<Stage> {
         let frame: &[Stage] = &[Project, Sort, Planes, Blend, Warp];
-        let network: &[Stage] = &[Features, Hourglass, Compose];
+        let network: &[Stage] = &[Features, UNet, Compose];
         match self {
             Work::BaseFrame => vec![Project, Sort, Blend],
             Work::WarmFrame => [frame, network].concat(),
@@ -109,7 +109,7 @@ impl Work {
             }
             Work::FinalIteration => {
                 let losses = [NormalLoss, PhotometricLoss, ImageLoss, ImageLossBackward, NormalLossBackward];
-                let back = [PhotometricLossBackward, ComposeBackward, HourglassWeights, HourglassBackward];
+                let back = [PhotometricLossBackward, ComposeBackward, UNetWeights, UNetBackward];
                 let last = [FeaturesBackward, WarpBackward, BlendBackward, PlanesBackward, ProjectBackward, Adam];
                 [frame, network, &losses, &back, &last].concat()
             }
@@ -128,7 +128,7 @@ impl Stage {
             Blend => "blend",
             Warp => "warp",
             Features => "features",
-            Hourglass => "hourglass",
+            UNet => "unet",
             Compose => "compose",
             ImageLoss => "image loss",
             NormalLoss => "normal loss",
@@ -137,8 +137,8 @@ impl Stage {
             NormalLossBackward => "normal loss backward",
             PhotometricLossBackward => "photometric loss backward",
             ComposeBackward => "compose backward",
-            HourglassBackward => "hourglass backward",
-            HourglassWeights => "hourglass weights",
+            UNetBackward => "unet backward",
+            UNetWeights => "unet weights",
             FeaturesBackward => "features backward",
             WarpBackward => "warp backward",
             BlendBackward => "blend backward",
@@ -150,7 +150,7 @@ impl Stage {
     }
 
     /// The stage of a kernel in a pass. A kernel of the residual's passes that is not known by its name counts as one
-    /// of the hourglass.
+    /// of the U-Net.
     pub fn of(pass: &'static str, kernel: &'static str) -> Self {
         match (pass, kernel) {
             ("depth map", _) => DepthMaps,
@@ -172,15 +172,15 @@ impl Stage {
             ("rasterize", _) => Sort,
             ("residual", "residual_features" | "half_features") => Features,
             ("residual", "residual_compose") => Compose,
-            ("residual", _) => Hourglass,
+            ("residual", _) => UNet,
             ("residual backward", "residual_compose_backward") => ComposeBackward,
             ("residual backward", kernel) if kernel.starts_with("residual_features") => FeaturesBackward,
             ("residual backward", "residual_inputs_backward") => FeaturesBackward,
             (
                 "residual backward",
                 "residual_conv_weights" | "residual_head_weights" | "residual_sum" | "half_conv_weights" | "half_sum",
-            ) => HourglassWeights,
-            ("residual backward", _) => HourglassBackward,
+            ) => UNetWeights,
+            ("residual backward", _) => UNetBackward,
             (_, kernel) => Other(kernel),
         }
     }
@@ -197,11 +197,11 @@ mod tests {
             let distinct: std::collections::BTreeSet<_> = names.iter().collect();
             assert_eq!(distinct.len(), names.len(), "{work:?}");
         }
-        assert_eq!(Stage::of("residual", "residual_conv"), Hourglass);
-        assert_eq!(Stage::of("residual backward", "residual_conv"), HourglassBackward);
-        assert_eq!(Stage::of("residual backward", "residual_head_weights"), HourglassWeights);
-        assert_eq!(Stage::of("residual backward", "half_sum"), HourglassWeights);
-        assert_eq!(Stage::of("residual backward", "half_weights"), HourglassBackward);
+        assert_eq!(Stage::of("residual", "residual_conv"), UNet);
+        assert_eq!(Stage::of("residual backward", "residual_conv"), UNetBackward);
+        assert_eq!(Stage::of("residual backward", "residual_head_weights"), UNetWeights);
+        assert_eq!(Stage::of("residual backward", "half_sum"), UNetWeights);
+        assert_eq!(Stage::of("residual backward", "half_weights"), UNetBackward);
         assert_eq!(Stage::of("depth map", "project"), DepthMaps);
         assert_eq!(Stage::of("shape normals", "shortest_axis"), Other("shortest_axis"));
     }

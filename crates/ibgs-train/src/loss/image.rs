@@ -1,14 +1,9 @@
-//! `(1 - lambda) L1 + lambda (1 - SSIM)` of an image against a photo, as a burn autodiff operation.
+//! `(1 - lambda) L1 + lambda (1 - SSIM)` of an image against a photo, as an operation of burn's autodiff.
 
-use crate::tensor::{bind, contiguous, empty_like};
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use crate::autodiff::unary;
+use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::CubeBackend;
 use bytemuck::bytes_of;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -63,9 +58,6 @@ pub struct ImageLoss {
     pub lambda: f32,
 }
 
-#[derive(Debug)]
-struct LossBackward;
-
 #[derive(Clone, Debug)]
 struct Saved {
     gpu: Arc<Gpu>,
@@ -73,16 +65,6 @@ struct Saved {
     target: DevicePhoto,
     params: LossParams,
     scratch: Arc<Lease<LossScratch>>,
-}
-
-impl Backward<CubeBackend, 1> for LossBackward {
-    type State = Saved;
-
-    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_loss = grads.consume::<CubeBackend>(&ops.node);
-        let [Some(parent)] = ops.parents else { return };
-        grads.register::<CubeBackend>(parent.id, ops.state.backward(&v_loss));
-    }
 }
 
 impl Saved {
@@ -153,15 +135,12 @@ impl ImageLoss {
         image: Tensor<3>,
         target: &DevicePhoto,
     ) -> Result<(Tensor<1>, Arc<Lease<LossScratch>>), GpuError> {
-        type Ad = Autodiff<CubeBackend>;
-        let image = image.try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
-        let node = image.node();
-        let (loss, saved) = self.forward(contiguous(image.into_primitive()), target)?;
-        let scratch = saved.scratch.clone();
-        let output = match LossBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(saved, loss),
-            OpsKind::UnTracked(prep) => prep.finish(loss),
-        };
-        Ok((Tensor::from_primitive::<Ad>(output), scratch))
+        let mut scratch = None;
+        let loss = unary(image, |image| {
+            let (loss, saved) = self.forward(image, target)?;
+            scratch = Some(saved.scratch.clone());
+            Ok::<_, GpuError>((loss, move |v_loss: &CubeTensor| Some(saved.backward(v_loss))))
+        })?;
+        Ok((loss, scratch.expect("the loss was computed")))
     }
 }

@@ -1,15 +1,10 @@
 //! The normal loss (method.md section 7): the normals of the median depth against the normal map, as a burn autodiff
 //! operation whose gradients go into buffers beside the graph.
 
+use crate::autodiff::unary;
 use crate::tensor::{bind, empty_like};
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::CubeBackend;
 use bytemuck::bytes_of;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::pool::{Lease, Pool};
@@ -90,33 +85,6 @@ pub struct NormalLoss {
     pub weight: f32,
 }
 
-#[derive(Debug)]
-struct NormalBackward;
-
-#[derive(Clone, Debug)]
-struct Saved {
-    gpu: Arc<Gpu>,
-    surface: SurfaceBuffers,
-    photo: DevicePhoto,
-    params: SurfaceParams,
-}
-
-impl Backward<CubeBackend, 1> for NormalBackward {
-    type State = Saved;
-
-    /// Registers nothing for the parent: the gradients go into the surface's own buffers.
-    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_loss = grads.consume::<CubeBackend>(&ops.node);
-        let Saved { gpu, surface, photo, params } = &ops.state;
-        let upstream = bind(&v_loss);
-        let mut pass = Pass::new(gpu, "normal loss backward");
-        let buffers: [&Buffer; 6] =
-            [&surface.depth, &surface.normal, &photo.texels, &upstream, &surface.v_depth, &surface.v_normal];
-        pass.grid(&NORMAL_LOSS_BACKWARD, &buffers, bytes_of(params), surface.tiles());
-        pass.submit();
-    }
-}
-
 impl NormalLoss {
     /// A loss with this weight.
     pub fn new(gpu: Arc<Gpu>, weight: f32) -> Self {
@@ -172,17 +140,22 @@ impl NormalLoss {
         surface: &SurfaceBuffers,
         photo: &DevicePhoto,
     ) -> Result<Tensor<1>, GpuError> {
-        type Ad = Autodiff<CubeBackend>;
         assert_eq!(surface.size, photo.size, "surface and photo differ in size");
-        let image = image.clone().try_into_primitive::<Ad>().expect("the image is on the autodiff graph");
-        let node = image.node();
-        let loss = self.forward(&image.into_primitive(), surface, photo)?;
-        let params = surface.params(self.weight);
-        let saved = Saved { gpu: self.gpu.clone(), surface: surface.clone(), photo: photo.clone(), params };
-        let output = match NormalBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(saved, loss),
-            OpsKind::UnTracked(prep) => prep.finish(loss),
-        };
-        Ok(Tensor::from_primitive::<Ad>(output))
+        let (gpu, params) = (self.gpu.clone(), surface.params(self.weight));
+        let (surface, photo) = (surface.clone(), photo.clone());
+        unary(image.clone(), |image| {
+            let loss = self.forward(&image, &surface, &photo)?;
+            // The gradients go into the surface's own buffers: the image gets none.
+            let rule = move |v_loss: &CubeTensor| {
+                let upstream = bind(v_loss);
+                let mut pass = Pass::new(&gpu, "normal loss backward");
+                let buffers: [&Buffer; 6] =
+                    [&surface.depth, &surface.normal, &photo.texels, &upstream, &surface.v_depth, &surface.v_normal];
+                pass.grid(&NORMAL_LOSS_BACKWARD, &buffers, bytes_of(&params), surface.tiles());
+                pass.submit();
+                None
+            };
+            Ok((loss, rule))
+        })
     }
 }

@@ -1,15 +1,10 @@
 //! The photometric loss (method.md section 7): SSIM of the photo and the source photos warped to it, as a burn autodiff
 //! operation.
 
-use crate::tensor::{bind, contiguous, empty_like};
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use crate::autodiff::unary;
+use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::CubeBackend;
 use bytemuck::bytes_of;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -46,9 +41,6 @@ pub struct PhotometricLoss {
     pub weight: f32,
 }
 
-#[derive(Debug)]
-struct PhotometricBackward;
-
 #[derive(Clone, Debug)]
 struct Saved {
     gpu: Arc<Gpu>,
@@ -57,16 +49,6 @@ struct Saved {
     target: DevicePhoto,
     params: LossParams,
     scratch: Arc<Lease<Scratch>>,
-}
-
-impl Backward<CubeBackend, 1> for PhotometricBackward {
-    type State = Saved;
-
-    fn backward(self, ops: Ops<Saved, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_loss = grads.consume::<CubeBackend>(&ops.node);
-        let [Some(parent)] = ops.parents else { return };
-        grads.register::<CubeBackend>(parent.id, ops.state.backward(&v_loss));
-    }
 }
 
 impl Saved {
@@ -155,15 +137,9 @@ impl PhotometricLoss {
     /// # Panics
     /// When warped images and photo differ in size, or the images are not on the autodiff graph: bugs of ours.
     pub fn tracked(&self, warped: Tensor<3>, seen: &Buffer, target: &DevicePhoto) -> Result<Tensor<1>, GpuError> {
-        type Ad = Autodiff<CubeBackend>;
-        let warped = warped.try_into_primitive::<Ad>().expect("the warped images are on the autodiff graph");
-        let node = warped.node();
-        let contiguous = contiguous(warped.into_primitive());
-        let (loss, saved) = self.forward(contiguous, seen, target)?;
-        let output = match PhotometricBackward.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(saved, loss),
-            OpsKind::UnTracked(prep) => prep.finish(loss),
-        };
-        Ok(Tensor::from_primitive::<Ad>(output))
+        unary(warped, |warped| {
+            let (loss, saved) = self.forward(warped, seen, target)?;
+            Ok((loss, move |v_loss: &CubeTensor| Some(saved.backward(v_loss))))
+        })
     }
 }

@@ -10,7 +10,7 @@ impl Viewer {
         match self.write_screenshot() {
             Ok(Some(path)) => self.message = Some(format!("screenshot: {}", path.display())),
             Ok(None) => {}
-            Err(error) => self.error = Some(crate::worker::sentence(&error)),
+            Err(error) => self.error = Some(ibgs_core::sentence(error.as_ref())),
         }
     }
 

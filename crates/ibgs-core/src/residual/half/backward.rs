@@ -1,9 +1,9 @@
 //! From the gradient by the residual to those by the planes and by the weights.
 
-use super::{HalfHourglass, Map, Packed, groups as side_groups, padded, place};
+use super::{HalfUNet, Map, Packed, groups as side_groups, padded, place};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::residual::hourglass::{Mode, Store};
 use crate::residual::layers::{self, HALF, INPUT, Layer, QUARTER};
+use crate::residual::unet::{Mode, Store};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{
     HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfResizeParams, HalfSumParams,
@@ -92,8 +92,8 @@ impl Training {
         Ok(Self {
             turned,
             v_residual: Map::new(gpu, "residual gradients", RESIDUAL_CHANNELS, full)?,
-            v_f: Map::new(gpu, "hourglass v_f", INPUT, full)?,
-            v_e2: Map::new(gpu, "hourglass v_e2", HALF, full.map(|side| side / 2))?,
+            v_f: Map::new(gpu, "unet v_f", INPUT, full)?,
+            v_e2: Map::new(gpu, "unet v_e2", HALF, full.map(|side| side / 2))?,
             partials: gpu.allocate("weight gradients", row * u64::from(splits(full, units)))?,
             // A power of two costs no digit.
             scale: 16.0 * (3 * full[0] * full[1]).next_power_of_two() as f32,
@@ -115,16 +115,16 @@ fn upsample_backward(pass: &mut Pass, v_enlarged: &Map, v: &Map) {
     pass.linear(&HALF_UPSAMPLE_BACKWARD, &buffers, bytes_of(&params), (v.quads() * v.pixels()) as usize);
 }
 
-impl HalfHourglass {
-    /// From `v_residual`, `[height * width * 3]`, to the gradient by the input as planes, and the hourglass' part of
+impl HalfUNet {
+    /// From `v_residual`, `[height * width * 3]`, to the gradient by the input as planes, and the U-Net's part of
     /// `v_weights` (from the first weight of e1 to the end), which is assigned; the rest of `v_weights` is left alone.
     ///
-    /// Consumes what the last [`HalfHourglass::forward`] kept: one backward for each forward, with the same weights.
+    /// Consumes what the last [`HalfUNet::forward`] kept: one backward for each forward, with the same weights.
     ///
     /// # Panics
     /// When made without gradients: a bug of ours.
     pub fn backward(&self, pass: &mut Pass, weights: &Buffer, v_residual: &Buffer, v_weights: &Buffer) {
-        let t = self.training.as_ref().expect("an hourglass made with gradients");
+        let t = self.training.as_ref().expect("an unet made with gradients");
         let Self { x, e1, e2, b, u2, d2, u1, d1, f, .. } = self;
         t.turned.iter().for_each(|packed| self.pack(pass, weights, packed));
         let by_weights = |pass: &mut Pass, layer: &Layer, first: usize, v: &Map, input: &Map| {

@@ -1,8 +1,9 @@
 //! Whether the matrix units are right and fast on this adapter: a test against the portable path when they are first wanted.
 
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::residual::layers::{self, HOURGLASS, INPUT, WEIGHTS};
-use crate::residual::path::Path;
+use crate::raster::Keep;
+use crate::residual::backend::{Arithmetic, Backend};
+use crate::residual::layers::{self, INPUT, UNET, WEIGHTS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::{Duration, Instant};
@@ -33,7 +34,7 @@ impl WholeNumbers {
     pub fn new(width: u32, height: u32, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut weights = vec![0.0; WEIGHTS];
-        for layer in HOURGLASS {
+        for layer in UNET {
             let last = [layers::FINAL.name, layers::FUSE.name, layers::DEC1.name].contains(&layer.name);
             let length = layer.inputs * layer.taps;
             for o in 0..layer.outputs {
@@ -60,7 +61,7 @@ type Results = [Vec<f32>; 3];
 /// A path with whole numbers to work on.
 struct Trial<'a> {
     gpu: &'a Gpu,
-    path: Path,
+    path: Backend,
     pixels: usize,
     weights: Buffer,
     v_residual: Buffer,
@@ -68,8 +69,13 @@ struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    fn new(gpu: &'a Gpu, [width, height]: [u32; 2], numbers: &WholeNumbers, half: bool) -> Result<Self, GpuError> {
-        let path = Path::new(gpu, [width, height], true, half)?;
+    fn new(
+        gpu: &'a Gpu,
+        [width, height]: [u32; 2],
+        numbers: &WholeNumbers,
+        arithmetic: Arithmetic,
+    ) -> Result<Self, GpuError> {
+        let path = Backend::new(gpu, [width, height], Keep::Gradients, arithmetic)?;
         path.write_input(gpu, &numbers.planes);
         Ok(Self {
             gpu,
@@ -147,7 +153,8 @@ pub fn error(gpu: &Gpu) -> Result<Option<f32>, GpuError> {
         return Ok(None);
     }
     let numbers = WholeNumbers::new(COMPARED[0], COMPARED[1], 0);
-    let [half, full] = [true, false].map(|half| Trial::new(gpu, COMPARED, &numbers, half));
+    let [half, full] =
+        [Arithmetic::Half, Arithmetic::Full].map(|arithmetic| Trial::new(gpu, COMPARED, &numbers, arithmetic));
     let (half, full) = (half?, full?);
     // Twice over: the second pass must not see anything of the first.
     half.pass()?;
@@ -159,9 +166,9 @@ pub fn error(gpu: &Gpu) -> Result<Option<f32>, GpuError> {
 
 fn faster(gpu: &Gpu) -> Result<bool, GpuError> {
     let numbers = WholeNumbers::new(TIMED[0], TIMED[1], 0);
-    let fastest = |half| {
-        let trial = Trial::new(gpu, TIMED, &numbers, half)?;
+    let fastest = |arithmetic| {
+        let trial = Trial::new(gpu, TIMED, &numbers, arithmetic)?;
         (0..PASSES).try_fold(Duration::MAX, |fastest, _| Ok(fastest.min(trial.pass()?)))
     };
-    Ok(fastest(true)? < fastest(false)?)
+    Ok(fastest(Arithmetic::Half)? < fastest(Arithmetic::Full)?)
 }

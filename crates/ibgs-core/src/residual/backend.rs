@@ -1,29 +1,42 @@
-//! The hourglass in one of its two precisions.
+//! The U-Net in one of its two precisions.
 
 use super::features::{FeatureInputs, Features};
-use super::half::HalfHourglass;
-use super::hourglass::Hourglass;
+use super::half::HalfUNet;
+use super::unet::UNet;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::raster::Keep;
+
+/// What the U-Net computes with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// Float32, on any adapter.
+    Full,
+    /// Half precision on matrix units, summed in float32; float32 where the adapter has none.
+    Half,
+}
 
 /// Memory of one image size, in float32 or in half precision on matrix units.
 #[derive(Debug)]
-pub enum Path {
+pub enum Backend {
     /// Float32.
-    Full(Box<Hourglass>),
+    Full(Box<UNet>),
     /// Half precision on matrix units.
-    Half(Box<HalfHourglass>),
+    Half(Box<HalfUNet>),
 }
 
-impl Path {
-    /// On the matrix units where `half` is wanted and the adapter has some.
+impl Backend {
+    /// For images of a size; with memory for gradients where they are kept.
     ///
     /// # Errors
     /// Not enough memory, or more than the device binds at once.
-    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], gradients: bool, half: bool) -> Result<Self, GpuError> {
-        let half = if half { HalfHourglass::new(gpu, width, height, gradients)? } else { None };
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], keep: Keep, arithmetic: Arithmetic) -> Result<Self, GpuError> {
+        let half = match arithmetic {
+            Arithmetic::Half => HalfUNet::new(gpu, width, height, keep)?,
+            Arithmetic::Full => None,
+        };
         Ok(match half {
             Some(path) => Self::Half(Box::new(path)),
-            None => Self::Full(Box::new(Hourglass::new(gpu, width, height, gradients)?)),
+            None => Self::Full(Box::new(UNet::new(gpu, width, height, keep)?)),
         })
     }
 
@@ -43,7 +56,7 @@ impl Path {
         }
     }
 
-    /// The gradient by the input after [`Path::backward`], `[38][height * width]`.
+    /// The gradient by the input after [`Backend::backward`], `[38][height * width]`.
     pub fn v_x(&self) -> &Buffer {
         match self {
             Self::Full(path) => path.v_x(),
@@ -51,7 +64,7 @@ impl Path {
         }
     }
 
-    /// The output of [`Path::forward`], `[height * width * 3]`.
+    /// The output of [`Backend::forward`], `[height * width * 3]`.
     pub fn residual(&self) -> &Buffer {
         match self {
             Self::Full(path) => path.residual(),

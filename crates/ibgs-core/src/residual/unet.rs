@@ -1,4 +1,4 @@
-//! The hourglass of the residual network: 38 planes in, the residual out, and back (method.md section 6).
+//! The U-Net of the residual network: 38 planes in, the residual out, and back (method.md section 6).
 //!
 //! Every layer is one kernel launch. Concatenations, the 2 x 2 maxima and the enlargements by nearest are never stored:
 //! the next convolution reads through them. Activations are planes, `[channel][row][column]`.
@@ -12,6 +12,7 @@ mod backward;
 
 use super::layers::{self, HALF, INPUT, Layer, QUARTER};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::raster::Keep;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{ConvParams, HeadParams};
 use ibgs_shaders::{RESIDUAL_CONV, RESIDUAL_HEAD};
@@ -72,7 +73,7 @@ struct Training {
 
 /// The activations of one image size. The kernels' launches go into the caller's [`Pass`].
 #[derive(Debug)]
-pub struct Hourglass {
+pub struct UNet {
     x: Map,
     e1: Map,
     e2: Map,
@@ -148,31 +149,32 @@ fn conv(pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], outpu
     pass.grid(&RESIDUAL_CONV, &buffers, bytes_of(&params), grid);
 }
 
-impl Hourglass {
+impl UNet {
     /// Memory for images of `width` x `height` pixels. With `gradients` every activation is kept for
-    /// [`Hourglass::backward`]; without, they share the smallest memory.
+    /// [`UNet::backward`]; without, they share the smallest memory.
     ///
     /// # Errors
     /// Not enough memory, or more than the device binds at once.
     ///
     /// # Panics
-    /// When a side is shorter than [`MIN_SIDE`]: so small an image has no residual, see [`Hourglass::fits`].
-    pub fn new(gpu: &Gpu, width: u32, height: u32, gradients: bool) -> Result<Self, GpuError> {
-        assert!(Self::fits([width, height]), "the hourglass needs at least {MIN_SIDE} x {MIN_SIDE} pixels");
+    /// When a side is shorter than [`MIN_SIDE`]: so small an image has no residual, see [`UNet::fits`].
+    pub fn new(gpu: &Gpu, width: u32, height: u32, keep: Keep) -> Result<Self, GpuError> {
+        let gradients = keep == Keep::Gradients;
+        assert!(Self::fits([width, height]), "the unet needs at least {MIN_SIDE} x {MIN_SIDE} pixels");
         let [full, half, quarter] = [1, 2, 4].map(|s| [width / s, height / s]);
         let map = |what, channels, size| Map::new(gpu, what, channels, size);
-        let x = map("hourglass x", INPUT, full)?;
-        let e1 = map("hourglass e1", INPUT, full)?;
+        let x = map("unet x", INPUT, full)?;
+        let e1 = map("unet e1", INPUT, full)?;
         let residual = gpu.allocate("residual", Map::bytes(3, full))?;
-        let u1 = map("hourglass u1", INPUT, full)?;
-        let d1 = map("hourglass d1", INPUT, full)?;
+        let u1 = map("unet u1", INPUT, full)?;
+        let d1 = map("unet d1", INPUT, full)?;
         if gradients {
-            let (e2, b) = (map("hourglass e2", HALF, half)?, map("hourglass b", QUARTER, quarter)?);
-            let (u2, d2) = (map("hourglass u2", HALF, half)?, map("hourglass d2", HALF, half)?);
-            let kept = map("hourglass f", INPUT, full)?;
+            let (e2, b) = (map("unet e2", HALF, half)?, map("unet b", QUARTER, quarter)?);
+            let (u2, d2) = (map("unet u2", HALF, half)?, map("unet d2", HALF, half)?);
+            let kept = map("unet f", INPUT, full)?;
             let training = Some(Training {
-                v_e1: map("hourglass v_e1", INPUT, full)?,
-                v_e2: map("hourglass v_e2", HALF, half)?,
+                v_e1: map("unet v_e1", INPUT, full)?,
+                v_e2: map("unet v_e2", HALF, half)?,
                 partials: gpu.allocate("weight gradients", backward::partial_bytes(full))?,
             });
             return Ok(Self { x, e1, e2, b, u2, d2, u1, d1, kept, residual, training });
@@ -182,7 +184,7 @@ impl Hourglass {
         let e2 = u1.reuse(HALF, half, 0);
         let u2 = u1.reuse(HALF, half, Map::bytes(HALF, half).next_multiple_of(alignment));
         let (b, d2) = (d1.reuse(QUARTER, quarter, 0), d1.reuse(HALF, half, 0));
-        let kept = map("hourglass f", 0, full)?;
+        let kept = map("unet f", 0, full)?;
         Ok(Self { x, e1, e2, b, u2, d2, u1, d1, kept, residual, training: None })
     }
 
@@ -196,7 +198,7 @@ impl Hourglass {
         self.x.size
     }
 
-    /// Whether [`Hourglass::backward`] can run.
+    /// Whether [`UNet::backward`] can run.
     pub fn has_gradients(&self) -> bool {
         self.training.is_some()
     }
@@ -206,7 +208,7 @@ impl Hourglass {
         &self.x.buffer
     }
 
-    /// The output of [`Hourglass::forward`], `[height * width * 3]`.
+    /// The output of [`UNet::forward`], `[height * width * 3]`.
     pub fn residual(&self) -> &Buffer {
         &self.residual
     }

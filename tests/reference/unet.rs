@@ -1,4 +1,4 @@
-//! Twin of the hourglass and of its gradients (method.md section 6), for any flat weights in the layout of
+//! Twin of the U-Net and of its gradients (method.md section 6), for any flat weights in the layout of
 //! `ibgs_core::residual::layers`.
 
 use ibgs_core::residual::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, Layer, UP1, UP2, WEIGHTS};

@@ -1,6 +1,6 @@
 //! From the gradient by the residual to those by x and by the weights.
 
-use super::{Buffer, HEAD_PIXELS, Hourglass, INPUT, Map, Mode, Store, Training, conv_grid};
+use super::{Buffer, HEAD_PIXELS, INPUT, Map, Mode, Store, Training, UNet, conv_grid};
 use crate::gpu::Pass;
 use crate::residual::layers::{self, HALF, Layer, QUARTER};
 use bytemuck::bytes_of;
@@ -78,17 +78,17 @@ fn upsample_backward(pass: &mut Pass, v_enlarged: &Map, v: &Map) {
     pass.linear(&RESIDUAL_UPSAMPLE_BACKWARD, &buffers, bytes_of(&params), v.channels as usize * v.pixels());
 }
 
-impl Hourglass {
-    /// From `v_residual`, `[height * width * 3]`, to [`Hourglass::v_x`] and the hourglass' part of `v_weights` (from the
+impl UNet {
+    /// From `v_residual`, `[height * width * 3]`, to [`UNet::v_x`] and the U-Net's part of `v_weights` (from the
     /// first weight of e1 to the end), which is assigned; the rest of `v_weights` is left alone.
     ///
-    /// Consumes what the last [`Hourglass::forward`] kept (gradients replace activations): one backward for each forward,
+    /// Consumes what the last [`UNet::forward`] kept (gradients replace activations): one backward for each forward,
     /// with the same weights. x and the residual stay.
     ///
     /// # Panics
     /// When made without gradients: a bug of ours.
     pub fn backward(&self, pass: &mut Pass, weights: &Buffer, v_residual: &Buffer, v_weights: &Buffer) {
-        let training = self.training.as_ref().expect("an hourglass made with gradients");
+        let training = self.training.as_ref().expect("an unet made with gradients");
         let Self { x, e1, e2, b, u2, d2, u1, d1, kept, .. } = self;
         let (v_e1, v_e2) = (&training.v_e1, &training.v_e2);
         self.head_backward(pass, weights, v_residual, v_weights);
@@ -129,7 +129,7 @@ impl Hourglass {
         by_input(pass, &layers::ENC1, 0, v_e1, kept, Store::Add);
     }
 
-    /// The gradient by x after [`Hourglass::backward`], `[38][height * width]`.
+    /// The gradient by x after [`UNet::backward`], `[38][height * width]`.
     pub fn v_x(&self) -> &Buffer {
         &self.kept.buffer
     }

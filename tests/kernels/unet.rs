@@ -1,23 +1,24 @@
-//! The hourglass against its twin, forward and backward.
+//! The U-Net against its twin, forward and backward.
 
 use crate::common::{gpu, skipped, values};
 use crate::reference::finite::assert_gradient;
-use crate::reference::hourglass::{Map, backward, forward};
 use crate::reference::random_scene::exact;
 use crate::reference::relative_error;
+use crate::reference::unet::{Map, backward, forward};
 use burn::tensor::activation::relu;
 use burn::tensor::module::{conv2d, interpolate, max_pool2d};
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoolOptions};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::gpu::profile::Measured;
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
-use ibgs_core::residual::Hourglass;
-use ibgs_core::residual::half::HalfHourglass;
+use ibgs_core::raster::Keep;
+use ibgs_core::residual::UNet;
+use ibgs_core::residual::backend::{Arithmetic, Backend};
+use ibgs_core::residual::half::HalfUNet;
 use ibgs_core::residual::half::choice::{self, WholeNumbers};
 use ibgs_core::residual::layers::{
-    DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, HOURGLASS, INPUT, LAYERS, Layer, UP1, UP2, WEIGHTS,
+    DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UNET, UP1, UP2, WEIGHTS,
 };
-use ibgs_core::residual::path::Path;
 use ibgs_train::tensor::device;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -71,36 +72,36 @@ struct OnGpu {
     v_weights: Vec<f32>,
 }
 
-fn forward_on_gpu(weights: &[f64], x: &Map, gradients: bool) -> Vec<f32> {
+fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep) -> Vec<f32> {
     let gpu = gpu();
-    let hourglass = Hourglass::new(&gpu, x.width as u32, x.height as u32, gradients).unwrap();
-    assert_eq!((hourglass.size(), hourglass.has_gradients()), ([x.width as u32, x.height as u32], gradients));
-    fill(&gpu, hourglass.x(), &x.data);
+    let unet = UNet::new(&gpu, x.width as u32, x.height as u32, keep).unwrap();
+    assert_eq!((unet.size(), unet.has_gradients()), ([x.width as u32, x.height as u32], keep == Keep::Gradients));
+    fill(&gpu, unet.x(), &x.data);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
-    let mut pass = Pass::new(&gpu, "hourglass");
-    hourglass.forward(&mut pass, &weights);
+    let mut pass = Pass::new(&gpu, "unet");
+    unet.forward(&mut pass, &weights);
     pass.submit();
-    gpu.read(hourglass.residual(), 3 * x.width * x.height).unwrap()
+    gpu.read(unet.residual(), 3 * x.width * x.height).unwrap()
 }
 
 /// Forward and backward, twice over: the second time must not see anything of the first.
 fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map) -> OnGpu {
     let gpu = gpu();
     let n = x.width * x.height;
-    let hourglass = Hourglass::new(&gpu, x.width as u32, x.height as u32, true).unwrap();
-    fill(&gpu, hourglass.x(), &x.data);
+    let unet = UNet::new(&gpu, x.width as u32, x.height as u32, Keep::Gradients).unwrap();
+    fill(&gpu, unet.x(), &x.data);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
     let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
     let mut last: Option<OnGpu> = None;
     for _ in 0..2 {
-        let mut pass = Pass::new(&gpu, "hourglass");
-        hourglass.forward(&mut pass, &weights);
-        hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);
+        let mut pass = Pass::new(&gpu, "unet");
+        unet.forward(&mut pass, &weights);
+        unet.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
         let now = OnGpu {
-            residual: gpu.read(hourglass.residual(), 3 * n).unwrap(),
-            v_x: gpu.read(hourglass.v_x(), INPUT * n).unwrap(),
+            residual: gpu.read(unet.residual(), 3 * n).unwrap(),
+            v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
         };
         if let Some(last) = &last {
@@ -137,7 +138,7 @@ fn forward_follows_the_twin_with_and_without_gradients() {
     for (width, height) in SIZES {
         let (x, _) = random_maps(width, height, 2);
         let twin = interleaved(&forward(&weights, &x).residual);
-        let [rendered, trained] = [false, true].map(|gradients| forward_on_gpu(&weights, &x, gradients));
+        let [rendered, trained] = [Keep::Image, Keep::Gradients].map(|keep| forward_on_gpu(&weights, &x, keep));
         assert_forward(&format!("{width} x {height}"), &rendered, &twin);
         assert_eq!(rendered, trained, "{width} x {height}: the memory plan does not matter");
     }
@@ -154,7 +155,7 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
         let what = format!("{width} x {height}");
         assert_forward(&what, &ours.residual, &interleaved(&passed.residual));
         assert_close(&format!("{what} v_x"), &ours.v_x, &v_x.data);
-        for layer in HOURGLASS {
+        for layer in UNET {
             let [weight, bias] = [layer.offset..layer.bias(), layer.bias()..layer.end()];
             let name = format!("{what} {}", layer.name);
             assert_close(&format!("{name}.weight"), &ours.v_weights[weight.clone()], &v_weights[weight]);
@@ -169,13 +170,13 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
 #[test]
 fn a_dead_network_has_exactly_zero_gradients() {
     let mut weights = random_weights(5);
-    for layer in &HOURGLASS[..8] {
+    for layer in &UNET[..8] {
         weights[layer.bias()..layer.end()].fill(-100.0);
     }
     let (x, v_residual) = random_maps(21, 10, 6);
     let ours = on_gpu(&weights, &x, &v_residual);
     assert!(ours.v_x.iter().all(|v| *v == 0.0));
-    let last = HOURGLASS[8];
+    let last = UNET[8];
     assert!(ours.v_weights[ENC1.offset..last.bias()].iter().all(|v| *v == 0.0));
     let (_, v_weights) = backward(&weights, &forward(&weights, &x), &v_residual);
     assert_close("last bias", &ours.v_weights[last.bias()..last.end()], &v_weights[last.bias()..last.end()]);
@@ -199,7 +200,7 @@ fn the_twins_gradients_follow_finite_differences() {
         at.iter().zip(new).for_each(|(i, v)| values[*i] = *v);
         values
     };
-    for layer in HOURGLASS {
+    for layer in UNET {
         for (what, range) in [("weight", layer.offset..layer.bias()), ("bias", layer.bias()..layer.end())] {
             let mut at = choose(range);
             at.sort_unstable();
@@ -251,11 +252,11 @@ fn the_twin_is_the_network_of_ordinary_layers() {
     }
 }
 
-/// Milliseconds at 540 x 960, in all and by kernel. For a real GPU: `cargo test hourglass_speed -- --ignored --nocapture`,
+/// Milliseconds at 540 x 960, in all and by kernel. For a real GPU: `cargo test unet_speed -- --ignored --nocapture`,
 /// best in release.
 #[test]
 #[ignore = "a measurement, for a real GPU"]
-fn hourglass_speed() {
+fn unet_speed() {
     let gpu = gpu();
     let (width, height) = (960usize, 540usize);
     let mut rng = ChaCha8Rng::seed_from_u64(10);
@@ -263,8 +264,8 @@ fn hourglass_speed() {
     let weights = gpu.upload("weights", &single(&random_weights(11))).unwrap();
     let v_residual = gpu.upload("v_residual", &single(&uniform(3 * width * height, 1.0, &mut rng))).unwrap();
     let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
-    for (precision, half) in [("full", false), ("half", true)] {
-        let path = Path::new(&gpu, [width as u32, height as u32], true, half).unwrap();
+    for (precision, arithmetic) in [("full", Arithmetic::Full), ("half", Arithmetic::Half)] {
+        let path = Backend::new(&gpu, [width as u32, height as u32], Keep::Gradients, arithmetic).unwrap();
         path.write_input(&gpu, &single(&planes));
         let run = |what: &'static str, run: &dyn Fn(&mut Pass)| {
             let once = || {
@@ -297,29 +298,29 @@ fn hourglass_speed() {
 fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> {
     let gpu = gpu();
     let n = x.width * x.height;
-    let hourglass = HalfHourglass::new(&gpu, x.width as u32, x.height as u32, true).unwrap()?;
+    let unet = HalfUNet::new(&gpu, x.width as u32, x.height as u32, Keep::Gradients).unwrap()?;
     let weights = gpu.upload("weights", &single(weights)).unwrap();
     let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
-    hourglass.write_input(&gpu, &single(&x.data));
+    unet.write_input(&gpu, &single(&x.data));
     let mut runs = Vec::new();
     for _ in 0..2 {
-        let mut pass = Pass::new(&gpu, "hourglass");
-        hourglass.forward(&mut pass, &weights);
-        hourglass.backward(&mut pass, &weights, &v_residual, &v_weights);
+        let mut pass = Pass::new(&gpu, "unet");
+        unet.forward(&mut pass, &weights);
+        unet.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
         runs.push(OnGpu {
-            residual: gpu.read(hourglass.residual(), 3 * n).unwrap(),
-            v_x: gpu.read(hourglass.v_x(), INPUT * n).unwrap(),
+            residual: gpu.read(unet.residual(), 3 * n).unwrap(),
+            v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
         });
     }
     assert_eq!(runs[0].residual, runs[1].residual, "the residual repeats");
     assert_eq!(runs[0].v_x, runs[1].v_x, "v_x repeats");
     assert_eq!(runs[0].v_weights, runs[1].v_weights, "v_weights repeat");
-    let rendering = HalfHourglass::new(&gpu, x.width as u32, x.height as u32, false).unwrap()?;
+    let rendering = HalfUNet::new(&gpu, x.width as u32, x.height as u32, Keep::Image).unwrap()?;
     rendering.write_input(&gpu, &single(&x.data));
-    let mut pass = Pass::new(&gpu, "hourglass");
+    let mut pass = Pass::new(&gpu, "unet");
     rendering.forward(&mut pass, &weights);
     pass.submit();
     let rendered: Vec<f32> = gpu.read(rendering.residual(), 3 * n).unwrap();
@@ -357,7 +358,7 @@ fn matrix_units_give_the_residual_to_half_precision() {
         let weights = random_weights(seed);
         let (x, v_residual) = random_maps(width, height, seed);
         let Some(ours) = on_matrix_units(&weights, &x, &v_residual) else {
-            skipped("kernels::hourglass::matrix_units_give_the_residual_to_half_precision", NO_UNITS);
+            skipped("kernels::unet::matrix_units_give_the_residual_to_half_precision", NO_UNITS);
             return;
         };
         let twin = interleaved(&forward(&weights, &x).residual);
@@ -371,7 +372,7 @@ fn matrix_units_give_the_gradients_of_whole_numbers() {
     for (seed, &(width, height)) in (0..).zip(&MATRIX_SIZES[1..]) {
         let (weights, x, v_residual) = whole_numbers(width, height, seed);
         let Some(ours) = on_matrix_units(&weights, &x, &v_residual) else {
-            skipped("kernels::hourglass::matrix_units_give_the_gradients_of_whole_numbers", NO_UNITS);
+            skipped("kernels::unet::matrix_units_give_the_gradients_of_whole_numbers", NO_UNITS);
             return;
         };
         let passed = forward(&weights, &x);
@@ -379,7 +380,7 @@ fn matrix_units_give_the_gradients_of_whole_numbers() {
         let what = format!("{width} x {height}");
         assert_eq!(double(&ours.residual), interleaved(&passed.residual), "{what}: residual");
         assert_near(&format!("{what} v_x"), &ours.v_x, &v_x.data, 1e-4);
-        for layer in HOURGLASS {
+        for layer in UNET {
             let all = layer.offset..layer.end();
             assert_near(&format!("{what} {}", layer.name), &ours.v_weights[all.clone()], &v_weights[all], 1e-4);
         }

@@ -1,0 +1,44 @@
+//! Why options cannot be used.
+
+use crate::files::WriteError;
+use std::io;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why options cannot be used.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the options file {}: {source}; check the path", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// The file is not TOML, or has a field that is unknown or of the wrong kind.
+    #[error("{}, line {line}: {reason}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A value makes no sense.
+    #[error("{place}: option `{field}` is {value}; {advice}")]
+    Invalid {
+        /// The file, or the command line.
+        place: String,
+        /// Path of the field as in the file, for instance `densify.interval`.
+        field: String,
+        /// The value.
+        value: String,
+        /// What it must be.
+        advice: &'static str,
+    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}

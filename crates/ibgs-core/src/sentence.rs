@@ -1,0 +1,51 @@
+//! Errors in one line.
+
+use std::error::Error;
+
+/// Most characters of a sentence: names in a damaged file may be of any length.
+const MOST_CHARACTERS: usize = 2000;
+
+/// An error with those of its causes that its own text does not name already, in one line: a name in a file may hold anything, also
+/// what would move a terminal's cursor.
+pub fn sentence(error: &(dyn Error + 'static)) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        let words = cause.to_string();
+        if !text.contains(&words) {
+            text = format!("{text}: {words}");
+        }
+        next = cause.source();
+    }
+    let plain = |c: char| match c {
+        '\n' | '\r' | '\t' => " ".to_owned(),
+        c if c.is_control() => c.escape_default().to_string(),
+        c => c.to_string(),
+    };
+    match text.char_indices().nth(MOST_CHARACTERS) {
+        Some((end, _)) => text[..end].chars().map(plain).chain(["...".to_owned()]).collect(),
+        None => text.chars().map(plain).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("{text}")]
+    struct Failure {
+        text: &'static str,
+        source: Option<Box<Failure>>,
+    }
+
+    #[test]
+    fn causes_follow_in_one_line_without_control_characters() {
+        let inner = Failure { text: "no\tspace\nleft", source: None };
+        let named = Failure { text: "left: no\tspace\nleft", source: Some(Box::new(inner)) };
+        let outer = Failure { text: "not written\u{1b}[2J", source: Some(Box::new(named)) };
+        assert_eq!(sentence(&outer), "not written\\u{1b}[2J: left: no space left");
+        let text: &'static str = Box::leak("x".repeat(5000).into_boxed_str());
+        assert_eq!(sentence(&Failure { text, source: None }).len(), MOST_CHARACTERS + 3);
+    }
+}
