@@ -13,8 +13,10 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Makes the gradient by the parent from that by the node; none where it goes elsewhere.
+type Gradient = dyn Fn(&CubeTensor) -> Option<CubeTensor> + Send + Sync;
+
 #[derive(Clone)]
-struct Rule(Arc<dyn Fn(&CubeTensor) -> Option<CubeTensor> + Send + Sync>);
+struct Rule(Arc<Gradient>);
 
 impl fmt::Debug for Rule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
