@@ -1,4 +1,4 @@
-//! Nodes with one parent.
+//! The crate's one way onto burn's graph.
 
 use crate::tensor::contiguous;
 use burn::backend::Autodiff;
@@ -12,35 +12,70 @@ use burn_wgpu::CubeBackend;
 use std::fmt;
 use std::sync::Arc;
 
-/// Makes the gradient by the parent from that by the node; none where it goes elsewhere.
-type Gradient = dyn Fn(&CubeTensor) -> Option<CubeTensor> + Send + Sync;
+type Ad = Autodiff<CubeBackend>;
+
+/// A tensor on the graph, of any number of dimensions.
+pub type OnGraph = <Ad as burn::backend::BackendTypes>::FloatTensorPrimitive;
+
+/// A tensor as a node's parent.
+///
+/// # Panics
+/// When it is not on the autodiff graph: a bug of ours.
+pub fn on_graph<const D: usize>(tensor: Tensor<D>) -> OnGraph {
+    tensor.try_into_primitive::<Ad>().expect("the tensor is on the autodiff graph")
+}
+
+/// Makes the gradients by the parents from that by the node, told which parents learn.
+type Gradient<const N: usize> = dyn Fn(&CubeTensor, [bool; N]) -> [Option<CubeTensor>; N] + Send + Sync;
 
 #[derive(Clone)]
-struct Rule(Arc<Gradient>);
+struct Rule<const N: usize>(Arc<Gradient<N>>);
 
-impl fmt::Debug for Rule {
+impl<const N: usize> fmt::Debug for Rule<N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Rule")
     }
 }
 
 #[derive(Debug)]
-struct Unary;
+struct Node;
 
-impl Backward<CubeBackend, 1> for Unary {
-    type State = Rule;
+impl<const N: usize> Backward<CubeBackend, N> for Node {
+    type State = Rule<N>;
 
-    fn backward(self, ops: Ops<Rule, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Rule<N>, N>, grads: &mut Gradients, _: &mut Checkpointer) {
         let v = contiguous(grads.consume::<CubeBackend>(&ops.node));
-        let [parent] = ops.parents;
-        if let Some((parent, gradient)) = parent.zip((ops.state.0)(&v)) {
-            grads.register::<CubeBackend>(parent.id, gradient);
+        let gradients = (ops.state.0)(&v, ops.parents.each_ref().map(Option::is_some));
+        for (parent, gradient) in ops.parents.into_iter().zip(gradients) {
+            if let Some((parent, gradient)) = parent.zip(gradient) {
+                grads.register::<CubeBackend>(parent.id, gradient);
+            }
         }
     }
 }
 
-/// A tensor on the autodiff graph of its only parent. `compute` makes it of the parent's contiguous values, and returns the rule
-/// that makes the parent's gradient from its own: none where that goes elsewhere, beside the graph.
+/// A tensor on the autodiff graph of its parents. `compute` makes it of their contiguous values, and returns the rule that makes
+/// their gradients from its own: none for a parent whose gradient goes elsewhere, beside the graph.
+///
+/// # Errors
+/// Those of `compute`.
+pub fn node<const N: usize, const E: usize, Rules, Error>(
+    parents: [OnGraph; N],
+    compute: impl FnOnce([CubeTensor; N]) -> Result<(CubeTensor, Rules), Error>,
+) -> Result<Tensor<E>, Error>
+where
+    Rules: Fn(&CubeTensor, [bool; N]) -> [Option<CubeTensor>; N] + Send + Sync + 'static,
+{
+    let nodes = parents.each_ref().map(|parent| parent.node());
+    let (output, rule) = compute(parents.map(|parent| contiguous(parent.into_primitive())))?;
+    let output = match Node.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
+        OpsKind::Tracked(prep) => prep.finish(Rule(Arc::new(rule)), output),
+        OpsKind::UnTracked(prep) => prep.finish(output),
+    };
+    Ok(Tensor::from_primitive::<Ad>(output))
+}
+
+/// A node with one parent, see [`node`].
 ///
 /// # Errors
 /// Those of `compute`.
@@ -54,13 +89,8 @@ pub fn unary<const D: usize, const E: usize, Rules, Error>(
 where
     Rules: Fn(&CubeTensor) -> Option<CubeTensor> + Send + Sync + 'static,
 {
-    type Ad = Autodiff<CubeBackend>;
-    let parent = parent.try_into_primitive::<Ad>().expect("the tensor is on the autodiff graph");
-    let node = parent.node();
-    let (output, rule) = compute(contiguous(parent.into_primitive()))?;
-    let output = match Unary.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
-        OpsKind::Tracked(prep) => prep.finish(Rule(Arc::new(rule)), output),
-        OpsKind::UnTracked(prep) => prep.finish(output),
-    };
-    Ok(Tensor::from_primitive::<Ad>(output))
+    node([on_graph(parent)], |[parent]| {
+        let (output, rule) = compute(parent)?;
+        Ok((output, move |v: &CubeTensor, _| [rule(v)]))
+    })
 }

@@ -1,19 +1,13 @@
 //! The rasterizer.
 
+use super::node::{node, on_graph};
 use crate::parameters::Parameters;
-use crate::tensor::{bind, contiguous, empty, empty_like};
-use burn::backend::Autodiff;
-use burn::backend::autodiff::checkpoint::base::Checkpointer;
-use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use crate::tensor::{bind, empty, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use burn_wgpu::CubeBackend;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::raster::{Forward, Keep, RasterGradients, RasterView, Rasterizer};
 use ibgs_core::scene::Splats;
-use std::sync::Arc;
 
 /// The Gaussians as leaves of one iteration's graph, and a tensor whose gradient is the screen-space one.
 pub struct Leaves {
@@ -94,82 +88,43 @@ impl Leaves {
     }
 }
 
-#[derive(Debug)]
-struct RasterizeBackward;
-
-#[derive(Clone, Debug)]
-struct Saved {
-    gpu: Arc<Gpu>,
-    splats: Splats,
-    forward: Forward,
-    /// Shapes of the gradients, in the order of the parents.
-    shapes: [Vec<usize>; 8],
-}
-
-impl Backward<CubeBackend, 8> for RasterizeBackward {
-    type State = Saved;
-
-    fn backward(self, ops: Ops<Saved, 8>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let v_image = contiguous(grads.consume::<CubeBackend>(&ops.node));
-        let results = ops.state.backward(&v_image);
-        for (parent, gradient) in ops.parents.into_iter().zip(results) {
-            if let Some(node) = parent {
-                grads.register::<CubeBackend>(node.id, gradient);
-            }
-        }
-    }
-}
-
-impl Saved {
-    /// Gradients by means, rotations, log scales, opacities, SH, screen and, with a surface, normals and offsets.
-    fn backward(&self, v_image: &CubeTensor) -> Vec<CubeTensor> {
-        let count = if self.forward.surface().is_some() { 8 } else { 6 };
-        let tensors: Vec<_> = self.shapes[..count].iter().map(|shape| empty_like(v_image, shape)).collect();
-        let mut memory = tensors.iter().map(bind);
-        let mut next = || memory.next().expect("six tensors or eight");
-        let gradients = RasterGradients {
-            means: next(),
-            rotations: next(),
-            log_scales: next(),
-            opacity_logits: next(),
-            sh: next(),
-            screen: next(),
-            planes: (count == 8).then(|| [next(), next()]),
-        };
-        self.forward.backward(&self.gpu, &self.splats, &bind(v_image), &gradients);
-        tensors
-    }
-}
-
 /// Rasterizes tracked Gaussians: image `[H, W, 3]` on the autodiff graph, and the pass's scratch memory (radii and intersection
 /// count), which stays valid as long as it is held.
 ///
 /// # Errors
 /// Not enough memory.
 pub fn rasterized(raster: &Rasterizer, leaves: &Leaves, view: &RasterView) -> Result<(Tensor<3>, Forward), GpuError> {
-    type Ad = Autodiff<CubeBackend>;
-    let on_graph = "leaves are on the autodiff graph";
-    let tensors = [
-        leaves.means.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.rotations.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.log_scales.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.opacity_logits.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.sh.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.screen.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.normals.clone().try_into_primitive::<Ad>().expect(on_graph),
-        leaves.offsets.clone().try_into_primitive::<Ad>().expect(on_graph),
+    let (gpu, splats) = (raster.gpu().clone(), leaves.splats.clone());
+    let image = empty(&gpu, "image", &[view.camera.height as usize, view.camera.width as usize, 3])?;
+    let forward = raster.forward(&splats, view, Keep::Gradients, bind(&image))?;
+    let pass = forward.clone();
+    let parents = [
+        on_graph(leaves.means.clone()),
+        on_graph(leaves.rotations.clone()),
+        on_graph(leaves.log_scales.clone()),
+        on_graph(leaves.opacity_logits.clone()),
+        on_graph(leaves.sh.clone()),
+        on_graph(leaves.screen.clone()),
+        on_graph(leaves.normals.clone()),
+        on_graph(leaves.offsets.clone()),
     ];
-    let nodes = tensors.each_ref().map(|tensor| tensor.node());
-    let (gpu, size) = (raster.gpu(), [view.camera.height as usize, view.camera.width as usize, 3]);
-    let image = empty(gpu, "image", &size)?;
-    let forward = raster.forward(&leaves.splats, view, Keep::Gradients, bind(&image))?;
-    let output = match RasterizeBackward.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
-        OpsKind::Tracked(prep) => {
-            let shapes = tensors.map(|tensor| tensor.into_primitive().meta.shape().to_vec());
-            let (gpu, splats) = (gpu.clone(), leaves.splats.clone());
-            prep.finish(Saved { gpu, splats, forward: forward.clone(), shapes }, image)
-        }
-        OpsKind::UnTracked(prep) => prep.finish(image),
-    };
-    Ok((Tensor::from_primitive::<Ad>(output), forward))
+    let image = node(parents, |tensors| {
+        let shapes = tensors.map(|tensor| tensor.meta.shape().to_vec());
+        let rule = move |v_image: &CubeTensor, _| {
+            let tensors = shapes.each_ref().map(|shape| empty_like(v_image, shape));
+            let has_planes = pass.surface().is_some();
+            let [means, rotations, log_scales, opacity_logits, sh, screen, normals, offsets] =
+                tensors.each_ref().map(bind);
+            let planes = has_planes.then_some([normals, offsets]);
+            let v = RasterGradients { means, rotations, log_scales, opacity_logits, sh, screen, planes };
+            pass.backward(&gpu, &splats, &bind(v_image), &v);
+            let mut gradients = tensors.map(Some);
+            if !has_planes {
+                gradients[6..].fill(None);
+            }
+            gradients
+        };
+        Ok::<_, GpuError>((image, rule))
+    })?;
+    Ok((image, forward))
 }
