@@ -5,8 +5,8 @@ use crate::picture::viridis;
 use crate::render::Frame;
 use crate::sources::DevicePhoto;
 use bytemuck::bytes_of;
-use ibgs_shaders::PRESENT;
 use ibgs_shaders::types::PresentParams;
+use ibgs_shaders::{PRESENT, Presented};
 use std::sync::Arc;
 
 /// A part of a frame, in the colours of [`Picture`](crate::picture::Picture).
@@ -40,7 +40,7 @@ pub struct Presenter {
 
 /// What the kernel reads; the frame keeps the memory.
 struct Inputs {
-    mode: u32,
+    mode: Presented,
     values: Buffer,
     others: Option<Buffer>,
     words: Option<Buffer>,
@@ -117,7 +117,7 @@ impl Presenter {
         }
         match inputs(frame, shown) {
             Some(inputs) => {
-                let params = PresentParams { size, stride, mode: inputs.mode, range, most, gain };
+                let params = PresentParams { size, stride, mode: inputs.mode as u32, range, most, gain };
                 let values = &inputs.values;
                 let others = inputs.others.as_ref().unwrap_or(values);
                 let words = inputs.words.as_ref().unwrap_or(values);
@@ -140,13 +140,17 @@ fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
         Some(target.texels.clone())
     };
     Some(match shown {
-        Shown::Final => plain(0, image().unwrap_or_else(base)),
-        Shown::Base => plain(0, base()),
-        Shown::Residual(_) => Inputs { others: Some(base()), ..plain(1, image()?) },
-        Shown::Depth(_) => plain(2, frame.surface()?.median_depth.clone()),
-        Shown::Normal => plain(3, frame.surface()?.normal_map.clone()),
-        Shown::Visibility(_) => Inputs { words: Some(frame.seen()?.slots.clone()), ..plain(4, base()) },
-        Shown::Difference(target, _) => Inputs { words: photo(target), ..plain(5, image().unwrap_or_else(base)) },
-        Shown::Photo(target) => Inputs { words: photo(target), ..plain(6, base()) },
+        Shown::Final => plain(Presented::Colors, image().unwrap_or_else(base)),
+        Shown::Base => plain(Presented::Colors, base()),
+        Shown::Residual(_) => Inputs { others: Some(base()), ..plain(Presented::Residual, image()?) },
+        Shown::Depth(_) => plain(Presented::Depth, frame.surface()?.median_depth.clone()),
+        Shown::Normal => plain(Presented::Normal, frame.surface()?.normal_map.clone()),
+        Shown::Visibility(_) => {
+            Inputs { words: Some(frame.seen()?.slots.clone()), ..plain(Presented::Visibility, base()) }
+        }
+        Shown::Difference(target, _) => {
+            Inputs { words: photo(target), ..plain(Presented::Difference, image().unwrap_or_else(base)) }
+        }
+        Shown::Photo(target) => Inputs { words: photo(target), ..plain(Presented::Photo, base()) },
     })
 }

@@ -1,7 +1,11 @@
-//! `#import name` puts `wgsl/shared/name.wgsl` in place, once. The lines between `#repeat name count` and `#end` come `count`
-//! times, with the number of the repetition in place of `$name`: drivers do not unroll every loop that they should.
+//! `#import name` puts `wgsl/shared/name.wgsl` in place, once. After `#define NAME` the lines between `#if NAME` and its `#else` or
+//! `#endif` count, without it those between `#else` and `#endif`: kernels that are variants of each other share one file. The lines
+//! between `#repeat name count` and `#end` come `count` times, with the number of the repetition in place of `$name`: drivers do
+//! not unroll every loop that they should.
 
 const SHARED: &[(&str, &str)] = &[
+    ("blend", include_str!("../wgsl/shared/blend.wgsl")),
+    ("blend_backward", include_str!("../wgsl/shared/blend_backward.wgsl")),
     ("cover", include_str!("../wgsl/shared/cover.wgsl")),
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
     ("expose_params", include_str!("../wgsl/shared/expose_params.wgsl")),
@@ -42,15 +46,15 @@ const SHARED: &[(&str, &str)] = &[
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),
 ];
 
-/// Replaces every `#import name` line by the shared file of that name, each file once.
+/// The WGSL of a kernel's file: imports, variants and repetitions resolved.
 ///
 /// # Panics
-/// When a kernel imports a file that does not exist, or a repetition has no count or end: mistakes in this crate, caught by its tests.
+/// When a kernel imports a file that does not exist, a condition or a repetition has no end, or a repetition no count: mistakes in
+/// this crate, caught by its tests.
 pub fn resolve(source: &str) -> String {
-    let mut done = Vec::new();
-    let mut out = String::new();
-    expand(source, &mut done, &mut out);
-    repeat(&out)
+    let mut expansion = Expansion::default();
+    expansion.file(source);
+    repeat(&expansion.text)
 }
 
 /// Repetitions may hold others.
@@ -85,22 +89,47 @@ fn repeat(source: &str) -> String {
     out
 }
 
-fn expand<'a>(source: &'a str, done: &mut Vec<&'a str>, out: &mut String) {
-    for line in source.lines() {
-        match line.strip_prefix("#import ").map(str::trim) {
-            Some(name) if done.contains(&name) => {}
-            Some(name) => {
-                done.push(name);
-                let Some((_, text)) = SHARED.iter().find(|(file, _)| *file == name) else {
-                    panic!("WGSL import of unknown file {name}");
-                };
-                expand(text, done, out);
-            }
-            None => {
-                out.push_str(line);
-                out.push('\n');
+#[derive(Default)]
+struct Expansion<'a> {
+    imported: Vec<&'a str>,
+    defined: Vec<&'a str>,
+    text: String,
+}
+
+impl<'a> Expansion<'a> {
+    fn file(&mut self, source: &'a str) {
+        // Whether the lines of each open condition count.
+        let mut conditions = Vec::new();
+        for line in source.lines() {
+            let (directive, name) = line.trim().split_once(' ').unwrap_or((line.trim(), ""));
+            match directive {
+                "#if" => conditions.push(self.defined.contains(&name)),
+                "#else" => {
+                    let Some(condition) = conditions.last_mut() else { panic!("WGSL #else without #if") };
+                    *condition = !*condition;
+                }
+                "#endif" => assert!(conditions.pop().is_some(), "WGSL #endif without #if"),
+                _ if conditions.contains(&false) => {}
+                "#define" => self.defined.push(name),
+                "#import" => self.import(name),
+                _ => {
+                    self.text.push_str(line);
+                    self.text.push('\n');
+                }
             }
         }
+        assert!(conditions.is_empty(), "WGSL #if without #endif");
+    }
+
+    fn import(&mut self, name: &'a str) {
+        if self.imported.contains(&name) {
+            return;
+        }
+        self.imported.push(name);
+        let Some((_, text)) = SHARED.iter().find(|(file, _)| *file == name) else {
+            panic!("WGSL import of unknown file {name}");
+        };
+        self.file(text);
     }
 }
 
@@ -123,5 +152,20 @@ mod tests {
         let text = super::resolve("#import index\n#import index\nfn f() {}\n");
         assert_eq!(text.matches("fn linear_workgroup").count(), 1);
         assert!(text.ends_with("fn f() {}\n"));
+    }
+
+    #[test]
+    fn a_definition_chooses_the_lines_of_its_variant() {
+        let source = "#if A\na\n    #if B\nab\n    #endif\n#else\nb\n#endif\nc\n";
+        assert_eq!(super::resolve(source), "b\nc\n");
+        assert_eq!(super::resolve(&format!("#define A\n{source}")), "a\nc\n");
+        assert_eq!(super::resolve(&format!("#define A\n#define B\n{source}")), "a\nab\nc\n");
+        assert_eq!(super::resolve(&format!("#define B\n{source}")), "b\nc\n");
+    }
+
+    #[test]
+    #[should_panic(expected = "without #endif")]
+    fn a_condition_has_an_end() {
+        super::resolve("#if A\na\n");
     }
 }

@@ -3,9 +3,12 @@
 
 #![forbid(unsafe_code)]
 
+mod choices;
 mod import;
+pub mod layers;
 pub mod types;
 
+pub use choices::{ConvInput, FeatureSum, NetworkInputs, Presented, Store};
 pub use import::resolve;
 
 /// Side of a square tile in pixels.
@@ -389,7 +392,15 @@ pub fn constants() -> String {
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),
         ("BENCH_FMAS", BENCH_FMAS),
-    ] {
+        ("SSIM_RADIUS", SSIM_RADIUS as u32),
+        ("MLP_FEATURES", layers::FEATURES as u32),
+        ("MLP_CHANNELS", layers::HIDDEN as u32),
+        ("NETWORK_CHANNELS", layers::INPUT as u32),
+        ("CONFIDENCE_OFFSET", layers::CONFIDENCE.offset as u32),
+    ]
+    .iter()
+    .chain(choices::CONSTANTS)
+    {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
     for (name, value) in [

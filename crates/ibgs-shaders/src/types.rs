@@ -121,7 +121,7 @@ pub struct PresentParams {
     pub size: [u32; 2],
     /// Pixels from one row to the next.
     pub stride: u32,
-    /// A mode of `present.wgsl`.
+    /// A [`Presented`](crate::Presented).
     pub mode: u32,
     /// Depth of the brightest and of the darkest colour.
     pub range: [f32; 2],
@@ -309,9 +309,9 @@ pub struct FeatureParams {
     pub low: [u32; 2],
     /// Packed slots of a pixel, at most four.
     pub slots: u32,
-    /// 0: base colour and differences, 1: base colour and source colours, 2: only differences.
+    /// A [`NetworkInputs`](crate::NetworkInputs).
     pub inputs: u32,
-    /// 0: the mean over the slots, 1: the largest value, 2: the mean by confidence.
+    /// A [`FeatureSum`](crate::FeatureSum).
     pub aggregation: u32,
     /// Workgroups of the backward pass.
     pub groups: u32,
@@ -357,7 +357,7 @@ pub struct ConvParams {
     pub size: [u32; 2],
     /// Size of what input a is read from.
     pub source: [u32; 2],
-    /// 0: input a as it is, 1: the maximum of 2 x 2, 2: the nearest of a smaller one.
+    /// How input a is read: a [`ConvInput`](crate::ConvInput).
     pub mode: u32,
     /// Channels of input a.
     pub channels_a: u32,
@@ -375,7 +375,7 @@ pub struct ConvParams {
     pub turned: u32,
     /// First bias.
     pub bias: u32,
-    /// 0: bias and ReLU, 1: assign, 2: add, 3: assign where the output holds a positive value, else zero.
+    /// A [`Store`](crate::Store).
     pub store: u32,
     /// Groups of 20 outputs: 1 or 2.
     pub groups: u32,

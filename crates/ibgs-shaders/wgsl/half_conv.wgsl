@@ -29,15 +29,6 @@ struct HalfConvParams {
     pad: u32,
 }
 
-// Adds the bias and cuts off below zero.
-const RELU: u32 = 0u;
-// Assigns.
-const ASSIGN: u32 = 1u;
-// Adds to what is there.
-const ADD: u32 = 2u;
-// The output holds the activation whose gradient this is; the gradient takes its place where it is positive.
-const MASK: u32 = 3u;
-
 var<immediate> params: HalfConvParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
@@ -73,7 +64,7 @@ var<workgroup> kernel: array<vec4<f16>, 27u * MATRIX>;
 var<workgroup> sums: array<vec4<f32>, SUBGROUPS * SIDE * SUMS>;
 
 fn bias(o: u32) -> f32 {
-    let wanted = params.store == RELU && o < params.outputs;
+    let wanted = params.store == STORE_RELU && o < params.outputs;
     return select(0.0, weights[select(0u, params.bias + o, wanted)], wanted);
 }
 
@@ -83,11 +74,11 @@ fn biases(o: u32) -> vec4<f32> {
 
 fn finish(sum: vec4<f32>, old: vec4<f16>) -> vec4<f16> {
     var v = sum;
-    if params.store == RELU {
+    if params.store == STORE_RELU {
         v = max(v, vec4(0.0));
-    } else if params.store == ADD {
+    } else if params.store == STORE_ADD {
         v += vec4<f32>(old);
-    } else if params.store == MASK {
+    } else if params.store == STORE_MASK {
         v = select(vec4(0.0), v, old > vec4<f16>());
     }
     return to_half(v);
@@ -176,7 +167,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         var old_left$g = vec4<f16>();
         var old_right$g = vec4<f16>();
         #end
-        if params.store >= ADD {
+        if params.store >= STORE_ADD {
             #repeat g 3
             old_left$g = output[min(goal_left$g, last)];
             old_right$g = output[min(goal_right$g, last)];

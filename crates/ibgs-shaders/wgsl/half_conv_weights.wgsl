@@ -46,11 +46,11 @@ var<workgroup> v_tile: array<vec4<f16>, ROWS * SIDE * PIXEL>;
 
 // Where the input of (x, y) lies.
 fn input_at(x: i32, y: i32) -> u32 {
-    if params.mode == NEAREST {
+    if params.mode == CONV_NEAREST {
         let at = vec2<u32>(vec2(x, y)) * params.source / params.size;
         return (at.y * params.source.x + at.x) * params.quads_in;
     }
-    let step = select(1u, 2u, params.mode == POOLED);
+    let step = select(1u, 2u, params.mode == CONV_POOLED);
     return (u32(y) * params.source.x + u32(x)) * params.quads_in * step;
 }
 
@@ -139,7 +139,7 @@ fn main(
             let at$n = select(0u, input_at(c$n.x, c$n.y) + qx$n, in$n);
             inside |= select(0u, 1u << $nu, in$n);
             #end
-            if params.mode == POOLED {
+            if params.mode == CONV_POOLED {
                 #repeat n 5
                 x$n = read_pooled(at$n);
                 #end

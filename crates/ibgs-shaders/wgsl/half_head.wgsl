@@ -24,7 +24,7 @@ var<immediate> params: HalfHeadParams;
 @group(0) @binding(5) var<storage, read_write> kept: array<vec4<f16>>;
 
 const THREADS: u32 = 4u * LANES;
-const WIDTH: u32 = 38u;
+const WIDTH: u32 = NETWORK_CHANNELS;
 // Channels of d1, x and f with padding.
 const PADDED: u32 = 48u;
 const QUADS: u32 = PADDED / 4u;

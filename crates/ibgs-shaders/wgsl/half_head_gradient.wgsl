@@ -19,7 +19,7 @@ var<immediate> params: HalfHeadGradientParams;
 @group(0) @binding(3) var<storage, read_write> v_out: array<vec4<f16>>;
 @group(0) @binding(4) var<storage, read_write> v_f: array<vec4<f16>>;
 
-const WIDTH: u32 = 38u;
+const WIDTH: u32 = NETWORK_CHANNELS;
 const QUADS: u32 = 12u;
 
 var<workgroup> last: array<array<vec4<f32>, QUADS>, 3>;

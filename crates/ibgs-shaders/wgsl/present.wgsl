@@ -15,20 +15,6 @@ struct PresentParams {
     gain: f32,
 }
 
-// values as they are.
-const COLORS: u32 = 0u;
-// 0.5 + gain (values - others).
-const RESIDUAL: u32 = 1u;
-// One value a pixel in the palette, near bright.
-const DEPTH: u32 = 2u;
-const NORMAL: u32 = 3u;
-// The packed sources of the words, counted.
-const VISIBILITY: u32 = 4u;
-// 0.5 + gain (values - the photo in the words).
-const DIFFERENCE: u32 = 5u;
-// The photo itself.
-const PHOTO: u32 = 6u;
-
 var<immediate> params: PresentParams;
 
 @group(0) @binding(0) var<storage, read> values: array<f32>;
@@ -60,11 +46,11 @@ fn count(word: u32) -> u32 {
 
 fn shown(i: u32) -> u32 {
     switch params.mode {
-        case RESIDUAL: {
+        case PRESENT_RESIDUAL: {
             let other = vec3(others[3u * i], others[3u * i + 1u], others[3u * i + 2u]);
             return rgb(0.5 + params.gain * (color(i) - other));
         }
-        case DEPTH: {
+        case PRESENT_DEPTH: {
             let z = values[i];
             // Neither 0 nor infinite nor no number.
             if !(z > 0.0 && z < 3e38) {
@@ -72,7 +58,7 @@ fn shown(i: u32) -> u32 {
             }
             return in_palette(1.0 - (z - params.range.x) / max(params.range.y - params.range.x, 1e-30));
         }
-        case NORMAL: {
+        case PRESENT_NORMAL: {
             let n = color(i);
             let length = length(n);
             if !(length > 0.0 && length < 3e38) {
@@ -80,17 +66,17 @@ fn shown(i: u32) -> u32 {
             }
             return rgb(0.5 + 0.5 * vec3(n.x, -n.y, -n.z) / length);
         }
-        case VISIBILITY: {
+        case PRESENT_VISIBILITY: {
             let n = count(words[i]);
             if n == 0u {
                 return rgb(vec3(0.0));
             }
             return in_palette(f32(n) / f32(params.most));
         }
-        case DIFFERENCE: {
+        case PRESENT_DIFFERENCE: {
             return rgb(0.5 + params.gain * (color(i) - unpack4x8unorm(words[i]).rgb));
         }
-        case PHOTO: {
+        case PRESENT_PHOTO: {
             return words[i] | 0xff000000u;
         }
         default: {

@@ -30,15 +30,6 @@ struct ConvParams {
     pad: u32,
 }
 
-// Adds the bias and cuts off below zero.
-const RELU: u32 = 0u;
-// Assigns.
-const ASSIGN: u32 = 1u;
-// Adds to what is there.
-const ADD: u32 = 2u;
-// The output holds the activation whose gradient this is; the gradient takes its place where it is positive.
-const MASK: u32 = 3u;
-
 var<immediate> params: ConvParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
@@ -61,11 +52,11 @@ fn store(o: u32, x: u32, y: u32, sum: f32) {
         return;
     }
     let i = (o * params.size.y + y) * params.size.x + x;
-    if params.store == RELU {
+    if params.store == STORE_RELU {
         output[i] = max(sum + weights[params.bias + o], 0.0);
-    } else if params.store == ASSIGN {
+    } else if params.store == STORE_ASSIGN {
         output[i] = sum;
-    } else if params.store == ADD {
+    } else if params.store == STORE_ADD {
         output[i] += sum;
     } else {
         output[i] = select(0.0, sum, output[i] > 0.0);

@@ -8,8 +8,8 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
 use ibgs_shaders::{
-    HALF_FEATURES, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD, RESIDUAL_FEATURES_SUM,
-    RESIDUAL_INPUTS_BACKWARD,
+    FeatureSum, HALF_FEATURES, Kernel, NetworkInputs, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD,
+    RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
 };
 
 /// Most packed slots a pixel.
@@ -95,9 +95,14 @@ impl Features {
         let r = camera.view_from_world.transpose();
         let row = |axis: glam::DVec3| axis.extend(0.0).as_vec4().to_array();
         let inputs = match variant.inputs {
-            Inputs::Differences => 0,
-            Inputs::SourceColors => 1,
-            Inputs::DifferencesOnly => 2,
+            Inputs::Differences => NetworkInputs::Differences,
+            Inputs::SourceColors => NetworkInputs::SourceColors,
+            Inputs::DifferencesOnly => NetworkInputs::DifferencesOnly,
+        };
+        let aggregation = match variant.aggregation {
+            Aggregation::Mean => FeatureSum::Mean,
+            Aggregation::Max => FeatureSum::Largest,
+            Aggregation::Soft => FeatureSum::Soft,
         };
         let workgroup = RESIDUAL_FEATURES_BACKWARD.workgroup[0];
         let params = FeatureParams {
@@ -109,12 +114,8 @@ impl Features {
             size,
             low,
             slots,
-            inputs,
-            aggregation: match variant.aggregation {
-                Aggregation::Mean => 0,
-                Aggregation::Max => 1,
-                Aggregation::Soft => 2,
-            },
+            inputs: inputs as u32,
+            aggregation: aggregation as u32,
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
         };
         Self { params }

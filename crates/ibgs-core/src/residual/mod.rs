@@ -4,7 +4,6 @@ pub mod backend;
 pub mod compose;
 pub mod features;
 pub mod half;
-pub mod layers;
 pub mod network;
 mod operation;
 pub mod pth;
@@ -13,6 +12,7 @@ pub mod unet;
 pub mod variant;
 pub mod weights;
 
+pub use ibgs_shaders::layers;
 pub use network::ResidualNetwork;
 pub use operation::{Residual, ResidualGradients, ResidualInputs, ResidualPass, ResidualTask};
 pub use unet::UNet;

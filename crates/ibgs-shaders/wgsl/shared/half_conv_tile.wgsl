@@ -20,22 +20,22 @@ fn place(p: u32, origin: vec2<i32>, source: vec2<u32>, mode: u32, quads: u32) ->
 }
 
 fn read_b(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
-    let spot = place(p, origin, params.size, SAME, params.quads_b);
+    let spot = place(p, origin, params.size, CONV_SAME, params.quads_b);
     return select(vec4<f16>(), input_b[spot.at + q], spot.inside);
 }
 
 fn read_same(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
-    let spot = place(p, origin, params.size, SAME, params.quads_a);
+    let spot = place(p, origin, params.size, CONV_SAME, params.quads_a);
     return select(vec4<f16>(), input_a[spot.at + q], spot.inside);
 }
 
 fn read_nearest(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
-    let spot = place(p, origin, params.source, NEAREST, params.quads_a);
+    let spot = place(p, origin, params.source, CONV_NEAREST, params.quads_a);
     return select(vec4<f16>(), input_a[spot.at + q], spot.inside);
 }
 
 fn read_pooled(p: u32, q: u32, origin: vec2<i32>) -> vec4<f16> {
-    let spot = place(p, origin, params.source, POOLED, params.quads_a);
+    let spot = place(p, origin, params.source, CONV_POOLED, params.quads_a);
     let at = spot.at + q;
     let below = at + params.source.x * params.quads_a;
     let upper = max(input_a[at], input_a[at + params.quads_a]);
@@ -61,14 +61,14 @@ fn load_tile(local: u32, origin: vec2<i32>, chunk: u32) {
         #repeat n 12
         put(p + $nu * PIXELS, own, v$n);
         #end
-    } else if params.mode == POOLED {
+    } else if params.mode == CONV_POOLED {
         #repeat n 12
         let v$n = read_pooled(p + $nu * PIXELS, q, origin);
         #end
         #repeat n 12
         put(p + $nu * PIXELS, own, v$n);
         #end
-    } else if params.mode == NEAREST {
+    } else if params.mode == CONV_NEAREST {
         #repeat n 12
         let v$n = read_nearest(p + $nu * PIXELS, q, origin);
         #end

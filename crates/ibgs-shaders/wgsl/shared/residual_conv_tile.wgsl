@@ -83,7 +83,7 @@ fn load_tile(local: u32, chunk: Chunk) {
         t3 = four_b(i3);
         t4 = four_b(i4);
         t5 = four_b(i5);
-    } else if params.mode == POOLED {
+    } else if params.mode == CONV_POOLED {
         t0 = four_pooled(i0);
         t1 = four_pooled(i1);
         t2 = four_pooled(i2);

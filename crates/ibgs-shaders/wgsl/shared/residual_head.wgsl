@@ -14,5 +14,5 @@ struct HeadParams {
 
 var<immediate> params: HeadParams;
 
-const WIDTH: u32 = 38u;
-const INPUTS: u32 = 76u;
+const WIDTH: u32 = NETWORK_CHANNELS;
+const INPUTS: u32 = 2u * WIDTH;

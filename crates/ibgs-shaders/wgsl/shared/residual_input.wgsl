@@ -26,13 +26,9 @@ struct FeatureParams {
 
 var<immediate> params: FeatureParams;
 
-const INPUTS_SOURCE_COLORS: u32 = 1u;
-const INPUTS_DIFFERENCES_ONLY: u32 = 2u;
-const AGGREGATION_LARGEST: u32 = 1u;
-const AGGREGATION_SOFT: u32 = 2u;
 // Channels of the U-Net's input: aggregated features, ray, base colour.
-const RAY_CHANNEL: u32 = 32u;
-const BASE_CHANNEL: u32 = 35u;
+const RAY_CHANNEL: u32 = MLP_CHANNELS;
+const BASE_CHANNEL: u32 = RAY_CHANNEL + 3u;
 
 fn resized() -> bool {
     return any(params.size != params.low);

@@ -3,13 +3,12 @@
 // Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2 at its front, the
 // confidence in a source (w [33], b), which reads the hidden channels and the error of the depth, at its end.
 
-const HIDDEN: u32 = 32u;
-const FEATURES: u32 = 7u;
+const HIDDEN: u32 = MLP_CHANNELS;
+const FEATURES: u32 = MLP_FEATURES;
 const BIAS1: u32 = HIDDEN * FEATURES;
 const WEIGHT2: u32 = BIAS1 + HIDDEN;
 const BIAS2: u32 = WEIGHT2 + HIDDEN * HIDDEN;
 const MLP_WEIGHTS: u32 = BIAS2 + HIDDEN;
-const CONFIDENCE: u32 = 66095u;
 const CONFIDENCE_WEIGHTS: u32 = HIDDEN + 2u;
 // Rows of `mlp`: one an input, the 32 outputs side by side, the biases behind.
 const ROW_BIAS1: u32 = FEATURES;
@@ -46,10 +45,10 @@ fn load_mlp(local: u32, threads: u32) {
             first = BIAS2;
             stride = 1u;
         } else if k == CONFIDENCE_BIAS {
-            mlp[k] = vec4(weights[CONFIDENCE + HIDDEN], weights[CONFIDENCE + HIDDEN + 1u], 0.0, 0.0);
+            mlp[k] = vec4(weights[CONFIDENCE_OFFSET + HIDDEN], weights[CONFIDENCE_OFFSET + HIDDEN + 1u], 0.0, 0.0);
             continue;
         } else if row == ROW_CONFIDENCE {
-            first = CONFIDENCE;
+            first = CONFIDENCE_OFFSET;
             stride = 1u;
         } else if row >= ROW_WEIGHT2 {
             first = WEIGHT2 + row - ROW_WEIGHT2;

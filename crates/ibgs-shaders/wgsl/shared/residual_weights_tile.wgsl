@@ -1,7 +1,7 @@
 // What a workgroup of residual_conv_weights holds: inputs with their halo and gradients of a tile of 16 x 2 pixels.
 #import residual_source
 
-const CHANNELS: u32 = 38u;
+const CHANNELS: u32 = NETWORK_CHANNELS;
 // Per channel 4 rows of 5 x 4 columns; one more against bank conflicts, as in v_tile.
 var<workgroup> x_tile: array<array<vec4<f32>, 21>, CHANNELS>;
 // [pixel][output quad].
@@ -55,7 +55,7 @@ fn load_inputs(local: u32, corner: vec2<i32>) {
     var t2: vec4<f32>;
     var t3: vec4<f32>;
     var t4: vec4<f32>;
-    if params.mode == POOLED {
+    if params.mode == CONV_POOLED {
         t0 = four_pooled(place, c);
         t1 = four_pooled(place, c + 8u);
         t2 = four_pooled(place, c + 16u);

@@ -33,7 +33,7 @@ fn target_channel(texel: u32, c: u32) -> f32 {
     return select(color, mix(params.background[c], color, photo_cover(texel)), params.object == 1u);
 }
 
-const RADIUS: u32 = 5u;
+const RADIUS: u32 = SSIM_RADIUS;
 // A tile with its halo.
 const SIDE: u32 = TILE + 2u * RADIUS;
 

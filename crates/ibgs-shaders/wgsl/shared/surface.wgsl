@@ -19,6 +19,10 @@ const MEDIAN_T: f32 = 0.5;
 // Entry of an empty slot.
 const NO_ENTRY: u32 = 0xffffffffu;
 
+fn frame_tiles() -> vec2<u32> {
+    return frame.tiles;
+}
+
 fn pixel_ray(at: vec2<f32>) -> vec3<f32> {
     return vec3((at - frame.principal) / frame.focal, 1.0);
 }

@@ -73,7 +73,7 @@ pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end(
 
 /// The confidence in a source, from the first layer of the per-view MLP and the error of the source's depth; not in the published
 /// network. Read with
-/// [`Aggregation::Soft`](super::Aggregation::Soft) alone.
+/// [`FeatureSum::Soft`](crate::FeatureSum::Soft) alone.
 pub const CONFIDENCE: Layer = Layer::new("per_view_confidence", 1, HIDDEN + 1, 1, FINAL.end());
 
 /// Every layer in order.

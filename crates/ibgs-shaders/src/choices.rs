@@ -1,0 +1,81 @@
+//! What a kernel does one way or another, chosen by a number among its immediate data: one enum for the host, and from it the
+//! constants of the WGSL.
+
+/// Makes the enums and the list of their constants.
+macro_rules! choices {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $constant:ident,)* })*) => {
+        $(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            #[repr(u32)]
+            pub enum $name {
+                $($(#[$variant_doc])* #[doc = concat!("In WGSL `", stringify!($constant), "`.")] $variant,)*
+            }
+        )*
+
+        /// Name in WGSL and number of every variant.
+        pub(crate) const CONSTANTS: &[(&str, u32)] = &[$($((stringify!($constant), $name::$variant as u32),)*)*];
+    };
+}
+
+choices! {
+    /// How a convolution of the U-Net reads its input.
+    ConvInput {
+        /// The input has the size of the output.
+        Same = CONV_SAME,
+        /// The input is the maximum of 2 x 2 of the source; an odd last row or column is left out.
+        Pooled = CONV_POOLED,
+        /// The input is the nearest of a smaller source: source = floor(target * source size / target size).
+        Nearest = CONV_NEAREST,
+    }
+
+    /// What becomes of a convolution's sums.
+    Store {
+        /// The bias is added, and what is negative becomes zero.
+        Relu = STORE_RELU,
+        /// They replace what is there.
+        Assign = STORE_ASSIGN,
+        /// They are added to what is there.
+        Add = STORE_ADD,
+        /// The output holds the activation whose gradient this is; the gradient takes its place where it is positive.
+        Mask = STORE_MASK,
+    }
+
+    /// What the residual network reads of base colour and sources.
+    NetworkInputs {
+        /// Base colour, and the differences of the sources' colours from it.
+        Differences = INPUTS_DIFFERENCES,
+        /// Base colour, and the sources' colours themselves.
+        SourceColors = INPUTS_SOURCE_COLORS,
+        /// The differences alone.
+        DifferencesOnly = INPUTS_DIFFERENCES_ONLY,
+    }
+
+    /// How the features of the visible sources become one.
+    FeatureSum {
+        /// Their mean.
+        Mean = AGGREGATION_MEAN,
+        /// The largest value of each channel.
+        Largest = AGGREGATION_LARGEST,
+        /// Their mean by learned confidences.
+        Soft = AGGREGATION_SOFT,
+    }
+
+    /// What `present.wgsl` shows.
+    Presented {
+        /// The values as they are.
+        Colors = PRESENT_COLORS,
+        /// 0.5 + gain (values - others).
+        Residual = PRESENT_RESIDUAL,
+        /// One value a pixel in the palette, near bright.
+        Depth = PRESENT_DEPTH,
+        /// Unit vectors.
+        Normal = PRESENT_NORMAL,
+        /// The packed sources of the words, counted.
+        Visibility = PRESENT_VISIBILITY,
+        /// 0.5 + gain (values - the photo in the words).
+        Difference = PRESENT_DIFFERENCE,
+        /// The photo in the words.
+        Photo = PRESENT_PHOTO,
+    }
+}

@@ -1,0 +1,185 @@
+// Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour, transmittance and last entry.
+// PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
+// the intersections themselves too. The median depth alone is done with a pixel when its buffer `after` is full.
+
+const BATCH: u32 = TILE * TILE;
+// Vectors of a list entry in `batch`: the projected row, of which the last vector is the colour, and the plane.
+#if INTERSECTIONS
+const ENTRY: u32 = 4u;
+#else
+const ENTRY: u32 = 3u;
+#endif
+const COLOR: u32 = 2u;
+const PLANE: u32 = ENTRY - 1u;
+
+var<workgroup> batch: array<vec4<f32>, ENTRY * BATCH>;
+var<workgroup> finished: atomic<u32>;
+var<workgroup> finished_now: u32;
+
+@compute @workgroup_size(TILE, TILE)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(local_invocation_id) lid: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let pixel = wid.xy * TILE + lid.xy;
+    let inside = all(pixel < frame.size);
+    let at = vec2<f32>(pixel);
+    let tile = wid.y * frame_tiles().x + wid.x;
+    let start = tile_ranges[2u * tile];
+    let end = tile_ranges[2u * tile + 1u];
+    if local == 0u {
+        atomicStore(&finished, 0u);
+        finished_now = 0u;
+    }
+    workgroupBarrier();
+    var t = 1.0;
+    #if COLOR
+    var color = vec3(0.0);
+    var last = 0u;
+    #endif
+    #if PLANES
+    let ray = pixel_ray(at);
+    let half = frame.slots / 2u;
+    // Shift registers, newest last: `before` keeps what came last, `after` closes when it holds K/2.
+    var before_z = vec4(0.0);
+    var before_w = vec4(0.0);
+    var after_count = 0u;
+    #if INTERSECTIONS
+    var normal = vec3(0.0);
+    var before_e = vec4(NO_ENTRY);
+    var after_z = vec4(0.0);
+    var after_w = vec4(0.0);
+    var after_e = vec4(NO_ENTRY);
+    #else
+    var after_sum = 0.0;
+    var after_weights = 0.0;
+    #endif
+    #endif
+    var done = !inside;
+    if done {
+        atomicAdd(&finished, 1u);
+    }
+    for (var first = start; first < end; first += BATCH) {
+        workgroupBarrier();
+        if local == 0u {
+            finished_now = atomicLoad(&finished);
+        }
+        if workgroupUniformLoad(&finished_now) == BATCH {
+            break;
+        }
+        let k = first + local;
+        if k < end {
+            let g = sorted_gaussians[k];
+            batch[ENTRY * local] = projected[3u * g];
+            batch[ENTRY * local + 1u] = projected[3u * g + 1u];
+            #if COLOR
+            batch[ENTRY * local + COLOR] = projected[3u * g + 2u];
+            #endif
+            #if PLANES
+            batch[ENTRY * local + PLANE] = planes[g];
+            #endif
+        }
+        workgroupBarrier();
+        if !done {
+            let size = min(BATCH, end - first);
+            for (var j = 0u; j < size; j++) {
+                let a = batch[ENTRY * j];
+                let b = batch[ENTRY * j + 1u];
+                let alpha = min(ALPHA_MAX, b.y * exp(-falloff(a.xy - at, vec3(a.zw, b.x))));
+                if alpha < ALPHA_MIN {
+                    continue;
+                }
+                let after = t * (1.0 - alpha);
+                if after < T_MIN {
+                    done = true;
+                    atomicAdd(&finished, 1u);
+                    break;
+                }
+                let weight = alpha * t;
+                #if COLOR
+                let entry = first + j - start;
+                color += weight * batch[ENTRY * j + COLOR].rgb;
+                last = entry + 1u;
+                #endif
+                #if PLANES
+                let plane = batch[ENTRY * j + PLANE];
+                #if INTERSECTIONS
+                normal += weight * plane.xyz;
+                #endif
+                let z = plane_depth(plane, ray);
+                if z > 0.0 {
+                    if t > MEDIAN_T {
+                        before_z = vec4(before_z.yzw, z);
+                        before_w = vec4(before_w.yzw, weight);
+                        #if INTERSECTIONS
+                        before_e = vec4(before_e.yzw, entry);
+                        #endif
+                    } else if after_count < half {
+                        #if INTERSECTIONS
+                        after_z = vec4(after_z.yzw, z);
+                        after_w = vec4(after_w.yzw, weight);
+                        after_e = vec4(after_e.yzw, entry);
+                        #else
+                        after_sum += z * weight;
+                        after_weights += weight;
+                        #endif
+                        after_count += 1u;
+                    }
+                }
+                #endif
+                t = after;
+                #if COLOR
+                #else
+                if after_count == half {
+                    done = true;
+                    atomicAdd(&finished, 1u);
+                    break;
+                }
+                #endif
+            }
+        }
+    }
+    if inside {
+        let p = pixel.y * frame.size.x + pixel.x;
+        #if COLOR
+        let out = color + t * frame.background;
+        image[3u * p] = out.r;
+        image[3u * p + 1u] = out.g;
+        image[3u * p + 2u] = out.b;
+        final_t[p] = t;
+        last_entry[p] = last;
+        #endif
+        #if PLANES
+        #if INTERSECTIONS
+        normal_map[3u * p] = normal.x;
+        normal_map[3u * p + 1u] = normal.y;
+        normal_map[3u * p + 2u] = normal.z;
+        let plane_size = frame.size.x * frame.size.y;
+        // Copies: a register that is indexed by a variable would live in memory all along.
+        let bz = before_z;
+        let bw = before_w;
+        let be = before_e;
+        let az = after_z;
+        let aw = after_w;
+        let ae = after_e;
+        var sum = 0.0;
+        var weights = 0.0;
+        for (var k = 0u; k < half; k++) {
+            let c = 4u - half + k;
+            slots[k * plane_size + p] = vec2(bz[c], bw[c]);
+            slot_entries[k * plane_size + p] = be[c];
+            slots[(half + k) * plane_size + p] = vec2(az[c], aw[c]);
+            slot_entries[(half + k) * plane_size + p] = ae[c];
+            sum += bz[c] * bw[c] + az[c] * aw[c];
+            weights += bw[c] + aw[c];
+        }
+        #else
+        let kept = select(vec4(0.0), before_w, vec4(0u, 1u, 2u, 3u) >= vec4(4u - half));
+        let sum = dot(kept, before_z) + after_sum;
+        let weights = dot(kept, vec4(1.0)) + after_weights;
+        #endif
+        median_depth[p] = sum / (weights + SURFACE_EPSILON);
+        #endif
+    }
+}
