@@ -8,7 +8,7 @@
 //!
 //! | part | bytes |
 //! |---|---|
-//! | photos | 4 a pixel of all training photos, within `--source-memory` |
+//! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (64 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |

@@ -229,7 +229,7 @@ impl CameraRecord {
         }
     }
 
-    /// What `ibgs info` shows; models that are not supported are shown too.
+    /// What is known without the photos; camera models that are not supported are listed too.
     fn info(&self, id: u32, images: usize) -> CameraInfo {
         let (focal, principal) = match self.parameters() {
             Some((focal, principal, _)) => (Some(focal), Some(principal)),
