@@ -210,18 +210,18 @@ fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
-fn set<T>(slot: &mut T, value: &Option<T>)
+fn set<T>(option: &mut T, value: &Option<T>)
 where
     T: Clone,
 {
     if let Some(value) = value {
-        *slot = value.clone();
+        *option = value.clone();
     }
 }
 
-fn set_some<T: Clone>(slot: &mut Option<T>, value: &Option<T>) {
+fn set_some<T: Clone>(option: &mut Option<T>, value: &Option<T>) {
     if value.is_some() {
-        slot.clone_from(value);
+        option.clone_from(value);
     }
 }
 

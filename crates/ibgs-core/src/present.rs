@@ -145,7 +145,7 @@ fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
         Shown::Residual(_) => Inputs { others: Some(base()), ..plain(1, image()?) },
         Shown::Depth(_) => plain(2, frame.surface()?.median_depth.clone()),
         Shown::Normal => plain(3, frame.surface()?.normal_map.clone()),
-        Shown::Visibility(_) => Inputs { words: Some(frame.seen()?.slots.clone()), ..plain(4, base()) },
+        Shown::Visibility(_) => Inputs { words: Some(frame.seen()?.visible.clone()), ..plain(4, base()) },
         Shown::Difference(target, _) => Inputs { words: photo(target), ..plain(5, image().unwrap_or_else(base)) },
         Shown::Photo(target) => Inputs { words: photo(target), ..plain(6, base()) },
     })

@@ -25,7 +25,7 @@ use crate::local_space::LocalSpace;
 use crate::progress::Progress;
 use archive::Unpacked;
 use glam::{DVec2, DVec3};
-use photos::Frame;
+use photos::ListedPhoto;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt;
@@ -207,7 +207,7 @@ pub(crate) struct Scene {
     kind: SceneKind,
     /// The file that lists the images, for messages.
     listing: PathBuf,
-    frames: Vec<Frame>,
+    frames: Vec<ListedPhoto>,
     /// Listed photos that do not exist.
     missing: Vec<PathBuf>,
     points: Vec<Point>,

@@ -6,7 +6,7 @@ mod text;
 
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::photos::{self, Frame, find_mask, find_photo};
+use super::photos::{self, ListedPhoto, find_mask, find_photo};
 use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
 use glam::DVec2;
 use sparse::SparsePoint;
@@ -293,7 +293,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         match find_photo(&folder, &name) {
             Some(photo) => {
                 let mask = find_mask(scene, &name);
-                frames.push(Frame { name, photo, mask, lens, pose, prescaled });
+                frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
             }
             None => missing.push(folder.join(name)),
         }
