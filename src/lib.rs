@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod advice;
 pub mod commands;
 pub mod progress;
 pub mod stdout;

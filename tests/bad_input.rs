@@ -44,11 +44,11 @@ fn folders_that_are_no_scene() {
     fails(&folder.path().join("absent"), &["cannot read", "absent"]);
     fails(folder.path(), &["is not a scene", "transforms.json"]);
     Model::small(3).write_binary(folder.path());
-    fails(folder.path(), &["photo folder", "images", "--images"]);
+    fails(folder.path(), &["photo folder", "images", "does not exist"]);
     fs::create_dir(folder.path().join("images")).unwrap();
     fails(folder.path(), &["none of the 3 photos", "images.bin", "a0.png"]);
     let options = LoadOptions { images: Some("../x".into()), ..Default::default() };
-    fails_with(folder.path(), &options, &["--images", "../x"]);
+    fails_with(folder.path(), &options, &["`data.images`", "../x"]);
 }
 
 #[test]

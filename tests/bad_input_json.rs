@@ -21,7 +21,7 @@ fn splits_that_do_not_fit() {
     split(r#"{"train": ["a0.png"]}"#, &["1 training views"]);
     fs::remove_file(folder.path().join("split.json")).unwrap();
     let every = |eval_split_every| LoadOptions { eval: true, eval_split_every, ..Default::default() };
-    fails_with(folder.path(), &every(0), &["--eval-split-every"]);
+    fails_with(folder.path(), &every(0), &["`data.eval-split-every`"]);
     fails_with(folder.path(), &every(1), &["0 training views"]);
 }
 
@@ -29,12 +29,12 @@ fn splits_that_do_not_fit() {
 fn options_out_of_range() {
     for text in ["0", "3", "-2", "half", "99999999999"] {
         let error = text.parse::<Resolution>().unwrap_err().to_string();
-        assert!(error.contains("--resolution") && error.contains(text), "{error}");
+        assert!(error.contains("`data.resolution`") && error.contains(text), "{error}");
     }
     assert!("middle".parse::<PrincipalPoint>().unwrap_err().to_string().contains("middle"));
     let folder = Model::small(3).scene();
     let options = LoadOptions { max_resolution: Some(0), ..Default::default() };
-    fails_with(folder.path(), &options, &["--max-resolution"]);
+    fails_with(folder.path(), &options, &["`data.max-resolution`"]);
 }
 
 #[test]

@@ -179,11 +179,11 @@ pub fn source_view(source: &Source) -> SourceView {
 pub struct GpuSurface {
     /// Base, normal map, median depth, warped colours, cosines.
     pub outputs: Cotangents,
-    /// Source of each packed slot or -1, slot-major.
+    /// Each visible source or -1, source by source.
     pub slot: Vec<i32>,
-    /// Step of the depth's error in each packed slot, 0 where it is empty.
+    /// Step of the depth's error of each visible source, 0 where there is none.
     pub error: Vec<u8>,
-    /// Packed slots that some pixel fills.
+    /// Visible sources that some pixel has.
     pub active: u32,
     /// Gradients by tensor name.
     pub grads: Vec<(&'static str, Vec<f64>)>,
@@ -218,7 +218,7 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let read =
         |buffer, count| -> Vec<f64> { gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect() };
     let warped_values = values(warped.clone().inner());
-    let packed: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
+    let packed: Vec<u32> = gpu.read(&seen.visible, pixels).unwrap();
     let bytes = (0..visible).flat_map(|m| packed.iter().map(move |word| word.to_le_bytes()[m]));
     let slot = bytes.clone().map(|byte| if byte == 255 { -1 } else { i32::from(byte & 15) }).collect();
     let error = bytes.map(|byte| if byte == 255 { 0 } else { byte >> 4 }).collect();

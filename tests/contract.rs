@@ -93,8 +93,12 @@ fn check_struct(name: &str, size: usize, fields: &[(&str, usize)]) {
 
 macro_rules! twin {
     ($ty:ident { $($field:ident),+ $(,)? }) => {
+        twin!($ty = stringify!($ty), { $($field),+ })
+    };
+    // A host struct of another name than its twin's.
+    ($ty:ident = $twin:expr, { $($field:ident),+ $(,)? }) => {
         check_struct(
-            stringify!($ty),
+            $twin,
             size_of::<types::$ty>(),
             &[$((stringify!($field), offset_of!(types::$ty, $field))),+],
         )
@@ -138,7 +142,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(HalfSumParams { splits, groups_in, groups_out, taps, inputs, outputs, into, stride, bias, unscale });
     twin!(HalfUnpackParams { pixels, channels, quads, unscale });
     twin!(HalfResizeParams { size, source, quads, pad });
-    twin!(Frame {
+    twin!(ViewUniforms = "Frame", {
         row0,
         row1,
         row2,
@@ -156,7 +160,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         box_sigma,
         tangent_limit,
     });
-    twin!(SurfaceFrame { background, slots, focal, principal, size, tiles });
+    twin!(SurfaceUniforms = "SurfaceFrame", { background, slots, focal, principal, size, tiles });
     twin!(SourceParams {
         row0,
         row1,

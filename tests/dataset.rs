@@ -219,7 +219,7 @@ fn option_enums_round_trip() {
     assert!(json.contains(r#""resolution":1008"#) && json.contains(r#""centred""#), "{json}");
     assert_eq!(serde_json::from_str::<LoadOptions>(&json).unwrap(), options);
     assert!(serde_json::from_str::<LoadOptions>(r#"{"resolution": 3}"#).is_err());
-    assert_eq!("-1".parse::<Resolution>().unwrap(), Resolution::Width(1600));
+    assert_eq!("-1".parse::<Resolution>().unwrap(), Resolution::PublishedCap);
     assert_eq!(Resolution::default(), Resolution::Factor(1));
 }
 

@@ -249,7 +249,10 @@ fn an_object_is_told_from_emptiness_and_from_what_the_lens_leaves_out() {
     assert_note(&load(none.path(), &object), "no photo has a mask");
     let both = LoadOptions { alpha: Some(Alpha::Composite), ..object };
     let text = dataset::load(folder.path(), &both).unwrap_err().to_string();
-    assert!(text.contains("--alpha") && text.contains("composite") && text.contains("--masks object"), "{text}");
+    assert!(
+        text.contains("`data.alpha`") && text.contains("composite") && text.contains("`data.masks` is `object`"),
+        "{text}"
+    );
 }
 
 /// What the undistorted photo has no value for is not empty, at full size and resized.

@@ -28,7 +28,7 @@ fn model() -> &'static (Renderer, Camera) {
 /// What the kernels leave on the device for a view and its sources, made once more, in scene units. P pixels.
 struct Warped {
     /// `[K, P]` of (depth, weight).
-    slots: Vec<[f32; 2]>,
+    intersections: Vec<[f32; 2]>,
     /// `[P]`, a source a byte.
     packed: Vec<u32>,
     /// `[V, P]` of colour and cosine.
@@ -53,19 +53,20 @@ fn warped(renderer: &Renderer, camera: &Camera, sources: &[usize]) -> Warped {
     let warped = warper.warp(&forward, &sources, warper.memory(camera).unwrap()).unwrap();
     let pixels = camera.pixels();
     let values: Vec<f32> = gpu.read(&warped.colors, 4 * warped.visible as usize * pixels).unwrap();
-    let slots = &forward.surface().unwrap().slots;
-    let slots: Vec<[f32; 2]> = gpu.read(slots, part.options.surface.slots as usize * pixels).unwrap();
+    let intersections = &forward.surface().unwrap().intersections;
+    let intersections: Vec<[f32; 2]> =
+        gpu.read(intersections, part.options.surface.intersections as usize * pixels).unwrap();
     let in_scene_units = |[z, weight]: [f32; 2]| [(f64::from(z) * space.scale) as f32, weight];
     Warped {
-        slots: slots.into_iter().map(in_scene_units).collect(),
-        packed: gpu.read(&warped.seen.slots, pixels).unwrap(),
+        intersections: intersections.into_iter().map(in_scene_units).collect(),
+        packed: gpu.read(&warped.seen.visible, pixels).unwrap(),
         values: values.as_chunks().0.to_vec(),
     }
 }
 
-fn slot_of(reading: &SourceReading) -> Option<u32> {
+fn visible_as(reading: &SourceReading) -> Option<u32> {
     match reading.verdict {
-        Verdict::Used { slot } => Some(slot),
+        Verdict::Used { number } => Some(number),
         _ => None,
     }
 }
@@ -94,10 +95,10 @@ fn assert_near(what: &str, pixel: [u32; 2], ours: &[f32], theirs: &[f32], tolera
 }
 
 /// The surface of one pixel: the kernel's intersections, points that lie on the pixel's ray, their mean depth.
-fn check_surface(found: &Inspection, camera: &Camera, device: &Warped, slots: usize) {
+fn check_surface(found: &Inspection, camera: &Camera, device: &Warped, intersections: usize) {
     let [x, y] = found.pixel;
     let (pixels, at) = ((camera.width * camera.height) as usize, (y * camera.width + x) as usize);
-    let all = (0..slots).map(|k| (device.slots[k * pixels + at], k < slots / 2));
+    let all = (0..intersections).map(|k| (device.intersections[k * pixels + at], k < intersections / 2));
     let expected: Vec<_> = all.filter(|([_, weight], _)| *weight > 0.0).collect();
     let ours: Vec<_> = found.intersections.iter().map(|i| ([i.depth, i.weight], i.before)).collect();
     assert_eq!(ours, expected, "intersections at {x}, {y}");
@@ -115,16 +116,16 @@ fn check_surface(found: &Inspection, camera: &Camera, device: &Warped, slots: us
     }
 }
 
-/// The sources of one pixel against the kernel's slots and warped values.
+/// The sources of one pixel against the kernel's visible sources and warped values.
 fn check_sources(found: &Inspection, camera: &Camera, device: &Warped, visible: usize) {
     let [x, y] = found.pixel;
     let (pixels, at) = ((camera.width * camera.height) as usize, (y * camera.width + x) as usize);
     let packed = device.packed[at].to_le_bytes();
     for (number, reading) in found.sources.iter().enumerate() {
-        let slot = packed.iter().position(|&byte| usize::from(byte) == number);
-        assert_eq!(slot_of(reading), slot.map(|slot| slot as u32), "slot of source {number} at {x}, {y}");
-        if let (Some(slot), Some(color)) = (slot, reading.color) {
-            let [r, g, b, cosine] = device.values[slot * pixels + at];
+        let place = packed.iter().position(|&byte| usize::from(byte) == number);
+        assert_eq!(visible_as(reading), place.map(|number| number as u32), "visible source {number} at {x}, {y}");
+        if let (Some(number), Some(color)) = (place, reading.color) {
+            let [r, g, b, cosine] = device.values[number * pixels + at];
             assert_near("warped colour", found.pixel, &color, &[r, g, b], 1e-3);
             assert_near("cosine", found.pixel, &[reading.cosine], &[cosine], 1e-5);
         }
@@ -145,7 +146,7 @@ fn check_sources(found: &Inspection, camera: &Camera, device: &Warped, visible: 
 /// One pixel in 23 of three views; the verdicts, and how many differ from the device's by rounding.
 fn check_views(renderer: &Renderer, test: &Camera) -> (BTreeMap<String, usize>, usize) {
     let part = renderer.part().unwrap();
-    let (slots, visible) = (part.options.surface.slots as usize, part.options.sources.visible as usize);
+    let (intersections, visible) = (part.options.surface.intersections as usize, part.options.sources.visible as usize);
     // A view that nobody took, beside the test view, and a training view, which is no source of itself.
     let aside = Camera { translation: test.translation + DVec3::new(0.1, -0.05, 0.1), ..*test };
     let finder = SourceFinder::new(&part.cameras, &part.options.sources);
@@ -166,7 +167,7 @@ fn check_views(renderer: &Renderer, test: &Camera) -> (BTreeMap<String, usize>, 
             assert_eq!(&found.normal.unwrap_or_default(), &normals[3 * at..][..3]);
             assert_eq!(found.median_depth, frame.depth_at(x, y).unwrap());
             assert_eq!(found.median_depth.unwrap_or(0.0), depths[at]);
-            check_surface(&found, &camera, &device, slots);
+            check_surface(&found, &camera, &device, intersections);
             if found.median_depth.is_none() {
                 assert!(found.sources.is_empty() && device.packed[at] == u32::MAX);
                 continue;
@@ -175,8 +176,8 @@ fn check_views(renderer: &Renderer, test: &Camera) -> (BTreeMap<String, usize>, 
             check_sources(&found, &camera, &device, visible);
             // The first that see the point by the host's numbers are those that the device uses.
             let seers = found.sources.iter().filter(|r| sees(r)).take(visible);
-            let mut used: Vec<&SourceReading> = found.sources.iter().filter(|r| slot_of(r).is_some()).collect();
-            used.sort_by_key(|r| slot_of(r));
+            let mut used: Vec<&SourceReading> = found.sources.iter().filter(|r| visible_as(r).is_some()).collect();
+            used.sort_by_key(|r| visible_as(r));
             if !seers.eq(used) {
                 assert!(is_close_call(&found, part), "{found:?}");
                 flipped += 1;
@@ -197,8 +198,8 @@ fn pixels_say_what_images_and_kernels_say() {
     part.options.sources.depth_agreement = 0.4;
     let lenient = Renderer::new(Arc::new(rasterizer()), renderer.splats().clone(), [0.0; 3], Some(part));
     for (renderer, expected) in [
-        (renderer, &["Used { slot: 0 }", "Hidden", "Outside"][..]),
-        (&lenient, &["Used { slot: 0 }", "Used { slot: 1 }", "Used { slot: 2 }", "Enough", "Hidden", "Outside"]),
+        (renderer, &["Used { number: 0 }", "Hidden", "Outside"][..]),
+        (&lenient, &["Used { number: 0 }", "Used { number: 1 }", "Used { number: 2 }", "Enough", "Hidden", "Outside"]),
     ] {
         let (verdicts, flipped) = check_views(renderer, camera);
         println!("{verdicts:?}, {flipped} pixels otherwise by rounding");
@@ -235,7 +236,7 @@ fn every_verdict_has_its_reason() {
     };
     // Where the sources stand, nearest first, and what comes of it. At 3.95 the wall is nearer than anything is drawn.
     let sources = [
-        (DVec3::X * 1e-3, Verdict::Used { slot: 0 }),
+        (DVec3::X * 1e-3, Verdict::Used { number: 0 }),
         (DVec3::X * 2e-3, Verdict::Enough),
         (DVec3::X * 3e-3, Verdict::Unreadable),
         (DVec3::X, Verdict::Hidden),
@@ -286,7 +287,7 @@ fn a_frame_keeps_what_it_was_made_from() {
     let frame = renderer.render(camera).unwrap();
     let look = || (0..48).map(|x| frame.inspect(x, 7 * x % 36).unwrap()).collect::<Vec<_>>();
     let before = look();
-    assert!(before.iter().flatten().any(|found| found.sources.iter().any(|r| slot_of(r).is_some())));
+    assert!(before.iter().flatten().any(|found| found.sources.iter().any(|r| visible_as(r).is_some())));
     renderer.forget_depths();
     let part = renderer.part().unwrap();
     let _others: Vec<_> = part.cameras.iter().step_by(9).map(|other| renderer.render(other).unwrap()).collect();

@@ -1,6 +1,6 @@
 //! `ibgs eval`
 
-use super::model::{ModelArgs, OpenModel, advised};
+use super::model::{ModelArgs, OpenModel};
 use super::report::Report;
 use crate::progress::Bars;
 use crate::say;
@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("the report cannot replace the folder {}; give `--report` a file", path.display());
     }
     let mut model = args.model.open()?;
-    let dataset = model.dataset(&Bars::default()).map_err(advised)?.clone();
+    let dataset = model.dataset(&Bars::default())?.clone();
     if dataset.test.is_empty() {
         bail!("the scene has no held-out views; train with `--eval`");
     }

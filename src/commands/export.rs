@@ -1,6 +1,6 @@
 //! `ibgs export`
 
-use super::model::{FileArgs, advised};
+use super::model::FileArgs;
 use crate::progress::Bars;
 use crate::tell;
 use anyhow::{Result, bail};
@@ -50,13 +50,13 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
     let mut model = args.model.read()?;
-    model.load_photos(&Bars::default()).map_err(advised)?;
+    model.load_photos(&Bars::default())?;
     let network = model.network.as_deref().map(ibgs_core::residual::weights::to_bytes).transpose()?;
     if network.is_some() {
-        model.training_photos().map_err(advised)?;
+        model.training_photos()?;
     }
-    let dataset = model.dataset(&Bars::default()).map_err(advised)?.clone();
-    let field = model.exposure_field().map_err(advised)?;
+    let dataset = model.dataset(&Bars::default())?.clone();
+    let field = model.exposure_field()?;
     let sources = multi_view::records(&dataset, &model.config.sources);
     let training = model.training_views();
     let names = || training.iter().map(|record| record.name.clone());

@@ -2,10 +2,10 @@
 
 use super::open_gpu;
 use crate::progress::Bars;
-use anyhow::{Error, Result, anyhow};
+use anyhow::Result;
 use clap::Args as ClapArgs;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::model::{Model, ModelError, ModelOptions};
+use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Precision;
 use ibgs_core::scene::Gaussians;
@@ -58,11 +58,11 @@ impl FileArgs {
         let options = ModelOptions {
             source: self.source.clone(),
             iteration: self.iteration,
-            resolution: self.resolution.clone(),
+            resolution: self.resolution.as_deref().map(str::parse).transpose()?,
             source_memory,
             precision,
         };
-        Model::open(&self.model, &options).map_err(advised)
+        Ok(Model::open(&self.model, &options)?)
     }
 }
 
@@ -75,23 +75,12 @@ impl ModelArgs {
     /// Opens the model on a GPU. `gpu` is called after the files have been read.
     pub fn open_on(&self, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<OpenModel> {
         let mut model = self.files.read_for(self.source_memory, self.precision)?;
-        model.load_photos(&Bars::default()).map_err(advised)?;
-        let renderer = model.renderer(&gpu()?).map_err(advised)?;
+        model.load_photos(&Bars::default())?;
+        let renderer = model.renderer(&gpu()?)?;
         // The renderer has them on the device.
         model.gaussians = Gaussians::default();
         Ok(OpenModel { model, renderer })
     }
-}
-
-/// Adds to an error what the user can do about it.
-pub fn advised(error: ModelError) -> Error {
-    let advice = match &error {
-        ModelError::OtherIteration { .. } => "leave `--iteration` out",
-        ModelError::KnowsItsPhotos { .. } => "leave `--resolution` out",
-        ModelError::NoScene { .. } => "give the scene folder with `--source`",
-        _ => return error.into(),
-    };
-    anyhow!("{error}; {advice}")
 }
 
 /// A model and its renderer.

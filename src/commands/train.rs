@@ -11,10 +11,12 @@ pub use plan::Plan;
 pub use window::Watched;
 
 use super::{open_gpu, view};
+use crate::advice::value;
 use anyhow::Result;
 use clap::Args as ClapArgs;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ibgs_core::config::{Method, Strategy, TrainConfig};
-use ibgs_core::dataset::{Alpha, ColorSpace, Masks};
+use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler};
 use ibgs_core::sources::memory::MemoryBudget;
 use plan::DemoGiven;
 use stages::StageArgs;
@@ -81,22 +83,22 @@ pub struct Args {
     #[arg(long, help_heading = heading::SCENE)]
     max_resolution: Option<u32>,
     /// Filter that reduces photos; `bicubic` is that of the published code [default: lanczos3].
-    #[arg(long, value_parser = ["lanczos3", "bicubic"], help_heading = heading::SCENE)]
-    resampler: Option<String>,
+    #[arg(long, value_parser = PossibleValuesParser::new(["lanczos3", "bicubic"]).try_map(|word| word.parse::<Resampler>()), help_heading = heading::SCENE)]
+    resampler: Option<Resampler>,
     /// Principal point: `true` (the scene's own) or `centred` (the image centre, as the published code assumes)
     /// [default: true].
-    #[arg(long, value_parser = ["true", "centred"], help_heading = heading::SCENE)]
-    principal_point: Option<String>,
+    #[arg(long, value_parser = PossibleValuesParser::new(["true", "centred"]).try_map(|word| word.parse::<PrincipalPoint>()), help_heading = heading::SCENE)]
+    principal_point: Option<PrincipalPoint>,
     /// Meaning of masked pixels (in `masks/` or alpha channels): `ignore` (they do not count) or `object` (they are empty
     /// space) [default: ignore].
-    #[arg(long, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = value::<Masks>, help_heading = heading::SCENE)]
     masks: Option<Masks>,
     /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they show the background colour)
     /// [default: composite in Blender scenes, mask in others and with `--masks object`].
-    #[arg(long, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = value::<Alpha>, help_heading = heading::SCENE)]
     alpha: Option<Alpha>,
     /// Encoding of the photos' values: `srgb` or `linear` [default: linear in EXR files, srgb in others].
-    #[arg(long, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = value::<ColorSpace>, help_heading = heading::SCENE)]
     color_space: Option<ColorSpace>,
     /// White background instead of black.
     #[arg(long, help_heading = heading::SCENE)]
@@ -208,18 +210,18 @@ fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
-fn set<T>(slot: &mut T, value: &Option<T>)
+fn set<T>(option: &mut T, value: &Option<T>)
 where
     T: Clone,
 {
     if let Some(value) = value {
-        *slot = value.clone();
+        *option = value.clone();
     }
 }
 
-fn set_some<T: Clone>(slot: &mut Option<T>, value: &Option<T>) {
+fn set_some<T: Clone>(option: &mut Option<T>, value: &Option<T>) {
     if value.is_some() {
-        slot.clone_from(value);
+        option.clone_from(value);
     }
 }
 
@@ -265,7 +267,7 @@ impl Args {
         // Absolute: the model may be opened from another working directory.
         let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
         set_some(&mut c.data.source, &source);
-        set(&mut c.data.resolution, &self.resolution);
+        set(&mut c.data.resolution, &self.resolution.as_deref().map(str::parse).transpose()?);
         set(&mut c.data.resampler, &self.resampler);
         set_some(&mut c.data.images, &self.images);
         set_some(&mut c.data.max_resolution, &self.max_resolution);

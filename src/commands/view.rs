@@ -3,10 +3,11 @@
 use super::model::{FileArgs, ModelArgs};
 use super::train::{Plan, Watched};
 use super::{on_stop, open_gpu};
+use crate::advice;
 use crate::progress::Bars;
 use crate::say;
 use crate::tell;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
@@ -148,6 +149,10 @@ fn training(scene: Option<&Path>) -> Result<Plan> {
 pub struct Opener;
 
 impl Open for Opener {
+    fn sentence(&self, error: &Error) -> String {
+        advice::sentence(error)
+    }
+
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened> {
         let gpu = || Ok(gpu.clone());
         let path = match wanted {
@@ -199,7 +204,7 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
         }
         Err(error) => {
-            tell!("note: without photos of the views: {error}");
+            tell!("note: without photos of the views: {}", advice::sentence(&error.into()));
             (HashMap::new(), Vec::new())
         }
     };

@@ -52,7 +52,9 @@ fn scenes_with_damage() {
     sandbox.write("scene/images/a2.png", b"not a photo");
     sandbox.fails("train scene -m out", &["a2.png does not decode"]);
     fs::remove_dir_all(sandbox.path("scene/images")).unwrap();
-    sandbox.fails("train scene -m out", &["photo folder", "images"]);
+    sandbox.fails("train scene -m out", &["photo folder", "images", "does not exist", "`--images`"]);
+    fs::create_dir(sandbox.path("scene/images")).unwrap();
+    sandbox.fails("train scene -m out", &["none of the 3 photos", "`--images`"]);
 }
 
 #[test]
@@ -76,14 +78,19 @@ fn options_that_make_no_sense() {
         // Nor on the built-in scene.
         sandbox.fails(&format!("train -m out {options}"), &fragments[..1]);
     };
-    train("--sh-degree 9", &["`sh-degree` is 9"]);
+    train("--sh-degree 9", &["command line: option `sh-degree` is 9"]);
     train("--iterations 0", &["`iterations` is 0"]);
     train("--densify-interval 0", &["`densify.interval` is 0"]);
     train("--eval-split-every 1", &["eval-split-every", "at least 2"]);
-    train("-r abc", &["--resolution", "`abc`", "1, 2, 4 or 8"]);
-    train("-r 0", &["--resolution", "`0`"]);
+    train("-r abc", &["`--resolution`", "`abc`", "1, 2, 4 or 8"]);
+    train("-r 0", &["`--resolution`", "`0`"]);
     train("--max-resolution 0", &["max-resolution", "0"]);
     train("--config nowhere.toml", &["nowhere.toml"]);
+    sandbox.write("bad.toml", "seed = 1\n[data]\nresolution = \"3\"");
+    train("--config bad.toml", &["bad.toml, line 3: option `data.resolution`: `3` is not allowed"]);
+    let both = "--masks object --alpha composite";
+    sandbox.fails(&format!("train scene -m out {both}"), &["`--alpha`", "composite", "`--masks` is `object`"]);
+    sandbox.fails("train scene -m out --images ../x", &["`--images`", "../x"]);
     train("--sources 9", &["`sources.used` is 9", "1 and 8"]);
     train("--visible-sources 0", &["`sources.visible` is 0", "1 and 4"]);
     train("--source-angle 0", &["`sources.max-angle-deg` is 0"]);

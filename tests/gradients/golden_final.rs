@@ -17,7 +17,7 @@ use ibgs_core::residual::{Precision, Residual, ResidualTask, UNet, Variant, weig
 use ibgs_core::sources::{WarpOptions, Warper};
 
 /// Packed slots that enter the network.
-const SLOTS: usize = 3;
+const VISIBLE: usize = 3;
 
 /// The dump's network, for the test of this name.
 fn load_weights(test: &str) -> Option<Vec<f32>> {
@@ -44,9 +44,9 @@ fn dumped_inputs(golden: &Golden) -> Inputs {
     let centers: Vec<glam::DVec3> =
         golden.source_cameras.iter().map(|source| golden.camera.center() - source.center()).collect();
     let mut seen = vec![u32::MAX; pixels];
-    let mut warped = vec![[0.0; 4]; SLOTS * pixels];
+    let mut warped = vec![[0.0; 4]; VISIBLE * pixels];
     let mut farthest = 0.0f64;
-    for m in 0..SLOTS {
+    for m in 0..VISIBLE {
         let colors = golden.arrays.get("warped_image").image(m);
         for p in 0..pixels {
             let [x, y, z, cosine] = std::array::from_fn(|c| feature[(4 * m + c) * pixels + p]);
@@ -82,7 +82,7 @@ fn the_network_gives_the_dumped_residual() {
     let base = gpu.upload("base", &single(&golden.base)).unwrap();
     let warped = gpu.upload("warped", &inputs.warped).unwrap();
     let seen = gpu.upload("seen", &inputs.seen).unwrap();
-    let active = gpu.upload("active", &[SLOTS as u32, 0, 0, 0]).unwrap();
+    let active = gpu.upload("active", &[VISIBLE as u32, 0, 0, 0]).unwrap();
     let centers = gpu.upload("centres", &inputs.centers).unwrap();
     let weights = gpu.upload("weights", &weights).unwrap();
     let features = FeatureInputs {
@@ -95,7 +95,7 @@ fn the_network_gives_the_dumped_residual() {
     };
     let unet = UNet::new(&gpu, camera.width, camera.height, Keep::Image).unwrap();
     let mut pass = Pass::new(&gpu, "test");
-    Features::new(&camera, SLOTS as u32, Variant::default()).record(&mut pass, &features, unet.x());
+    Features::new(&camera, VISIBLE as u32, Variant::default()).record(&mut pass, &features, unet.x());
     unet.forward(&mut pass, &weights);
     pass.submit();
     let pixels = golden.base.len();
@@ -120,13 +120,13 @@ fn the_network_gives_the_dumped_residual() {
 }
 
 /// Source of each of the first packed slots, 255 where there is none.
-fn packed(word: u32) -> [u8; SLOTS] {
+fn packed(word: u32) -> [u8; VISIBLE] {
     std::array::from_fn(|m| word.to_le_bytes()[m])
 }
 
 /// Asserts that a pixel where ours and the dump pack different sources lies on the threshold of the depth test: within
 /// the error of the published code's reads of the source's depth map, whose texel fractions have 8 bits.
-fn assert_on_threshold(scene: &Scene, pixel: usize, depth: f64, ours: [u8; SLOTS], dumped: [u8; SLOTS]) {
+fn assert_on_threshold(scene: &Scene, pixel: usize, depth: f64, ours: [u8; VISIBLE], dumped: [u8; VISIBLE]) {
     let (a, b) = ours.into_iter().zip(dumped).find(|(a, b)| a != b).expect("a difference there is");
     let source = &scene.sources[usize::from(a.min(b))];
     let shifted = Source { camera: ray_camera(&source.camera), ..source.clone() };
@@ -166,7 +166,7 @@ fn a_published_model_gives_its_final_image() {
     let (raster, model, view) = (rasterizer(), scene_splats(&scene), view_of(&scene, 0.0));
     let forward = raster.surface(&model, &view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
-    let options = WarpOptions { visible: SLOTS as u32, ..WarpOptions::default() };
+    let options = WarpOptions { visible: VISIBLE as u32, ..WarpOptions::default() };
     let warper = Warper::new(gpu.clone(), options);
     let warped = warper.warp(&forward, &sources, warper.memory(&view.camera).unwrap()).unwrap();
     let seen = &warped.seen;
@@ -175,7 +175,7 @@ fn a_published_model_gives_its_final_image() {
     let residual = Residual::new(gpu.clone(), Variant::default(), Precision::Full);
     let render = |warped: &Buffer| {
         let (base, weights) = (forward.image.clone(), weights.clone());
-        let inputs = ResidualInputs { base, warped: warped.clone(), slots: SLOTS as u32, weights };
+        let inputs = ResidualInputs { base, warped: warped.clone(), visible: VISIBLE as u32, weights };
         let image = raster.image_memory(&view.camera).unwrap();
         let pass = residual.forward(&task, inputs, Keep::Image, image).unwrap();
         crate::common::pixels(&pass.image, &view.camera)
@@ -184,18 +184,18 @@ fn a_published_model_gives_its_final_image() {
 
     let pixels = golden.base.len();
     let dumped = dumped_inputs(&golden);
-    let mut words: Vec<u32> = gpu.read(&seen.slots, pixels).unwrap();
-    let mut colors: Vec<f32> = gpu.read(&warped.colors, 4 * SLOTS * pixels).unwrap();
+    let mut words: Vec<u32> = gpu.read(&seen.visible, pixels).unwrap();
+    let mut colors: Vec<f32> = gpu.read(&warped.colors, 4 * VISIBLE * pixels).unwrap();
     let depth: Vec<f32> = gpu.read(&forward.surface().unwrap().median_depth, pixels).unwrap();
     let flipped: Vec<usize> = (0..pixels).filter(|p| packed(words[*p]) != packed(dumped.seen[*p])).collect();
     for p in &flipped {
         assert_on_threshold(&scene, *p, depth[*p].into(), packed(words[*p]), packed(dumped.seen[*p]));
         words[*p] = dumped.seen[*p];
-        (0..SLOTS).for_each(|m| colors[4 * (m * pixels + p)..][..4].copy_from_slice(&dumped.warped[m * pixels + p]));
+        (0..VISIBLE).for_each(|m| colors[4 * (m * pixels + p)..][..4].copy_from_slice(&dumped.warped[m * pixels + p]));
     }
     let share = flipped.len() as f64 / pixels as f64;
     println!("{} of {pixels} pixels ({:.3} %) see other sources", flipped.len(), 100.0 * share);
-    gpu.queue.write_buffer(&seen.slots.buffer, 0, bytemuck::cast_slice(&words));
+    gpu.queue.write_buffer(&seen.visible.buffer, 0, bytemuck::cast_slice(&words));
     let patched = render(&gpu.upload("colours", &colors).unwrap());
 
     let base = crate::common::pixels(&forward.image, &view.camera);

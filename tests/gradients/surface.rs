@@ -17,7 +17,7 @@ pub(super) fn view_of(scene: &Scene, ray_offset: f64) -> RasterView {
         background: scene.background.map(|v| v as f32),
         box_sigma: if scene.model == Model::Boxed { 3.0 } else { 0.0 },
         tangent_limit: if ideal { 1e6 } else { usual.tangent_limit },
-        surface: Some(SurfaceOptions { slots: scene.k as u32, ray_offset }),
+        surface: Some(SurfaceOptions { intersections: scene.k as u32, ray_offset }),
         ..usual
     }
 }
@@ -304,7 +304,7 @@ fn masked_sources_are_not_seen() {
     let warper = Warper::new(gpu.clone(), warping(&scene));
     let warped = warper.warp(&forward, &sources, warper.memory(&scene.camera).unwrap()).unwrap();
     let pixels = (scene.camera.width * scene.camera.height) as usize;
-    let packed: Vec<u32> = gpu.read(&warped.seen.slots, pixels).unwrap();
+    let packed: Vec<u32> = gpu.read(&warped.seen.visible, pixels).unwrap();
     assert!(packed.iter().all(|word| word & 255 != 0) && packed.iter().any(|word| word & 255 == 1));
     assert!(gpu.read::<f32>(&warped.colors, 4 * pixels).unwrap().iter().any(|v| *v != 0.0));
 }

@@ -126,7 +126,8 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let surface = buffers(forward.surface().unwrap());
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;
     let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32).tracked(&plain, &surface, &photo).unwrap();
-    let l_photo = PhotometricLoss::new(gpu.clone(), PHOTO as f32).tracked(warped.clone(), &seen.slots, &photo).unwrap();
+    let l_photo =
+        PhotometricLoss::new(gpu.clone(), PHOTO as f32).tracked(warped.clone(), &seen.visible, &photo).unwrap();
     let residual = Residual::new(gpu.clone(), case.variant, Precision::Full);
     let l_last = (part != Part::Side).then(|| {
         let (base, warped) = if case.detached { (base.detach(), warped.detach()) } else { (base, warped) };

@@ -74,7 +74,7 @@ impl Plane {
 
 /// One of the at most K median intersections of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slot {
+pub struct Intersection {
     /// Entry in the tile's list.
     pub entry: usize,
     pub gaussian: usize,
@@ -98,7 +98,7 @@ pub struct Geometry {
     /// Median depth, 0 where nothing was met.
     pub depth: Vec<f64>,
     /// The median intersections front to back: those of the buffer *before*, then those of *after*.
-    pub slots: Vec<Vec<Slot>>,
+    pub intersections: Vec<Vec<Intersection>>,
 }
 
 /// r = ((x - cx) / fx, (y - cy) / fy, 1) through the centre of the pixel (x, y), at +0.5.
@@ -108,14 +108,14 @@ pub fn pixel_ray(camera: &Camera, x: u32, y: u32) -> DVec3 {
 }
 
 /// The median intersections of one pixel, front to back: the last K/2 met while T > 0.5 and the first K/2 after.
-pub fn median_slots(parts: &[Contribution], planes: &[Plane], ray: DVec3, k: usize) -> Vec<Slot> {
+pub fn median_intersections(parts: &[Contribution], planes: &[Plane], ray: DVec3, k: usize) -> Vec<Intersection> {
     let mut before = VecDeque::new();
     let mut after = Vec::new();
     for part in parts {
         let Some(depth) = planes[part.gaussian].depth(ray) else {
             continue;
         };
-        let slot = Slot {
+        let intersection = Intersection {
             entry: part.entry,
             gaussian: part.gaussian,
             depth,
@@ -123,25 +123,25 @@ pub fn median_slots(parts: &[Contribution], planes: &[Plane], ray: DVec3, k: usi
             transmittance: part.transmittance,
         };
         if part.transmittance > MEDIAN_TRANSMITTANCE {
-            before.push_back(slot);
+            before.push_back(intersection);
             if before.len() > k / 2 {
                 before.pop_front();
             }
         } else if after.len() < k / 2 {
-            after.push(slot);
+            after.push(intersection);
         }
     }
     before.into_iter().chain(after).collect()
 }
 
 /// sum_k w_k + 1e-8, the divisor of the median depth.
-pub fn slot_weight(slots: &[Slot]) -> f64 {
-    slots.iter().map(|s| s.weight).sum::<f64>() + EPSILON
+pub fn total_weight(intersections: &[Intersection]) -> f64 {
+    intersections.iter().map(|s| s.weight).sum::<f64>() + EPSILON
 }
 
 /// sum_k w_k z_k / (sum_k w_k + 1e-8).
-pub fn median_depth(slots: &[Slot]) -> f64 {
-    slots.iter().map(|s| s.weight * s.depth).sum::<f64>() / slot_weight(slots)
+pub fn median_depth(intersections: &[Intersection]) -> f64 {
+    intersections.iter().map(|s| s.weight * s.depth).sum::<f64>() / total_weight(intersections)
 }
 
 /// Geometry of a blended view with at most `k` median intersections per pixel.
@@ -154,8 +154,8 @@ pub fn geometry(p: &Params, plane_params: &PlaneParams, camera: &Camera, base: F
     let pixel = |(x, y): (u32, u32), list: &[u32]| {
         let (parts, _) = contributions(&base.projected, list, x, y);
         let normal: DVec3 = parts.iter().map(|c| planes[c.gaussian].normal * (c.alpha * c.transmittance)).sum();
-        let slots = median_slots(&parts, &planes, pixel_ray(camera, x, y), k);
-        ((y * camera.width + x) as usize, normal.to_array(), slots)
+        let intersections = median_intersections(&parts, &planes, pixel_ray(camera, x, y), k);
+        ((y * camera.width + x) as usize, normal.to_array(), intersections)
     };
     let tiles: Vec<Vec<_>> = base
         .order
@@ -165,10 +165,10 @@ pub fn geometry(p: &Params, plane_params: &PlaneParams, camera: &Camera, base: F
         .collect();
 
     let mut normal = vec![[0.0; 3]; base.image.len()];
-    let mut slots = vec![Vec::new(); base.image.len()];
+    let mut intersections = vec![Vec::new(); base.image.len()];
     for (i, n, s) in tiles.into_iter().flatten() {
-        (normal[i], slots[i]) = (n, s);
+        (normal[i], intersections[i]) = (n, s);
     }
-    let depth = slots.iter().map(|s| median_depth(s)).collect();
-    Geometry { base, planes, normal, depth, slots }
+    let depth = intersections.iter().map(|s| median_depth(s)).collect();
+    Geometry { base, planes, normal, depth, intersections }
 }

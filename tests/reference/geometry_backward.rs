@@ -10,7 +10,7 @@ use ibgs_core::camera::Camera;
 use rayon::prelude::*;
 
 use super::backward::{Sum, dot, splat_grads};
-use super::geometry::{Geometry, Plane, PlaneParams, Slot, pixel_ray, slot_weight};
+use super::geometry::{Geometry, Intersection, Plane, PlaneParams, pixel_ray, total_weight};
 use super::project::project_backward_as;
 use super::raster::{contributions, tile_pixels};
 use super::warp::{Pair, Seen, Source, seen_by};
@@ -25,9 +25,9 @@ pub struct Cotangents {
     pub normal: Vec<[f64; 3]>,
     /// Per pixel, by the median depth.
     pub depth: Vec<f64>,
-    /// Per packed slot, then pixel, by the warped colour.
+    /// Per visible source, then pixel, by the warped colour.
     pub warped: Vec<[f64; 3]>,
-    /// Per packed slot, then pixel, by the cosine.
+    /// Per visible source, then pixel, by the cosine.
     pub cosine: Vec<f64>,
 }
 
@@ -46,7 +46,7 @@ impl Cotangents {
 
 /// Gradient by one median intersection.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SlotGrad {
+pub struct IntersectionGrad {
     pub depth: f64,
     pub weight: f64,
 }
@@ -54,8 +54,8 @@ pub struct SlotGrad {
 /// Gradients by what the warping reads, per pixel: the output of `warp_backward`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceGrads {
-    /// By the median intersections, as the geometry's slots.
-    pub slots: Vec<Vec<SlotGrad>>,
+    /// By the median intersections, as the geometry's intersections.
+    pub intersections: Vec<Vec<IntersectionGrad>>,
     /// By the median depth.
     pub depth: Vec<f64>,
 }
@@ -83,13 +83,19 @@ pub struct GeometryGrads {
 }
 
 /// One source's part: warped = sum w_k c(u_k(z_k)) / sum w_k over the intersections inside.
-fn warped_backward(pair: &Pair, seen: &Seen, slots: &[Slot], v_warped: [f64; 3], out: &mut [SlotGrad]) {
+fn warped_backward(
+    pair: &Pair,
+    seen: &Seen,
+    intersections: &[Intersection],
+    v_warped: [f64; 3],
+    out: &mut [IntersectionGrad],
+) {
     for (k, landing) in &seen.landings {
         let color = landing.read.read(&pair.source.photo);
         out[*k].weight += (dot(v_warped, color) - dot(v_warped, seen.warped)) / seen.weight;
         let [by_u, by_v] = landing.read.slope(&pair.source.photo).map(|slope| dot(v_warped, slope));
         let along = DVec2::new(by_u, by_v).dot(landing.uv_by_depth);
-        out[*k].depth += along * slots[*k].weight / seen.weight;
+        out[*k].depth += along * intersections[*k].weight / seen.weight;
     }
 }
 
@@ -98,26 +104,31 @@ pub fn warp_backward(camera: &Camera, geometry: &Geometry, sources: &[Source], v
     let pairs: Vec<Pair> = sources.iter().map(|s| Pair::new(camera, s)).collect();
     let pixels = geometry.depth.len();
     let pixel_grad = |pixel: usize| {
-        let slots = &geometry.slots[pixel];
-        let mut out = vec![SlotGrad::default(); slots.len()];
+        let intersections = &geometry.intersections[pixel];
+        let mut out = vec![IntersectionGrad::default(); intersections.len()];
         let mut v_depth = 0.0;
         for (m, (source, seen)) in seen_by(camera, geometry, &pairs, pixel).iter().enumerate() {
             let at = m * pixels + pixel;
-            warped_backward(&pairs[*source], seen, slots, v.warped[at], &mut out);
+            warped_backward(&pairs[*source], seen, intersections, v.warped[at], &mut out);
             v_depth += v.cosine[at] * seen.cosine_by_depth;
         }
         (out, v_depth)
     };
-    let (slots, depth) = (0..pixels).into_par_iter().map(pixel_grad).unzip();
-    SurfaceGrads { slots, depth }
+    let (intersections, depth) = (0..pixels).into_par_iter().map(pixel_grad).unzip();
+    SurfaceGrads { intersections, depth }
 }
 
 /// median = sum w_k z_k / (sum w_k + 1e-8): adds the gradient by it to those by the intersections.
-fn median_backward(slots: &[Slot], median: f64, v_median: f64, v_slots: &mut [SlotGrad]) {
-    let weight = slot_weight(slots);
-    for (slot, v) in slots.iter().zip(v_slots) {
-        v.depth += v_median * slot.weight / weight;
-        v.weight += v_median * (slot.depth - median) / weight;
+fn median_backward(
+    intersections: &[Intersection],
+    median: f64,
+    v_median: f64,
+    v_intersections: &mut [IntersectionGrad],
+) {
+    let weight = total_weight(intersections);
+    for (intersection, v) in intersections.iter().zip(v_intersections) {
+        v.depth += v_median * intersection.weight / weight;
+        v.weight += v_median * (intersection.depth - median) / weight;
     }
 }
 
@@ -141,8 +152,8 @@ impl BlendSum {
 struct PixelGrads {
     base: [f64; 3],
     normal: DVec3,
-    /// As the pixel's slots, the median depth's part included.
-    slots: Vec<SlotGrad>,
+    /// As the pixel's intersections, the median depth's part included.
+    intersections: Vec<IntersectionGrad>,
 }
 
 /// Walks one pixel back to front. Whatever the loss is, it depends on the weights w_i = alpha_i T_i, the colours and
@@ -157,8 +168,8 @@ fn pixel_backward(
 ) {
     let base = &geometry.base;
     let ray = pixel_ray(camera, x, y);
-    let slots = &geometry.slots[(y * camera.width + x) as usize];
-    let mut slots = slots.iter().zip(&v.slots).rev().peekable();
+    let intersections = &geometry.intersections[(y * camera.width + x) as usize];
+    let mut intersections = intersections.iter().zip(&v.intersections).rev().peekable();
     let (parts, final_t) = contributions(&base.projected, &base.order[tile], x, y);
     let mut behind = final_t * dot(v.base, background);
     for part in parts.iter().rev() {
@@ -167,9 +178,11 @@ fn pixel_backward(
         let weight = part.alpha * part.transmittance;
         let mut v_weight = dot(v.base, splat.color) + v.normal.dot(plane.normal);
         sum.plane.normal += v.normal * weight;
-        if let Some((slot, v_slot)) = slots.next_if(|(slot, _)| slot.entry == part.entry) {
-            v_weight += v_slot.weight;
-            sum.add_depth(plane, ray, slot.depth, v_slot.depth);
+        if let Some((intersection, v_intersection)) =
+            intersections.next_if(|(intersection, _)| intersection.entry == part.entry)
+        {
+            v_weight += v_intersection.weight;
+            sum.add_depth(plane, ray, intersection.depth, v_intersection.depth);
         }
         // Behind it every weight carries the factor 1 - alpha.
         let v_alpha = part.transmittance * v_weight - behind / (1.0 - part.alpha);
@@ -193,9 +206,9 @@ pub fn blend_backward(
         let mut sums = vec![BlendSum::default(); list.len()];
         for (x, y) in tile_pixels(camera, tile) {
             let i = (y * camera.width + x) as usize;
-            let mut slots = v_surface.slots[i].clone();
-            median_backward(&geometry.slots[i], geometry.depth[i], v_surface.depth[i], &mut slots);
-            let v = PixelGrads { base: v_base[i], normal: v_normal[i].into(), slots };
+            let mut intersections = v_surface.intersections[i].clone();
+            median_backward(&geometry.intersections[i], geometry.depth[i], v_surface.depth[i], &mut intersections);
+            let v = PixelGrads { base: v_base[i], normal: v_normal[i].into(), intersections };
             pixel_backward(camera, background, geometry, (tile, x, y), &v, &mut sums);
         }
         sums

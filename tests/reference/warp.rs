@@ -5,7 +5,7 @@ use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use rayon::prelude::*;
 
-use super::geometry::{EPSILON, Geometry, Slot, pixel_ray};
+use super::geometry::{EPSILON, Geometry, Intersection, pixel_ray};
 
 /// The depths of source and point agree when they differ by less than this part of the latter.
 pub const DEPTH_AGREEMENT: f64 = 0.01;
@@ -27,10 +27,10 @@ pub struct Source {
     pub reach: f64,
 }
 
-/// What `warp` gives: per packed slot m, then per pixel; zero (and slot -1) where a slot is empty.
+/// What `warp` gives: per visible source m, then per pixel; zero (and source -1) where there is none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warp {
-    /// Number of the source in packed slot m of the pixel, or -1.
+    /// Number of visible source m of the pixel, or -1.
     pub slot: Vec<i32>,
     /// Thirds of the agreement by which the source's depth is off, rounded down; 0 with a reach of 1.
     pub error: Vec<u8>,
@@ -166,23 +166,23 @@ impl<'a> Pair<'a> {
     }
 
     /// Steps 1 and 2 of section 5 for one pixel: None where the source does not see the point at the median `depth`.
-    pub fn see(&self, ray: DVec3, slots: &[Slot], depth: f64) -> Option<Seen> {
+    pub fn see(&self, ray: DVec3, intersections: &[Intersection], depth: f64) -> Option<Seen> {
         let median = self.land(ray, depth)?;
         let [stored] = median.read.read(self.source.depth.as_chunks().0);
         let error = (stored - median.depth).abs() / median.depth;
         let agrees = stored > 0.0 && error < self.source.reach * DEPTH_AGREEMENT;
         // A read that touches a masked texel does not count.
         let unmasked = |landing: &Landing| landing.read.is_valid(&self.source.valid);
-        let land = |(k, slot): (usize, &Slot)| Some((k, self.land(ray, slot.depth).filter(unmasked)?));
-        let landings: Vec<_> = slots.iter().enumerate().filter_map(land).collect();
+        let land = |(k, met): (usize, &Intersection)| Some((k, self.land(ray, met.depth).filter(unmasked)?));
+        let landings: Vec<_> = intersections.iter().enumerate().filter_map(land).collect();
         if !agrees || landings.is_empty() {
             return None;
         }
-        let weight = landings.iter().map(|(k, _)| slots[*k].weight).sum::<f64>() + EPSILON;
+        let weight = landings.iter().map(|(k, _)| intersections[*k].weight).sum::<f64>() + EPSILON;
         let mut warped = [0.0; 3];
         for (k, landing) in &landings {
             for (sum, c) in warped.iter_mut().zip(landing.read.read(&self.source.photo)) {
-                *sum += slots[*k].weight * c / weight;
+                *sum += intersections[*k].weight * c / weight;
             }
         }
         let (cosine, cosine_by_depth) = self.cosine(ray, depth);
@@ -193,7 +193,8 @@ impl<'a> Pair<'a> {
 /// Step 3 of section 5 for one pixel: the sources that see it, in order, with their numbers.
 pub fn seen_by(camera: &Camera, geometry: &Geometry, pairs: &[Pair], pixel: usize) -> Vec<(usize, Seen)> {
     let ray = pixel_ray(camera, pixel as u32 % camera.width, pixel as u32 / camera.width);
-    let see = |(m, pair): (usize, &Pair)| Some((m, pair.see(ray, &geometry.slots[pixel], geometry.depth[pixel])?));
+    let see =
+        |(m, pair): (usize, &Pair)| Some((m, pair.see(ray, &geometry.intersections[pixel], geometry.depth[pixel])?));
     pairs.iter().enumerate().filter_map(see).collect()
 }
 

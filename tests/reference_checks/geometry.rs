@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::reference::finite::assert_gradient;
-use crate::reference::geometry::{Geometry, Plane, median_slots, pixel_ray};
+use crate::reference::geometry::{Geometry, Plane, median_intersections, pixel_ray};
 use crate::reference::geometry_backward::Cotangents;
 use crate::reference::golden::load_gradients;
 use crate::reference::random_scene::{random_camera, random_image};
@@ -43,7 +43,10 @@ fn outputs_agree_with_the_golden_data() {
         let slot: Vec<f64> = warp.slot.iter().map(|s| f64::from(*s)).collect();
         assert_eq!(slot, golden.arrays.get("out/slot").data, "{file} out/slot");
         assert!(slot.contains(&-1.0) && slot.contains(&1.0), "{file}: too plain");
-        assert!(geometry.slots.iter().any(|s| s.len() == golden.k), "{file}: no pixel fills its slots");
+        assert!(
+            geometry.intersections.iter().any(|s| s.len() == golden.k),
+            "{file}: no pixel has all its intersections"
+        );
     }
 }
 
@@ -106,8 +109,8 @@ impl Coverage {
                 let after = parts.iter().filter(hit).count() - before;
                 self.before_overflows |= before > k / 2;
                 self.after_overflows |= after > k / 2;
-                let mut seen = pairs.iter().filter_map(|p| p.see(ray, &geometry.slots[i], geometry.depth[i]));
-                self.partly_inside |= seen.any(|s| s.landings.len() < geometry.slots[i].len());
+                let mut seen = pairs.iter().filter_map(|p| p.see(ray, &geometry.intersections[i], geometry.depth[i]));
+                self.partly_inside |= seen.any(|s| s.landings.len() < geometry.intersections[i].len());
             }
         }
     }
@@ -174,12 +177,12 @@ fn the_median_buffers_straddle_one_half() {
     planes[3].normal = DVec3::Z;
     let transmittances = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2];
     let parts: Vec<_> = transmittances.iter().enumerate().map(|(i, t)| part(i, 0.1, *t)).collect();
-    let kept = |k| median_slots(&parts, &planes, DVec3::Z, k).iter().map(|s| s.gaussian).collect::<Vec<_>>();
+    let kept = |k| median_intersections(&parts, &planes, DVec3::Z, k).iter().map(|s| s.gaussian).collect::<Vec<_>>();
     assert_eq!(kept(2), [4, 5]);
     assert_eq!(kept(4), [2, 4, 5, 6]);
     assert_eq!(kept(8), [0, 1, 2, 4, 5, 6, 7, 8]);
-    let slot = median_slots(&parts, &planes, DVec3::Z, 2)[1];
-    assert!((slot.depth - 6.0).abs() < 1e-6 && slot.weight == 0.05 && slot.transmittance == 0.5 && slot.entry == 10);
+    let met = median_intersections(&parts, &planes, DVec3::Z, 2)[1];
+    assert!((met.depth - 6.0).abs() < 1e-6 && met.weight == 0.05 && met.transmittance == 0.5 && met.entry == 10);
 }
 
 #[test]

@@ -238,7 +238,7 @@ impl KeyframePath {
         read::parse_keyframes(text)
     }
 
-    /// Writes keyframes and frames, for `ibgs render --camera-path` and for nerfstudio. A file that is there is
+    /// Writes keyframes and frames, as [`CameraPath::load`] and nerfstudio read them. A file that is there is
     /// replaced: where the user may not expect it, ask before.
     ///
     /// # Errors

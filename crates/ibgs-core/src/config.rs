@@ -1,6 +1,6 @@
 //! The options of a training run: every constant of method.md, with its reference default.
 //!
-//! Written to `config.toml` of the output folder and read back with `--config`. A milestone that is left out
+//! Written to `config.toml` of the output folder and read back from there. A milestone that is left out
 //! follows the number of iterations (see [`Schedule`](schedule::Schedule)).
 
 mod check;
@@ -8,12 +8,13 @@ mod defaults;
 mod error;
 pub mod schedule;
 mod stages;
+mod text;
 
 pub use crate::sources::find::SourceOptions;
 pub use error::ConfigError;
 pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
 
-use crate::dataset::{Alpha, ColorSpace, DatasetError, LoadOptions, Masks};
+use crate::dataset::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::files::{self, TomlError};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -94,10 +95,12 @@ pub struct TrainConfig {
 pub struct DataConfig {
     /// Scene folder or a ZIP archive of one; unset: the built-in demo scene.
     pub source: Option<PathBuf>,
-    /// Factor 1, 2, 4 or 8 to divide the photos by, or a target width in pixels.
-    pub resolution: String,
+    /// Factor 1, 2, 4 or 8 to divide the photos by, a target width in pixels, or -1 to cap the width at 1600.
+    #[serde(with = "text")]
+    pub resolution: Resolution,
     /// How photos are made smaller: `lanczos3`, or `bicubic` as in the published code.
-    pub resampler: String,
+    #[serde(with = "text")]
+    pub resampler: Resampler,
     /// Photo folder inside the scene; unset: found by the loader.
     pub images: Option<String>,
     /// Longest side that a photo may have, in pixels; unset: no limit.
@@ -107,7 +110,8 @@ pub struct DataConfig {
     /// Every so-manieth photo by name is a test view, beginning with the first.
     pub eval_split_every: u32,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
-    pub principal_point: String,
+    #[serde(with = "text")]
+    pub principal_point: PrincipalPoint,
     /// What lies outside of the masks, in `masks/` or alpha channels: `ignore`: anything; `object`: nothing.
     pub masks: Masks,
     /// What the photos' alpha means: `mask`, or `composite` over the background colour; unset: `composite` in Blender
@@ -293,19 +297,16 @@ pub struct OpacityResetConfig {
 
 impl TrainConfig {
     /// How its scene is loaded.
-    ///
-    /// # Errors
-    /// An option that makes no sense.
-    pub fn load_options(&self) -> Result<LoadOptions, DatasetError> {
+    pub fn load_options(&self) -> LoadOptions {
         let data = &self.data;
-        Ok(LoadOptions {
-            resolution: data.resolution.parse()?,
-            resampler: data.resampler.parse()?,
+        LoadOptions {
+            resolution: data.resolution,
+            resampler: data.resampler,
             images: data.images.clone(),
             max_resolution: data.max_resolution,
             eval: data.eval,
             eval_split_every: data.eval_split_every as usize,
-            principal_point: data.principal_point.parse()?,
+            principal_point: data.principal_point,
             masks: data.masks,
             alpha: data.alpha,
             // What lies under transparent photos is what lies behind the Gaussians.
@@ -314,7 +315,7 @@ impl TrainConfig {
             filter_points: data.filter_points,
             seed: self.seed,
             random_points: data.random_points as usize,
-        })
+        }
     }
 
     /// Colour behind the Gaussians.
@@ -342,7 +343,7 @@ impl TrainConfig {
             line,
             reason,
         })?;
-        config.validate_from(&path.display().to_string())?;
+        config.validate_from(Some(path))?;
         Ok(config)
     }
 
@@ -370,7 +371,7 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigError::Invalid`] for the first value that makes no sense.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        self.validate_from("command line")
+        self.validate_from(None)
     }
 }
 
@@ -429,6 +430,19 @@ mod tests {
     }
 
     #[test]
+    fn options_of_the_photos_are_written_as_they_were_given() {
+        for text in ["1", "8", "1008", "-1"] {
+            let config = load(&format!("[data]\nresolution = \"{text}\"\nresampler = \"bicubic\"")).unwrap();
+            assert_eq!(config.data.resampler, Resampler::Bicubic);
+            assert!(config.to_text().unwrap().contains(&format!("resolution = \"{text}\"")), "{text}");
+        }
+        let text = TrainConfig::default().to_text().unwrap();
+        for line in ["resolution = \"1\"", "resampler = \"lanczos3\"", "principal-point = \"true\""] {
+            assert!(text.lines().any(|found| found == line), "{line} is not in {text}");
+        }
+    }
+
+    #[test]
     fn unknown_fields_are_named_with_their_line() {
         let text = load("seed = 3\n\n[densify]\nintervall = 5\n").unwrap_err().to_string();
         assert!(text.contains("config.toml, line 4"), "{text}");
@@ -453,6 +467,8 @@ mod tests {
             ("eval-iterations = [0]", "eval-iterations"),
             ("[data]\neval-split-every = 1", "data.eval-split-every"),
             ("[data]\nprincipal-point = \"middle\"", "data.principal-point"),
+            ("[data]\nresampler = \"box\"", "data.resampler"),
+            ("[data]\nresolution = \"3\"", "data.resolution"),
             ("[learning-rates]\nopacity = -1.0", "learning-rates.opacity"),
             ("[learning-rates]\nmean-final = 0.0", "learning-rates.mean-final"),
             ("[adam]\nbeta2 = 1.0", "adam.beta2"),
@@ -477,6 +493,6 @@ mod tests {
             assert!(message.contains("config.toml"), "{message}");
         }
         let config = TrainConfig { seed: u64::MAX, ..TrainConfig::default() };
-        assert!(config.validate().unwrap_err().to_string().contains("command line"));
+        assert!(config.validate().unwrap_err().to_string().starts_with("option `seed` is"));
     }
 }

@@ -204,8 +204,8 @@ pub enum EvalError {
     #[error(transparent)]
     Write(#[from] WriteError),
     /// A distance of two images cannot be computed.
-    #[error("{0}")]
-    Distance(String),
+    #[error(transparent)]
+    Distance(Box<dyn std::error::Error + Send + Sync>),
 }
 
 impl From<RenderError> for EvalError {

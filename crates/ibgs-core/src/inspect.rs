@@ -1,8 +1,8 @@
 //! Why a pixel of a frame looks as it does: its surface, and what each source photo says about it (method.md sections 3 to 6).
 //!
 //! Colours, surface and which sources are used are read from the frame, as the GPU left them. Places, depths and colours in
-//! the photos, which it does not keep, are reckoned again in double precision: within rounding of a limit they may fall on its
-//! other side.
+//! the photos, which it does not keep, are computed again in double precision: within rounding of a limit they may fall on the
+//! other side of it.
 
 use crate::camera::Camera;
 use crate::dataset::Photo;
@@ -72,10 +72,10 @@ pub struct SourceReading {
 /// Whether a source is used at a pixel, or what it failed at first (method.md section 5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is the source in a packed slot of the pixel.
+    /// It is one of the visible sources of the pixel.
     Used {
         /// Which one, from 0.
-        slot: u32,
+        number: u32,
     },
     /// The point lies behind the source.
     Behind,
@@ -87,7 +87,7 @@ pub enum Verdict {
     Hidden,
     /// The depths agree, but no intersection can be read: all fall on masked texels or outside.
     Unreadable,
-    /// It sees the point, but the sources before it fill all slots.
+    /// It sees the point, but the sources before it are as many as the network reads.
     Enough,
 }
 
@@ -154,7 +154,7 @@ impl FrameSource {
     }
 }
 
-/// Byte of an empty packed slot.
+/// Byte where there is no visible source.
 const EMPTY: u8 = 255;
 /// Keeps the division by the sum of weights finite (method.md section 5).
 const EPSILON: f64 = 1e-8;
@@ -168,7 +168,7 @@ struct Pixel<'a> {
     point: DVec3,
     ray_offset: f64,
     intersections: &'a [Intersection],
-    /// Number of the source in each packed slot.
+    /// Number of each visible source.
     packed: [u8; 4],
 }
 
@@ -198,10 +198,10 @@ impl Pixel<'_> {
         }
         let WarpOptions { visible, agreement, reach } = self.options;
         let agreement = reach * agreement;
-        let slot = self.packed.iter().position(|&byte| byte != EMPTY && usize::from(byte & 15) == number);
+        let found = self.packed.iter().position(|&byte| byte != EMPTY && usize::from(byte & 15) == number);
         let full = self.packed[visible as usize - 1] != EMPTY;
-        let verdict = match (slot, &landing, depth_error) {
-            (Some(slot), ..) => Verdict::Used { slot: slot as u32 },
+        let verdict = match (found, &landing, depth_error) {
+            (Some(number), ..) => Verdict::Used { number: number as u32 },
             (None, Err(verdict), _) => *verdict,
             (None, Ok(_), None) => Verdict::NoDepth,
             (None, Ok(_), Some(error)) if error < agreement && color.is_none() => Verdict::Unreadable,
@@ -258,17 +258,17 @@ impl Frame {
         let median: f32 = gpu.read_at(&surface.median_depth, at, 1)?[0];
         found.median_depth = Some(median).filter(|&z| z > 0.0 && z.is_finite());
         found.point = found.median_depth.map(point);
-        let (slots, pixels) = (surface.options.slots as usize, camera.width as usize * camera.height as usize);
-        for k in 0..slots {
-            let [depth, weight] = gpu.read_at::<[f32; 2]>(&surface.slots, k * pixels + at, 1)?[0];
+        let (count, pixels) = (surface.options.intersections as usize, camera.width as usize * camera.height as usize);
+        for k in 0..count {
+            let [depth, weight] = gpu.read_at::<[f32; 2]>(&surface.intersections, k * pixels + at, 1)?[0];
             if weight > 0.0 {
-                found.intersections.push(Intersection { depth, weight, point: point(depth), before: k < slots / 2 });
+                found.intersections.push(Intersection { depth, weight, point: point(depth), before: k < count / 2 });
             }
         }
         if let Some((part, seen)) = self.image.as_ref().and_then(|part| Some((part, part.seen.as_ref()?)))
             && let Some(point) = found.point
         {
-            let packed = gpu.read_at::<u32>(&seen.slots, at, 1)?[0].to_le_bytes();
+            let packed = gpu.read_at::<u32>(&seen.visible, at, 1)?[0].to_le_bytes();
             let (center, ray_offset) = (camera.center(), surface.options.ray_offset);
             let intersections = &found.intersections;
             let pixel = Pixel { gpu, options: part.options, center, point, ray_offset, intersections, packed };

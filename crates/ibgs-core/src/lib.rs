@@ -56,4 +56,4 @@ pub mod sources;
 pub mod stored_zip;
 pub mod video;
 
-pub use sentence::sentence;
+pub use sentence::{sentence, sentence_with};

@@ -22,7 +22,7 @@ use crate::camera::Camera;
 use crate::config::schedule::Schedule;
 use crate::config::{Method, TrainConfig};
 use crate::dataset::demo::{self, DemoOptions};
-use crate::dataset::{self, Dataset, Photo};
+use crate::dataset::{self, Dataset, Photo, PrincipalPoint, Resampler, Resolution};
 use crate::exposure::{Exposure, ExposureField};
 use crate::gpu::Gpu;
 use crate::local_space::LocalSpace;
@@ -48,7 +48,7 @@ pub struct ModelOptions {
     /// Iteration; none: the latest.
     pub iteration: Option<u32>,
     /// For a model folder of the published code: factor or width of the photos that it was trained on.
-    pub resolution: Option<String>,
+    pub resolution: Option<Resolution>,
     /// Device memory for the source photos; none: as in the training.
     pub source_memory: Option<MemoryBudget>,
     /// How precisely the residual network computes.
@@ -249,7 +249,7 @@ pub fn load_scene(
     source: &Path,
     progress: &dyn Progress,
 ) -> Result<Dataset, dataset::DatasetError> {
-    let dataset = dataset::load_with(source, &config.load_options()?, progress)?;
+    let dataset = dataset::load_with(source, &config.load_options(), progress)?;
     for note in &dataset.notes {
         log::info!("{note}");
     }
@@ -344,9 +344,9 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
 fn published_options(options: &ModelOptions) -> TrainConfig {
     let mut config = TrainConfig::default();
     config.data.eval = true;
-    config.data.principal_point = "centred".to_owned();
-    config.data.resampler = "bicubic".to_owned();
-    config.data.resolution = options.resolution.clone().unwrap_or(config.data.resolution);
+    config.data.principal_point = PrincipalPoint::Centred;
+    config.data.resampler = Resampler::Bicubic;
+    config.data.resolution = options.resolution.unwrap_or_default();
     config.sources.distances = Distances::Absolute;
     config
 }

@@ -146,7 +146,7 @@ fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
         Shown::Depth(_) => plain(Presented::Depth, frame.surface()?.median_depth.clone()),
         Shown::Normal => plain(Presented::Normal, frame.surface()?.normal_map.clone()),
         Shown::Visibility(_) => {
-            Inputs { words: Some(frame.seen()?.slots.clone()), ..plain(Presented::Visibility, base()) }
+            Inputs { words: Some(frame.seen()?.visible.clone()), ..plain(Presented::Visibility, base()) }
         }
         Shown::Difference(target, _) => {
             Inputs { words: photo(target), ..plain(Presented::Difference, image().unwrap_or_else(base)) }

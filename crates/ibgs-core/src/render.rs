@@ -39,7 +39,7 @@ impl ImageOptions {
         let residual = &config.residual;
         Self {
             sources: config.sources.clone(),
-            surface: SurfaceOptions { slots: config.surface.intersections, ..SurfaceOptions::default() },
+            surface: SurfaceOptions { intersections: config.surface.intersections, ..SurfaceOptions::default() },
             variant: Variant {
                 inputs: residual.inputs,
                 output: residual.output,
@@ -365,7 +365,7 @@ fn record_final(
     };
     let task = ResidualTask { camera: *camera, seen: warped.seen.clone(), gain: 1.0 };
     let weights = stage.part.network.weights.clone();
-    let inputs = ResidualInputs { base, warped: colors, slots: warped.visible, weights };
+    let inputs = ResidualInputs { base, warped: colors, visible: warped.visible, weights };
     let image = gpu.transient("final image", forward.image.size)?;
     let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
     // Not the photos on the device: the store could not give their memory to others.
@@ -481,7 +481,7 @@ impl Frame {
     pub fn visibility(&self) -> Result<Option<Vec<u32>>, GpuError> {
         let Some(part) = &self.image else { return Ok(None) };
         let Some(seen) = &part.seen else { return Ok(Some(vec![0; self.pixels()])) };
-        let packed: Vec<u32> = self.gpu.read(&seen.slots, self.pixels())?;
+        let packed: Vec<u32> = self.gpu.read(&seen.visible, self.pixels())?;
         let count = |word: u32| (0..4).filter(|m| (word >> (8 * m)) & 255 != 255).count() as u32;
         Ok(Some(packed.into_iter().map(count).collect()))
     }

@@ -8,12 +8,16 @@ const MOST_CHARACTERS: usize = 2000;
 /// An error with those of its causes that its own text does not name already, in one line: a name in a file may hold anything, also
 /// what would move a terminal's cursor.
 pub fn sentence(error: &(dyn Error + 'static)) -> String {
-    let mut text = error.to_string();
+    sentence_with(error, &|error| error.to_string())
+}
+
+/// As [`sentence`], with other words than the errors' own: `words` gives them for one error, without its causes.
+pub fn sentence_with(error: &(dyn Error + 'static), words: &dyn Fn(&(dyn Error + 'static)) -> String) -> String {
+    let mut text = words(error);
     let mut next = error.source();
     while let Some(cause) = next {
-        let words = cause.to_string();
-        if !text.contains(&words) {
-            text = format!("{text}: {words}");
+        if !text.contains(&cause.to_string()) {
+            text = format!("{text}: {}", words(cause));
         }
         next = cause.source();
     }

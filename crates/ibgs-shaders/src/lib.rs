@@ -129,7 +129,7 @@ kernels! {
     /// Every kernel that any adapter runs.
     KERNELS:
     /// Culling, projection, colour, depth keys, tile counts.
-    PROJECT = "project" [256, 1, 1] (size_of::<types::Frame>()):
+    PROJECT = "project" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
         write("projected"), write("depth_keys"), write("tile_counts"), read("filters");
     /// Sizes of the 3D smoothing filters.
@@ -152,39 +152,39 @@ kernels! {
     SORT_SCATTER = "sort_scatter" [256, 1, 1] (size_of::<types::SortParams>()):
         read("keys_in"), read("values_in"), read("count"), read("histogram"), write("keys_out"), write("values_out");
     /// Tile intersections in depth order.
-    TILE_EMIT = "tile_emit" [256, 1, 1] (size_of::<types::Frame>()):
+    TILE_EMIT = "tile_emit" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("depth_order"), read("offsets"), read("count"),
         write("isect_tiles"), write("isect_to_gaussian");
     /// Start and end of each tile's list.
-    TILE_RANGES = "tile_ranges" [256, 1, 1] (size_of::<types::Frame>()):
+    TILE_RANGES = "tile_ranges" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("sorted_tiles"), read("sorted_isects"), read("isect_to_gaussian"), read("count"),
         write("sorted_gaussians"), write("tile_ranges");
     /// Plane of each Gaussian in camera space.
-    PLANES = "planes" [256, 1, 1] (size_of::<types::Frame>()):
+    PLANES = "planes" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("normals"), read("plane_offsets"), write("planes");
     /// Alpha blending.
-    RASTERIZE = "rasterize" [TILE, TILE, 1] (size_of::<types::Frame>()):
+    RASTERIZE = "rasterize" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry");
     /// A part of a frame as 8-bit colours.
     PRESENT = "present" [256, 1, 1] (size_of::<types::PresentParams>()):
         read("values"), read("others"), read("words"), read("palette"), write("pixels");
     /// Alpha blending with normal map, median intersections and median depth.
-    RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
+    RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry"), write("normal_map"), write("median_depth"),
         write("slots"), write("slot_entries");
     /// Median depth alone.
-    RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
+    RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"), write("median_depth");
     /// Gradient of the blending with surface by projected quantities and planes, a row an intersection.
-    RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE, TILE, 1] (size_of::<types::SurfaceFrame>()):
+    RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"),
         read("final_t"), read("last_entry"), read("median_depth"), read("slots"), read("slot_entries"),
         read("v_image"), read("v_normal_map"), read("v_median_depth"), read("v_slots"),
         write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov"), write("v_isect_plane");
     /// Gradient of the planes by means, normals and offsets.
-    PLANES_BACKWARD = "planes_backward" [256, 1, 1] (size_of::<types::Frame>()):
+    PLANES_BACKWARD = "planes_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("normals"), read("plane_offsets"), read("planes"), read("depth_order"), read("offsets"),
         read("tile_counts"), read("v_isect_plane"), write("v_means"), write("v_normals"), write("v_plane_offsets");
     /// Colours of one source photo at the median intersections, visibility, packing.
@@ -196,11 +196,11 @@ kernels! {
         read("median_depth"), read("slots"), read("photo"), read("warped"), read("seen"), read("v_warped"),
         write("v_slots"), write("v_median_depth");
     /// Gradient of the blending by the projected quantities, a row an intersection.
-    RASTERIZE_BACKWARD = "rasterize_backward" [TILE, TILE, 1] (size_of::<types::Frame>()):
+    RASTERIZE_BACKWARD = "rasterize_backward" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"), read("final_t"),
         read("last_entry"), read("v_image"), write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov");
     /// Gradient of the projection by the raw parameters.
-    PROJECT_BACKWARD = "project_backward" [256, 1, 1] (size_of::<types::Frame>()):
+    PROJECT_BACKWARD = "project_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("rotations"), read("log_scales"), read("sh"), read("projected"), read("depth_order"),
         read("offsets"), read("tile_counts"), read("v_isect_color"), read("v_isect_xy"), read("v_isect_cov"),
         write("v_means"), write("v_rotations"), write("v_log_scales"), write("v_opacity_logits"), write("v_sh"),
@@ -218,7 +218,7 @@ kernels! {
     ADAM = "adam" [256, 1, 1] (size_of::<types::AdamParams>()):
         read("gradient"), write("values"), write("moment1"), write("moment2");
     /// Plane normals from the shortest axes.
-    SHORTEST_AXIS = "shortest_axis" [256, 1, 1] (size_of::<types::Frame>()):
+    SHORTEST_AXIS = "shortest_axis" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("rotations"), read("log_scales"), write("normals"), write("plane_offsets");
     /// Pixels of large error that each Gaussian covers.
     DENSIFY_ERRORS = "densify_errors" [TILE, TILE, 1] (size_of::<types::LossParams>()):
@@ -252,10 +252,10 @@ kernels! {
     /// Depth normals against the normal map, gradients by median depth and normal map.
     NORMAL_LOSS_BACKWARD = "normal_loss_backward" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
         read("depth"), read("normal"), read("photo"), read("v_loss"), write("v_depth"), write("v_normal");
-    /// SSIM of a photo and the images warped to it, forward, one slot.
+    /// SSIM of a photo and the images warped to it, forward, one visible source.
     PHOTOMETRIC_LOSS = "photometric_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), write("moments"), write("partials");
-    /// SSIM of a photo and the images warped to it, gradient by the warped colours, one slot.
+    /// SSIM of a photo and the images warped to it, gradient by the warped colours, one visible source.
     PHOTOMETRIC_LOSS_BACKWARD = "photometric_loss_backward" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), read("moments"), read("stats"), read("v_loss"), write("v_warped");
     /// What the Gaussians show in a photo's exposure.

@@ -8,7 +8,7 @@ pub use half::*;
 /// One target view; the twin of `Frame` in `wgsl/shared/frame.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct Frame {
+pub struct ViewUniforms {
     /// Rows of [R | t] with `x_view = R x_world + t`.
     pub row0: [f32; 4],
     /// Second row.
@@ -46,7 +46,7 @@ pub struct Frame {
 /// Rays and planes of a target view; the twin of `SurfaceFrame` in `wgsl/shared/surface.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct SurfaceFrame {
+pub struct SurfaceUniforms {
     /// Background colour.
     pub background: [f32; 3],
     /// Median intersections a pixel.
@@ -73,7 +73,7 @@ pub struct SourceParams {
     pub row2: [f32; 4],
     /// The target's focal lengths in pixels.
     pub focal: [f32; 2],
-    /// The target's principal point, as in [`SurfaceFrame`].
+    /// The target's principal point, as in [`SurfaceUniforms`].
     pub principal: [f32; 2],
     /// The source's focal lengths in pixels.
     pub source_focal: [f32; 2],
@@ -85,7 +85,7 @@ pub struct SourceParams {
     pub source_size: [u32; 2],
     /// Number of the source among the target's sources.
     pub index: u32,
-    /// Packed slots, V.
+    /// Visible sources a pixel, V.
     pub visible: u32,
     /// Median intersections a pixel.
     pub slots: u32,
@@ -189,13 +189,13 @@ pub struct ExposeParams {
     pub pixels: u32,
 }
 
-/// Colours of packed slots; the twin of `SlotsParams`.
+/// Colours of the visible sources; the twin of `SlotsParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SlotsParams {
     /// Number of pixels.
     pub pixels: u32,
-    /// Packed slots V.
+    /// Visible sources a pixel, V.
     pub slots: u32,
 }
 
@@ -307,7 +307,7 @@ pub struct FeatureParams {
     pub size: [u32; 2],
     /// Size at which the network runs.
     pub low: [u32; 2],
-    /// Packed slots of a pixel, at most four.
+    /// Visible sources a pixel, at most four.
     pub slots: u32,
     /// A [`NetworkInputs`](crate::NetworkInputs).
     pub inputs: u32,

@@ -85,7 +85,7 @@ impl Perceptual for Lpips {
     fn distance(&self, image: &Rendered, photo: &Photo) -> Result<f64, EvalError> {
         self.distance(image, photo).map_err(|error| match error {
             LpipsError::Gpu(error) => error.into(),
-            error => EvalError::Distance(error.to_string()),
+            error => EvalError::Distance(Box::new(error)),
         })
     }
 }

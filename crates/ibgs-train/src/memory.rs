@@ -1,14 +1,14 @@
-//! How much device memory a training takes, reckoned before it begins.
+//! How much device memory a training takes, estimated before it begins.
 //!
 //! Counted are the buffers of an iteration in which everything is at work, those that burn keeps between iterations,
 //! and what densification and evaluation need beside it. Bytes are as the modules allocate them; where these change, the
 //! test that compares the estimate with the allocator's report fails. With N Gaussians of C coefficients a channel, room
-//! for I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V slots, M
-//! sources and `ibgs` (for `3dgs` the parts in braces fall away):
+//! for I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V visible
+//! sources, M sources and `ibgs` (for `3dgs` the parts in braces fall away):
 //!
 //! | part | bytes |
 //! |---|---|
-//! | photos | 4 a pixel of all training photos, within `--source-memory` |
+//! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (64 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
@@ -93,7 +93,7 @@ struct Sizes {
     /// Width and height of the network's images.
     low: [u64; 2],
     medians: u64,
-    slots: u64,
+    visible: u64,
     sources: u64,
 }
 
@@ -113,7 +113,7 @@ impl Sizes {
             tiles: largest(&|c| area([c.width.div_ceil(TILE), c.height.div_ceil(TILE)])),
             low,
             medians: config.surface.intersections.into(),
-            slots: config.sources.visible.into(),
+            visible: config.sources.visible.into(),
             sources: config.sources.used.into(),
         }
     }
@@ -208,26 +208,26 @@ impl Estimate {
     }
 
     fn add_surface(&mut self, sizes: &Sizes) {
-        let Sizes { n, pixels, medians, slots, .. } = *sizes;
+        let Sizes { n, pixels, medians, visible, .. } = *sizes;
         self.add("surface", "planes", 16 * n, 1);
         self.add("surface", "normal map and its gradient", 12 * pixels, 2);
         self.add("surface", "median depth and its gradient", 4 * pixels, 2);
         self.add("surface", "median intersections and their gradient", 8 * medians * pixels, 2);
         self.add("surface", "entries of the median intersections", 4 * medians * pixels, 1);
         self.add("images", "final image, gradients of base and final image", 12 * pixels, 4);
-        self.add("images", "warped colours and their gradients", 16 * slots * pixels, 4);
-        self.add("losses", "SSIM moments of the warped images", 36 * pixels, slots);
+        self.add("images", "warped colours and their gradients", 16 * visible * pixels, 4);
+        self.add("losses", "SSIM moments of the warped images", 36 * pixels, visible);
     }
 
     fn add_network(&mut self, sizes: &Sizes, demand: &Demand) {
-        let Sizes { pixels, medians, slots, sources, .. } = *sizes;
+        let Sizes { pixels, medians, visible, sources, .. } = *sizes;
         let low = sizes.low_pixels();
         let [half, quarter] = [2, 4].map(|by| (sizes.low[0] / by) * (sizes.low[1] / by));
         self.add("network", "activations and gradients at full size", 4 * INPUT as u64 * low, 6);
         self.add("network", "activations and gradients at half size", 4 * HALF as u64 * half, 4);
         self.add("network", "activations at quarter size", 4 * QUARTER as u64 * quarter, 1);
         self.add("network", "residual and its gradient", 12 * low, 2);
-        self.add("network", "gradients of the features", 16 * slots * low, 1);
+        self.add("network", "gradients of the features", 16 * visible * low, 1);
         self.add("network", "seen sources", 4 * pixels, 1);
         let tiles = sizes.low[0].div_ceil(16) * sizes.low[1].div_ceil(2);
         let row = (9 * INPUT * INPUT + INPUT) as u64;
@@ -235,12 +235,12 @@ impl Estimate {
         self.add("network", "sums of the per-view network", SUMS_BYTES, 1);
         self.add("network", "weights and their gradient", 4 * WEIGHTS as u64, 2);
         if demand.config.exposure.enabled != ExposureSwitch::Off {
-            self.add("network", "warped colours in the photo's exposure and their gradient", 16 * slots * pixels, 2);
+            self.add("network", "warped colours in the photo's exposure and their gradient", 16 * visible * pixels, 2);
         }
         if demand.evaluates {
             self.add("evaluation", "activations", 4 * INPUT as u64 * low, 4);
             self.add("evaluation", "residual and images", 12 * pixels, 3);
-            self.add("evaluation", "warped colours", 16 * slots * pixels, 1);
+            self.add("evaluation", "warped colours", 16 * visible * pixels, 1);
             self.add("evaluation", "depth maps of the sources", 4 * pixels, sources);
             self.add("evaluation", "surface", (28 + 12 * medians) * pixels, 1);
         }

@@ -10,12 +10,12 @@ use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::types::{AdamParams, OpacityResetParams};
 use ibgs_shaders::{ADAM, FINITE, OPACITY_RESET};
 
-/// Slots of the base colour and of the planes: normals and offsets.
+/// Tensors of the base colour and of the planes: normals and offsets.
 const BASE: usize = 5;
 const PLANES: usize = 2;
 const OPACITY: usize = 3;
 
-/// Rates of one step, three a slot: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
+/// Rates of one step, three a tensor: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
 /// the share of the rest that is lost, times its rate.
 #[derive(Clone, Copy, Debug)]
 pub struct Rates([[f64; 3]; BASE + PLANES]);
@@ -40,7 +40,7 @@ impl Rates {
 }
 
 /// One parameter tensor with its moments.
-pub(super) struct Slot {
+pub(super) struct Learned {
     pub parameter: Buffer,
     pub moments: [Buffer; 2],
     /// Number of values and values a Gaussian.
@@ -48,14 +48,14 @@ pub(super) struct Slot {
     pub row: usize,
 }
 
-impl Slot {
+impl Learned {
     /// Moments at zero for a parameter with `row` values a Gaussian.
     fn new(gpu: &Gpu, (parameter, count, row): (Buffer, usize, usize)) -> Result<Self, GpuError> {
         let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
         Ok(Self { parameter, moments: [moment()?, moment()?], count, row })
     }
 
-    /// Records the count of the parameter's values that are no finite number.
+    /// Records the count of the parameter's values that are not finite.
     fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
         pass.linear(&FINITE, &[&self.parameter, broken], bytes_of(&(self.count as u32)), self.count);
     }
@@ -102,7 +102,7 @@ impl Slot {
 
 /// Adam for a single tensor with one rate: the residual network's weights.
 pub struct TensorOptimizer {
-    slot: Slot,
+    tensor: Learned,
     config: AdamConfig,
     steps: i32,
 }
@@ -113,11 +113,11 @@ impl TensorOptimizer {
     /// # Errors
     /// Not enough memory.
     pub fn new(gpu: &Gpu, parameter: &Buffer, count: usize, config: AdamConfig) -> Result<Self, GpuError> {
-        Ok(Self { slot: Slot::new(gpu, (parameter.clone(), count, 1))?, config, steps: 0 })
+        Ok(Self { tensor: Learned::new(gpu, (parameter.clone(), count, 1))?, config, steps: 0 })
     }
 
     pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
-        self.slot.record_check(pass, broken);
+        self.tensor.record_check(pass, broken);
     }
 
     pub(super) fn config(&self) -> AdamConfig {
@@ -126,20 +126,20 @@ impl TensorOptimizer {
 
     /// Moments and number of steps; waits for the GPU.
     pub(super) fn state(&self, gpu: &Gpu) -> Result<([Vec<f32>; 2], i32), GpuError> {
-        Ok((self.slot.read(gpu)?, self.steps))
+        Ok((self.tensor.read(gpu)?, self.steps))
     }
 
-    /// Goes on from moments and number of steps.
+    /// Continues from moments and number of steps.
     pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[Vec<f32>; 2], steps: i32) -> Result<(), GpuError> {
         self.steps = steps;
-        self.slot.restore(gpu, moments)
+        self.tensor.restore(gpu, moments)
     }
 
     /// Moves the tensor one step.
     pub fn step(&mut self, gpu: &Gpu, gradient: &CubeTensor, rate: f64) {
         self.steps += 1;
         let mut pass = Pass::new(gpu, "adam");
-        self.slot.record_step(&mut pass, &bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
+        self.tensor.record_step(&mut pass, &bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
         pass.submit();
     }
 }
@@ -147,7 +147,7 @@ impl TensorOptimizer {
 /// First and second moments of every parameter, and the parameters' own memory.
 pub struct Optimizer {
     /// Means, rotations, log scales, opacities, SH and, where planes are trained, normals and offsets.
-    slots: Vec<Slot>,
+    tensors: Vec<Learned>,
     config: AdamConfig,
     /// Steps taken by the base and by the planes, which begin later.
     steps: [i32; 2],
@@ -155,9 +155,8 @@ pub struct Optimizer {
 
 fn parameters(splats: &Splats, planes: bool) -> Vec<(Buffer, usize, usize)> {
     let rows = PerGaussian::rows(splats.coefficients);
-    let slots = splats.parameters.clone().zip(rows).into_array().into_iter();
-    slots
-        .take(if planes { BASE + PLANES } else { BASE })
+    let all = splats.parameters.clone().zip(rows).into_array().into_iter();
+    all.take(if planes { BASE + PLANES } else { BASE })
         .map(|(parameter, row)| (parameter, row * splats.count, row))
         .collect()
 }
@@ -169,43 +168,43 @@ impl Optimizer {
     /// Not enough memory.
     pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, planes: bool) -> Result<Self, GpuError> {
         let parameters = parameters(splats, planes).into_iter();
-        let slots = parameters.map(|parameter| Slot::new(gpu, parameter)).collect::<Result<_, _>>()?;
-        Ok(Self { slots, config, steps: [0; 2] })
+        let tensors = parameters.map(|parameter| Learned::new(gpu, parameter)).collect::<Result<_, _>>()?;
+        Ok(Self { tensors, config, steps: [0; 2] })
     }
 
-    pub(super) fn slots(&self) -> &[Slot] {
-        &self.slots
+    pub(super) fn tensors(&self) -> &[Learned] {
+        &self.tensors
     }
 
-    /// Records the count of all values that are no finite number.
+    /// Records the count of all values that are not finite.
     pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
-        self.slots.iter().for_each(|slot| slot.record_check(pass, broken));
+        self.tensors.iter().for_each(|tensor| tensor.record_check(pass, broken));
     }
 
     /// Moments of every parameter and numbers of steps; waits for the GPU.
     #[expect(clippy::type_complexity, reason = "moments by parameter")]
     pub(super) fn state(&self, gpu: &Gpu) -> Result<(Vec<[Vec<f32>; 2]>, [i32; 2]), GpuError> {
-        Ok((self.slots.iter().map(|slot| slot.read(gpu)).collect::<Result<_, _>>()?, self.steps))
+        Ok((self.tensors.iter().map(|tensor| tensor.read(gpu)).collect::<Result<_, _>>()?, self.steps))
     }
 
-    /// Goes on from moments and numbers of steps.
+    /// Continues from moments and numbers of steps.
     pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[[Vec<f32>; 2]], steps: [i32; 2]) -> Result<(), GpuError> {
         self.steps = steps;
-        self.slots.iter_mut().zip(moments).try_for_each(|(slot, moments)| slot.restore(gpu, moments))
+        self.tensors.iter_mut().zip(moments).try_for_each(|(tensor, moments)| tensor.restore(gpu, moments))
     }
 
-    /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the slots.
+    /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the tensors.
     pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer; 2]>) -> Self {
-        let parameters = parameters(splats, self.slots.len() > BASE).into_iter();
-        let slot = |((parameter, count, row), moments)| Slot { parameter, moments, count, row };
-        let slots = parameters.zip(moments).map(slot).collect();
-        Self { slots, config: self.config.clone(), steps: self.steps }
+        let parameters = parameters(splats, self.tensors.len() > BASE).into_iter();
+        let tensor = |((parameter, count, row), moments)| Learned { parameter, moments, count, row };
+        let tensors = parameters.zip(moments).map(tensor).collect();
+        Self { tensors, config: self.config.clone(), steps: self.steps }
     }
 
     /// Moves every parameter that has a gradient one step.
     pub fn step(&mut self, gpu: &Gpu, gradients: SplatGradients, rates: &Rates) {
         let SplatGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes } = gradients;
-        let mut tensors = vec![
+        let mut gradients = vec![
             primitive(means),
             primitive(rotations),
             primitive(log_scales),
@@ -214,24 +213,24 @@ impl Optimizer {
         ];
         self.steps[0] += 1;
         if let Some((normals, offsets)) = planes {
-            tensors.extend([primitive(normals), primitive(offsets)]);
+            gradients.extend([primitive(normals), primitive(offsets)]);
             self.steps[1] += 1;
         }
         let mut pass = Pass::new(gpu, "adam");
-        for (i, ((slot, gradient), rates)) in self.slots.iter().zip(&tensors).zip(rates.0).enumerate() {
+        for (i, ((tensor, gradient), rates)) in self.tensors.iter().zip(&gradients).zip(rates.0).enumerate() {
             let steps = self.steps[usize::from(i >= BASE)];
-            slot.record_step(&mut pass, &bind(gradient), &self.config, rates, steps);
+            tensor.record_step(&mut pass, &bind(gradient), &self.config, rates, steps);
         }
         pass.submit();
     }
 
     /// Clamps every opacity to at most `limit` and clears the opacities' moments.
     pub fn reset_opacity(&self, gpu: &Gpu, limit: f64) {
-        let slot = &self.slots[OPACITY];
-        let params = OpacityResetParams { count: slot.count as u32, limit: (limit / (1.0 - limit)).ln() as f32 };
+        let tensor = &self.tensors[OPACITY];
+        let params = OpacityResetParams { count: tensor.count as u32, limit: (limit / (1.0 - limit)).ln() as f32 };
         let mut pass = Pass::new(gpu, "opacity reset");
-        let [first, second] = &slot.moments;
-        pass.linear(&OPACITY_RESET, &[&slot.parameter, first, second], bytes_of(&params), slot.count);
+        let [first, second] = &tensor.moments;
+        pass.linear(&OPACITY_RESET, &[&tensor.parameter, first, second], bytes_of(&params), tensor.count);
         pass.submit();
     }
 }

@@ -220,7 +220,7 @@ impl ImageStages {
             None => colors,
         };
         let seen = warped.seen;
-        total.add_surface_loss(self.photometric_loss.tracked(colors.clone(), &seen.slots, work.target)?);
+        total.add_surface_loss(self.photometric_loss.tracked(colors.clone(), &seen.visible, work.target)?);
         let camera = self.cameras[work.index];
         if !work.schedule.residual_at(work.iteration) || !self.residual.fits(&camera) {
             return Ok(());

@@ -104,6 +104,11 @@ pub trait Open: Send + 'static {
     /// # Errors
     /// A sentence that names the file and what to do.
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened>;
+
+    /// An error in one line, with what the user can do about it where the program knows that.
+    fn sentence(&self, error: &anyhow::Error) -> String {
+        ibgs_core::sentence(error.as_ref())
+    }
 }
 
 /// A running training.

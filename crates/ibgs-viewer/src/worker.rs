@@ -12,7 +12,6 @@ use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::picture::usual_range;
 use ibgs_core::present::Presenter;
 use ibgs_core::render::{Frame, Renderer};
-use ibgs_core::sentence;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -224,7 +223,7 @@ impl Desk {
     }
 
     fn failed(&self, error: &anyhow::Error) {
-        self.tell(News::Failed(sentence(error.as_ref())));
+        self.tell(News::Failed(self.opener.sentence(error)));
     }
 
     /// Tells of an error; where the device has failed, a training saves what it has first.
@@ -278,7 +277,7 @@ impl Desk {
         {
             log::info!("stopped at iteration {}: saving and measuring", training.progress().iteration);
             if let Err(error) = training.finish() {
-                log::error!("{}", sentence(error.as_ref()));
+                log::error!("{}", self.opener.sentence(&error));
             }
         }
         work.content = None;

@@ -264,6 +264,7 @@ impl Suite {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ibgs_core::dataset::Resolution;
 
     const TEXT: &str = r#"
         title = "Study"
@@ -294,8 +295,8 @@ mod tests {
         let titles: Vec<String> = jobs.iter().map(Job::title).collect();
         assert_eq!(titles, ["one, plain", "one, wide", "demo, plain", "demo, wide"]);
         let [plain, wide] = [&jobs[0], &jobs[1]];
-        assert_eq!((plain.config.iterations, plain.config.data.resolution.as_str()), (7000, "2"));
-        assert_eq!((wide.config.iterations, wide.config.data.resolution.as_str()), (10, "4"));
+        assert_eq!((plain.config.iterations, plain.config.data.resolution), (7000, Resolution::Factor(2)));
+        assert_eq!((wide.config.iterations, wide.config.data.resolution), (10, Resolution::Factor(4)));
         assert_eq!((plain.config.data.max_resolution, wide.config.data.max_resolution), (Some(100), Some(100)));
         assert!(plain.config.data.source.is_some() && jobs[2].config.data.source.is_none());
         assert_eq!(wide.folder, Path::new("out/wide/one"));

@@ -3,13 +3,13 @@
 use super::{WARM_ITERATIONS, estimate};
 use crate::progress::Bars;
 use crate::tell;
-use anyhow::{Context, Error, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use ibgs_core::config::{DataConfig, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{load_demo, load_scene};
-use ibgs_core::output::{Existing, FolderLock, OutputError, OutputFolder};
+use ibgs_core::output::{Existing, FolderLock, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::read_ply;
 use ibgs_core::sources::memory::MemoryBudget;
@@ -161,7 +161,7 @@ impl Plan {
         }
         OutputFolder::at(path).lock()?;
         if !(self.overwrite && path.is_dir()) {
-            OutputFolder::create(path, Existing::Keep).map_err(advised)?;
+            OutputFolder::create(path, Existing::Keep)?;
         }
         Ok(())
     }
@@ -176,7 +176,7 @@ impl Plan {
         let (existing, is_new) = (if self.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
         // Before anything in it is removed.
         let lock = path.is_dir().then(|| OutputFolder::at(&path).lock()).transpose()?;
-        let folder = OutputFolder::create(&path, existing).map_err(advised)?;
+        let folder = OutputFolder::create(&path, existing)?;
         let lock = lock.map_or_else(|| folder.lock(), Ok)?;
         if let Err(error) = folder.write_start(config, dataset) {
             if is_new {
@@ -195,16 +195,6 @@ impl Plan {
         let mut candidates = std::iter::once(name.clone()).chain((2..).map(|i| format!("{name}-{i}")));
         let free = candidates.find_map(|n| Some(Path::new("output").join(n)).filter(|p| !p.exists() || self.overwrite));
         free.context("no free output folder")
-    }
-}
-
-/// What the command line can do about an output folder.
-fn advised(error: OutputError) -> Error {
-    match error {
-        OutputError::HoldsModel { .. } | OutputError::HoldsTraining { .. } | OutputError::Foreign { .. } => {
-            anyhow!("{error} (`--overwrite`)")
-        }
-        error => error.into(),
     }
 }
 

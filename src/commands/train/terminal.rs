@@ -2,10 +2,10 @@
 
 use crate::commands::on_stop;
 use crate::tell;
-use anyhow::{Error, Result};
+use anyhow::Result;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_train::Session;
-use ibgs_train::session::{Event, Observer, SessionError, Summary};
+use ibgs_train::session::{Event, Observer, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub fn train(mut session: Session) -> Result<()> {
     let mut terminal = Terminal { bar: bar(&progress), stop };
     let outcome = session.run(&mut terminal);
     terminal.bar.finish_and_clear();
-    outcome.map_err(advised)
+    Ok(outcome?)
 }
 
 /// Shows a training as a progress bar with messages above it.
@@ -59,32 +59,6 @@ pub fn print(event: &Event) {
     }
     if let Event::Finished(Summary { resumable: Some(folder), .. }) = event {
         tell!("`ibgs train --resume -m {}` goes on from here", folder.display());
-    }
-}
-
-/// Adds to an error what the user can do about it.
-pub fn advised(error: SessionError) -> Error {
-    match error {
-        SessionError::Stopped { source, saved, checkpoint } => {
-            let source = Error::from(*source);
-            match (saved, checkpoint) {
-                (Some(path), Some(_)) => source.context(format!(
-                    "training stopped; the model so far is in {}, and `--resume` goes on from there",
-                    path.display()
-                )),
-                (Some(path), None) => {
-                    source.context(format!("training stopped; the model so far is in {}", path.display()))
-                }
-                (None, Some(iteration)) => {
-                    source.context(format!("training stopped; `--resume` goes on from iteration {iteration}"))
-                }
-                (None, None) => source,
-            }
-        }
-        SessionError::Unsettled { source, .. } => {
-            Error::from(*source).context("`--resume` goes on from here, but not all was saved and measured")
-        }
-        error => error.into(),
     }
 }
 

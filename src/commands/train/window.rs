@@ -1,6 +1,6 @@
 //! A training in the viewer's window.
 
-use super::terminal::{advised, print};
+use super::terminal::print;
 use anyhow::Result;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::render::Renderer;
@@ -38,7 +38,7 @@ impl Observer for Both<'_> {
 
 impl Training for Watched {
     fn step(&mut self, told: &dyn Fn(&str)) -> Result<()> {
-        self.0.step(&mut Both(told)).map_err(advised)
+        Ok(self.0.step(&mut Both(told))?)
     }
 
     fn progress(&self) -> TrainingProgress {
@@ -54,6 +54,6 @@ impl Training for Watched {
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.0.finish(&mut Both(&|_| {})).map_err(advised)
+        Ok(self.0.finish(&mut Both(&|_| {}))?)
     }
 }

@@ -7,9 +7,9 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::path::Path;
 
-/// Frames a second where the file does not tell, as in nerfstudio's viewer.
+/// Frames a second where the file does not say, as in nerfstudio's viewer.
 const USUAL_FPS: f64 = 30.0;
-/// Seconds from keyframe to keyframe where the file does not tell, as in nerfstudio's viewer.
+/// Seconds from keyframe to keyframe where the file does not say, as in nerfstudio's viewer.
 const USUAL_TRANSITION: f64 = 2.0;
 
 /// Degrees: a narrower view has no focal length in single precision.
@@ -25,12 +25,12 @@ struct Head {
 }
 
 #[derive(Deserialize)]
-struct Frames {
-    camera_path: Vec<Frame>,
+struct PathJson {
+    camera_path: Vec<FrameJson>,
 }
 
 #[derive(Deserialize)]
-struct Frame {
+struct FrameJson {
     /// Row by row, OpenGL axes.
     camera_to_world: [f64; 16],
     /// Vertical, degrees.
@@ -111,7 +111,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 }
 
 fn frames(text: &str) -> Result<Vec<Keyframe>, String> {
-    let Frames { camera_path: frames } = read(text)?;
+    let PathJson { camera_path: frames } = read(text)?;
     match frames.len() {
         0 => return Err("`camera_path` is empty".to_owned()),
         count if count > MAX_FRAMES as usize => {

@@ -4,6 +4,7 @@ use super::{
     ConfigError, DensifyConfig, ExposureConfig, LearningRates, McmcConfig, ResidualConfig, SourceOptions, TrainConfig,
 };
 use crate::scene::MAX_SH_DEGREE;
+use std::path::Path;
 
 /// What a number must be.
 #[derive(Clone, Copy)]
@@ -47,9 +48,9 @@ impl Range {
     }
 }
 
-/// Carries the name of the file, or of the command line, into the errors.
+/// Carries the file's name into the errors.
 struct Check<'a> {
-    place: &'a str,
+    path: Option<&'a Path>,
 }
 
 impl Check<'_> {
@@ -58,7 +59,7 @@ impl Check<'_> {
             return Ok(());
         }
         Err(ConfigError::Invalid {
-            place: self.place.to_owned(),
+            path: self.path.map(Path::to_owned),
             field: field.to_owned(),
             value: value.to_string(),
             advice,
@@ -81,9 +82,9 @@ impl Check<'_> {
 }
 
 impl TrainConfig {
-    /// Checks all values; `place` names in messages where they came from.
-    pub(super) fn validate_from(&self, place: &str) -> Result<(), ConfigError> {
-        let check = Check { place };
+    /// Checks all values; `path` is the file that they are from.
+    pub(super) fn validate_from(&self, path: Option<&Path>) -> Result<(), ConfigError> {
+        let check = Check { path };
         self.check_counts(&check)?;
         check.intervals(&[
             ("sh-interval", self.sh_interval),
@@ -133,20 +134,6 @@ impl TrainConfig {
         check.require(self.sh_degree() <= MAX_SH_DEGREE, "sh-degree", self.sh_degree(), "it must be 0, 1, 2 or 3")?;
         let every = self.data.eval_split_every;
         check.require(every >= 2, "data.eval-split-every", every, "it must be at least 2")?;
-        let principal = self.data.principal_point.as_str();
-        check.require(
-            matches!(principal, "true" | "centred"),
-            "data.principal-point",
-            format!("`{principal}`"),
-            "it must be `true` or `centred`",
-        )?;
-        let resampler = self.data.resampler.as_str();
-        check.require(
-            matches!(resampler, "lanczos3" | "bicubic"),
-            "data.resampler",
-            format!("`{resampler}`"),
-            "it must be `lanczos3` or `bicubic`",
-        )?;
         let side = self.data.max_resolution;
         check.require(side != Some(0), "data.max-resolution", 0, at_least_1)?;
         let random = self.data.random_points;

@@ -1,6 +1,6 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
-use crate::dataset::Masks;
+use crate::dataset::{Masks, PrincipalPoint, Resampler, Resolution};
 
 use super::{
     AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method,
@@ -67,13 +67,13 @@ impl Default for DataConfig {
     fn default() -> Self {
         Self {
             source: None,
-            resolution: "1".to_owned(),
-            resampler: "lanczos3".to_owned(),
+            resolution: Resolution::default(),
+            resampler: Resampler::Lanczos3,
             images: None,
             max_resolution: None,
             eval: false,
             eval_split_every: 8,
-            principal_point: "true".to_owned(),
+            principal_point: PrincipalPoint::True,
             masks: Masks::Ignore,
             alpha: None,
             color_space: None,

@@ -27,10 +27,10 @@ pub enum ConfigError {
         reason: String,
     },
     /// A value makes no sense.
-    #[error("{place}: option `{field}` is {value}; {advice}")]
+    #[error("{}option `{field}` is {value}; {advice}", path.as_ref().map(|path| format!("{}: ", path.display())).unwrap_or_default())]
     Invalid {
-        /// The file, or the command line.
-        place: String,
+        /// The file that it is from, if any.
+        path: Option<PathBuf>,
         /// Path of the field as in the file, for instance `densify.interval`.
         field: String,
         /// The value.

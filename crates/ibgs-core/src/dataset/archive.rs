@@ -71,8 +71,13 @@ impl Unpacked {
         }
     }
 
+    /// An error of the files, with the archive's name in its message.
+    pub fn error(&self, error: DatasetError) -> DatasetError {
+        DatasetError::InArchive { message: self.named(&error.to_string()), error: Box::new(error) }
+    }
+
     /// A message about the files with the archive's name in place of the temporary folder's.
-    pub fn told(&self, message: &str) -> String {
+    pub fn named(&self, message: &str) -> String {
         message.replace(&self.folder.path().display().to_string(), &self.archive.display().to_string())
     }
 }

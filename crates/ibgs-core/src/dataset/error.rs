@@ -23,7 +23,7 @@ pub enum DatasetError {
         path: PathBuf,
     },
     /// The photo folder is absent.
-    #[error("photo folder {} does not exist; create it or name another with --images", path.display())]
+    #[error("photo folder {} does not exist", path.display())]
     NoPhotoFolder {
         /// The folder looked for.
         path: PathBuf,
@@ -176,10 +176,7 @@ pub enum DatasetError {
         path: PathBuf,
     },
     /// None of the listed photos exists.
-    #[error(
-        "none of the {count} photos of {} exists (the first would be {}); put the photos there or name their \
-         folder with --images", path.display(), first.display()
-    )]
+    #[error("none of the {count} photos of {} exists (the first would be {})", path.display(), first.display())]
     NoPhotos {
         /// The scene.
         path: PathBuf,
@@ -222,13 +219,18 @@ pub enum DatasetError {
         /// What is wrong.
         problem: String,
     },
-    /// Trouble with the files of an archive: the message with the archive's name in its paths.
-    #[error("{0}")]
-    InArchive(String),
+    /// Trouble with the files of an archive.
+    #[error("{message}")]
+    InArchive {
+        /// What is wrong with the unpacked files.
+        error: Box<DatasetError>,
+        /// Its message with the archive's name in the paths.
+        message: String,
+    },
     /// An option outside its range.
-    #[error("option {option}: `{value}` is not allowed; use {allowed}")]
+    #[error("option `{option}`: `{value}` is not allowed; use {allowed}")]
     Option {
-        /// The option's name.
+        /// The option as an options file names it, such as `data.resolution`.
         option: &'static str,
         /// The value given.
         value: String,

@@ -25,7 +25,7 @@ use crate::local_space::LocalSpace;
 use crate::progress::Progress;
 use archive::Unpacked;
 use glam::{DVec2, DVec3};
-use photos::Frame;
+use photos::ListedPhoto;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt;
@@ -207,7 +207,7 @@ pub(crate) struct Scene {
     kind: SceneKind,
     /// The file that lists the images, for messages.
     listing: PathBuf,
-    frames: Vec<Frame>,
+    frames: Vec<ListedPhoto>,
     /// Listed photos that do not exist.
     missing: Vec<PathBuf>,
     points: Vec<Point>,
@@ -243,8 +243,8 @@ pub fn load_with(path: &Path, options: &LoadOptions, progress: &dyn Progress) ->
     }
     let unpacked = Unpacked::new(path)?;
     let loaded = load_folder(&unpacked.root(), options, progress);
-    let dataset = loaded.map_err(|error| DatasetError::InArchive(unpacked.told(&error.to_string())))?;
-    let notes = dataset.notes.iter().map(|note| unpacked.told(note)).collect();
+    let dataset = loaded.map_err(|error| unpacked.error(error))?;
+    let notes = dataset.notes.iter().map(|note| unpacked.named(note)).collect();
     Ok(Dataset { path: path.to_owned(), notes, ..dataset })
 }
 
@@ -282,15 +282,15 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
     Ok(dataset)
 }
 
-/// Reads a scene's metadata for `ibgs info`.
+/// Reads a scene's metadata, without its photos.
 pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
     if !is_archive(path) {
         return inspect_folder(path);
     }
     let unpacked = Unpacked::new(path)?;
     let inspected = inspect_folder(&unpacked.root());
-    let info = inspected.map_err(|error| DatasetError::InArchive(unpacked.told(&error.to_string())))?;
-    let missing = info.missing.iter().map(|name| unpacked.told(name)).collect();
+    let info = inspected.map_err(|error| unpacked.error(error))?;
+    let missing = info.missing.iter().map(|name| unpacked.named(name)).collect();
     Ok(SceneInfo { path: path.to_owned(), missing, ..info })
 }
 

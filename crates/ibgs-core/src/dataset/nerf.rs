@@ -8,7 +8,7 @@ use super::colmap::{reduced_folder, reduced_note};
 use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::photos::{Frame, clean_name, find_mask, find_photo, image_name};
+use super::photos::{ListedPhoto, clean_name, find_mask, find_photo, image_name};
 use super::{CameraInfo, LoadOptions, Scene, SceneInfo, SceneKind, points};
 use glam::DVec2;
 use serde::Deserialize;
@@ -255,7 +255,7 @@ fn read_frame(
         .map_err(|problem| DatasetError::Intrinsics { path: path.to_owned(), camera, problem })?;
     let mask = mask(&folders.root, frame, &name, path, index)?;
     let name = with_extension(name, &photo);
-    scene.frames.push(Frame { name, photo, mask, lens, pose, prescaled });
+    scene.frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
     Ok(())
 }
 

@@ -14,9 +14,11 @@ pub enum Resolution {
     Factor(u32),
     /// Width in pixels; the height keeps the shape. Narrower photos keep their size.
     Width(u32),
+    /// Width of 1600 pixels for wider photos: the published rule, written `-1`.
+    PublishedCap,
 }
 
-/// The published rule for `-1`: photos wider than this are resampled to it.
+/// Width that [`Resolution::PublishedCap`] reduces photos to.
 const PUBLISHED_WIDTH_CAP: u32 = 1600;
 
 impl Default for Resolution {
@@ -30,7 +32,7 @@ impl TryFrom<i64> for Resolution {
 
     fn try_from(number: i64) -> Result<Self, DatasetError> {
         match (number, u32::try_from(number)) {
-            (-1, _) => Ok(Resolution::Width(PUBLISHED_WIDTH_CAP)),
+            (-1, _) => Ok(Resolution::PublishedCap),
             (_, Ok(factor @ (1 | 2 | 4 | 8))) => Ok(Resolution::Factor(factor)),
             (_, Ok(width)) if width > 8 => Ok(Resolution::Width(width)),
             _ => Err(resolution_error(&number.to_string())),
@@ -42,6 +44,7 @@ impl From<Resolution> for i64 {
     fn from(resolution: Resolution) -> i64 {
         match resolution {
             Resolution::Factor(number) | Resolution::Width(number) => i64::from(number),
+            Resolution::PublishedCap => -1,
         }
     }
 }
@@ -63,7 +66,7 @@ impl fmt::Display for Resolution {
 
 fn resolution_error(value: &str) -> DatasetError {
     DatasetError::Option {
-        option: "--resolution",
+        option: "data.resolution",
         value: value.to_owned(),
         allowed: "1, 2, 4 or 8 to divide, a larger number for the width in pixels, or -1 to cap the width at 1600",
     }
@@ -88,7 +91,7 @@ impl FromStr for PrincipalPoint {
             "true" => Ok(PrincipalPoint::True),
             "centred" | "centered" => Ok(PrincipalPoint::Centred),
             _ => Err(DatasetError::Option {
-                option: "--principal-point",
+                option: "data.principal-point",
                 value: text.to_owned(),
                 allowed: "`true` or `centred`",
             }),
@@ -124,11 +127,20 @@ impl FromStr for Resampler {
             "lanczos3" => Ok(Resampler::Lanczos3),
             "bicubic" => Ok(Resampler::Bicubic),
             _ => Err(DatasetError::Option {
-                option: "--resampler",
+                option: "data.resampler",
                 value: text.to_owned(),
                 allowed: "`lanczos3` or `bicubic`",
             }),
         }
+    }
+}
+
+impl fmt::Display for Resampler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Resampler::Lanczos3 => "lanczos3",
+            Resampler::Bicubic => "bicubic",
+        })
     }
 }
 
@@ -150,7 +162,7 @@ impl FromStr for Alpha {
             "mask" => Ok(Alpha::Mask),
             "composite" => Ok(Alpha::Composite),
             _ => Err(DatasetError::Option {
-                option: "--alpha",
+                option: "data.alpha",
                 value: text.to_owned(),
                 allowed: "`mask` or `composite`",
             }),
@@ -176,9 +188,11 @@ impl FromStr for Masks {
         match text.trim() {
             "ignore" => Ok(Masks::Ignore),
             "object" => Ok(Masks::Object),
-            _ => {
-                Err(DatasetError::Option { option: "--masks", value: text.to_owned(), allowed: "`ignore` or `object`" })
-            }
+            _ => Err(DatasetError::Option {
+                option: "data.masks",
+                value: text.to_owned(),
+                allowed: "`ignore` or `object`",
+            }),
         }
     }
 }
@@ -201,7 +215,7 @@ impl FromStr for ColorSpace {
             "srgb" => Ok(ColorSpace::Srgb),
             "linear" => Ok(ColorSpace::Linear),
             _ => Err(DatasetError::Option {
-                option: "--color-space",
+                option: "data.color-space",
                 value: text.to_owned(),
                 allowed: "`srgb` or `linear`",
             }),
@@ -271,14 +285,16 @@ impl LoadOptions {
         let refuse = |option, value: String, allowed| Err(DatasetError::Option { option, value, allowed });
         match self {
             LoadOptions { resolution: Resolution::Factor(0) | Resolution::Width(0), .. } => Err(resolution_error("0")),
-            LoadOptions { max_resolution: Some(0), .. } => refuse("--max-resolution", "0".into(), "at least 1 pixel"),
-            LoadOptions { eval_split_every: 0, .. } => refuse("--eval-split-every", "0".into(), "at least 2"),
-            LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), .. } => {
-                refuse("--alpha", "composite".into(), "`mask` with `--masks object`, or leave it out")
+            LoadOptions { max_resolution: Some(0), .. } => {
+                refuse("data.max-resolution", "0".into(), "at least 1 pixel")
             }
-            LoadOptions { random_points: 0, .. } => refuse("random_points", "0".into(), "at least 1"),
+            LoadOptions { eval_split_every: 0, .. } => refuse("data.eval-split-every", "0".into(), "at least 2"),
+            LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), .. } => {
+                refuse("data.alpha", "composite".into(), "`mask` where `data.masks` is `object`, or leave it out")
+            }
+            LoadOptions { random_points: 0, .. } => refuse("data.random-points", "0".into(), "at least 1"),
             LoadOptions { images: Some(folder), .. } if super::photos::clean_name(folder).is_none() => {
-                refuse("--images", folder.clone(), "the name of a folder inside the scene folder")
+                refuse("data.images", folder.clone(), "the name of a folder inside the scene folder")
             }
             _ => Ok(()),
         }
@@ -293,12 +309,18 @@ impl LoadOptions {
             (scaled(w), scaled(h))
         };
         let mut size = (width, height);
-        match self.resolution {
-            Resolution::Factor(factor) if !prescaled => size = scale_to(size, 1.0 / f64::from(factor)),
-            Resolution::Width(target) if target < width => {
-                size = scale_to(size, f64::from(target) / f64::from(width));
+        let target = match self.resolution {
+            Resolution::Factor(factor) => {
+                if !prescaled {
+                    size = scale_to(size, 1.0 / f64::from(factor));
+                }
+                width
             }
-            _ => {}
+            Resolution::Width(target) => target,
+            Resolution::PublishedCap => PUBLISHED_WIDTH_CAP,
+        };
+        if target < width {
+            size = scale_to(size, f64::from(target) / f64::from(width));
         }
         let longer = size.0.max(size.1);
         match self.max_resolution {

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A posed photo that exists on disk but is not decoded yet.
 #[derive(Clone, Debug)]
-pub(crate) struct Frame {
+pub(crate) struct ListedPhoto {
     pub name: String,
     pub photo: PathBuf,
     pub mask: Option<PathBuf>,
@@ -123,7 +123,7 @@ struct Loaded {
     blank: Option<f64>,
 }
 
-fn load_one(frame: &Frame, options: &LoadOptions) -> Result<Loaded, DatasetError> {
+fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<Loaded, DatasetError> {
     let mut image = decode(&frame.photo, &read_bytes(&frame.photo)?, options)?;
     if let Some(mask) = &frame.mask {
         apply_mask(&mut image, mask)?;
@@ -171,7 +171,7 @@ fn to_image(photo: Photo, path: &Path) -> Result<RgbaImage, DatasetError> {
 
 /// Decodes, undistorts and resamples all photos, in parallel; adds views and notes to `dataset`.
 pub(crate) fn load_views(
-    frames: &[Frame],
+    frames: &[ListedPhoto],
     options: &LoadOptions,
     progress: &dyn Progress,
     dataset: &mut Dataset,
@@ -205,7 +205,7 @@ pub(crate) fn load_views(
         let has_mask = |one: &&Loaded| one.view.photo.rgba.chunks_exact(4).any(|p| (1..u8::MAX).contains(&p[3]));
         let masked = loaded.iter().filter(has_mask).count();
         dataset.notes.push(match masked {
-            0 => "no photo has a mask or transparent pixels: `--masks object` changes nothing".to_owned(),
+            0 => "no photo has a mask or transparent pixels: `masks = \"object\"` changes nothing".to_owned(),
             _ => format!("{} of an object: outside of the masks there is nothing", photos(masked)),
         });
     }

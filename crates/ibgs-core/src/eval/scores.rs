@@ -2,7 +2,7 @@
 
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
 use crate::config::TrainConfig;
-use crate::dataset::{Dataset, Masks, View, demo};
+use crate::dataset::{Dataset, Masks, Resolution, View, demo};
 use crate::gpu::{Gpu, GpuError};
 use crate::output::cameras::Split;
 use crate::output::pictures::{Output, Place};
@@ -129,15 +129,15 @@ impl Scores {
 
 /// What the figures of a run depend on.
 pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol {
-    let resized = config.data.resolution != "1" || config.data.max_resolution.is_some();
+    let resized = config.data.resolution != Resolution::default() || config.data.max_resolution.is_some();
     Protocol {
         resampler: match resized {
             true => format!("{}, or the scene's own reduced photos", config.data.resampler),
             false => "none".to_owned(),
         },
-        factor: config.data.resolution.clone(),
+        factor: config.data.resolution.to_string(),
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
-        principal_point: config.data.principal_point.clone(),
+        principal_point: config.data.principal_point.to_string(),
         masks: match (config.data.masks, config.white_background) {
             (Masks::Ignore, _) => "ignore",
             (Masks::Object, false) => "object, photos over black",

@@ -133,17 +133,17 @@ impl Exposures {
     /// Records warped colours, `[V, P, 4]`, in the target's exposure into `exposed`.
     pub fn record_warped(&self, pass: &mut Pass, warped: &Warped, exposed: &Buffer) {
         pass.relabel(LABEL);
-        let params = warped.slots();
-        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.colors, &warped.seen.slots, exposed];
+        let params = warped.per_visible();
+        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.colors, &warped.seen.visible, exposed];
         pass.linear(&EXPOSE_WARPED, &buffers, bytes_of(&params), params.pixels as usize);
         pass.keep((self.clone(), warped.clone()));
     }
 
     /// The gradient by warped colours into `v_colors` from that by the exposed ones, `[V, P, 4]`; the exposures are constants.
     pub fn warped_backward(&self, warped: &Warped, v_exposed: &Buffer, v_colors: &Buffer) {
-        let params = warped.slots();
+        let params = warped.per_visible();
         let mut pass = Pass::new(&self.gpu, "exposure backward");
-        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.seen.slots, v_exposed, v_colors];
+        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.seen.visible, v_exposed, v_colors];
         pass.linear(&EXPOSE_WARPED_BACKWARD, &buffers, bytes_of(&params), params.pixels as usize);
         pass.submit();
     }

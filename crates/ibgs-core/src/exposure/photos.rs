@@ -73,8 +73,8 @@ impl PhotoExposures {
     pub fn from_states(gpu: &Gpu, states: &[ExposureState], adam: ExposureAdam) -> Result<Self, GpuError> {
         let upload = |what, of: fn(&ExposureState) -> &Exposure| {
             let mut values = vec![0.0f32; STRIDE * states.len().max(1)];
-            for (slot, state) in values.chunks_exact_mut(STRIDE).zip(states) {
-                slot[..ROW].copy_from_slice(&of(state).row());
+            for (row, state) in values.chunks_exact_mut(STRIDE).zip(states) {
+                row[..ROW].copy_from_slice(&of(state).row());
             }
             gpu.upload(what, &values)
         };

@@ -27,7 +27,7 @@ pub enum GpuError {
     )]
     NoAdapter,
     /// The requested adapter is not there.
-    #[error("no adapter matches `--adapter {wanted}`; this machine has: {available}")]
+    #[error("no adapter matches `{wanted}`; this machine has: {available}")]
     UnknownAdapter {
         /// What the user asked for.
         wanted: String,
@@ -35,7 +35,7 @@ pub enum GpuError {
         available: String,
     },
     /// The adapter lacks something that every run needs.
-    #[error("adapter `{adapter}` lacks {missing}; choose another one with `--adapter`")]
+    #[error("adapter `{adapter}` lacks {missing}")]
     Lacking {
         /// Adapter name.
         adapter: String,
@@ -51,9 +51,7 @@ pub enum GpuError {
         reason: String,
     },
     /// A buffer would be larger than the device allows.
-    #[error(
-        "{what} needs {bytes} bytes, more than this device binds at once ({limit}); use fewer Gaussians (`--max-splats`) or a smaller image (`--resolution`)"
-    )]
+    #[error("{what} needs {bytes} bytes, more than this device binds at once ({limit})")]
     TooLarge {
         /// What the buffer holds.
         what: &'static str,
@@ -63,9 +61,7 @@ pub enum GpuError {
         limit: u64,
     },
     /// The device has no memory left.
-    #[error(
-        "the GPU has no memory left for {what} ({bytes} bytes); use fewer Gaussians (`--max-splats`), a smaller image (`--resolution`), or end other programs that use it"
-    )]
+    #[error("the GPU has no memory left for {what} ({bytes} bytes)")]
     OutOfMemory {
         /// What the buffer was for.
         what: &'static str,

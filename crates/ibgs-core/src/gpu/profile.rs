@@ -87,8 +87,8 @@ impl Gpu {
 
     /// Reads the timestamps of the last submit.
     pub(super) fn collect_profile(&self) -> Result<(), GpuError> {
-        let mut slot = self.profiler.lock().expect("profiler");
-        let Some(profiler) = slot.as_mut().filter(|p| !p.pending.is_empty()) else {
+        let mut profiler = self.profiler.lock().expect("profiler");
+        let Some(profiler) = profiler.as_mut().filter(|p| !p.pending.is_empty()) else {
             return Ok(());
         };
         let pending = std::mem::take(&mut profiler.pending);

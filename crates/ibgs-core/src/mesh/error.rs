@@ -31,8 +31,7 @@ pub enum MeshError {
     },
     /// The voxels do not fit into the memory allowed.
     #[error(
-        "voxels of {} need more than the limit of {}; choose a voxel size of {}, smaller bounds, a smaller \
-         largest depth, or a higher `--memory`", Length(*voxel), Bytes(*limit), Length(*enough)
+        "voxels of {} need more memory than the limit of {}", Length(*voxel), Bytes(*limit)
     )]
     Voxels {
         /// Voxel size in scene units.
@@ -43,7 +42,7 @@ pub enum MeshError {
         enough: f64,
     },
     /// The depth maps do not fit into the memory allowed.
-    #[error("the depth maps of {views} views need {}, over the limit of {}; render them smaller with `--width`, or give a higher `--memory`", Bytes(*needed), Bytes(*limit))]
+    #[error("the depth maps of {views} views need {}, over the limit of {}", Bytes(*needed), Bytes(*limit))]
     DepthMaps {
         /// Number of views.
         views: usize,

@@ -12,10 +12,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum OutputError {
     /// A model is there already.
-    #[error(
-        "{} already holds a model trained for {iteration} iterations; choose another folder or allow overwriting it",
-        path.display()
-    )]
+    #[error("{} already holds a model trained for {iteration} iterations", path.display())]
     HoldsModel {
         /// The folder.
         path: PathBuf,
@@ -23,10 +20,7 @@ pub enum OutputError {
         iteration: u32,
     },
     /// A training stopped there.
-    #[error(
-        "{} holds a training that stopped after iteration {iteration}; go on with `--resume`, choose another folder or allow overwriting it",
-        path.display()
-    )]
+    #[error("{} holds a training that stopped after iteration {iteration}", path.display())]
     HoldsTraining {
         /// The folder.
         path: PathBuf,
@@ -40,10 +34,7 @@ pub enum OutputError {
         path: PathBuf,
     },
     /// The folder belongs to something else.
-    #[error(
-        "{} holds a `{file}` that no training run wrote, perhaps it is a scene folder; choose another output folder or allow overwriting it",
-        path.display()
-    )]
+    #[error("{} holds a `{file}` that no training run wrote; perhaps it is a scene folder", path.display())]
     Foreign {
         /// The folder.
         path: PathBuf,

@@ -43,7 +43,7 @@ impl Output {
     pub const ALL: [Output; 6] =
         [Output::Final, Output::Base, Output::Residual, Output::Depth, Output::Normal, Output::Visibility];
 
-    /// Its name on the command line.
+    /// Its name, as options give it.
     pub fn name(self) -> &'static str {
         match self {
             Output::Final => "final",

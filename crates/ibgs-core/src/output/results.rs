@@ -43,7 +43,7 @@ impl Scored {
 pub struct Protocol {
     /// Filter that made the photos smaller, or `none`.
     pub resampler: String,
-    /// Factor or width of the photos, as `--resolution` takes it.
+    /// Factor or width of the photos, as the option `data.resolution` takes it.
     pub factor: String,
     /// Which views were held out, for instance `every 8th`.
     pub split: String,

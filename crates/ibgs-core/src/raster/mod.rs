@@ -23,7 +23,7 @@ use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
-use ibgs_shaders::types::Frame;
+use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -62,11 +62,11 @@ impl RasterView {
         }
     }
 
-    fn frame(&self, splats: &Splats, capacity: usize) -> Frame {
+    fn frame(&self, splats: &Splats, capacity: usize) -> ViewUniforms {
         let c = &self.camera;
         let r = c.view_from_world.transpose();
         let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
-        Frame {
+        ViewUniforms {
             row0: row(r.x_axis, c.translation.x),
             row1: row(r.y_axis, c.translation.y),
             row2: row(r.z_axis, c.translation.z),
@@ -112,7 +112,7 @@ pub struct Forward {
     /// Image, `[H, W, 3]`.
     pub image: Buffer,
     /// Uniforms of the view.
-    pub frame: Frame,
+    pub frame: ViewUniforms,
     /// Which of the tile sort's buffer pairs holds the sorted list.
     sorted: usize,
     /// Memory of the pass.
@@ -260,8 +260,8 @@ impl Rasterizer {
                     &ws.last_entry,
                     &s.normal_map,
                     &s.median_depth,
-                    &s.slots,
-                    &s.slot_entries,
+                    &s.intersections,
+                    &s.intersection_entries,
                 ];
                 pass.grid(&RASTERIZE_SURFACE, &blend, bytes_of(&s.frame), grid);
             }
@@ -375,12 +375,12 @@ impl Forward {
 }
 
 /// Workgroups of a kernel that has one a tile.
-fn tile_grid(frame: &Frame) -> [u32; 3] {
+fn tile_grid(frame: &ViewUniforms) -> [u32; 3] {
     [frame.size[0].div_ceil(TILE), frame.size[1].div_ceil(TILE), 1]
 }
 
 /// Records everything up to the tile lists; returns which buffer pair of the tile sort holds them.
-fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &Frame) -> usize {
+fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) -> usize {
     let n = frame.count as usize;
     let bytes = bytes_of(frame);
     let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;

@@ -6,7 +6,7 @@ use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
-use ibgs_shaders::types::{Frame, SurfaceFrame};
+use ibgs_shaders::types::{SurfaceUniforms, ViewUniforms};
 use ibgs_shaders::{PLANES, SHORTEST_AXIS, TILE};
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceOptions {
     /// Median intersections a pixel, K: even, 2 to 8.
-    pub slots: u32,
+    pub intersections: u32,
     /// Where a pixel's ray passes, in pixels from its upper left corner: 0.5, its centre. The published code has 0, half a
     /// pixel from where it splats.
     pub ray_offset: f64,
@@ -22,7 +22,7 @@ pub struct SurfaceOptions {
 
 impl Default for SurfaceOptions {
     fn default() -> Self {
-        Self { slots: 4, ray_offset: 0.5 }
+        Self { intersections: 4, ray_offset: 0.5 }
     }
 }
 
@@ -32,11 +32,11 @@ impl SurfaceOptions {
         (camera.principal - self.ray_offset).as_vec2().to_array()
     }
 
-    pub(super) fn frame(&self, view: &RasterView) -> SurfaceFrame {
+    pub(super) fn frame(&self, view: &RasterView) -> SurfaceUniforms {
         let c = &view.camera;
-        SurfaceFrame {
+        SurfaceUniforms {
             background: view.background,
-            slots: self.slots,
+            slots: self.intersections,
             focal: c.focal.as_vec2().to_array(),
             principal: self.principal(c),
             size: [c.width, c.height],
@@ -55,17 +55,17 @@ pub struct Surface {
     /// Median depth, `[P]`, 0 where nothing is met.
     pub median_depth: Buffer,
     /// (view depth, weight) of the median intersections front to back, `[K, P]`; weight 0 where there is none.
-    pub slots: Buffer,
+    pub intersections: Buffer,
     /// Their entries in the tile's list, `[K, P]`.
-    pub(super) slot_entries: Buffer,
-    /// Gradients of the loss by the normal map, the median depth and the slots. Zero after the forward pass; whoever uses the
+    pub(super) intersection_entries: Buffer,
+    /// Gradients of the loss by the normal map, the median depth and the intersections. Zero after the forward pass; whoever uses the
     /// surface adds to them before the rasterizer's own backward pass runs. Empty without gradients.
     pub v: Option<SurfaceGradients>,
     /// The target camera.
     pub camera: Camera,
     /// How it was found.
     pub options: SurfaceOptions,
-    pub(super) frame: SurfaceFrame,
+    pub(super) frame: SurfaceUniforms,
     gaussians: usize,
     pixels: usize,
     values: usize,
@@ -78,27 +78,27 @@ pub struct SurfaceGradients {
     pub normal_map: Buffer,
     /// By the median depth, `[P]`.
     pub median_depth: Buffer,
-    /// By the slots' depths and weights, `[K, P]`.
-    pub slots: Buffer,
+    /// By the intersections' depths and weights, `[K, P]`.
+    pub intersections: Buffer,
 }
 
 impl Surface {
     fn new(gpu: &Gpu, count: usize, view: &RasterView, options: SurfaceOptions, keep: Keep) -> Result<Self, GpuError> {
         let p = u64::from(view.camera.width) * u64::from(view.camera.height);
-        let values = p * u64::from(options.slots);
+        let values = p * u64::from(options.intersections);
         let by = || {
             Ok(SurfaceGradients {
                 normal_map: gpu.allocate("normal gradients", 12 * p)?,
                 median_depth: gpu.allocate("depth gradients", 4 * p)?,
-                slots: gpu.allocate("intersection gradients", 8 * values)?,
+                intersections: gpu.allocate("intersection gradients", 8 * values)?,
             })
         };
         Ok(Self {
             planes: gpu.allocate("planes", 16 * count as u64)?,
             normal_map: gpu.allocate("normal map", 12 * p)?,
             median_depth: gpu.allocate("median depth", 4 * p)?,
-            slots: gpu.allocate("median intersections", 8 * values)?,
-            slot_entries: gpu.allocate("median intersections", 4 * values)?,
+            intersections: gpu.allocate("median intersections", 8 * values)?,
+            intersection_entries: gpu.allocate("median intersections", 4 * values)?,
             v: (keep == Keep::Gradients).then(by).transpose()?,
             camera: view.camera,
             options,
@@ -121,12 +121,12 @@ impl Surface {
         if let Some(v) = &self.v {
             pass.clear(&v.normal_map);
             pass.clear(&v.median_depth);
-            pass.clear(&v.slots);
+            pass.clear(&v.intersections);
         }
     }
 }
 
-pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer, frame: &Frame) {
+pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer, frame: &ViewUniforms) {
     let PerGaussian { means, normals, offsets, .. } = &splats.parameters;
     pass.linear(&PLANES, &[means, normals, offsets, planes], bytes_of(frame), splats.count);
 }
@@ -135,7 +135,7 @@ impl Rasterizer {
     /// Sets every plane's normal to its Gaussian's shortest axis and its offset to 0 (method.md section 1), in place.
     pub fn shape_normals(&self, splats: &Splats) {
         let PerGaussian { rotations, log_scales, normals, offsets, .. } = &splats.parameters;
-        let frame = Frame { count: splats.count as u32, ..Frame::default() };
+        let frame = ViewUniforms { count: splats.count as u32, ..ViewUniforms::default() };
         let mut pass = Pass::new(&self.gpu, "shape normals");
         let buffers: [&Buffer; 4] = [rotations, log_scales, normals, offsets];
         pass.linear(&SHORTEST_AXIS, &buffers, bytes_of(&frame), splats.count);
@@ -150,7 +150,8 @@ impl Rasterizer {
         keep: Keep,
     ) -> Result<Arc<Lease<Surface>>, GpuError> {
         let pixels = view.camera.width as usize * view.camera.height as usize;
-        let free = self.surfaces.take().filter(|s| s.fits(count, pixels * options.slots as usize, pixels, keep));
+        let free =
+            self.surfaces.take().filter(|s| s.fits(count, pixels * options.intersections as usize, pixels, keep));
         let surface = match free {
             Some(free) => Surface { camera: view.camera, options, frame: options.frame(view), ..free },
             None => {

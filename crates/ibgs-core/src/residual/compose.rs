@@ -18,9 +18,9 @@ pub struct Compose {
 /// What the composition reads and writes. P pixels of the image, n of the network's size.
 #[derive(Clone, Copy, Debug)]
 pub struct ComposeBuffers<'a> {
-    /// `[4]` words, the first: number of slots that are non-empty somewhere in the image.
+    /// `[4]` words, the first: number of visible sources that some pixel has.
     pub active: &'a Buffer,
-    /// Which sources the pixels see, `[P]` u32 as in [`Seen::slots`](crate::sources::Seen::slots).
+    /// Which sources the pixels see, `[P]` u32 as in [`Seen::visible`](crate::sources::Seen::visible).
     pub seen: &'a Buffer,
     /// Base colour, `[P, 3]`.
     pub base: &'a Buffer,

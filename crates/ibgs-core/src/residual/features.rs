@@ -12,8 +12,8 @@ use ibgs_shaders::{
     RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
 };
 
-/// Most packed slots a pixel.
-pub const MAX_SLOTS: u32 = 4;
+/// Most visible sources a pixel.
+pub const MAX_VISIBLE: u32 = 4;
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
 const GROUPS: u32 = 768;
 /// Weights of the per-view MLP, the first of the flat vector.
@@ -36,11 +36,11 @@ pub const SUMS_BYTES: u64 = 4 * GROUPS as u64 * SUMS as u64;
 pub struct FeatureInputs<'a> {
     /// Base colour, `[P, 3]`, exposure-corrected where that is on.
     pub base: &'a Buffer,
-    /// `[slots][P]` of (colour of the packed visible source, cosine).
+    /// `[V][P]` of (colour of the visible source, cosine).
     pub warped: &'a Buffer,
-    /// `[P]` words; byte m is the number of the source in packed slot m, 255 = empty. Filled slots come first.
+    /// `[P]` words; byte m is the number of visible source m, 255: there is none.
     pub seen: &'a Buffer,
-    /// `[4]` words, the first: number of slots that are non-empty somewhere in the image.
+    /// `[4]` words, the first: number of visible sources that some pixel has.
     pub active: &'a Buffer,
     /// `[sources]` of (target camera centre - source camera centre, unused), world space.
     pub centers: &'a Buffer,
@@ -51,7 +51,7 @@ pub struct FeatureInputs<'a> {
 /// Scratch memory of the backward pass.
 #[derive(Debug)]
 pub struct FeatureScratch {
-    /// Gradient by (colour, cosine) of each slot at the network's size.
+    /// Gradient by (colour, cosine) of each visible source at the network's size.
     v_features: Buffer,
     partials: Buffer,
 }
@@ -71,7 +71,7 @@ pub struct FeatureGradients<'a> {
 /// Gradients by what the rasterizer and the warp gave.
 #[derive(Clone, Copy, Debug)]
 pub struct InputGradients<'a> {
-    /// `[slots][P]` of (colour, cosine), assigned; zero in empty slots.
+    /// `[V][P]` of (colour, cosine), assigned; zero where there is no visible source.
     pub v_warped: &'a Buffer,
     /// `[P, 3]`, added to.
     pub v_base: &'a Buffer,
@@ -84,12 +84,12 @@ pub struct Features {
 }
 
 impl Features {
-    /// Features with `slots` packed sources a pixel (1 to [`MAX_SLOTS`]) for a target camera.
+    /// Features with `visible` sources a pixel (1 to [`MAX_VISIBLE`]) for a target camera.
     ///
     /// # Panics
-    /// With another number of slots: a bug of ours.
-    pub fn new(camera: &Camera, slots: u32, variant: Variant) -> Self {
-        assert!((1..=MAX_SLOTS).contains(&slots), "one to four slots a pixel, not {slots}");
+    /// With another number of them: a bug of ours.
+    pub fn new(camera: &Camera, visible: u32, variant: Variant) -> Self {
+        assert!((1..=MAX_VISIBLE).contains(&visible), "one to four visible sources a pixel, not {visible}");
         let size = [camera.width, camera.height];
         let low = variant.factor.size(size);
         let r = camera.view_from_world.transpose();
@@ -113,7 +113,7 @@ impl Features {
             principal: (camera.principal - 0.5).as_vec2().to_array(),
             size,
             low,
-            slots,
+            slots: visible,
             inputs: inputs as u32,
             aggregation: aggregation as u32,
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
@@ -130,7 +130,7 @@ impl Features {
         (self.params.low[0] * self.params.low[1]) as usize
     }
 
-    /// Memory for the backward pass of this size and number of slots, or anything smaller.
+    /// Memory for the backward pass of this size and number of visible sources, or anything smaller.
     ///
     /// # Errors
     /// Not enough memory.

@@ -38,7 +38,7 @@ pub struct Residual {
 struct Scratch {
     network: Backend,
     size: [u32; 2],
-    slots: u32,
+    visible: u32,
     backward: Option<BackwardScratch>,
 }
 
@@ -57,8 +57,8 @@ pub struct ResidualInputs {
     pub base: Buffer,
     /// Warped colours, `[V, P, 4]`.
     pub warped: Buffer,
-    /// Packed slots, V.
-    pub slots: u32,
+    /// Visible sources a pixel, V.
+    pub visible: u32,
     /// Flat weights of the network, `[WEIGHTS]`.
     pub weights: Buffer,
 }
@@ -87,7 +87,7 @@ pub struct ResidualGradients<'a> {
 
 impl ResidualPass {
     fn features(&self) -> Features {
-        Features::new(&self.task.camera, self.scratch.slots, self.variant)
+        Features::new(&self.task.camera, self.scratch.visible, self.variant)
     }
 
     fn compose(&self) -> Compose {
@@ -102,7 +102,7 @@ impl ResidualPass {
         scratch.network.record_input(pass, &self.features(), &inputs);
         scratch.network.forward(pass, weights);
         let residual = scratch.network.residual();
-        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.slots, base, residual, image: &self.image };
+        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.visible, base, residual, image: &self.image };
         self.compose().record(pass, &buffers);
     }
 
@@ -117,7 +117,7 @@ impl ResidualPass {
         let mut pass = Pass::new(gpu, "residual backward");
         let composed = ComposeGradients {
             active: &seen.active,
-            seen: &seen.slots,
+            seen: &seen.visible,
             v_image,
             v_residual: &own.v_residual,
             v_base: v.base,
@@ -137,7 +137,7 @@ impl ResidualPass {
 }
 
 fn feature_inputs<'a>(seen: &'a Seen, base: &'a Buffer, warped: &'a Buffer, weights: &'a Buffer) -> FeatureInputs<'a> {
-    FeatureInputs { base, warped, seen: &seen.slots, active: &seen.active, centers: &seen.centers, weights }
+    FeatureInputs { base, warped, seen: &seen.visible, active: &seen.active, centers: &seen.centers, weights }
 }
 
 impl Residual {
@@ -160,26 +160,27 @@ impl Residual {
         UNet::fits(self.variant.factor.size([camera.width, camera.height]))
     }
 
-    fn scratch(&self, task: &ResidualTask, slots: u32, keep: Keep) -> Result<Scratch, GpuError> {
+    fn scratch(&self, task: &ResidualTask, visible: u32, keep: Keep) -> Result<Scratch, GpuError> {
         let gpu = &*self.gpu;
         let size = [task.camera.width, task.camera.height];
         let gradients = keep == Keep::Gradients;
         let free = self.pool.take();
-        if let Some(s) = free.filter(|s| s.size == size && s.slots == slots && (s.backward.is_some() || !gradients)) {
+        if let Some(s) = free.filter(|s| s.size == size && s.visible == visible && (s.backward.is_some() || !gradients))
+        {
             return Ok(s);
         }
         self.pool.clear();
         let low = self.variant.factor.size(size);
         let backward = || {
             Ok(BackwardScratch {
-                features: Features::new(&task.camera, slots, self.variant).scratch(gpu)?,
+                features: Features::new(&task.camera, visible, self.variant).scratch(gpu)?,
                 v_residual: gpu.allocate("residual gradients", 12 * u64::from(low[0]) * u64::from(low[1]))?,
             })
         };
         Ok(Scratch {
             network: Backend::new(gpu, low, keep, self.arithmetic)?,
             size,
-            slots,
+            visible,
             backward: gradients.then(backward).transpose()?,
         })
     }
@@ -219,7 +220,7 @@ impl Residual {
         keep: Keep,
         image: Buffer,
     ) -> Result<ResidualPass, GpuError> {
-        let scratch = Arc::new(self.pool.lease(self.scratch(task, inputs.slots, keep)?));
+        let scratch = Arc::new(self.pool.lease(self.scratch(task, inputs.visible, keep)?));
         let forward = ResidualPass { image, inputs, scratch, task: task.clone(), variant: self.variant };
         forward.record(pass);
         Ok(forward)

@@ -64,22 +64,22 @@ pub fn from_points(points: &[Point], sh_degree: u32, opacity: f64) -> Result<Gau
 /// a heap of equal points. Positions go in in a random order, the same each time: a file in which they follow one another
 /// would make a tree as deep as a list.
 fn mean_squared_distances(points: &[Point]) -> Vec<f64> {
-    let mut slot_of: HashMap<[u64; 3], usize> = HashMap::with_capacity(points.len());
+    let mut index_of: HashMap<[u64; 3], usize> = HashMap::with_capacity(points.len());
     let mut copies: Vec<usize> = Vec::new();
     let mut positions: Vec<([f64; 3], u64)> = Vec::new();
     for point in points {
         // Adding 0 turns -0 into +0, so that equal positions have equal bits.
         let position = point.position.to_array().map(|v| v + 0.0);
-        let slot = *slot_of.entry(position.map(f64::to_bits)).or_insert_with(|| {
+        let index = *index_of.entry(position.map(f64::to_bits)).or_insert_with(|| {
             positions.push((position, copies.len() as u64));
             copies.push(0);
             copies.len() - 1
         });
-        copies[slot] += 1;
+        copies[index] += 1;
     }
     positions.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
     let mut tree: KdTree<f64, 3> = KdTree::new();
-    positions.iter().for_each(|(position, slot)| tree.add(position, *slot));
+    positions.iter().for_each(|(position, index)| tree.add(position, *index));
     points
         .par_iter()
         .map(|point| {

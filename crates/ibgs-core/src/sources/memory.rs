@@ -13,7 +13,7 @@ const GIB: u64 = 1 << 30;
 const UNITS: [(&str, u64); 7] =
     [("KiB", KIB), ("MiB", MIB), ("GiB", GIB), ("KB", 1_000), ("MB", 1_000_000), ("GB", 1_000_000_000), ("B", 1)];
 
-/// Memory that may be taken, as `--source-memory` gives it.
+/// Memory that may be taken: `auto`, `none` or a size such as `512MiB`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum MemoryBudget {

@@ -24,7 +24,7 @@ pub struct SourceStore {
 
 #[derive(Debug, Default)]
 struct State {
-    slots: Vec<Option<Slot>>,
+    on_device: Vec<Option<Resident>>,
     /// Bytes; none: no limit.
     budget: Option<u64>,
     resident: u64,
@@ -37,24 +37,24 @@ struct State {
 }
 
 #[derive(Debug)]
-struct Slot {
-    target: DevicePhoto,
+struct Resident {
+    photo: DevicePhoto,
     last_use: u64,
 }
 
 impl State {
     /// The resident photo whose last use is longest ago, of those that nobody holds.
     fn oldest(&self) -> Option<usize> {
-        let free = |slot: &Slot| Arc::strong_count(&slot.target.held) == 1;
-        let resident = self.slots.iter().enumerate().filter_map(|(i, slot)| slot.as_ref().map(|slot| (i, slot)));
-        resident.filter(|(_, slot)| free(slot)).min_by_key(|(_, slot)| slot.last_use).map(|(i, _)| i)
+        let free = |resident: &Resident| Arc::strong_count(&resident.photo.held) == 1;
+        let all = self.on_device.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.as_ref()?)));
+        all.filter(|(_, resident)| free(resident)).min_by_key(|(_, resident)| resident.last_use).map(|(i, _)| i)
     }
 
     /// Takes a photo out and gives its memory back.
     fn evict(&mut self, index: usize) -> Option<Buffer> {
-        let slot = self.slots[index].take()?;
-        self.resident -= slot.target.texels.size;
-        Some(slot.target.texels)
+        let resident = self.on_device[index].take()?;
+        self.resident -= resident.photo.texels.size;
+        Some(resident.photo.texels)
     }
 
     /// Makes room for `bytes`; memory of exactly that size is handed over to be used again.
@@ -84,8 +84,8 @@ impl SourceStore {
             gpu.check_size("photo", bytes_of(photo))?;
         }
         let all: u64 = photos.iter().map(|photo| bytes_of(photo)).sum();
-        let slots = photos.iter().map(|_| None).collect();
-        let store = Self { gpu, photos, state: Mutex::new(State { slots, budget, ..State::default() }) };
+        let on_device = photos.iter().map(|_| None).collect();
+        let store = Self { gpu, photos, state: Mutex::new(State { on_device, budget, ..State::default() }) };
         if budget.is_none_or(|budget| all <= budget) {
             for index in 0..store.photos.len() {
                 store.photo(index)?;
@@ -124,13 +124,13 @@ impl SourceStore {
         let mut state = self.lock();
         state.clock += 1;
         let last_use = state.clock;
-        if let Some(slot) = &mut state.slots[index] {
-            slot.last_use = last_use;
-            return Ok(slot.target.clone());
+        if let Some(resident) = &mut state.on_device[index] {
+            resident.last_use = last_use;
+            return Ok(resident.photo.clone());
         }
-        let target = self.upload(&mut state, &self.photos[index])?;
-        state.slots[index] = Some(Slot { target: target.clone(), last_use });
-        Ok(target)
+        let photo = self.upload(&mut state, &self.photos[index])?;
+        state.on_device[index] = Some(Resident { photo: photo.clone(), last_use });
+        Ok(photo)
     }
 
     /// Photo `index` on the host.
@@ -154,7 +154,7 @@ impl SourceStore {
             found.push((at, self.photo(indices[at])?));
         }
         found.sort_by_key(|(at, _)| *at);
-        Ok(found.into_iter().map(|(_, target)| target).collect())
+        Ok(found.into_iter().map(|(_, photo)| photo).collect())
     }
 
     /// Uploads photos that will be wanted soon.
@@ -167,7 +167,7 @@ impl SourceStore {
 
     /// Whether a photo is on the device now.
     pub fn is_resident(&self, index: usize) -> bool {
-        self.lock().slots[index].is_some()
+        self.lock().on_device[index].is_some()
     }
 
     /// Bytes of the photos on the device.

@@ -27,7 +27,7 @@ pub struct SourceView {
 /// How photos are warped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WarpOptions {
-    /// Packed slots V, 1 to 4: the first visible sources of each pixel.
+    /// Visible sources a pixel, V, 1 to 4: the first that see it.
     pub visible: u32,
     /// The depths of source and point agree when they differ by less than this part of the latter.
     pub agreement: f32,
@@ -60,10 +60,11 @@ pub enum Reach {
 /// Which sources the pixels see.
 #[derive(Debug)]
 pub struct Seen {
-    /// `[P]` u32: byte m has the number of the source in packed slot m in its low half and the error of its depth, in thirds of
-    /// what agrees, in its high half (0 with a reach of 1); 255 where the slot is empty. Slot m is filled only where slot m - 1 is.
-    pub slots: Buffer,
-    /// Four u32; the first: how many packed slots some pixel fills.
+    /// `[P]` u32: byte m has the number of visible source m in its low half and the error of its depth, in thirds of
+    /// what agrees, in its high half (0 with a reach of 1); 255 where there is none. A pixel's visible sources come first,
+    /// without gaps.
+    pub visible: Buffer,
+    /// Four u32; the first: how many visible sources some pixel has.
     pub active: Buffer,
     /// `[M]` of (target camera centre - source camera centre, 0), world space.
     pub centers: Buffer,
@@ -87,12 +88,12 @@ pub struct Warper {
 /// Warped sources and what their gradients need.
 #[derive(Clone, Debug)]
 pub struct Warped {
-    /// `[V, P, 4]`: the colour of the source in each packed slot and the cosine of the angle between the viewing rays; zero where
-    /// a slot is empty.
+    /// `[V, P, 4]`: the colour of each visible source and the cosine of the angle between the viewing rays; zero where
+    /// there is none.
     pub colors: Buffer,
     /// Which sources the pixels see.
     pub seen: Arc<Lease<Seen>>,
-    /// Packed slots, V.
+    /// Visible sources a pixel, V.
     pub visible: u32,
     surface: Arc<Lease<Surface>>,
     sources: Vec<(SourceView, SourceParams)>,
@@ -100,7 +101,7 @@ pub struct Warped {
 
 impl Warped {
     /// What a kernel that goes over the colours needs.
-    pub(crate) fn slots(&self) -> SlotsParams {
+    pub(crate) fn per_visible(&self) -> SlotsParams {
         SlotsParams { pixels: self.surface.camera.pixels() as u32, slots: self.visible }
     }
 
@@ -115,12 +116,12 @@ impl Warped {
         for (source, params) in &self.sources {
             let buffers: [&Buffer; 8] = [
                 &self.surface.median_depth,
-                &self.surface.slots,
+                &self.surface.intersections,
                 &source.photo.texels,
                 &self.colors,
-                &self.seen.slots,
+                &self.seen.visible,
                 v_colors,
-                &v.slots,
+                &v.intersections,
                 &v.median_depth,
             ];
             pass.grid(&WARP_BACKWARD, &buffers, bytes_of(params), tiles(params.size));
@@ -153,7 +154,7 @@ fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOp
         source_size: [camera.width, camera.height],
         index: index as u32,
         visible: options.visible,
-        slots: surface.options.slots,
+        slots: surface.options.intersections,
         agreement: options.agreement,
         reach: options.reach,
         ..SourceParams::default()
@@ -178,7 +179,7 @@ impl Warper {
             return Ok(seen);
         }
         Ok(Seen {
-            slots: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
+            visible: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
             active: self.gpu.allocate("packed sources", 16)?,
             centers: self.gpu.allocate("source centres", 16 * MAX_SOURCES as u64)?,
             sources: 0,
@@ -236,11 +237,11 @@ impl Warper {
             let params = params(surface, source, index, &self.options);
             let buffers: [&Buffer; 7] = [
                 &surface.median_depth,
-                &surface.slots,
+                &surface.intersections,
                 &source.photo.texels,
                 &source.depth,
                 &colors,
-                &seen.slots,
+                &seen.visible,
                 &seen.active,
             ];
             pass.grid(&WARP, &buffers, bytes_of(&params), tiles(params.size));

@@ -27,9 +27,9 @@ pub fn residual(
     node([on_graph(base), on_graph(warped), on_graph(weights)], |tensors| {
         let shapes = tensors.each_ref().map(|tensor| tensor.meta.shape().to_vec());
         let image = empty(&gpu, "final image", &shapes[0])?;
-        let slots = shapes[1][0] as u32;
+        let visible = shapes[1][0] as u32;
         let [base, warped, weights] = tensors.each_ref().map(bind);
-        let inputs = ResidualInputs { base, warped, slots, weights };
+        let inputs = ResidualInputs { base, warped, visible, weights };
         let pass = stage.forward(task, inputs, Keep::Gradients, bind(&image))?;
         let gpu = gpu.clone();
         let rule = move |v_image: &CubeTensor, [base_learns, warped_learns, _]: [bool; 3]| {

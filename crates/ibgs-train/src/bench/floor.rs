@@ -3,7 +3,8 @@
 //!
 //! Bytes: each input is read once and each output written once. Operations: floating-point ones, a multiply-add counts
 //! as two. With N Gaussians of C coefficients a channel, n of them with tiles in the view, I tile intersections, T
-//! tiles, P pixels, B pairs of pixel and Gaussian, M sources, V packed slots of which A are filled somewhere, K medians,
+//! tiles, P pixels, B pairs of pixel and Gaussian, M sources, V visible sources a pixel of which A are
+//! there somewhere, K medians,
 //! p pixels of the network (p / 4 and p / 16 stand for the sizes halved and rounded down), and W weights:
 //!
 //! | stage | bytes | operations |
@@ -69,10 +70,12 @@ pub struct Load {
     pub pairs: u64,
     /// M: sources.
     pub sources: u64,
-    /// V: packed slots a pixel.
-    pub slots: u64,
-    /// A: packed slots that some pixel fills, read back.
-    pub slots_used: u64,
+    /// V: visible sources a pixel.
+    #[serde(rename = "slots")]
+    pub visible: u64,
+    /// A: visible sources that some pixel has, read back.
+    #[serde(rename = "slots_used")]
+    pub visible_somewhere: u64,
     /// K: median intersections a pixel.
     pub medians: u64,
     /// Width and height at which the network runs; p is their product.
@@ -152,7 +155,7 @@ impl Load {
     }
 
     fn features(&self) -> Floor {
-        let (p, low, used) = (self.pixels as f64, self.network_pixels(0), self.slots_used as f64);
+        let (p, low, used) = (self.pixels as f64, self.network_pixels(0), self.visible_somewhere as f64);
         let mlp = 2.0 * (FEATURES * HIDDEN + HIDDEN * HIDDEN) as f64;
         Floor::new((16.0 + 16.0 * used) * p + 4.0 * INPUT as f64 * low, mlp * used * low)
     }
@@ -192,7 +195,7 @@ impl Load {
     /// The stages whose work depends on pixels alone.
     fn image_floor(&self, work: Work, stage: Stage) -> Option<Floor> {
         let [p, m, v, a, k] =
-            [self.pixels, self.sources, self.slots, self.slots_used, self.medians].map(|count| count as f64);
+            [self.pixels, self.sources, self.visible, self.visible_somewhere, self.medians].map(|count| count as f64);
         let low = self.network_pixels(0);
         let images = if work == Work::FinalIteration { 2.0 } else { 1.0 };
         Some(match stage {
@@ -243,8 +246,8 @@ mod tests {
             pixels: 64 * 48,
             pairs: 100_000,
             sources: 4,
-            slots: 3,
-            slots_used: 2,
+            visible: 3,
+            visible_somewhere: 2,
             medians: 4,
             network_size: [64, 48],
         }

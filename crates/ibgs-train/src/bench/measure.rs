@@ -103,15 +103,15 @@ fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> R
         pixels: pixels as u64,
         pairs: last.iter().map(|&count| u64::from(count)).sum(),
         sources: u64::from(config.sources.used),
-        slots: u64::from(config.sources.visible),
-        slots_used: 0,
+        visible: u64::from(config.sources.visible),
+        visible_somewhere: 0,
         medians: u64::from(config.surface.intersections),
         network_size: Factor::of(config.residual.factor).size([camera.width, camera.height]),
     })
 }
 
-/// Packed slots that some pixel fills.
-fn slots_used(renderer: &Renderer, setting: &Setting) -> Result<u64, TrainError> {
+/// Visible sources that some pixel has.
+fn visible_somewhere(renderer: &Renderer, setting: &Setting) -> Result<u64, TrainError> {
     let counts = renderer.render(&setting.camera)?.visibility()?.unwrap_or_default();
     Ok(counts.into_iter().max().unwrap_or(0).into())
 }
@@ -141,7 +141,7 @@ fn image_based(
     for _ in 0..SETTLING {
         trainer.step()?;
     }
-    load.slots_used = slots_used(&trainer.renderer()?, setting)?;
+    load.visible_somewhere = visible_somewhere(&trainer.renderer()?, setting)?;
     let clock = Clock { gpu, rates, load, runs };
     let iteration = clock.timing(Work::FinalIteration, &mut || trainer.step())?;
     let memory = gpu.memory_report();

@@ -6,7 +6,7 @@ use super::stage::Work;
 use ibgs_core::gpu::{Gpu, MemoryReport};
 use serde::{Deserialize, Serialize};
 
-/// Everything that one call of `ibgs bench` measured.
+/// Everything that one benchmark measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Version of ibgs.

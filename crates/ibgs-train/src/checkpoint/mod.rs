@@ -43,10 +43,7 @@ pub enum CheckpointError {
         reason: String,
     },
     /// Another version of the program wrote it.
-    #[error(
-        "the checkpoint {} is of ibgs {found}, not of {} (format {}); go on with that version, or begin anew from its Gaussians with \
-         `--init`", path.display(), VERSION, FORMAT
-    )]
+    #[error("the checkpoint {} is of ibgs {found}, not of {} (format {})", path.display(), VERSION, FORMAT)]
     Version {
         /// The file.
         path: PathBuf,

@@ -224,8 +224,8 @@ impl Statistics {
     /// # Errors
     /// When the device is lost.
     pub fn observations(&self, gpu: &Gpu, optimizer: &Optimizer) -> Result<Observations, GpuError> {
-        let [means, rotations, log_scales, opacity_logits, ..] = optimizer.slots() else {
-            unreachable!("an optimiser has the base's slots")
+        let [means, rotations, log_scales, opacity_logits, ..] = optimizer.tensors() else {
+            unreachable!("an optimiser has the base's tensors")
         };
         Ok(Observations {
             statistics: gpu.read(&self.values, self.count)?,
@@ -255,11 +255,11 @@ pub fn apply(
         pass.linear(&DENSIFY_GATHER, &[&sources, from, to], bytes_of(&params), n * row);
     };
     let mut moments = Vec::new();
-    for slot in optimizer.slots() {
+    for tensor in optimizer.tensors() {
         let mut pair = Vec::new();
-        for from in &slot.moments {
-            let to = gpu.allocate("Adam moments", 4 * (n * slot.row).max(1) as u64)?;
-            gather(from, &to, slot.row, 1);
+        for from in &tensor.moments {
+            let to = gpu.allocate("Adam moments", 4 * (n * tensor.row).max(1) as u64)?;
+            gather(from, &to, tensor.row, 1);
             pair.push(to);
         }
         moments.push(pair.try_into().unwrap_or_else(|_| unreachable!("two moments")));

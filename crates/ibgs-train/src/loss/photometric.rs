@@ -13,13 +13,13 @@ use ibgs_shaders::types::{LossParams, MeanParams};
 use ibgs_shaders::{LOSS_MEAN, PHOTOMETRIC_LOSS, PHOTOMETRIC_LOSS_BACKWARD, TILE};
 use std::sync::Arc;
 
-/// Slots that fit into the four bytes of a pixel's `seen` word.
-const MAX_SLOTS: usize = 4;
+/// Visible sources that fit into the four bytes of a pixel's `seen` word.
+const MAX_VISIBLE: usize = 4;
 
-/// Scratch memory of one image size and number of slots.
+/// Scratch memory of one image size and number of visible sources.
 #[derive(Debug)]
 struct Scratch {
-    /// Derivatives of SSIM by its windowed moments, a buffer a slot: together they could outgrow one binding.
+    /// Derivatives of SSIM by its windowed moments, a buffer a source: together they could outgrow one binding.
     moments: Vec<Buffer>,
     partials: Buffer,
     /// (loss, pixels and channels that count).
@@ -28,9 +28,9 @@ struct Scratch {
     groups: usize,
 }
 
-/// `weight x mean over visible (slot, pixel) of 1 - SSIM_p(photo, warped)`; owns its scratch memory.
+/// `weight x mean over visible (source, pixel) of 1 - SSIM_p(photo, warped)`; owns its scratch memory.
 ///
-/// A pair counts when the slot is filled at the pixel by a source whose depth agrees and the photo is valid there. Around
+/// A pair counts when the source is visible at the pixel, its depth agrees, and the photo is valid there. Around
 /// it SSIM sees the warped image where that counts, elsewhere the photo; masked parts of the photo are zero in both, as
 /// the outside of the image is.
 #[derive(Debug)]
@@ -52,7 +52,7 @@ struct Saved {
 }
 
 impl Saved {
-    fn slots(&self) -> usize {
+    fn visible(&self) -> usize {
         self.warped.meta.shape()[0]
     }
 
@@ -62,10 +62,10 @@ impl Saved {
         let (warped, upstream, out) = (bind(&self.warped), bind(v_loss), bind(&v_warped));
         let mut pass = Pass::new(gpu, "photometric loss backward");
         let [x, y] = self.params.tiles;
-        for (slot, moments) in (0..).zip(&self.scratch.moments[..self.slots()]) {
+        for (source, moments) in (0..).zip(&self.scratch.moments[..self.visible()]) {
             let texels = &self.target.texels;
             let buffers = [&warped, &self.seen, texels, moments, &self.scratch.stats, &upstream, &out];
-            let params = LossParams { slot, ..self.params };
+            let params = LossParams { slot: source, ..self.params };
             pass.grid(&PHOTOMETRIC_LOSS_BACKWARD, &buffers, bytes_of(&params), [x, y, 3]);
         }
         pass.submit();
@@ -79,14 +79,14 @@ impl PhotometricLoss {
         Self { gpu, pool: Arc::default(), weight }
     }
 
-    fn scratch(&self, slots: usize, pixels: usize, groups: usize) -> Result<Lease<Scratch>, GpuError> {
-        let fits = |s: &Scratch| s.moments.len() >= slots && s.pixels >= pixels && s.groups >= groups;
+    fn scratch(&self, visible: usize, pixels: usize, groups: usize) -> Result<Lease<Scratch>, GpuError> {
+        let fits = |s: &Scratch| s.moments.len() >= visible && s.pixels >= pixels && s.groups >= groups;
         if let Some(scratch) = self.pool.take().filter(fits) {
             return Ok(self.pool.lease(scratch));
         }
         let moments = || self.gpu.allocate("SSIM moments of the warped images", 36 * pixels as u64);
         let scratch = Scratch {
-            moments: (0..slots).map(|_| moments()).collect::<Result<_, _>>()?,
+            moments: (0..visible).map(|_| moments()).collect::<Result<_, _>>()?,
             partials: self.gpu.allocate("photometric loss sums", 8 * groups as u64)?,
             stats: self.gpu.allocate("photometric loss statistics", 8)?,
             pixels,
@@ -104,20 +104,20 @@ impl PhotometricLoss {
         let gpu = &*self.gpu;
         let [width, height] = target.size;
         let pixels = (width * height) as usize;
-        let slots = warped.meta.shape()[0];
+        let visible = warped.meta.shape()[0];
         assert_eq!(warped.meta.shape()[1..], [pixels, 4], "warped images and photo differ in size");
-        assert!((1..=MAX_SLOTS).contains(&slots), "slots of the warped images");
-        gpu.check_size("warped images", 16 * (slots * pixels) as u64)?;
+        assert!((1..=MAX_VISIBLE).contains(&visible), "number of warped images");
+        gpu.check_size("warped images", 16 * (visible * pixels) as u64)?;
         let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
         let params = LossParams { size: target.size, tiles, lambda: self.weight, ..LossParams::default() };
-        let groups = 3 * slots as u32 * tiles[0] * tiles[1];
-        let scratch = self.scratch(slots, pixels, groups as usize)?;
+        let groups = 3 * visible as u32 * tiles[0] * tiles[1];
+        let scratch = self.scratch(visible, pixels, groups as usize)?;
         let loss = empty_like(&warped, &[1]);
         let (bound_warped, bound_loss) = (bind(&warped), bind(&loss));
         let mut pass = Pass::new(gpu, "photometric loss");
-        for (slot, moments) in (0..).zip(&scratch.moments[..slots]) {
+        for (source, moments) in (0..).zip(&scratch.moments[..visible]) {
             let buffers = [&bound_warped, seen, &target.texels, moments, &scratch.partials];
-            let params = LossParams { slot, ..params };
+            let params = LossParams { slot: source, ..params };
             pass.grid(&PHOTOMETRIC_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
         }
         let mean = MeanParams { count: groups, weight: self.weight };
@@ -128,8 +128,8 @@ impl PhotometricLoss {
     }
 
     /// Loss `[1]` of tracked warped images `[V, P, 4]` (V at most 4; colour and cosine, pixels row by row), 0 where
-    /// nothing is visible. `seen` holds `[P]` u32: byte m is the number of the source in slot m, 255 where the slot is
-    /// empty. The gradient reaches the colours of the pairs that count; that of the cosine is 0.
+    /// nothing is visible. `seen` holds `[P]` u32: byte m is the number of visible source m, 255 where there
+    /// is none. The gradient reaches the colours of the pairs that count; that of the cosine is 0.
     ///
     /// # Errors
     /// Not enough memory.

@@ -40,7 +40,7 @@ pub enum LpipsError {
     },
     /// Not even a few rows of the image fit.
     #[error(
-        "LPIPS of an image {width} pixels wide needs {bytes} bytes in one buffer, more than this device binds at once ({limit}); use smaller images (`--resolution`) or another adapter (`--adapter`)"
+        "LPIPS of an image {width} pixels wide needs {bytes} bytes in one buffer, more than this device binds at once ({limit})"
     )]
     TooWide {
         /// Width in pixels.

@@ -36,7 +36,7 @@ fn share(ui: &mut Ui, value: f32) {
 /// What became of a source at the pixel, in a word and in a sentence.
 fn verdict(reading: &SourceReading) -> (String, &'static str) {
     match reading.verdict {
-        Verdict::Used { slot } => (format!("read ({})", slot + 1), "The network reads this photo at the pixel"),
+        Verdict::Used { number } => (format!("read ({})", number + 1), "The network reads this photo at the pixel"),
         Verdict::Behind => ("behind".to_owned(), "The point lies behind this camera"),
         Verdict::Outside => ("outside".to_owned(), "The point falls outside of this photo"),
         Verdict::NoDepth => ("no depth".to_owned(), "From this camera nothing is met there"),

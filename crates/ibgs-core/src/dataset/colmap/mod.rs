@@ -6,7 +6,7 @@ mod text;
 
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::photos::{self, Frame, find_mask, find_photo};
+use super::photos::{self, ListedPhoto, find_mask, find_photo};
 use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
 use glam::DVec2;
 use sparse::SparsePoint;
@@ -229,7 +229,7 @@ impl CameraRecord {
         }
     }
 
-    /// What `ibgs info` shows; models that are not supported are shown too.
+    /// What is known without the photos; camera models that are not supported are listed too.
     fn info(&self, id: u32, images: usize) -> CameraInfo {
         let (focal, principal) = match self.parameters() {
             Some((focal, principal, _)) => (Some(focal), Some(principal)),
@@ -293,7 +293,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         match find_photo(&folder, &name) {
             Some(photo) => {
                 let mask = find_mask(scene, &name);
-                frames.push(Frame { name, photo, mask, lens, pose, prescaled });
+                frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
             }
             None => missing.push(folder.join(name)),
         }

@@ -113,12 +113,12 @@ struct Transforms<'a> {
     p1: f64,
     p2: f64,
     ply_file_path: &'static str,
-    frames: Vec<Frame>,
+    frames: Vec<CachedView>,
     ibgs_demo: Origin<'a>,
 }
 
 #[derive(Serialize)]
-struct Frame {
+struct CachedView {
     file_path: String,
     transform_matrix: [[f64; 4]; 4],
 }
@@ -132,7 +132,7 @@ struct Origin<'a> {
 impl<'a> Transforms<'a> {
     fn new(options: &'a DemoOptions, cameras: &[Camera]) -> Self {
         let first = cameras[0];
-        let frame = |(index, camera): (usize, &Camera)| Frame {
+        let frame = |(index, camera): (usize, &Camera)| CachedView {
             file_path: format!("images/{}", view_name(index)),
             transform_matrix: opengl_pose(camera),
         };

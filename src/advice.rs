@@ -1,0 +1,313 @@
+//! Errors in the words of the command line. The libraries say what is wrong and where, and know no flags; what the user can do
+//! about it with the flags of this program is added here.
+
+use ibgs_core::config::ConfigError;
+use ibgs_core::dataset::DatasetError;
+use ibgs_core::eval::EvalError;
+use ibgs_core::gpu::GpuError;
+use ibgs_core::local_space::Length;
+use ibgs_core::mesh::MeshError;
+use ibgs_core::model::ModelError;
+use ibgs_core::output::OutputError;
+use ibgs_core::output::pictures::RenderError;
+use ibgs_core::residual::NetworkError;
+use ibgs_core::sentence_with;
+use ibgs_train::TrainError;
+use ibgs_train::checkpoint::CheckpointError;
+use ibgs_train::lpips::LpipsError;
+use ibgs_train::session::SessionError;
+use std::error::Error;
+use std::str::FromStr;
+
+type AnyError<'a> = &'a (dyn Error + 'static);
+
+/// Options of the table `data` that have a flag of the same name.
+const DATA_FLAGS: [&str; 9] = [
+    "resolution",
+    "resampler",
+    "images",
+    "max-resolution",
+    "eval-split-every",
+    "principal-point",
+    "masks",
+    "alpha",
+    "color-space",
+];
+
+/// An error with its causes in one line, with what the user can do about it.
+pub fn sentence(error: &anyhow::Error) -> String {
+    sentence_with(error.as_ref(), &words)
+}
+
+/// Parses the value of a flag; clap adds the name of the flag to the error.
+pub fn value<T: FromStr<Err = DatasetError>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|error| match error {
+        DatasetError::Option { value, allowed, .. } => format!("`{value}` is not allowed; use {allowed}"),
+        error => error.to_string(),
+    })
+}
+
+/// The words for one error, without its causes.
+fn words(error: AnyError) -> String {
+    if let Some(passed_on) = passed_on(error) {
+        return words(passed_on);
+    }
+    let text = rephrased(error).unwrap_or_else(|| error.to_string());
+    match advice(error) {
+        Some(advice) => format!("{text}; {advice}"),
+        None => text,
+    }
+}
+
+/// The error that another one passes on unchanged.
+fn passed_on(error: AnyError) -> Option<AnyError> {
+    None.or_else(|| in_model(error.downcast_ref()?))
+        .or_else(|| in_session(error.downcast_ref()?))
+        .or_else(|| in_session(error.downcast_ref::<Box<SessionError>>()?))
+        .or_else(|| in_training(error.downcast_ref()?))
+        .or_else(|| in_evaluation(error.downcast_ref()?))
+        .or_else(|| in_lpips(error.downcast_ref()?))
+        .or_else(|| match error.downcast_ref()? {
+            RenderError::Gpu(error) => Some(error as AnyError),
+            RenderError::Write(error) => Some(error),
+        })
+        .or_else(|| match error.downcast_ref()? {
+            OutputError::Config(error) => Some(error as AnyError),
+            _ => None,
+        })
+}
+
+fn in_model(error: &ModelError) -> Option<AnyError<'_>> {
+    match error {
+        ModelError::Folder(error) => Some(error),
+        ModelError::Network(error) => Some(error),
+        ModelError::Scene(error) => Some(error),
+        ModelError::Gpu(error) => Some(error),
+        _ => None,
+    }
+}
+
+fn in_session(error: &SessionError) -> Option<AnyError<'_>> {
+    match error {
+        SessionError::Train(error) => Some(error),
+        SessionError::Gpu(error) => Some(error),
+        SessionError::Eval(error) => Some(error),
+        SessionError::Output(error) => Some(error),
+        SessionError::Network(error) => Some(error),
+        SessionError::Checkpoint(error) => Some(error),
+        _ => None,
+    }
+}
+
+fn in_training(error: &TrainError) -> Option<AnyError<'_>> {
+    match error {
+        TrainError::Gpu(error) => Some(error),
+        TrainError::Network(error) => Some(error),
+        TrainError::Checkpoint(error) => Some(error),
+        _ => None,
+    }
+}
+
+fn in_evaluation(error: &EvalError) -> Option<AnyError<'_>> {
+    match error {
+        EvalError::Gpu(error) => Some(error),
+        EvalError::Write(error) => Some(error),
+        EvalError::Distance(error) => Some(&**error),
+    }
+}
+
+fn in_lpips(error: &LpipsError) -> Option<AnyError<'_>> {
+    match error {
+        LpipsError::File(error) => Some(error),
+        LpipsError::Gpu(error) => Some(error),
+        _ => None,
+    }
+}
+
+/// An error in other words than the library's.
+fn rephrased(error: AnyError) -> Option<String> {
+    None.or_else(|| dataset(error.downcast_ref()?))
+        .or_else(|| session(error.downcast_ref()?))
+        .or_else(|| session(error.downcast_ref::<Box<SessionError>>()?))
+        .or_else(|| match error.downcast_ref()? {
+            GpuError::UnknownAdapter { wanted, available } => {
+                Some(format!("no adapter matches `--adapter {wanted}`; this machine has: {available}"))
+            }
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
+            NetworkError::Gpu(error) => Some(format!("the residual network: {}", words(error))),
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
+            ConfigError::Invalid { path: None, .. } => Some(format!("command line: {error}")),
+            _ => None,
+        })
+}
+
+/// `data.masks` and the like become flags.
+fn dataset(error: &DatasetError) -> Option<String> {
+    let DatasetError::Option { .. } = error else { return None };
+    let flagged = |text: String, name| text.replace(&format!("`data.{name}`"), &format!("`--{name}`"));
+    Some(DATA_FLAGS.into_iter().fold(error.to_string(), flagged))
+}
+
+fn session(error: &SessionError) -> Option<String> {
+    match error {
+        SessionError::Stopped { saved: Some(path), checkpoint: Some(_), .. } => Some(format!(
+            "training stopped; the model so far is in {}, and `--resume` continues from there",
+            path.display()
+        )),
+        SessionError::Stopped { saved: None, checkpoint: Some(iteration), .. } => {
+            Some(format!("training stopped; `--resume` continues from iteration {iteration}"))
+        }
+        SessionError::Unsettled { .. } => {
+            Some("`--resume` continues from here, but not everything was saved and measured".to_owned())
+        }
+        _ => None,
+    }
+}
+
+/// What to do about an error, where the error itself does not say it.
+fn advice(error: AnyError) -> Option<String> {
+    None.or_else(|| model(error.downcast_ref()?))
+        .or_else(|| output(error.downcast_ref()?))
+        .or_else(|| scene(error.downcast_ref()?))
+        .or_else(|| gpu(error.downcast_ref()?))
+        .or_else(|| match error.downcast_ref()? {
+            LpipsError::TooWide { .. } => Some("use smaller images (`--resolution`) or another adapter (`--adapter`)"),
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
+            CheckpointError::Version { .. } => {
+                Some("continue with that version, or start again from its Gaussians with `--init`")
+            }
+            _ => None,
+        })
+        .map(str::to_owned)
+        .or_else(|| mesh(error.downcast_ref()?))
+}
+
+fn model(error: &ModelError) -> Option<&'static str> {
+    match error {
+        ModelError::OtherIteration { .. } => Some("leave `--iteration` out"),
+        ModelError::KnowsItsPhotos { .. } => Some("leave `--resolution` out"),
+        ModelError::NoScene { .. } => Some("give the scene folder with `--source`"),
+        _ => None,
+    }
+}
+
+fn output(error: &OutputError) -> Option<&'static str> {
+    match error {
+        OutputError::HoldsModel { .. } => Some("choose another folder, or allow overwriting it (`--overwrite`)"),
+        OutputError::HoldsTraining { .. } => {
+            Some("resume it (`--resume`), choose another folder, or allow overwriting it (`--overwrite`)")
+        }
+        OutputError::Foreign { .. } => Some("choose another output folder, or allow overwriting it (`--overwrite`)"),
+        _ => None,
+    }
+}
+
+fn gpu(error: &GpuError) -> Option<&'static str> {
+    match error {
+        GpuError::Lacking { .. } => Some("choose another one with `--adapter`"),
+        GpuError::TooLarge { .. } => Some("use fewer Gaussians (`--max-splats`) or a smaller image (`--resolution`)"),
+        GpuError::OutOfMemory { .. } => Some(
+            "use fewer Gaussians (`--max-splats`), a smaller image (`--resolution`), or end other programs that use the GPU",
+        ),
+        _ => None,
+    }
+}
+
+fn mesh(error: &MeshError) -> Option<String> {
+    match error {
+        MeshError::Voxels { enough, .. } => Some(format!(
+            "choose a voxel size of {} (`--voxel-size`), smaller `--bounds`, a smaller `--max-depth`, or a higher `--memory`",
+            Length(*enough)
+        )),
+        MeshError::DepthMaps { .. } => {
+            Some("render them smaller with `--width`, or give a higher `--memory`".to_owned())
+        }
+        _ => None,
+    }
+}
+
+fn scene(error: &DatasetError) -> Option<&'static str> {
+    match error {
+        DatasetError::InArchive { error, .. } => scene(error),
+        DatasetError::NoPhotoFolder { .. } => Some("create it or name another with `--images`"),
+        DatasetError::NoPhotos { .. } => Some("put the photos there or name their folder with `--images`"),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ibgs_core::dataset::{Alpha, LoadOptions, Masks, Resolution};
+    use std::path::PathBuf;
+
+    #[track_caller]
+    fn says(error: impl Into<anyhow::Error>, expected: &str) {
+        assert_eq!(sentence(&error.into()), expected);
+    }
+
+    #[test]
+    fn options_of_the_scene_are_named_by_their_flags() {
+        says(
+            "abc".parse::<Resolution>().unwrap_err(),
+            "option `--resolution`: `abc` is not allowed; use 1, 2, 4 or 8 to divide, a larger number for the width in pixels, \
+             or -1 to cap the width at 1600",
+        );
+        let both = LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), ..LoadOptions::default() };
+        let refused = ibgs_core::dataset::load(&PathBuf::from("scene"), &both).err();
+        says(
+            ModelError::Scene(refused.expect("both cannot be")),
+            "option `--alpha`: `composite` is not allowed; use `mask` where `--masks` is `object`, or leave it out",
+        );
+        assert_eq!(value::<Masks>("thing").unwrap_err(), "`thing` is not allowed; use `ignore` or `object`");
+        for name in DATA_FLAGS {
+            let error = DatasetError::Option { option: "data.masks", value: format!("`data.{name}`"), allowed: "" };
+            assert!(sentence(&error.into()).contains(&format!("`--{name}`")));
+        }
+    }
+
+    #[test]
+    fn errors_are_found_inside_of_others() {
+        let gpu = || GpuError::TooLarge { what: "the photos", bytes: 9, limit: 8 };
+        let advised = "the photos needs 9 bytes, more than this device binds at once (8); use fewer Gaussians \
+                       (`--max-splats`) or a smaller image (`--resolution`)";
+        says(gpu(), advised);
+        says(anyhow::Error::from(gpu()).context("outside"), &format!("outside: {advised}"));
+        says(ModelError::Network(NetworkError::Gpu(gpu())), &format!("the residual network: {advised}"));
+        let stopped = |saved: Option<PathBuf>, checkpoint| SessionError::Stopped {
+            source: Box::new(SessionError::Train(TrainError::Gpu(gpu()))),
+            saved,
+            checkpoint,
+        };
+        says(stopped(None, Some(7)), &format!("training stopped; `--resume` continues from iteration 7: {advised}"));
+        says(
+            stopped(Some("out".into()), Some(7)),
+            &format!("training stopped; the model so far is in out, and `--resume` continues from there: {advised}"),
+        );
+        let wide = LpipsError::TooWide { width: 5, bytes: 9, limit: 8 };
+        says(
+            EvalError::Distance(Box::new(wide)),
+            "LPIPS of an image 5 pixels wide needs 9 bytes in one buffer, more than this device binds at once (8); use smaller \
+             images (`--resolution`) or another adapter (`--adapter`)",
+        );
+        let folder = || DatasetError::NoPhotoFolder { path: "images".into() };
+        says(folder(), "photo folder images does not exist; create it or name another with `--images`");
+        says(
+            DatasetError::InArchive { error: Box::new(folder()), message: "scene.zip lacks them".into() },
+            "scene.zip lacks them; create it or name another with `--images`",
+        );
+    }
+
+    #[test]
+    fn what_the_library_says_stays_as_it_is() {
+        let error = ModelError::NoCameras;
+        let text = error.to_string();
+        says(error, &text);
+    }
+}
