@@ -1,7 +1,7 @@
 //! Vector-Jacobian products under burn's autodiff against the twin and the golden data.
 
 mod golden_final;
-mod surface;
+pub(crate) mod surface;
 mod whole_loss;
 
 use crate::common::{assert_images_agree, gradients, pixels, rasterizer, render, splats};
@@ -11,7 +11,7 @@ use crate::reference::{self, Model, Tensor, psnr, relative_error};
 use ibgs_core::raster::RasterView;
 
 /// Relative error by the 2-norm; exactly zero where the truth is all zero, and never zero where it is not.
-fn assert_gradient(what: &str, ours: &[f64], truth: &[f64], tolerance: f64) {
+pub(crate) fn assert_gradient(what: &str, ours: &[f64], truth: &[f64], tolerance: f64) {
     if truth.iter().all(|v| *v == 0.0) {
         assert!(ours.iter().all(|v| *v == 0.0), "{what}: must be exactly zero");
         return;
