@@ -1,17 +1,17 @@
-//! Lines for whoever runs the program. `eprintln!` panics once nobody reads any more (`ibgs train 2>&1 | head`, a terminal that
-//! was closed), and a training would end with it; [`tell!`](crate::tell) does not.
+//! Lines on standard error. `eprintln!` panics once nobody reads any more (`ibgs train 2>&1 | head`, a terminal that
+//! was closed), and a training would end with it; [`stderr!`](crate::stderr) does not.
 
 use std::fmt::Arguments;
 use std::io::{Write, stderr};
 
 /// A line on standard error, formatted like `eprintln!`; lost where nobody reads.
 #[macro_export]
-macro_rules! tell {
-    ($($part:tt)*) => { $crate::terminal::tell(format_args!($($part)*)) };
+macro_rules! stderr {
+    ($($part:tt)*) => { $crate::terminal::write_line(format_args!($($part)*)) };
 }
 
-/// What [`tell!`](crate::tell) does.
-pub fn tell(line: Arguments) {
+/// What [`stderr!`](crate::stderr) does.
+pub fn write_line(line: Arguments) {
     let _ = writeln!(stderr().lock(), "{line}");
 }
 
@@ -27,9 +27,9 @@ impl log::Log for Printer {
     fn log(&self, record: &log::Record) {
         if self.enabled(record.metadata()) {
             match record.level() {
-                log::Level::Error => tell!("error: {}", record.args()),
-                log::Level::Warn => tell!("warning: {}", record.args()),
-                _ => tell!("note: {}", record.args()),
+                log::Level::Error => stderr!("error: {}", record.args()),
+                log::Level::Warn => stderr!("warning: {}", record.args()),
+                _ => stderr!("note: {}", record.args()),
             }
         }
     }

@@ -108,7 +108,7 @@ fn a_stopped_suite_goes_on() {
     assert!(!sandbox.text("output/two/ibgs/scene.log").contains("FPS"), "a stopped training is not measured yet");
     let again = sandbox.succeeds(arguments);
     assert!(!again.stdout.contains("Not measured yet"), "{again}");
-    assert!(sandbox.text("output/two/ibgs/scene.log").contains("going on from iteration"), "{again}");
+    assert!(sandbox.text("output/two/ibgs/scene.log").contains("resuming from iteration"), "{again}");
 }
 
 /// What is wanted later is measured without training again.

@@ -399,13 +399,13 @@ impl Trainer {
             }
             pass.submit();
         }
-        let news = self.recorder.record(
+        let telemetry = self.recorder.record(
             &self.gpu,
             &total.scratch.stats,
             &forward.workspace.total,
             u64::from(forward.frame.capacity),
         )?;
-        if let Some(telemetry) = news {
+        if let Some(telemetry) = telemetry {
             self.note(telemetry)?;
         }
         self.prefetch()

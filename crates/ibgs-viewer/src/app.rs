@@ -2,7 +2,7 @@
 
 mod framing;
 mod input;
-mod news;
+mod messages;
 mod screenshot;
 
 use crate::canvas::{Canvas, SIDES, Wanted as WantedFrame};
@@ -414,7 +414,7 @@ impl eframe::App for Viewer {
         panels::around(self, ui);
         let shown = egui::CentralPanel::no_frame().show(ui, |ui| self.central(ui, frame));
         if let Err(error) = shown.inner {
-            // The worker tells more of what has become of a training.
+            // The worker reports what has become of a training.
             self.error.get_or_insert_with(|| error.to_string());
         }
         panels::status(self, ui.ctx());
