@@ -1,4 +1,4 @@
-//! What commands print. `println!` panics once nobody reads any more (`ibgs info | head`); [`stdout!`](crate::stdout!) does not.
+//! What commands print. `println!` panics once the pipe is closed (`ibgs info | head`); [`stdout!`](crate::stdout!) does not.
 
 use crate::stderr;
 use std::fmt::Arguments;
@@ -11,7 +11,7 @@ macro_rules! stdout {
     ($($part:tt)*) => { $crate::stdout::write_line(format_args!($($part)*)) };
 }
 
-/// What [`stdout!`](crate::stdout!) does: a line that nobody reads is lost; one that cannot be written (a full disk) ends the program
+/// What [`stdout!`](crate::stdout!) does: a line for a closed pipe is lost; one that cannot be written (a full disk) ends the program
 /// with a sentence and exit code 1.
 pub fn write_line(line: Arguments) {
     if let Err(error) = print(|out| writeln!(out, "{line}")) {
@@ -20,7 +20,7 @@ pub fn write_line(line: Arguments) {
     }
 }
 
-/// Writes to standard output; that nobody reads any more is no error.
+/// Writes to standard output; a closed pipe is no error.
 ///
 /// # Errors
 /// It cannot be written, for instance to a full disk.

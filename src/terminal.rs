@@ -1,10 +1,10 @@
-//! Lines on standard error. `eprintln!` panics once nobody reads any more (`ibgs train 2>&1 | head`, a terminal that
-//! was closed), and a training would end with it; [`stderr!`](crate::stderr) does not.
+//! Lines on standard error. `eprintln!` panics once the pipe or terminal is closed (`ibgs train 2>&1 | head`), and a
+//! training would end with it; [`stderr!`](crate::stderr) does not.
 
 use std::fmt::Arguments;
 use std::io::{Write, stderr};
 
-/// A line on standard error, formatted like `eprintln!`; lost where nobody reads.
+/// A line on standard error, formatted like `eprintln!`; lost where the pipe or terminal is closed.
 #[macro_export]
 macro_rules! stderr {
     ($($part:tt)*) => { $crate::terminal::write_line(format_args!($($part)*)) };

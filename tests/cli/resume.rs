@@ -169,7 +169,7 @@ fn what_goes_away_while_training() {
     assert!(sandbox.path("model/point_cloud/iteration_60/point_cloud.ply").is_file());
 }
 
-/// A full disk does not end the training: it goes on without the checkpoint.
+/// A full disk does not end the training: it continues without the checkpoint.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_disk_too_small_for_checkpoints() {
@@ -179,7 +179,7 @@ fn a_disk_too_small_for_checkpoints() {
     let Some(_disk) = super::bad_machine::Disk::mount(&path, "900k", test) else { return };
     sandbox.write("run.toml", options(30));
     let outcome = sandbox.succeeds("train scene --config run.toml -m disk/model --checkpoint-every 0.000001");
-    assert!(outcome.stderr.contains("the training goes on without this checkpoint"), "{outcome}");
+    assert!(outcome.stderr.contains("the training continues without this checkpoint"), "{outcome}");
     assert!(outcome.stderr.contains("free some disk space"), "{outcome}");
     assert!(sandbox.path("disk/model/point_cloud/iteration_30/point_cloud.ply").is_file(), "{outcome}");
 }

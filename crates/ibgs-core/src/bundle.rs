@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. So no part can be larger than the file.
-//! The archive's own checksums tell damage.
+//! The archive's own checksums show damage.
 
 use crate::config::TrainConfig;
 use crate::dataset::Photo;

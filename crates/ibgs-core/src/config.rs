@@ -61,7 +61,7 @@ pub struct TrainConfig {
     pub initial_opacity: Option<f64>,
     /// Scale of the first Gaussians, times the distance of their neighbours; unset: 1, with MCMC 0.1.
     pub initial_scale: Option<f64>,
-    /// Evaluate every so many iterations; 0: only at `eval-iterations`.
+    /// Evaluate every N iterations; 0: only at `eval-iterations`.
     pub eval_every: u32,
     /// Iterations to evaluate at besides the last; unset: 7000, scaled.
     pub eval_iterations: Option<Vec<u32>>,
@@ -107,7 +107,7 @@ pub struct DataConfig {
     pub max_resolution: Option<u32>,
     /// Hold test views out.
     pub eval: bool,
-    /// Every so-manieth photo by name is a test view, beginning with the first.
+    /// Hold out every Nth photo (by name, from the first) as a test view.
     pub eval_split_every: u32,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     #[serde(with = "text")]
@@ -147,7 +147,7 @@ pub struct LearningRates {
     pub sh_dc: f64,
     /// The other coefficients have the rate `sh-dc` divided by this.
     pub sh_rest_divisor: f64,
-    /// Share of the other coefficients that each iteration takes away, times their rate, so that what few photos show from few
+    /// Share of the other coefficients that each iteration removes, times their rate: a surface that few photos show from few
     /// directions keeps a constant colour; unset: 0, with `method = "3dgs"` 1. A departure from method.md.
     pub sh_rest_decay: Option<f64>,
     /// Plane normals.

@@ -20,8 +20,8 @@ pub struct Score {
     /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
     #[serde(deserialize_with = "or_infinite")]
     pub psnr: f64,
-    /// The same after the affine map of the image's colours that brings it nearest to the photo: where nothing can foretell
-    /// the photo's exposure.
+    /// The same after the affine map of the image's colours that brings it nearest to the photo, for photos whose exposure
+    /// cannot be predicted from their neighbours.
     #[serde(deserialize_with = "or_infinite")]
     pub aligned_psnr: f64,
     /// Mean SSIM over the valid pixels and channels, 11 x 11 Gaussian window, zero padding; 1 without a valid pixel.
@@ -134,7 +134,7 @@ impl Region {
         }
     }
 
-    /// PSNR in dB over everything added; not a number without anything.
+    /// PSNR in dB over everything added; NaN without anything.
     pub fn psnr(&self) -> f64 {
         -10.0 * (self.squares / self.values as f64).log10()
     }

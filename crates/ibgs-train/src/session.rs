@@ -206,7 +206,7 @@ impl Session {
     /// One iteration.
     fn advance(&mut self) -> Result<Due> {
         let start = Instant::now();
-        // What a lost device is asked for it often takes without a word.
+        // A lost device often accepts work without an error.
         self.raster.gpu().check()?;
         self.trainer.step()?;
         let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());

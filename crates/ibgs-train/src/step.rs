@@ -43,16 +43,16 @@ pub enum TrainError {
     /// The network failed.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// A checkpoint cannot be gone on from.
+    /// The checkpoint cannot be resumed from.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// The data set holds no training view.
     #[error("the scene has no training view; check its split")]
     NoViews,
-    /// The last iteration ended in the middle, so there is no state to go on from.
+    /// The last iteration ended in the middle, so there is no state to resume from.
     #[error("iteration {0} was not finished")]
     Unfinished(u32),
-    /// The loss or the model is no number any more.
+    /// The loss or a value of the model is not finite.
     #[error(
         "by iteration {0} the loss or a value of the model is not a finite number; try lower learning rates, and check the \
          photos' cameras"

@@ -163,7 +163,7 @@ impl Viewer {
         self.scene.as_ref()
     }
 
-    /// How far the training is, and whether it goes on.
+    /// How far the training is, and whether it continues.
     pub fn progress(&self) -> Option<(&TrainingProgress, bool)> {
         self.training.as_ref().map(|trained| (&trained.progress, trained.running))
     }

@@ -38,7 +38,7 @@ pub struct Wanted {
     pub with_range: bool,
     /// Iteration of the training: another one is another model.
     pub iteration: u32,
-    /// The training goes on.
+    /// The training continues.
     pub running: bool,
 }
 

@@ -6,7 +6,7 @@ use ibgs_core::camera_path::Keyframe;
 
 /// Least angle between the optical axis and the up axis when orbiting, in radians.
 const POLE: f64 = 0.05;
-/// Usual vertical field of view where no view tells one, in radians.
+/// Usual vertical field of view where no view has one, in radians.
 const USUAL_FOV: f64 = 0.9;
 
 /// Where the camera stands and what it turns about.

@@ -58,7 +58,7 @@ pub enum Command {
         /// Turn the camera to the pixel's surface point.
         focus: bool,
     },
-    /// The training goes on, or pauses.
+    /// Continue the training, or pause it.
     Run(bool),
     /// One iteration, then pause.
     Step,
@@ -213,7 +213,7 @@ impl Work {
 
 impl Thread {
     fn send(&self, message: Message) {
-        // Nobody receives any more once the window is closed.
+        // The receiver is gone once the window is closed.
         let _ = self.messages.send(message);
         self.window.request_repaint();
     }

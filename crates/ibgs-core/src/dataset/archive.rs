@@ -22,7 +22,7 @@ const BLOCK: u64 = 4096;
 /// What file managers add of their own.
 const CLUTTER: [&str; 3] = ["__MACOSX", ".DS_Store", "Thumbs.db"];
 
-/// Bits of a Unix mode that tell files, folders and links apart.
+/// Bits of a Unix mode that distinguish files, folders and links.
 const KIND: u32 = 0o170_000;
 const PLAIN: [u32; 3] = [0, 0o100_000, 0o040_000];
 

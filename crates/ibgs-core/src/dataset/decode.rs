@@ -175,7 +175,7 @@ fn decode_exr(bytes: &[u8]) -> Result<Rgba32FImage, String> {
     let Vec2(width, height) = exr_size(&meta, bytes.len())?;
     let create = |size: Vec2<usize>, _: &RgbaChannels| Rgba32FImage::new(size.0 as u32, size.1 as u32);
     let set = |image: &mut Rgba32FImage, at: Vec2<usize>, (r, g, b, a): (f32, f32, f32, f32)| {
-        // What is no number is black; and black stays where nothing is opaque.
+        // NaN becomes black, and black stays where nothing is opaque.
         let straight = |color: f32| if color.is_nan() || a <= 0.0 { 0.0 } else { color / a };
         let pixel = [straight(r), straight(g), straight(b), if a > 0.0 { a.min(1.0) } else { 0.0 }];
         image.put_pixel(at.0 as u32, at.1 as u32, Rgba(pixel));

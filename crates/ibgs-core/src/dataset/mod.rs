@@ -232,7 +232,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
     load_with(path, options, &())
 }
 
-/// As [`load`]; `progress` hears of the photos.
+/// As [`load`]; `progress` receives the photos.
 ///
 /// # Errors
 /// As [`load`].

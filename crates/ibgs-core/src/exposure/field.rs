@@ -13,7 +13,7 @@ pub const FILE_NAME: &str = "exposure.json";
 
 /// Photos count by one over this power of their distance in place and direction.
 const POWER: i32 = 4;
-/// Least such distance that tells two photos apart.
+/// Least such distance at which two photos count as different.
 const CLOSE: f64 = 1e-4;
 
 /// The exposures of the training photos with what they say of other views.
@@ -67,7 +67,7 @@ impl ExposureField {
         &self.photos
     }
 
-    /// The exposure of a view: a training photo's own, what the photos around it tell of any other.
+    /// The exposure of a view: a training photo's own; of any other view, what the photos around it predict.
     pub fn at(&self, camera: &Camera) -> Exposure {
         if let Some(own) = self.cameras.iter().position(|other| other.has_pose_of(camera)) {
             return self.photos[own];
@@ -78,7 +78,7 @@ impl ExposureField {
         Exposure { log_gain: part(mean.log_gain, gains), offset: part(mean.offset, offsets) }
     }
 
-    /// Parts, 0 to 1, of what the photos around tell of log gains and of offsets that a prediction counts.
+    /// Parts, 0 to 1, of the neighbours' log gains and offsets that a prediction counts.
     pub fn trust(&self) -> [f64; 2] {
         *self.trust.get_or_init(|| self.measured_trust())
     }

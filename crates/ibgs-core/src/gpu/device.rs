@@ -328,7 +328,7 @@ impl Gpu {
             let text = error.to_string();
             // A window's surface that could not be set up in time (a software adapter was busy) is set up again.
             if !text.contains("Surface::configure") {
-                // Whoever waits for the device next hears of it.
+                // The next wait for the device returns it.
                 let _ = also.set(text.split_whitespace().collect::<Vec<_>>().join(" "));
             }
         }));

@@ -158,7 +158,7 @@ impl SourceFinder {
         let others = self.cameras.iter().enumerate().filter(|(index, _)| Some(*index) != exclude);
         let mut found: Vec<Candidate> = others
             .map(|(index, camera)| {
-                // Rounding takes the cosine of equal axes over 1, whose arc is no number.
+                // Rounding takes the cosine of equal axes over 1, whose arc cosine is NaN.
                 let angle = forward.dot(camera.forward()).clamp(-1.0, 1.0).acos();
                 (camera.center().distance(center), angle, index)
             })

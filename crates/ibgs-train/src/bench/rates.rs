@@ -19,7 +19,7 @@ const STEPS: u32 = 32;
 /// Measured runs, after as many for warm-up.
 const RUNS: usize = 5;
 
-/// What the floors are reckoned by.
+/// What the floors are computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
     /// Bytes read and written a second by a copy of a large buffer.

@@ -1,4 +1,4 @@
-//! Checkpoints: everything that a training goes on from. [`file`](self) form: see [`Checkpoint::write`].
+//! Checkpoints: everything that a training resumes from. [`file`](self) form: see [`Checkpoint::write`].
 
 mod file;
 
@@ -22,7 +22,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Version of the layout.
 pub const FORMAT: u32 = 3;
 
-/// Why a training cannot go on from a checkpoint, or none can be written.
+/// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CheckpointError {
@@ -53,11 +53,11 @@ pub enum CheckpointError {
     /// The scene is not the one it was trained on.
     #[error(
         "the checkpoint belongs to another scene: cameras, names or photos differ from those it was trained on; give the same \
-         scene and the same options of loading it"
+         scene and load it with the same options"
     )]
     OtherScene,
     /// Its parts do not fit each other.
-    #[error("the checkpoint makes no sense: {0}")]
+    #[error("the checkpoint contradicts itself: {0}")]
     Nonsense(&'static str),
     /// Writing failed.
     #[error(transparent)]
@@ -105,7 +105,7 @@ pub(super) struct State {
     pub recorder: RecorderState,
 }
 
-/// Everything that a training goes on from, on the host.
+/// Everything that a training resumes from, on the host.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     /// The options.
@@ -232,7 +232,7 @@ impl Checkpoint {
         Ok(Self { config, scene, gaussians, filters, network, run, moments, statistics, depths, state })
     }
 
-    /// Whether it can be what a training on this scene, in this space, with `pixels` of each view, goes on from.
+    /// Whether a training on this scene, in this space, with `pixels` of each view, can resume from it.
     pub(super) fn check(&self, (scene, space): (u32, LocalSpace), pixels: &[usize]) -> Result<(), CheckpointError> {
         let views = pixels.len();
         let state = &self.state;

@@ -185,7 +185,7 @@ impl Statistics {
         gpu.read(&self.values, 4 * self.count)
     }
 
-    /// Statistics that go on from there.
+    /// Statistics that continue from there.
     ///
     /// # Errors
     /// Not enough memory.
