@@ -20,7 +20,7 @@ struct Printer;
 
 impl log::Log for Printer {
     fn enabled(&self, record: &log::Metadata) -> bool {
-        // Those of ours; wgpu and its friends say too much.
+        // Our own; wgpu and its libraries log too much.
         record.level() <= log::Level::Info && record.target().starts_with("ibgs")
     }
 

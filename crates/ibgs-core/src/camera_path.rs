@@ -57,7 +57,7 @@ pub struct CameraPath {
 }
 
 impl CameraPath {
-    /// Reads the frames of a camera path as they stand in the file, whatever its keyframes.
+    /// Reads the frames of a camera path as they stand in the file; its keyframes are ignored.
     ///
     /// # Errors
     /// [`CameraPathError`] naming file and field.
@@ -150,13 +150,13 @@ impl KeyframePath {
         self.seconds * keyframe as f64 / self.segments().max(1) as f64
     }
 
-    /// The camera so many seconds after the start, or none without keyframes. Before the start and after the end the
+    /// The camera at a time in seconds after the start, or none without keyframes. Before the start and after the end the
     /// camera stands still; a cycle repeats in both directions.
     pub fn camera_at(&self, seconds: f64) -> Option<Camera> {
         Some(self.at(seconds)?.camera(self.width, self.height))
     }
 
-    /// Where the camera is so many seconds after the start, as in [`KeyframePath::camera_at`].
+    /// Where the camera is at a time in seconds after the start, as in [`KeyframePath::camera_at`].
     pub fn at(&self, seconds: f64) -> Option<Keyframe> {
         let (keys, segments) = (&self.keyframes, self.segments());
         if segments == 0 {

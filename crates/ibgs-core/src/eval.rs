@@ -97,7 +97,7 @@ fn psnr(planes: &Planes, valid: &[bool], (map, offset): (DMat3, DVec3)) -> f64 {
     -10.0 * (squares / (3 * count.max(1)) as f64).log10()
 }
 
-/// The affine map of an image's colours to a photo's, by least squares; pulled to the identity by a hair, for images of a
+/// The affine map of an image's colours to a photo's, by least squares; pulled slightly to the identity, for images of a
 /// single colour.
 fn alignment(planes: &Planes, valid: &[bool]) -> (DMat3, DVec3) {
     const RIDGE: f64 = 1e-8;
@@ -257,7 +257,7 @@ pub enum Cache {
     Warm,
 }
 
-/// Frames a second over all views, again and again until there were [`PASSES`] and a second is over, the GPU finished before
+/// Frames a second over all views, repeated until there were [`PASSES`] and a second is over, the GPU finished before
 /// the clock stops. Before that they are rendered for half a second, as GPUs that were idle run slower for a while.
 ///
 /// # Errors

@@ -113,7 +113,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// With [`Existing::Keep`], [`OutputError::HoldsModel`] where a trained model is and [`OutputError::Foreign`]
-    /// where a file of ours would replace one that belongs to something else. [`OutputError::Write`] in both cases.
+    /// where a file of the run would replace one that belongs to something else. [`OutputError::Write`] in both cases.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
         files::create_folder(path)?;
         let folder = Self { root: path.to_owned() };
@@ -136,7 +136,7 @@ impl OutputFolder {
         }
     }
 
-    /// A folder for results, whatever is in it.
+    /// A folder for results; what is in it does not matter.
     pub fn at(path: &Path) -> Self {
         Self { root: path.to_owned() }
     }

@@ -2,7 +2,7 @@
 
 /// Receives how far long work is. `()` ignores it.
 pub trait Progress: Sync {
-    /// Work of so many steps begins; what came before has ended.
+    /// Work of this many steps begins; earlier work has ended.
     fn begin(&self, what: &'static str, steps: usize);
 
     /// One step is done; called from any thread.

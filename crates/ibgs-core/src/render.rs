@@ -321,7 +321,7 @@ impl Renderer {
 
     /// The sources of a view; none where it has none or is too small for the network.
     fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
-        // A training view is no source of itself, at whatever size.
+        // A training view is no source of itself, at any size.
         let own = stage.part.cameras.iter().position(|other| other.has_pose_of(camera));
         let chosen = match stage.residual.fits(camera) {
             true => stage.finder.sources(camera, own),

@@ -361,7 +361,7 @@ impl Viewer {
             running: self.training.as_ref().is_some_and(|trained| trained.running),
         };
         let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
-        // A device that has failed once gives nothing any more.
+        // A device that has failed once returns nothing.
         if self.gpu.check().is_ok()
             && let Some(request) = self.canvas.request(&wanted)
         {

@@ -101,14 +101,14 @@ impl Navigator {
         DMat3::from_cols(right, forward.cross(right), forward)
     }
 
-    /// Goes around the pivot by so many radians.
+    /// Orbits the pivot by an angle in radians.
     pub fn orbit(&mut self, yaw: f64, pitch: f64) {
         let pivot = self.pivot();
         self.world_from_view = self.turned(yaw, pitch);
         self.position = pivot - self.forward() * self.distance;
     }
 
-    /// Turns on the spot by so many radians.
+    /// Turns in place by an angle in radians.
     pub fn look(&mut self, yaw: f64, pitch: f64) {
         self.world_from_view = self.turned(yaw, pitch);
     }

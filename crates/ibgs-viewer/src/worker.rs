@@ -116,7 +116,7 @@ pub enum Message {
     Progress(Box<TrainingProgress>, bool),
     /// The model was saved.
     Saved(PathBuf),
-    /// Frames of the film that are done, of so many.
+    /// Frames of the film that are done, and their number.
     Filmed(usize, usize),
     /// The film has ended: what was written, where nothing failed.
     FilmDone(Option<String>),

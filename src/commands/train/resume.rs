@@ -46,7 +46,7 @@ fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
         );
     }
     if found.is_empty() {
-        bail!("{} holds no checkpoint to go on from; train without `--resume`", folder.root().display());
+        bail!("{} holds no checkpoint to resume from; train without `--resume`", folder.root().display());
     }
     let count = found.len();
     for (number, (_, path)) in found.iter().enumerate() {

@@ -63,12 +63,12 @@ pub enum ExposureSwitch {
     Off,
     /// In the whole run.
     On,
-    /// As long as they are seen to differ, see [`ExposureConfig::least_spread`].
+    /// As long as they differ, see [`ExposureConfig::least_spread`].
     #[default]
     Auto,
 }
 
-/// What a file may say: true and false are of earlier versions.
+/// What a file may hold; true and false are those of earlier versions.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum SwitchText {

@@ -109,7 +109,7 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// The local coordinates in which it is trained and rendered: by the cameras of all views, whatever the split; by the
+    /// The local coordinates in which it is trained and rendered: by the cameras of all views of either split; by the
     /// points where all cameras stand at one place.
     pub fn space(&self) -> LocalSpace {
         let cameras = self.views.iter().map(|view| &view.camera);

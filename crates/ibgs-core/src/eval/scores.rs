@@ -12,7 +12,7 @@ use crate::render::{Frame, Renderer};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A view with its photo as figures compare with it: that of an object lies over the run's background.
+/// A view with the photo that figures compare with: the photo of an object lies over the run's background.
 pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
     match config.data.masks {
         Masks::Ignore => Cow::Borrowed(view),

@@ -28,7 +28,7 @@ pub struct ExposureField {
     photos: Vec<Exposure>,
     /// Scene units of one unit of a distance.
     unit: f64,
-    /// What a prediction counts: of log gains, of offsets. Found when it is first asked for: it takes the square of the photos.
+    /// Parts of log gains and of offsets that a prediction counts. Computed at first use, in time quadratic in the photos.
     trust: OnceLock<[f64; 2]>,
 }
 
@@ -116,7 +116,7 @@ fn channels(exposure: &Exposure) -> [[f32; 3]; 2] {
     [exposure.log_gain, exposure.offset]
 }
 
-/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries, places in so many scene units.
+/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries, places in units of this many scene units.
 fn pose_difference(target: &Camera, source: &Camera, unit: f64) -> f64 {
     let rotation = source.view_from_world * target.view_from_world.transpose();
     let translation = (source.translation - rotation * target.translation) / unit;

@@ -278,7 +278,7 @@ fn add_view(sums: &mut [Sum; VOXELS], view: &View, first: Vec3, truncation: f32)
             if along < -truncation || (inverse < view.least_inverse && distance < truncation) {
                 continue;
             }
-            // What lies behind a surface is known the less the deeper it is.
+            // The deeper a point lies behind a surface, the less the view knows of it.
             let behind = 1.0 + distance.min(0.0) / truncation;
             let known = if distance < truncation { behind * behind } else { FREE };
             let weight = cosine * known;

@@ -16,7 +16,7 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// The version that writes checkpoints, and the only one whose are read.
+/// The version that writes checkpoints; those of other versions are not read.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
@@ -118,7 +118,7 @@ pub struct Checkpoint {
     pub filters: Vec<f32>,
     /// The residual network; none without one.
     pub network: Option<NetworkState>,
-    /// What the program keeps beside: times, curves, measurements.
+    /// What the program keeps besides: times, curves, measurements.
     pub run: serde_json::Value,
     /// First and second moments of the parameters that are trained.
     pub(super) moments: Vec<[Vec<f32>; 2]>,
@@ -186,7 +186,7 @@ impl Checkpoint {
         all
     }
 
-    /// From the small things, and a reader of tensors by name and number of values.
+    /// From the small values, and a reader of tensors by name and number of values.
     fn assemble<E>(
         (config, scene, run, state): (TrainConfig, u32, serde_json::Value, State),
         mut tensor: impl FnMut(&str, usize) -> Result<Vec<f32>, E>,

@@ -103,7 +103,7 @@ pub enum ExposureSummary {
     Corrected {
         /// Root mean square of their gains.
         spread: f64,
-        /// Part of the gains and of the offsets that can be predicted from the photos around.
+        /// Part of the gains and of the offsets that can be predicted from the neighbouring photos.
         predicted: [f64; 2],
     },
 }

@@ -17,7 +17,7 @@ impl Trainer {
     /// would have been on the same adapter.
     ///
     /// # Errors
-    /// [`TrainError::Checkpoint`] when it does not belong to the scene or makes no sense, not enough memory.
+    /// [`TrainError::Checkpoint`] when it does not belong to the scene or contradicts itself, not enough memory.
     pub fn resume(raster: Arc<Rasterizer>, dataset: &Dataset, checkpoint: &Checkpoint) -> Result<Self, TrainError> {
         let pixels: Vec<usize> = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels()).collect();
         let scene = dataset.checksum();
