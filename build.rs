@@ -1,5 +1,5 @@
-//! Tells the program the commit that it is built from, where this folder is a git repository.
-#![allow(clippy::print_stdout, reason = "so cargo is told")]
+//! Gives the program the commit that it is built from, where this folder is a git repository.
+#![allow(clippy::print_stdout, reason = "cargo reads it")]
 
 use std::path::Path;
 use std::process::Command;
@@ -15,7 +15,7 @@ fn variable(name: &str) -> String {
     std::env::var(name).unwrap_or_default()
 }
 
-/// `a1b2c3d, 2026-01-31`: the commit and its day; cargo is told which files change with it.
+/// `a1b2c3d, 2026-01-31`: the commit and its day; cargo learns which files change with it.
 fn commit() -> Option<String> {
     // A source archive that lies in some other repository has no commit.
     let top = git(&["rev-parse", "--show-toplevel"])?;

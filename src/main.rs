@@ -3,7 +3,7 @@
 #![forbid(unsafe_code)]
 
 use clap::Parser;
-use ibgs::{Cli, advice, tell, terminal};
+use ibgs::{Cli, advice, stderr, terminal};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -11,7 +11,7 @@ fn main() -> ExitCode {
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            tell!("error: {}", advice::sentence(&error));
+            stderr!("error: {}", advice::sentence(&error));
             ExitCode::FAILURE
         }
     }

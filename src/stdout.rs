@@ -1,26 +1,26 @@
-//! What commands print. `println!` panics once nobody reads any more (`ibgs info | head`); [`say!`](crate::say) does not.
+//! What commands print. `println!` panics once the pipe is closed (`ibgs info | head`); [`stdout!`](crate::stdout!) does not.
 
-use crate::tell;
+use crate::stderr;
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Result, Write, stdout};
 
-/// A line on standard output, formatted like `println!`; see [`say`].
+/// A line on standard output, formatted like `println!`; see [`write_line`].
 #[macro_export]
-macro_rules! say {
-    () => { $crate::stdout::say(format_args!("")) };
-    ($($part:tt)*) => { $crate::stdout::say(format_args!($($part)*)) };
+macro_rules! stdout {
+    () => { $crate::stdout::write_line(format_args!("")) };
+    ($($part:tt)*) => { $crate::stdout::write_line(format_args!($($part)*)) };
 }
 
-/// What [`say!`](crate::say) does: a line that nobody reads is lost; one that cannot be written (a full disk) ends the program
+/// What [`stdout!`](crate::stdout!) does: a line for a closed pipe is lost; one that cannot be written (a full disk) ends the program
 /// with a sentence and exit code 1.
-pub fn say(line: Arguments) {
+pub fn write_line(line: Arguments) {
     if let Err(error) = print(|out| writeln!(out, "{line}")) {
-        tell!("error: cannot write to standard output: {error}");
+        stderr!("error: cannot write to standard output: {error}");
         std::process::exit(1);
     }
 }
 
-/// Writes to standard output; that nobody reads any more is no error.
+/// Writes to standard output; a closed pipe is no error.
 ///
 /// # Errors
 /// It cannot be written, for instance to a full disk.

@@ -1,17 +1,17 @@
-//! Lines for whoever runs the program. `eprintln!` panics once nobody reads any more (`ibgs train 2>&1 | head`, a terminal that
-//! was closed), and a training would end with it; [`tell!`](crate::tell) does not.
+//! Lines on standard error. `eprintln!` panics once the pipe or terminal is closed (`ibgs train 2>&1 | head`), and a
+//! training would end with it; [`stderr!`](crate::stderr) does not.
 
 use std::fmt::Arguments;
 use std::io::{Write, stderr};
 
-/// A line on standard error, formatted like `eprintln!`; lost where nobody reads.
+/// A line on standard error, formatted like `eprintln!`; lost where the pipe or terminal is closed.
 #[macro_export]
-macro_rules! tell {
-    ($($part:tt)*) => { $crate::terminal::tell(format_args!($($part)*)) };
+macro_rules! stderr {
+    ($($part:tt)*) => { $crate::terminal::write_line(format_args!($($part)*)) };
 }
 
-/// What [`tell!`](crate::tell) does.
-pub fn tell(line: Arguments) {
+/// What [`stderr!`](crate::stderr) does.
+pub fn write_line(line: Arguments) {
     let _ = writeln!(stderr().lock(), "{line}");
 }
 
@@ -20,16 +20,16 @@ struct Printer;
 
 impl log::Log for Printer {
     fn enabled(&self, record: &log::Metadata) -> bool {
-        // Those of ours; wgpu and its friends say too much.
+        // Our own; wgpu and its libraries log too much.
         record.level() <= log::Level::Info && record.target().starts_with("ibgs")
     }
 
     fn log(&self, record: &log::Record) {
         if self.enabled(record.metadata()) {
             match record.level() {
-                log::Level::Error => tell!("error: {}", record.args()),
-                log::Level::Warn => tell!("warning: {}", record.args()),
-                _ => tell!("note: {}", record.args()),
+                log::Level::Error => stderr!("error: {}", record.args()),
+                log::Level::Warn => stderr!("warning: {}", record.args()),
+                _ => stderr!("note: {}", record.args()),
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What `--version` tells.
+//! What `--version` prints.
 
 use ibgs_core::gpu;
 use std::sync::LazyLock;

@@ -4,8 +4,8 @@ mod columns;
 mod page;
 
 use super::report::sentence;
-use crate::say;
-use crate::tell;
+use crate::stderr;
+use crate::stdout;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use columns::{COLUMNS, Column};
@@ -79,10 +79,10 @@ pub fn run(args: &Args) -> Result<()> {
     let warnings = differences(&runs);
     print_table(&runs);
     for note in &notes {
-        tell!("note: {note}");
+        stderr!("note: {note}");
     }
     for warning in &warnings {
-        tell!("warning: {warning}");
+        stderr!("warning: {warning}");
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&to_json(&runs, &warnings, &notes))?;
@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     if let Some(path) = &args.output {
         page::write(path, &runs, &warnings, &notes)?;
-        tell!("comparison: {}", path.display());
+        stderr!("comparison: {}", path.display());
     }
     Ok(())
 }
@@ -170,13 +170,13 @@ fn print_table(runs: &[Run]) {
     let line = |name: &str, cells: &[String]| {
         let cells: String =
             cells.iter().enumerate().map(|(c, text)| format!("  {text:>width$}", width = width(c))).collect();
-        say!("{}", format!("{name:<name_width$}{cells}").trim_end());
+        stdout!("{}", format!("{name:<name_width$}{cells}").trim_end());
     };
     line("model", &head);
     for (run, row) in runs.iter().zip(&texts) {
         line(&run.name, row);
     }
-    say!("* the best of its column");
+    stdout!("* the best of its column");
 }
 
 fn to_json(runs: &[Run], warnings: &[String], notes: &[String]) -> Value {

@@ -3,8 +3,8 @@
 use super::model::{ModelArgs, OpenModel};
 use super::report::Report;
 use crate::progress::Bars;
-use crate::say;
-use crate::tell;
+use crate::stderr;
+use crate::stdout;
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
@@ -75,20 +75,20 @@ pub fn run(args: &Args) -> Result<()> {
     table.head();
     let into = Some((&model.folder, model.iteration));
     let perceptual = lpips.as_ref().map(|lpips| lpips as &dyn Perceptual);
-    let hear = &mut |name: &str, scores: &ViewScores| table.row(name, scores);
-    let scores = score_test_views(&model.renderer, &dataset, &model.config, into, perceptual, hear)?;
+    let report = &mut |name: &str, scores: &ViewScores| table.row(name, scores);
+    let scores = score_test_views(&model.renderer, &dataset, &model.config, into, perceptual, report)?;
     let image = table.with_final.then(|| means(&scores.image));
     table.row("mean", &ViewScores { base: means(&scores.base), image });
     let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
     protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
     scores.write(&model.folder, model.iteration, &protocol)?;
-    say!("{}", serde_json::to_string_pretty(&speed)?);
+    stdout!("{}", serde_json::to_string_pretty(&speed)?);
     if let Some(sentence) = scores.regions_sentence() {
-        say!("{sentence}");
+        stdout!("{sentence}");
     }
     match &protocol.lpips {
-        Some(how) => say!("LPIPS: {how}"),
-        None => say!("LPIPS not computed"),
+        Some(how) => stdout!("LPIPS: {how}"),
+        None => stdout!("LPIPS not computed"),
     }
     model.folder.write_result(model.iteration, SPEED_FILE, speed)?;
     write_report(args, &model, &dataset)
@@ -106,7 +106,7 @@ fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset) -> Result<()>
         options: &model.config.to_text()?,
     };
     report.write(&path)?;
-    tell!("report: {}", path.display());
+    stderr!("report: {}", path.display());
     Ok(())
 }
 
@@ -139,7 +139,7 @@ impl Table {
                 line += &format!(" {lpips:>8}");
             }
         }
-        say!("{line}");
+        stdout!("{line}");
     }
 }
 

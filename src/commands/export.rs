@@ -2,7 +2,7 @@
 
 use super::model::FileArgs;
 use crate::progress::Bars;
-use crate::tell;
+use crate::stderr;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
@@ -65,6 +65,6 @@ pub fn run(args: &Args) -> Result<()> {
     let photos = training.iter().filter_map(|record| photo(&record.name)).collect();
     let Model { config, cameras, iteration, gaussians, .. } = model.clone();
     Bundle { iteration, gaussians, network, exposure, cameras, config, photos, sources }.write(&args.output)?;
-    tell!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
+    stderr!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `ibgs info`
 
-use crate::say;
+use crate::stdout;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
@@ -40,16 +40,16 @@ fn adapters() -> Result<()> {
     }
     for (index, adapter) in adapters.iter().enumerate() {
         let (info, limits) = (adapter.get_info(), adapter.limits());
-        say!("{index}: {} ({:?}, {:?})", info.name, info.device_type, info.backend);
-        say!("   driver             {} {}", info.driver, info.driver_info);
-        say!("   storage binding    {} MiB", limits.max_storage_buffer_binding_size >> 20);
-        say!("   buffer             {} MiB", limits.max_buffer_size >> 20);
-        say!("   storage buffers    {} a stage", limits.max_storage_buffers_per_shader_stage);
-        say!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
-        say!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
-        say!("   features           {:?}", adapter.features());
+        stdout!("{index}: {} ({:?}, {:?})", info.name, info.device_type, info.backend);
+        stdout!("   driver             {} {}", info.driver, info.driver_info);
+        stdout!("   storage binding    {} MiB", limits.max_storage_buffer_binding_size >> 20);
+        stdout!("   buffer             {} MiB", limits.max_buffer_size >> 20);
+        stdout!("   storage buffers    {} a stage", limits.max_storage_buffers_per_shader_stage);
+        stdout!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
+        stdout!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
+        stdout!("   features           {:?}", adapter.features());
         for m in adapter.cooperative_matrix_properties() {
-            say!(
+            stdout!(
                 "   matrix units       {:?} {}x{}x{}, sums in {:?}",
                 m.ab_type,
                 m.m_size,
@@ -60,8 +60,8 @@ fn adapters() -> Result<()> {
         }
         let missing = lacking(adapter);
         match missing.is_empty() {
-            true => say!("   usable             yes"),
-            false => say!("   usable             no, lacks {}", missing.join(", ")),
+            true => stdout!("   usable             yes"),
+            false => stdout!("   usable             no, lacks {}", missing.join(", ")),
         }
     }
     Ok(())
@@ -73,22 +73,22 @@ fn model_file(path: &Path) -> Result<()> {
 }
 
 fn gaussians(path: &Path, g: &Gaussians) {
-    say!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
+    stdout!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
     let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
     let (low, high) = g.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        say!("   {name} from {} to {}", Length(low[axis]), Length(high[axis]));
+        stdout!("   {name} from {} to {}", Length(low[axis]), Length(high[axis]));
     }
     if g.space.origin != DVec3::ZERO {
-        say!("   kept around the offset {}", g.space.origin);
+        stdout!("   kept around the offset {}", g.space.origin);
     }
 }
 
 fn bundle(path: &Path) -> Result<()> {
     let bundle = Bundle::read(path)?;
     let network = if bundle.network.is_some() { "a" } else { "no" };
-    say!("{}: bundle with {} views and {} photos", path.display(), bundle.cameras.len(), bundle.photos.len());
-    say!("   iteration {}, {network} residual network", bundle.iteration);
+    stdout!("{}: bundle with {} views and {} photos", path.display(), bundle.cameras.len(), bundle.photos.len());
+    stdout!("   iteration {}, {network} residual network", bundle.iteration);
     gaussians(path, &bundle.gaussians);
     Ok(())
 }
@@ -96,9 +96,9 @@ fn bundle(path: &Path) -> Result<()> {
 fn model_folder(path: &Path) -> Result<()> {
     let folder = OutputFolder::open(path)?;
     let cameras = folder.read_cameras()?;
-    say!("{}: model with {} views", path.display(), cameras.len());
+    stdout!("{}: model with {} views", path.display(), cameras.len());
     if let Some(iteration) = folder.latest_iteration()? {
-        say!("   latest iteration {iteration}");
+        stdout!("   latest iteration {iteration}");
         model_file(&folder.point_cloud_path(iteration))?;
     }
     Ok(())
@@ -106,10 +106,10 @@ fn model_folder(path: &Path) -> Result<()> {
 
 fn scene(path: &Path) -> Result<()> {
     let info = dataset::inspect(path)?;
-    say!("{}: {:?} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
+    stdout!("{}: {:?} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
     for camera in &info.cameras {
         let pair = |v: Option<glam::DVec2>| v.map_or("unknown".to_owned(), |v| format!("{:.2} {:.2}", v.x, v.y));
-        say!(
+        stdout!(
             "   camera {}: {} {} x {}, focal {}, principal point {}, {} photos{}",
             camera.id,
             camera.model,
@@ -122,7 +122,7 @@ fn scene(path: &Path) -> Result<()> {
         );
     }
     if !info.missing.is_empty() {
-        say!("   {} photos are missing, for instance {}", info.missing.len(), info.missing[0]);
+        stdout!("   {} photos are missing, for instance {}", info.missing.len(), info.missing[0]);
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ mod compare;
 
 use super::model::{ModelArgs, OpenModel};
 use crate::progress::{Bars, bar};
-use crate::tell;
+use crate::stderr;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<()> {
     drop(maps);
     let path = args.output.clone().unwrap_or_else(|| model.folder.mesh_path(model.iteration));
     write(&mesh, &path)?;
-    tell!(
+    stderr!(
         "{} written: {} triangles, {} vertices; rendered in {:.1} s, meshed in {:.1} s",
         path.display(),
         mesh.triangles.len(),
@@ -168,7 +168,7 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     let start = Instant::now();
     let grid = fuse(maps, &plan, &Bars::default())?;
     let seconds = start.elapsed().as_secs_f64();
-    tell!(
+    stderr!(
         "voxels of {}, truncation {}, largest depth {}: {:.1} million in {}, fused in {seconds:.1} s, {:.0} million \
          looked at in a view per second",
         Length(plan.voxel),
@@ -183,7 +183,7 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     let all = mesh.triangles.len();
     let pieces = mesh.keep_largest(clusters);
     if mesh.triangles.len() < all {
-        tell!("the {clusters} largest of {pieces} pieces kept, {} triangles dropped", all - mesh.triangles.len());
+        stderr!("the {clusters} largest of {pieces} pieces kept, {} triangles dropped", all - mesh.triangles.len());
     }
     Ok((mesh, plan.voxel))
 }

@@ -15,7 +15,7 @@ pub mod suite;
 pub mod train;
 pub mod view;
 
-use crate::tell;
+use crate::stderr;
 use anyhow::Result;
 use ibgs_core::gpu::{AdapterChoice, Gpu};
 use std::sync::Arc;
@@ -56,6 +56,6 @@ fn end_now() {
 pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
     let choice = adapter.map_or(AdapterChoice::Best, |name| AdapterChoice::Named(name.clone()));
     let gpu = Gpu::open(&choice)?;
-    tell!("adapter: {}", gpu.describe());
+    stderr!("adapter: {}", gpu.describe());
     Ok(gpu)
 }

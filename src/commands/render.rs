@@ -2,7 +2,7 @@
 
 use super::model::{ModelArgs, OpenModel};
 use crate::progress::bar;
-use crate::tell;
+use crate::stderr;
 use anyhow::{Result, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
@@ -99,14 +99,14 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
         bar.inc(1);
     }
     bar.finish_and_clear();
-    tell!("{} frames in {}", cameras.len(), folder.display());
+    stderr!("{} frames in {}", cameras.len(), folder.display());
     if args.video {
         let folders = match outputs {
             [_] => vec![folder],
             _ => outputs.iter().map(|output| folder.join(output.kind().folder())).collect(),
         };
         for folder in folders {
-            tell!("video: {}", video::encode(&folder, path.fps)?.display());
+            stderr!("video: {}", video::encode(&folder, path.fps)?.display());
         }
     }
     Ok(())
@@ -133,6 +133,6 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
     if count == 0 {
         bail!("{} has no such view; choose another `--views`", model.folder.root().display());
     }
-    tell!("{count} views rendered below {}", model.folder.root().display());
+    stderr!("{count} views rendered below {}", model.folder.root().display());
     Ok(())
 }

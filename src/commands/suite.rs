@@ -5,8 +5,8 @@ mod summary;
 
 use super::eval::LpipsRange;
 use super::on_stop;
-use crate::say;
-use crate::tell;
+use crate::stderr;
+use crate::stdout;
 use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use config::{Job, Suite};
@@ -96,10 +96,10 @@ pub fn run(args: &Args) -> Result<()> {
     let jobs = suite.jobs(&args.data, &output, args.iterations, &args.lpips())?;
     let missing: Vec<&str> = suite.missing(&args.data).collect();
     for scene in &missing {
-        tell!("note: {} has no scene `{scene}`; it is left out", args.data.display());
+        stderr!("note: {} has no scene `{scene}`; it is left out", args.data.display());
     }
     for scene in suite.without_surface(&args.data) {
-        tell!("note: scene `{scene}` has no true surface; its meshes are not measured");
+        stderr!("note: scene `{scene}` has no true surface; its meshes are not measured");
     }
     if jobs.is_empty() {
         bail!("{} has none of the scenes of {}", args.data.display(), args.config.display());
@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> Result<()> {
     let failed = if args.summary_only { Vec::new() } else { work(&jobs, args)? };
     let figures: Vec<Figures> = jobs.iter().map(Figures::read).collect::<Result<_>>()?;
     let text = summary::text(&suite, &jobs, &figures);
-    say!("{text}");
+    stdout!("{text}");
     let write = |name: &str, text: &str| {
         let path = output.join(name);
         files::write_atomically(&path, |out| out.write_all(text.as_bytes()))
@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> Result<()> {
     files::create_folder(&output)?;
     write("summary.md", &text)?;
     write("summary.json", &format!("{:#}\n", summary::json(&suite, &jobs, &figures)))?;
-    tell!("summary in {}", output.join("summary.md").display());
+    stderr!("summary in {}", output.join("summary.md").display());
     match failed.first() {
         None => Ok(()),
         Some(first) => {
@@ -131,7 +131,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     let (done, todo): (Vec<&Job>, Vec<&Job>) = todo.into_iter().partition(|job| job.is_done());
     let todo = VecDeque::from(todo);
     if !done.is_empty() {
-        tell!("{} of {} runs are there already", done.len(), done.len() + todo.len());
+        stderr!("{} of {} runs are there already", done.len(), done.len() + todo.len());
     }
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
@@ -151,17 +151,17 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     std::thread::scope(|scope| {
         let worker = |adapter| {
             while let Some((job, number)) = next() {
-                tell!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
+                stderr!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
                 match job.run(&program, adapter, &stopped) {
                     Ok(status) if status.success() && job.is_done() => {}
                     Ok(status) if status.success() && job.is_stopped() => stopped.store(true, Ordering::Relaxed),
                     _ if stopped.load(Ordering::Relaxed) => {}
                     Ok(_) => {
-                        tell!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
+                        stderr!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
                         failed.lock().expect("list").push(job.log());
                     }
                     Err(error) => {
-                        tell!("{number}/{count} {}: failed: {error:#}", job.title());
+                        stderr!("{number}/{count} {}: failed: {error:#}", job.title());
                         failed.lock().expect("list").push(job.log());
                     }
                 }
@@ -172,7 +172,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
         }
     });
     if stopped.load(Ordering::Relaxed) {
-        bail!("stopped; the same command goes on with what is left");
+        bail!("stopped; the same command continues with what is left");
     }
     Ok(failed.into_inner().expect("list"))
 }

@@ -5,8 +5,8 @@ use super::train::{Plan, Watched};
 use super::{on_stop, open_gpu};
 use crate::advice;
 use crate::progress::Bars;
-use crate::say;
-use crate::tell;
+use crate::stderr;
+use crate::stdout;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
@@ -99,7 +99,7 @@ fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
     let camera = |i: usize| Some(views.get(i % views.len().max(1))?.camera.resized(size[0], size[1]));
     let cameras: Vec<Camera> = (0..MEASURED).filter_map(camera).collect();
     let times = ibgs_viewer::measure::measure(&renderer, &cameras)?;
-    say!(
+    stdout!(
         "{} x {}: renderer alone {:.3} ms, to the window's texture {:.3} ms, {:.3} ms more (medians of {} frames on {})",
         size[0],
         size[1],
@@ -153,10 +153,10 @@ impl Open for Opener {
         advice::sentence(error)
     }
 
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened> {
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
         let gpu = || Ok(gpu.clone());
         let path = match wanted {
-            Wanted::Demo => return Ok(trained(Watched::new(training(None)?.start(gpu, told)?))),
+            Wanted::Demo => return Ok(trained(Watched::new(training(None)?.start(gpu, status)?))),
             Wanted::Path(path) => path,
         };
         if !path.exists() {
@@ -164,9 +164,9 @@ impl Open for Opener {
         }
         let is_model = path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
         if dataset::is_archive(path) || path.is_dir() && !is_model {
-            return Ok(trained(Watched::new(training(Some(path))?.start(gpu, told)?)));
+            return Ok(trained(Watched::new(training(Some(path))?.start(gpu, status)?)));
         }
-        told("opening the model");
+        status("opening the model");
         Ok(model(
             &ModelArgs { files: FileArgs { model: path.clone(), ..FileArgs::default() }, ..ModelArgs::default() },
             gpu,
@@ -204,7 +204,7 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
         }
         Err(error) => {
-            tell!("note: without photos of the views: {}", advice::sentence(&error.into()));
+            stderr!("note: without photos of the views: {}", advice::sentence(&error.into()));
             (HashMap::new(), Vec::new())
         }
     };

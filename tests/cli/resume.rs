@@ -81,7 +81,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
     sandbox.fails("train --resume -m model", &["scene", "check that it exists"]);
     let resumed = sandbox.succeeds("train moved --resume -m model --iterations 60");
     let last = found[found.len() - 1];
-    assert!(resumed.stderr.contains(&format!("going on from iteration {last} of 60")), "{resumed}");
+    assert!(resumed.stderr.contains(&format!("resuming from iteration {last} of 60")), "{resumed}");
     for file in ["point_cloud.ply", "residual_network.safetensors"] {
         let [whole, model] = ["whole", "model"]
             .map(|folder| fs::read(sandbox.path(&format!("{folder}/point_cloud/iteration_60/{file}"))).unwrap());
@@ -104,7 +104,7 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     sandbox.write("run.toml", options(100_000));
     let outcome = killed(&sandbox, &format!("{OPTIONS} -m model --checkpoint-every 0.000001"), "-TERM", 0);
     outcome.assert_success();
-    assert!(outcome.stderr.contains("`ibgs train --resume -m model` goes on from here"), "{outcome}");
+    assert!(outcome.stderr.contains("`ibgs train --resume -m model` continues from here"), "{outcome}");
     let found = checkpoints(&sandbox);
     let &[before, last] = &found[..] else { panic!("two stay, not {found:?}") };
 
@@ -114,8 +114,8 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     let outcome = killed(&sandbox, "train --resume -m model --checkpoint-every 0.000001", "-HUP", last);
     outcome.assert_success();
     assert!(outcome.stderr.contains(&format!("{last}.ibgs is damaged")), "{outcome}");
-    assert!(outcome.stderr.contains("going on from the one before"), "{outcome}");
-    assert!(outcome.stderr.contains(&format!("going on from iteration {before} of 100000")), "{outcome}");
+    assert!(outcome.stderr.contains("resuming from the one before"), "{outcome}");
+    assert!(outcome.stderr.contains(&format!("resuming from iteration {before} of 100000")), "{outcome}");
     let left = checkpoints(&sandbox);
     assert!(left.len() == 2 && left[1] > last, "{left:?}");
     for iteration in left {
@@ -165,11 +165,11 @@ fn what_goes_away_while_training() {
     assert_eq!(checkpoints(&sandbox).last(), Some(&left), "{refused}");
     fs::rename(&aside, &photo).unwrap();
     let resumed = sandbox.succeeds("train --resume -m model");
-    assert!(resumed.stderr.contains(&format!("going on from iteration {left} of 60")), "{resumed}");
+    assert!(resumed.stderr.contains(&format!("resuming from iteration {left} of 60")), "{resumed}");
     assert!(sandbox.path("model/point_cloud/iteration_60/point_cloud.ply").is_file());
 }
 
-/// A full disk does not end the training: it goes on without the checkpoint.
+/// A full disk does not end the training: it continues without the checkpoint.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_disk_too_small_for_checkpoints() {
@@ -179,7 +179,7 @@ fn a_disk_too_small_for_checkpoints() {
     let Some(_disk) = super::bad_machine::Disk::mount(&path, "900k", test) else { return };
     sandbox.write("run.toml", options(30));
     let outcome = sandbox.succeeds("train scene --config run.toml -m disk/model --checkpoint-every 0.000001");
-    assert!(outcome.stderr.contains("the training goes on without this checkpoint"), "{outcome}");
+    assert!(outcome.stderr.contains("the training continues without this checkpoint"), "{outcome}");
     assert!(outcome.stderr.contains("free some disk space"), "{outcome}");
     assert!(sandbox.path("disk/model/point_cloud/iteration_30/point_cloud.ply").is_file(), "{outcome}");
 }

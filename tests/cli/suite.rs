@@ -103,12 +103,12 @@ fn a_stopped_suite_goes_on() {
     let group = format!("-{}", suite.id());
     assert!(Command::new("kill").args(["-INT", "--", &group]).status().unwrap().success());
     let outcome = Outcome::of_child(arguments, suite);
-    outcome.assert_failure(1, &["stopped; the same command goes on with what is left"]);
+    outcome.assert_failure(1, &["stopped; the same command continues with what is left"]);
     assert!(!sandbox.path("output/two/base alone/scene.log").exists(), "{outcome}");
     assert!(!sandbox.text("output/two/ibgs/scene.log").contains("FPS"), "a stopped training is not measured yet");
     let again = sandbox.succeeds(arguments);
     assert!(!again.stdout.contains("Not measured yet"), "{again}");
-    assert!(sandbox.text("output/two/ibgs/scene.log").contains("going on from iteration"), "{again}");
+    assert!(sandbox.text("output/two/ibgs/scene.log").contains("resuming from iteration"), "{again}");
 }
 
 /// What is wanted later is measured without training again.

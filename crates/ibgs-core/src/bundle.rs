@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. So no part can be larger than the file.
-//! The archive's own checksums tell damage.
+//! The archive's own checksums show damage.
 
 use crate::config::TrainConfig;
 use crate::dataset::Photo;
@@ -37,7 +37,7 @@ use zip::ZipWriter;
 const FORMAT: u32 = 1;
 /// Photos that are encoded at once.
 const BATCH: usize = 16;
-/// All photos together may decode to so many times the file's size, and so many bytes more: PNG shrinks photos to a third,
+/// All photos together may decode to this many times the file's size, and this many bytes more: PNG shrinks photos to a third,
 /// and what is masked to next to nothing.
 const MOST_TIMES: u64 = 256;
 const MOST_BYTES_MORE: u64 = 1 << 30;

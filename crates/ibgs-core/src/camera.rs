@@ -62,7 +62,7 @@ impl Camera {
         self.view_from_world.transpose() * DVec3::Z
     }
 
-    /// Whether it stands and looks as another one does, whatever its lens and size.
+    /// Whether it has the same position and orientation as another one; lens and size do not matter.
     pub fn has_pose_of(&self, other: &Camera) -> bool {
         self.view_from_world == other.view_from_world && self.translation == other.translation
     }

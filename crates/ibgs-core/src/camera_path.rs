@@ -57,7 +57,7 @@ pub struct CameraPath {
 }
 
 impl CameraPath {
-    /// Reads the frames of a camera path as they stand in the file, whatever its keyframes.
+    /// Reads the frames of a camera path as they stand in the file; its keyframes are ignored.
     ///
     /// # Errors
     /// [`CameraPathError`] naming file and field.
@@ -134,7 +134,7 @@ pub struct KeyframePath {
     pub fps: f64,
     /// Duration of the whole film.
     pub seconds: f64,
-    /// Whether the path goes on from its last keyframe to its first one.
+    /// Whether the path continues from its last keyframe to its first one.
     pub cycle: bool,
 }
 
@@ -150,13 +150,13 @@ impl KeyframePath {
         self.seconds * keyframe as f64 / self.segments().max(1) as f64
     }
 
-    /// The camera so many seconds after the start, or none without keyframes. Before the start and after the end the
-    /// camera stands still; a cycle goes on in both directions.
+    /// The camera at a time in seconds after the start, or none without keyframes. Before the start and after the end the
+    /// camera stands still; a cycle repeats in both directions.
     pub fn camera_at(&self, seconds: f64) -> Option<Camera> {
         Some(self.at(seconds)?.camera(self.width, self.height))
     }
 
-    /// Where the camera is so many seconds after the start, as in [`KeyframePath::camera_at`].
+    /// Where the camera is at a time in seconds after the start, as in [`KeyframePath::camera_at`].
     pub fn at(&self, seconds: f64) -> Option<Keyframe> {
         let (keys, segments) = (&self.keyframes, self.segments());
         if segments == 0 {
@@ -167,7 +167,7 @@ impl KeyframePath {
             true => progress.rem_euclid(segments as f64),
             false => progress.clamp(0.0, segments as f64),
         };
-        // Times that are no number, and paths without duration, show the start.
+        // NaN, and any time of a path without duration, shows the start.
         let progress = if progress.is_finite() { progress } else { 0.0 };
         let index = (progress as usize).min(segments - 1);
         let key = |index: usize| if self.cycle { keys.get(index % keys.len()) } else { keys.get(index) };
@@ -180,7 +180,7 @@ impl KeyframePath {
     pub fn frame_count(&self) -> u32 {
         match self.keyframes.is_empty() {
             true => 0,
-            // A cast takes what is no number for 0.
+            // A cast turns NaN into 0.
             false => ((self.fps * self.seconds).round() as u32).clamp(1, MAX_FRAMES),
         }
     }

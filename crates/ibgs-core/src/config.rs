@@ -42,14 +42,14 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
-    /// PLY file of this scene to begin with, which is neither densified nor reset; unset: the scene's points.
+    /// PLY file of this scene to start from; it is neither densified nor reset; unset: the scene's points.
     pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,
     /// The run repeats bit for bit on the same adapter and build, also where it is resumed: float32 alone, and checkpoints
     /// hold the depth maps of the training views.
     pub deterministic: bool,
-    /// Degree of the spherical harmonics, 0 to 3; unset: 2, where there is no residual to show what depends on the view 3.
+    /// Degree of the spherical harmonics, 0 to 3; unset: 2, with `method = "3dgs"` 3.
     pub sh_degree: Option<u32>,
     /// Iterations between two degrees; unset: 1000, scaled.
     pub sh_interval: Option<u32>,
@@ -61,7 +61,7 @@ pub struct TrainConfig {
     pub initial_opacity: Option<f64>,
     /// Scale of the first Gaussians, times the distance of their neighbours; unset: 1, with MCMC 0.1.
     pub initial_scale: Option<f64>,
-    /// Evaluate every so many iterations; 0: only at `eval-iterations`.
+    /// Evaluate every N iterations; 0: only at `eval-iterations`.
     pub eval_every: u32,
     /// Iterations to evaluate at besides the last; unset: 7000, scaled.
     pub eval_iterations: Option<Vec<u32>>,
@@ -107,7 +107,7 @@ pub struct DataConfig {
     pub max_resolution: Option<u32>,
     /// Hold test views out.
     pub eval: bool,
-    /// Every so-manieth photo by name is a test view, beginning with the first.
+    /// Hold out every Nth photo (by name, from the first) as a test view.
     pub eval_split_every: u32,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     #[serde(with = "text")]
@@ -147,7 +147,7 @@ pub struct LearningRates {
     pub sh_dc: f64,
     /// The other coefficients have the rate `sh-dc` divided by this.
     pub sh_rest_divisor: f64,
-    /// Share of the other coefficients that each iteration takes away, times their rate, so that what few photos show from few
+    /// Share of the other coefficients that each iteration removes, times their rate: a surface that few photos show from few
     /// directions keeps a constant colour; unset: 0, with `method = "3dgs"` 1. A departure from method.md.
     pub sh_rest_decay: Option<f64>,
     /// Plane normals.
@@ -223,7 +223,7 @@ pub struct DensifyConfig {
     /// Gaussians with a larger scale, times the extent, are removed after `prune-scale-after`.
     pub prune_scale: f64,
     /// Measure that scale by the median distance of the first Gaussians from the mean camera where that is over three extents:
-    /// the extent of a capture that faces forward says nothing of its scene. A departure from method.md.
+    /// the extent of a capture that faces forward says nothing about its scene. A departure from method.md.
     pub prune_scale_by_distance: bool,
     /// Pruning by scale begins after this iteration; unset: the interval of the opacity resets.
     pub prune_scale_after: Option<u32>,
@@ -244,7 +244,7 @@ pub struct GrowthConfig {
     /// Share of those that is split in a round.
     pub fraction: f64,
     /// Pixels with an error above their photo's mean that such a Gaussian must have covered in the last ten iterations before the
-    /// round, summed over the views; 0: errors are not looked at. 60 halves the number of Gaussians.
+    /// round, summed over the views; 0: errors are ignored. 60 halves the number of Gaussians.
     pub error_pixels: f64,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
@@ -271,7 +271,7 @@ pub struct McmcConfig {
 }
 
 impl DensifyConfig {
-    /// Gives the strategies that know no cap of their own one by the scene where there is none: a Gaussian for 45 pixels of the
+    /// Sets the cap of the strategies that take theirs from the scene, where none is given: a Gaussian for 45 pixels of the
     /// training photos, at least 200,000 and at most 3 million. MCMC grows to it.
     pub fn choose_cap(&mut self, pixels: u64) {
         if matches!(self.strategy, Strategy::Default | Strategy::Mcmc) && self.max_splats.is_none() {

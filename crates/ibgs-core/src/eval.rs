@@ -20,8 +20,8 @@ pub struct Score {
     /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
     #[serde(deserialize_with = "or_infinite")]
     pub psnr: f64,
-    /// The same after the affine map of the image's colours that brings it nearest to the photo: where nothing can foretell
-    /// the photo's exposure.
+    /// The same after the affine map of the image's colours that brings it nearest to the photo, for photos whose exposure
+    /// cannot be predicted from their neighbours.
     #[serde(deserialize_with = "or_infinite")]
     pub aligned_psnr: f64,
     /// Mean SSIM over the valid pixels and channels, 11 x 11 Gaussian window, zero padding; 1 without a valid pixel.
@@ -97,7 +97,7 @@ fn psnr(planes: &Planes, valid: &[bool], (map, offset): (DMat3, DVec3)) -> f64 {
     -10.0 * (squares / (3 * count.max(1)) as f64).log10()
 }
 
-/// The affine map of an image's colours to a photo's, by least squares; pulled to the identity by a hair, for images of a
+/// The affine map of an image's colours to a photo's, by least squares; pulled slightly to the identity, for images of a
 /// single colour.
 fn alignment(planes: &Planes, valid: &[bool]) -> (DMat3, DVec3) {
     const RIDGE: f64 = 1e-8;
@@ -134,7 +134,7 @@ impl Region {
         }
     }
 
-    /// PSNR in dB over everything added; not a number without anything.
+    /// PSNR in dB over everything added; NaN without anything.
     pub fn psnr(&self) -> f64 {
         -10.0 * (self.squares / self.values as f64).log10()
     }
@@ -257,7 +257,7 @@ pub enum Cache {
     Warm,
 }
 
-/// Frames a second over all views, again and again until there were [`PASSES`] and a second is over, the GPU finished before
+/// Frames a second over all views, repeated until there were [`PASSES`] and a second is over, the GPU finished before
 /// the clock stops. Before that they are rendered for half a second, as GPUs that were idle run slower for a while.
 ///
 /// # Errors

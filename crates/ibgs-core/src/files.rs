@@ -1,4 +1,4 @@
-//! Writing files so that a crash or a full disk never leaves half of one behind, and reading TOML with line numbers.
+//! Writing files so that a crash or a full disk never leaves a partial one behind, and reading TOML with line numbers.
 
 use serde::de::DeserializeOwned;
 use std::fs;
@@ -45,7 +45,7 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
     replace(path, |out| write(out)).map_err(|source| WriteError::new(path, source))
 }
 
-/// [`write_atomically`] for formats that go back to what they have written.
+/// [`write_atomically`] for formats that seek back to what they have written.
 ///
 /// # Errors
 /// As [`write_atomically`].

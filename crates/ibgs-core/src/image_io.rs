@@ -24,8 +24,8 @@ pub struct ReadError {
 const PNG_PIXELS: u64 = 8 * 1032;
 const JPEG_PIXELS: u64 = 1024;
 
-/// Decodes the contents of a PNG or JPEG file, or says what is wrong with it. A header can promise any size: nothing is
-/// reserved for more pixels than so many bytes can hold.
+/// Decodes the contents of a PNG or JPEG file, or says what is wrong with it. A header can promise any size: no memory
+/// is reserved for more pixels than the file's bytes can hold.
 pub(crate) fn decode(bytes: &[u8]) -> Result<DynamicImage, String> {
     let reader = || ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|cause| cause.to_string());
     let (width, height) = reader()?.into_dimensions().map_err(|cause| cause.to_string())?;

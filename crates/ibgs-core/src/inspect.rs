@@ -31,7 +31,7 @@ pub struct Inspection {
     pub normal: Option<[f32; 3]>,
     /// The median intersections front to back, those with a weight: at most K.
     pub intersections: Vec<Intersection>,
-    /// The frame's sources in the order in which they are asked; empty where the pixel has no median depth.
+    /// The frame's sources in the order in which they are tested; empty where the pixel has no median depth.
     pub sources: Vec<SourceReading>,
 }
 

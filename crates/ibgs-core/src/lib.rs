@@ -24,7 +24,7 @@
 //!    makes films, [`inspect`] explains a pixel, [`mesh`] fuses the depths of all views into a triangle mesh.
 //!
 //! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the device, its memory and the one place
-//! that dispatches. [`progress`] hears of long work; warnings and notes go to the `log` crate. Training is in `ibgs-train`.
+//! that dispatches. [`progress`] reports long work; warnings and notes go to the `log` crate. Training is in `ibgs-train`.
 //!
 //! A model is rendered in a line: see [`model`].
 

@@ -3,7 +3,7 @@
 //! Doubles (cameras, points, camera paths, whatever a user sees) are in the scene's own coordinates. Single precision
 //! (Gaussians, depth maps, everything on the device) is in *local* coordinates: the scene moved to the origin and scaled so
 //! that the extent of its cameras is about [`EXTENT`]. The near plane and float32 then suit every scene, and a training sees
-//! the same numbers whatever the unit of its scene and wherever it lies. [`Gaussians`](crate::scene::Gaussians) and
+//! the same numbers in any unit and at any place of its scene. [`Gaussians`](crate::scene::Gaussians) and
 //! [`Splats`](crate::scene::Splats) carry their [`LocalSpace`]; trainer and renderer convert cameras to it.
 
 use crate::camera::{Camera, ROUNDING};
@@ -16,7 +16,7 @@ pub const EXTENT: f64 = 5.0;
 
 /// The extent is 1.1 times the largest distance from the middle.
 const EXTENT_OVER_DISTANCE: f64 = 1.1;
-/// Part of the cameras that set the scale; what lies beyond may be wrongly posed.
+/// Part of the cameras that set the scale; those beyond may be wrongly posed.
 const PART: f64 = 0.9;
 /// Median distance of points from their middle, in local units, where there are no cameras to measure by.
 const POINT_DISTANCE: f64 = 10.0;
@@ -48,7 +48,7 @@ impl LocalSpace {
         Self { origin, scale: 1.0 }
     }
 
-    /// That of a scene: by all its cameras, whichever train; by its points where all cameras stand at one place.
+    /// That of a scene: by all its cameras, also those held out; by its points where all cameras stand at one place.
     pub fn of_scene<'a>(cameras: impl Iterator<Item = &'a Camera>, points: impl Iterator<Item = DVec3>) -> Self {
         Self::of_cameras(cameras).or_else(|| Self::of_points(points)).unwrap_or_default()
     }
@@ -113,7 +113,7 @@ impl LocalSpace {
     }
 }
 
-/// A length in scene units for the eye, whatever the unit.
+/// A length in scene units, rounded for display.
 #[derive(Clone, Copy, Debug)]
 pub struct Length(pub f64);
 
@@ -172,7 +172,7 @@ mod tests {
         for scale in [1e-4, 0.5, 30.0, 1e4] {
             for shift in [DVec3::ZERO, DVec3::new(5e6, -4e6, 1e5)] {
                 let moved = local(&ring(20, DVec3::new(1.0, -2.0, 0.5) * scale + shift, 3.0 * scale));
-                // A double has so many digits left at that place.
+                // A double has this many digits left at that place.
                 let tolerance = 1e-9_f64.max(1e-14 * shift.length() / scale);
                 for (a, b) in usual.iter().zip(&moved) {
                     assert!(a.center().distance(b.center()) < tolerance, "{scale} {shift}");

@@ -11,7 +11,7 @@
 //! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
 //! path/ours_N/                                         frames of a camera path
 //! mesh/ours_N/mesh.ply                                 triangle mesh
-//! checkpoints/N.ibgs                                   what a training goes on from, while it runs or after it was stopped
+//! checkpoints/N.ibgs                                   what a training resumes from, while it runs or after it was stopped
 //! results_renders.json  per_view_renders.json          scores of the base image
 //! results_renders_aggregate.json  per_view_renders_aggregate.json
 //!                                                      scores of the final image
@@ -49,7 +49,7 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-/// What one file of the folder says about the run, by name; used to tell our folders from others.
+/// What one file of the folder says about the run, by name; by which our folders are recognised.
 const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
 
 /// File of the report on a model.
@@ -113,7 +113,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// With [`Existing::Keep`], [`OutputError::HoldsModel`] where a trained model is and [`OutputError::Foreign`]
-    /// where a file of ours would replace one that belongs to something else. [`OutputError::Write`] in both cases.
+    /// where a file of the run would replace one that belongs to something else. [`OutputError::Write`] in both cases.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
         files::create_folder(path)?;
         let folder = Self { root: path.to_owned() };
@@ -136,7 +136,7 @@ impl OutputFolder {
         }
     }
 
-    /// A folder for results, whatever is in it.
+    /// A folder for results; what is in it does not matter.
     pub fn at(path: &Path) -> Self {
         Self { root: path.to_owned() }
     }
@@ -397,7 +397,7 @@ impl OutputFolder {
         }
     }
 
-    /// Removes what an older run saved, so that none of it passes for the new run's.
+    /// Removes what an older run saved, so that none of it is taken for the new run's.
     fn remove_model(&self) -> Result<(), OutputError> {
         let folders = [
             ("point_cloud", "iteration_"),

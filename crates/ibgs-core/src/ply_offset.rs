@@ -10,7 +10,7 @@ pub(crate) fn line(offset: Option<DVec3>) -> String {
     offset.map_or_else(String::new, |DVec3 { x, y, z }| format!("comment offset {x} {y} {z}\n"))
 }
 
-/// The offset that a header line tells; none where it is about something else.
+/// The offset in a header line; none where the line is about something else.
 ///
 /// # Errors
 /// What is wrong with the numbers.

@@ -16,15 +16,15 @@ pub enum Shown<'a> {
     Final,
     /// The base image.
     Base,
-    /// Final minus base image around grey, so many times as strong.
+    /// Final minus base image around grey, amplified by this factor.
     Residual(f32),
     /// Median depth: depth of the brightest and of the darkest colour, in scene units.
     Depth([f32; 2]),
     /// Normal map.
     Normal,
-    /// How many sources see a pixel's point; so many have the brightest colour.
+    /// How many sources see a pixel's point; this number has the brightest colour.
     Visibility(u32),
-    /// Final image minus a photo of the frame's size around grey, so many times as strong.
+    /// Final image minus a photo of the frame's size around grey, amplified by this factor.
     Difference(&'a DevicePhoto, f32),
     /// A photo of the frame's size.
     Photo(&'a DevicePhoto),

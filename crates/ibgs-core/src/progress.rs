@@ -1,8 +1,8 @@
 //! How far long work is.
 
-/// Hears how far long work is. `()` does not listen.
+/// Receives how far long work is. `()` ignores it.
 pub trait Progress: Sync {
-    /// Work of so many steps begins; what came before has ended.
+    /// Work of this many steps begins; earlier work has ended.
     fn begin(&self, what: &'static str, steps: usize);
 
     /// One step is done; called from any thread.

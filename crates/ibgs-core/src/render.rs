@@ -167,13 +167,13 @@ impl Renderer {
         Self { image: part.map(stage), raster, splats, background, shows_surface: false, exposure: None }
     }
 
-    /// Every view in the exposure that its surroundings tell. Those of the image-based part's cameras must come in their order.
+    /// Every view in the exposure that is predicted from its neighbours. Those of the image-based part's cameras must come in their order.
     pub fn with_exposure(self, field: Option<ExposureField>) -> Self {
         let exposure = field.map(|field| (field, Exposer::new(self.gpu().clone())));
         Self { exposure, ..self }
     }
 
-    /// Every view in the photos' mean exposure, whatever its surroundings tell.
+    /// Every view in the photos' mean exposure, without a prediction.
     pub fn levelled(self) -> Self {
         Self { exposure: self.exposure.map(|(field, exposer)| (field.levelled(), exposer)), ..self }
     }
@@ -321,7 +321,7 @@ impl Renderer {
 
     /// The sources of a view; none where it has none or is too small for the network.
     fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
-        // A training view is no source of itself, at whatever size.
+        // A training view is no source of itself, at any size.
         let own = stage.part.cameras.iter().position(|other| other.has_pose_of(camera));
         let chosen = match stage.residual.fits(camera) {
             true => stage.finder.sources(camera, own),

@@ -1,4 +1,4 @@
-//! Our own ZIP archives, bundles and checkpoints: nothing in them is compressed, and their sums tell damage.
+//! Our own ZIP archives, bundles and checkpoints: nothing in them is compressed, and their checksums show damage.
 
 use std::io::{self, Read, Seek, Write};
 use zip::result::ZipError;

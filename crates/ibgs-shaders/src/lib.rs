@@ -236,7 +236,7 @@ kernels! {
     /// Opacity clamped from above.
     OPACITY_RESET = "opacity_reset" [256, 1, 1] (size_of::<types::OpacityResetParams>()):
         write("opacity_logits"), write("moment1"), write("moment2");
-    /// Values that are no finite number.
+    /// Values that are not finite.
     FINITE = "finite" [256, 1, 1] (size_of::<u32>()):
         read("values"), write("broken");
     // Losses of the image-based stage.

@@ -91,7 +91,7 @@ pub struct SourceParams {
     pub slots: u32,
     /// The depths of source and point agree when they differ by less than this part of the latter.
     pub agreement: f32,
-    /// A source is packed when they differ by less than so many times that.
+    /// A source is packed when they differ by less than this many times that.
     pub reach: f32,
     /// Unused.
     pub pad0: u32,
@@ -127,7 +127,7 @@ pub struct PresentParams {
     pub range: [f32; 2],
     /// Number of sources that has the brightest colour.
     pub most: u32,
-    /// Differences are shown so many times as strong.
+    /// Differences are amplified by this factor.
     pub gain: f32,
 }
 

@@ -8,7 +8,7 @@ use ibgs_core::raster::iteration_seed;
 const STREAM: u32 = 0x51ab_07e5;
 
 /// Colour behind Gaussians and photos in an iteration's loss: the run's own, but with masks of an object another one in each
-/// iteration, by seed and iteration alone. Gaussians of any one colour differ from most of them, so only emptiness pleases.
+/// iteration, by seed and iteration alone. A Gaussian of any one colour differs from most of them, so only emptiness satisfies the loss.
 pub(super) fn iteration_background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
     match config.data.masks {
         Masks::Ignore => config.background(),

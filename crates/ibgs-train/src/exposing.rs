@@ -44,7 +44,7 @@ impl Exposing {
         pass.submit();
     }
 
-    /// Whether `auto` gives them up after this iteration: the photos hardly differ. Waits for the GPU.
+    /// Whether `auto` stops correcting them after this iteration: the photos hardly differ. Waits for the GPU.
     pub fn is_idle_at(&self, iteration: u32, schedule: &Schedule) -> Result<bool, GpuError> {
         if self.switch != ExposureSwitch::Auto || iteration != schedule.exposure_decision {
             return Ok(false);

@@ -40,7 +40,7 @@ pub enum InputRange {
     /// From 0..1 to -1..1, as the package asks for.
     #[default]
     Signed,
-    /// As they are, 0..1: the way in which published figures of Gaussian splatting are taken.
+    /// As they are, 0..1: as in published figures of Gaussian splatting.
     Published,
 }
 

@@ -1,7 +1,7 @@
 //! How much device memory a training takes, estimated before it begins.
 //!
 //! Counted are the buffers of an iteration in which everything is at work, those that burn keeps between iterations,
-//! and what densification and evaluation need beside it. Bytes are as the modules allocate them; where these change, the
+//! and what densification and evaluation need besides. Bytes are as the modules allocate them; where these change, the
 //! test that compares the estimate with the allocator's report fails. With N Gaussians of C coefficients a channel, room
 //! for I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V visible
 //! sources, M sources and `ibgs` (for `3dgs` the parts in braces fall away):
@@ -161,7 +161,7 @@ impl Estimate {
         let photo = |c: &Camera| (4 * u64::from(c.width) * u64::from(c.height)).next_multiple_of(16);
         let all: u64 = demand.cameras.iter().map(photo).sum();
         let largest = demand.cameras.iter().map(photo).max().unwrap_or(0);
-        // A view and its sources are there at the same time whatever the budget.
+        // A view and its sources are there at the same time under any budget.
         let least = largest * (1 + u64::from(demand.config.sources.used)).min(demand.cameras.len() as u64);
         let kept = demand.photo_budget.map_or(all, |budget| all.min(budget.max(least)));
         self.add("photos", "training photos", largest, kept.div_ceil(largest.max(1)));

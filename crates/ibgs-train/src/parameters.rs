@@ -44,7 +44,7 @@ impl Parameters {
         Ok(Self { tensors, splats })
     }
 
-    /// Shapes of the tensors of so many Gaussians.
+    /// Shapes of the tensors of this many Gaussians.
     pub fn shapes(count: usize, coefficients: usize) -> PerGaussian<Vec<usize>> {
         PerGaussian {
             means: vec![count, 3],

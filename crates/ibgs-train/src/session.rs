@@ -122,7 +122,7 @@ impl Session {
         }
     }
 
-    /// The same with files in a model folder that is locked, and a checkpoint `every` so often; none: only when it is stopped.
+    /// The same with files in a model folder that is locked, and a checkpoint after each time `every`; none: only when it is stopped.
     pub fn with_output(mut self, folder: OutputFolder, lock: FolderLock, every: Option<Duration>) -> Self {
         self._lock = Some(lock);
         self.keeper = Keeper::new(Some(folder.clone()), every);
@@ -206,7 +206,7 @@ impl Session {
     /// One iteration.
     fn advance(&mut self) -> Result<Due> {
         let start = Instant::now();
-        // What a lost device is asked for it often takes without a word.
+        // A lost device often accepts work without an error.
         self.raster.gpu().check()?;
         self.trainer.step()?;
         let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
@@ -244,7 +244,7 @@ impl Session {
         Ok(())
     }
 
-    /// After a value that was not finite: back to the last good state, once, and on with lower rates.
+    /// After a value that was not finite: return to the last good state, once, and continue with lower rates.
     fn go_back(&mut self, error: SessionError, observer: &mut dyn Observer) -> Result<()> {
         let broken = matches!(error, SessionError::Train(TrainError::NotFinite(_)));
         let Some(checkpoint) = self.keeper.last().filter(|_| broken && !self.trainer.is_slowed()).cloned() else {

@@ -123,7 +123,7 @@ impl ImageStages {
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,
-            // All of them: one that is rendered anew would be of another model, and the training another one.
+            // All of them: one that is rendered again would be of another model, and the training would differ.
             depths: DepthCache::new(None),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
@@ -137,7 +137,7 @@ impl ImageStages {
         })
     }
 
-    /// Records the count of the network's weights that are no finite number.
+    /// Records the count of the network's weights that are not finite.
     pub fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
         self.network_optimizer.record_check(pass, broken);
     }
@@ -155,7 +155,7 @@ impl ImageStages {
         Ok(StagesState { network, depths })
     }
 
-    /// Goes on from there; a depth map that is not there is made anew when it is needed.
+    /// Resumes from there; a depth map that is missing is rendered when it is needed.
     pub fn restore(&mut self, network: &NetworkState, depths: &BTreeMap<usize, Vec<f32>>) -> Result<(), TrainError> {
         if network.weights.len() != WEIGHTS {
             return Err(NetworkError::Count { found: network.weights.len() }.into());
@@ -211,7 +211,7 @@ impl ImageStages {
         Ok(total)
     }
 
-    /// Adds what the sources tell: the photometric loss, and the final image's.
+    /// Adds the losses of the sources: the photometric loss, and the final image's.
     fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
         let sources = self.sources(work)?;
         let (colors, warped) = autodiff::warped(&self.warper, work.image, work.forward, &sources)?;

@@ -43,16 +43,16 @@ pub enum TrainError {
     /// The network failed.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// A checkpoint cannot be gone on from.
+    /// The checkpoint cannot be resumed from.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// The data set holds no training view.
     #[error("the scene has no training view; check its split")]
     NoViews,
-    /// The last iteration ended in the middle, so there is no state to go on from.
+    /// The last iteration ended in the middle, so there is no state to resume from.
     #[error("iteration {0} was not finished")]
     Unfinished(u32),
-    /// The loss or the model is no number any more.
+    /// The loss or a value of the model is not finite.
     #[error(
         "by iteration {0} the loss or a value of the model is not a finite number; try lower learning rates, and check the \
          photos' cameras"
@@ -126,7 +126,7 @@ impl Trainer {
         Self::from_gaussians(raster, dataset, config, &start)
     }
 
-    /// Uploads the training photos and begins with the given Gaussians, in whatever space; their spherical harmonics keep their
+    /// Uploads the training photos and begins with the given Gaussians, in any space; their spherical harmonics keep their
     /// degree.
     ///
     /// # Errors
@@ -399,13 +399,13 @@ impl Trainer {
             }
             pass.submit();
         }
-        let news = self.recorder.record(
+        let telemetry = self.recorder.record(
             &self.gpu,
             &total.scratch.stats,
             &forward.workspace.total,
             u64::from(forward.frame.capacity),
         )?;
-        if let Some(telemetry) = news {
+        if let Some(telemetry) = telemetry {
             self.note(telemetry)?;
         }
         self.prefetch()
@@ -422,7 +422,7 @@ impl Trainer {
     }
 
     /// Densification and opacity reset of the iteration that has just ended. They come before the next one and not at
-    /// its end, so that a model is saved and measured as it was trained, not as it was just torn up (a departure from the
+    /// its end, so that a model is saved and measured as it was trained, not right after a change (a departure from the
     /// published order).
     fn restructure(&mut self) -> Result<(), TrainError> {
         if self.schedule.densify_at(self.iteration) {
@@ -468,7 +468,7 @@ impl Trainer {
         (self.parameters, self.optimizer) = densify::apply(&self.gpu, &self.parameters, &self.optimizer, plan)?;
         self.statistics = Statistics::new(&self.gpu, self.splats().len())?;
         self.update_filters();
-        // Room for as many more intersections as there are Gaussians now.
+        // Room for as many additional intersections as there are Gaussians now.
         let grown = self.telemetry.most_isects as f64 * self.splats().len() as f64 / before.max(1) as f64;
         self.raster.reserve(grown as u64);
         Ok(())

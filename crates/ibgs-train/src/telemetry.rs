@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, channel};
 const RING: usize = 32;
 /// Iterations from asking for a readback to using it.
 const DELAY: usize = 8;
-/// Bytes of one entry: four statistics, the intersection count, values that are no number, padding.
+/// Bytes of one entry: four statistics, the intersection count, values that are not finite, padding.
 const ENTRY: usize = 32;
 
 /// What the last finished readback said.
@@ -57,7 +57,7 @@ pub(super) struct RecorderState {
 }
 
 impl RecorderState {
-    /// Whether a recorder can go on from it.
+    /// Whether a recorder can resume from it.
     pub fn is_sound(&self, iteration: u32) -> bool {
         let words = RING * ENTRY / 4;
         self.written <= iteration as usize
@@ -70,7 +70,7 @@ impl RecorderState {
 #[derive(Debug)]
 pub(super) struct Recorder {
     ring: Buffer,
-    /// Counts values that are no number.
+    /// Counts values that are not finite.
     broken: Buffer,
     staging: wgpu::Buffer,
     pending: Option<Pending>,
@@ -91,7 +91,7 @@ impl Recorder {
         })
     }
 
-    /// Whether this iteration counts the values of the model that are no number: once in each ring.
+    /// Whether this iteration counts the values of the model that are not finite: once in each ring.
     pub fn checks(&self) -> bool {
         self.written % RING == RING - 1
     }
@@ -101,7 +101,7 @@ impl Recorder {
         &self.broken
     }
 
-    /// Records one iteration; returns news when a readback is due.
+    /// Records one iteration; returns telemetry when a readback is due.
     pub fn record(
         &mut self,
         gpu: &Gpu,
@@ -170,7 +170,7 @@ impl Recorder {
         Ok(RecorderState { written: self.written, capacities: self.capacities, ring, pending })
     }
 
-    /// A recorder that goes on from there.
+    /// A recorder that resumes from there.
     pub fn from_state(gpu: &Gpu, state: &RecorderState) -> Result<Self, GpuError> {
         let pending = state.pending.clone();
         Ok(Self {

@@ -63,7 +63,7 @@ pub fn release_unused(gpu: &Gpu) {
 /// A new float32 tensor; every value must be written before it is read.
 ///
 /// # Errors
-/// When the device cannot bind that much at once. burn panics where memory cannot be had at all.
+/// When the device cannot bind that much at once. burn panics where no memory is left.
 pub fn empty(gpu: &Gpu, what: &'static str, shape: &[usize]) -> Result<CubeTensor, GpuError> {
     gpu.check_size(what, 4 * shape.iter().product::<usize>() as u64)?;
     Ok(empty_like(&companion(gpu)?.seed, shape))

@@ -2,7 +2,7 @@
 
 mod framing;
 mod input;
-mod news;
+mod messages;
 mod screenshot;
 
 use crate::canvas::{Canvas, SIDES, Wanted as WantedFrame};
@@ -163,7 +163,7 @@ impl Viewer {
         self.scene.as_ref()
     }
 
-    /// How far the training is, and whether it goes on.
+    /// How far the training is, and whether it continues.
     pub fn progress(&self) -> Option<(&TrainingProgress, bool)> {
         self.training.as_ref().map(|trained| (&trained.progress, trained.running))
     }
@@ -361,7 +361,7 @@ impl Viewer {
             running: self.training.as_ref().is_some_and(|trained| trained.running),
         };
         let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
-        // A device that has failed once gives nothing any more.
+        // A device that has failed once returns nothing.
         if self.gpu.check().is_ok()
             && let Some(request) = self.canvas.request(&wanted)
         {
@@ -414,7 +414,7 @@ impl eframe::App for Viewer {
         panels::around(self, ui);
         let shown = egui::CentralPanel::no_frame().show(ui, |ui| self.central(ui, frame));
         if let Err(error) = shown.inner {
-            // The worker tells more of what has become of a training.
+            // The worker reports what has become of a training.
             self.error.get_or_insert_with(|| error.to_string());
         }
         panels::status(self, ui.ctx());

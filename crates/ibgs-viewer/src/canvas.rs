@@ -19,7 +19,7 @@ const LEAST_SHARE: f32 = 0.125;
 const FIRST_SHARE: f32 = 0.25;
 /// Shortest and longest side of an image in pixels.
 pub(crate) const SIDES: [u32; 2] = [16, 8192];
-/// A model in training is shown again after this time, and after so many times that of a frame.
+/// A model in training is shown again after this time, and after this many times that of a frame.
 const REFRESH: Duration = Duration::from_millis(100);
 const REFRESH_FRAMES: u32 = 8;
 
@@ -38,7 +38,7 @@ pub struct Wanted {
     pub with_range: bool,
     /// Iteration of the training: another one is another model.
     pub iteration: u32,
-    /// The training goes on.
+    /// The training continues.
     pub running: bool,
 }
 

@@ -99,11 +99,11 @@ pub enum Wanted {
 
 /// Opens what a user asks for; called on the viewer's own thread.
 pub trait Open: Send + 'static {
-    /// Opens it on this GPU. `told` hears what is being done.
+    /// Opens it on this GPU. `status` is called with what is being done.
     ///
     /// # Errors
     /// A sentence that names the file and what to do.
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, told: &dyn Fn(&str)) -> Result<Opened>;
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened>;
 
     /// An error in one line, with what the user can do about it where the program knows that.
     fn sentence(&self, error: &anyhow::Error) -> String {
@@ -113,11 +113,11 @@ pub trait Open: Send + 'static {
 
 /// A running training.
 pub trait Training: Send {
-    /// One iteration, and what is due after it: saving and measuring, of which `told` hears.
+    /// One iteration, and what is due after it: saving and measuring, which are reported to `status`.
     ///
     /// # Errors
     /// The device failed, a file cannot be written, or a value is not finite.
-    fn step(&mut self, told: &dyn Fn(&str)) -> Result<()>;
+    fn step(&mut self, status: &dyn Fn(&str)) -> Result<()>;
 
     /// How far it is.
     fn progress(&self) -> TrainingProgress;

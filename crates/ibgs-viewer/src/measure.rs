@@ -1,7 +1,7 @@
 //! What the window adds to the time of a frame.
 
 use crate::mode::{Mode, Style};
-use crate::worker::{Command, News, Request, Sheet, Worker};
+use crate::worker::{Command, Message, Request, Sheet, Worker};
 use crate::{Content, Open, Opened, Scene, Wanted};
 use anyhow::{Result, bail};
 use eframe::egui;
@@ -55,9 +55,9 @@ pub fn measure(renderer: &Arc<Renderer>, cameras: &[Camera]) -> Result<FrameTime
         let request = Request { camera: *camera, with_range: false };
         worker.send(Command::Render(Box::new(request), Some(sheet.clone())));
         loop {
-            match worker.news.recv()? {
-                News::Rendered(_) => break,
-                News::Failed(sentence) => bail!(sentence),
+            match worker.messages.recv()? {
+                Message::Rendered(_) => break,
+                Message::Failed(sentence) => bail!(sentence),
                 _ => {}
             }
         }

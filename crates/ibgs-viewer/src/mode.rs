@@ -31,7 +31,7 @@ pub enum Mode {
 pub struct Style {
     /// Depths of the brightest and the darkest colour.
     pub depth_range: [f32; 2],
-    /// Residual and difference are shown so many times as strong.
+    /// Factor that amplifies residual and difference.
     pub gain: f32,
     /// Number of sources that has the brightest colour.
     pub most_sources: u32,

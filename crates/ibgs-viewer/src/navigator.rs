@@ -6,7 +6,7 @@ use ibgs_core::camera_path::Keyframe;
 
 /// Least angle between the optical axis and the up axis when orbiting, in radians.
 const POLE: f64 = 0.05;
-/// Usual vertical field of view where no view tells one, in radians.
+/// Usual vertical field of view where no view has one, in radians.
 const USUAL_FOV: f64 = 0.9;
 
 /// Where the camera stands and what it turns about.
@@ -101,14 +101,14 @@ impl Navigator {
         DMat3::from_cols(right, forward.cross(right), forward)
     }
 
-    /// Goes around the pivot by so many radians.
+    /// Orbits the pivot by an angle in radians.
     pub fn orbit(&mut self, yaw: f64, pitch: f64) {
         let pivot = self.pivot();
         self.world_from_view = self.turned(yaw, pitch);
         self.position = pivot - self.forward() * self.distance;
     }
 
-    /// Turns on the spot by so many radians.
+    /// Turns in place by an angle in radians.
     pub fn look(&mut self, yaw: f64, pitch: f64) {
         self.world_from_view = self.turned(yaw, pitch);
     }

@@ -1,4 +1,4 @@
-//! The thread that opens, renders and trains. The window sends [`Command`]s and hears [`News`]; it never waits.
+//! The thread that opens, renders and trains. The window sends [`Command`]s and receives [`Message`]s; it never waits.
 
 use crate::film::{Film, Shoot};
 use crate::mode::{Mode, Style};
@@ -49,7 +49,7 @@ pub enum Command {
     Open(Wanted),
     /// Render a view; of several the last one counts.
     Render(Box<Request>, Option<Sheet>),
-    /// Tell why a pixel of a frame looks as it does.
+    /// Explain why a pixel of a frame looks as it does.
     Inspect {
         /// The frame.
         frame: Arc<Frame>,
@@ -58,7 +58,7 @@ pub enum Command {
         /// Turn the camera to the pixel's surface point.
         focus: bool,
     },
-    /// The training goes on, or pauses.
+    /// Continue the training, or pause it.
     Run(bool),
     /// One iteration, then pause.
     Step,
@@ -91,14 +91,14 @@ pub struct Rendered {
     pub time: Duration,
     /// What the model has.
     pub facts: ModelFacts,
-    /// Device memory in use, where the driver tells.
+    /// Device memory in use, where the driver reports it.
     pub memory: Option<u64>,
     /// Iteration of the training.
     pub iteration: u32,
 }
 
-/// What the window hears.
-pub enum News {
+/// What the worker sends to the window.
+pub enum Message {
     /// What is being done.
     Doing(String),
     /// Something was opened; with how far it is where it is a training.
@@ -112,11 +112,11 @@ pub enum News {
         /// Turn the camera to the surface point.
         focus: bool,
     },
-    /// How far the training is; with whether it goes on.
+    /// How far the training is; with whether it continues.
     Progress(Box<TrainingProgress>, bool),
     /// The model was saved.
     Saved(PathBuf),
-    /// Frames of the film that are done, of so many.
+    /// Frames of the film that are done, and their number.
     Filmed(usize, usize),
     /// The film has ended: what was written, where nothing failed.
     FilmDone(Option<String>),
@@ -129,20 +129,20 @@ pub enum News {
 /// The window's end.
 pub struct Worker {
     commands: Option<Sender<Command>>,
-    /// What the worker has to tell.
-    pub news: Receiver<News>,
+    /// Messages from the worker.
+    pub messages: Receiver<Message>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Worker {
-    /// Starts the thread; it wakes the window when there is news.
+    /// Starts the thread; it wakes the window at each message.
     pub fn start(gpu: Arc<Gpu>, opener: impl Open, opened: Option<Opened>, window: egui::Context) -> Self {
-        let (commands, orders) = channel();
-        let (sender, news) = channel();
-        let desk = Desk { gpu, opener: Box::new(opener), news: sender, window };
+        let (commands, received) = channel();
+        let (sender, messages) = channel();
+        let state = Thread { gpu, opener: Box::new(opener), messages: sender, window };
         let thread = std::thread::Builder::new().name("viewer worker".to_owned());
-        let thread = thread.spawn(move || desk.work(&orders, opened)).expect("a thread can be started");
-        Self { commands: Some(commands), news, thread: Some(thread) }
+        let thread = thread.spawn(move || state.work(&received, opened)).expect("a thread can be started");
+        Self { commands: Some(commands), messages, thread: Some(thread) }
     }
 
     /// Asks for something. False when the thread is gone.
@@ -161,18 +161,18 @@ impl Drop for Worker {
     }
 }
 
-/// What the thread works on.
-struct Desk {
+/// What the thread owns as long as it runs.
+struct Thread {
     gpu: Arc<Gpu>,
     opener: Box<dyn Open>,
-    news: Sender<News>,
+    messages: Sender<Message>,
     window: egui::Context,
 }
 
 #[derive(Default)]
 struct Work {
     content: Option<Content>,
-    /// The training goes on.
+    /// The training continues.
     running: bool,
     /// One iteration and no more.
     single: bool,
@@ -211,22 +211,22 @@ impl Work {
     }
 }
 
-impl Desk {
-    fn tell(&self, news: News) {
-        // Nobody listens any more once the window is closed.
-        let _ = self.news.send(news);
+impl Thread {
+    fn send(&self, message: Message) {
+        // The receiver is gone once the window is closed.
+        let _ = self.messages.send(message);
         self.window.request_repaint();
     }
 
-    fn told(&self, what: &str) {
-        self.tell(News::Doing(what.to_owned()));
+    fn status(&self, what: &str) {
+        self.send(Message::Doing(what.to_owned()));
     }
 
     fn failed(&self, error: &anyhow::Error) {
-        self.tell(News::Failed(self.opener.sentence(error)));
+        self.send(Message::Failed(self.opener.sentence(error)));
     }
 
-    /// Tells of an error; where the device has failed, a training saves what it has first.
+    /// Reports an error; where the device has failed, a training saves what it has first.
     fn failed_in(&self, work: &mut Work, error: &anyhow::Error) {
         let lost = matches!(error.downcast_ref(), Some(GpuError::Readback(_) | GpuError::Failed(_)));
         match lost && work.unfinished {
@@ -235,21 +235,21 @@ impl Desk {
         }
     }
 
-    fn work(self, orders: &Receiver<Command>, opened: Option<Opened>) {
+    fn work(self, commands: &Receiver<Command>, opened: Option<Opened>) {
         let mut work = Work::default();
         if let Some(opened) = opened {
             self.take(&mut work, opened);
         }
         loop {
             if work.is_idle() {
-                match orders.recv() {
-                    Ok(command) => self.obey(&mut work, command),
+                match commands.recv() {
+                    Ok(command) => self.execute(&mut work, command),
                     Err(_) => break,
                 }
             }
             let closed = loop {
-                match orders.try_recv() {
-                    Ok(command) => self.obey(&mut work, command),
+                match commands.try_recv() {
+                    Ok(command) => self.execute(&mut work, command),
                     Err(error) => break error == std::sync::mpsc::TryRecvError::Disconnected,
                 }
             };
@@ -259,7 +259,7 @@ impl Desk {
             if let Some((request, sheet)) = work.request.take()
                 && let Err(error) = self.render(&mut work, &request, sheet.as_ref())
             {
-                self.tell(News::NoFrame);
+                self.send(Message::NoFrame);
                 self.failed_in(&mut work, &error);
             }
             self.shoot(&mut work);
@@ -290,14 +290,14 @@ impl Desk {
         };
         *work = Work { running: progress.is_some(), unfinished: progress.is_some(), ..Work::default() };
         work.content = Some(opened.content);
-        self.tell(News::Opened(Box::new(opened.scene), progress));
+        self.send(Message::Opened(Box::new(opened.scene), progress));
     }
 
-    fn obey(&self, work: &mut Work, command: Command) {
+    fn execute(&self, work: &mut Work, command: Command) {
         match command {
             Command::Open(wanted) => {
-                self.told("opening");
-                match self.opener.open(&wanted, &self.gpu, &|what| self.told(what)) {
+                self.status("opening");
+                match self.opener.open(&wanted, &self.gpu, &|what| self.status(what)) {
                     Ok(opened) => {
                         self.end(work);
                         self.take(work, opened);
@@ -307,7 +307,7 @@ impl Desk {
             }
             Command::Render(request, sheet) => work.request = Some((request, sheet)),
             Command::Inspect { frame, pixel, focus } => match frame.inspect(pixel[0], pixel[1]) {
-                Ok(Some(found)) => self.tell(News::Inspected { found: Box::new(found), focus }),
+                Ok(Some(found)) => self.send(Message::Inspected { found: Box::new(found), focus }),
                 Ok(None) => {}
                 Err(error) => self.failed_in(work, &error.into()),
             },
@@ -319,7 +319,7 @@ impl Desk {
             Command::Save => {
                 if let Some(training) = work.training() {
                     match training.save() {
-                        Ok(Some(path)) => self.tell(News::Saved(path)),
+                        Ok(Some(path)) => self.send(Message::Saved(path)),
                         Ok(None) => {}
                         Err(error) => self.failed(&error),
                     }
@@ -331,7 +331,7 @@ impl Desk {
             },
             Command::CancelFilm => {
                 if let Some(shoot) = work.film.take() {
-                    self.tell(News::FilmDone(Some(shoot.cancelled())));
+                    self.send(Message::FilmDone(Some(shoot.cancelled())));
                 }
             }
         }
@@ -367,7 +367,7 @@ impl Desk {
         };
         work.presenter = Some(presenter);
         let rendered = Rendered { memory: self.memory(work), ..rendered? };
-        self.tell(News::Rendered(Box::new(rendered)));
+        self.send(Message::Rendered(Box::new(rendered)));
         Ok(())
     }
 
@@ -385,12 +385,12 @@ impl Desk {
         let shot = work.with_renderer(|renderer, _| shoot.next(renderer));
         match shot {
             Some(Ok(None)) => {
-                self.tell(News::Filmed(shoot.done(), shoot.count()));
+                self.send(Message::Filmed(shoot.done(), shoot.count()));
                 work.film = Some(shoot);
             }
-            Some(Ok(written)) => self.tell(News::FilmDone(written)),
+            Some(Ok(written)) => self.send(Message::FilmDone(written)),
             Some(Err(error)) => {
-                self.tell(News::FilmDone(None));
+                self.send(Message::FilmDone(None));
                 self.failed(&error);
             }
             None => {}
@@ -401,9 +401,9 @@ impl Desk {
         work.single = false;
         let (gpu, last) = (&self.gpu, work.last.take());
         let Some(training) = work.training() else { return };
-        let stepped = training.step(&|what| self.told(what));
-        // No more than two iterations wait on the device: frames would have to wait for all of them. Where it fails the next
-        // iteration tells.
+        let stepped = training.step(&|what| self.status(what));
+        // No more than two iterations wait on the device: frames would have to wait for all of them. Where it fails, the next
+        // iteration reports it.
         if let Some(last) = last {
             let _ = gpu.wait_for(last);
         }
@@ -422,7 +422,7 @@ impl Desk {
                 self.report(work, !work.running);
             }
             Err(error) => {
-                // It cannot go on; what there is has been saved, or could not be.
+                // It cannot continue; what there is has been saved, or could not be.
                 (work.running, work.unfinished) = (false, false);
                 self.report(work, true);
                 self.failed(&error);
@@ -439,7 +439,7 @@ impl Desk {
         {
             let progress = Box::new(training.progress());
             work.reported = Some(Instant::now());
-            self.tell(News::Progress(progress, running));
+            self.send(Message::Progress(progress, running));
         }
     }
 }

@@ -1,20 +1,20 @@
 //! Prints the figures as tables.
 
-use crate::say;
+use crate::stdout;
 use ibgs_core::gpu::Bytes;
 use ibgs_train::bench::{Configuration, Rates, Timing, Work};
 
 /// Prints the rates from which the floors are computed.
 pub fn print_rates(rates: &Rates) {
     let (bytes, operations) = (1e-9 * rates.bytes_per_second, 1e-12 * rates.operations_per_second);
-    say!("measured: copy {bytes:.1} GB/s read and written, multiply-adds {operations:.3} Tflop/s");
+    stdout!("measured: copy {bytes:.1} GB/s read and written, multiply-adds {operations:.3} Tflop/s");
 }
 
 /// Prints every stage of a configuration beside its floor.
 pub fn print_stages(configuration: &Configuration) {
     let Configuration { scene, width, height, load, .. } = configuration;
-    say!();
-    say!(
+    stdout!();
+    stdout!(
         "{scene}: {} Gaussians, {} in view, {width} x {height}, {} tile intersections, {:.1} entries a pixel, \
          {} sources, K = {}",
         load.gaussians,
@@ -28,8 +28,8 @@ pub fn print_stages(configuration: &Configuration) {
         print_timing(timing);
     }
     if let Some(memory) = &configuration.memory {
-        say!();
-        say!(
+        stdout!();
+        stdout!(
             "device memory of the ibgs iteration: {} reserved, {} in buffers, {} estimated",
             Bytes(memory.reserved_bytes),
             Bytes(memory.allocated_bytes),
@@ -39,17 +39,17 @@ pub fn print_stages(configuration: &Configuration) {
 }
 
 fn print_timing(timing: &Timing) {
-    say!();
-    say!("{:<50} {:>10} {:>10} {:>7}", timing.work.title(), "ms", "floor ms", "ratio");
+    stdout!();
+    stdout!("{:<50} {:>10} {:>10} {:>7}", timing.work.title(), "ms", "floor ms", "ratio");
     let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     let ratio = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.1}"));
     for stage in &timing.stages {
         let [ms, floor] = [stage.ms, stage.floor_ms].map(number);
-        say!("  {:<48} {ms:>10} {floor:>10} {:>7}", stage.stage, ratio(stage.ratio()));
+        stdout!("  {:<48} {ms:>10} {floor:>10} {:>7}", stage.stage, ratio(stage.ratio()));
     }
     let whole = ratio(Some(timing.ms / timing.floor_ms).filter(|ratio| ratio.is_finite()));
-    say!("  {:<48} {:>10.4} {:>10.4} {whole:>7}", "whole, wall clock", timing.ms, timing.floor_ms);
-    say!("  {:<48} {:>10.4}", "one after the other without waiting", timing.in_a_row_ms);
+    stdout!("  {:<48} {:>10.4} {:>10.4} {whole:>7}", "whole, wall clock", timing.ms, timing.floor_ms);
+    stdout!("  {:<48} {:>10.4}", "one after the other without waiting", timing.in_a_row_ms);
 }
 
 /// Prints one row per configuration; nothing if there is only one.
@@ -57,8 +57,8 @@ pub fn print_growth(configurations: &[Configuration]) {
     if configurations.len() < 2 {
         return;
     }
-    say!();
-    say!(
+    stdout!();
+    stdout!(
         "{:>10} {:>11} {:>7} {:>2} {:>13} {:>10} {:>11} {:>11} {:>13} {:>13} {:>10}",
         "Gaussians",
         "size",
@@ -78,7 +78,7 @@ pub fn print_growth(configurations: &[Configuration]) {
         let ms = |work: Work| configuration.timing(work).map_or("-".to_owned(), |timing| format!("{:.3}", timing.ms));
         let [base, warm, cold, plain, full] = Work::ALL.map(ms);
         let memory = configuration.memory.as_ref().map_or("-".to_owned(), |m| Bytes(m.allocated_bytes).to_string());
-        say!(
+        stdout!(
             "{:>10} {size:>11} {:>7} {:>2} {:>13} {base:>10} {warm:>11} {cold:>11} {plain:>13} {full:>13} {memory:>10}",
             load.gaussians,
             load.sources,
@@ -86,5 +86,5 @@ pub fn print_growth(configurations: &[Configuration]) {
             load.intersections
         );
     }
-    say!("times in ms, medians of single runs by the clock");
+    stdout!("times in ms, medians of single runs by the clock");
 }

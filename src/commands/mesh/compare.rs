@@ -1,8 +1,8 @@
 //! Compares a mesh with a true surface.
 
 use crate::commands::model::OpenModel;
-use crate::say;
-use crate::tell;
+use crate::stderr;
+use crate::stdout;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
@@ -122,7 +122,7 @@ impl Options {
                 self.compared(&Pair { mesh: &mesh, truth: &truth, wanted: &truth })?
             }
             None if self.is_demo() || model.is_demo() => {
-                tell!("comparing with the true surface of the demo scene");
+                stderr!("comparing with the true surface of the demo scene");
                 let truth = TrueSurface::sample(cameras, self.spacing());
                 self.compared(&Pair { mesh: &sampled(), truth: &truth.all, wanted: &truth.seen })?
             }
@@ -147,7 +147,7 @@ impl Options {
             let score = pair.f_score(threshold)?;
             let normals = pair.normal_error(threshold)?;
             let angle = normals.map(|angle| format!(", normals off by {angle:.2} degrees")).unwrap_or_default();
-            say!(
+            stdout!(
                 "within {threshold}: precision {:.4}, recall {:.4}, F1 {:.4}{angle}",
                 score.precision,
                 score.recall,
@@ -160,7 +160,7 @@ impl Options {
         let density = self.density.unwrap_or_else(|| self.spacing());
         let chamfer = pair.chamfer(density, self.max_distance.unwrap_or(DENSITIES * density))?;
         let show = |value: Option<f64>| value.map_or("none".to_owned(), |v| format!("{v:.5}"));
-        say!(
+        stdout!(
             "accuracy {}, completeness {}, Chamfer distance {}",
             show(chamfer.accuracy),
             show(chamfer.completeness),
@@ -186,6 +186,6 @@ fn normal_map(model: &OpenModel) -> Result<Value> {
     let mean = angles.iter().map(|&a| f64::from(a)).sum::<f64>() / angles.len() as f64;
     let middle = angles.len() / 2;
     let median = f64::from(*angles.select_nth_unstable_by(middle, f32::total_cmp).1);
-    say!("normal map: off by {mean:.2} degrees in the mean, {median:.2} in the median, {views} views");
+    stdout!("normal map: off by {mean:.2} degrees in the mean, {median:.2} in the median, {views} views");
     Ok(json!({"mean_degrees": mean, "median_degrees": median, "views": views}))
 }

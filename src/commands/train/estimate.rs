@@ -1,6 +1,6 @@
 //! Estimates the device memory that a training needs, before it begins.
 
-use crate::tell;
+use crate::stderr;
 use anyhow::{Result, bail};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
@@ -91,7 +91,7 @@ impl Needs {
             let middle = (fits + too_many) / 2;
             if self.bytes(middle) <= budget { fits = middle } else { too_many = middle }
         }
-        tell!(
+        stderr!(
             "warning: {} Gaussians would need {} of device memory, and {} is there (`--gpu-memory`): their number stops at {fits}",
             self.most,
             Bytes(self.bytes(self.most)),

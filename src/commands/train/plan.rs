@@ -2,7 +2,7 @@
 
 use super::{WARM_ITERATIONS, estimate};
 use crate::progress::Bars;
-use crate::tell;
+use crate::stderr;
 use anyhow::{Context, Result, bail};
 use ibgs_core::config::{DataConfig, TrainConfig};
 use ibgs_core::dataset::Dataset;
@@ -67,8 +67,8 @@ impl Plan {
         }
     }
 
-    /// Prepares the training. `hear` receives what is being done; `gpu` is called after the files have been read.
-    pub fn start(self, gpu: impl FnOnce() -> Result<Arc<Gpu>>, hear: &dyn Fn(&str)) -> Result<Session> {
+    /// Prepares the training. `status` is called with what is being done; `gpu` is called after the files have been read.
+    pub fn start(self, gpu: impl FnOnce() -> Result<Arc<Gpu>>, status: &dyn Fn(&str)) -> Result<Session> {
         // Errors that need no GPU come first; nothing is written before everything is checked.
         let mut config = self.config.clone();
         config.validate()?;
@@ -76,7 +76,7 @@ impl Plan {
             self.refuse_output()?;
         }
         let start = config.init.as_deref().filter(|_| self.resumed.is_none()).map(read_ply).transpose()?;
-        hear("loading the photos");
+        status("loading the photos");
         let source = config.data.source.clone();
         let scene = source.map(|source| load_scene(&config, &source, &Bars::default())).transpose()?;
         if scene.is_none() {
@@ -86,7 +86,7 @@ impl Plan {
         let dataset = match scene {
             Some(dataset) => dataset,
             None => {
-                hear("ray tracing the demo scene; this takes some minutes the first time");
+                status("ray tracing the demo scene; this takes some minutes the first time");
                 if self.resumed.is_none() {
                     self.demo_options(&mut config, &gpu);
                 }
@@ -94,7 +94,7 @@ impl Plan {
             }
         };
         config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
-        hear("preparing the training");
+        status("preparing the training");
         let started = Instant::now();
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         gpu.warm_up();
@@ -113,7 +113,7 @@ impl Plan {
         }
         let (folder, lock) = match (&self.resumed, &self.model) {
             (Some(checkpoint), Some(path)) => {
-                tell!("going on from iteration {} of {}", checkpoint.iteration(), config.iterations);
+                stderr!("resuming from iteration {} of {}", checkpoint.iteration(), config.iterations);
                 let folder = OutputFolder::at(path);
                 let lock = folder.lock()?;
                 // The scene may have moved.
@@ -122,14 +122,14 @@ impl Plan {
             }
             _ => self.create_output(&config, &dataset)?,
         };
-        tell!(
+        stderr!(
             "{} training views, {} test views, {} initial points; writing to {}",
             dataset.train.len(),
             dataset.test.len(),
             dataset.points.len(),
             folder.root().display()
         );
-        tell!("{}", needs.sentence());
+        stderr!("{}", needs.sentence());
         let session =
             Session::of(trainer, raster, dataset, config, started).with_output(folder, lock, self.checkpoint_every);
         Ok(match &self.resumed {
@@ -223,7 +223,7 @@ fn demo_scene(config: &TrainConfig, gpu: &Gpu) -> Result<Dataset> {
     let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
     let dataset = load_demo(&options, config.data.demo_exposure_seed, &Bars::default())?;
     for note in &dataset.notes {
-        tell!("note: {note}");
+        stderr!("note: {note}");
     }
     Ok(dataset)
 }

@@ -1,7 +1,7 @@
 //! `--resume`: the checkpoint that a training resumes from.
 
 use super::Args;
-use crate::tell;
+use crate::stderr;
 use anyhow::{Result, bail};
 use ibgs_core::output::OutputFolder;
 use ibgs_train::checkpoint::{Checkpoint, CheckpointError};
@@ -46,13 +46,13 @@ fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
         );
     }
     if found.is_empty() {
-        bail!("{} holds no checkpoint to go on from; train without `--resume`", folder.root().display());
+        bail!("{} holds no checkpoint to resume from; train without `--resume`", folder.root().display());
     }
     let count = found.len();
     for (number, (_, path)) in found.iter().enumerate() {
         match Checkpoint::read(path) {
             Err(error @ CheckpointError::Damaged { .. }) if number + 1 < count => {
-                tell!("warning: {error}; going on from the one before");
+                stderr!("warning: {error}; resuming from the one before");
             }
             outcome => return Ok(outcome?),
         }

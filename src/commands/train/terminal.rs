@@ -1,7 +1,7 @@
 //! A training on the terminal.
 
 use crate::commands::on_stop;
-use crate::tell;
+use crate::stderr;
 use anyhow::Result;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_train::Session;
@@ -55,10 +55,10 @@ pub fn print(event: &Event) {
     match event {
         // The bar pauses; the next event reports the result.
         Event::Measuring | Event::Saving => {}
-        event => tell!("{event}"),
+        event => stderr!("{event}"),
     }
     if let Event::Finished(Summary { resumable: Some(folder), .. }) = event {
-        tell!("`ibgs train --resume -m {}` goes on from here", folder.display());
+        stderr!("`ibgs train --resume -m {}` continues from here", folder.display());
     }
 }
 

@@ -37,8 +37,8 @@ impl Observer for Both<'_> {
 }
 
 impl Training for Watched {
-    fn step(&mut self, told: &dyn Fn(&str)) -> Result<()> {
-        Ok(self.0.step(&mut Both(told))?)
+    fn step(&mut self, status: &dyn Fn(&str)) -> Result<()> {
+        Ok(self.0.step(&mut Both(status))?)
     }
 
     fn progress(&self) -> TrainingProgress {

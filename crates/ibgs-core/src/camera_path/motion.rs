@@ -43,7 +43,7 @@ fn zoom(key: &Keyframe) -> f64 {
     -(0.5 * key.fov).tan().ln()
 }
 
-/// The keyframe at `t` of the way, 0 at `from` and 1 at `to`, where the path comes from `before` and goes on to
+/// The keyframe at `t` of the way, 0 at `from` and 1 at `to`, where the path comes from `before` and continues to
 /// `after`.
 pub fn between(
     before: Option<&Keyframe>,

@@ -139,7 +139,7 @@ fn keyframe(record: &Value) -> Result<Keyframe, String> {
     if record["matrix"].is_string() {
         orders.reverse();
     }
-    // Some programs mix the orders up. A last row that cannot be one tells.
+    // Some programs mix up the orders; a last row that cannot be one shows it.
     let matrix = orders.into_iter().find(|matrix| matrix.row(3).abs_diff_eq(DVec4::W, 1e-6));
     let matrix = matrix.ok_or("`matrix` is no pose: its last row must be 0 0 0 1")?;
     pose("matrix", &matrix, record["fov"].as_f64().ok_or("`fov` must be a number of degrees")?)

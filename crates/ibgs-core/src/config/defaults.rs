@@ -52,7 +52,7 @@ impl TrainConfig {
         self.sh_degree.unwrap_or(if self.method == Method::Gs3 { 3 } else { 2 })
     }
 
-    /// Share of the coefficients beyond the constant that each iteration takes away, times their rate.
+    /// Share of the coefficients beyond the constant that each iteration removes, times their rate.
     pub fn sh_rest_decay(&self) -> f64 {
         self.learning_rates.sh_rest_decay.unwrap_or(if self.method == Method::Gs3 { 1.0 } else { 0.0 })
     }

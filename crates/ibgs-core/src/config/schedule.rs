@@ -18,7 +18,7 @@ const SHORT_DEFAULT_RUN: u32 = 4_000;
 /// Least start and interval of densification after scaling.
 const SHORTEST_ROUND: u32 = 20;
 
-/// Iteration after which a run is evaluated and saved for the first time, unless told otherwise.
+/// Iteration after which a run is evaluated and saved for the first time, unless options say otherwise.
 const FIRST_REPORT: u32 = 7_000;
 
 /// Iterations without pruning by opacity after an opacity reset: from 0.01 Adam needs 66 steps of 0.025 in the logit to

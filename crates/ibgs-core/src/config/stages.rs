@@ -25,7 +25,7 @@ pub struct SurfaceConfig {
 pub struct ResidualConfig {
     /// The residual begins after this iteration; unset: 10000, scaled.
     pub start: Option<u32>,
-    /// For so many iterations only the network learns from the final image; unset: 3000, scaled; 0: none.
+    /// Number of iterations in which only the network learns from the final image; unset: 3000, scaled; 0: none.
     pub burn_in: Option<u32>,
     /// Gain of the base image when the burn-in begins; it rises to 1.
     pub burn_in_gain: f64,
@@ -63,12 +63,12 @@ pub enum ExposureSwitch {
     Off,
     /// In the whole run.
     On,
-    /// As long as they are seen to differ, see [`ExposureConfig::least_spread`].
+    /// As long as they differ, see [`ExposureConfig::least_spread`].
     #[default]
     Auto,
 }
 
-/// What a file may say: true and false are of earlier versions.
+/// What a file may hold; true and false are those of earlier versions.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum SwitchText {

@@ -1,4 +1,4 @@
-//! A scene in a ZIP archive: unpacked into a temporary folder, which goes when the photos have been read.
+//! A scene in a ZIP archive: unpacked into a temporary folder, which is removed once the photos have been read.
 
 use super::DatasetError;
 use super::photos::clean_name;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use zip::ZipArchive;
 
-/// An archive may unpack to so many times its own size, and so many bytes more: photos hardly shrink, and text files of
+/// An archive may unpack to this many times its own size, and this many bytes more: photos hardly shrink, and text files of
 /// COLMAP by five times.
 const MOST_TIMES: u64 = 20;
 const MOST_BYTES_MORE: u64 = 64 << 20;
@@ -22,7 +22,7 @@ const BLOCK: u64 = 4096;
 /// What file managers add of their own.
 const CLUTTER: [&str; 3] = ["__MACOSX", ".DS_Store", "Thumbs.db"];
 
-/// Bits of a Unix mode that tell files, folders and links apart.
+/// Bits of a Unix mode that distinguish files, folders and links.
 const KIND: u32 = 0o170_000;
 const PLAIN: [u32; 3] = [0, 0o100_000, 0o040_000];
 

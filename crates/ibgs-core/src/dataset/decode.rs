@@ -18,7 +18,7 @@ const EXR_PIXELS: usize = 1 << 28;
 const EXR_TIMES: usize = 1400;
 /// What a block of lines, or a tile, may take where the values take less.
 const EXR_BLOCK: usize = 1 << 25;
-/// A frame around the values may have so many pixels (4K), or so many times theirs.
+/// A frame around the values may have this many pixels (4K), or this many times theirs.
 const EXR_FRAME_PIXELS: usize = 4096 * 2160;
 const EXR_FRAME_TIMES: usize = 16;
 
@@ -45,7 +45,7 @@ pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
 /// for messages.
 ///
 /// # Errors
-/// [`DatasetError::Photo`] for contents that are none of these, damaged, or larger than so many bytes can hold.
+/// [`DatasetError::Photo`] for contents that are none of these, damaged, or larger than their bytes can hold.
 pub fn decode_photo(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Photo, DatasetError> {
     let image = decode(path, bytes, options)?;
     Ok(Photo { width: image.width(), height: image.height(), rgba: image.into_raw() })
@@ -105,7 +105,7 @@ fn decode_any(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, ColorSpace), D
     Ok((image_io::decode(bytes).map_err(refuse)?, ColorSpace::Srgb))
 }
 
-/// Walks the segments of a JPEG file up to its end marker; what follows that is of no interest.
+/// Walks the segments of a JPEG file up to its end marker; what follows is ignored.
 fn jpeg_is_whole(bytes: &[u8]) -> bool {
     const START: u8 = 0xd8;
     const END: u8 = 0xd9;
@@ -131,7 +131,7 @@ fn srgb(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Size of the picture, which is the display window, of a file of so many bytes.
+/// Size of the picture, which is the display window, of a file of this many bytes.
 fn exr_size(meta: &MetaData, length: usize) -> Result<Vec2<usize>, String> {
     let header = meta.headers.first().ok_or("it has no layer")?;
     let sizes = meta.headers.iter().map(|header| header.layer_size);
@@ -175,7 +175,7 @@ fn decode_exr(bytes: &[u8]) -> Result<Rgba32FImage, String> {
     let Vec2(width, height) = exr_size(&meta, bytes.len())?;
     let create = |size: Vec2<usize>, _: &RgbaChannels| Rgba32FImage::new(size.0 as u32, size.1 as u32);
     let set = |image: &mut Rgba32FImage, at: Vec2<usize>, (r, g, b, a): (f32, f32, f32, f32)| {
-        // What is no number is black; and black stays where nothing is opaque.
+        // NaN becomes black, and black stays where nothing is opaque.
         let straight = |color: f32| if color.is_nan() || a <= 0.0 { 0.0 } else { color / a };
         let pixel = [straight(r), straight(g), straight(b), if a > 0.0 { a.min(1.0) } else { 0.0 }];
         image.put_pixel(at.0 as u32, at.1 as u32, Rgba(pixel));

@@ -58,7 +58,7 @@ pub enum DatasetError {
         /// The largest count that the file's length allows.
         room: u64,
     },
-    /// A binary file goes on after its last record.
+    /// A binary file has bytes after its last record.
     #[error(
         "{} has {left} bytes left at byte {offset} after its {count} {what}: the count at its start is wrong, \
          copy or export it again", path.display()

@@ -109,7 +109,7 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// The local coordinates in which it is trained and rendered: by the cameras of all views, whatever the split; by the
+    /// The local coordinates in which it is trained and rendered: by the cameras of all views of either split; by the
     /// points where all cameras stand at one place.
     pub fn space(&self) -> LocalSpace {
         let cameras = self.views.iter().map(|view| &view.camera);
@@ -232,7 +232,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
     load_with(path, options, &())
 }
 
-/// As [`load`]; `progress` hears of the photos.
+/// As [`load`]; `progress` receives the photos.
 ///
 /// # Errors
 /// As [`load`].

@@ -170,7 +170,7 @@ impl FromStr for Alpha {
     }
 }
 
-/// What lies outside of the masks, be they files or alpha channels.
+/// What lies outside of the masks (files or alpha channels).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Masks {

@@ -43,7 +43,7 @@ pub(crate) fn clean_name(name: &str) -> Option<String> {
     (!leaves && !name.contains('\0')).then(|| parts.join("/"))
 }
 
-/// The name of an image that [`clean_name`] leaves, or none where it has control characters: it is told to the user.
+/// The name of an image that [`clean_name`] leaves, or none where it has control characters: the user sees it in messages.
 pub(crate) fn image_name(name: &str) -> Option<String> {
     clean_name(name).filter(|name| !name.contains(char::is_control))
 }

@@ -1,5 +1,5 @@
 //! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue`, or the constant
-//! coefficients `f_dc_0 ..` of Gaussians, relative to the offset that the header may tell. Normals and whatever else is there are skipped.
+//! coefficients `f_dc_0 ..` of Gaussians, relative to the offset that the header may give. Normals and all other fields are skipped.
 
 use super::Point;
 use super::error::DatasetError;

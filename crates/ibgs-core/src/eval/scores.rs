@@ -12,7 +12,7 @@ use crate::render::{Frame, Renderer};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A view with its photo as figures compare with it: that of an object lies over the run's background.
+/// A view with the photo that figures compare with: the photo of an object lies over the run's background.
 pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
     match config.data.masks {
         Masks::Ignore => Cow::Borrowed(view),
@@ -24,7 +24,7 @@ pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
 }
 
 /// Renders every held-out view and scores it, by a perceptual distance too where one is given; into the model folder where
-/// there is one. `hear` hears of each.
+/// there is one. `report` is called with each.
 ///
 /// # Errors
 /// Not enough memory, the device is lost, or a picture cannot be written.
@@ -34,7 +34,7 @@ pub fn score_test_views(
     config: &TrainConfig,
     into: Option<(&OutputFolder, u32)>,
     perceptual: Option<&dyn Perceptual>,
-    hear: &mut dyn FnMut(&str, &ViewScores),
+    report: &mut dyn FnMut(&str, &ViewScores),
 ) -> Result<Scores, EvalError> {
     let mut scores = Scores::default();
     // Without a source it is the built-in scene.
@@ -50,7 +50,7 @@ pub fn score_test_views(
         if is_demo {
             scores.add_regions(&frame, view)?;
         }
-        hear(&view.name, &scored);
+        report(&view.name, &scored);
         let named = |Score { psnr, aligned_psnr, ssim, lpips }: Score| ViewScore {
             name: view.name.clone(),
             psnr,

@@ -13,7 +13,7 @@ pub const FILE_NAME: &str = "exposure.json";
 
 /// Photos count by one over this power of their distance in place and direction.
 const POWER: i32 = 4;
-/// Least such distance that tells two photos apart.
+/// Least such distance at which two photos count as different.
 const CLOSE: f64 = 1e-4;
 
 /// The exposures of the training photos with what they say of other views.
@@ -28,7 +28,7 @@ pub struct ExposureField {
     photos: Vec<Exposure>,
     /// Scene units of one unit of a distance.
     unit: f64,
-    /// What a prediction counts: of log gains, of offsets. Found when it is first asked for: it takes the square of the photos.
+    /// Parts of log gains and of offsets that a prediction counts. Computed at first use, in time quadratic in the photos.
     trust: OnceLock<[f64; 2]>,
 }
 
@@ -67,7 +67,7 @@ impl ExposureField {
         &self.photos
     }
 
-    /// The exposure of a view: a training photo's own, what the photos around it tell of any other.
+    /// The exposure of a view: a training photo's own; of any other view, what the photos around it predict.
     pub fn at(&self, camera: &Camera) -> Exposure {
         if let Some(own) = self.cameras.iter().position(|other| other.has_pose_of(camera)) {
             return self.photos[own];
@@ -78,7 +78,7 @@ impl ExposureField {
         Exposure { log_gain: part(mean.log_gain, gains), offset: part(mean.offset, offsets) }
     }
 
-    /// Parts, 0 to 1, of what the photos around tell of log gains and of offsets that a prediction counts.
+    /// Parts, 0 to 1, of the neighbours' log gains and offsets that a prediction counts.
     pub fn trust(&self) -> [f64; 2] {
         *self.trust.get_or_init(|| self.measured_trust())
     }
@@ -116,7 +116,7 @@ fn channels(exposure: &Exposure) -> [[f32; 3]; 2] {
     [exposure.log_gain, exposure.offset]
 }
 
-/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries, places in so many scene units.
+/// Mean absolute entry of `T_source T_target^-1 - I` over its 16 entries, places in units of this many scene units.
 fn pose_difference(target: &Camera, source: &Camera, unit: f64) -> f64 {
     let rotation = source.view_from_world * target.view_from_world.transpose();
     let translation = (source.translation - rotation * target.translation) / unit;

@@ -1,6 +1,6 @@
 //! Exposure of photos: what a camera with automatic exposure and white balance changes from photo to photo.
 //!
-//! The model is that of no photo but of their mean: each photo shows it in an exposure of its own, `exp(g) color + o` for each
+//! The model belongs to the mean of the photos, not to one of them: each photo shows it in an exposure of its own, `exp(g) color + o` for each
 //! channel. The six numbers of every training photo are learned with the Gaussians, pulled a little towards none. Everything
 //! that is compared with a photo is brought to its exposure first: the base image, for all of its loss, and the colours of the
 //! sources, from their own exposures. So the residual network never sees a difference that is only one of exposure. The

@@ -100,7 +100,7 @@ pub struct MemoryReport {
 /// Buffers of one label.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MemoryKind {
-    /// Label of the buffers; those of another library on the same device may have none: wgpu's own name for that stands here.
+    /// Label of the buffers; wgpu's own name where another library on the same device gave none.
     pub name: String,
     /// Bytes of them all.
     pub bytes: u64,
@@ -207,7 +207,7 @@ fn missing(limits: &wgpu::Limits, features: wgpu::Features) -> Vec<String> {
 
 /// How to ask an adapter for a device that ibgs can use: with all its features and limits.
 pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
-    // A library that shares the device may generate code for whatever the adapter offers.
+    // A library that shares the device may generate code for anything that the adapter offers.
     let mut wanted = adapter
         .features()
         .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
@@ -318,7 +318,7 @@ impl Gpu {
         }))
     }
 
-    /// Sets the callbacks that note what goes wrong on the device, in place of those of another library.
+    /// Sets the callbacks that record errors of the device, in place of those of another library.
     pub fn watch(&self) {
         let (first, also) = (self.fault.clone(), self.fault.clone());
         self.device.set_device_lost_callback(move |reason, text| {
@@ -328,7 +328,7 @@ impl Gpu {
             let text = error.to_string();
             // A window's surface that could not be set up in time (a software adapter was busy) is set up again.
             if !text.contains("Surface::configure") {
-                // Whoever waits for the device next hears of it.
+                // The next wait for the device returns it.
                 let _ = also.set(text.split_whitespace().collect::<Vec<_>>().join(" "));
             }
         }));
@@ -342,7 +342,7 @@ impl Gpu {
         self.companion.get().map(|kept| kept.downcast_ref().expect("one type of companion"))
     }
 
-    /// Keeps something with the device, unless there is already something; returns what is kept then.
+    /// Keeps a value with the device unless there is one already; returns the one that is kept.
     ///
     /// # Panics
     /// As [`Gpu::companion`].
@@ -425,7 +425,7 @@ impl Gpu {
         }
     }
 
-    /// Fails once the device is lost or has refused some work: nothing it gives is right any more.
+    /// Fails once the device is lost or has refused some work: its results are no longer valid.
     ///
     /// # Errors
     /// [`GpuError::Failed`].

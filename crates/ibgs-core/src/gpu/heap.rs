@@ -4,8 +4,8 @@ use super::Gpu;
 
 impl Gpu {
     /// Bytes that the program may have of the device's largest heap of its own memory, with what it has already: all that other
-    /// programs leave, or where the driver does not tell that (`VK_EXT_memory_budget`) the whole heap. None where Vulkan tells
-    /// nothing, for wgpu has no such question, and of a software adapter, which takes the machine's memory whatever it says.
+    /// programs leave, or the whole heap where the driver does not report that (`VK_EXT_memory_budget`). None where Vulkan reports
+    /// nothing, for wgpu cannot ask, and for a software adapter, which takes the machine's memory whatever Vulkan reports.
     pub fn memory_bytes(&self) -> Option<u64> {
         heap(&self.adapter).filter(|_| !self.is_software())
     }

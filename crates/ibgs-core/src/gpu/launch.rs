@@ -16,7 +16,7 @@ pub struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    /// An empty pass; measurements tell kernels apart by its label too.
+    /// An empty pass; measurements distinguish kernels by its label too.
     pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
         Self { gpu, label, open: None, encoder, kept: Vec::new() }

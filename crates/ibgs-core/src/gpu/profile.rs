@@ -70,7 +70,7 @@ impl Gpu {
         true
     }
 
-    /// What was measured since the start or the last call; measuring goes on.
+    /// What was measured since the start or the last call; measuring continues.
     pub fn take_profile(&self) -> Vec<Measured> {
         let mut profiler = self.profiler.lock().expect("profiler");
         let totals = profiler.as_mut().map(|p| std::mem::take(&mut p.totals)).unwrap_or_default();

@@ -51,7 +51,7 @@ pub enum MeshError {
         /// Bytes allowed.
         limit: u64,
     },
-    /// The file's name does not tell its format.
+    /// The ending of the file's name is that of no format.
     #[error("{} must end in `.ply`, `.obj` or `.glb`", path.display())]
     Format {
         /// The file.

@@ -1,7 +1,7 @@
 //! The zero surface of a grid, by marching cubes.
 //!
 //! A vertex belongs to the voxel at the lower end of its edge, and through it to a block, so that cubes of neighbouring blocks
-//! use the same one. Cubes with a corner that nobody saw are left out.
+//! use the same one. Cubes with a corner that no view saw are left out.
 
 use super::cube::{CASES, EDGES};
 use super::tsdf::{Block, Grid, SIDE, VOXELS};
@@ -23,7 +23,7 @@ struct Vertices {
     colors: Vec<[u8; 3]>,
 }
 
-/// Distances of a block and of the first layers of the next ones; not a number where there is no block.
+/// Distances of a block and of the first layers of the next ones; NaN where there is no block.
 type Padded = [f32; WIDE * WIDE * WIDE];
 
 fn padded_index(x: usize, y: usize, z: usize) -> usize {

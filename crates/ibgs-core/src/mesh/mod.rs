@@ -31,7 +31,7 @@ use glam::{DVec3, Vec3};
 /// A triangle mesh, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// What the positions are relative to: floats hold no vertex far from the scene's origin.
+    /// What the positions are relative to: floats cannot hold a vertex far from the scene's origin.
     pub offset: DVec3,
     /// Vertices, in scene units.
     pub positions: Vec<[f32; 3]>,

@@ -21,7 +21,7 @@ pub struct FusionOptions {
     /// surface. The extent is the longest side of a box around the points seen, 5 % of them beyond either end of each axis
     /// aside.
     pub voxel: Option<f64>,
-    /// Signed distances are cut off at so many voxels.
+    /// Signed distances are cut off at this many voxels.
     pub truncation: f64,
     /// Largest depth in scene units; without: 3 times the median depth of all pixels.
     pub max_depth: Option<f64>,
@@ -89,7 +89,7 @@ impl Plan {
     /// Chooses what the options leave open.
     ///
     /// # Errors
-    /// [`MeshError::Option`] for an option without sense, [`MeshError::NoSurface`] where no map has a depth.
+    /// [`MeshError::Option`] for an option that has no usable value, [`MeshError::NoSurface`] where no map has a depth.
     pub fn of(maps: &[DepthMap], options: &FusionOptions) -> Result<Self, MeshError> {
         options.check()?;
         let bounds = options.bounds.unwrap_or([DVec3::NEG_INFINITY, DVec3::INFINITY]);

@@ -25,7 +25,7 @@ const MESH_BYTES: u64 = (2 * SIDE * SIDE * (27 + 24)) as u64;
 /// Coordinates of blocks stay below this, so that those of voxels fit 32 bits.
 const FARTHEST: f64 = (1_u32 << 27) as f64;
 
-/// Weight of a view that tells of a voxel only that it is free. Many views pass close by a surface without a word about where it
+/// Weight of a view that only shows that a voxel is free. Many views pass close by a surface and do not show where it
 /// is; at full weight they would push it back.
 const FREE: f32 = 0.1;
 
@@ -48,7 +48,7 @@ pub struct Grid {
 pub(super) struct Block {
     /// Its place, in blocks.
     pub at: IVec3,
-    /// Distance in scene units, positive in free space; not a number where nothing was seen.
+    /// Distance in scene units, positive in free space; NaN where nothing was seen.
     pub distance: Box<[f32; VOXELS]>,
     /// sRGB.
     pub color: Box<[[u8; 4]; VOXELS]>,
@@ -207,7 +207,7 @@ impl<'a> View<'a> {
         }
         let [a, b, c, d] = four.map(|pixel| pixel.inverse_depth);
         let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        // At an outline a pixel tells of one of its sides alone, and which one is chance.
+        // At an outline a pixel shows only one of its sides, by chance.
         if high - low > truncation * low * high {
             return None;
         }
@@ -274,11 +274,11 @@ fn add_view(sums: &mut [Sum; VOXELS], view: &View, first: Vec3, truncation: f32)
             // Along the ray, then across the surface.
             let along = (1.0 / inverse - p.z) * (p.length() * scale);
             let distance = along * cosine;
-            // Behind an outline there is free space; too far a depth tells of what lies before it.
+            // Behind an outline there is free space; a depth that is too large says something about what lies before it.
             if along < -truncation || (inverse < view.least_inverse && distance < truncation) {
                 continue;
             }
-            // What lies behind a surface is known the less the deeper it is.
+            // The deeper a point lies behind a surface, the less the view knows of it.
             let behind = 1.0 + distance.min(0.0) / truncation;
             let known = if distance < truncation { behind * behind } else { FREE };
             let weight = cosine * known;

@@ -1,4 +1,4 @@
-//! Mesh files: PLY, OBJ and binary glTF, in scene units. A mesh far from the scene's origin has an offset: PLY tells it in its
+//! Mesh files: PLY, OBJ and binary glTF, in scene units. A mesh far from the scene's origin has an offset: PLY gives it in its
 //! header, glTF in its node, and OBJ, which is text, has whole coordinates.
 
 use super::{Mesh, MeshError};
@@ -21,7 +21,7 @@ pub enum MeshFormat {
 }
 
 impl MeshFormat {
-    /// The format that a file's name tells.
+    /// The format by the ending of a file's name.
     ///
     /// # Errors
     /// [`MeshError::Format`].
@@ -37,7 +37,7 @@ impl MeshFormat {
 }
 
 impl Mesh {
-    /// Writes the mesh in one atomic step, in the format that the name tells.
+    /// Writes the mesh in one atomic step, in the format of the name's ending.
     ///
     /// # Errors
     /// [`MeshError::Format`], [`MeshError::TooLarge`] (binary glTF ends at 4 GiB), [`MeshError::Write`].

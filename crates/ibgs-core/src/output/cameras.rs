@@ -143,7 +143,7 @@ fn record(entry: Entry) -> Result<CameraRecord, String> {
     } else if !(single(entry.fx) && single(entry.fy)) {
         "a focal length that is not positive"
     } else if !(camera.principal.as_vec2().is_finite() && translation.abs().max_element() <= MAX_COORDINATE) {
-        "a principal point or position beyond all measure"
+        "a principal point or position out of range"
     } else if !turned.abs_diff_eq(DMat3::IDENTITY, 1e-3) || view_from_world.determinant() < 0.0 {
         "a `rotation` that is no rotation"
     } else {

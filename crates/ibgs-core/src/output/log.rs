@@ -45,7 +45,7 @@ pub struct TrainingProgress {
 /// A measurement on the held-out views.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Evaluation {
-    /// After so many iterations.
+    /// After this many iterations.
     pub iteration: u32,
     /// Number of Gaussians.
     pub gaussians: usize,

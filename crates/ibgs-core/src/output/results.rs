@@ -64,7 +64,7 @@ fn ignored_masks() -> String {
     "ignore".to_owned()
 }
 
-/// Mean scores over the views; not a number without any. LPIPS where every view has it.
+/// Mean scores over the views; NaN without any. LPIPS where every view has it.
 pub fn means(scores: &[ViewScore]) -> Score {
     let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;
     let lpips: Option<f64> = scores.iter().map(|score| score.lpips).sum();

@@ -37,7 +37,7 @@ impl Picture {
         Self { width, height, rgb: residual.iter().map(|&v| to_byte(0.5 + v)).collect() }
     }
 
-    /// View depths `[H, W]` in the colours of viridis, near bright and far dark, above a bar that tells the depths of the
+    /// View depths `[H, W]` in the colours of viridis, near bright and far dark, above a bar that shows the depths of the
     /// colours. Pixels without a depth (0, or not finite) are black. `range` is the depth of the brightest and of the darkest
     /// colour; without it the range of the picture is taken, one pixel in a hundred at either end aside.
     pub fn depth(width: u32, height: u32, depth: &[f32], range: Option<[f32; 2]>) -> Self {

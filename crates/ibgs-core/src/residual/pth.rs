@@ -9,7 +9,7 @@ use zip::{CompressionMethod, ZipArchive};
 
 /// Most bytes of pickle that a file of weights may have: some hundred for a tensor. Each may take a hundred in memory.
 const MOST_PICKLE: u64 = 1 << 20;
-/// A file of PyTorch before 1.6 begins with so many pickles: magic number, version, system, tensors, keys.
+/// A file of PyTorch before 1.6 begins with this many pickles: magic number, version, system, tensors, keys.
 const LEGACY_PICKLES: usize = 5;
 /// Where a TAR archive, the form before PyTorch 0.1.10, says so.
 const TAR_MAGIC: std::ops::Range<usize> = 257..262;

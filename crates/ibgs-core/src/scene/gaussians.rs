@@ -81,7 +81,7 @@ impl Gaussians {
                 *scale = wide.ln() as f32;
             }
             let opacity = gain / (1.0 + (-f64::from(*logit)).exp());
-            // The least opacity that float32 can tell from 0 in this form.
+            // The least opacity that float32 can distinguish from 0 in this form.
             *logit = (opacity.max(1e-30) / (1.0 - opacity)).ln() as f32;
         }
     }

@@ -1,7 +1,7 @@
 //! PLY files of Gaussians: the field order of 3D Gaussian splatting with the plane offset `nd` after the normal.
 //!
-//! A file is in scene units. Where float32 cannot hold the scene's coordinates, they are relative to an offset that the header
-//! tells ([`LocalSpace::file_offset`]).
+//! A file is in scene units. Where float32 cannot hold the scene's coordinates, they are relative to an offset in the header
+//! ([`LocalSpace::file_offset`]).
 //!
 //! Reading is serde-ply's (any scalar type, both byte orders, text). Writing is a header and rows of floats, done here:
 //! that crate spells the type `float32`, which common viewers do not know, and has no header for zero rows.
@@ -56,7 +56,7 @@ pub(crate) fn write_ply_to(out: &mut dyn Write, gaussians: &Gaussians, flavor: P
 }
 
 /// Writes the initial points as `input.ply`: float positions, zero normals, 8-bit colours, little endian. Far from the origin
-/// `space` tells the offset.
+/// `space` gives the offset.
 ///
 /// # Errors
 /// [`SceneError::Write`].

@@ -62,11 +62,11 @@ pub struct SourceOptions {
     pub max_distance: Option<f64>,
     /// Candidates that are kept, nearest first.
     pub neighbours: u32,
-    /// Of these so many are read: M, 1 to 8.
+    /// How many of these are read: M, 1 to 8.
     pub used: u32,
     /// Which ones training reads.
     pub draw: Draw,
-    /// At a pixel the first so many that see its point are used: V, 1 to 4.
+    /// How many are used at a pixel: the first that see its point; V, 1 to 4.
     pub visible: u32,
     /// A source sees a point when its own depth there differs by less than this share.
     pub depth_agreement: f64,
@@ -158,7 +158,7 @@ impl SourceFinder {
         let others = self.cameras.iter().enumerate().filter(|(index, _)| Some(*index) != exclude);
         let mut found: Vec<Candidate> = others
             .map(|(index, camera)| {
-                // Rounding takes the cosine of equal axes over 1, whose arc is no number.
+                // Rounding takes the cosine of equal axes over 1, whose arc cosine is NaN.
                 let angle = forward.dot(camera.forward()).clamp(-1.0, 1.0).acos();
                 (camera.center().distance(center), angle, index)
             })

@@ -29,7 +29,7 @@ pub enum MemoryBudget {
 impl MemoryBudget {
     /// The budget in bytes on this adapter; none: no limit.
     ///
-    /// wgpu tells nowhere how much memory a device has or has left, so `auto` is a guess: 4 GiB on a card with memory of its
+    /// wgpu does not report how much memory a device has or has left, so `auto` is a guess: 4 GiB on a card with memory of its
     /// own (half of the 8 GiB that cards of this class have at least; 300 photos of 2000 x 1500 pixels fit), 1 GiB where
     /// the GPU shares the host's memory, which already holds every photo once. Where the guess is too large the store
     /// shrinks to what it could get.

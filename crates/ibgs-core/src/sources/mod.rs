@@ -1,4 +1,4 @@
-//! What the photos of neighbouring training views tell about a target view (method.md sections 4, 5 and 8).
+//! What the photos of neighbouring training views say about a target view (method.md sections 4, 5 and 8).
 
 pub mod depth_cache;
 pub mod find;

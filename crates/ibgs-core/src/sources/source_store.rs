@@ -10,8 +10,8 @@ const FLUSH_EVERY: u64 = 256 << 20;
 
 /// Photos on the GPU within a memory budget.
 ///
-/// A photo that is wanted and not there is uploaded. Where the budget does not hold it too, those whose last use is longest
-/// ago leave, never one whose [`DevicePhoto`] someone still holds: then the budget is exceeded for that long. A device that has
+/// A photo that is asked for and not there is uploaded. Where the budget is full, the photos used longest ago are evicted, but
+/// never one whose [`DevicePhoto`] is still held: the budget is exceeded for that long. A device that has
 /// less memory than the budget lowers it.
 ///
 /// Keep a [`DevicePhoto`] until the pass that reads it is submitted: its memory may become another photo's afterwards.
@@ -43,7 +43,7 @@ struct Resident {
 }
 
 impl State {
-    /// The resident photo whose last use is longest ago, of those that nobody holds.
+    /// The photo on the device that was used longest ago, of those that are not held.
     fn oldest(&self) -> Option<usize> {
         let free = |resident: &Resident| Arc::strong_count(&resident.photo.held) == 1;
         let all = self.on_device.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.as_ref()?)));

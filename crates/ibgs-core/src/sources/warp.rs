@@ -31,7 +31,7 @@ pub struct WarpOptions {
     pub visible: u32,
     /// The depths of source and point agree when they differ by less than this part of the latter.
     pub agreement: f32,
-    /// A source is packed when they differ by less than so many times that: 1, or up to 5 where a confidence weighs the sources.
+    /// A source is packed when they differ by less than this many times that: 1, or up to 5 where a confidence weighs the sources.
     pub reach: f32,
 }
 

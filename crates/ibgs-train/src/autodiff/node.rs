@@ -25,7 +25,7 @@ pub fn on_graph<const D: usize>(tensor: Tensor<D>) -> OnGraph {
     tensor.try_into_primitive::<Ad>().expect("the tensor is on the autodiff graph")
 }
 
-/// Makes the gradients by the parents from that by the node, told which parents learn.
+/// Makes the gradients by the parents from that by the node; its argument says which parents learn.
 type Gradient<const N: usize> = dyn Fn(&CubeTensor, [bool; N]) -> [Option<CubeTensor>; N] + Send + Sync;
 
 #[derive(Clone)]
@@ -55,7 +55,7 @@ impl<const N: usize> Backward<CubeBackend, N> for Node {
 }
 
 /// A tensor on the autodiff graph of its parents. `compute` makes it of their contiguous values, and returns the rule that makes
-/// their gradients from its own: none for a parent whose gradient goes elsewhere, beside the graph.
+/// their gradients from its own: none for a parent whose gradient does not flow through the graph.
 ///
 /// # Errors
 /// Those of `compute`.

@@ -56,7 +56,7 @@ impl Leaves {
     /// Tracks the Gaussians' parameters for one iteration.
     ///
     /// # Errors
-    /// When the device cannot bind so many screen-space gradients at once.
+    /// When the device cannot bind that many screen-space gradients at once.
     pub fn new(gpu: &Gpu, parameters: &Parameters) -> Result<Self, GpuError> {
         let t = &parameters.tensors;
         // Never read or written by the forward pass: it only carries a gradient.

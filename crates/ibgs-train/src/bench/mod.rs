@@ -1,4 +1,4 @@
-//! A measuring instrument: stages by GPU timestamps, frames and iterations by the clock, each beside the floor that the
+//! A benchmark: stages by GPU timestamps, frames and iterations by the clock, each beside the floor that the
 //! device's own rates give it.
 //!
 //! [`rates`] measures how fast the device moves memory and computes. [`scene`] makes a view to measure, of a model or

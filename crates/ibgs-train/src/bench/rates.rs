@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Bytes of the copied buffer: beyond the caches of large GPUs, and quick on a software adapter.
 const COPIED: [u64; 2] = [512 << 20, 32 << 20];
-/// A run of multiply-adds is made at least this long, in milliseconds.
+/// Least duration of a run of multiply-adds, in milliseconds.
 const LONG_ENOUGH: f64 = 2.0;
 /// Fewest and most threads of multiply-adds.
 const THREADS: [u32; 2] = [1 << 12, 1 << 22];
@@ -19,7 +19,7 @@ const STEPS: u32 = 32;
 /// Measured runs, after as many for warm-up.
 const RUNS: usize = 5;
 
-/// What the floors are reckoned by.
+/// What the floors are computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
     /// Bytes read and written a second by a copy of a large buffer.

@@ -90,7 +90,7 @@ pub struct Configuration {
     pub load: Load,
     /// Frames and iterations.
     pub timings: Vec<Timing>,
-    /// Device memory at the end of the training with every stage at work; none where the driver does not tell.
+    /// Device memory at the end of the training with every stage at work; none where the driver does not report it.
     pub memory: Option<MemoryReport>,
     /// Bytes that the estimate before a training gives for it.
     pub estimated_bytes: u64,

@@ -27,7 +27,7 @@ const STATE: &str = "state.json";
 const RUN: &str = "run.json";
 
 impl Checkpoint {
-    /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums tell damage.
+    /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums show damage.
     ///
     /// ```text
     /// checkpoint.json   {"format": 2, "version": "0.1.0", "scene": checksum of cameras, names and photos}
@@ -92,7 +92,7 @@ impl Checkpoint {
         let run = json(&mut zip, RUN).map_err(damaged)?;
         // Every value takes four bytes of the file.
         if state.gaussians as u64 > zip.length() || state.sh_degree > MAX_SH_DEGREE {
-            return Err(damaged(format!("its `{STATE}` tells of more than the file holds")));
+            return Err(damaged(format!("its `{STATE}` lists more than the file holds")));
         }
         Self::assemble((config, header.scene, run, state), |name, count| tensor(&mut zip, name, count)).map_err(damaged)
     }

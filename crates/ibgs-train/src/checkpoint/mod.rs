@@ -1,4 +1,4 @@
-//! Checkpoints: everything that a training goes on from. [`file`](self) form: see [`Checkpoint::write`].
+//! Checkpoints: everything that a training resumes from. [`file`](self) form: see [`Checkpoint::write`].
 
 mod file;
 
@@ -16,13 +16,13 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// The version that writes checkpoints, and the only one whose are read.
+/// The version that writes checkpoints; those of other versions are not read.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
 pub const FORMAT: u32 = 3;
 
-/// Why a training cannot go on from a checkpoint, or none can be written.
+/// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CheckpointError {
@@ -53,11 +53,11 @@ pub enum CheckpointError {
     /// The scene is not the one it was trained on.
     #[error(
         "the checkpoint belongs to another scene: cameras, names or photos differ from those it was trained on; give the same \
-         scene and the same options of loading it"
+         scene and load it with the same options"
     )]
     OtherScene,
     /// Its parts do not fit each other.
-    #[error("the checkpoint makes no sense: {0}")]
+    #[error("the checkpoint contradicts itself: {0}")]
     Nonsense(&'static str),
     /// Writing failed.
     #[error(transparent)]
@@ -105,7 +105,7 @@ pub(super) struct State {
     pub recorder: RecorderState,
 }
 
-/// Everything that a training goes on from, on the host.
+/// Everything that a training resumes from, on the host.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     /// The options.
@@ -118,7 +118,7 @@ pub struct Checkpoint {
     pub filters: Vec<f32>,
     /// The residual network; none without one.
     pub network: Option<NetworkState>,
-    /// What the program keeps beside: times, curves, measurements.
+    /// What the program keeps besides: times, curves, measurements.
     pub run: serde_json::Value,
     /// First and second moments of the parameters that are trained.
     pub(super) moments: Vec<[Vec<f32>; 2]>,
@@ -186,7 +186,7 @@ impl Checkpoint {
         all
     }
 
-    /// From the small things, and a reader of tensors by name and number of values.
+    /// From the small values, and a reader of tensors by name and number of values.
     fn assemble<E>(
         (config, scene, run, state): (TrainConfig, u32, serde_json::Value, State),
         mut tensor: impl FnMut(&str, usize) -> Result<Vec<f32>, E>,
@@ -232,7 +232,7 @@ impl Checkpoint {
         Ok(Self { config, scene, gaussians, filters, network, run, moments, statistics, depths, state })
     }
 
-    /// Whether it can be what a training on this scene, in this space, with `pixels` of each view, goes on from.
+    /// Whether a training on this scene, in this space, with `pixels` of each view, can resume from it.
     pub(super) fn check(&self, (scene, space): (u32, LocalSpace), pixels: &[usize]) -> Result<(), CheckpointError> {
         let views = pixels.len();
         let state = &self.state;

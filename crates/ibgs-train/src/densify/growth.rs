@@ -126,7 +126,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
     plan
 }
 
-/// The logit of an opacity, held where it is finite; what has faded to nothing is pruned in the next round.
+/// The logit of an opacity, limited to finite values; a Gaussian that has faded to nothing is pruned in the next round.
 fn logit(opacity: f64) -> f32 {
     let opacity = opacity.clamp(1e-5, MOST_OPACITY);
     (opacity / (1.0 - opacity)).ln() as f32

@@ -1,4 +1,4 @@
-//! 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024): Gaussians of no use move to where
+//! 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024): useless Gaussians move to where
 //! others are, their number grows to a cap, noise moves the means, and two penalties keep opacities and scales small. Nothing
 //! is cloned, split or pruned, and no opacity is reset. The moments of what is moved and of what it is moved onto start at
 //! zero.
@@ -35,7 +35,7 @@ pub fn shared(o: f64, copies: u32) -> (f64, f64) {
     (each, o / sum)
 }
 
-/// Moves what is transparent or broken to places drawn by opacity, and adds as many more as the growth allows.
+/// Moves what is transparent or broken to places drawn by opacity, and adds as many as the growth allows.
 pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();

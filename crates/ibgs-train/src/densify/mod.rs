@@ -39,7 +39,7 @@ pub struct Observations {
 }
 
 impl Observations {
-    /// Whether place and shape of a Gaussian are finite: what is not could not be saved.
+    /// Whether place and shape of a Gaussian are finite: a Gaussian that is not could not be saved.
     fn is_finite(&self, i: usize) -> bool {
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
         finite(&self.means[i]) && finite(&self.rotations[i]) && finite(&self.log_scales[i])
@@ -185,7 +185,7 @@ impl Statistics {
         gpu.read(&self.values, 4 * self.count)
     }
 
-    /// Statistics that go on from there.
+    /// Statistics that continue from there.
     ///
     /// # Errors
     /// Not enough memory.

@@ -126,7 +126,7 @@ impl NormalLoss {
     }
 
     /// Loss `[1]` of the surface behind a tracked image; masked pixels of the photo have no part in it. The image only places the loss in the graph: it gets no
-    /// gradient from here, but whatever made it runs its backward pass after this one and finds `v_depth` and
+    /// gradient from here, but its maker runs its backward pass after this one and finds `v_depth` and
     /// `v_normal` complete.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! The weights of LPIPS on the host, from the files that other programs give them in.
+//! The weights of LPIPS on the host, from the files of other programs.
 
 use ibgs_core::gpu::GpuError;
 use ibgs_core::residual::NetworkError;

@@ -51,8 +51,8 @@ pub enum SessionError {
         /// Iteration of the checkpoint to resume from, where there is one.
         checkpoint: Option<u32>,
     },
-    /// The training was stopped and can be resumed, but not all was saved and measured.
-    #[error("the checkpoint of iteration {iteration} is whole, but not all was saved and measured")]
+    /// The training was stopped and can be resumed, but not everything was saved and measured.
+    #[error("the checkpoint of iteration {iteration} is whole, but not everything was saved and measured")]
     Unsettled {
         /// Iteration of the checkpoint.
         iteration: u32,

@@ -7,9 +7,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Hears of a training. `()` does not listen.
+/// Receives the events of a training. `()` ignores them.
 pub trait Observer {
-    /// An iteration is done. [`ControlFlow::Break`] ends the training as if it were its last one, but what it goes on from is
+    /// An iteration is done. [`ControlFlow::Break`] ends the training as if it were its last one, but what it resumes from is
     /// kept.
     fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
         let _ = progress;
@@ -52,7 +52,7 @@ pub enum Event<'a> {
         /// Part of the learning rates that counts from now on.
         rates: f64,
     },
-    /// A checkpoint cannot be written; the training goes on without.
+    /// A checkpoint cannot be written; the training continues without.
     NoCheckpoint {
         /// Why.
         error: &'a SessionError,
@@ -103,7 +103,7 @@ pub enum ExposureSummary {
     Corrected {
         /// Root mean square of their gains.
         spread: f64,
-        /// Part of the gains and of the offsets that can be predicted from the photos around.
+        /// Part of the gains and of the offsets that can be predicted from the neighbouring photos.
         predicted: [f64; 2],
     },
 }
@@ -169,7 +169,7 @@ impl fmt::Display for Event<'_> {
                 )
             }
             Self::NoCheckpoint { error } => {
-                write!(f, "warning: {error}; the training goes on without this checkpoint")
+                write!(f, "warning: {error}; the training continues without this checkpoint")
             }
             Self::NoRecords { error } => {
                 write!(f, "note: times and curves of the iterations before are lost ({error})")

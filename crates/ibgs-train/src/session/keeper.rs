@@ -43,7 +43,7 @@ impl Keeper {
         self.written = Some(iteration);
     }
 
-    /// The training went back to its last good state: what was written of it since goes with the next checkpoint.
+    /// The training returned to its last good state: files written since are removed with the next checkpoint.
     pub fn went_back(&mut self, observer: &mut dyn Observer) {
         self.settle(observer);
         let good = self.last.as_ref().map(|last| last.iteration());
@@ -61,8 +61,8 @@ impl Keeper {
         self.last.as_ref()
     }
 
-    /// Takes a state that is good and took so long to read, and begins to write it where that is wanted; what went wrong
-    /// before is reported as a warning, for the training itself is sound.
+    /// Takes a good state and the time that reading it took, and begins to write it where that is due; an earlier failure
+    /// is returned as a warning, because the training itself is sound.
     pub fn take(&mut self, checkpoint: Checkpoint, write: bool, cost: Duration, observer: &mut dyn Observer) {
         self.last = Some(Arc::new(checkpoint));
         self.taken = Instant::now();
@@ -116,7 +116,7 @@ impl Keeper {
 
     /// Removes all checkpoints: the run has ended, and its model is saved.
     pub fn clear(&mut self) -> Result<()> {
-        // One that could not be written is not wanted any more.
+        // One that could not be written is dropped.
         let _ = self.finish();
         match &self.folder {
             Some(folder) => Ok(folder.remove_checkpoints(&[])?),

@@ -42,7 +42,7 @@ impl Session {
 
     /// Saves what there is after an error, and says where it went.
     pub(super) fn rescue(&mut self, error: SessionError, observer: &mut dyn Observer) -> SessionError {
-        // A lost device gives nothing back any more, and what is not finite is no state to resume from: then the last good one is
+        // A lost device returns nothing, and a state that is not finite cannot be resumed from: then the last good one is
         // what there is.
         let _ = self.keep(false, observer);
         let (Some(checkpoint), Some(folder)) = (self.keeper.last().cloned(), self.folder.clone()) else { return error };

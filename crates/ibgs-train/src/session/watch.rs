@@ -16,7 +16,7 @@ struct Taken {
     name: String,
     iterations: u32,
     time: Duration,
-    /// Most device memory that was reserved at a look; none where the driver does not tell.
+    /// Most device memory that was reserved at a look; none where the driver does not report it.
     peak_bytes: Option<u64>,
 }
 

@@ -13,11 +13,11 @@ use ibgs_core::raster::Rasterizer;
 use std::sync::Arc;
 
 impl Trainer {
-    /// Goes on from a checkpoint, with its options: with `deterministic` among them the rest of the run is bit for bit what it
+    /// Resumes from a checkpoint, with its options: with `deterministic` among them the rest of the run is bit for bit what it
     /// would have been on the same adapter.
     ///
     /// # Errors
-    /// [`TrainError::Checkpoint`] when it does not belong to the scene or makes no sense, not enough memory.
+    /// [`TrainError::Checkpoint`] when it does not belong to the scene or contradicts itself, not enough memory.
     pub fn resume(raster: Arc<Rasterizer>, dataset: &Dataset, checkpoint: &Checkpoint) -> Result<Self, TrainError> {
         let pixels: Vec<usize> = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels()).collect();
         let scene = dataset.checksum();
@@ -79,7 +79,7 @@ impl Trainer {
         self.caution < 1.0
     }
 
-    /// Everything that the training goes on from; waits for the GPU. `run` is the caller's own.
+    /// Everything that the training resumes from; waits for the GPU. `run` is the caller's own.
     ///
     /// # Errors
     /// [`TrainError::NotFinite`] where a number of the model is not finite, [`TrainError::Unfinished`] after an iteration that

@@ -1,4 +1,4 @@
-//! The bar along the top, and the line below it that tells what is done and what went wrong.
+//! The bar along the top, and the line below it that says what is done and what went wrong.
 
 use crate::app::Viewer;
 use crate::mode::Mode;
@@ -102,7 +102,7 @@ fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     .on_hover_text("Show another mode right of a line that you can drag");
     if viewer.mode.has_gain() || viewer.other.is_some_and(Mode::has_gain) {
         let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
-        ui.add(slider).on_hover_text("Residual and difference are shown so many times as strong");
+        ui.add(slider).on_hover_text("Factor that amplifies residual and difference");
     }
 }
 

@@ -27,7 +27,7 @@ pub struct PathEditor {
     timed: bool,
     /// Where it is saved and loaded.
     file: String,
-    /// Frames of the film that are done, of so many.
+    /// Frames of the film that are done, and their number.
     pub filming: Option<(usize, usize)>,
 }
 

@@ -80,7 +80,7 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
     match inspection.median_depth {
         Some(depth) => ui
             .label(format!("median depth {}", Length(depth.into())))
-            .on_hover_text("Depth where half of the light is stopped: the point that the photos are asked about"),
+            .on_hover_text("Depth where half of the light is stopped: the point that is looked up in the photos"),
         None => ui.label("nothing is met here: there is no surface to ask the photos about"),
     };
     if let Some(p) = inspection.point {
@@ -111,7 +111,7 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
     }
     if !inspection.sources.is_empty() {
         ui.separator();
-        ui.strong("Source photos").on_hover_text("Photos of neighbouring views, in the order in which they are asked");
+        ui.strong("Source photos").on_hover_text("Photos of neighbouring views, in the order in which they are tested");
         egui::Grid::new("sources").num_columns(4).striped(true).show(ui, |ui| {
             let heads = [
                 ("photo", "Name of the photo"),

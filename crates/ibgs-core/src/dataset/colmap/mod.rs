@@ -108,7 +108,7 @@ pub enum ModelFile {
 }
 
 /// Checks the contents of one file of a COLMAP model by itself, and counts its records; `path` is for messages, and its
-/// extension tells text (`txt`) from binary.
+/// extension distinguishes text (`txt`) from binary.
 ///
 /// # Errors
 /// A [`DatasetError`] that names the file and what is wrong in it.
@@ -269,7 +269,7 @@ pub(crate) fn reduced_folder(scene: &Path, options: &LoadOptions) -> Option<Stri
     }
 }
 
-/// Tells which resampler the photos went through.
+/// Says which resampler the photos went through.
 pub(crate) fn reduced_note(folder: &str) -> String {
     format!("photos come from {folder} as they are, intrinsics rescaled to them")
 }

@@ -29,7 +29,7 @@ pub(super) fn reliable(points: Vec<SparsePoint>, notes: &mut Vec<String>) -> Vec
         notes.push("filter-points: the model has no tracks, so all its points are used".to_owned());
         return points;
     }
-    // An error that is no number, or COLMAP's -1 for unknown, tells nothing against a point.
+    // NaN, or COLMAP's -1 for unknown, says nothing against a point.
     let keep =
         |sparse: &&SparsePoint| (sparse.error <= MOST_ERROR || sparse.error.is_nan()) && sparse.images >= LEAST_IMAGES;
     let kept: Vec<SparsePoint> = points.iter().filter(keep).copied().collect();

@@ -78,7 +78,7 @@ impl Cache {
 
     fn write(&self, name: PathBuf, bytes: &[u8]) -> Result<(), String> {
         let Some(folder) = &self.folder else {
-            return Err("this machine has no cache folder, so the demo scene is traced anew each \
+            return Err("this machine has no cache folder, so the demo scene is traced again each \
                 time; name a folder to keep it in"
                 .into());
         };

@@ -40,7 +40,7 @@ pub fn mesh(tessellation: u32) -> TriangleMesh {
 }
 
 impl TriangleMesh {
-    /// The triangles whose centre at least one camera sees, against the true scene; vertices nobody uses are dropped.
+    /// The triangles whose centre at least one camera sees, against the true scene; unused vertices are dropped.
     /// A fair reference for a mesh made from these cameras' photos.
     pub fn visible_from(&self, cameras: &[Camera]) -> TriangleMesh {
         let seen: Vec<[u32; 3]> = self

@@ -102,7 +102,7 @@ pub enum DemoError {
 /// Reads the demo scene from the cache and traces what is missing or damaged there.
 ///
 /// The scene gets its own folder in `cache_dir` (`None`: `ibgs` in the user's cache folder), named after the options
-/// and [`VERSION`]. A cache that cannot be written only costs time and adds a note. `progress` hears of photos
+/// and [`VERSION`]. A cache that cannot be written only costs time and adds a note. `progress` receives the photos
 /// that are traced.
 pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: &dyn Progress) -> Result<Dataset, DemoError> {
     options.validate()?;

@@ -30,7 +30,7 @@ impl Cloud {
     }
 
     /// The vertices that triangles use, and on each triangle a grid of points no farther apart than `spacing`, with the
-    /// triangles' normals. Triangles without area give nothing.
+    /// triangles' normals. Triangles without area have no points.
     pub fn of_triangles(positions: &[[f32; 3]], triangles: &[[u32; 3]], spacing: f64) -> Self {
         let mut cloud = Self::default();
         let mut used = vec![false; positions.len()];

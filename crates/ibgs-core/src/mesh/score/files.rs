@@ -65,7 +65,7 @@ pub fn read_truth(path: &Path, spacing: f64) -> Result<Cloud, MeshError> {
             "its triangles would give {needed:.0} points {spacing} apart, more than {MOST_SAMPLES}; is it in other units?"
         )));
     }
-    // Around one of them: floats hold no place far from the origin.
+    // Around one of them: floats cannot hold places far from the origin.
     let middle = points[0];
     let positions: Vec<[f32; 3]> = points.iter().map(|&p| (p - middle).as_vec3().to_array()).collect();
     Ok(Cloud::of_triangles(&positions, &triangles, spacing).shifted(middle))
@@ -88,7 +88,7 @@ fn read_ply(path: &Path) -> Result<(Ply, DVec3), MeshError> {
     file.rewind().map_err(unread)?;
     let mut reader =
         PlyReader::from_reader(file).map_err(|error| bad(format!("its header is damaged ({})", error.0)))?;
-    // Rows without fields take no bytes, so that any count would have to be believed.
+    // Rows without fields take no bytes, so no count could be checked.
     if let Some(empty) = reader.header().elem_defs.iter().find(|e| e.properties.is_empty()) {
         return Err(bad(format!("its element `{}` has no fields", empty.name)));
     }
@@ -99,7 +99,7 @@ fn read_ply(path: &Path) -> Result<(Ply, DVec3), MeshError> {
     Ok((ply, offset))
 }
 
-/// Reads a 4 x 4 matrix, row by row, as text: what takes the reconstruction to the truth.
+/// Reads a 4 x 4 matrix, row by row, as text: it maps the reconstruction to the truth.
 ///
 /// # Errors
 /// [`MeshError::Read`], [`MeshError::Bad`] naming the line.

@@ -28,7 +28,7 @@ fn precision_recall_and_f1_by_hand() {
     let pair = Pair { mesh: &a, truth: &b, wanted: &b };
     assert_eq!(pair.f_score(1.0).unwrap(), FScore { threshold: 1.0, precision: 0.0, recall: 0.0, f1: 0.0 });
     assert_eq!(pair.f_score(1.001).unwrap().f1, 1.0);
-    // What nobody can see counts for the precision and not for the recall.
+    // What no camera can see counts for the precision and not for the recall.
     let all = row(&[0.0, 10.0], 0.0);
     let both = Pair { mesh: &all, truth: &all, wanted: &a };
     assert_eq!(both.f_score(0.1).unwrap().f1, 1.0);

@@ -1,4 +1,4 @@
-//! What the worker has to tell.
+//! Messages from the worker.
 
 use super::framing::{looked_at, middle};
 use super::{Found, Trained, Viewer};
@@ -8,7 +8,7 @@ use crate::mode::Mode;
 use crate::navigator::up_axis;
 use crate::panels::Panels;
 use crate::thumbnails::Thumbnails;
-use crate::worker::News;
+use crate::worker::Message;
 use eframe::egui::{self, ViewportCommand};
 use ibgs_core::camera::{scene_extent, usable_extent};
 use ibgs_core::inspect::Inspection;
@@ -21,32 +21,32 @@ const DOUBLE_CLICK: Duration = Duration::from_millis(320);
 const RECENT: usize = 8;
 
 impl Viewer {
-    /// Takes what the worker has to tell.
+    /// Takes the messages of the worker.
     pub(super) fn listen(&mut self, ctx: &egui::Context) {
-        while let Ok(news) = self.worker.news.try_recv() {
-            match news {
-                News::Doing(what) => self.doing = Some(what),
-                News::Opened(scene, progress) => self.opened(*scene, progress, ctx),
-                News::Rendered(rendered) => {
+        while let Ok(message) = self.worker.messages.try_recv() {
+            match message {
+                Message::Doing(what) => self.doing = Some(what),
+                Message::Opened(scene, progress) => self.opened(*scene, progress, ctx),
+                Message::Rendered(rendered) => {
                     self.canvas.take(*rendered);
                     self.leave_what_is_not_offered();
                 }
-                News::Inspected { found, focus } => self.inspected(*found, focus),
-                News::Progress(progress, running) => {
+                Message::Inspected { found, focus } => self.inspected(*found, focus),
+                Message::Progress(progress, running) => {
                     self.doing = None;
                     if let Some(trained) = &mut self.training {
                         trained.curves.add(&progress);
                         (trained.progress, trained.running) = (*progress, running);
                     }
                 }
-                News::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
-                News::Filmed(done, count) => self.panels.path.filming = Some((done, count)),
-                News::FilmDone(written) => {
+                Message::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
+                Message::Filmed(done, count) => self.panels.path.filming = Some((done, count)),
+                Message::FilmDone(written) => {
                     self.panels.path.filming = None;
                     self.message = written.or(self.message.take());
                 }
-                News::NoFrame => self.canvas.give_up(),
-                News::Failed(sentence) => {
+                Message::NoFrame => self.canvas.give_up(),
+                Message::Failed(sentence) => {
                     self.doing = None;
                     self.error = Some(sentence);
                 }
