@@ -9,7 +9,6 @@ use ibgs_core::bundle::Bundle;
 use ibgs_core::model::Model;
 use ibgs_core::output::multi_view;
 use ibgs_core::scene::{PlyFlavor, write_ply};
-
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -63,7 +62,7 @@ pub fn run(args: &Args) -> Result<()> {
     let exposure = field.map(|field| names().zip(field.photos().iter().copied()).collect());
     let photo = |name: &str| dataset.views.iter().find(|v| v.name == name).map(|v| (v.name.clone(), v.photo.clone()));
     let photos = training.iter().filter_map(|record| photo(&record.name)).collect();
-    let Model { config, cameras, iteration, gaussians, .. } = model.clone();
+    let Model { config, cameras, iteration, gaussians, .. } = model;
     Bundle { iteration, gaussians, network, exposure, cameras, config, photos, sources }.write(&args.output)?;
     stderr!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
     Ok(())

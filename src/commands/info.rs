@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::dataset;
-use ibgs_core::gpu::device::lacking;
+use ibgs_core::gpu::lacking;
 use ibgs_core::gpu::list_adapters;
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;

@@ -65,17 +65,6 @@ fn target(scene: &Scene, photo: &[[f64; 3]]) -> DevicePhoto {
     DevicePhoto::upload(&gpu(), &Photo { width, height, rgba }).unwrap()
 }
 
-fn buffers(surface: &Surface) -> SurfaceBuffers {
-    let v = surface.v.as_ref().expect("a tracked surface has gradients");
-    SurfaceBuffers {
-        depth: surface.median_depth.clone(),
-        normal: surface.normal_map.clone(),
-        v_depth: v.median_depth.clone(),
-        v_normal: v.normal_map.clone(),
-        ..SurfaceBuffers::new(&gpu(), &surface.camera).unwrap()
-    }
-}
-
 struct OnGpu {
     /// `last` is zero where the final image is left out.
     losses: Losses,
@@ -123,7 +112,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
         (base.clone(), exposures.as_ref().map_or(base.clone(), |e| autodiff::exposed(e, &base, &forward).unwrap()));
     let warped = exposures.as_ref().map_or(warped.clone(), |e| autodiff::exposed_warped(e, warped, &pass).unwrap());
     let image_loss = ImageLoss::new(gpu.clone(), LAMBDA as f32);
-    let surface = buffers(forward.surface().unwrap());
+    let surface = SurfaceBuffers::of(forward.surface().unwrap());
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;
     let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32).tracked(&plain, &surface, &photo).unwrap();
     let l_photo =

@@ -202,7 +202,7 @@ impl ImageStages {
         let (base_loss, scratch) = work.loss.tracked(work.shown.clone(), work.target)?;
         let mut total = Total::base(base_loss, scratch);
         if work.schedule.normal_loss_at(work.iteration) {
-            let surface = surface_buffers(work.forward.surface().expect("the surface stage has one"));
+            let surface = SurfaceBuffers::of(work.forward.surface().expect("the surface stage has one"));
             total.add_surface_loss(self.normal_loss.tracked(work.image, &surface, work.target)?);
         }
         if !work.sources.is_empty() {
@@ -270,18 +270,5 @@ impl ImageStages {
             pass.submit();
         }
         Ok(())
-    }
-}
-
-fn surface_buffers(surface: &Surface) -> SurfaceBuffers {
-    let v = surface.v.as_ref().expect("a tracked surface has gradients");
-    SurfaceBuffers {
-        depth: surface.median_depth.clone(),
-        normal: surface.normal_map.clone(),
-        v_depth: v.median_depth.clone(),
-        v_normal: v.normal_map.clone(),
-        size: [surface.camera.width, surface.camera.height],
-        focal: surface.camera.focal.as_vec2().to_array(),
-        principal: surface.options.principal(&surface.camera),
     }
 }

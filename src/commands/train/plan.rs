@@ -174,10 +174,10 @@ impl Plan {
             None => self.free_folder(config.data.source.as_deref())?,
         };
         let (existing, is_new) = (if self.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
+        std::fs::create_dir_all(&path).with_context(|| format!("cannot create {}", path.display()))?;
         // Before anything in it is removed.
-        let lock = path.is_dir().then(|| OutputFolder::at(&path).lock()).transpose()?;
+        let lock = OutputFolder::at(&path).lock()?;
         let folder = OutputFolder::create(&path, existing)?;
-        let lock = lock.map_or_else(|| folder.lock(), Ok)?;
         if let Err(error) = folder.write_start(config, dataset) {
             if is_new {
                 let _ = std::fs::remove_dir_all(&path);

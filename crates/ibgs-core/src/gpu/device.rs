@@ -1,7 +1,8 @@
-//! Choosing an adapter, and creating its device.
+//! The device and everything that outlives a single pass.
 
+use super::adapter::{AdapterChoice, choose, device_descriptor, instance, lacking, missing};
 use super::buffer::Transients;
-use super::matrix::{experimental_features, matrix_units};
+use super::matrix::matrix_units;
 use super::profile::Profiler;
 use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
 use serde::{Deserialize, Serialize};
@@ -10,13 +11,6 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
-
-/// Storage buffers that the widest kernel binds.
-const STORAGE_BUFFERS: u32 = 18;
-/// Workgroup memory in bytes that the largest kernel declares.
-const WORKGROUP_MEMORY: u32 = 31 * 1024;
-/// Immediate data in bytes of the largest kernel.
-const IMMEDIATES: u32 = 128;
 
 /// What can go wrong between us and the GPU.
 #[derive(Debug, thiserror::Error)]
@@ -74,16 +68,6 @@ pub enum GpuError {
     /// The device is lost, or the driver refused some work.
     #[error("the GPU has failed: {0}; the program has to be started again")]
     Failed(String),
-}
-
-/// Which adapter to use.
-#[derive(Clone, Debug, Default)]
-pub enum AdapterChoice {
-    /// The most capable one: discrete, integrated, virtual, then software.
-    #[default]
-    Best,
-    /// By index of [`list_adapters`] or by a part of its name.
-    Named(String),
 }
 
 /// Device memory as wgpu's allocator counts it.
@@ -151,113 +135,6 @@ pub struct Mark(wgpu::SubmissionIndex);
 impl std::fmt::Debug for Gpu {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Gpu({})", self.info.name)
-    }
-}
-
-/// On Apple's systems Vulkan is a layer over Metal; wgpu would take it first where it is installed.
-const BACKENDS: wgpu::Backends = if cfg!(target_vendor = "apple") {
-    wgpu::Backends::METAL
-} else {
-    wgpu::Backends::VULKAN.union(wgpu::Backends::DX12)
-};
-
-fn instance() -> wgpu::Instance {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = BACKENDS;
-    wgpu::Instance::new(descriptor)
-}
-
-/// Graphics interfaces that this build can use, as `Vulkan` or `Vulkan, DirectX 12`.
-pub fn backends() -> String {
-    let built = wgpu::Instance::enabled_backend_features() & BACKENDS;
-    let name = |backend| match backend {
-        wgpu::Backends::METAL => "Metal",
-        wgpu::Backends::DX12 => "DirectX 12",
-        _ => "Vulkan",
-    };
-    built.iter().map(name).collect::<Vec<_>>().join(", ")
-}
-
-/// All adapters of this machine.
-pub fn list_adapters() -> Vec<wgpu::Adapter> {
-    pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()))
-}
-
-/// What an adapter lacks for a run; empty when it will do.
-pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
-    missing(&adapter.limits(), adapter.features())
-}
-
-fn missing(limits: &wgpu::Limits, features: wgpu::Features) -> Vec<String> {
-    let mut missing = Vec::new();
-    let mut need = |name: &str, has: u64, wanted: u64| {
-        if has < wanted {
-            missing.push(format!("{name} {wanted} (it has {has})"));
-        }
-    };
-    need("storage buffers per stage", limits.max_storage_buffers_per_shader_stage.into(), STORAGE_BUFFERS.into());
-    need("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_MEMORY.into());
-    need("invocations per workgroup", limits.max_compute_invocations_per_workgroup.into(), 256);
-    need("bytes of immediate data", limits.max_immediate_size.into(), IMMEDIATES.into());
-    if !features.contains(wgpu::Features::IMMEDIATES) {
-        missing.push("the feature IMMEDIATES".to_owned());
-    }
-    missing
-}
-
-/// How to ask an adapter for a device that ibgs can use: with all its features and limits.
-pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
-    // A library that shares the device may generate code for anything that the adapter offers.
-    let mut wanted = adapter
-        .features()
-        .difference(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS | wgpu::Features::all_experimental_mask());
-    wanted.set(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX, matrix_units(adapter).is_some());
-    wgpu::DeviceDescriptor {
-        label: Some("ibgs"),
-        required_features: wanted,
-        required_limits: adapter.limits(),
-        memory_hints: wgpu::MemoryHints::MemoryUsage,
-        experimental_features: experimental_features(),
-        ..Default::default()
-    }
-}
-
-fn rank(info: &wgpu::AdapterInfo) -> u32 {
-    match info.device_type {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    }
-}
-
-fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {
-    if adapters.is_empty() {
-        return Err(GpuError::NoAdapter);
-    }
-    match choice {
-        AdapterChoice::Best => {
-            // Usable ones first; what the best unusable one lacks is reported when there is no other.
-            let order = |a: &wgpu::Adapter| (!lacking(a).is_empty(), rank(&a.get_info()));
-            let best = adapters.iter().map(order).enumerate().min_by_key(|&(i, r)| (r, i));
-            Ok(adapters.swap_remove(best.map_or(0, |(i, _)| i)))
-        }
-        AdapterChoice::Named(wanted) => {
-            let lower = wanted.to_lowercase();
-            let by_name = || adapters.iter().position(|a| a.get_info().name.to_lowercase().contains(&lower));
-            let found = wanted.parse::<usize>().ok().filter(|&index| index < adapters.len()).or_else(by_name);
-            let available = adapters
-                .iter()
-                .enumerate()
-                .map(|(i, a)| format!("{i}: {}", a.get_info().name))
-                .collect::<Vec<_>>()
-                .join(", ");
-            match found {
-                Some(index) => Ok(adapters.swap_remove(index)),
-                None => Err(GpuError::UnknownAdapter { wanted: wanted.clone(), available }),
-            }
-        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The GPU: adapter and device, kernel launches, prefix sum and radix sort.
 
+mod adapter;
 pub mod buffer;
 mod bytes;
 pub mod device;
@@ -11,10 +12,9 @@ pub mod profile;
 pub mod scan;
 pub mod sort;
 
+pub use adapter::{AdapterChoice, backends, device_descriptor, lacking, list_adapters};
 pub use buffer::Buffer;
 pub use bytes::Bytes;
-pub use device::{
-    AdapterChoice, Gpu, GpuError, Mark, MemoryKind, MemoryReport, backends, device_descriptor, list_adapters,
-};
+pub use device::{Gpu, GpuError, Mark, MemoryKind, MemoryReport};
 pub use launch::Pass;
 pub use profile::Measured;

@@ -9,6 +9,7 @@ use bytemuck::bytes_of;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::raster::Surface;
 use ibgs_core::sources::DevicePhoto;
 use ibgs_shaders::types::{MeanParams, SurfaceParams};
 use ibgs_shaders::{DEPTH_NORMALS, LOSS_MEAN, NORMAL_LOSS, NORMAL_LOSS_BACKWARD, TILE};
@@ -50,6 +51,23 @@ impl SurfaceBuffers {
             focal: camera.focal.as_vec2().to_array(),
             principal: (camera.principal - 0.5).as_vec2().to_array(),
         })
+    }
+
+    /// Those of a surface that keeps gradients; they share its memory.
+    ///
+    /// # Panics
+    /// When it keeps none: a bug of ours.
+    pub fn of(surface: &Surface) -> Self {
+        let v = surface.v.as_ref().expect("a tracked surface has gradients");
+        Self {
+            depth: surface.median_depth.clone(),
+            normal: surface.normal_map.clone(),
+            v_depth: v.median_depth.clone(),
+            v_normal: v.normal_map.clone(),
+            size: [surface.camera.width, surface.camera.height],
+            focal: surface.camera.focal.as_vec2().to_array(),
+            principal: surface.options.principal(&surface.camera),
+        }
     }
 
     fn params(&self, weight: f32) -> SurfaceParams {
