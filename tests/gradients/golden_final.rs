@@ -13,7 +13,7 @@ use ibgs_core::gpu::Pass;
 use ibgs_core::raster::Keep;
 use ibgs_core::residual::ResidualInputs;
 use ibgs_core::residual::features::{FeatureInputs, Features};
-use ibgs_core::residual::{Precision, Residual, ResidualTask, UNet, Variant, weights};
+use ibgs_core::residual::{Arithmetic, Precision, Residual, ResidualTask, UNet, Variant, weights};
 use ibgs_core::sources::{WarpOptions, Warper};
 
 /// Packed slots that enter the network.
@@ -93,7 +93,7 @@ fn the_network_gives_the_dumped_residual() {
         centers: &centers,
         weights: &weights,
     };
-    let unet = UNet::new(&gpu, camera.width, camera.height, Keep::Image).unwrap();
+    let unet = UNet::new(&gpu, [camera.width, camera.height], Keep::Image, Arithmetic::Full).unwrap();
     let mut pass = Pass::new(&gpu, "test");
     Features::new(&camera, VISIBLE as u32, Variant::default()).record(&mut pass, &features, unet.x());
     unet.forward(&mut pass, &weights);

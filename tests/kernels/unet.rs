@@ -10,15 +10,13 @@ use burn::tensor::module::{conv2d, interpolate, max_pool2d};
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoolOptions};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::gpu::profile::Measured;
-use ibgs_core::gpu::{Buffer, Gpu, Pass};
+use ibgs_core::gpu::{Gpu, Pass};
 use ibgs_core::raster::Keep;
-use ibgs_core::residual::UNet;
-use ibgs_core::residual::backend::{Arithmetic, Backend};
-use ibgs_core::residual::half::HalfUNet;
-use ibgs_core::residual::half::choice::{self, WholeNumbers};
 use ibgs_core::residual::layers::{
     DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UNET, UP1, UP2, WEIGHTS,
 };
+use ibgs_core::residual::unet::choice::{self, WholeNumbers};
+use ibgs_core::residual::{Arithmetic, UNet};
 use ibgs_train::tensor::device;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -59,10 +57,6 @@ fn interleaved(map: &Map) -> Vec<f64> {
     (0..3 * n).map(|i| map.data[(i % 3) * n + i / 3]).collect()
 }
 
-fn fill(gpu: &Gpu, target: &Buffer, values: &[f64]) {
-    gpu.queue.write_buffer(&target.buffer, target.offset, bytemuck::cast_slice(&single(values)));
-}
-
 /// What stands in `v_weights` before the backward pass.
 const UNTOUCHED: f32 = 7.0;
 
@@ -72,11 +66,17 @@ struct OnGpu {
     v_weights: Vec<f32>,
 }
 
-fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep) -> Vec<f32> {
+fn unet(gpu: &Gpu, x: &Map, keep: Keep, arithmetic: Arithmetic) -> UNet {
+    let size = [x.width as u32, x.height as u32];
+    let unet = UNet::new(gpu, size, keep, arithmetic).unwrap();
+    assert_eq!((unet.size(), unet.has_gradients()), (size, keep == Keep::Gradients));
+    unet.write_input(gpu, &single(&x.data));
+    unet
+}
+
+fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: Arithmetic) -> Vec<f32> {
     let gpu = gpu();
-    let unet = UNet::new(&gpu, x.width as u32, x.height as u32, keep).unwrap();
-    assert_eq!((unet.size(), unet.has_gradients()), ([x.width as u32, x.height as u32], keep == Keep::Gradients));
-    fill(&gpu, unet.x(), &x.data);
+    let unet = unet(&gpu, x, keep, arithmetic);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
     let mut pass = Pass::new(&gpu, "unet");
     unet.forward(&mut pass, &weights);
@@ -85,34 +85,30 @@ fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep) -> Vec<f32> {
 }
 
 /// Forward and backward, twice over: the second time must not see anything of the first.
-fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map) -> OnGpu {
+fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Arithmetic) -> OnGpu {
     let gpu = gpu();
     let n = x.width * x.height;
-    let unet = UNet::new(&gpu, x.width as u32, x.height as u32, Keep::Gradients).unwrap();
-    fill(&gpu, unet.x(), &x.data);
+    let unet = unet(&gpu, x, Keep::Gradients, arithmetic);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
     let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
-    let mut last: Option<OnGpu> = None;
-    for _ in 0..2 {
+    let run = || {
         let mut pass = Pass::new(&gpu, "unet");
         unet.forward(&mut pass, &weights);
         unet.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
-        let now = OnGpu {
+        OnGpu {
             residual: gpu.read(unet.residual(), 3 * n).unwrap(),
             v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
-        };
-        if let Some(last) = &last {
-            let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            assert_eq!(bits(&last.residual), bits(&now.residual), "the residual repeats bit for bit");
-            assert_eq!(bits(&last.v_x), bits(&now.v_x), "v_x repeats bit for bit");
-            assert_eq!(bits(&last.v_weights), bits(&now.v_weights), "v_weights repeat bit for bit");
         }
-        last = Some(now);
-    }
-    last.unwrap()
+    };
+    let (first, second) = (run(), run());
+    let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&first.residual), bits(&second.residual), "the residual repeats bit for bit");
+    assert_eq!(bits(&first.v_x), bits(&second.v_x), "v_x repeats bit for bit");
+    assert_eq!(bits(&first.v_weights), bits(&second.v_weights), "v_weights repeat bit for bit");
+    second
 }
 
 fn assert_forward(what: &str, ours: &[f32], twin: &[f64]) {
@@ -138,7 +134,8 @@ fn forward_follows_the_twin_with_and_without_gradients() {
     for (width, height) in SIZES {
         let (x, _) = random_maps(width, height, 2);
         let twin = interleaved(&forward(&weights, &x).residual);
-        let [rendered, trained] = [Keep::Image, Keep::Gradients].map(|keep| forward_on_gpu(&weights, &x, keep));
+        let [rendered, trained] =
+            [Keep::Image, Keep::Gradients].map(|keep| forward_on_gpu(&weights, &x, keep, Arithmetic::Full));
         assert_forward(&format!("{width} x {height}"), &rendered, &twin);
         assert_eq!(rendered, trained, "{width} x {height}: the memory plan does not matter");
     }
@@ -151,7 +148,7 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
         let (x, v_residual) = random_maps(width, height, 4);
         let passed = forward(&weights, &x);
         let (v_x, v_weights) = backward(&weights, &passed, &v_residual);
-        let ours = on_gpu(&weights, &x, &v_residual);
+        let ours = on_gpu(&weights, &x, &v_residual, Arithmetic::Full);
         let what = format!("{width} x {height}");
         assert_forward(&what, &ours.residual, &interleaved(&passed.residual));
         assert_close(&format!("{what} v_x"), &ours.v_x, &v_x.data);
@@ -174,7 +171,7 @@ fn a_dead_network_has_exactly_zero_gradients() {
         weights[layer.bias()..layer.end()].fill(-100.0);
     }
     let (x, v_residual) = random_maps(21, 10, 6);
-    let ours = on_gpu(&weights, &x, &v_residual);
+    let ours = on_gpu(&weights, &x, &v_residual, Arithmetic::Full);
     assert!(ours.v_x.iter().all(|v| *v == 0.0));
     let last = UNET[8];
     assert!(ours.v_weights[ENC1.offset..last.bias()].iter().all(|v| *v == 0.0));
@@ -265,7 +262,7 @@ fn unet_speed() {
     let v_residual = gpu.upload("v_residual", &single(&uniform(3 * width * height, 1.0, &mut rng))).unwrap();
     let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
     for (precision, arithmetic) in [("full", Arithmetic::Full), ("half", Arithmetic::Half)] {
-        let path = Backend::new(&gpu, [width as u32, height as u32], Keep::Gradients, arithmetic).unwrap();
+        let path = UNet::new(&gpu, [width as u32, height as u32], Keep::Gradients, arithmetic).unwrap();
         path.write_input(&gpu, &single(&planes));
         let run = |what: &'static str, run: &dyn Fn(&mut Pass)| {
             let once = || {
@@ -294,38 +291,13 @@ fn unet_speed() {
     }
 }
 
-/// Forward and backward on the matrix units, twice over; none where the adapter has none.
+/// Forward and backward on the matrix units; none where the adapter has none.
 fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> {
-    let gpu = gpu();
-    let n = x.width * x.height;
-    let unet = HalfUNet::new(&gpu, x.width as u32, x.height as u32, Keep::Gradients).unwrap()?;
-    let weights = gpu.upload("weights", &single(weights)).unwrap();
-    let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
-    let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
-    unet.write_input(&gpu, &single(&x.data));
-    let mut runs = Vec::new();
-    for _ in 0..2 {
-        let mut pass = Pass::new(&gpu, "unet");
-        unet.forward(&mut pass, &weights);
-        unet.backward(&mut pass, &weights, &v_residual, &v_weights);
-        pass.submit();
-        runs.push(OnGpu {
-            residual: gpu.read(unet.residual(), 3 * n).unwrap(),
-            v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
-            v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
-        });
-    }
-    assert_eq!(runs[0].residual, runs[1].residual, "the residual repeats");
-    assert_eq!(runs[0].v_x, runs[1].v_x, "v_x repeats");
-    assert_eq!(runs[0].v_weights, runs[1].v_weights, "v_weights repeat");
-    let rendering = HalfUNet::new(&gpu, x.width as u32, x.height as u32, Keep::Image).unwrap()?;
-    rendering.write_input(&gpu, &single(&x.data));
-    let mut pass = Pass::new(&gpu, "unet");
-    rendering.forward(&mut pass, &weights);
-    pass.submit();
-    let rendered: Vec<f32> = gpu.read(rendering.residual(), 3 * n).unwrap();
-    assert_eq!(rendered, runs[0].residual, "the memory plan does not matter");
-    runs.pop()
+    gpu().matrix_units?;
+    let ours = on_gpu(weights, x, v_residual, Arithmetic::Half);
+    let rendered = forward_on_gpu(weights, x, Keep::Image, Arithmetic::Half);
+    assert_eq!(rendered, ours.residual, "the memory plan does not matter");
+    Some(ours)
 }
 
 /// Weights and maps that halves hold without any rounding.

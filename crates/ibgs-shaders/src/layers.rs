@@ -21,6 +21,8 @@ pub struct Layer {
     pub outputs: usize,
     /// Input channels.
     pub inputs: usize,
+    /// Channels of the two activations whose concatenation it reads; the second 0 where it reads one.
+    pub read: [usize; 2],
     /// 9 or 1.
     pub taps: usize,
     /// First weight.
@@ -43,8 +45,41 @@ impl Layer {
         self.bias() + self.outputs
     }
 
+    /// Distance between the weights of neighbouring outputs.
+    pub const fn row(&self) -> usize {
+        self.inputs * self.taps
+    }
+
+    /// Its inputs by activation, as [`Layer::read`].
+    pub const fn parts(&'static self) -> [Part; 2] {
+        let [a, b] = self.read;
+        [Part { layer: self, first: 0, channels: a }, Part { layer: self, first: a, channels: b }]
+    }
+
     const fn new(name: &'static str, outputs: usize, inputs: usize, taps: usize, offset: usize) -> Self {
-        Self { name, outputs, inputs, taps, offset }
+        Self::joining(name, outputs, [inputs, 0], taps, offset)
+    }
+
+    const fn joining(name: &'static str, outputs: usize, read: [usize; 2], taps: usize, offset: usize) -> Self {
+        Self { name, outputs, inputs: read[0] + read[1], read, taps, offset }
+    }
+}
+
+/// Those of a layer's inputs that come from one activation.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// The layer.
+    pub layer: &'static Layer,
+    /// First of the inputs.
+    pub first: usize,
+    /// How many there are.
+    pub channels: usize,
+}
+
+impl Part {
+    /// First weight.
+    pub const fn offset(&self) -> usize {
+        self.layer.offset + self.layer.taps * self.first
     }
 }
 
@@ -61,13 +96,13 @@ pub const ENC3: Layer = Layer::new("conv_decoder.enc3.0", QUARTER, HALF, 9, ENC2
 /// u2.
 pub const UP2: Layer = Layer::new("conv_decoder.up2_conv.0", HALF, QUARTER, 9, ENC3.end());
 /// d2, reads `[u2, e2]`.
-pub const DEC2: Layer = Layer::new("conv_decoder.dec2.0", HALF, 2 * HALF, 9, UP2.end());
+pub const DEC2: Layer = Layer::joining("conv_decoder.dec2.0", HALF, [HALF; 2], 9, UP2.end());
 /// u1.
 pub const UP1: Layer = Layer::new("conv_decoder.up1_conv.0", INPUT, HALF, 9, DEC2.end());
 /// d1, reads `[u1, e1]`.
-pub const DEC1: Layer = Layer::new("conv_decoder.dec1.0", INPUT, 2 * INPUT, 9, UP1.end());
+pub const DEC1: Layer = Layer::joining("conv_decoder.dec1.0", INPUT, [INPUT; 2], 9, UP1.end());
 /// f, reads `[d1, x]`.
-pub const FUSE: Layer = Layer::new("conv_decoder.fuse_input.0", INPUT, 2 * INPUT, 1, DEC1.end());
+pub const FUSE: Layer = Layer::joining("conv_decoder.fuse_input.0", INPUT, [INPUT; 2], 1, DEC1.end());
 /// The residual.
 pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end());
 

@@ -1,9 +1,7 @@
 //! The residual network (method.md section 6): [`features`] and per-view MLP, then the U-Net, then [`compose`].
 
-pub mod backend;
 pub mod compose;
 pub mod features;
-pub mod half;
 pub mod network;
 mod operation;
 pub mod pth;
@@ -15,6 +13,6 @@ pub mod weights;
 pub use ibgs_shaders::layers;
 pub use network::ResidualNetwork;
 pub use operation::{Residual, ResidualGradients, ResidualInputs, ResidualPass, ResidualTask};
-pub use unet::UNet;
+pub use unet::{Arithmetic, UNet};
 pub use variant::{Aggregation, Factor, Inputs, Output, Precision, Variant};
 pub use weights::NetworkError;

@@ -1,10 +1,8 @@
 //! From base colour and warped source colours to the final image (method.md section 6), and the gradients by them.
 
-use super::backend::{Arithmetic, Backend};
 use super::compose::{Compose, ComposeBuffers, ComposeGradients};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
-use super::half::choice;
-use super::unet::UNet;
+use super::unet::{Arithmetic, UNet, choice};
 use super::variant::{Precision, Variant};
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
@@ -36,7 +34,7 @@ pub struct Residual {
 /// Memory of one image size.
 #[derive(Debug)]
 struct Scratch {
-    network: Backend,
+    network: UNet,
     size: [u32; 2],
     visible: u32,
     backward: Option<BackwardScratch>,
@@ -178,7 +176,7 @@ impl Residual {
             })
         };
         Ok(Scratch {
-            network: Backend::new(gpu, low, keep, self.arithmetic)?,
+            network: UNet::new(gpu, low, keep, self.arithmetic)?,
             size,
             visible,
             backward: gradients.then(backward).transpose()?,

@@ -1,191 +1,83 @@
-//! The U-Net of the residual network: 38 planes in, the residual out, and back (method.md section 6).
+//! The U-Net of the residual network: 38 channels in, the residual out, and back (method.md section 6).
 //!
-//! Every layer is one kernel launch. Concatenations, the 2 x 2 maxima and the enlargements by nearest are never stored:
-//! the next convolution reads through them. Activations are planes, `[channel][row][column]`.
+//! This file has the schedule: which layer reads and writes which activation, and where each gradient goes. Two backends
+//! have the layers: one in float32, the other in half precision on matrix units.
 //!
-//! Memory in bytes a pixel, the input and the residual included: 620 for rendering (x, e1, the residual, and two more
-//! buffers of 38 planes that the other activations share by turns), 1003 with gradients (x, e1, u1, d1, v_e1, and f with
-//! v_x in its place; gradients replace the activations whose ReLU they have passed). With gradients up to 14 MB more for
-//! partial sums of the weights' gradients, whatever the size.
+//! Concatenations, the 2 x 2 maxima and the enlargements by nearest are never stored: the next convolution reads through
+//! them.
+//!
+//! Memory in bytes a pixel, the input and the residual included:
+//!
+//! - Float32: 620 for rendering (x, e1, the residual, and two more buffers of 38 planes that the other activations share
+//!   by turns), 1003 with gradients (x, e1, u1, d1, v_e1, and f with v_x in its place; gradients replace the activations
+//!   whose ReLU they have passed), and up to 14 MB for partial sums of the weights' gradients, whatever the size.
+//! - Half precision: 446 for rendering, 868 with gradients, partial sums besides.
 
-mod backward;
+mod backend;
+pub mod choice;
+mod full;
+mod half;
+mod memory;
 
-use super::layers::{self, HALF, INPUT, Layer, QUARTER};
+use super::features::{FeatureInputs, Features};
+use super::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, INPUT, Layer, Part, UP1, UP2};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
-use bytemuck::bytes_of;
-use ibgs_shaders::types::{ConvParams, HeadParams};
-use ibgs_shaders::{RESIDUAL_CONV, RESIDUAL_HEAD};
+use backend::{Backend, BackwardBuffers, Store};
+use full::Full;
+use half::Half;
+use memory::{Activations, Gradients, Map};
 
 /// Smallest width and height: a quarter of it is one pixel.
 pub const MIN_SIDE: u32 = 4;
 
-/// Columns of a convolution's workgroup, and rows of one of its row groups.
-const CONV_TILE: [u32; 2] = [32, 8];
-/// Outputs a thread of a convolution owns.
-const CONV_OUTPUTS: u32 = 20;
-/// Pixels of a workgroup of the head.
-const HEAD_PIXELS: usize = 512;
-
-/// How a convolution reads its input; as in `shared/residual_source.wgsl`.
-#[derive(Clone, Copy)]
-pub(super) enum Mode {
-    Same,
-    Pooled,
-    Nearest,
-}
-
-impl Mode {
-    /// For an input of size `source` and a convolution of size `size`.
-    pub(super) fn of(source: [u32; 2], size: [u32; 2]) -> Self {
-        match source[0].cmp(&size[0]) {
-            std::cmp::Ordering::Equal => Self::Same,
-            std::cmp::Ordering::Greater => Self::Pooled,
-            std::cmp::Ordering::Less => Self::Nearest,
-        }
-    }
-}
-
-/// What becomes of a convolution's sums; as in `residual_conv.wgsl` and `half_conv.wgsl`.
-#[derive(Clone, Copy)]
-pub(super) enum Store {
-    Relu,
-    Assign,
-    Add,
-    Mask,
-}
-
-/// Planes of one size, `[channels][height * width]`.
-#[derive(Clone, Debug)]
-struct Map {
-    buffer: Buffer,
-    channels: u32,
-    size: [u32; 2],
-}
-
-/// What only the backward pass needs.
-#[derive(Debug)]
-struct Training {
-    v_e1: Map,
-    v_e2: Map,
-    partials: Buffer,
+/// What the U-Net computes with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// Float32, on any adapter.
+    Full,
+    /// Half precision on matrix units, summed in float32; float32 where the adapter has none.
+    Half,
 }
 
 /// The activations of one image size. The kernels' launches go into the caller's [`Pass`].
 #[derive(Debug)]
 pub struct UNet {
-    x: Map,
-    e1: Map,
-    e2: Map,
-    b: Map,
-    u2: Map,
-    d2: Map,
-    u1: Map,
-    d1: Map,
-    /// f after `forward`, v_x after `backward`; a stub without gradients.
-    kept: Map,
-    residual: Buffer,
-    training: Option<Training>,
-}
-
-impl Map {
-    fn bytes(channels: usize, size: [u32; 2]) -> u64 {
-        4 * channels as u64 * u64::from(size[0]) * u64::from(size[1])
-    }
-
-    fn new(gpu: &Gpu, what: &'static str, channels: usize, size: [u32; 2]) -> Result<Self, GpuError> {
-        let buffer = gpu.allocate(what, Self::bytes(channels, size))?;
-        Ok(Self { buffer, channels: channels as u32, size })
-    }
-
-    /// Other planes in the same memory, from byte `at` on.
-    fn reuse(&self, channels: usize, size: [u32; 2], at: u64) -> Self {
-        let bytes = Self::bytes(channels, size);
-        assert!(at + bytes <= self.buffer.size, "planes do not fit their memory");
-        let buffer = self.buffer.part(at, bytes);
-        Self { buffer, channels: channels as u32, size }
-    }
-
-    fn pixels(&self) -> usize {
-        self.size[0] as usize * self.size[1] as usize
-    }
-
-    /// How a convolution of size `size` reads these planes.
-    fn mode(&self, size: [u32; 2]) -> Mode {
-        Mode::of(self.size, size)
-    }
-}
-
-/// Workgroups of a convolution with `outputs` outputs, and its groups of outputs.
-fn conv_grid(size: [u32; 2], outputs: u32) -> ([u32; 3], u32) {
-    let groups = outputs.div_ceil(CONV_OUTPUTS);
-    assert!((1..=2).contains(&groups), "one launch has at most 40 outputs");
-    ([size[0].div_ceil(CONV_TILE[0]), size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1], groups)
-}
-
-/// A layer over one or two inputs (two: their concatenation), with ReLU.
-fn conv(pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
-    let (a, b) = (inputs[0], inputs.get(1).copied());
-    let channels_b = b.map_or(0, |m| m.channels);
-    assert_eq!((a.channels + channels_b) as usize, layer.inputs, "{}: inputs", layer.name);
-    let (grid, groups) = conv_grid(output.size, output.channels);
-    let params = ConvParams {
-        size: output.size,
-        source: a.size,
-        mode: a.mode(output.size) as u32,
-        channels_a: a.channels,
-        channels_b,
-        outputs: output.channels,
-        weights: layer.offset as u32,
-        stride_out: 9 * layer.inputs as u32,
-        stride_in: 9,
-        turned: 0,
-        bias: layer.bias() as u32,
-        store: Store::Relu as u32,
-        groups,
-        pad: 0,
-    };
-    let buffers = [weights, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
-    pass.grid(&RESIDUAL_CONV, &buffers, bytes_of(&params), grid);
+    backend: Box<dyn Backend>,
+    maps: Activations,
+    gradients: Option<Gradients>,
+    /// Float32 planes; a stub without gradients.
+    v_x: Buffer,
 }
 
 impl UNet {
-    /// Memory for images of `width` x `height` pixels. With `gradients` every activation is kept for
-    /// [`UNet::backward`]; without, they share the smallest memory.
+    /// Memory for images of a size in pixels. Where gradients are kept, every activation is, for [`UNet::backward`].
     ///
     /// # Errors
     /// Not enough memory, or more than the device binds at once.
     ///
     /// # Panics
     /// When a side is shorter than [`MIN_SIDE`]: so small an image has no residual, see [`UNet::fits`].
-    pub fn new(gpu: &Gpu, width: u32, height: u32, keep: Keep) -> Result<Self, GpuError> {
-        let gradients = keep == Keep::Gradients;
-        assert!(Self::fits([width, height]), "the unet needs at least {MIN_SIDE} x {MIN_SIDE} pixels");
-        let [full, half, quarter] = [1, 2, 4].map(|s| [width / s, height / s]);
-        let map = |what, channels, size| Map::new(gpu, what, channels, size);
-        let x = map("unet x", INPUT, full)?;
-        let e1 = map("unet e1", INPUT, full)?;
-        let residual = gpu.allocate("residual", Map::bytes(3, full))?;
-        let u1 = map("unet u1", INPUT, full)?;
-        let d1 = map("unet d1", INPUT, full)?;
-        if gradients {
-            let (e2, b) = (map("unet e2", HALF, half)?, map("unet b", QUARTER, quarter)?);
-            let (u2, d2) = (map("unet u2", HALF, half)?, map("unet d2", HALF, half)?);
-            let kept = map("unet f", INPUT, full)?;
-            let training = Some(Training {
-                v_e1: map("unet v_e1", INPUT, full)?,
-                v_e2: map("unet v_e2", HALF, half)?,
-                partials: gpu.allocate("weight gradients", backward::partial_bytes(full))?,
-            });
-            return Ok(Self { x, e1, e2, b, u2, d2, u1, d1, kept, residual, training });
-        }
-        // What a layer reads never lies in the buffer that it writes: e2, u2 and then u1 share one, b, d2, d1 the other.
-        let alignment = u64::from(gpu.limits.min_storage_buffer_offset_alignment);
-        let e2 = u1.reuse(HALF, half, 0);
-        let u2 = u1.reuse(HALF, half, Map::bytes(HALF, half).next_multiple_of(alignment));
-        let (b, d2) = (d1.reuse(QUARTER, quarter, 0), d1.reuse(HALF, half, 0));
-        let kept = map("unet f", 0, full)?;
-        Ok(Self { x, e1, e2, b, u2, d2, u1, d1, kept, residual, training: None })
+    pub fn new(gpu: &Gpu, size: [u32; 2], keep: Keep, arithmetic: Arithmetic) -> Result<Self, GpuError> {
+        assert!(Self::fits(size), "the unet needs at least {MIN_SIDE} x {MIN_SIDE} pixels");
+        let units = gpu.matrix_units.filter(|_| arithmetic == Arithmetic::Half);
+        let (arithmetic, backend): (_, Box<dyn Backend>) = match units {
+            Some(units) => (Arithmetic::Half, Box::new(Half::new(gpu, units, size, keep)?)),
+            None => (Arithmetic::Full, Box::new(Full)),
+        };
+        let maps = Activations::new(gpu, arithmetic, size, keep)?;
+        let gradients = match keep {
+            Keep::Gradients => Some(Gradients::new(gpu, &maps, backend.partial_bytes(size))?),
+            Keep::Image => None,
+        };
+        let v_x = match arithmetic {
+            Arithmetic::Full => maps.f.buffer.clone(),
+            Arithmetic::Half => {
+                let pixels = if keep == Keep::Gradients { maps.x.pixels() } else { 1 };
+                gpu.allocate("unet v_x", 4 * INPUT as u64 * u64::from(pixels))?
+            }
+        };
+        Ok(Self { backend, maps, gradients, v_x })
     }
 
     /// Whether an image of this size is large enough.
@@ -195,46 +87,142 @@ impl UNet {
 
     /// Width and height in pixels.
     pub fn size(&self) -> [u32; 2] {
-        self.x.size
+        self.maps.x.size
     }
 
     /// Whether [`UNet::backward`] can run.
     pub fn has_gradients(&self) -> bool {
-        self.training.is_some()
+        self.gradients.is_some()
     }
 
-    /// The input, `[38][height * width]`, for the caller to write.
+    /// The input, to be written before every pass: float32 planes, `[38][height * width]`, or halves with channels last,
+    /// `[height * width][48]`.
     pub fn x(&self) -> &Buffer {
-        &self.x.buffer
+        &self.maps.x.buffer
+    }
+
+    /// Records the input.
+    pub fn record_input(&self, pass: &mut Pass, features: &Features, inputs: &FeatureInputs) {
+        match self.maps.x.arithmetic {
+            Arithmetic::Full => features.record(pass, inputs, self.x()),
+            Arithmetic::Half => features.record_half(pass, inputs, self.x()),
+        }
+    }
+
+    /// Writes the input from planes, `[38][height * width]`.
+    pub fn write_input(&self, gpu: &Gpu, planes: &[f32]) {
+        self.maps.x.write(gpu, planes);
     }
 
     /// The output of [`UNet::forward`], `[height * width * 3]`.
     pub fn residual(&self) -> &Buffer {
-        &self.residual
+        &self.maps.residual
     }
 
-    /// From x to the residual. `weights`: the network's flat weights ([`layers`]).
+    /// The gradient by the input after [`UNet::backward`], `[38][height * width]`.
+    pub fn v_x(&self) -> &Buffer {
+        &self.v_x
+    }
+
+    /// From the input to the residual. `weights`: the network's flat weights ([`layers`](super::layers)).
     pub fn forward(&self, pass: &mut Pass, weights: &Buffer) {
-        let Self { x, e1, e2, b, u2, d2, u1, d1, .. } = self;
-        conv(pass, weights, &layers::ENC1, &[x], e1);
-        conv(pass, weights, &layers::ENC2, &[e1], e2);
-        conv(pass, weights, &layers::ENC3, &[e2], b);
-        conv(pass, weights, &layers::UP2, &[b], u2);
-        conv(pass, weights, &layers::DEC2, &[u2, e2], d2);
-        conv(pass, weights, &layers::UP1, &[d2], u1);
-        conv(pass, weights, &layers::DEC1, &[u1, e1], d1);
-        let buffers = [weights, &d1.buffer, &x.buffer, &self.residual, &self.kept.buffer];
-        pass.groups(&RESIDUAL_HEAD, &buffers, bytes_of(&self.head_params()), x.pixels().div_ceil(HEAD_PIXELS));
+        let Activations { x, e1, e2, b, u2, d2, u1, d1, .. } = &self.maps;
+        self.backend.prepare(pass, weights);
+        let mut conv = |layer: &Layer, inputs: &[&Map], output: &Map| {
+            let channels = inputs.iter().map(|input| input.channels).sum();
+            assert_eq!([channels, output.channels], [layer.inputs, layer.outputs], "{}: channels", layer.name);
+            self.backend.conv(pass, weights, layer, inputs, output);
+        };
+        conv(&ENC1, &[x], e1);
+        conv(&ENC2, &[e1], e2);
+        conv(&ENC3, &[e2], b);
+        conv(&UP2, &[b], u2);
+        conv(&DEC2, &[u2, e2], d2);
+        conv(&UP1, &[d2], u1);
+        conv(&DEC1, &[u1, e1], d1);
+        self.backend.head(pass, weights, &self.maps);
     }
 
-    fn head_params(&self) -> HeadParams {
-        HeadParams {
-            pixels: self.x.pixels() as u32,
-            fuse: layers::FUSE.offset as u32,
-            fuse_bias: layers::FUSE.bias() as u32,
-            last: layers::FINAL.offset as u32,
-            last_bias: layers::FINAL.bias() as u32,
-            keep: u32::from(self.has_gradients()),
-        }
+    /// From `v_residual`, `[height * width * 3]`, to [`UNet::v_x`] and the U-Net's part of `v_weights` (from the
+    /// first weight of e1 to the end), which is assigned; the rest of `v_weights` is left alone.
+    ///
+    /// Consumes what the last [`UNet::forward`] kept (gradients replace activations): one backward for each forward,
+    /// with the same weights. Input and residual stay.
+    ///
+    /// # Panics
+    /// When made without gradients: a bug of ours.
+    pub fn backward(&self, pass: &mut Pass, weights: &Buffer, v_residual: &Buffer, v_weights: &Buffer) {
+        let (backend, maps) = (&*self.backend, &self.maps);
+        let gradients = self.gradients.as_ref().expect("an unet made with gradients");
+        let Activations { x, e1, e2, b, u2, d2, u1, d1, f, .. } = maps;
+        let Gradients { v_e1, v_e2, .. } = gradients;
+        let buffers = BackwardBuffers { maps, gradients, weights, v_residual, v_weights };
+        backend.head_backward(pass, &buffers);
+        // From here on d1 holds its gradient and f that of x; below u1, d2, u2 and b come to hold theirs in turn.
+        let mut back = Backward { backend, pass, buffers };
+        back.concatenated(&DEC1, d1, [u1, e1], v_e1);
+        back.enlarged(&UP1, u1, d2);
+        back.concatenated(&DEC2, d2, [u2, e2], v_e2);
+        back.enlarged(&UP2, u2, b);
+        back.pooled(&ENC3, b, e2, v_e2);
+        back.pooled(&ENC2, v_e2, e1, v_e1);
+        let [all, _] = ENC1.parts();
+        back.by_weights(all, v_e1, x);
+        back.by_input(all, v_e1, f, Store::Add);
+        backend.finish(pass, f, &self.v_x);
+    }
+}
+
+/// A backward pass on its way through the 3 x 3 layers. `v` is the gradient by a layer's output.
+struct Backward<'a, 'b, 'c> {
+    backend: &'a dyn Backend,
+    pass: &'b mut Pass<'c>,
+    buffers: BackwardBuffers<'a>,
+}
+
+impl Backward<'_, '_, '_> {
+    /// Gradient by a part of a layer's weights.
+    fn by_weights(&mut self, part: Part, v: &Map, input: &Map) {
+        assert_eq!((v.channels, input.channels), (part.layer.outputs, part.channels), "{}: channels", part.layer.name);
+        self.backend.weight_gradient(self.pass, &self.buffers, part, v, input);
+    }
+
+    /// Gradient by a part of a layer's inputs.
+    fn by_input(&mut self, part: Part, v: &Map, v_input: &Map, store: Store) {
+        assert_eq!(v.size, v_input.size, "{}: size", part.layer.name);
+        self.backend.input_gradient(self.pass, self.buffers.weights, part, v, v_input, store);
+    }
+
+    /// The same, of an input that has another size than the layer: into d1's memory, free by then.
+    fn by_resized_input(&mut self, part: Part, v: &Map) -> Map {
+        let v_input = self.buffers.maps.d1.reuse(part.channels, v.size, 0);
+        self.by_input(part, v, &v_input, Store::Assign);
+        v_input
+    }
+
+    /// A layer that reads two activations: the gradient takes the first one's place. The second is a skip connection,
+    /// whose gradient is completed later.
+    fn concatenated(&mut self, layer: &'static Layer, v: &Map, [activation, skipped]: [&Map; 2], v_skipped: &Map) {
+        let [first, second] = layer.parts();
+        self.by_weights(first, v, activation);
+        self.by_weights(second, v, skipped);
+        self.by_input(second, v, v_skipped, Store::Assign);
+        self.by_input(first, v, activation, Store::Mask);
+    }
+
+    /// A layer that reads an activation enlarged: the gradient takes its place.
+    fn enlarged(&mut self, layer: &'static Layer, v: &Map, activation: &Map) {
+        let [all, _] = layer.parts();
+        self.by_weights(all, v, activation);
+        let v_enlarged = self.by_resized_input(all, v);
+        self.backend.upsample_backward(self.pass, &v_enlarged, activation);
+    }
+
+    /// A layer that reads an activation's 2 x 2 maxima: completes its gradient.
+    fn pooled(&mut self, layer: &'static Layer, v: &Map, activation: &Map, v_activation: &Map) {
+        let [all, _] = layer.parts();
+        self.by_weights(all, v, activation);
+        let v_pooled = self.by_resized_input(all, v);
+        self.backend.pool_backward(self.pass, activation, &v_pooled, v_activation);
     }
 }

@@ -1,9 +1,9 @@
 //! Whether the matrix units are right and fast on this adapter: a test against the portable path when they are first wanted.
 
+use super::{Arithmetic, UNet};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
-use crate::residual::backend::{Arithmetic, Backend};
-use crate::residual::layers::{self, INPUT, UNET, WEIGHTS};
+use crate::residual::layers::{self, INPUT, WEIGHTS};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::{Duration, Instant};
@@ -34,7 +34,7 @@ impl WholeNumbers {
     pub fn new(width: u32, height: u32, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut weights = vec![0.0; WEIGHTS];
-        for layer in UNET {
+        for layer in layers::UNET {
             let last = [layers::FINAL.name, layers::FUSE.name, layers::DEC1.name].contains(&layer.name);
             let length = layer.inputs * layer.taps;
             for o in 0..layer.outputs {
@@ -61,7 +61,7 @@ type Results = [Vec<f32>; 3];
 /// A path with whole numbers to work on.
 struct Trial<'a> {
     gpu: &'a Gpu,
-    path: Backend,
+    unet: UNet,
     pixels: usize,
     weights: Buffer,
     v_residual: Buffer,
@@ -69,18 +69,13 @@ struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    fn new(
-        gpu: &'a Gpu,
-        [width, height]: [u32; 2],
-        numbers: &WholeNumbers,
-        arithmetic: Arithmetic,
-    ) -> Result<Self, GpuError> {
-        let path = Backend::new(gpu, [width, height], Keep::Gradients, arithmetic)?;
-        path.write_input(gpu, &numbers.planes);
+    fn new(gpu: &'a Gpu, size: [u32; 2], numbers: &WholeNumbers, arithmetic: Arithmetic) -> Result<Self, GpuError> {
+        let unet = UNet::new(gpu, size, Keep::Gradients, arithmetic)?;
+        unet.write_input(gpu, &numbers.planes);
         Ok(Self {
             gpu,
-            path,
-            pixels: width as usize * height as usize,
+            unet,
+            pixels: (size[0] * size[1]) as usize,
             weights: gpu.upload("weights", &numbers.weights)?,
             v_residual: gpu.upload("v_residual", &numbers.v_residual)?,
             v_weights: gpu.upload("v_weights", &vec![0.0f32; WEIGHTS])?,
@@ -93,8 +88,8 @@ impl<'a> Trial<'a> {
         self.gpu.wait()?;
         let start = Instant::now();
         let mut pass = Pass::new(self.gpu, "self-test");
-        self.path.forward(&mut pass, &self.weights);
-        self.path.backward(&mut pass, &self.weights, &self.v_residual, &self.v_weights);
+        self.unet.forward(&mut pass, &self.weights);
+        self.unet.backward(&mut pass, &self.weights, &self.v_residual, &self.v_weights);
         pass.submit();
         self.gpu.wait()?;
         Ok(start.elapsed())
@@ -103,8 +98,8 @@ impl<'a> Trial<'a> {
     fn results(&self) -> Result<Results, GpuError> {
         let read = |buffer, count| self.gpu.read(buffer, count);
         Ok([
-            read(self.path.residual(), 3 * self.pixels)?,
-            read(self.path.v_x(), INPUT * self.pixels)?,
+            read(self.unet.residual(), 3 * self.pixels)?,
+            read(self.unet.v_x(), INPUT * self.pixels)?,
             read(&self.v_weights, WEIGHTS)?,
         ])
     }

@@ -1,0 +1,93 @@
+//! What a backend of the U-Net does for each step of the schedule, and what both backends share.
+
+use super::memory::{Activations, Gradients, Map};
+use crate::gpu::{Buffer, Pass};
+use crate::residual::layers::{Layer, Part};
+
+/// Most workgroups that share the sums of one layer's weight gradient: two for each of a large GPU's 132
+/// multiprocessors.
+const MAX_SPLITS: u32 = 264;
+
+/// Workgroups that share `tiles` tiles; each has at least `fewest`.
+pub(super) fn splits(tiles: u32, fewest: u32) -> u32 {
+    tiles.div_ceil(fewest).min(MAX_SPLITS)
+}
+
+/// How a convolution reads its input; as in `shared/residual_source.wgsl`.
+#[derive(Clone, Copy)]
+pub(super) enum Mode {
+    Same,
+    Pooled,
+    Nearest,
+}
+
+impl Mode {
+    /// For an input of size `source` and a convolution of size `size`.
+    pub fn of(source: [u32; 2], size: [u32; 2]) -> Self {
+        match source[0].cmp(&size[0]) {
+            std::cmp::Ordering::Equal => Self::Same,
+            std::cmp::Ordering::Greater => Self::Pooled,
+            std::cmp::Ordering::Less => Self::Nearest,
+        }
+    }
+}
+
+/// What becomes of a convolution's sums; as in `residual_conv.wgsl` and `half_conv.wgsl`.
+#[derive(Clone, Copy)]
+pub(super) enum Store {
+    /// The activation: with bias and ReLU.
+    Relu,
+    Assign,
+    Add,
+    /// Back through the ReLU: the gradient takes the place of an activation where that is positive, else zero does.
+    Mask,
+}
+
+/// What a backward pass reads and writes.
+#[derive(Clone, Copy)]
+pub(super) struct BackwardBuffers<'a> {
+    pub maps: &'a Activations,
+    pub gradients: &'a Gradients,
+    /// The network's flat weights.
+    pub weights: &'a Buffer,
+    /// Gradient by the residual, `[height * width * 3]`.
+    pub v_residual: &'a Buffer,
+    /// Gradient by the flat weights.
+    pub v_weights: &'a Buffer,
+}
+
+/// The operations of the U-Net's layers in one arithmetic. Each records its kernels into the pass.
+pub(super) trait Backend: std::fmt::Debug + Send + Sync {
+    /// Before the first layer: brings the weights into the order in which the forward pass reads them.
+    fn prepare(&self, _pass: &mut Pass, _weights: &Buffer) {}
+
+    /// A 3 x 3 layer over one or two activations (two: their concatenation), with ReLU. A larger activation is read
+    /// through the 2 x 2 maximum, a smaller one through the enlargement by nearest.
+    fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map);
+
+    /// The last two layers: from d1 and x to the residual, and to f where it is kept.
+    fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations);
+
+    /// First of the backward pass, back through the last two layers: their weight gradients, then d1 becomes its
+    /// gradient, and f their part of the gradient by x. Until then v_e1 is free for other values.
+    fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers);
+
+    /// Gradient by the weights of a part of a layer's inputs, and with the first part by its biases. `v` is the gradient
+    /// by the layer's output.
+    fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map);
+
+    /// Gradient by a part of a 3 x 3 layer's inputs, at the layer's size.
+    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store);
+
+    /// Through the 2 x 2 maximum and the ReLU of `activation`: completes and masks its gradient `v`.
+    fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map);
+
+    /// Through the enlargement and the ReLU: the gradient takes the place of the activation `v`.
+    fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map);
+
+    /// Last of the backward pass: the gradient by x, which f holds by now, to float32 planes; nothing where f is `v_x`.
+    fn finish(&self, _pass: &mut Pass, _f: &Map, _v_x: &Buffer) {}
+
+    /// Bytes of the partial sums of any layer's weight gradient, for images of `size` pixels.
+    fn partial_bytes(&self, size: [u32; 2]) -> u64;
+}

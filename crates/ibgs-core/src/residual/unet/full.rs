@@ -1,0 +1,159 @@
+//! The U-Net's layers in float32, on any adapter. Activations are planes, `[channel][row][column]`.
+
+use super::backend::{Backend, BackwardBuffers, Mode, Store, splits};
+use super::memory::{Activations, Map};
+use crate::gpu::{Buffer, Pass};
+use crate::raster::Keep;
+use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part};
+use bytemuck::bytes_of;
+use ibgs_shaders::types::{ConvParams, ConvWeightsParams, HeadParams, PoolParams, SumParams, UpsampleParams};
+use ibgs_shaders::{
+    RESIDUAL_CONV, RESIDUAL_CONV_WEIGHTS, RESIDUAL_HEAD, RESIDUAL_HEAD_BACKWARD, RESIDUAL_HEAD_WEIGHTS,
+    RESIDUAL_POOL_BACKWARD, RESIDUAL_SUM, RESIDUAL_UPSAMPLE_BACKWARD,
+};
+
+/// Columns of a convolution's workgroup, and rows of one of its row groups.
+const CONV_TILE: [u32; 2] = [32, 8];
+/// Outputs a thread of a convolution owns.
+const CONV_OUTPUTS: u32 = 20;
+/// Pixels of a workgroup of the head.
+const HEAD_PIXELS: u32 = 512;
+/// Fewest tiles for a workgroup of its own.
+const MIN_TILES: u32 = 8;
+/// Values of the longest row of partial sums: 38 x 38 x 9 weights and 38 biases.
+const LONGEST_ROW: u64 = (9 * INPUT * INPUT + INPUT) as u64;
+
+/// Float32.
+#[derive(Debug)]
+pub(super) struct Full;
+
+/// Tiles of 16 x 2 pixels, those of `residual_conv_weights`.
+fn conv_tiles(size: [u32; 2]) -> u32 {
+    size[0].div_ceil(16) * size[1].div_ceil(2)
+}
+
+/// A convolution; `params` say which weights and biases.
+fn conv(pass: &mut Pass, weights: &Buffer, inputs: &[&Map], output: &Map, store: Store, params: ConvParams) {
+    let (a, b) = (inputs[0], inputs.get(1).copied());
+    let outputs = output.channels as u32;
+    let groups = outputs.div_ceil(CONV_OUTPUTS);
+    assert!((1..=2).contains(&groups), "one launch has at most 40 outputs");
+    let params = ConvParams {
+        size: output.size,
+        source: a.size,
+        mode: Mode::of(a.size, output.size) as u32,
+        channels_a: a.channels as u32,
+        channels_b: b.map_or(0, |m| m.channels as u32),
+        outputs,
+        store: store as u32,
+        groups,
+        ..params
+    };
+    let grid = [output.size[0].div_ceil(CONV_TILE[0]), output.size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1];
+    let buffers = [weights, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
+    pass.grid(&RESIDUAL_CONV, &buffers, bytes_of(&params), grid);
+}
+
+fn head_params(maps: &Activations) -> HeadParams {
+    HeadParams {
+        pixels: maps.x.pixels(),
+        fuse: FUSE.offset as u32,
+        fuse_bias: FUSE.bias() as u32,
+        last: FINAL.offset as u32,
+        last_bias: FINAL.bias() as u32,
+        keep: u32::from(maps.keep == Keep::Gradients),
+    }
+}
+
+/// Adds the rows of partial sums, `values` in all that are wanted.
+fn sum(pass: &mut Pass, buffers: &BackwardBuffers, params: SumParams, values: u32) {
+    let bound = [&buffers.gradients.partials, buffers.v_weights];
+    pass.groups(&RESIDUAL_SUM, &bound, bytes_of(&params), values.div_ceil(32) as usize);
+}
+
+impl Backend for Full {
+    fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
+        let params = ConvParams {
+            weights: layer.offset as u32,
+            stride_out: layer.row() as u32,
+            stride_in: 9,
+            bias: layer.bias() as u32,
+            ..Default::default()
+        };
+        conv(pass, weights, inputs, output, Store::Relu, params);
+    }
+
+    fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations) {
+        let params = head_params(maps);
+        let buffers = [weights, &maps.d1.buffer, &maps.x.buffer, &maps.residual, &maps.f.buffer];
+        pass.groups(&RESIDUAL_HEAD, &buffers, bytes_of(&params), params.pixels.div_ceil(HEAD_PIXELS) as usize);
+    }
+
+    fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
+        let BackwardBuffers { maps, gradients, weights, v_residual, .. } = *buffers;
+        let params = head_params(maps);
+        let (d1, x, f) = (&maps.d1.buffer, &maps.x.buffer, &maps.f.buffer);
+        // Light workgroups: twice as many fit a multiprocessor, and their rows of sums are a quarter as long.
+        let splits = 2 * splits(params.pixels.div_ceil(32), MIN_TILES);
+        let bound = [weights, d1, x, f, v_residual, &gradients.partials];
+        pass.grid(&RESIDUAL_HEAD_WEIGHTS, &bound, bytes_of(&params), [splits, 1, 1]);
+        // The two layers follow each other in the flat weights as in a row of partial sums.
+        let length = (FINAL.end() - FUSE.offset) as u32;
+        let target_offset = FUSE.offset as u32;
+        let row = SumParams { splits, stride: length, rows: 1, length, target_offset, ..Default::default() };
+        sum(pass, buffers, row, length);
+        let groups = params.pixels.div_ceil(HEAD_PIXELS) as usize;
+        pass.groups(&RESIDUAL_HEAD_BACKWARD, &[weights, v_residual, d1, f], bytes_of(&params), groups);
+    }
+
+    fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
+        let (inputs, outputs) = (input.channels as u32, v.channels as u32);
+        let splits = splits(conv_tiles(v.size), MIN_TILES);
+        let mode = Mode::of(input.size, v.size) as u32;
+        let params = ConvWeightsParams { size: v.size, source: input.size, mode, inputs, outputs, splits };
+        let bound = [&v.buffer, &input.buffer, &buffers.gradients.partials];
+        pass.grid(&RESIDUAL_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, 1, 1]);
+        let length = 9 * inputs;
+        let biases = if part.first == 0 { outputs } else { 0 };
+        let rows = SumParams {
+            splits,
+            stride: outputs * (length + 1),
+            rows: outputs,
+            length,
+            target_offset: part.offset() as u32,
+            target_stride: part.layer.row() as u32,
+            bias: part.layer.bias() as u32,
+            biases,
+        };
+        sum(pass, buffers, rows, outputs * length + biases);
+    }
+
+    /// The same convolution with strides exchanged and taps turned.
+    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store) {
+        let params = ConvParams {
+            weights: part.offset() as u32,
+            stride_out: 9,
+            stride_in: part.layer.row() as u32,
+            turned: 1,
+            ..Default::default()
+        };
+        conv(pass, weights, &[v], v_input, store, params);
+    }
+
+    fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map) {
+        let params = PoolParams { size: v.size, channels: v.channels as u32, pad: 0 };
+        let buffers = [&activation.buffer, &v_pooled.buffer, &v.buffer];
+        pass.linear(&RESIDUAL_POOL_BACKWARD, &buffers, bytes_of(&params), v.channels * v.pixels() as usize);
+    }
+
+    fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map) {
+        let params = UpsampleParams { size: v_enlarged.size, source: v.size, channels: v.channels as u32, pad: 0 };
+        let buffers = [&v_enlarged.buffer, &v.buffer];
+        pass.linear(&RESIDUAL_UPSAMPLE_BACKWARD, &buffers, bytes_of(&params), v.channels * v.pixels() as usize);
+    }
+
+    fn partial_bytes(&self, size: [u32; 2]) -> u64 {
+        // The head has twice as many rows a quarter as long, and its blocks of 32 pixels are no more than the tiles.
+        4 * LONGEST_ROW * u64::from(splits(conv_tiles(size), MIN_TILES))
+    }
+}

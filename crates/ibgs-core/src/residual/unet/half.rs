@@ -1,0 +1,288 @@
+//! The U-Net's layers in half precision on the adapter's matrix units.
+//!
+//! Activations are channels last, `[pixel][channel]`, padded to a multiple of 16 channels; products of halves are summed
+//! in float32. Gradients are multiplied by a scale while they are halves, so that the smallest ones that matter have all
+//! their digits.
+
+use super::Arithmetic;
+use super::backend::{Backend, BackwardBuffers, Mode, Store, splits};
+use super::memory::{Activations, Map, padded};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::raster::Keep;
+use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part, UNET};
+use bytemuck::bytes_of;
+use ibgs_shaders::types::{
+    HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
+    HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeightsParams,
+};
+use ibgs_shaders::{
+    HALF_CONV, HALF_CONV_WEIGHTS, HALF_HEAD, HALF_HEAD_BACKWARD, HALF_HEAD_GRADIENT, HALF_POOL_BACKWARD, HALF_SUM,
+    HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits,
+};
+
+/// Rows of a convolution's workgroup.
+const ROWS: u32 = 16;
+/// Subgroups of a workgroup.
+const SUBGROUPS: u32 = 4;
+/// Fewest tiles for a workgroup of its own.
+const MIN_TILES: u32 = 4;
+/// Rows of a tile of `half_conv_weights`.
+const TILE_ROWS: u32 = 4;
+
+/// A layer's weights as a convolution on the matrix units reads them: forward, or for the gradient by an input.
+#[derive(Clone, Copy, Debug)]
+struct Packed {
+    weights: HalfWeightsParams,
+    bias: u32,
+}
+
+impl Packed {
+    /// Forward.
+    fn forward(layer: &Layer, units: MatrixUnits) -> Self {
+        let [first, second] = layer.read;
+        let weights = HalfWeightsParams {
+            weights: layer.offset as u32,
+            stride_out: layer.row() as u32,
+            stride_in: layer.taps as u32,
+            taps: layer.taps as u32,
+            turned: 0,
+            channels_a: first as u32,
+            padded_a: padded(first),
+            channels_b: second as u32,
+            padded: padded(first) + padded(second),
+            outputs: layer.outputs as u32,
+            groups: if *layer == FINAL { 1 } else { 3 * triples(layer.outputs, units) },
+            into: 0,
+        };
+        Self { weights, bias: layer.bias() as u32 }
+    }
+
+    /// For the gradient by a part of the inputs: strides exchanged and taps turned.
+    fn turned(part: Part, units: MatrixUnits) -> Self {
+        let layer = part.layer;
+        let weights = HalfWeightsParams {
+            weights: part.offset() as u32,
+            stride_out: layer.taps as u32,
+            stride_in: layer.row() as u32,
+            taps: layer.taps as u32,
+            turned: 1,
+            channels_a: layer.outputs as u32,
+            padded_a: padded(layer.outputs),
+            channels_b: 0,
+            padded: padded(layer.outputs),
+            outputs: part.channels as u32,
+            groups: 3 * triples(part.channels, units),
+            into: 0,
+        };
+        Self { weights, bias: 0 }
+    }
+
+    /// Groups of 4 that the packed weights take.
+    fn quads(&self, units: MatrixUnits) -> u32 {
+        self.weights.taps * self.weights.padded * self.weights.groups * units.side / 4
+    }
+}
+
+/// Those that begin with this weight of the flat ones.
+fn find(packed: &[Packed], first: usize) -> &Packed {
+    packed.iter().find(|packed| packed.weights.weights == first as u32).expect("every layer's weights are packed")
+}
+
+/// Groups of three matrices' sides of channels: what a workgroup makes.
+fn triples(channels: usize, units: MatrixUnits) -> u32 {
+    (channels as u32).div_ceil(3 * units.side)
+}
+
+/// Values a pixel with padding, divided by 4.
+fn quads(map: &Map) -> u32 {
+    padded(map.channels) / 4
+}
+
+/// Half precision on matrix units.
+#[derive(Debug)]
+pub(super) struct Half {
+    units: MatrixUnits,
+    /// All packed weights, one behind the other.
+    packed: Buffer,
+    forward: Vec<Packed>,
+    /// For the gradients by the inputs of the 3 x 3 layers, last layer first; empty without gradients.
+    turned: Vec<Packed>,
+    /// The gradient by the residual; none without gradients.
+    v_residual: Option<Map>,
+    /// Of the gradients while they are halves. A mean over all values makes the residual's gradients of the size of one
+    /// over their number.
+    scale: f32,
+}
+
+impl Half {
+    /// # Errors
+    /// Not enough memory, or more than the device binds at once.
+    pub fn new(gpu: &Gpu, units: MatrixUnits, size: [u32; 2], keep: Keep) -> Result<Self, GpuError> {
+        let mut forward: Vec<_> = UNET.iter().map(|layer| Packed::forward(layer, units)).collect();
+        let (mut turned, mut v_residual) = (Vec::new(), None);
+        if keep == Keep::Gradients {
+            let parts = UNET.iter().rev().filter(|layer| layer.taps == 9).flat_map(Layer::parts);
+            turned.extend(parts.filter(|part| part.channels > 0).map(|part| Packed::turned(part, units)));
+            v_residual = Some(Map::new(gpu, "residual gradients", Arithmetic::Half, FINAL.outputs, size)?);
+        }
+        let mut length = 0;
+        for packed in forward.iter_mut().chain(&mut turned) {
+            packed.weights.into = length;
+            length += packed.quads(units);
+        }
+        let packed = gpu.allocate("packed weights", 8 * u64::from(length))?;
+        // A power of two costs no digit.
+        let scale = 16.0 * (3 * size[0] * size[1]).next_power_of_two() as f32;
+        Ok(Self { units, packed, forward, turned, v_residual, scale })
+    }
+
+    fn pack(&self, pass: &mut Pass, weights: &Buffer, all: &[Packed]) {
+        for packed in all {
+            let quads = packed.quads(self.units) as usize;
+            pass.linear(&HALF_WEIGHTS, &[weights, &self.packed], bytes_of(&packed.weights), quads);
+        }
+    }
+
+    fn conv3x3(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed, inputs: &[&Map], output: &Map, store: Store) {
+        let (a, b) = (inputs[0], inputs.get(1).copied());
+        assert_eq!(a.channels as u32, packed.weights.channels_a, "inputs of a convolution");
+        assert_eq!(output.channels as u32, packed.weights.outputs, "outputs of a convolution");
+        let params = HalfConvParams {
+            size: output.size,
+            source: a.size,
+            mode: Mode::of(a.size, output.size) as u32,
+            quads_a: quads(a),
+            quads_b: b.map_or(0, quads),
+            quads_out: quads(output),
+            outputs: output.channels as u32,
+            bias: packed.bias,
+            packed: packed.weights.into,
+            packed_groups: packed.weights.groups,
+            store: store as u32,
+            pad: 0,
+        };
+        let side = self.units.side;
+        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(ROWS), packed.weights.groups / 3];
+        let buffers = [weights, &self.packed, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
+        pass.grid(&HALF_CONV, &buffers, bytes_of(&params), grid);
+    }
+
+    /// Workgroups of the head's kernels.
+    fn head_groups(&self, x: &Map) -> usize {
+        x.pixels().div_ceil(SUBGROUPS * self.units.side) as usize
+    }
+
+    /// Workgroups that share the tiles of a layer's size.
+    fn splits(&self, size: [u32; 2]) -> u32 {
+        splits(size[0].div_ceil(self.units.side) * size[1].div_ceil(TILE_ROWS), MIN_TILES)
+    }
+}
+
+/// Back through a change of size, to the gradient `v`.
+fn resize(pass: &mut Pass, kernel: &'static Kernel, buffers: &[&Buffer], [size, source]: [[u32; 2]; 2], v: &Map) {
+    let params = HalfResizeParams { size, source, quads: quads(v), pad: 0 };
+    pass.linear(kernel, buffers, bytes_of(&params), (params.quads * v.pixels()) as usize);
+}
+
+impl Backend for Half {
+    fn prepare(&self, pass: &mut Pass, weights: &Buffer) {
+        self.pack(pass, weights, &self.forward);
+    }
+
+    fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
+        self.conv3x3(pass, weights, find(&self.forward, layer.offset), inputs, output, Store::Relu);
+    }
+
+    fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations) {
+        let [fuse, last] = [FUSE, FINAL].map(|layer| find(&self.forward, layer.offset));
+        let params = HalfHeadParams {
+            pixels: maps.x.pixels(),
+            fuse_bias: fuse.bias,
+            fuse: fuse.weights.into,
+            last_bias: last.bias,
+            last: last.weights.into,
+            keep: u32::from(maps.keep == Keep::Gradients),
+        };
+        let Activations { x, d1, f, residual, .. } = maps;
+        let buffers = [weights, &self.packed, &d1.buffer, &x.buffer, residual, &f.buffer];
+        pass.groups(&HALF_HEAD, &buffers, bytes_of(&params), self.head_groups(x));
+    }
+
+    fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
+        self.pack(pass, buffers.weights, &self.turned);
+        let Activations { x, d1, f, .. } = buffers.maps;
+        let v_residual = self.v_residual.as_ref().expect("an unet made with gradients");
+        let v_f = &buffers.gradients.v_e1;
+        let (pixels, groups) = (x.pixels(), self.head_groups(x));
+        let params = HalfHeadGradientParams { pixels, last: FINAL.offset as u32, scale: self.scale };
+        let bound = [buffers.weights, buffers.v_residual, &f.buffer, &v_residual.buffer, &v_f.buffer];
+        pass.linear(&HALF_HEAD_GRADIENT, &bound, bytes_of(&params), pixels as usize);
+        let ([by_f, _], [by_d1, by_x]) = (FINAL.parts(), FUSE.parts());
+        self.weight_gradient(pass, buffers, by_f, v_residual, f);
+        self.weight_gradient(pass, buffers, by_d1, v_f, d1);
+        self.weight_gradient(pass, buffers, by_x, v_f, x);
+        let params = HalfHeadBackwardParams { pixels, fuse: find(&self.forward, FUSE.offset).weights.into };
+        let bound = [&self.packed, &v_f.buffer, &d1.buffer, &f.buffer];
+        pass.groups(&HALF_HEAD_BACKWARD, &bound, bytes_of(&params), groups);
+    }
+
+    fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
+        let (layer, partials) = (part.layer, &buffers.gradients.partials);
+        let (inputs, outputs, taps) = (input.channels as u32, v.channels as u32, layer.taps as u32);
+        let splits = self.splits(v.size);
+        let params = HalfConvWeightsParams {
+            size: v.size,
+            source: input.size,
+            mode: Mode::of(input.size, v.size) as u32,
+            inputs,
+            quads_in: quads(input),
+            quads_out: quads(v),
+            splits,
+            pad: 0,
+        };
+        // The padding's first channel counts as 1 in the sums.
+        let [groups_in, groups_out] = [input.channels + 1, v.channels].map(|channels| triples(channels, self.units));
+        let bound = [&v.buffer, &input.buffer, partials];
+        pass.grid(&HALF_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, groups_in, groups_out]);
+        let sum = HalfSumParams {
+            splits,
+            groups_in,
+            groups_out,
+            taps,
+            inputs,
+            outputs,
+            into: part.offset() as u32,
+            stride: layer.row() as u32,
+            bias: if part.first == 0 { layer.bias() as u32 } else { 0 },
+            unscale: self.scale.recip(),
+        };
+        let group = 3 * self.units.side;
+        let values = groups_in * groups_out * taps * group * group;
+        pass.groups(&HALF_SUM, &[partials, buffers.v_weights], bytes_of(&sum), values.div_ceil(32) as usize);
+    }
+
+    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store) {
+        self.conv3x3(pass, weights, find(&self.turned, part.offset()), &[v], v_input, store);
+    }
+
+    fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map) {
+        let buffers = [&activation.buffer, &v_pooled.buffer, &v.buffer];
+        resize(pass, &HALF_POOL_BACKWARD, &buffers, [v.size, v_pooled.size], v);
+    }
+
+    fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map) {
+        resize(pass, &HALF_UPSAMPLE_BACKWARD, &[&v_enlarged.buffer, &v.buffer], [v_enlarged.size, v.size], v);
+    }
+
+    fn finish(&self, pass: &mut Pass, f: &Map, v_x: &Buffer) {
+        let pixels = f.pixels();
+        let params = HalfUnpackParams { pixels, channels: INPUT as u32, quads: quads(f), unscale: self.scale.recip() };
+        pass.linear(&HALF_UNPACK, &[&f.buffer, v_x], bytes_of(&params), pixels as usize);
+    }
+
+    fn partial_bytes(&self, size: [u32; 2]) -> u64 {
+        let group = 3 * self.units.side;
+        let blocks = triples(INPUT + 1, self.units) * triples(INPUT, self.units) * 9;
+        4 * u64::from(blocks * group * group) * u64::from(self.splits(size))
+    }
+}
