@@ -10,7 +10,6 @@ use crate::reference::whole_loss::{Case, CaseGrads, LAMBDA, Losses, NAMES, NORMA
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::Exposer;
-use ibgs_core::raster::Surface;
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Factor, Precision, Residual, ResidualTask, Variant};
 use ibgs_core::sources::DevicePhoto;

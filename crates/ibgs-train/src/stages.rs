@@ -15,7 +15,7 @@ use ibgs_core::config::{AdamConfig, TrainConfig};
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::pool::Lease;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
-use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room, Surface};
+use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room};
 use ibgs_core::render::{ImageOptions, ImagePart};
 use ibgs_core::residual::layers::WEIGHTS;
 use ibgs_core::residual::weights::NetworkError;

@@ -23,9 +23,10 @@ use super::features::{FeatureInputs, Features};
 use super::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, INPUT, Layer, Part, UP1, UP2};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
-use backend::{Backend, BackwardBuffers, Store};
+use backend::{Backend, BackwardBuffers};
 use full::Full;
 use half::Half;
+use ibgs_shaders::Store;
 use memory::{Activations, Gradients, Map};
 
 /// Smallest width and height: a quarter of it is one pixel.

@@ -3,6 +3,7 @@
 use super::memory::{Activations, Gradients, Map};
 use crate::gpu::{Buffer, Pass};
 use crate::residual::layers::{Layer, Part};
+use ibgs_shaders::{ConvInput, Store};
 
 /// Most workgroups that share the sums of one layer's weight gradient: two for each of a large GPU's 132
 /// multiprocessors.
@@ -13,34 +14,13 @@ pub(super) fn splits(tiles: u32, fewest: u32) -> u32 {
     tiles.div_ceil(fewest).min(MAX_SPLITS)
 }
 
-/// How a convolution reads its input; as in `shared/residual_source.wgsl`.
-#[derive(Clone, Copy)]
-pub(super) enum Mode {
-    Same,
-    Pooled,
-    Nearest,
-}
-
-impl Mode {
-    /// For an input of size `source` and a convolution of size `size`.
-    pub fn of(source: [u32; 2], size: [u32; 2]) -> Self {
-        match source[0].cmp(&size[0]) {
-            std::cmp::Ordering::Equal => Self::Same,
-            std::cmp::Ordering::Greater => Self::Pooled,
-            std::cmp::Ordering::Less => Self::Nearest,
-        }
+/// How a convolution of size `size` reads an input of size `source`.
+pub(super) fn conv_input(source: [u32; 2], size: [u32; 2]) -> ConvInput {
+    match source[0].cmp(&size[0]) {
+        std::cmp::Ordering::Equal => ConvInput::Same,
+        std::cmp::Ordering::Greater => ConvInput::Pooled,
+        std::cmp::Ordering::Less => ConvInput::Nearest,
     }
-}
-
-/// What becomes of a convolution's sums; as in `residual_conv.wgsl` and `half_conv.wgsl`.
-#[derive(Clone, Copy)]
-pub(super) enum Store {
-    /// The activation: with bias and ReLU.
-    Relu,
-    Assign,
-    Add,
-    /// Back through the ReLU: the gradient takes the place of an activation where that is positive, else zero does.
-    Mask,
 }
 
 /// What a backward pass reads and writes.

@@ -1,6 +1,6 @@
 //! The U-Net's layers in float32, on any adapter. Activations are planes, `[channel][row][column]`.
 
-use super::backend::{Backend, BackwardBuffers, Mode, Store, splits};
+use super::backend::{Backend, BackwardBuffers, conv_input, splits};
 use super::memory::{Activations, Map};
 use crate::gpu::{Buffer, Pass};
 use crate::raster::Keep;
@@ -9,7 +9,7 @@ use bytemuck::bytes_of;
 use ibgs_shaders::types::{ConvParams, ConvWeightsParams, HeadParams, PoolParams, SumParams, UpsampleParams};
 use ibgs_shaders::{
     RESIDUAL_CONV, RESIDUAL_CONV_WEIGHTS, RESIDUAL_HEAD, RESIDUAL_HEAD_BACKWARD, RESIDUAL_HEAD_WEIGHTS,
-    RESIDUAL_POOL_BACKWARD, RESIDUAL_SUM, RESIDUAL_UPSAMPLE_BACKWARD,
+    RESIDUAL_POOL_BACKWARD, RESIDUAL_SUM, RESIDUAL_UPSAMPLE_BACKWARD, Store,
 };
 
 /// Columns of a convolution's workgroup, and rows of one of its row groups.
@@ -41,7 +41,7 @@ fn conv(pass: &mut Pass, weights: &Buffer, inputs: &[&Map], output: &Map, store:
     let params = ConvParams {
         size: output.size,
         source: a.size,
-        mode: Mode::of(a.size, output.size) as u32,
+        mode: conv_input(a.size, output.size) as u32,
         channels_a: a.channels as u32,
         channels_b: b.map_or(0, |m| m.channels as u32),
         outputs,
@@ -109,7 +109,7 @@ impl Backend for Full {
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
         let (inputs, outputs) = (input.channels as u32, v.channels as u32);
         let splits = splits(conv_tiles(v.size), MIN_TILES);
-        let mode = Mode::of(input.size, v.size) as u32;
+        let mode = conv_input(input.size, v.size) as u32;
         let params = ConvWeightsParams { size: v.size, source: input.size, mode, inputs, outputs, splits };
         let bound = [&v.buffer, &input.buffer, &buffers.gradients.partials];
         pass.grid(&RESIDUAL_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, 1, 1]);

@@ -5,7 +5,7 @@
 //! their digits.
 
 use super::Arithmetic;
-use super::backend::{Backend, BackwardBuffers, Mode, Store, splits};
+use super::backend::{Backend, BackwardBuffers, conv_input, splits};
 use super::memory::{Activations, Map, padded};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
@@ -17,7 +17,7 @@ use ibgs_shaders::types::{
 };
 use ibgs_shaders::{
     HALF_CONV, HALF_CONV_WEIGHTS, HALF_HEAD, HALF_HEAD_BACKWARD, HALF_HEAD_GRADIENT, HALF_POOL_BACKWARD, HALF_SUM,
-    HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits,
+    HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits, Store,
 };
 
 /// Rows of a convolution's workgroup.
@@ -150,7 +150,7 @@ impl Half {
         let params = HalfConvParams {
             size: output.size,
             source: a.size,
-            mode: Mode::of(a.size, output.size) as u32,
+            mode: conv_input(a.size, output.size) as u32,
             quads_a: quads(a),
             quads_b: b.map_or(0, quads),
             quads_out: quads(output),
@@ -233,7 +233,7 @@ impl Backend for Half {
         let params = HalfConvWeightsParams {
             size: v.size,
             source: input.size,
-            mode: Mode::of(input.size, v.size) as u32,
+            mode: conv_input(input.size, v.size) as u32,
             inputs,
             quads_in: quads(input),
             quads_out: quads(v),

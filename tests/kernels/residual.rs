@@ -1,6 +1,6 @@
-//! The U-Net against its twin, forward and backward.
+//! The U-Net in float32 against its twin, forward and backward; `half` tests the same on matrix units.
 
-use crate::common::{gpu, skipped, values};
+use crate::common::{gpu, values};
 use crate::reference::finite::assert_gradient;
 use crate::reference::random_scene::exact;
 use crate::reference::relative_error;
@@ -15,7 +15,6 @@ use ibgs_core::raster::Keep;
 use ibgs_core::residual::layers::{
     DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UNET, UP1, UP2, WEIGHTS,
 };
-use ibgs_core::residual::unet::choice::{self, WholeNumbers};
 use ibgs_core::residual::{Arithmetic, UNet};
 use ibgs_train::tensor::device;
 use rand::{Rng, SeedableRng};
@@ -27,7 +26,7 @@ fn uniform(count: usize, limit: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
 }
 
 /// The default initialisation of the network: uniform in +-1/sqrt(fan_in).
-fn random_weights(seed: u64) -> Vec<f64> {
+pub(super) fn random_weights(seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let layer = |l: &Layer| {
         let limit = 1.0 / ((l.inputs * l.taps) as f64).sqrt();
@@ -37,33 +36,33 @@ fn random_weights(seed: u64) -> Vec<f64> {
 }
 
 /// Random x and v_residual (three planes).
-fn random_maps(width: usize, height: usize, seed: u64) -> (Map, Map) {
+pub(super) fn random_maps(width: usize, height: usize, seed: u64) -> (Map, Map) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut planes = |channels| Map::new(uniform(channels * width * height, 1.0, &mut rng), width, height);
     (planes(INPUT), planes(3))
 }
 
-fn single(values: &[f64]) -> Vec<f32> {
+pub(super) fn single(values: &[f64]) -> Vec<f32> {
     values.iter().map(|v| *v as f32).collect()
 }
 
-fn double(values: &[f32]) -> Vec<f64> {
+pub(super) fn double(values: &[f32]) -> Vec<f64> {
     values.iter().map(|v| f64::from(*v)).collect()
 }
 
 /// Planes to an interleaved image.
-fn interleaved(map: &Map) -> Vec<f64> {
+pub(super) fn interleaved(map: &Map) -> Vec<f64> {
     let n = map.width * map.height;
     (0..3 * n).map(|i| map.data[(i % 3) * n + i / 3]).collect()
 }
 
 /// What stands in `v_weights` before the backward pass.
-const UNTOUCHED: f32 = 7.0;
+pub(super) const UNTOUCHED: f32 = 7.0;
 
-struct OnGpu {
-    residual: Vec<f32>,
-    v_x: Vec<f32>,
-    v_weights: Vec<f32>,
+pub(super) struct OnGpu {
+    pub residual: Vec<f32>,
+    pub v_x: Vec<f32>,
+    pub v_weights: Vec<f32>,
 }
 
 fn unet(gpu: &Gpu, x: &Map, keep: Keep, arithmetic: Arithmetic) -> UNet {
@@ -74,7 +73,7 @@ fn unet(gpu: &Gpu, x: &Map, keep: Keep, arithmetic: Arithmetic) -> UNet {
     unet
 }
 
-fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: Arithmetic) -> Vec<f32> {
+pub(super) fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: Arithmetic) -> Vec<f32> {
     let gpu = gpu();
     let unet = unet(&gpu, x, keep, arithmetic);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
@@ -85,7 +84,7 @@ fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: Arithmetic) 
 }
 
 /// Forward and backward, twice over: the second time must not see anything of the first.
-fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Arithmetic) -> OnGpu {
+pub(super) fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Arithmetic) -> OnGpu {
     let gpu = gpu();
     let n = x.width * x.height;
     let unet = unet(&gpu, x, Keep::Gradients, arithmetic);
@@ -289,84 +288,4 @@ fn unet_speed() {
         // Repeated without a forward in between the numbers are meaningless, the work is the same.
         run("backward", &|pass| path.backward(pass, &weights, &v_residual, &v_weights));
     }
-}
-
-/// Forward and backward on the matrix units; none where the adapter has none.
-fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> {
-    gpu().matrix_units?;
-    let ours = on_gpu(weights, x, v_residual, Arithmetic::Half);
-    let rendered = forward_on_gpu(weights, x, Keep::Image, Arithmetic::Half);
-    assert_eq!(rendered, ours.residual, "the memory plan does not matter");
-    Some(ours)
-}
-
-/// Weights and maps that halves hold without any rounding.
-fn whole_numbers(width: usize, height: usize, seed: u64) -> (Vec<f64>, Map, Map) {
-    let numbers = WholeNumbers::new(width as u32, height as u32, seed);
-    let n = width * height;
-    let v_residual = (0..3 * n).map(|i| f64::from(numbers.v_residual[(i % n) * 3 + i / n])).collect();
-    let planes = Map::new(double(&numbers.planes), width, height);
-    (double(&numbers.weights), planes, Map::new(v_residual, width, height))
-}
-
-fn assert_near(what: &str, ours: &[f32], twin: &[f64], tolerance: f64) {
-    assert!(twin.iter().any(|v| *v != 0.0), "{what}: the twin's values are zero");
-    let error = relative_error(&double(ours), twin);
-    println!("{what}: {error:.1e}");
-    assert!(error <= tolerance, "{what}: relative error {error:e}");
-}
-
-/// Why a test of the matrix units does not run.
-const NO_UNITS: &str = "this adapter has no matrix units that fit";
-
-const MATRIX_SIZES: [(usize, usize); 5] = [(4, 4), (17, 9), (33, 18), (64, 48), (75, 53)];
-
-/// The path through matrix units keeps weights and activations in half precision and sums in float32: the residual must be as
-/// near to the twin as that rounding, at any size. Of random gradients nothing can be said: where rounding makes another value
-/// the largest of four, or lets another pass its ReLU, they are others.
-#[test]
-fn matrix_units_give_the_residual_to_half_precision() {
-    for (seed, (width, height)) in (0..).zip(MATRIX_SIZES) {
-        let weights = random_weights(seed);
-        let (x, v_residual) = random_maps(width, height, seed);
-        let Some(ours) = on_matrix_units(&weights, &x, &v_residual) else {
-            skipped("kernels::unet::matrix_units_give_the_residual_to_half_precision", NO_UNITS);
-            return;
-        };
-        let twin = interleaved(&forward(&weights, &x).residual);
-        assert_near(&format!("{width} x {height}"), &ours.residual, &twin, 1e-3);
-    }
-}
-
-/// Where no activation is rounded the gradients are those of the twin. (At 4 x 4 a layer's may all be zero.)
-#[test]
-fn matrix_units_give_the_gradients_of_whole_numbers() {
-    for (seed, &(width, height)) in (0..).zip(&MATRIX_SIZES[1..]) {
-        let (weights, x, v_residual) = whole_numbers(width, height, seed);
-        let Some(ours) = on_matrix_units(&weights, &x, &v_residual) else {
-            skipped("kernels::unet::matrix_units_give_the_gradients_of_whole_numbers", NO_UNITS);
-            return;
-        };
-        let passed = forward(&weights, &x);
-        let (v_x, v_weights) = backward(&weights, &passed, &v_residual);
-        let what = format!("{width} x {height}");
-        assert_eq!(double(&ours.residual), interleaved(&passed.residual), "{what}: residual");
-        assert_near(&format!("{what} v_x"), &ours.v_x, &v_x.data, 1e-4);
-        for layer in UNET {
-            let all = layer.offset..layer.end();
-            assert_near(&format!("{what} {}", layer.name), &ours.v_weights[all.clone()], &v_weights[all], 1e-4);
-        }
-        let mut others = ours.v_weights[..ENC1.offset].iter().chain(&ours.v_weights[FINAL.end()..]);
-        assert!(others.all(|v| *v == UNTOUCHED), "{what}: the parts of the MLP and of the confidence are left alone");
-    }
-}
-
-/// The test at start-up accepts what is right.
-#[test]
-fn the_test_of_the_matrix_units_passes() {
-    let gpu = gpu();
-    let error = choice::error(&gpu).unwrap();
-    println!("matrix units: {:?}, error {error:?}", gpu.matrix_units);
-    assert_eq!(error.is_some(), gpu.matrix_units.is_some());
-    assert!(error.is_none_or(|error| error < 1e-4), "{error:?}");
 }
