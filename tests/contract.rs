@@ -107,12 +107,8 @@ fn check_struct(name: &str, size: usize, fields: &[(&str, usize)]) {
 
 macro_rules! twin {
     ($ty:ident { $($field:ident),+ $(,)? }) => {
-        twin!($ty = stringify!($ty), { $($field),+ })
-    };
-    // A host struct of another name than its twin's.
-    ($ty:ident = $twin:expr, { $($field:ident),+ $(,)? }) => {
         check_struct(
-            $twin,
+            stringify!($ty),
             size_of::<types::$ty>(),
             &[$((stringify!($field), offset_of!(types::$ty, $field))),+],
         )
@@ -156,7 +152,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(HalfSumParams { splits, groups_in, groups_out, taps, inputs, outputs, into, stride, bias, unscale });
     twin!(HalfUnpackParams { pixels, channels, quads, unscale });
     twin!(HalfResizeParams { size, source, quads, pad });
-    twin!(ViewUniforms = "Frame", {
+    twin!(ViewUniforms {
         row0,
         row1,
         row2,
@@ -174,7 +170,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         box_sigma,
         tangent_limit,
     });
-    twin!(SurfaceUniforms = "SurfaceFrame", { background, slots, focal, principal, size, tiles });
+    twin!(SurfaceUniforms { background, intersections, focal, principal, size, tiles });
     twin!(SourceParams {
         row0,
         row1,
@@ -187,7 +183,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         source_size,
         index,
         visible,
-        slots,
+        intersections,
         agreement,
         reach,
         pad0,
@@ -195,18 +191,18 @@ fn host_structs_have_the_layout_of_their_twins() {
     });
     twin!(SortParams { shift, blocks, capacity, first });
     twin!(PresentParams { size, stride, mode, range, most, gain });
-    twin!(LossParams { size, tiles, background, object, lambda, slot, pad });
+    twin!(LossParams { size, tiles, background, object, lambda, visible, pad });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2, decay_rest });
     twin!(GatherParams { count, row, fresh_zero, pad });
     twin!(ExposeParams { background, pixels });
-    twin!(SlotsParams { pixels, slots });
+    twin!(VisibleParams { pixels, visible });
     twin!(McmcNoiseParams { count, seed, strength });
     twin!(FilterParams { count, cameras, factor });
     twin!(ObserveParams { size, count, near_depth, largest, errors });
     twin!(OpacityResetParams { count, limit });
     twin!(MeanParams { count, weight });
     twin!(SurfaceParams { size, focal, principal, weight, pad });
-    twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, slots, inputs, aggregation, groups });
+    twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, visible, inputs, aggregation, groups });
     twin!(FeatureSumParams { count, groups, first, rest });
     twin!(ComposeParams { size, low, gain, full_color, seen_only, pad });
     twin!(ConvParams {

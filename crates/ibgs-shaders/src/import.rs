@@ -37,7 +37,7 @@ const SHARED: &[(&str, &str)] = &[
     ("seen", include_str!("../wgsl/shared/seen.wgsl")),
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
     ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
-    ("slots_params", include_str!("../wgsl/shared/slots_params.wgsl")),
+    ("visible_params", include_str!("../wgsl/shared/visible_params.wgsl")),
     ("source", include_str!("../wgsl/shared/source.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
     ("ssim_maps", include_str!("../wgsl/shared/ssim_maps.wgsl")),

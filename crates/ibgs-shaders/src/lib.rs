@@ -173,15 +173,15 @@ kernels! {
     RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry"), write("normal_map"), write("median_depth"),
-        write("slots"), write("slot_entries");
+        write("intersections"), write("intersection_entries");
     /// Median depth alone.
     RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"), write("median_depth");
     /// Gradient of the blending with surface by projected quantities and planes, a row an intersection.
     RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"),
-        read("final_t"), read("last_entry"), read("median_depth"), read("slots"), read("slot_entries"),
-        read("v_image"), read("v_normal_map"), read("v_median_depth"), read("v_slots"),
+        read("final_t"), read("last_entry"), read("median_depth"), read("intersections"), read("intersection_entries"),
+        read("v_image"), read("v_normal_map"), read("v_median_depth"), read("v_intersections"),
         write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov"), write("v_isect_plane");
     /// Gradient of the planes by means, normals and offsets.
     PLANES_BACKWARD = "planes_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
@@ -189,12 +189,12 @@ kernels! {
         read("tile_counts"), read("v_isect_plane"), write("v_means"), write("v_normals"), write("v_plane_offsets");
     /// Colours of one source photo at the median intersections, visibility, packing.
     WARP = "warp" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
-        read("median_depth"), read("slots"), read("photo"), read("source_depth"),
-        write("warped"), write("seen"), write("active_slots");
+        read("median_depth"), read("intersections"), read("photo"), read("source_depth"),
+        write("warped"), write("seen"), write("sources_seen");
     /// Gradient of one source's warping by the median intersections and the median depth.
     WARP_BACKWARD = "warp_backward" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
-        read("median_depth"), read("slots"), read("photo"), read("warped"), read("seen"), read("v_warped"),
-        write("v_slots"), write("v_median_depth");
+        read("median_depth"), read("intersections"), read("photo"), read("warped"), read("seen"), read("v_warped"),
+        write("v_intersections"), write("v_median_depth");
     /// Gradient of the blending by the projected quantities, a row an intersection.
     RASTERIZE_BACKWARD = "rasterize_backward" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"), read("final_t"),
@@ -268,10 +268,10 @@ kernels! {
     EXPOSE_TOTAL = "expose_total" [EXPOSURE_GROUPS, 1, 1] (0):
         read("exposures"), read("partials"), write("v_exposure");
     /// Warped colours in the target's exposure.
-    EXPOSE_WARPED = "expose_warped" [256, 1, 1] (size_of::<types::SlotsParams>()):
+    EXPOSE_WARPED = "expose_warped" [256, 1, 1] (size_of::<types::VisibleParams>()):
         read("exposures"), read("warped"), read("seen"), write("shifted");
     /// Gradient by the warped colours in the sources' exposures.
-    EXPOSE_WARPED_BACKWARD = "expose_warped_backward" [256, 1, 1] (size_of::<types::SlotsParams>()):
+    EXPOSE_WARPED_BACKWARD = "expose_warped_backward" [256, 1, 1] (size_of::<types::VisibleParams>()):
         read("exposures"), read("seen"), read("v_shifted"), write("v_warped");
     // The residual network's input, per-view MLP and composition.
     /// Features and per-view MLP: the U-Net's input.

@@ -5,7 +5,7 @@ mod half;
 use bytemuck::{Pod, Zeroable};
 pub use half::*;
 
-/// One target view; the twin of `Frame` in `wgsl/shared/frame.wgsl`.
+/// One target view; the twin of `ViewUniforms` in `wgsl/shared/frame.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ViewUniforms {
@@ -43,14 +43,14 @@ pub struct ViewUniforms {
     pub tangent_limit: f32,
 }
 
-/// Rays and planes of a target view; the twin of `SurfaceFrame` in `wgsl/shared/surface.wgsl`.
+/// Rays and planes of a target view; the twin of `SurfaceUniforms` in `wgsl/shared/surface.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SurfaceUniforms {
     /// Background colour.
     pub background: [f32; 3],
     /// Median intersections a pixel.
-    pub slots: u32,
+    pub intersections: u32,
     /// Focal lengths in pixels.
     pub focal: [f32; 2],
     /// The ray of the pixel with index x passes through (x - principal) / focal.
@@ -88,7 +88,7 @@ pub struct SourceParams {
     /// Visible sources a pixel, V.
     pub visible: u32,
     /// Median intersections a pixel.
-    pub slots: u32,
+    pub intersections: u32,
     /// The depths of source and point agree when they differ by less than this part of the latter.
     pub agreement: f32,
     /// A source is packed when they differ by less than this many times that.
@@ -145,8 +145,8 @@ pub struct LossParams {
     pub object: u32,
     /// Weight of 1 - SSIM.
     pub lambda: f32,
-    /// Slot of the warped images; 0 in the image loss.
-    pub slot: u32,
+    /// Which of the visible sources the warped image is of; 0 in the image loss.
+    pub visible: u32,
     /// Padding.
     pub pad: [u32; 2],
 }
@@ -189,14 +189,14 @@ pub struct ExposeParams {
     pub pixels: u32,
 }
 
-/// Colours of the visible sources; the twin of `SlotsParams`.
+/// Colours of the visible sources; the twin of `VisibleParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct SlotsParams {
+pub struct VisibleParams {
     /// Number of pixels.
     pub pixels: u32,
     /// Visible sources a pixel, V.
-    pub slots: u32,
+    pub visible: u32,
 }
 
 /// Random steps of the means; the twin of `McmcNoiseParams`.
@@ -308,7 +308,7 @@ pub struct FeatureParams {
     /// Size at which the network runs.
     pub low: [u32; 2],
     /// Visible sources a pixel, at most four.
-    pub slots: u32,
+    pub visible: u32,
     /// A [`NetworkInputs`](crate::NetworkInputs).
     pub inputs: u32,
     /// A [`FeatureSum`](crate::FeatureSum).

@@ -1,7 +1,7 @@
 // One thread a pixel: each warped colour from its source's exposure to the target's, exp(g_0 - g_s) (y - o_s) + o_0.
 #import index
 #import seen
-#import slots_params
+#import visible_params
 
 // Rows of (log gains, -), (offsets, -): the target's, then the sources'.
 @group(0) @binding(0) var<storage, read> exposures: array<vec4<f32>>;
@@ -20,11 +20,11 @@ fn main(
     if p >= params.pixels {
         return;
     }
-    for (var m = 0u; m < params.slots; m++) {
+    for (var m = 0u; m < params.visible; m++) {
         let at = m * params.pixels + p;
         var y = warped[at];
-        if slot_filled(seen[p], m) {
-            let row = 2u * (slot_source(seen[p], m) + 1u);
+        if is_seen(seen[p], m) {
+            let row = 2u * (seen_source(seen[p], m) + 1u);
             let gain = exp(exposures[0].xyz - exposures[row].xyz);
             y = vec4(gain * (y.xyz - exposures[row + 1u].xyz) + exposures[1].xyz, y.w);
         }

@@ -1,7 +1,7 @@
 // One thread a pixel: v_y = exp(g_0 - g_s) v. The exposures are constants.
 #import index
 #import seen
-#import slots_params
+#import visible_params
 
 @group(0) @binding(0) var<storage, read> exposures: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
@@ -18,11 +18,11 @@ fn main(
     if p >= params.pixels {
         return;
     }
-    for (var m = 0u; m < params.slots; m++) {
+    for (var m = 0u; m < params.visible; m++) {
         let at = m * params.pixels + p;
         var v = v_shifted[at];
-        if slot_filled(seen[p], m) {
-            let row = 2u * (slot_source(seen[p], m) + 1u);
+        if is_seen(seen[p], m) {
+            let row = 2u * (seen_source(seen[p], m) + 1u);
             v = vec4(exp(exposures[0].xyz - exposures[row].xyz) * v.xyz, v.w);
         }
         v_warped[at] = v;

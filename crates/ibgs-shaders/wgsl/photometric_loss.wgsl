@@ -1,7 +1,7 @@
-// One workgroup a tile and channel of one slot: SSIM of the photo y and of x, the warped image where it counts and the
-// photo elsewhere, summed over the pixels that count, and the derivatives of SSIM by its windowed moments. A pixel
-// counts when its slot is filled by a source whose depth agrees and the photo is valid there. A masked part of the photo is treated as the outside of
-// the image: both are zero there.
+// One workgroup a tile and channel of one of the visible sources: SSIM of the photo y and of x, the warped image where it
+// counts and the photo elsewhere, summed over the pixels that count, and the derivatives of SSIM by its windowed moments. A
+// pixel counts where that source is there, its depth agrees, and the photo is valid there. A masked part of the photo is
+// treated as the outside of the image: both are zero there.
 #import ssim_moments
 #import reduce
 #import seen
@@ -12,7 +12,7 @@
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
 // Nine planes: for each channel dSSIM/d(mu_x), /d(E[x x]), /d(E[x y]); zero where the pixel does not count.
 @group(0) @binding(3) var<storage, read_write> moments: array<f32>;
-// (sum of 1 - SSIM, pixels that count) of each workgroup, slot by slot.
+// (sum of 1 - SSIM, pixels that count) of each workgroup, source by source.
 @group(0) @binding(4) var<storage, read_write> partials: array<vec2<f32>>;
 
 @compute @workgroup_size(TILE, TILE)
@@ -31,8 +31,8 @@ fn main(
         if p >= 0 && photo_valid(photo[p]) {
             y = photo_channel(photo[p], c);
             x = y;
-            if slot_agrees(seen[p], params.slot) {
-                x = warped[4u * (params.slot * plane + u32(p)) + c];
+            if seen_agrees(seen[p], params.visible) {
+                x = warped[4u * (params.visible * plane + u32(p)) + c];
             }
         }
         xs[k] = x - shift;
@@ -44,7 +44,7 @@ fn main(
     if all(pixel < params.size) {
         let p = pixel.y * params.size.x + pixel.x;
         var derivatives = SsimDerivatives(0.0, 0.0, 0.0, 0.0);
-        if photo_valid(photo[p]) && slot_agrees(seen[p], params.slot) {
+        if photo_valid(photo[p]) && seen_agrees(seen[p], params.visible) {
             derivatives = ssim_derivatives(s, shift);
             result = vec2(1.0 - derivatives.ssim, 1.0);
         }
@@ -52,6 +52,6 @@ fn main(
     }
     let sum = reduce(local, vec4(result, 0.0, 0.0));
     if local == 0u {
-        partials[((3u * params.slot + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
+        partials[((3u * params.visible + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
     }
 }

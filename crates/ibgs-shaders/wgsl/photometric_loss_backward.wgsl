@@ -1,4 +1,4 @@
-// One workgroup a tile and channel of one slot: gradient of the photometric loss by the warped colours, times the
+// One workgroup a tile and channel of one of the visible sources: gradient of the photometric loss by the warped colours, times the
 // upstream scalar; zero where a pixel does not count. The cosine beside the colour has none.
 #import ssim_maps
 #import seen
@@ -7,7 +7,7 @@
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
 @group(0) @binding(3) var<storage, read> moments: array<f32>;
-// (loss, pixels and channels that count in all slots).
+// (loss, pixels and channels that count in all of them).
 @group(0) @binding(4) var<storage, read> stats: array<f32>;
 @group(0) @binding(5) var<storage, read> v_loss: array<f32>;
 @group(0) @binding(6) var<storage, read_write> v_warped: array<f32>;
@@ -26,10 +26,10 @@ fn main(
         return;
     }
     let p = pixel.y * params.size.x + pixel.x;
-    let at = 4u * (params.slot * plane + p) + c;
+    let at = 4u * (params.visible * plane + p) + c;
     let texel = photo[p];
     var v = 0.0;
-    if photo_valid(texel) && slot_agrees(seen[p], params.slot) {
+    if photo_valid(texel) && seen_agrees(seen[p], params.visible) {
         let s = window_sums(lid);
         let by_ssim = s.x + 2.0 * warped[at] * s.y + photo_channel(texel, c) * s.z;
         v = -v_loss[0] * params.lambda * by_ssim / stats[1];

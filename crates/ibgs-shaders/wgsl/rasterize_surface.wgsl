@@ -17,8 +17,8 @@
 @group(0) @binding(7) var<storage, read_write> normal_map: array<f32>;
 @group(0) @binding(8) var<storage, read_write> median_depth: array<f32>;
 // K planes of (view depth, weight), front to back; weight 0 = empty.
-@group(0) @binding(9) var<storage, read_write> slots: array<vec2<f32>>;
+@group(0) @binding(9) var<storage, read_write> intersections: array<vec2<f32>>;
 // Their entries in the tile's list.
-@group(0) @binding(10) var<storage, read_write> slot_entries: array<u32>;
+@group(0) @binding(10) var<storage, read_write> intersection_entries: array<u32>;
 
 #import blend

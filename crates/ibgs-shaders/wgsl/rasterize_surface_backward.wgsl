@@ -11,12 +11,12 @@
 @group(0) @binding(5) var<storage, read> final_t: array<f32>;
 @group(0) @binding(6) var<storage, read> last_entry: array<u32>;
 @group(0) @binding(7) var<storage, read> median_depth: array<f32>;
-@group(0) @binding(8) var<storage, read> slots: array<vec2<f32>>;
-@group(0) @binding(9) var<storage, read> slot_entries: array<u32>;
+@group(0) @binding(8) var<storage, read> intersections: array<vec2<f32>>;
+@group(0) @binding(9) var<storage, read> intersection_entries: array<u32>;
 @group(0) @binding(10) var<storage, read> v_image: array<f32>;
 @group(0) @binding(11) var<storage, read> v_normal_map: array<f32>;
 @group(0) @binding(12) var<storage, read> v_median_depth: array<f32>;
-@group(0) @binding(13) var<storage, read> v_slots: array<vec2<f32>>;
+@group(0) @binding(13) var<storage, read> v_intersections: array<vec2<f32>>;
 // Rows: (r, g, b, opacity), (x, y, |x|, |y|), (xx, xy, yy of the covariance, 0), (n_c, D_c).
 @group(0) @binding(14) var<storage, read_write> v_isect_color: array<vec4<f32>>;
 @group(0) @binding(15) var<storage, read_write> v_isect_xy: array<vec4<f32>>;

@@ -4,7 +4,7 @@
 #import residual_output
 
 @group(0) @binding(0) var<storage, read> sources_seen: array<u32>;
-// Packed slots of the pixels.
+// Visible sources of the pixels.
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> v_image: array<f32>;
 @group(0) @binding(3) var<storage, read_write> v_residual: array<f32>;

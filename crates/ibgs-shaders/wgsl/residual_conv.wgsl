@@ -84,7 +84,7 @@ fn store_quad(o: u32, x: u32, y: u32, upper: mat4x4<f32>, lower: mat4x4<f32>) {
 @compute @workgroup_size(128)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let row_groups = 4u / params.groups;
-    let channels = SLOTS / row_groups;
+    let channels = PAIRS / row_groups;
     let lane = local % 32u;
     let row_group = (local / 32u) % row_groups;
     let group = local / (32u * row_groups);
@@ -120,12 +120,12 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         load_kernel(local, chunk);
         workgroupBarrier();
         for (var k = 0u; k < 3u * chunk.channels; k++) {
-            let slot = (k / 3u) * row_groups + row_group;
+            let pair = (k / 3u) * row_groups + row_group;
             let x = lane + k % 3u;
             let w = k * params.groups + group;
-            let p0 = vec4(tile[slot][0][x], tile[slot][1][x], tile[slot][2][x], tile[slot][3][x]);
-            let p4 = vec4(tile[slot][4][x], tile[slot][5][x], tile[slot][6][x], tile[slot][7][x]);
-            let p8 = vec2(tile[slot][8][x], tile[slot][9][x]);
+            let p0 = vec4(tile[pair][0][x], tile[pair][1][x], tile[pair][2][x], tile[pair][3][x]);
+            let p4 = vec4(tile[pair][4][x], tile[pair][5][x], tile[pair][6][x], tile[pair][7][x]);
+            let p8 = vec2(tile[pair][8][x], tile[pair][9][x]);
             a0 = add(a0, kernel[w][0], p0);
             b0 = add(b0, kernel[w][0], p4);
             a1 = add(a1, kernel[w][1], p0);

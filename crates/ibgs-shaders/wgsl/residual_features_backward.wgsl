@@ -12,7 +12,7 @@
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 // Planes [38][pixels].
 @group(0) @binding(6) var<storage, read> v_x: array<f32>;
-// (rgb, cosine) of each used slot, [slots][pixels].
+// (rgb, cosine) of each visible source, [visible][pixels].
 @group(0) @binding(7) var<storage, read_write> v_features: array<vec4<f32>>;
 // Rows of MLP_WEIGHTS and CONFIDENCE_WEIGHTS, one a workgroup.
 @group(0) @binding(8) var<storage, read_write> partials: array<f32>;
@@ -54,7 +54,7 @@ fn largest(x: Hidden, y: Hidden) -> Hidden {
     );
 }
 
-// Which outputs of a slot receive a gradient: the positive ones; with the largest value, those that reach it.
+// Which outputs of a source receive a gradient: the positive ones; with the largest value, those that reach it.
 fn receives(h: vec4<f32>, best: vec4<f32>) -> vec4<bool> {
     return (h > vec4(0.0)) & (h >= best);
 }
@@ -63,12 +63,12 @@ fn pick(channel: u32, i: u32, scale: f32, h: vec4<f32>, best: vec4<f32>) -> vec4
     return select(vec4(0.0), scale * take(channel, i), receives(h, best));
 }
 
-// Puts the largest value out of reach where a slot has taken it: the first of several takes all.
+// Puts the largest value out of reach where a source has taken it: the first of several takes all.
 fn taken(h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
     return select(best, vec4(1e38), receives(h, best));
 }
 
-// Product of a slot's outputs with the gradient.
+// Product of a source's outputs with the gradient.
 fn dot_gradient(i: u32, h: Hidden) -> f32 {
     return dot(take(0u, i), h.a) + dot(take(4u, i), h.b) + dot(take(8u, i), h.c) + dot(take(12u, i), h.d)
         + dot(take(16u, i), h.e) + dot(take(20u, i), h.f) + dot(take(24u, i), h.g) + dot(take(28u, i), h.h);
@@ -86,7 +86,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     load_mlp(local, THREADS);
     let z = vec4(0.0);
     let pixels = params.low.x * params.low.y;
-    let used = used_slots();
+    let used = used_sources();
     let takes_largest = params.aggregation == AGGREGATION_LARGEST;
     let is_soft = params.aggregation == AGGREGATION_SOFT;
     let scale = select(1.0 / f32(max(used, 1u)), 1.0, takes_largest);
@@ -109,11 +109,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         let at = min(i, pixels - 1u);
         let c = resize_corners(vec2(at % params.low.x, at / params.low.x), params.size, params.low);
         var best = Hidden(z, z, z, z, z, z, z, z);
-        // Shares of the slots by their confidences, and the products of their outputs with the gradient.
+        // Shares of the sources by their confidences, and the products of their outputs with the gradient.
         var shares = z;
         var dots = z;
         var top = 0.0;
-        // A first round over the slots finds the largest values with the very code that is compared with them later, or the
+        // A first round over the sources finds the largest values with the very code that is compared with them later, or the
         // confidences.
         for (var turn = select(used, 0u, takes_largest || is_soft); turn < 2u * used; turn++) {
             let m = turn % used;

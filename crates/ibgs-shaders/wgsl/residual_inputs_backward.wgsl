@@ -13,13 +13,13 @@
 
 struct Sums {
     base: vec3<f32>,
-    slot0: vec4<f32>,
-    slot1: vec4<f32>,
-    slot2: vec4<f32>,
-    slot3: vec4<f32>,
+    source0: vec4<f32>,
+    source1: vec4<f32>,
+    source2: vec4<f32>,
+    source3: vec4<f32>,
 }
 
-fn slot(m: u32, used: u32, q: u32) -> vec4<f32> {
+fn of_source(m: u32, used: u32, q: u32) -> vec4<f32> {
     if m >= used {
         return vec4(0.0);
     }
@@ -30,18 +30,18 @@ fn add(q: u32, used: u32, weight: f32, sums: ptr<function, Sums>) {
     let plane = params.low.x * params.low.y;
     let at = BASE_CHANNEL * plane + q;
     (*sums).base += weight * vec3(v_x[at], v_x[at + plane], v_x[at + 2u * plane]);
-    (*sums).slot0 += weight * slot(0u, used, q);
-    (*sums).slot1 += weight * slot(1u, used, q);
-    (*sums).slot2 += weight * slot(2u, used, q);
-    (*sums).slot3 += weight * slot(3u, used, q);
+    (*sums).source0 += weight * of_source(0u, used, q);
+    (*sums).source1 += weight * of_source(1u, used, q);
+    (*sums).source2 += weight * of_source(2u, used, q);
+    (*sums).source3 += weight * of_source(3u, used, q);
 }
 
-// Writes one slot's gradient and gives its share of the base colour's.
+// Writes one source's gradient and gives its share of the base colour's.
 fn put(m: u32, p: u32, v: vec4<f32>) -> vec3<f32> {
-    if m >= params.slots {
+    if m >= params.visible {
         return vec3(0.0);
     }
-    let own = select(vec4(0.0), v, slot_filled(seen[p], m));
+    let own = select(vec4(0.0), v, is_seen(seen[p], m));
     v_warped[m * params.size.x * params.size.y + p] = own;
     return select(-own.rgb, vec3(0.0), params.inputs == INPUTS_SOURCE_COLORS);
 }
@@ -56,7 +56,7 @@ fn main(
     if p >= params.size.x * params.size.y {
         return;
     }
-    let used = used_slots();
+    let used = used_sources();
     let z = vec4(0.0);
     var sums = Sums(vec3(0.0), z, z, z, z);
     if resized() {
@@ -74,7 +74,7 @@ fn main(
         add(p, used, 1.0, &sums);
     }
     var v = select(sums.base, vec3(0.0), params.inputs == INPUTS_DIFFERENCES_ONLY);
-    v += put(0u, p, sums.slot0) + put(1u, p, sums.slot1) + put(2u, p, sums.slot2) + put(3u, p, sums.slot3);
+    v += put(0u, p, sums.source0) + put(1u, p, sums.source1) + put(2u, p, sums.source2) + put(3u, p, sums.source3);
     v_base[3u * p] += v.x;
     v_base[3u * p + 1u] += v.y;
     v_base[3u * p + 2u] += v.z;

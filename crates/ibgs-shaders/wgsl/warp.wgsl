@@ -6,17 +6,17 @@
 
 @group(0) @binding(0) var<storage, read> median_depth: array<f32>;
 // K planes of (view depth, weight).
-@group(0) @binding(1) var<storage, read> slots: array<vec2<f32>>;
+@group(0) @binding(1) var<storage, read> intersections: array<vec2<f32>>;
 // RGBA8; a read that touches a texel with alpha under one half does not count.
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
 // The source's own median depth.
 @group(0) @binding(3) var<storage, read> source_depth: array<f32>;
 // V planes of (r, g, b, cosine).
 @group(0) @binding(4) var<storage, read_write> warped: array<vec4<f32>>;
-// One byte a packed slot.
+// One byte a visible source.
 @group(0) @binding(5) var<storage, read_write> seen: array<u32>;
-// [0]: packed slots that some pixel fills.
-@group(0) @binding(6) var<storage, read_write> active_slots: array<atomic<u32>>;
+// [0]: visible sources of the pixel that has most.
+@group(0) @binding(6) var<storage, read_write> sources_seen: array<atomic<u32>>;
 
 var<workgroup> most: atomic<u32>;
 
@@ -77,12 +77,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
             }
             if error >= 0.0 && error < params.reach * params.agreement {
                 error_step = min(u32(f32(ERROR_STEPS) * error / params.agreement), MOST_ERROR);
-                for (var k = 0u; k < params.slots; k++) {
-                    let slot = slots[k * plane + p];
-                    if slot.y > 0.0 {
-                        let l = land(ray, slot.x);
+                for (var k = 0u; k < params.intersections; k++) {
+                    let intersection = intersections[k * plane + p];
+                    if intersection.y > 0.0 {
+                        let l = land(ray, intersection.x);
                         if l.inside {
-                            sum += slot.y * read_photo(l);
+                            sum += intersection.y * read_photo(l);
                         }
                     }
                 }
@@ -98,6 +98,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     }
     workgroupBarrier();
     if local == 0u {
-        atomicMax(&active_slots[0], atomicLoad(&most));
+        atomicMax(&sources_seen[0], atomicLoad(&most));
     }
 }

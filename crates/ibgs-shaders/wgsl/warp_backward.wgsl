@@ -5,13 +5,13 @@
 #import seen
 
 @group(0) @binding(0) var<storage, read> median_depth: array<f32>;
-@group(0) @binding(1) var<storage, read> slots: array<vec2<f32>>;
+@group(0) @binding(1) var<storage, read> intersections: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
 @group(0) @binding(3) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> seen: array<u32>;
 @group(0) @binding(5) var<storage, read> v_warped: array<vec4<f32>>;
 // By (view depth, weight).
-@group(0) @binding(6) var<storage, read_write> v_slots: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> v_intersections: array<vec2<f32>>;
 @group(0) @binding(7) var<storage, read_write> v_median_depth: array<f32>;
 
 struct Read {
@@ -46,9 +46,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let plane = params.size.x * params.size.y;
     let p = id.y * params.size.x + id.x;
-    // The packed slot that this source has at this pixel.
+    // Which of the visible sources of this pixel this one is.
     var m = 0u;
-    while m < params.visible && slot_source(seen[p], m) != params.index {
+    while m < params.visible && seen_source(seen[p], m) != params.index {
         m++;
     }
     if m == params.visible {
@@ -60,21 +60,21 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     v_median_depth[p] += v.w * ray_cosine(ray, z).y;
     let mean = dot(v.rgb, warped[m * plane + p].rgb);
     var weights = SOURCE_EPSILON;
-    for (var k = 0u; k < params.slots; k++) {
-        let slot = slots[k * plane + p];
-        let l = land(ray, slot.x);
-        if slot.y > 0.0 && l.inside {
-            weights += select(0.0, slot.y, read_photo(l, v.rgb).valid);
+    for (var k = 0u; k < params.intersections; k++) {
+        let intersection = intersections[k * plane + p];
+        let l = land(ray, intersection.x);
+        if intersection.y > 0.0 && l.inside {
+            weights += select(0.0, intersection.y, read_photo(l, v.rgb).valid);
         }
     }
-    for (var k = 0u; k < params.slots; k++) {
+    for (var k = 0u; k < params.intersections; k++) {
         let at = k * plane + p;
-        let slot = slots[at];
-        let l = land(ray, slot.x);
-        if slot.y > 0.0 && l.inside {
+        let intersection = intersections[at];
+        let l = land(ray, intersection.x);
+        if intersection.y > 0.0 && l.inside {
             let read = read_photo(l, v.rgb);
             if read.valid {
-                v_slots[at] += vec2(dot(read.slope, l.slope) * slot.y, read.color - mean) / weights;
+                v_intersections[at] += vec2(dot(read.slope, l.slope) * intersection.y, read.color - mean) / weights;
             }
         }
     }

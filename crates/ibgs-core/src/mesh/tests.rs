@@ -197,7 +197,7 @@ fn what_cannot_be_fused_says_why() {
     tells(FusionOptions { max_depth: Some(0.1), ..base }, &["no surface within the bounds"]);
     tells(
         FusionOptions { memory: Some(150_000), ..base },
-        &["voxels of 0.0500", "more than the limit of 0 MiB", "a voxel size of 0."],
+        &["voxels of 0.0500", "more memory than the limit of 0 MiB"],
     );
     // The size that it names is enough.
     let Err(MeshError::Voxels { enough, .. }) = fused(FusionOptions { memory: Some(300_000), ..base }) else {

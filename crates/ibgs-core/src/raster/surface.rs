@@ -36,7 +36,7 @@ impl SurfaceOptions {
         let c = &view.camera;
         SurfaceUniforms {
             background: view.background,
-            slots: self.intersections,
+            intersections: self.intersections,
             focal: c.focal.as_vec2().to_array(),
             principal: self.principal(c),
             size: [c.width, c.height],

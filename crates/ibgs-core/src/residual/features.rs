@@ -113,7 +113,7 @@ impl Features {
             principal: (camera.principal - 0.5).as_vec2().to_array(),
             size,
             low,
-            slots: visible,
+            visible,
             inputs: inputs as u32,
             aggregation: aggregation as u32,
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
@@ -135,7 +135,7 @@ impl Features {
     /// # Errors
     /// Not enough memory.
     pub fn scratch(&self, gpu: &Gpu) -> Result<FeatureScratch, GpuError> {
-        let features = 16 * (self.params.slots as usize * self.low_pixels()) as u64;
+        let features = 16 * (self.params.visible as usize * self.low_pixels()) as u64;
         Ok(FeatureScratch {
             v_features: gpu.allocate("gradients of the sources' features", features)?,
             partials: gpu.allocate("sums of the per-view network", SUMS_BYTES)?,

@@ -7,7 +7,7 @@ use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::{Forward, Surface};
 use bytemuck::bytes_of;
-use ibgs_shaders::types::{SlotsParams, SourceParams};
+use ibgs_shaders::types::{SourceParams, VisibleParams};
 use ibgs_shaders::{TILE, WARP, WARP_BACKWARD};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -101,8 +101,8 @@ pub struct Warped {
 
 impl Warped {
     /// What a kernel that goes over the colours needs.
-    pub(crate) fn per_visible(&self) -> SlotsParams {
-        SlotsParams { pixels: self.surface.camera.pixels() as u32, slots: self.visible }
+    pub(crate) fn per_visible(&self) -> VisibleParams {
+        VisibleParams { pixels: self.surface.camera.pixels() as u32, visible: self.visible }
     }
 
     /// Adds the gradients by the surface's depths and weights to the surface's own, where the rasterizer's backward pass reads
@@ -154,7 +154,7 @@ fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOp
         source_size: [camera.width, camera.height],
         index: index as u32,
         visible: options.visible,
-        slots: surface.options.intersections,
+        intersections: surface.options.intersections,
         agreement: options.agreement,
         reach: options.reach,
         ..SourceParams::default()

@@ -40,7 +40,7 @@ fn main(
     #endif
     #if PLANES
     let ray = pixel_ray(at);
-    let half = frame.slots / 2u;
+    let half = frame.intersections / 2u;
     // Shift registers, newest last: `before` keeps what came last, `after` closes when it holds K/2.
     var before_z = vec4(0.0);
     var before_w = vec4(0.0);
@@ -167,10 +167,10 @@ fn main(
         var weights = 0.0;
         for (var k = 0u; k < half; k++) {
             let c = 4u - half + k;
-            slots[k * plane_size + p] = vec2(bz[c], bw[c]);
-            slot_entries[k * plane_size + p] = be[c];
-            slots[(half + k) * plane_size + p] = vec2(az[c], aw[c]);
-            slot_entries[(half + k) * plane_size + p] = ae[c];
+            intersections[k * plane_size + p] = vec2(bz[c], bw[c]);
+            intersection_entries[k * plane_size + p] = be[c];
+            intersections[(half + k) * plane_size + p] = vec2(az[c], aw[c]);
+            intersection_entries[(half + k) * plane_size + p] = ae[c];
             sum += bz[c] * bw[c] + az[c] * aw[c];
             weights += bw[c] + aw[c];
         }

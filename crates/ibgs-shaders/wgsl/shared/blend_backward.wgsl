@@ -79,14 +79,14 @@ fn main(
         v_normal = vec3(v_normal_map[3u * p], v_normal_map[3u * p + 1u], v_normal_map[3u * p + 2u]);
         median = median_depth[p];
         var weights = SURFACE_EPSILON;
-        for (var k = 0u; k < frame.slots; k++) {
-            weights += slots[k * plane_size + p].y;
+        for (var k = 0u; k < frame.intersections; k++) {
+            weights += intersections[k * plane_size + p].y;
         }
         v_median = v_median_depth[p] / weights;
-        cursor = frame.slots;
+        cursor = frame.intersections;
         while cursor > 0u && next == NO_ENTRY {
             cursor--;
-            next = slot_entries[cursor * plane_size + p];
+            next = intersection_entries[cursor * plane_size + p];
         }
         #endif
     }
@@ -156,14 +156,14 @@ fn main(
                     let plane = entries[ENTRY * e + 3u];
                     v_weight += dot(plane.xyz, v_normal);
                     if next == first + e {
-                        let slot = slots[cursor * plane_size + p];
-                        let v_slot = v_slots[cursor * plane_size + p];
-                        v_weight += v_slot.y + v_median * (slot.x - median);
-                        h = -(v_slot.x + v_median * slot.y) * slot.x * slot.x / plane.w;
+                        let intersection = intersections[cursor * plane_size + p];
+                        let v_intersection = v_intersections[cursor * plane_size + p];
+                        v_weight += v_intersection.y + v_median * (intersection.x - median);
+                        h = -(v_intersection.x + v_median * intersection.y) * intersection.x * intersection.x / plane.w;
                         next = NO_ENTRY;
                         while cursor > 0u && next == NO_ENTRY {
                             cursor--;
-                            next = slot_entries[cursor * plane_size + p];
+                            next = intersection_entries[cursor * plane_size + p];
                         }
                     }
                     #endif

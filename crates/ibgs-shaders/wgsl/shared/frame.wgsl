@@ -1,5 +1,5 @@
-// What one target view needs; the Rust twin is `ibgs_shaders::types::Frame`.
-struct Frame {
+// What one target view needs; the Rust twin is `ibgs_shaders::types::ViewUniforms`.
+struct ViewUniforms {
     // Rows of [R | t]: x_view = R x_world + t.
     row0: vec4<f32>,
     row1: vec4<f32>,
@@ -29,7 +29,7 @@ struct Frame {
     tangent_limit: f32,
 }
 
-var<immediate> frame: Frame;
+var<immediate> frame: ViewUniforms;
 
 // Image size in tiles.
 fn frame_tiles() -> vec2<u32> {

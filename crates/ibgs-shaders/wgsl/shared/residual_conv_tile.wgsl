@@ -6,9 +6,9 @@
 const COLUMNS: u32 = 34u;
 const ROWS: u32 = 10u;
 // (input channel, row group) pairs in workgroup memory: 4 x 2 or 2 x 4.
-const SLOTS: u32 = 8u;
+const PAIRS: u32 = 8u;
 
-var<workgroup> tile: array<array<array<f32, COLUMNS>, ROWS>, SLOTS>;
+var<workgroup> tile: array<array<array<f32, COLUMNS>, ROWS>, PAIRS>;
 // [input channel, tap column, output group][tap row * 5 + output quad].
 var<workgroup> kernel: array<array<vec4<f32>, 15>, 24>;
 // Source row (times its width) and column of each of the tile's rows and columns; -1 outside.
@@ -38,29 +38,29 @@ fn four_pooled(i: vec4<u32>) -> vec4<f32> {
     return max(max(four_a(i), four_a(i + 1u)), max(four_a(below), four_a(below + 1u)));
 }
 
-// Positions of four values of a slot in the input, or -1.
-fn places(chunk: Chunk, slot: u32, y: vec4<i32>, x: vec4<i32>) -> vec4<i32> {
-    let channel = slot / chunk.row_groups;
+// Positions of four values of a pair in the input, or -1.
+fn places(chunk: Chunk, pair: u32, y: vec4<i32>, x: vec4<i32>) -> vec4<i32> {
+    let channel = pair / chunk.row_groups;
     let first = i32((chunk.first + channel) * params.source.x * params.source.y);
     let inside = (y >= vec4(0)) & (x >= vec4(0)) & vec4(channel < chunk.channels);
     return select(vec4(-1), first + y + x, inside);
 }
 
 fn load_tile(local: u32, chunk: Chunk) {
-    // A group of 32 threads takes two slots; the two columns at the right go to other threads, a row each.
-    let slot = 2u * (local / 32u);
+    // A group of 32 threads takes two pairs; the two columns at the right go to other threads, a row each.
+    let pair = 2u * (local / 32u);
     let column = local % 32u;
     let x = vec4(source_column[column]);
-    let g = slot % chunk.row_groups;
-    let h = (slot + 1u) % chunk.row_groups;
-    let q0 = places(chunk, slot, vec4(source_row[g][0], source_row[g][1], source_row[g][2], source_row[g][3]), x);
-    let q1 = places(chunk, slot, vec4(source_row[g][4], source_row[g][5], source_row[g][6], source_row[g][7]), x);
-    let q2 = places(chunk, slot + 1u, vec4(source_row[h][0], source_row[h][1], source_row[h][2], source_row[h][3]), x);
-    let q3 = places(chunk, slot + 1u, vec4(source_row[h][4], source_row[h][5], source_row[h][6], source_row[h][7]), x);
+    let g = pair % chunk.row_groups;
+    let h = (pair + 1u) % chunk.row_groups;
+    let q0 = places(chunk, pair, vec4(source_row[g][0], source_row[g][1], source_row[g][2], source_row[g][3]), x);
+    let q1 = places(chunk, pair, vec4(source_row[g][4], source_row[g][5], source_row[g][6], source_row[g][7]), x);
+    let q2 = places(chunk, pair + 1u, vec4(source_row[h][0], source_row[h][1], source_row[h][2], source_row[h][3]), x);
+    let q3 = places(chunk, pair + 1u, vec4(source_row[h][4], source_row[h][5], source_row[h][6], source_row[h][7]), x);
     let g8 = vec4(source_row[g][8], source_row[g][9], -1, -1);
     let h8 = vec4(-1, -1, source_row[h][8], source_row[h][9]);
-    let q4 = max(places(chunk, slot, g8, x), places(chunk, slot + 1u, h8, x));
-    let row = min(local, SLOTS * ROWS - 1u);
+    let q4 = max(places(chunk, pair, g8, x), places(chunk, pair + 1u, h8, x));
+    let row = min(local, PAIRS * ROWS - 1u);
     let edge = vec4(source_column[32], source_column[33], -1, -1);
     let q5 = places(chunk, row / ROWS, vec4(source_row[(row / ROWS) % chunk.row_groups][row % ROWS]), edge);
     let zero = vec4(0);
@@ -104,27 +104,27 @@ fn load_tile(local: u32, chunk: Chunk) {
     t3 = select(vec4(0.0), t3, q3 >= zero);
     t4 = select(vec4(0.0), t4, q4 >= zero);
     t5 = select(vec4(0.0), t5, q5 >= zero);
-    tile[slot][0][column] = t0.x;
-    tile[slot][1][column] = t0.y;
-    tile[slot][2][column] = t0.z;
-    tile[slot][3][column] = t0.w;
-    tile[slot][4][column] = t1.x;
-    tile[slot][5][column] = t1.y;
-    tile[slot][6][column] = t1.z;
-    tile[slot][7][column] = t1.w;
-    tile[slot][8][column] = t4.x;
-    tile[slot][9][column] = t4.y;
-    tile[slot + 1u][0][column] = t2.x;
-    tile[slot + 1u][1][column] = t2.y;
-    tile[slot + 1u][2][column] = t2.z;
-    tile[slot + 1u][3][column] = t2.w;
-    tile[slot + 1u][4][column] = t3.x;
-    tile[slot + 1u][5][column] = t3.y;
-    tile[slot + 1u][6][column] = t3.z;
-    tile[slot + 1u][7][column] = t3.w;
-    tile[slot + 1u][8][column] = t4.z;
-    tile[slot + 1u][9][column] = t4.w;
-    if local < SLOTS * ROWS {
+    tile[pair][0][column] = t0.x;
+    tile[pair][1][column] = t0.y;
+    tile[pair][2][column] = t0.z;
+    tile[pair][3][column] = t0.w;
+    tile[pair][4][column] = t1.x;
+    tile[pair][5][column] = t1.y;
+    tile[pair][6][column] = t1.z;
+    tile[pair][7][column] = t1.w;
+    tile[pair][8][column] = t4.x;
+    tile[pair][9][column] = t4.y;
+    tile[pair + 1u][0][column] = t2.x;
+    tile[pair + 1u][1][column] = t2.y;
+    tile[pair + 1u][2][column] = t2.z;
+    tile[pair + 1u][3][column] = t2.w;
+    tile[pair + 1u][4][column] = t3.x;
+    tile[pair + 1u][5][column] = t3.y;
+    tile[pair + 1u][6][column] = t3.z;
+    tile[pair + 1u][7][column] = t3.w;
+    tile[pair + 1u][8][column] = t4.z;
+    tile[pair + 1u][9][column] = t4.w;
+    if local < PAIRS * ROWS {
         tile[row / ROWS][row % ROWS][32] = t5.x;
         tile[row / ROWS][row % ROWS][33] = t5.y;
     }

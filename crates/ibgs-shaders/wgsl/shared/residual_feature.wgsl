@@ -13,10 +13,10 @@ fn base_at(p: u32) -> vec3<f32> {
 }
 
 fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
-    if !slot_filled(seen[p], m) {
+    if !is_seen(seen[p], m) {
         return;
     }
-    let source = slot_source(seen[p], m);
+    let source = seen_source(seen[p], m);
     let read = warped[m * params.size.x * params.size.y + p];
     let center = centers[source].xyz;
     var color = read.rgb;
@@ -27,7 +27,7 @@ fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
     (*sum).tail += weight * vec4(center.yz, read.w, 0.0);
 }
 
-// The feature of slot m at a pixel of the network's size.
+// The feature of the m-th visible source at a pixel of the network's size.
 fn feature(c: Corners, m: u32) -> Feature {
     var sum = Feature(vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));
     if resized() {
@@ -41,15 +41,15 @@ fn feature(c: Corners, m: u32) -> Feature {
     return sum;
 }
 
-// (1, error of the depth as a part of what agrees) where a source fills slot m of pixel p of the image, else zeros.
+// (1, error of the depth as a part of what agrees) where pixel p of the image has an m-th visible source, else zeros.
 fn filling(p: u32, m: u32) -> vec2<f32> {
-    if !slot_filled(seen[p], m) {
+    if !is_seen(seen[p], m) {
         return vec2(0.0);
     }
-    return vec2(1.0, f32(slot_error(seen[p], m)) / f32(ERROR_STEPS));
+    return vec2(1.0, f32(seen_error(seen[p], m)) / f32(ERROR_STEPS));
 }
 
-// The part of slot m that sources fill at a pixel of the network's size, and the error of their depth there.
+// How much of a pixel of the network's size has an m-th visible source, and the error of its depth there.
 fn presence(c: Corners, m: u32) -> vec2<f32> {
     if !resized() {
         return filling(c.at.x, m);

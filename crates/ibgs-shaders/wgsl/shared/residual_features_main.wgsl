@@ -1,5 +1,5 @@
 // The kernel that makes the U-Net's input, one thread a pixel of the network's size: features of the visible sources,
-// per-view MLP, mean, largest value or mean by confidence over the slots, viewing ray and base colour (method.md section 6). It hands each four of
+// per-view MLP, mean, largest value or mean by confidence over them, viewing ray and base colour (method.md section 6). It hands each four of
 // the 38 channels to the `put` of the file that imports it, the last two with zeros.
 #import index
 #import residual_feature
@@ -21,7 +21,7 @@ fn world_ray(p: u32) -> vec3<f32> {
     return normalize(params.row0.xyz * d.x + params.row1.xyz * d.y + params.row2.xyz);
 }
 
-// Adds a slot's values; `kept` and `share` are 1 but with confidences.
+// Adds a source's values; `kept` and `share` are 1 but with confidences.
 fn merge(sum: vec4<f32>, v: vec4<f32>, kept: f32, share: f32) -> vec4<f32> {
     return select(kept * sum + share * v, max(sum, v), params.aggregation == AGGREGATION_LARGEST);
 }
@@ -41,7 +41,7 @@ fn main(
     // ReLU gives no negative value: zero is the neutral one of the mean and of the largest alike.
     let z = vec4(0.0);
     var sum = Hidden(z, z, z, z, z, z, z, z);
-    let used = used_slots();
+    let used = used_sources();
     // Largest logarithm of a confidence so far and the sum of the confidences over its exponential; that of no source is 1.
     var top = 0.0;
     var total = 1.0;

@@ -1,5 +1,5 @@
 // What all kernels of the residual network's input share (method.md section 6). Reads the kernel's binding sources_seen:
-// its first number is that of the slots that are non-empty somewhere in the image.
+// its first number is that of the visible sources of the pixel that has most.
 #import resize
 #import seen
 
@@ -14,11 +14,11 @@ struct FeatureParams {
     size: vec2<u32>,
     // Size at which the network runs.
     low: vec2<u32>,
-    // Packed slots of a pixel.
-    slots: u32,
+    // Visible sources a pixel, V.
+    visible: u32,
     // What the network sees: see INPUTS_*.
     inputs: u32,
-    // How the slots become one: see AGGREGATION_*.
+    // How the features of the sources become one: see AGGREGATION_*.
     aggregation: u32,
     // Workgroups of the backward pass.
     groups: u32,
@@ -35,6 +35,6 @@ fn resized() -> bool {
 }
 
 // Slots that are non-empty somewhere in the image.
-fn used_slots() -> u32 {
-    return min(sources_seen[0], params.slots);
+fn used_sources() -> u32 {
+    return min(sources_seen[0], params.visible);
 }

@@ -19,7 +19,7 @@ var<immediate> params: ComposeParams;
 
 // Whether the network's output counts at a pixel, given that some pixel of the image sees a source.
 fn is_reached(packed: u32) -> bool {
-    return params.seen_only == 0u || slot_filled(packed, 0u);
+    return params.seen_only == 0u || is_seen(packed, 0u);
 }
 
 // Factor of the base colour; where no source is seen at all there is no network output.

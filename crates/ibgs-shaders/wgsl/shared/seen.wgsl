@@ -1,28 +1,28 @@
-// Packed slots of a pixel (method.md section 5): byte m has the number of the source in slot m in its low half and in its high half how
-// far the source's depth is from the point's, in thirds of what agrees (0 where only such are packed); 255 where the slot is empty.
+// Visible sources of a pixel in one word (method.md section 5): byte m has the number of the m-th in its low half and in its high
+// half how far its depth is from the point's, in thirds of what agrees (0 where only such are packed); 255 where there is none.
 
 // Thirds of the depth agreement.
 const ERROR_STEPS: u32 = 3u;
 const MOST_ERROR: u32 = 14u;
 
-fn slot_byte(packed: u32, slot: u32) -> u32 {
-    return (packed >> (8u * slot)) & 255u;
+fn seen_byte(packed: u32, m: u32) -> u32 {
+    return (packed >> (8u * m)) & 255u;
 }
 
-fn slot_filled(packed: u32, slot: u32) -> bool {
-    return slot_byte(packed, slot) != 255u;
+fn is_seen(packed: u32, m: u32) -> bool {
+    return seen_byte(packed, m) != 255u;
 }
 
-// Number of the source in a filled slot.
-fn slot_source(packed: u32, slot: u32) -> u32 {
-    return slot_byte(packed, slot) & 15u;
+// Number of the m-th visible source.
+fn seen_source(packed: u32, m: u32) -> u32 {
+    return seen_byte(packed, m) & 15u;
 }
 
-fn slot_error(packed: u32, slot: u32) -> u32 {
-    return slot_byte(packed, slot) >> 4u;
+fn seen_error(packed: u32, m: u32) -> u32 {
+    return seen_byte(packed, m) >> 4u;
 }
 
 // Whether the source's depth agrees with the point's.
-fn slot_agrees(packed: u32, slot: u32) -> bool {
-    return slot_error(packed, slot) < ERROR_STEPS;
+fn seen_agrees(packed: u32, m: u32) -> bool {
+    return seen_error(packed, m) < ERROR_STEPS;
 }

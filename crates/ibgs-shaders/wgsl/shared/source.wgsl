@@ -15,9 +15,9 @@ struct SourceParams {
     source_size: vec2<u32>,
     // Number of the source among the target's.
     index: u32,
-    // Packed slots V and median intersections K.
+    // Visible sources V and median intersections K.
     visible: u32,
-    slots: u32,
+    intersections: u32,
     // Depths that differ by less than this part agree.
     agreement: f32,
     // Sources whose depths differ by less than so many times that are packed: 1, or up to 5 where a confidence weighs them.

@@ -11,7 +11,7 @@ struct LossParams {
     // Weight of 1 - SSIM; L1 has the rest.
     lambda: f32,
     // Slot of the warped images; 0 in the image loss.
-    slot: u32,
+    visible: u32,
     pad: vec2<u32>,
 }
 

@@ -1,8 +1,8 @@
-// Rays and planes of a target view (method.md section 3); the Rust twin is `ibgs_shaders::types::SurfaceFrame`.
-struct SurfaceFrame {
+// Rays and planes of a target view (method.md section 3); the Rust twin is `ibgs_shaders::types::SurfaceUniforms`.
+struct SurfaceUniforms {
     background: vec3<f32>,
     // Median intersections a pixel, K: even, 2 to 8.
-    slots: u32,
+    intersections: u32,
     focal: vec2<f32>,
     // The ray of the pixel with index x passes through (x - principal) / focal.
     principal: vec2<f32>,
@@ -10,13 +10,13 @@ struct SurfaceFrame {
     tiles: vec2<u32>,
 }
 
-var<immediate> frame: SurfaceFrame;
+var<immediate> frame: SurfaceUniforms;
 
 // Keeps the divisions of sections 3 and 5 finite.
 const SURFACE_EPSILON: f32 = 1e-8;
 // While the transmittance is above it an intersection enters the buffer `before`, then the buffer `after`.
 const MEDIAN_T: f32 = 0.5;
-// Entry of an empty slot.
+// Entry of an intersection that is not there.
 const NO_ENTRY: u32 = 0xffffffffu;
 
 fn frame_tiles() -> vec2<u32> {

@@ -65,7 +65,7 @@ impl Saved {
         for (source, moments) in (0..).zip(&self.scratch.moments[..self.visible()]) {
             let texels = &self.target.texels;
             let buffers = [&warped, &self.seen, texels, moments, &self.scratch.stats, &upstream, &out];
-            let params = LossParams { slot: source, ..self.params };
+            let params = LossParams { visible: source, ..self.params };
             pass.grid(&PHOTOMETRIC_LOSS_BACKWARD, &buffers, bytes_of(&params), [x, y, 3]);
         }
         pass.submit();
@@ -117,7 +117,7 @@ impl PhotometricLoss {
         let mut pass = Pass::new(gpu, "photometric loss");
         for (source, moments) in (0..).zip(&scratch.moments[..visible]) {
             let buffers = [&bound_warped, seen, &target.texels, moments, &scratch.partials];
-            let params = LossParams { slot: source, ..params };
+            let params = LossParams { visible: source, ..params };
             pass.grid(&PHOTOMETRIC_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
         }
         let mean = MeanParams { count: groups, weight: self.weight };
