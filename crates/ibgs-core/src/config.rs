@@ -363,7 +363,7 @@ impl TrainConfig {
     /// A value that TOML cannot hold, which [`validate`](Self::validate) refuses.
     pub fn to_text(&self) -> Result<String, toml::ser::Error> {
         let text = toml::to_string_pretty(self)?;
-        Ok(format!("# Options of a training run; read them back with --config.\n\n{text}\n"))
+        Ok(format!("# Options of a training run.\n\n{text}\n"))
     }
 
     /// Checks all values.

@@ -98,18 +98,19 @@ struct Expansion<'a> {
 
 impl<'a> Expansion<'a> {
     fn file(&mut self, source: &'a str) {
-        // Whether the lines of each open condition count.
-        let mut conditions = Vec::new();
+        // Whether the lines of each open condition count, and whether no `#else` has come yet.
+        let mut conditions: Vec<(bool, bool)> = Vec::new();
         for line in source.lines() {
             let (directive, name) = line.trim().split_once(' ').unwrap_or((line.trim(), ""));
             match directive {
-                "#if" => conditions.push(self.defined.contains(&name)),
+                "#if" => conditions.push((self.defined.contains(&name), true)),
                 "#else" => {
-                    let Some(condition) = conditions.last_mut() else { panic!("WGSL #else without #if") };
+                    let Some((condition, is_first)) = conditions.last_mut() else { panic!("WGSL #else without #if") };
+                    assert!(std::mem::take(is_first), "a second WGSL #else");
                     *condition = !*condition;
                 }
                 "#endif" => assert!(conditions.pop().is_some(), "WGSL #endif without #if"),
-                _ if conditions.contains(&false) => {}
+                _ if conditions.iter().any(|(condition, _)| !condition) => {}
                 "#define" => self.defined.push(name),
                 "#import" => self.import(name),
                 _ => {

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use ibgs_core::config::{DataConfig, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::DemoOptions;
+use ibgs_core::files;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{load_demo, load_scene};
 use ibgs_core::output::{Existing, FolderLock, OutputFolder};
@@ -174,7 +175,7 @@ impl Plan {
             None => self.free_folder(config.data.source.as_deref())?,
         };
         let (existing, is_new) = (if self.overwrite { Existing::Replace } else { Existing::Keep }, !path.exists());
-        std::fs::create_dir_all(&path).with_context(|| format!("cannot create {}", path.display()))?;
+        files::create_folder(&path)?;
         // Before anything in it is removed.
         let lock = OutputFolder::at(&path).lock()?;
         let folder = OutputFolder::create(&path, existing)?;

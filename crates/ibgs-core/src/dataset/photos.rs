@@ -205,7 +205,7 @@ pub(crate) fn load_views(
         let has_mask = |one: &&Loaded| one.view.photo.rgba.chunks_exact(4).any(|p| (1..u8::MAX).contains(&p[3]));
         let masked = loaded.iter().filter(has_mask).count();
         dataset.notes.push(match masked {
-            0 => "no photo has a mask or transparent pixels: `masks = \"object\"` changes nothing".to_owned(),
+            0 => "no photo has a mask or transparent pixels: masks of an object change nothing".to_owned(),
             _ => format!("{} of an object: outside of the masks there is nothing", photos(masked)),
         });
     }

@@ -9,8 +9,8 @@ const ENTRY: u32 = 4u;
 #else
 const ENTRY: u32 = 3u;
 #endif
-const COLOR: u32 = 2u;
-const PLANE: u32 = ENTRY - 1u;
+const COLOR_ROW: u32 = 2u;
+const PLANE_ROW: u32 = ENTRY - 1u;
 
 var<workgroup> batch: array<vec4<f32>, ENTRY * BATCH>;
 var<workgroup> finished: atomic<u32>;
@@ -74,10 +74,10 @@ fn main(
             batch[ENTRY * local] = projected[3u * g];
             batch[ENTRY * local + 1u] = projected[3u * g + 1u];
             #if COLOR
-            batch[ENTRY * local + COLOR] = projected[3u * g + 2u];
+            batch[ENTRY * local + COLOR_ROW] = projected[3u * g + 2u];
             #endif
             #if PLANES
-            batch[ENTRY * local + PLANE] = planes[g];
+            batch[ENTRY * local + PLANE_ROW] = planes[g];
             #endif
         }
         workgroupBarrier();
@@ -99,11 +99,11 @@ fn main(
                 let weight = alpha * t;
                 #if COLOR
                 let entry = first + j - start;
-                color += weight * batch[ENTRY * j + COLOR].rgb;
+                color += weight * batch[ENTRY * j + COLOR_ROW].rgb;
                 last = entry + 1u;
                 #endif
                 #if PLANES
-                let plane = batch[ENTRY * j + PLANE];
+                let plane = batch[ENTRY * j + PLANE_ROW];
                 #if INTERSECTIONS
                 normal += weight * plane.xyz;
                 #endif

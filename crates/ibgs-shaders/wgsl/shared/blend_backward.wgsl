@@ -67,7 +67,7 @@ fn main(
     var median = 0.0;
     // dL/d(median depth) over the sum of the weights.
     var v_median = 0.0;
-    // Slots from here on are done; `next` is the entry of the one before.
+    // Intersections from here on are done; `next` is the entry of the one before.
     var cursor = 0u;
     var next = NO_ENTRY;
     #endif

@@ -34,7 +34,7 @@ fn resized() -> bool {
     return any(params.size != params.low);
 }
 
-// Slots that are non-empty somewhere in the image.
+// Visible sources of the pixel that has most.
 fn used_sources() -> u32 {
     return min(sources_seen[0], params.visible);
 }

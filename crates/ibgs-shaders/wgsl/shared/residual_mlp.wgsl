@@ -1,6 +1,6 @@
 // The per-view MLP 7 -> 32 -> 32 on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
 // channels come and go four at a time in a loop: written out, software drivers take minutes to compile it.
-// Reads the kernel's binding `weights`, the flat vector of residual/layers.rs: W1 [32][7], b1, W2 [32][32], b2 at its front, the
+// Reads the kernel's binding `weights`, the flat vector of src/layers.rs: W1 [32][7], b1, W2 [32][32], b2 at its front, the
 // confidence in a source (w [33], b), which reads the hidden channels and the error of the depth, at its end.
 
 const HIDDEN: u32 = MLP_CHANNELS;

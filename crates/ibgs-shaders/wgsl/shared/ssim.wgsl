@@ -10,7 +10,7 @@ struct LossParams {
     object: u32,
     // Weight of 1 - SSIM; L1 has the rest.
     lambda: f32,
-    // Slot of the warped images; 0 in the image loss.
+    // Which of the visible sources the warped image is of; 0 in the image loss.
     visible: u32,
     pad: vec2<u32>,
 }

@@ -75,7 +75,7 @@ where
     Ok(Tensor::from_primitive::<Ad>(output))
 }
 
-/// A node with one parent, see [`node`].
+/// A node with one parent.
 ///
 /// # Errors
 /// Those of `compute`.

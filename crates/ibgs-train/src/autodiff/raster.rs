@@ -111,17 +111,21 @@ pub fn rasterized(raster: &Rasterizer, leaves: &Leaves, view: &RasterView) -> Re
     let image = node(parents, |tensors| {
         let shapes = tensors.map(|tensor| tensor.meta.shape().to_vec());
         let rule = move |v_image: &CubeTensor, _| {
-            let tensors = shapes.each_ref().map(|shape| empty_like(v_image, shape));
             let has_planes = pass.surface().is_some();
-            let [means, rotations, log_scales, opacity_logits, sh, screen, normals, offsets] =
-                tensors.each_ref().map(bind);
-            let planes = has_planes.then_some([normals, offsets]);
-            let v = RasterGradients { means, rotations, log_scales, opacity_logits, sh, screen, planes };
+            let count = if has_planes { 8 } else { 6 };
+            let gradients: [Option<CubeTensor>; 8] =
+                std::array::from_fn(|i| (i < count).then(|| empty_like(v_image, &shapes[i])));
+            let memory = |i: usize| bind(gradients[i].as_ref().expect("six gradients or eight"));
+            let v = RasterGradients {
+                means: memory(0),
+                rotations: memory(1),
+                log_scales: memory(2),
+                opacity_logits: memory(3),
+                sh: memory(4),
+                screen: memory(5),
+                planes: has_planes.then(|| [memory(6), memory(7)]),
+            };
             pass.backward(&gpu, &splats, &bind(v_image), &v);
-            let mut gradients = tensors.map(Some);
-            if !has_planes {
-                gradients[6..].fill(None);
-            }
             gradients
         };
         Ok::<_, GpuError>((image, rule))

@@ -109,7 +109,7 @@ impl<'a> Trial<'a> {
 fn difference(a: &[f32], b: &[f32]) -> f32 {
     let largest = b.iter().fold(0.0f32, |m, v| m.max(v.abs()));
     let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    // What is no number must not pass for small.
+    // NaN must not compare as small.
     let apart = apart.fold(0.0f32, |m, v| if v.is_nan() { f32::INFINITY } else { m.max(v) });
     if apart == 0.0 { 0.0 } else { apart / largest }
 }
