@@ -1,6 +1,7 @@
 //! Errors in the words of the command line. The libraries say what is wrong and where, and know no flags; what the user can do
 //! about it with the flags of this program is added here.
 
+use crate::prepare;
 use ibgs_core::config::ConfigError;
 use ibgs_core::dataset::DatasetError;
 use ibgs_core::eval::EvalError;
@@ -186,6 +187,7 @@ fn advice(error: AnyError) -> Option<String> {
         })
         .map(str::to_owned)
         .or_else(|| mesh(error.downcast_ref()?))
+        .or_else(|| poses(error.downcast_ref()?))
 }
 
 fn model(error: &ModelError) -> Option<&'static str> {
@@ -230,6 +232,13 @@ fn mesh(error: &MeshError) -> Option<String> {
         }
         _ => None,
     }
+}
+
+/// Photos or a video in place of a scene: how to get one.
+fn poses(error: &DatasetError) -> Option<String> {
+    let DatasetError::NotAScene { path } = error else { return None };
+    let inputs = prepare::inputs_in(path)?;
+    Some(format!("for camera poses of its photos run `ibgs prepare {} -o my-scene` first", inputs.display()))
 }
 
 fn scene(error: &DatasetError) -> Option<&'static str> {

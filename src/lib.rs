@@ -4,6 +4,7 @@
 
 pub mod advice;
 pub mod commands;
+pub mod prepare;
 pub mod progress;
 pub mod stdout;
 pub mod terminal;
@@ -23,6 +24,8 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Estimate the camera poses of photos or a video with COLMAP: from them to a scene to train on.
+    Prepare(commands::prepare::Args),
     /// Train a model on a scene folder, or on the built-in demo scene.
     Train(Box<commands::train::Args>),
     /// Render views of a trained model to pictures.
@@ -56,6 +59,7 @@ impl Cli {
     /// What went wrong, in a sentence.
     pub fn run(self) -> Result<()> {
         match self.command {
+            Command::Prepare(args) => commands::prepare::run(&args),
             Command::Train(args) => commands::train::run(&args),
             Command::Render(args) => commands::render::run(&args),
             Command::Eval(args) => commands::eval::run(&args),

@@ -14,6 +14,8 @@ mod install;
 #[cfg(unix)]
 mod interrupt;
 mod mesh;
+#[cfg(unix)]
+mod prepare;
 mod report;
 mod resume;
 mod round;

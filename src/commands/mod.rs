@@ -9,6 +9,7 @@ pub mod info;
 pub mod man;
 pub mod mesh;
 mod model;
+pub mod prepare;
 pub mod render;
 pub mod report;
 pub mod suite;

@@ -1,0 +1,298 @@
+//! From photos or a video to a scene with camera poses, by ffmpeg and COLMAP.
+
+pub mod colmap;
+pub mod tool;
+mod video;
+
+use anyhow::{Context, Result, bail};
+use colmap::{Cameras, Colmap, Matching, Quality};
+use ibgs_core::progress::Progress;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::path::{Path, PathBuf};
+use tool::{Tool, has_extension};
+
+/// File in the scene that says what it is made of and what is done.
+const RECORD: &str = "prepare.json";
+/// Fewest photos that have poses.
+const FEWEST: usize = 3;
+const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
+const VIDEOS: [&str; 10] = ["mp4", "mov", "m4v", "avi", "mkv", "webm", "mts", "m2ts", "mpg", "wmv"];
+
+/// What a scene is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Request {
+    /// Folders of photos and videos.
+    pub inputs: Vec<PathBuf>,
+    /// Most frames of a video.
+    pub frames: usize,
+    /// COLMAP's camera model.
+    pub camera_model: String,
+}
+
+/// Where a scene stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Record {
+    request: Request,
+    /// The last step that is done.
+    done: Step,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Step {
+    Nothing,
+    Photos,
+    Features,
+    Matches,
+    Poses,
+}
+
+/// What was made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prepared {
+    /// Photos in the scene.
+    pub photos: usize,
+    /// Their poses.
+    pub quality: Quality,
+}
+
+/// A scene in the making.
+pub struct Preparation<'a> {
+    scene: PathBuf,
+    record: Record,
+    progress: &'a dyn Progress,
+}
+
+impl<'a> Preparation<'a> {
+    /// Begins a scene, or continues one that was begun with the same request. Nothing is written where that fails.
+    ///
+    /// # Errors
+    /// The folder holds something else, or cannot be written.
+    pub fn begin(scene: &Path, request: Request, overwrite: bool, progress: &'a dyn Progress) -> Result<Self> {
+        check_inputs(&request.inputs)?;
+        let mut record = Record { request, done: Step::Nothing };
+        let images = scene.join("images");
+        let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
+        match read_record(scene)? {
+            Some(earlier) if earlier.request == record.request => record = earlier,
+            Some(_) if !overwrite => bail!(
+                "{} was begun with other photos or options; choose another folder, or allow `--overwrite`",
+                scene.display()
+            ),
+            Some(earlier) if own_photos(&earlier) && !own_photos(&record) => {
+                bail!("{} holds photos that were there before; choose another folder", images.display())
+            }
+            Some(_) => clear(scene, !own_photos(&record))?,
+            None if scene.join("sparse").exists() => {
+                bail!("{} has camera poses already: train on it, or choose another folder", scene.display())
+            }
+            None if images.exists() && !own_photos(&record) => {
+                bail!("{} is there already; name it as the input, or choose another folder", images.display())
+            }
+            None => {}
+        }
+        fs::create_dir_all(scene).with_context(|| format!("cannot create {}", scene.display()))?;
+        let preparation = Self { scene: scene.to_owned(), record, progress };
+        preparation.save()?;
+        Ok(preparation)
+    }
+
+    fn save(&self) -> Result<()> {
+        let path = self.scene.join(RECORD);
+        let text = serde_json::to_string_pretty(&self.record).context("cannot describe the scene")?;
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    fn done(&mut self, step: Step) -> Result<()> {
+        self.record.done = step;
+        self.save()
+    }
+
+    /// Does what is left. `note` receives sentences for the user.
+    ///
+    /// # Errors
+    /// A program is missing or fails, no photos, no poses.
+    pub fn run(
+        mut self,
+        colmap: &Colmap,
+        ffmpeg: &Tool,
+        matching: Matching,
+        note: &mut dyn FnMut(String),
+    ) -> Result<Prepared> {
+        if self.record.done < Step::Photos {
+            self.collect(ffmpeg, note)?;
+            self.done(Step::Photos)?;
+        }
+        let images = self.scene.join("images");
+        let photos = photos_below(&images)?;
+        let (count, progress) = (photos.len(), self.progress);
+        if self.record.done < Step::Features {
+            colmap.features(&self.record.request.camera_model, self.cameras(&photos), count, progress)?;
+            self.done(Step::Features)?;
+        }
+        if self.record.done < Step::Matches {
+            let is_video = self.record.request.inputs.iter().all(|input| is_video(input));
+            colmap.matches(matching.decided(count, is_video), count, progress)?;
+            self.done(Step::Matches)?;
+        }
+        if self.record.done < Step::Poses {
+            colmap.map(count, progress)?;
+            self.done(Step::Poses)?;
+        }
+        Ok(Prepared { photos: count, quality: colmap.choose()? })
+    }
+
+    /// Brings all photos into `images/`.
+    fn collect(&self, ffmpeg: &Tool, note: &mut dyn FnMut(String)) -> Result<()> {
+        let images = self.scene.join("images");
+        let Request { inputs, frames, .. } = &self.record.request;
+        for (i, input) in inputs.iter().enumerate() {
+            if is_same(input, &images) {
+                continue;
+            }
+            let folder = if inputs.len() == 1 { images.clone() } else { images.join(part_name(inputs, i)) };
+            fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+            if input.is_dir() {
+                copy_photos(input, &folder, note)?;
+            } else {
+                let [chosen, all] = video::extract(ffmpeg, input, &folder, *frames)?;
+                note(format!("{}: {chosen} of {all} frames chosen", input.display()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Photos of one size from one input are of one camera.
+    fn cameras(&self, photos: &[PathBuf]) -> Cameras {
+        let mut sizes = photos.iter().map(|path| image::image_dimensions(path).ok());
+        let first = sizes.next().flatten();
+        let is_one_size = first.is_some() && sizes.all(|size| size == first);
+        match (is_one_size, self.record.request.inputs.len()) {
+            (true, 1) => Cameras::One,
+            (true, _) => Cameras::PerFolder,
+            (false, _) => Cameras::ByMetadata,
+        }
+    }
+}
+
+/// Whether there are photos enough.
+fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
+    let mut photos = 0;
+    for input in inputs {
+        if input.is_dir() {
+            photos += photos_below(input)?.len();
+        } else if is_video(input) {
+            photos += FEWEST;
+        } else {
+            bail!(
+                "{} is neither a folder of photos nor a video ({})",
+                input.display(),
+                VIDEOS.map(|extension| format!(".{extension}")).join(", ")
+            );
+        }
+    }
+    if photos < FEWEST {
+        let [first, ..] = inputs else { bail!("there are no photos") };
+        bail!(
+            "{} has {photos} photos (.jpg, .jpeg or .png); poses need at least {FEWEST}, good ones 30 or more",
+            first.display()
+        );
+    }
+    Ok(())
+}
+
+/// Whether one of the inputs needs ffmpeg.
+pub fn is_video(path: &Path) -> bool {
+    path.is_file() && has_extension(path, &VIDEOS)
+}
+
+/// Where photos or a video without poses are: the path itself, or the folder `images` in it. None where there are none.
+pub fn inputs_in(path: &Path) -> Option<PathBuf> {
+    if path.is_file() {
+        return is_video(path).then(|| path.to_owned());
+    }
+    let has_photos = |folder: &Path| {
+        fs::read_dir(folder)
+            .is_ok_and(|mut entries| entries.any(|entry| entry.is_ok_and(|e| has_extension(&e.path(), &PHOTOS))))
+    };
+    [path.to_owned(), path.join("images")].into_iter().find(|folder| has_photos(folder))
+}
+
+/// What an earlier preparation left in a folder; none where there was none.
+fn read_record(scene: &Path) -> Result<Option<Record>> {
+    let path = scene.join(RECORD);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let record = serde_json::from_str(&text);
+    record.map(Some).with_context(|| format!("{} is damaged; remove it, or choose another folder", path.display()))
+}
+
+/// Removes what an earlier preparation has made.
+fn clear(scene: &Path, with_photos: bool) -> Result<()> {
+    let made = ["sparse", "images"].map(|name| scene.join(name));
+    for folder in made.iter().take(if with_photos { 2 } else { 1 }).filter(|folder| folder.exists()) {
+        fs::remove_dir_all(folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+    }
+    let database = scene.join("database.db");
+    match database.exists() {
+        true => fs::remove_file(&database).with_context(|| format!("cannot remove {}", database.display())),
+        false => Ok(()),
+    }
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// A folder name for the i-th of several inputs, different for each.
+fn part_name(inputs: &[PathBuf], i: usize) -> String {
+    let stem = inputs[i].file_stem().and_then(|stem| stem.to_str()).unwrap_or("photos");
+    format!("{:02}_{stem}", i + 1)
+}
+
+/// Links, or where that cannot be copies, the photos of a folder; notes what is left out.
+fn copy_photos(from: &Path, to: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
+    let entries = fs::read_dir(from).with_context(|| format!("cannot read {}", from.display()))?;
+    let mut left_out = Vec::new();
+    for entry in entries {
+        let path = entry.with_context(|| format!("cannot read {}", from.display()))?.path();
+        let Some(name) = path.file_name().filter(|name| path.is_file() && !name.to_string_lossy().starts_with('.'))
+        else {
+            continue;
+        };
+        let target = to.join(name);
+        if !has_extension(&path, &PHOTOS) {
+            left_out.push(name.to_string_lossy().into_owned());
+        } else if !target.exists() && fs::hard_link(&path, &target).is_err() {
+            fs::copy(&path, &target).with_context(|| format!("cannot copy {}", path.display()))?;
+        }
+    }
+    if let Some(first) = left_out.first() {
+        note(format!(
+            "{}: {} files are left out, such as {first}; photos are .jpg, .jpeg or .png",
+            from.display(),
+            left_out.len()
+        ));
+    }
+    Ok(())
+}
+
+/// The photos of a folder and of the folders in it.
+fn photos_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut photos = Vec::new();
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    for entry in entries {
+        let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
+        if path.is_dir() {
+            photos.extend(photos_below(&path)?);
+        } else if has_extension(&path, &PHOTOS) {
+            photos.push(path);
+        }
+    }
+    photos.sort();
+    Ok(photos)
+}

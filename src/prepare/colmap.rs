@@ -1,0 +1,275 @@
+//! COLMAP's steps from photos to poses.
+
+use super::tool::Tool;
+use crate::arguments;
+use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
+use ibgs_core::progress::Progress;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The oldest version that has every command and option used here.
+const OLDEST: [u32; 2] = [3, 6];
+
+/// Photos up to which each is matched with each other one.
+const EXHAUSTIVE: usize = 250;
+
+/// Which photos are compared with each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Matching {
+    /// Each with each up to 250 photos, and always where they are no video; else neighbours in time.
+    Auto,
+    /// Each with each.
+    Exhaustive,
+    /// Neighbours in the order of their names.
+    Sequential,
+}
+
+impl Matching {
+    /// `auto` decided for a number of photos, which are a video or not.
+    pub fn decided(self, photos: usize, is_video: bool) -> Self {
+        match self {
+            Self::Auto if is_video && photos > EXHAUSTIVE => Self::Sequential,
+            Self::Auto => Self::Exhaustive,
+            decided => decided,
+        }
+    }
+}
+
+/// Which photos share a camera's focal length and distortion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cameras {
+    /// All.
+    One,
+    /// Those of a folder.
+    PerFolder,
+    /// Those that COLMAP takes for one by their metadata.
+    ByMetadata,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Photos with a pose in the largest model.
+    pub posed: usize,
+    /// Models that were found: parts of the scene that share no points.
+    pub models: usize,
+    /// Points of the largest model.
+    pub points: usize,
+    /// Mean reprojection error in pixels.
+    pub error: f64,
+}
+
+/// The program and the folder that it works in.
+pub struct Colmap {
+    tool: Tool,
+    scene: PathBuf,
+    has_cuda: bool,
+}
+
+impl Colmap {
+    /// Asks the program for its version.
+    ///
+    /// # Errors
+    /// It is missing, is no COLMAP, or is too old.
+    pub fn new(tool: Tool, scene: &Path) -> Result<Self> {
+        let help = tool.output(&["-h"])?;
+        let Some(version) = version(&help) else { bail!("{} is not COLMAP: its help names no version", tool.name()) };
+        let [major, minor] = version;
+        if version < OLDEST {
+            bail!("{} is COLMAP {major}.{minor}; version {}.{} or newer is needed", tool.name(), OLDEST[0], OLDEST[1]);
+        }
+        Ok(Self { tool, scene: scene.to_owned(), has_cuda: help.contains("with CUDA") })
+    }
+
+    /// Finds features in every photo. Those that the database has are not done again.
+    ///
+    /// # Errors
+    /// As [`Tool::run`].
+    pub fn features(&self, model: &str, cameras: Cameras, photos: usize, progress: &dyn Progress) -> Result<()> {
+        let mut arguments = arguments!["feature_extractor", "--database_path", self.database()].to_vec();
+        arguments.extend(arguments!["--image_path", self.images(), "--ImageReader.camera_model", model]);
+        match cameras {
+            Cameras::One => arguments.extend(arguments!["--ImageReader.single_camera", "1"]),
+            Cameras::PerFolder => arguments.extend(arguments!["--ImageReader.single_camera_per_folder", "1"]),
+            Cameras::ByMetadata => {}
+        }
+        self.add_gpu(&mut arguments, "Extraction.use_gpu")?;
+        self.follow(&arguments, ("features", photos), progress, |line, _| line.contains("Processed file ["))
+    }
+
+    /// Matches features between photos. Pairs that the database has are not done again.
+    ///
+    /// # Errors
+    /// As [`Tool::run`].
+    pub fn matches(&self, matching: Matching, photos: usize, progress: &dyn Progress) -> Result<()> {
+        let command = if matching == Matching::Sequential { "sequential_matcher" } else { "exhaustive_matcher" };
+        let mut arguments = arguments![command, "--database_path", self.database()].to_vec();
+        self.add_gpu(&mut arguments, "Matching.use_gpu")?;
+        let mut steps = photos;
+        if matching != Matching::Sequential {
+            // Blocks of 50 photos are matched with each other.
+            steps = photos.div_ceil(50).pow(2);
+        }
+        self.follow(&arguments, ("matching", steps), progress, |line, _| {
+            line.starts_with("Matching ") && line.contains('[')
+        })
+    }
+
+    /// Estimates poses and points, anew.
+    ///
+    /// # Errors
+    /// As [`Tool::run`]; no model was found.
+    pub fn map(&self, photos: usize, progress: &dyn Progress) -> Result<()> {
+        let sparse = self.scene.join("sparse");
+        let _ = fs::remove_dir_all(&sparse);
+        fs::create_dir_all(&sparse).with_context(|| format!("cannot create {}", sparse.display()))?;
+        let mut arguments = arguments!["mapper", "--database_path", self.database()].to_vec();
+        arguments.extend(arguments!["--image_path", self.images(), "--output_path", &sparse]);
+        let mut most = 0;
+        self.follow(&arguments, ("poses", photos), progress, |line, _| {
+            // A model that leads nowhere is begun anew and counts from the start.
+            let registered = registered(line).unwrap_or(0);
+            let is_more = registered > most;
+            most = most.max(registered);
+            is_more
+        })
+    }
+
+    /// Gives the largest model the number 0, and measures it.
+    ///
+    /// # Errors
+    /// There is no model.
+    pub fn choose(&self) -> Result<Quality> {
+        let sparse = self.scene.join("sparse");
+        let models = models(&sparse)?;
+        let Some((posed, largest)) = models.iter().max_by_key(|(posed, folder)| (*posed, std::cmp::Reverse(folder)))
+        else {
+            bail!(
+                "COLMAP found no pose for any photo; take them with more overlap (each part of the scene in three or more), in even \
+                 light and without blur"
+            );
+        };
+        let first = sparse.join("0");
+        if *largest != first {
+            let spare = sparse.join("spare");
+            let renamed = fs::rename(&first, &spare)
+                .and_then(|()| fs::rename(largest, &first))
+                .and_then(|()| fs::rename(&spare, largest));
+            renamed.with_context(|| format!("cannot rename the models in {}", sparse.display()))?;
+        }
+        let mut quality = Quality { posed: *posed, models: models.len(), ..Quality::default() };
+        self.tool.run(&arguments!["model_analyzer", "--path", &first], |line| {
+            if let Some(points) = value(line, "Points: ") {
+                quality.points = points as usize;
+            }
+            if let Some(error) = value(line, "Mean reprojection error: ") {
+                quality.error = error;
+            }
+        })?;
+        Ok(quality)
+    }
+
+    fn database(&self) -> PathBuf {
+        self.scene.join("database.db")
+    }
+
+    fn images(&self) -> PathBuf {
+        self.scene.join("images")
+    }
+
+    /// The option has another name in each generation, `SiftExtraction.use_gpu` or `FeatureExtraction.use_gpu`.
+    fn add_gpu(&self, arguments: &mut Vec<OsString>, end: &str) -> Result<()> {
+        let command = arguments[0].to_string_lossy().into_owned();
+        let help = self.tool.output(&[&command, "-h"])?;
+        let option = help.split_whitespace().find(|word| word.starts_with("--") && word.ends_with(end));
+        arguments
+            .extend(option.into_iter().flat_map(|option| arguments![option, if self.has_cuda { "1" } else { "0" }]));
+        Ok(())
+    }
+
+    /// Runs a command; `is_step` says which lines are a step, of so many.
+    fn follow(
+        &self,
+        arguments: &[OsString],
+        (what, steps): (&'static str, usize),
+        progress: &dyn Progress,
+        mut is_step: impl FnMut(&str, usize) -> bool,
+    ) -> Result<()> {
+        progress.begin(what, steps);
+        let mut done = 0;
+        let ran = self.tool.run(arguments, |line| {
+            if is_step(line, done) && done < steps {
+                done += 1;
+                progress.step();
+            }
+        });
+        progress.end();
+        ran
+    }
+}
+
+/// `3.8` of `COLMAP 3.8 -- Structure-from-Motion ...`.
+fn version(help: &str) -> Option<[u32; 2]> {
+    let after = help.split("COLMAP ").nth(1)?;
+    let mut numbers = after.split(|c: char| !c.is_ascii_digit()).map(|number| number.parse().ok());
+    Some([numbers.next()??, numbers.next().flatten().unwrap_or(0)])
+}
+
+/// Photos of the model so far, of `Registering image #5 (12)` or `Registering image #5 (num_reg_frames=12)`.
+fn registered(line: &str) -> Option<usize> {
+    let inner = line.split("Registering image").nth(1)?.split('(').nth(1)?;
+    inner.trim_end_matches(')').rsplit('=').next()?.parse().ok()
+}
+
+/// The number behind a label, with or without its unit.
+fn value(line: &str, label: &str) -> Option<f64> {
+    let text = line.split(label).nth(1)?;
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    text[..end].parse().ok()
+}
+
+/// The models below a folder with their numbers of posed photos.
+fn models(sparse: &Path) -> Result<Vec<(usize, PathBuf)>> {
+    let entries = fs::read_dir(sparse).with_context(|| format!("cannot read {}", sparse.display()))?;
+    let mut models: Vec<_> = entries
+        .filter_map(|entry| {
+            let folder = entry.ok()?.path();
+            let list = fs::read(folder.join("images.bin")).ok()?;
+            Some((u64::from_le_bytes(*list.first_chunk()?) as usize, folder))
+        })
+        .collect();
+    models.sort_by(|a, b| a.1.cmp(&b.1));
+    Ok(models)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions() {
+        assert_eq!(version("COLMAP 3.8 -- Structure-from-Motion and Multi-View Stereo"), Some([3, 8]));
+        assert_eq!(version("\nCOLMAP 3.12.0.dev0 -- Structure"), Some([3, 12]));
+        assert_eq!(version("COLMAP 4.0"), Some([4, 0]));
+        assert_eq!(version("some other program"), None);
+    }
+
+    #[test]
+    fn what_the_mapper_prints() {
+        assert_eq!(registered("Registering image #5 (12)"), Some(12));
+        assert_eq!(registered("I20260101 mapper.cc:1] Registering image #5 (num_reg_frames=13)"), Some(13));
+        assert_eq!(registered("=> Image sees 812 / 1233 points"), None);
+        assert_eq!(value("Mean reprojection error: 0.622px", "Mean reprojection error: "), Some(0.622));
+        assert_eq!(value("Points: 5012", "Points: "), Some(5012.0));
+    }
+
+    #[test]
+    fn a_long_video_is_matched_in_order() {
+        assert_eq!(Matching::Auto.decided(250, true), Matching::Exhaustive);
+        assert_eq!(Matching::Auto.decided(251, true), Matching::Sequential);
+        assert_eq!(Matching::Auto.decided(900, false), Matching::Exhaustive);
+        assert_eq!(Matching::Sequential.decided(3, false), Matching::Sequential);
+    }
+}

@@ -1,0 +1,118 @@
+//! `ibgs prepare` with programs that stand in for COLMAP.
+
+use super::Sandbox;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+
+/// A program that does as COLMAP 3.8 does: two models, the second of which has more photos. The file `broken` makes its mapper fail.
+const COLMAP: &str = r#"#!/bin/sh
+here=$(dirname "$0")
+echo "$@" >> "$here/calls"
+case "$1 $2" in
+    "-h ") echo "COLMAP 3.8 -- Structure-from-Motion (Commit Unknown without CUDA)" ;;
+    "feature_extractor -h") echo "  --SiftExtraction.use_gpu arg (=1)" ;;
+    "exhaustive_matcher -h") echo "  --SiftMatching.use_gpu arg (=1)" ;;
+    model_analyzer*) echo "Points: 1234"; echo "Mean reprojection error: 0.61px" ;;
+    mapper*)
+        if [ -e "$here/broken" ]; then echo "no good initial pair" >&2; exit 3; fi
+        out=$(echo "$@" | sed 's/.*--output_path //')
+        mkdir -p "$out/0" "$out/1"
+        printf '\002\000\000\000\000\000\000\000' > "$out/0/images.bin"
+        printf '\003\000\000\000\000\000\000\000' > "$out/1/images.bin"
+        echo "Registering image #1 (3)" ;;
+esac
+"#;
+
+fn sandbox() -> Sandbox {
+    let sandbox = Sandbox::new();
+    for name in ["photos/b.jpg", "photos/a.PNG", "photos/c.jpeg", "photos/notes.txt"] {
+        sandbox.write(name, "not looked at");
+    }
+    sandbox.write("colmap", COLMAP);
+    fs::set_permissions(sandbox.path("colmap"), fs::Permissions::from_mode(0o755)).unwrap();
+    sandbox
+}
+
+#[test]
+fn photos_become_a_scene_with_the_largest_model_first() {
+    let sandbox = sandbox();
+    let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
+    assert!(outcome.stdout.contains("3 of 3 photos have a pose"), "{}", outcome.stdout);
+    assert!(outcome.stdout.contains("0.61 pixels, 1234 points") && outcome.stdout.contains("ibgs train scene"));
+    assert!(outcome.stderr.contains("2 parts that do not connect"), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("notes.txt"), "{}", outcome.stderr);
+    assert_eq!(fs::read(sandbox.path("scene/sparse/0/images.bin")).unwrap()[0], 3);
+    assert_eq!(fs::read(sandbox.path("scene/sparse/1/images.bin")).unwrap()[0], 2);
+    let mut names: Vec<_> =
+        fs::read_dir(sandbox.path("scene/images")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["a.PNG", "b.jpg", "c.jpeg"]);
+    let calls = sandbox.text("calls");
+    assert!(calls.contains("--SiftExtraction.use_gpu 0") && calls.contains("--SiftMatching.use_gpu 0"), "{calls}");
+    assert!(calls.contains("--ImageReader.camera_model OPENCV"), "{calls}");
+    assert!(sandbox.text("scene/prepare.log").contains("Registering image #1 (3)"));
+}
+
+#[test]
+fn a_failed_step_is_named_and_the_same_command_continues_with_it() {
+    let sandbox = sandbox();
+    sandbox.write("broken", "");
+    let outcome = sandbox.run("prepare photos -o scene --colmap ./colmap");
+    outcome.assert_failure(1, &["no good initial pair", "scene/prepare.log"]);
+    fs::remove_file(sandbox.path("broken")).unwrap();
+    fs::remove_file(sandbox.path("calls")).unwrap();
+    let other = sandbox.run("prepare photos -o scene --colmap ./colmap --frames 9");
+    other.assert_failure(1, &["begun with other photos or options", "--overwrite"]);
+    sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
+    let calls = sandbox.text("calls");
+    assert!(calls.contains("mapper --database_path") && !calls.contains("feature_extractor"), "{calls}");
+}
+
+#[test]
+fn what_is_missing_is_said_before_anything_is_written() {
+    let sandbox = sandbox();
+    sandbox.write("few/a.jpg", "one");
+    sandbox.write("scene/sparse/0/images.bin", "poses");
+    sandbox.write("own/images/mine.jpg", "mine");
+    sandbox.write("empty/read.me", "");
+    sandbox.write("walk.mp4", "a video");
+    sandbox.fails("prepare photos -o new --colmap ./none", &["./none was not found", "apt install colmap", "--colmap"]);
+    sandbox.fails("prepare photos -o new --colmap true", &["is not COLMAP"]);
+    sandbox.write("silent", COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
+    fs::set_permissions(sandbox.path("silent"), fs::Permissions::from_mode(0o755)).unwrap();
+    for (arguments, fragments) in [
+        ("nowhere -o new", &["nowhere does not exist"][..]),
+        ("few -o new", &["few has 1 photos", "at least 3"]),
+        ("empty -o new", &["empty has 0 photos"]),
+        ("photos/a.PNG -o new", &["a.PNG is neither a folder of photos nor a video"]),
+        ("photos -o scene", &["scene has camera poses already"]),
+        ("photos -o own", &["own/images is there already"]),
+        ("walk.mp4 -o new --ffmpeg ./none", &["./none was not found", "apt install ffmpeg"]),
+    ] {
+        sandbox.fails(&format!("prepare {arguments} --colmap ./silent"), fragments);
+    }
+    sandbox.write("old", COLMAP.replace("COLMAP 3.8", "COLMAP 3.5"));
+    fs::set_permissions(sandbox.path("old"), fs::Permissions::from_mode(0o755)).unwrap();
+    let outcome = sandbox.run("prepare photos -o new --colmap ./old");
+    outcome.assert_failure(1, &["COLMAP 3.5", "3.6 or newer"]);
+}
+
+#[test]
+fn photos_that_lie_in_the_scene_stay() {
+    let sandbox = sandbox();
+    fs::create_dir(sandbox.path("scene")).unwrap();
+    fs::rename(sandbox.path("photos"), sandbox.path("scene/images")).unwrap();
+    sandbox.succeeds("prepare scene/images -o scene --colmap ./colmap");
+    for name in ["d.jpg", "e.jpg", "f.jpg"] {
+        sandbox.write(&format!("others/{name}"), "another");
+    }
+    let outcome = sandbox.run("prepare others -o scene --colmap ./colmap --overwrite");
+    outcome.assert_failure(1, &["scene/images holds photos that were there before"]);
+    assert_eq!(sandbox.text("scene/images/b.jpg"), "not looked at");
+}
+
+#[test]
+fn training_on_photos_names_the_command() {
+    let sandbox = sandbox();
+    sandbox.fails("train photos", &["is not a scene", "run `ibgs prepare ", "photos -o my-scene` first"]);
+}
