@@ -151,7 +151,7 @@ fn objects_are_measured_over_the_background() {
         assert_eq!(truth.get_pixel(3, 3).0, corner);
         assert!(sandbox.text(&format!("{model}/report.html")).contains("masks object"));
     }
-    sandbox.fails("train blender --masks object --alpha composite -m x", &["--alpha", "`--masks object`"]);
+    sandbox.fails("train blender --masks object --alpha composite -m x", &["--alpha", "`--masks` is `object`"]);
     sandbox.fails("train --masks object -m x", &["--masks", "demo scene"]);
 }
 

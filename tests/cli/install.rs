@@ -3,8 +3,21 @@
 use super::{Outcome, Sandbox, files_in};
 use std::process::Command;
 
-const COMMANDS: [&str; 12] =
-    ["train", "render", "eval", "compare", "suite", "view", "mesh", "export", "info", "bench", "completions", "man"];
+const COMMANDS: [&str; 13] = [
+    "prepare",
+    "train",
+    "render",
+    "eval",
+    "compare",
+    "suite",
+    "view",
+    "mesh",
+    "export",
+    "info",
+    "bench",
+    "completions",
+    "man",
+];
 
 /// Runs the program without an adapter option.
 fn told(sandbox: &Sandbox, arguments: &[&str]) -> String {
