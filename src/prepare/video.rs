@@ -78,7 +78,7 @@ fn choose(frames: &[Frame], count: usize) -> Vec<usize> {
     if frames.len() <= count {
         return (0..frames.len()).collect();
     }
-    // A camera that stands still for a while still gives a few frames.
+    // A camera that stands still for a third of the video still gives a frame or two.
     let rest = 0.1 * frames.iter().map(|frame| frame.motion).sum::<f64>() / frames.len() as f64;
     let way: Vec<f64> = frames
         .iter()
@@ -137,7 +137,8 @@ mod tests {
         assert_eq!(still.len(), 10);
         let pause = choose(&frames((0..300).map(|i| if (100..200).contains(&i) { 0.0 } else { 2.0 })), 60);
         let paused = pause.iter().filter(|i| (100..200).contains(*i)).count();
-        assert!((2..8).contains(&paused), "{paused} while it stands");
+        // 440 units of way in all, a part is 7.3 of them, and the pause takes 13.3.
+        assert!((1..=3).contains(&paused), "{paused} while it stands");
     }
 
     #[test]
@@ -149,6 +150,7 @@ mod tests {
         };
         assert!(sharpness(&picture(4)) > 2.0 * sharpness(&picture(16)));
         assert_eq!(sharpness(&vec![90; WIDTH * HEIGHT]), 0.0);
-        assert_eq!(difference(&coarse(&vec![90; WIDTH * HEIGHT]), &coarse(&vec![100; WIDTH * HEIGHT])), 10.0);
+        let brighter = difference(&coarse(&vec![90; WIDTH * HEIGHT]), &coarse(&vec![100; WIDTH * HEIGHT]));
+        assert!((brighter - 10.0).abs() < 1e-9, "{brighter}");
     }
 }
