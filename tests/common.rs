@@ -180,11 +180,11 @@ pub struct GpuSurface {
     /// Base, normal map, median depth, warped colours, cosines.
     pub outputs: Cotangents,
     /// Each visible source or -1, source by source.
-    pub slot: Vec<i32>,
+    pub source: Vec<i32>,
     /// Step of the depth's error of each visible source, 0 where there is none.
     pub error: Vec<u8>,
-    /// Visible sources that some pixel has.
-    pub active: u32,
+    /// Most visible sources of any pixel.
+    pub most_visible: u32,
     /// Gradients by tensor name.
     pub grads: Vec<(&'static str, Vec<f64>)>,
 }
@@ -220,7 +220,7 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let warped_values = values(warped.clone().inner());
     let packed: Vec<u32> = gpu.read(&seen.visible, pixels).unwrap();
     let bytes = (0..visible).flat_map(|m| packed.iter().map(move |word| word.to_le_bytes()[m]));
-    let slot = bytes.clone().map(|byte| if byte == 255 { -1 } else { i32::from(byte & 15) }).collect();
+    let source = bytes.clone().map(|byte| if byte == 255 { -1 } else { i32::from(byte & 15) }).collect();
     let error = bytes.map(|byte| if byte == 255 { 0 } else { byte >> 4 }).collect();
     let outputs = Cotangents {
         base: values(image.clone().inner()).as_chunks().0.to_vec(),
@@ -229,7 +229,7 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
         warped: warped_values.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect(),
         cosine: warped_values.chunks_exact(4).map(|c| c[3]).collect(),
     };
-    let active = gpu.read::<u32>(&seen.active, 1).unwrap()[0];
+    let most_visible = gpu.read::<u32>(&seen.most_visible, 1).unwrap()[0];
     let side = surface.v.as_ref().unwrap();
     let write = |buffer: &ibgs_core::gpu::Buffer, values: Vec<f32>| {
         gpu.queue.write_buffer(&buffer.buffer, 0, bytemuck::cast_slice(&values));
@@ -258,7 +258,7 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
         ("xy_pixels", pair(0)),
         ("xy_pixels_abs", pair(2)),
     ];
-    GpuSurface { outputs, slot, error, active, grads }
+    GpuSurface { outputs, source, error, most_visible, grads }
 }
 
 /// Asserts the forward bounds: all values within `tolerance`, but for at most 1e-4 of the pixels, which a threshold that

@@ -27,7 +27,7 @@ fn a_growth_table_of_a_tiny_scene() {
     for configuration in &report.configurations {
         let load = &configuration.load;
         assert!(load.gaussians_in_view <= load.gaussians && load.intersections >= load.gaussians_in_view, "{load:?}");
-        assert!(load.pairs > 0 && load.pixels == 20 * 12 && load.tiles == 2 && load.visible_somewhere > 0, "{load:?}");
+        assert!(load.pairs > 0 && load.pixels == 20 * 12 && load.tiles == 2 && load.most_visible > 0, "{load:?}");
         let works: Vec<_> = configuration.timings.iter().map(|timing| timing.work).collect();
         assert_eq!(works, Work::ALL);
         for timing in &configuration.timings {

@@ -16,7 +16,7 @@ use ibgs_core::residual::features::{FeatureInputs, Features};
 use ibgs_core::residual::{Arithmetic, Precision, Residual, ResidualTask, UNet, Variant, weights};
 use ibgs_core::sources::{WarpOptions, Warper};
 
-/// Packed slots that enter the network.
+/// Visible sources that enter the network.
 const VISIBLE: usize = 3;
 
 /// The dump's network, for the test of this name.
@@ -31,13 +31,13 @@ fn ray_camera(camera: &Camera) -> Camera {
 
 /// What the network saw in the dump.
 struct Inputs {
-    /// (Colour, cosine), slots x pixels.
+    /// (Colour, cosine), V x pixels.
     warped: Vec<[f32; 4]>,
     seen: Vec<u32>,
     centers: Vec<[f32; 4]>,
 }
 
-/// The packed slots of the dump; the centre difference tells the source.
+/// The visible sources of the dump; the centre difference tells the source.
 fn dumped_inputs(golden: &Golden) -> Inputs {
     let pixels = golden.base.len();
     let feature = &golden.arrays.get("cam_feat").data;
@@ -62,7 +62,7 @@ fn dumped_inputs(golden: &Golden) -> Inputs {
         }
     }
     println!("centre differences: {farthest:.1e} from those of the cameras");
-    assert!(farthest < 5e-3, "every slot is one of the sources");
+    assert!(farthest < 5e-3, "each is one of the sources");
     let centers = centers.iter().map(|c| c.extend(0.0).as_vec4().to_array()).collect();
     Inputs { warped, seen, centers }
 }
@@ -82,14 +82,14 @@ fn the_network_gives_the_dumped_residual() {
     let base = gpu.upload("base", &single(&golden.base)).unwrap();
     let warped = gpu.upload("warped", &inputs.warped).unwrap();
     let seen = gpu.upload("seen", &inputs.seen).unwrap();
-    let active = gpu.upload("active", &[VISIBLE as u32, 0, 0, 0]).unwrap();
+    let most_visible = gpu.upload("most_visible", &[VISIBLE as u32, 0, 0, 0]).unwrap();
     let centers = gpu.upload("centres", &inputs.centers).unwrap();
     let weights = gpu.upload("weights", &weights).unwrap();
     let features = FeatureInputs {
         base: &base,
         warped: &warped,
         seen: &seen,
-        active: &active,
+        most_visible: &most_visible,
         centers: &centers,
         weights: &weights,
     };
@@ -119,7 +119,7 @@ fn the_network_gives_the_dumped_residual() {
     assert!(db >= 80.0, "final from the dump's own inputs: {db:.1} dB");
 }
 
-/// Source of each of the first packed slots, 255 where there is none.
+/// Numbers of the first visible sources, 255 where there is none.
 fn packed(word: u32) -> [u8; VISIBLE] {
     std::array::from_fn(|m| word.to_le_bytes()[m])
 }

@@ -66,9 +66,9 @@ fn golden_surface_gradients() {
             let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &only(&v, group));
             if group == "all" {
                 assert_outputs(file, &ours.outputs, &scene.outputs(), 1e-5);
-                let slot: Vec<f64> = ours.slot.iter().map(|s| f64::from(*s)).collect();
-                assert_eq!(slot, golden.arrays.get("out/slot").data, "{file} out/slot");
-                assert_eq!(ours.active as usize, scene.sources.len(), "{file}: packed slots in use");
+                let source: Vec<f64> = ours.source.iter().map(|s| f64::from(*s)).collect();
+                assert_eq!(source, golden.arrays.get("out/slot").data, "{file} out/slot");
+                assert_eq!(ours.most_visible as usize, scene.sources.len(), "{file}: most visible sources");
             }
             for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
                 let truth = golden.grad(group, name);
@@ -161,7 +161,7 @@ fn a_published_model_gives_its_surface_and_warped_colours() {
     let feature = golden.arrays.get("cam_feat");
     let filled = |m: usize, p: usize| (0..4).any(|c| feature.data[(m * 4 + c) * pixels + p] != 0.0);
     let counts: Vec<usize> = (0..pixels).map(|p| (0..4).filter(|&m| filled(m, p)).count()).collect();
-    let ours_count = |p: usize| (0..4).filter(|&m| ours.slot[m * pixels + p] >= 0).count();
+    let ours_count = |p: usize| (0..4).filter(|&m| ours.source[m * pixels + p] >= 0).count();
     let equal: Vec<usize> = (0..pixels).filter(|&p| ours_count(p) == counts[p]).collect();
     let share = equal.len() as f64 / pixels as f64;
     println!("visible sources: equal number at {:.3} % of the pixels", 100.0 * share);
@@ -171,7 +171,7 @@ fn a_published_model_gives_its_surface_and_warped_colours() {
         let both: Vec<usize> = equal.iter().copied().filter(|&p| counts[p] > m).collect();
         let pick = |image: &dyn Fn(usize) -> [f64; 3]| both.iter().flat_map(|&p| image(p)).collect::<Vec<_>>();
         let db = psnr(&pick(&|p| ours.outputs.warped[m * pixels + p]), &pick(&|p| published[p]));
-        println!("warped colours, slot {m}: {db:.1} dB over {} pixels", both.len());
+        println!("warped colours, visible source {m}: {db:.1} dB over {} pixels", both.len());
         assert!(db >= 75.0);
     }
 }
@@ -198,6 +198,6 @@ fn surface_results_repeat_bit_for_bit() {
     let first = run();
     for _ in 0..3 {
         let again = run();
-        assert!(first.outputs == again.outputs && first.slot == again.slot && first.grads == again.grads);
+        assert!(first.outputs == again.outputs && first.source == again.source && first.grads == again.grads);
     }
 }

@@ -24,7 +24,7 @@ struct Case {
 }
 
 impl Case {
-    fn new(width: u32, height: u32, slots: usize, seed: u64) -> Case {
+    fn new(width: u32, height: u32, sources: usize, seed: u64) -> Case {
         let quantised = |v: f64| (v * 255.0).round() / 255.0;
         let photo: Map = random_image(width, height, 0.0, 1.0, seed).into_iter().map(|p| p.map(quantised)).collect();
         let warp = |m: usize| -> Map {
@@ -34,9 +34,9 @@ impl Case {
         };
         // Slots fill in order: a later one is never fuller than an earlier one. Some pixels see nothing.
         let level = random_image(width, height, 0.0, 1.0, seed + 20);
-        let visible = (0..slots).map(|m| level.iter().map(|v| v[0] > 0.15 + 0.3 * m as f64).collect()).collect();
+        let visible = (0..sources).map(|m| level.iter().map(|v| v[0] > 0.15 + 0.3 * m as f64).collect()).collect();
         let valid = (0..photo.len()).map(|i| i % width as usize >= 3 || i % 5 != 0).collect();
-        Case { width, height, warped: (0..slots).map(warp).collect(), photo, valid, visible }
+        Case { width, height, warped: (0..sources).map(warp).collect(), photo, valid, visible }
     }
 
     fn masked(&self) -> Masked<'_> {
@@ -62,14 +62,14 @@ impl Case {
         let word = |i: usize| u32::from_le_bytes(std::array::from_fn(|m| byte(i, m)));
         let seen: Vec<u32> = (0..self.photo.len()).map(word).collect();
         let seen = gpu.upload("seen", &seen).unwrap();
-        // What stands in an empty slot must not matter.
+        // What stands where no source is visible must not matter.
         let row = |m: usize, i: usize| {
             let [r, g, b] = self.warped[m][i].map(|v| v as f32);
             if self.visible[m][i] { [r, g, b, 0.9] } else { [f32::NAN; 4] }
         };
-        let (slots, pixels) = (self.warped.len(), self.photo.len());
-        let flat: Vec<f32> = (0..slots).flat_map(|m| (0..pixels).flat_map(move |i| row(m, i))).collect();
-        let leaf = Tensor::<3>::from_data(TensorData::new(flat, [slots, pixels, 4]), device(&gpu).unwrap());
+        let (sources, pixels) = (self.warped.len(), self.photo.len());
+        let flat: Vec<f32> = (0..sources).flat_map(|m| (0..pixels).flat_map(move |i| row(m, i))).collect();
+        let leaf = Tensor::<3>::from_data(TensorData::new(flat, [sources, pixels, 4]), device(&gpu).unwrap());
         let leaf = leaf.autodiff().require_grad();
         let loss = PhotometricLoss::new(gpu.clone(), WEIGHT as f32).tracked(leaf.clone(), &seen, &target).unwrap();
         let mut grads = (loss.clone() * 3.0).backward();
@@ -96,11 +96,11 @@ impl Case {
 
 #[test]
 fn loss_and_gradient_follow_the_twin_at_every_size() {
-    for (seed, (width, height, slots)) in
+    for (seed, (width, height, sources)) in
         (0..).zip([(1, 1, 1), (5, 3, 2), (13, 9, 3), (16, 16, 4), (33, 17, 3), (70, 50, 3)])
     {
-        let case = Case::new(width, height, slots, seed);
-        case.check(&format!("{width} x {height}, {slots} slots"));
+        let case = Case::new(width, height, sources, seed);
+        case.check(&format!("{width} x {height}, {sources} sources"));
     }
     let case = Case::new(33, 17, 3, 4);
     assert!(case.on_gpu().1.iter().any(|v| *v != 0.0), "a gradient there is");

@@ -35,16 +35,21 @@ fn check(twin: &Composition) {
     };
     let word = |p: usize| if twin.seen && twin.sees[p] { 0xffff_ff02 } else { u32::MAX };
     let seen = gpu.upload("test", &(0..w * h).map(word).collect::<Vec<u32>>()).unwrap();
-    let active = gpu.upload("test", &[2 * u32::from(twin.seen), 0, 0, 0]).unwrap();
+    let most_visible = gpu.upload("test", &[2 * u32::from(twin.seen), 0, 0, 0]).unwrap();
     let (out, v_residual, v_base) = (nan(w * h), nan(lw * lh), nan(w * h));
     let compose = Compose::new([w as u32, h as u32], twin.variant, twin.gain as f32);
     let mut pass = Pass::new(&gpu, "compose");
     let (gpu_base, gpu_residual, gpu_v) = (upload(&base), upload(&residual), upload(&v_image));
-    let buffers =
-        ComposeBuffers { active: &active, seen: &seen, base: &gpu_base, residual: &gpu_residual, image: &out };
+    let buffers = ComposeBuffers {
+        most_visible: &most_visible,
+        seen: &seen,
+        base: &gpu_base,
+        residual: &gpu_residual,
+        image: &out,
+    };
     compose.record(&mut pass, &buffers);
     let (v_residual, v_base) = (&v_residual, &v_base);
-    let gradients = ComposeGradients { active: &active, seen: &seen, v_image: &gpu_v, v_residual, v_base };
+    let gradients = ComposeGradients { most_visible: &most_visible, seen: &seen, v_image: &gpu_v, v_residual, v_base };
     compose.record_backward(&mut pass, &gradients);
     pass.submit();
     let (by_residual, by_base) = twin.compose_backward(&v_image);

@@ -9,35 +9,35 @@ use half::f16;
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::features::{FeatureGradients, FeatureInputs, Features, InputGradients, MLP_WEIGHTS};
 use ibgs_core::residual::layers::{CONFIDENCE, INPUT, WEIGHTS};
-use ibgs_core::residual::{Aggregation, Factor, Inputs, Output, Variant};
+use ibgs_core::residual::{Aggregation, Factor, NetworkInputs, Output, Variant};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const FACTORS: [Factor; 3] = [Factor::Full, Factor::Half, Factor::Quarter];
 
-fn variant(inputs: Inputs, aggregation: Aggregation, factor: Factor) -> Variant {
+fn variant(inputs: NetworkInputs, aggregation: Aggregation, factor: Factor) -> Variant {
     Variant { inputs, output: Output::Residual, aggregation, factor, ..Variant::default() }
 }
 
-/// A view with `slots` slots, of which the first `active` are used somewhere; numbers that f32 holds.
-fn random_view(size: [u32; 2], slots: usize, active: usize, variant: Variant, seed: u64) -> View {
+/// A view with room for `visible` sources a pixel, of which no pixel has more than `most_visible`; numbers that f32 holds.
+fn random_view(size: [u32; 2], visible: usize, most_visible: usize, variant: Variant, seed: u64) -> View {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let pixels = (size[0] * size[1]) as usize;
     let mut seen = vec![[EMPTY; 4]; pixels];
-    for slot in seen.iter_mut() {
-        let filled = rng.random_range(0..=active);
+    for pixel in seen.iter_mut() {
+        let filled = rng.random_range(0..=most_visible);
         let first = rng.random_range(0..4u8);
-        (0..filled).for_each(|m| slot[m] = (first + m as u8) | rng.random_range(0..15) << 4);
+        (0..filled).for_each(|m| pixel[m] = (first + m as u8) | rng.random_range(0..15) << 4);
     }
     let mut number = |low: f64, high: f64| exact(rng.random_range(low..high));
     View {
         camera: random_camera(size[0], size[1], seed),
         variant,
         base: random_image(size[0], size[1], 0.0, 1.0, seed),
-        // Empty slots hold rubbish that must not matter.
-        warped: (0..slots * pixels).map(|_| std::array::from_fn(|_| number(0.0, 1.0))).collect(),
+        // Where no source is visible there is rubbish that must not matter.
+        warped: (0..visible * pixels).map(|_| std::array::from_fn(|_| number(0.0, 1.0))).collect(),
         seen,
-        active,
+        most_visible,
         centers: (0..8).map(|_| std::array::from_fn(|_| number(-1.0, 1.0))).collect(),
         weights: (0..WEIGHTS).map(|_| number(-0.4, 0.4)).collect(),
     }
@@ -74,18 +74,18 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
     };
     let seen: Vec<u32> = view.seen.iter().map(|s| u32::from_le_bytes(*s)).collect();
     let centers: Vec<f64> = view.centers.iter().flat_map(|c| [c[0], c[1], c[2], 9.0]).collect();
-    let features = Features::new(&view.camera, view.slots() as u32, view.variant);
+    let features = Features::new(&view.camera, view.visible() as u32, view.variant);
     let low = features.low();
     let (pixels, n) = (view.base.len(), (low[0] * low[1]) as usize);
     let (base, warped) = (upload(view.base.as_flattened()), upload(view.warped.as_flattened()));
     let (centers, weights) = (upload(&centers), upload(&view.weights));
     let seen = gpu.upload("test", &seen).unwrap();
-    let active = gpu.upload("test", &[view.active as u32, 7, 7, 7]).unwrap();
+    let most_visible = gpu.upload("test", &[view.most_visible as u32, 7, 7, 7]).unwrap();
     let inputs = FeatureInputs {
         base: &base,
         warped: &warped,
         seen: &seen,
-        active: &active,
+        most_visible: &most_visible,
         centers: &centers,
         weights: &weights,
     };
@@ -147,12 +147,12 @@ fn check(what: &str, view: &View, seed: u64) {
     for (i, v) in grads.warped.as_flattened().iter().enumerate() {
         assert!(*v != 0.0 || ours.v_warped[i] == 0.0, "{what}: v_warped[{i}] is {}", ours.v_warped[i]);
     }
-    assert_eq!(view.active > 0, ours.v_weights.iter().any(|v| *v != 0.0), "{what}: gradient of the weights");
+    assert_eq!(view.most_visible > 0, ours.v_weights.iter().any(|v| *v != 0.0), "{what}: gradient of the weights");
 }
 
 #[test]
 fn every_variant_follows_the_twin() {
-    for inputs in [Inputs::Differences, Inputs::SourceColors, Inputs::DifferencesOnly] {
+    for inputs in [NetworkInputs::Differences, NetworkInputs::SourceColors, NetworkInputs::DifferencesOnly] {
         for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
             for factor in FACTORS {
                 let view = random_view([33, 17], 3, 3, variant(inputs, aggregation, factor), 1);
@@ -163,13 +163,19 @@ fn every_variant_follows_the_twin() {
 }
 
 #[test]
-fn sizes_slots_and_unused_slots() {
-    for (size, slots, active) in
+fn sizes_and_sources_that_no_pixel_has() {
+    for (size, visible, most_visible) in
         [([13, 9], 1, 1), ([40, 40], 4, 4), ([5, 3], 3, 2), ([1, 1], 2, 1), ([1, 7], 3, 3), ([26, 11], 3, 0)]
     {
         for factor in FACTORS {
-            let view = random_view(size, slots, active, variant(Inputs::Differences, Aggregation::Mean, factor), 3);
-            check(&format!("{size:?}, {active} of {slots} slots, {factor:?}"), &view, 4);
+            let view = random_view(
+                size,
+                visible,
+                most_visible,
+                variant(NetworkInputs::Differences, Aggregation::Mean, factor),
+                3,
+            );
+            check(&format!("{size:?}, {most_visible} of {visible} sources, {factor:?}"), &view, 4);
         }
     }
 }
@@ -177,7 +183,7 @@ fn sizes_slots_and_unused_slots() {
 /// More pixels than the backward pass has threads: its workgroups go round several times.
 #[test]
 fn large_images_are_summed_whole() {
-    let view = random_view([256, 200], 2, 2, variant(Inputs::Differences, Aggregation::Mean, Factor::Full), 5);
+    let view = random_view([256, 200], 2, 2, variant(NetworkInputs::Differences, Aggregation::Mean, Factor::Full), 5);
     check("256 x 200", &view, 6);
     let v_x = random(INPUT * view.base.len(), 6);
     assert_eq!(on_gpu(&view, &v_x).v_weights, on_gpu(&view, &v_x).v_weights, "the same sums twice");
@@ -185,7 +191,7 @@ fn large_images_are_summed_whole() {
 
 #[test]
 fn twin_follows_finite_differences() {
-    for inputs in [Inputs::Differences, Inputs::SourceColors, Inputs::DifferencesOnly] {
+    for inputs in [NetworkInputs::Differences, NetworkInputs::SourceColors, NetworkInputs::DifferencesOnly] {
         for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
             for factor in [Factor::Full, Factor::Half] {
                 let view = random_view([6, 5], 2, 2, variant(inputs, aggregation, factor), 7);

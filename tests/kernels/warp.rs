@@ -26,7 +26,7 @@ fn sources_are_packed_as_far_as_confidence_reaches() {
         let (geometry, warp) = scene.run();
         let truth = scene.grads(&geometry, &v);
         let ours = surface(&scene, &view_of(&scene, 0.5), warping(&scene), &v);
-        assert_eq!(ours.slot, warp.slot, "wall {seed}: packed slots");
+        assert_eq!(ours.source, warp.source, "wall {seed}: visible sources");
         let errors: Vec<_> = ours.error.iter().zip(&warp.error).filter(|(a, b)| a != b).collect();
         assert!(errors.len() < ours.error.len() / 200, "wall {seed}: errors differ: {errors:?}");
         assert!(errors.iter().all(|(a, b)| a.abs_diff(**b) == 1), "wall {seed}: {errors:?}");
@@ -59,10 +59,10 @@ fn masked_texels_of_sources_are_not_read() {
             relative_error(masked.warped.as_flattened(), open.warped.as_flattened()) > 0.1,
             "the mask hides little"
         );
-        assert!(warp.slot.iter().any(|slot| *slot >= 0), "the mask hides everything");
+        assert!(warp.source.iter().any(|source| *source >= 0), "the mask hides everything");
         let run = |scene: &Scene| surface(scene, &view_of(scene, 0.5), warping(scene), &v);
         let ours = run(&scene);
-        assert_eq!(ours.slot, warp.slot, "masked wall {seed}: packed slots");
+        assert_eq!(ours.source, warp.source, "masked wall {seed}: visible sources");
         assert_outputs(&format!("masked wall {seed}"), &ours.outputs, &masked, 2e-5);
         for name in TENSORS.into_iter().chain(["xy_pixels", "xy_pixels_abs"]) {
             assert_gradient(&format!("masked wall {seed} {name}"), ours.grad(name), grad(&truth, name), 1e-3);

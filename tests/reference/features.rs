@@ -4,24 +4,24 @@
 
 use ibgs_core::camera::Camera;
 use ibgs_core::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, MLP2, WEIGHTS};
-use ibgs_core::residual::{Aggregation, Inputs, Output, Variant};
+use ibgs_core::residual::{Aggregation, NetworkInputs, Output, Variant};
 use ibgs_core::sources::Reach;
 
-/// Number of the source in an empty slot.
+/// In place of a source's number where there is no visible source m.
 pub const EMPTY: u8 = 255;
 
-/// What the network's input is made of; maps are row by row, slot after slot.
+/// What the network's input is made of; maps are row by row, visible source after visible source.
 #[derive(Clone, Debug)]
 pub struct View {
     pub camera: Camera,
     pub variant: Variant,
     pub base: Vec<[f64; 3]>,
-    /// Colour and cosine, slots x pixels.
+    /// Colour and cosine, V x pixels.
     pub warped: Vec<[f64; 4]>,
-    /// Number of the source in each slot of a pixel, and 16 times the thirds of the depth agreement by which it is off.
+    /// Number of visible source m of a pixel, and 16 times the thirds of the depth agreement by which it is off.
     pub seen: Vec<[u8; 4]>,
-    /// Slots that are non-empty somewhere.
-    pub active: usize,
+    /// Most visible sources of any pixel.
+    pub most_visible: usize,
     /// Target centre - source centre.
     pub centers: Vec<[f64; 3]>,
     /// The flat weights; those of the MLP and of the confidence are read.
@@ -98,18 +98,18 @@ impl View {
         self.variant.factor.size([self.camera.width, self.camera.height]).map(|n| n as usize)
     }
 
-    pub fn slots(&self) -> usize {
+    pub fn visible(&self) -> usize {
         self.warped.len() / self.base.len()
     }
 
-    fn features(&self, slot: usize) -> Vec<[f64; FEATURES]> {
+    fn features(&self, m: usize) -> Vec<[f64; FEATURES]> {
         let feature = |p: usize| {
-            let source = self.seen[p][slot];
+            let source = self.seen[p][m];
             if source == EMPTY {
                 return [0.0; FEATURES];
             }
-            let [r, g, b, cosine] = self.warped[slot * self.base.len() + p];
-            let base = if self.variant.inputs == Inputs::SourceColors { [0.0; 3] } else { self.base[p] };
+            let [r, g, b, cosine] = self.warped[m * self.base.len() + p];
+            let base = if self.variant.inputs == NetworkInputs::SourceColors { [0.0; 3] } else { self.base[p] };
             let [x, y, z] = self.centers[usize::from(source & 15)];
             [r - base[0], g - base[1], b - base[2], x, y, z, cosine]
         };
@@ -122,10 +122,10 @@ impl View {
         (first, relu_layer(&w[MLP2.offset..], &w[MLP2.bias()..], &first))
     }
 
-    /// At each pixel of the network's size the part of a slot that sources fill, and the error of their depth as a part of what
-    /// agrees.
-    fn presence(&self, slot: usize) -> Vec<[f64; 2]> {
-        let filling = |seen: &[u8; 4]| match seen[slot] {
+    /// At each pixel of the network's size the share of pixels that have a visible source m, and the error of its depth as
+    /// a share of the agreement.
+    fn presence(&self, m: usize) -> Vec<[f64; 2]> {
+        let filling = |seen: &[u8; 4]| match seen[m] {
             EMPTY => [0.0; 2],
             byte => [1.0, f64::from(byte >> 4) / 3.0],
         };
@@ -134,7 +134,7 @@ impl View {
         low
     }
 
-    /// Shares of the slots at a pixel by their confidences, beside 1 for none of them.
+    /// Shares of the visible sources of a pixel by their confidences, beside 1 for none of them.
     fn shares(&self, features: &[[f64; FEATURES]], presence: &[[f64; 2]]) -> Vec<f64> {
         let w = &self.weights;
         let confidence = |(feature, [present, error]): (&[f64; FEATURES], &[f64; 2])| {
@@ -147,7 +147,7 @@ impl View {
         confidences.into_iter().map(|c| c / total).collect()
     }
 
-    /// The slot that gives channel c its largest value, the first of several.
+    /// The visible source that gives channel c its largest value, the first of several.
     fn largest(outputs: &[[f64; HIDDEN]], c: usize) -> usize {
         (0..outputs.len()).fold(0, |best, m| if outputs[m][c] > outputs[best][c] { m } else { best })
     }
@@ -155,11 +155,11 @@ impl View {
     /// The U-Net's input, planes [38][pixels of the network's size].
     pub fn input(&self) -> Vec<f64> {
         let ([w, h], n) = (self.size(), self.low()[0] * self.low()[1]);
-        let features: Vec<_> = (0..self.active).map(|m| self.features(m)).collect();
+        let features: Vec<_> = (0..self.most_visible).map(|m| self.features(m)).collect();
         let ray = |p: usize| self.camera.ray(glam::DVec2::new((p % w) as f64 + 0.5, (p / w) as f64 + 0.5)).to_array();
         let rays = resize(&(0..w * h).map(ray).collect::<Vec<_>>(), self.size(), self.low());
         let base = resize(&self.base, self.size(), self.low());
-        let presence: Vec<_> = (0..self.active).map(|m| self.presence(m)).collect();
+        let presence: Vec<_> = (0..self.most_visible).map(|m| self.presence(m)).collect();
         let mut x = vec![0.0; INPUT * n];
         for i in 0..n {
             let outputs: Vec<_> = features.iter().map(|f| self.mlp(&f[i]).1).collect();
@@ -176,7 +176,7 @@ impl View {
             for c in 0..3 {
                 x[(HIDDEN + c) * n + i] = ray[c];
                 x[(HIDDEN + 3 + c) * n + i] =
-                    if self.variant.inputs == Inputs::DifferencesOnly { 0.0 } else { base[i][c] };
+                    if self.variant.inputs == NetworkInputs::DifferencesOnly { 0.0 } else { base[i][c] };
             }
         }
         x
@@ -185,9 +185,9 @@ impl View {
     /// Gradients of `sum(v_x * input())`.
     pub fn input_backward(&self, v_x: &[f64]) -> Grads {
         let (pixels, n) = (self.base.len(), self.low()[0] * self.low()[1]);
-        let features: Vec<_> = (0..self.active).map(|m| self.features(m)).collect();
-        let mut v_features = vec![vec![[0.0; FEATURES]; n]; self.active];
-        let presence: Vec<_> = (0..self.active).map(|m| self.presence(m)).collect();
+        let features: Vec<_> = (0..self.most_visible).map(|m| self.features(m)).collect();
+        let mut v_features = vec![vec![[0.0; FEATURES]; n]; self.most_visible];
+        let presence: Vec<_> = (0..self.most_visible).map(|m| self.presence(m)).collect();
         let mut weights = vec![0.0; WEIGHTS];
         for i in 0..n {
             let outputs: Vec<_> = features.iter().map(|f| self.mlp(&f[i]).1).collect();
@@ -195,13 +195,13 @@ impl View {
             let products: Vec<f64> =
                 outputs.iter().map(|h| h.iter().enumerate().map(|(c, h)| h * v_x[c * n + i]).sum()).collect();
             let mean: f64 = shares.iter().zip(&products).map(|(share, product)| share * product).sum();
-            for m in 0..self.active {
+            for m in 0..self.most_visible {
                 let v_confidence = match self.variant.aggregation {
                     Aggregation::Soft => shares[m] * (products[m] - mean),
                     _ => 0.0,
                 };
                 let v_output = std::array::from_fn(|c| match self.variant.aggregation {
-                    Aggregation::Mean => v_x[c * n + i] / self.active as f64,
+                    Aggregation::Mean => v_x[c * n + i] / self.most_visible as f64,
                     Aggregation::Max if Self::largest(&outputs, c) == m => v_x[c * n + i],
                     Aggregation::Max => 0.0,
                     Aggregation::Soft => shares[m] * v_x[c * n + i],
@@ -212,14 +212,14 @@ impl View {
         }
         let v_color: Vec<[f64; 3]> = (0..n).map(|i| std::array::from_fn(|c| v_x[(HIDDEN + 3 + c) * n + i])).collect();
         let mut grads = Grads { warped: vec![[0.0; 4]; self.warped.len()], base: vec![[0.0; 3]; pixels], weights };
-        if self.variant.inputs != Inputs::DifferencesOnly {
+        if self.variant.inputs != NetworkInputs::DifferencesOnly {
             grads.base = resize_backward(&v_color, self.size(), self.low());
         }
         for (m, v) in v_features.iter().enumerate() {
             let v = resize_backward(v, self.size(), self.low());
             for p in (0..pixels).filter(|p| self.seen[*p][m] != EMPTY) {
                 grads.warped[m * pixels + p] = [v[p][0], v[p][1], v[p][2], v[p][6]];
-                if self.variant.inputs != Inputs::SourceColors {
+                if self.variant.inputs != NetworkInputs::SourceColors {
                     (0..3).for_each(|c| grads.base[p][c] -= v[p][c]);
                 }
             }

@@ -10,7 +10,7 @@ pub struct Masked<'a> {
     pub height: usize,
 }
 
-/// What SSIM compares in one slot: the warped image where it counts and the photo elsewhere, and the photo; both are
+/// What SSIM compares for one visible source: the warped image where it counts and the photo elsewhere, and the photo; both are
 /// zero where the photo is masked.
 fn pictures(target: &Masked, warped: &[[f64; 3]], visible: &[bool]) -> (Map, Map) {
     let pick = |i: usize| match (target.valid[i], visible[i]) {
@@ -29,7 +29,7 @@ fn total_count(target: &Masked, visible: &[Vec<bool>]) -> usize {
     visible.iter().flat_map(|v| counts(target, v)).filter(|c| *c).count()
 }
 
-/// weight x mean over the pairs (slot, pixel) that count of 1 - SSIM, itself averaged over channels; 0 without a pair.
+/// weight x mean over the pairs (visible source, pixel) that count of 1 - SSIM, itself averaged over channels; 0 without a pair.
 pub fn photometric_loss(target: &Masked, warped: &[Map], visible: &[Vec<bool>], weight: f64) -> f64 {
     let mut sum = 0.0;
     for (warped, visible) in warped.iter().zip(visible) {
@@ -47,7 +47,7 @@ pub fn photometric_loss(target: &Masked, warped: &[Map], visible: &[Vec<bool>], 
 /// Gradient of `photometric_loss` by the warped images.
 pub fn photometric_loss_backward(target: &Masked, warped: &[Map], visible: &[Vec<bool>], weight: f64) -> Vec<Map> {
     let share = -weight / (3 * total_count(target, visible).max(1)) as f64;
-    let slot = |(warped, visible): (&Map, &Vec<bool>)| -> Map {
+    let compared = |(warped, visible): (&Map, &Vec<bool>)| -> Map {
         let (x, y) = pictures(target, warped, visible);
         let counts = counts(target, visible);
         let v_map: Map = counts.iter().map(|c| if *c { [share; 3] } else { [0.0; 3] }).collect();
@@ -55,5 +55,5 @@ pub fn photometric_loss_backward(target: &Masked, warped: &[Map], visible: &[Vec
         v.iter_mut().zip(counts).filter(|(_, c)| !c).for_each(|(v, _)| *v = [0.0; 3]);
         v
     };
-    warped.iter().zip(visible).map(slot).collect()
+    warped.iter().zip(visible).map(compared).collect()
 }

@@ -31,7 +31,7 @@ pub struct Source {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warp {
     /// Number of visible source m of the pixel, or -1.
-    pub slot: Vec<i32>,
+    pub source: Vec<i32>,
     /// Thirds of the agreement by which the source's depth is off, rounded down; 0 with a reach of 1.
     pub error: Vec<u8>,
     pub warped: Vec<[f64; 3]>,
@@ -113,7 +113,7 @@ pub struct Seen {
     pub error: f64,
     /// Sum of the weights of the intersections inside, plus 1e-8.
     pub weight: f64,
-    /// The intersections inside the source's image: index of the pixel's slot and where it falls.
+    /// The intersections inside the source's image: index among the pixel's and where it falls.
     pub landings: Vec<(usize, Landing)>,
     pub cosine: f64,
     /// Derivative of the cosine by the median depth.
@@ -206,7 +206,7 @@ pub fn warp(camera: &Camera, geometry: &Geometry, sources: &[Source]) -> Warp {
 
     let entries = sources.len() * pixels;
     let mut out = Warp {
-        slot: vec![-1; entries],
+        source: vec![-1; entries],
         error: vec![0; entries],
         warped: vec![[0.0; 3]; entries],
         feature: vec![[0.0; 4]; entries],
@@ -214,7 +214,7 @@ pub fn warp(camera: &Camera, geometry: &Geometry, sources: &[Source]) -> Warp {
     for (pixel, packed) in seen.into_iter().enumerate() {
         for (m, (source, seen)) in packed.into_iter().enumerate() {
             let at = m * pixels + pixel;
-            out.slot[at] = source as i32;
+            out.source[at] = source as i32;
             let steps = if sources[source].reach > 1.0 { 3.0 } else { 0.0 };
             out.error[at] = (steps * seen.error / DEPTH_AGREEMENT) as u8;
             out.warped[at] = seen.warped;

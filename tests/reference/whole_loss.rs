@@ -18,7 +18,7 @@ pub const LAMBDA: f64 = 0.2;
 pub const NORMAL: f64 = 0.03;
 pub const PHOTO: f64 = 0.3;
 
-/// One training iteration. Every source of the scene has a packed slot: V = M.
+/// One training iteration. V = M: every source of the scene can be a visible one.
 #[derive(Clone)]
 pub struct Case {
     pub scene: Scene,
@@ -53,11 +53,11 @@ impl Losses {
 /// Everything between the parameters and the loss.
 pub struct Run {
     pub geometry: Geometry,
-    /// Colours of the packed slots, and whether they are filled.
+    /// Colours of visible source m, and whether there is one.
     warped: Vec<Map>,
     visible: Vec<Vec<bool>>,
-    /// Source of each packed slot.
-    slots: Vec<Vec<Option<usize>>>,
+    /// Number of visible source m of each pixel.
+    sources: Vec<Vec<Option<usize>>>,
     /// The base image as it is and in the photo's exposure.
     plain: Image,
     exposed: Map,
@@ -111,8 +111,8 @@ impl Case {
     }
 
     fn composition(&self, view: &View) -> Composition {
-        let sees = view.seen.iter().map(|slots| slots[0] != EMPTY).collect();
-        Composition { size: self.size(), variant: self.variant, gain: self.gain, seen: view.active > 0, sees }
+        let sees = view.seen.iter().map(|sources| sources[0] != EMPTY).collect();
+        Composition { size: self.size(), variant: self.variant, gain: self.gain, seen: view.most_visible > 0, sees }
     }
 
     /// One tensor of [`NAMES`].
@@ -141,20 +141,23 @@ impl Case {
         let own = self.photo_exposure();
         let exposed = plain.exposed(&own);
         let visible: Vec<Vec<bool>> = warp
-            .slot
+            .source
             .chunks(pixels)
             .zip(warp.error.chunks(pixels))
-            .map(|(slots, errors)| slots.iter().zip(errors).map(|(s, error)| *s >= 0 && *error < 3).collect())
+            .map(|(sources, errors)| sources.iter().zip(errors).map(|(s, error)| *s >= 0 && *error < 3).collect())
             .collect();
-        let slots: Vec<Vec<Option<usize>>> =
-            warp.slot.chunks(pixels).map(|slots| slots.iter().map(|s| usize::try_from(*s).ok()).collect()).collect();
-        let shifted = |(i, color): (usize, &[f64; 3])| match slots[i / pixels][i % pixels] {
+        let sources: Vec<Vec<Option<usize>>> = warp
+            .source
+            .chunks(pixels)
+            .map(|sources| sources.iter().map(|s| usize::try_from(*s).ok()).collect())
+            .collect();
+        let shifted = |(i, color): (usize, &[f64; 3])| match sources[i / pixels][i % pixels] {
             Some(source) => own.shift(&self.source_exposure(source), *color),
             None => *color,
         };
         let shifted: Map = warp.warped.iter().enumerate().map(shifted).collect();
         let warped: Vec<Map> = shifted.chunks(pixels).map(<[_]>::to_vec).collect();
-        let slot = |m: usize, p: usize| match warp.slot.get(m * pixels + p) {
+        let source = |m: usize, p: usize| match warp.source.get(m * pixels + p) {
             Some(&source) if source >= 0 => source as u8 | warp.error[m * pixels + p] << 4,
             _ => EMPTY,
         };
@@ -164,8 +167,8 @@ impl Case {
             variant: self.variant,
             base: exposed.clone(),
             warped: features.map(|([r, g, b], feature)| [*r, *g, *b, feature[3]]).collect(),
-            seen: (0..pixels).map(|p| std::array::from_fn(|m| slot(m, p))).collect(),
-            active: slots.iter().filter(|slots| slots.iter().any(Option::is_some)).count(),
+            seen: (0..pixels).map(|p| std::array::from_fn(|m| source(m, p))).collect(),
+            most_visible: sources.iter().filter(|sources| sources.iter().any(Option::is_some)).count(),
             centers: self.centers(),
             weights: self.weights.clone(),
         };
@@ -185,7 +188,7 @@ impl Case {
             ),
             photo: photometric_loss(&masked, &warped, &visible, PHOTO),
         };
-        Run { geometry, warped, visible, slots, plain, exposed, view, network, image, losses }
+        Run { geometry, warped, visible, sources, plain, exposed, view, network, image, losses }
     }
 
     fn centers(&self) -> Vec<[f64; 3]> {
@@ -233,7 +236,7 @@ impl Case {
         let own = self.photo_exposure();
         let (v_base, exposure) = run.plain.exposed_backward(&own, &v.base);
         v.base = v_base;
-        for (v, source) in v.warped.iter_mut().zip(run.slots.iter().flatten()) {
+        for (v, source) in v.warped.iter_mut().zip(run.sources.iter().flatten()) {
             let Some(source) = source.map(|source| self.source_exposure(source)) else { continue };
             (0..3).for_each(|c| v[c] *= own.relative_gain(&source, c));
         }

@@ -40,9 +40,9 @@ fn outputs_agree_with_the_golden_data() {
             println!("{file} out/{name}: {error:.1e}");
             assert!(error < 1e-9, "{file} out/{name}: relative error {error:e}");
         }
-        let slot: Vec<f64> = warp.slot.iter().map(|s| f64::from(*s)).collect();
-        assert_eq!(slot, golden.arrays.get("out/slot").data, "{file} out/slot");
-        assert!(slot.contains(&-1.0) && slot.contains(&1.0), "{file}: too plain");
+        let source: Vec<f64> = warp.source.iter().map(|s| f64::from(*s)).collect();
+        assert_eq!(source, golden.arrays.get("out/slot").data, "{file} out/slot");
+        assert!(source.contains(&-1.0) && source.contains(&1.0), "{file}: too plain");
         assert!(
             geometry.intersections.iter().any(|s| s.len() == golden.k),
             "{file}: no pixel has all its intersections"
@@ -95,8 +95,8 @@ impl Coverage {
         self.turned_normal |= geometry.planes.iter().any(|p| p.flip < 0.0);
         self.negative_distance |= geometry.planes.iter().any(|p| p.sign < 0.0);
         let pixels = geometry.depth.len();
-        self.unseen |= warp.slot[..pixels].contains(&-1);
-        self.seen_by_all |= warp.slot[2 * pixels..].contains(&2);
+        self.unseen |= warp.source[..pixels].contains(&-1);
+        self.seen_by_all |= warp.source[2 * pixels..].contains(&2);
         let pairs: Vec<Pair> = scene.sources.iter().map(|s| Pair::new(camera, s)).collect();
         for (tile, list) in geometry.base.order.iter().enumerate() {
             for (x, y) in tile_pixels(camera, tile) {

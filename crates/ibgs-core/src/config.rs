@@ -378,7 +378,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual::variant::Inputs;
+    use crate::residual::variant::NetworkInputs;
 
     fn load(text: &str) -> Result<TrainConfig, ConfigError> {
         let folder = tempfile::tempdir().unwrap();
@@ -421,7 +421,7 @@ mod tests {
         config.sources.memory = "1.5GiB".parse().unwrap();
         config.sources.max_distance = Some(4.5);
         config.residual.halve_at = Some(vec![]);
-        config.residual.inputs = Inputs::DifferencesOnly;
+        config.residual.inputs = NetworkInputs::DifferencesOnly;
         config.save(&path).unwrap();
         assert_eq!(TrainConfig::load(&path).unwrap(), config);
         assert_eq!(load("").unwrap(), TrainConfig::default());

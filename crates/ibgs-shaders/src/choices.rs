@@ -1,6 +1,8 @@
 //! What a kernel does one way or another, chosen by a number among its immediate data: one enum for the host, and from it the
 //! constants of the WGSL.
 
+use serde::{Deserialize, Serialize};
+
 /// Makes the enums and the list of their constants.
 macro_rules! choices {
     ($($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $constant:ident,)* })*) => {
@@ -42,8 +44,11 @@ choices! {
     }
 
     /// What the residual network reads of base colour and sources.
+    #[derive(Default, Serialize, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
     NetworkInputs {
         /// Base colour, and the differences of the sources' colours from it.
+        #[default]
         Differences = INPUTS_DIFFERENCES,
         /// Base colour, and the sources' colours themselves.
         SourceColors = INPUTS_SOURCE_COLORS,
@@ -52,12 +57,16 @@ choices! {
     }
 
     /// How the features of the visible sources become one.
-    FeatureSum {
+    #[derive(Default, Serialize, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    Aggregation {
         /// Their mean.
+        #[default]
         Mean = AGGREGATION_MEAN,
         /// The largest value of each channel.
-        Largest = AGGREGATION_LARGEST,
-        /// Their mean by learned confidences.
+        Max = AGGREGATION_MAX,
+        /// Their mean weighted by a learned confidence, exp(l) of each source and 1 of none of them: where no source is
+        /// trusted the features are zero. Sources count as far as five times the depth agreement.
         Soft = AGGREGATION_SOFT,
     }
 

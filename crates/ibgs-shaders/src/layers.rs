@@ -108,7 +108,7 @@ pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end(
 
 /// The confidence in a source, from the first layer of the per-view MLP and the error of the source's depth; not in the published
 /// network. Read with
-/// [`FeatureSum::Soft`](crate::FeatureSum::Soft) alone.
+/// [`Aggregation::Soft`](crate::Aggregation::Soft) alone.
 pub const CONFIDENCE: Layer = Layer::new("per_view_confidence", 1, HIDDEN + 1, 1, FINAL.end());
 
 /// Every layer in order.
@@ -127,3 +127,14 @@ mod tests {
         assert_eq!(super::FINAL.end(), 66_095);
     }
 }
+
+/// Columns of the tile of a workgroup of `residual_conv`, and rows of one of its row groups.
+pub const CONV_TILE: [u32; 2] = [32, 8];
+/// Outputs that a thread of `residual_conv` owns.
+pub const CONV_OUTPUTS: u32 = 20;
+/// Rows of the tile of a workgroup of `half_conv`; a subgroup has four of them.
+pub const HALF_CONV_ROWS: u32 = 4 * HALF_SUBGROUPS;
+/// Subgroups of a workgroup of `half_conv` and of the `half_head` kernels.
+pub const HALF_SUBGROUPS: u32 = 4;
+/// Rows of a tile of `half_conv_weights`.
+pub const HALF_WEIGHTS_ROWS: u32 = 4;

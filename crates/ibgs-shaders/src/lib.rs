@@ -8,7 +8,7 @@ mod import;
 pub mod layers;
 pub mod types;
 
-pub use choices::{ConvInput, FeatureSum, NetworkInputs, Presented, Store};
+pub use choices::{Aggregation, ConvInput, NetworkInputs, Presented, Store};
 pub use import::resolve;
 
 /// Side of a square tile in pixels.
@@ -190,7 +190,7 @@ kernels! {
     /// Colours of one source photo at the median intersections, visibility, packing.
     WARP = "warp" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
         read("median_depth"), read("intersections"), read("photo"), read("source_depth"),
-        write("warped"), write("seen"), write("sources_seen");
+        write("warped"), write("seen"), write("most_visible");
     /// Gradient of one source's warping by the median intersections and the median depth.
     WARP_BACKWARD = "warp_backward" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
         read("median_depth"), read("intersections"), read("photo"), read("warped"), read("seen"), read("v_warped"),
@@ -276,23 +276,23 @@ kernels! {
     // The residual network's input, per-view MLP and composition.
     /// Features and per-view MLP: the U-Net's input.
     RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
-        read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"), write("x");
+        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
     /// Gradient of the per-view MLP by features and weights, a row of weights a workgroup.
     RESIDUAL_FEATURES_BACKWARD = "residual_features_backward" [64, 1, 1] (size_of::<types::FeatureParams>()):
-        read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"),
+        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"),
         read("v_x"), write("v_features"), write("partials");
     /// Sum of those rows.
     RESIDUAL_FEATURES_SUM = "residual_features_sum" [256, 1, 1] (size_of::<types::FeatureSumParams>()):
         read("partials"), write("v_weights");
     /// Gradient by warped colours, cosines and base colour.
     RESIDUAL_INPUTS_BACKWARD = "residual_inputs_backward" [256, 1, 1] (size_of::<types::FeatureParams>()):
-        read("seen"), read("sources_seen"), read("v_x"), read("v_features"), write("v_warped"), write("v_base");
+        read("seen"), read("most_visible"), read("v_x"), read("v_features"), write("v_warped"), write("v_base");
     /// Base colour and residual to the final colour.
     RESIDUAL_COMPOSE = "residual_compose" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("sources_seen"), read("seen"), read("base"), read("residual"), write("image");
+        read("most_visible"), read("seen"), read("base"), read("residual"), write("image");
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("sources_seen"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
+        read("most_visible"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
     // The U-Net of the residual network.
     /// 3 x 3 convolution, forward or gradient by the input.
     RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):
@@ -329,7 +329,7 @@ kernels! {
     MATRIX_KERNELS:
     /// The U-Net's input in half precision, channels last.
     HALF_FEATURES = "half_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
-        read("base"), read("warped"), read("seen"), read("sources_seen"), read("centers"), read("weights"), write("x");
+        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
     /// A layer's weights to half precision in the order in which the matrix units read them.
     HALF_WEIGHTS = "half_weights" [256, 1, 1] (size_of::<types::HalfWeightsParams>()):
         read("weights"), write("packed");
@@ -396,6 +396,12 @@ pub fn constants() -> String {
         ("MLP_FEATURES", layers::FEATURES as u32),
         ("MLP_CHANNELS", layers::HIDDEN as u32),
         ("NETWORK_CHANNELS", layers::INPUT as u32),
+        ("CONV_COLUMNS", layers::CONV_TILE[0]),
+        ("CONV_ROWS", layers::CONV_TILE[1]),
+        ("CONV_OUTPUTS", layers::CONV_OUTPUTS),
+        ("HALF_CONV_ROWS", layers::HALF_CONV_ROWS),
+        ("HALF_SUBGROUPS", layers::HALF_SUBGROUPS),
+        ("HALF_WEIGHTS_ROWS", layers::HALF_WEIGHTS_ROWS),
         ("CONFIDENCE_OFFSET", layers::CONFIDENCE.offset as u32),
     ]
     .iter()

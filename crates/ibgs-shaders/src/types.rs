@@ -145,8 +145,8 @@ pub struct LossParams {
     pub object: u32,
     /// Weight of 1 - SSIM.
     pub lambda: f32,
-    /// Which of the visible sources the warped image is of; 0 in the image loss.
-    pub visible: u32,
+    /// Index m among the V visible sources of the warped image; 0 in the image loss.
+    pub visible_index: u32,
     /// Padding.
     pub pad: [u32; 2],
 }
@@ -311,7 +311,7 @@ pub struct FeatureParams {
     pub visible: u32,
     /// A [`NetworkInputs`](crate::NetworkInputs).
     pub inputs: u32,
-    /// A [`FeatureSum`](crate::FeatureSum).
+    /// A [`Aggregation`](crate::Aggregation).
     pub aggregation: u32,
     /// Workgroups of the backward pass.
     pub groups: u32,

@@ -37,10 +37,8 @@ var<immediate> params: HalfConvParams;
 @group(0) @binding(3) var<storage, read> input_b: array<vec4<f16>>;
 @group(0) @binding(4) var<storage, read_write> output: array<vec4<f16>>;
 
-// Subgroups of a workgroup.
-const SUBGROUPS: u32 = 4u;
-const THREADS: u32 = SUBGROUPS * LANES;
-const ROWS: u32 = 4u * SUBGROUPS + 2u;
+const THREADS: u32 = HALF_SUBGROUPS * LANES;
+const ROWS: u32 = HALF_CONV_ROWS + 2u;
 const COLUMNS: u32 = SIDE + 2u;
 // Groups of 4 channels that pass at a time, and distances in workgroup memory; the padding avoids bank conflicts.
 const QUADS: u32 = SIDE / 4u;
@@ -61,7 +59,7 @@ var<workgroup> tile: array<vec4<f16>, ROWS * LINE>;
 // [tap][outputs / SIDE][output][inputs].
 var<workgroup> kernel: array<vec4<f16>, 27u * MATRIX>;
 // Three matrices of sums of each subgroup: [subgroup][pixel][outputs].
-var<workgroup> sums: array<vec4<f32>, SUBGROUPS * SIDE * SUMS>;
+var<workgroup> sums: array<vec4<f32>, HALF_SUBGROUPS * SIDE * SUMS>;
 
 fn bias(o: u32) -> f32 {
     let wanted = params.store == STORE_RELU && o < params.outputs;
@@ -94,7 +92,7 @@ fn goal(x: u32, y: u32, q: u32) -> u32 {
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let subgroup = local / LANES;
     let lane = local % LANES;
-    let origin = vec2<i32>(wid.xy * vec2(SIDE, 4u * SUBGROUPS));
+    let origin = vec2<i32>(wid.xy * vec2(SIDE, HALF_CONV_ROWS));
     #repeat g 3
     var c0$g = MatrixC();
     var c1$g = MatrixC();

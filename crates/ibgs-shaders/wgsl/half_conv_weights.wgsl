@@ -28,7 +28,7 @@ var<immediate> params: HalfConvWeightsParams;
 @group(0) @binding(2) var<storage, read_write> partials: array<f32>;
 
 const THREADS: u32 = 9u * LANES;
-const ROWS: u32 = 4u;
+const ROWS: u32 = HALF_WEIGHTS_ROWS;
 const COLUMNS: u32 = SIDE + 2u;
 const QUADS: u32 = SIDE / 4u;
 const GROUP: u32 = 3u * QUADS;

@@ -23,7 +23,7 @@ var<immediate> params: HalfHeadParams;
 @group(0) @binding(4) var<storage, read_write> residual: array<f32>;
 @group(0) @binding(5) var<storage, read_write> kept: array<vec4<f16>>;
 
-const THREADS: u32 = 4u * LANES;
+const THREADS: u32 = HALF_SUBGROUPS * LANES;
 const WIDTH: u32 = NETWORK_CHANNELS;
 // Channels of d1, x and f with padding.
 const PADDED: u32 = 48u;

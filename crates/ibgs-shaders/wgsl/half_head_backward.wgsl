@@ -16,7 +16,7 @@ var<immediate> params: HalfHeadBackwardParams;
 @group(0) @binding(2) var<storage, read_write> d1: array<vec4<f16>>;
 @group(0) @binding(3) var<storage, read_write> f: array<vec4<f16>>;
 
-const THREADS: u32 = 4u * LANES;
+const THREADS: u32 = HALF_SUBGROUPS * LANES;
 // Channels of d1, x and f with padding.
 const PADDED: u32 = 48u;
 const QUADS: u32 = PADDED / 4u;

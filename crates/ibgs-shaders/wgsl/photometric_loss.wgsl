@@ -31,8 +31,8 @@ fn main(
         if p >= 0 && photo_valid(photo[p]) {
             y = photo_channel(photo[p], c);
             x = y;
-            if seen_agrees(seen[p], params.visible) {
-                x = warped[4u * (params.visible * plane + u32(p)) + c];
+            if seen_agrees(seen[p], params.visible_index) {
+                x = warped[4u * (params.visible_index * plane + u32(p)) + c];
             }
         }
         xs[k] = x - shift;
@@ -44,7 +44,7 @@ fn main(
     if all(pixel < params.size) {
         let p = pixel.y * params.size.x + pixel.x;
         var derivatives = SsimDerivatives(0.0, 0.0, 0.0, 0.0);
-        if photo_valid(photo[p]) && seen_agrees(seen[p], params.visible) {
+        if photo_valid(photo[p]) && seen_agrees(seen[p], params.visible_index) {
             derivatives = ssim_derivatives(s, shift);
             result = vec2(1.0 - derivatives.ssim, 1.0);
         }
@@ -52,6 +52,6 @@ fn main(
     }
     let sum = reduce(local, vec4(result, 0.0, 0.0));
     if local == 0u {
-        partials[((3u * params.visible + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
+        partials[((3u * params.visible_index + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
     }
 }

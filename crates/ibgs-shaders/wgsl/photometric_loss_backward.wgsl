@@ -26,10 +26,10 @@ fn main(
         return;
     }
     let p = pixel.y * params.size.x + pixel.x;
-    let at = 4u * (params.visible * plane + p) + c;
+    let at = 4u * (params.visible_index * plane + p) + c;
     let texel = photo[p];
     var v = 0.0;
-    if photo_valid(texel) && seen_agrees(seen[p], params.visible) {
+    if photo_valid(texel) && seen_agrees(seen[p], params.visible_index) {
         let s = window_sums(lid);
         let by_ssim = s.x + 2.0 * warped[at] * s.y + photo_channel(texel, c) * s.z;
         v = -v_loss[0] * params.lambda * by_ssim / stats[1];

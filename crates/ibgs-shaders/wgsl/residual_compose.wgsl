@@ -3,7 +3,7 @@
 #import index
 #import residual_output
 
-@group(0) @binding(0) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(0) var<storage, read> most_visible: array<u32>;
 // Visible sources of the pixels.
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> base: array<f32>;
@@ -24,7 +24,7 @@ fn main(
     if p >= params.size.x * params.size.y {
         return;
     }
-    let used = sources_seen[0] > 0u;
+    let used = most_visible[0] > 0u;
     let reached = is_reached(seen[p]);
     var color = vec3(base[3u * p], base[3u * p + 1u], base[3u * p + 2u]);
     color *= select(1.0, base_share(used), reached);

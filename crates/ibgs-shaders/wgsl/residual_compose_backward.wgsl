@@ -3,7 +3,7 @@
 #import index
 #import residual_output
 
-@group(0) @binding(0) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(0) var<storage, read> most_visible: array<u32>;
 // Visible sources of the pixels.
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> v_image: array<f32>;
@@ -40,7 +40,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let i = linear_workgroup(wid, groups) * 256u + local;
-    let used = sources_seen[0] > 0u;
+    let used = most_visible[0] > 0u;
     if i < params.size.x * params.size.y {
         let v = select(1.0, base_share(used), is_reached(seen[i])) * v_at(i);
         v_base[3u * i] = v.x;

@@ -85,10 +85,10 @@ fn store_quad(o: u32, x: u32, y: u32, upper: mat4x4<f32>, lower: mat4x4<f32>) {
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let row_groups = 4u / params.groups;
     let channels = PAIRS / row_groups;
-    let lane = local % 32u;
-    let row_group = (local / 32u) % row_groups;
-    let group = local / (32u * row_groups);
-    let origin = vec2<i32>(wid.xy * vec2(32u, 8u * row_groups));
+    let lane = local % CONV_COLUMNS;
+    let row_group = (local / CONV_COLUMNS) % row_groups;
+    let group = local / (CONV_COLUMNS * row_groups);
+    let origin = vec2<i32>(wid.xy * vec2(CONV_COLUMNS, CONV_ROWS * row_groups));
     if local < 40u {
         let y = origin.y + i32(local / ROWS) * 8 + i32(local % ROWS) - 1;
         let row = source_of(y, params.size.y, params.source.y, params.mode);
@@ -163,8 +163,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         }
     }
     let x = u32(origin.x) + lane;
-    let y = u32(origin.y) + 8u * row_group;
-    let o = 20u * group;
+    let y = u32(origin.y) + CONV_ROWS * row_group;
+    let o = CONV_OUTPUTS * group;
     store_quad(o, x, y, a0, b0);
     store_quad(o + 4u, x, y, a1, b1);
     store_quad(o + 8u, x, y, a2, b2);

@@ -7,7 +7,7 @@
 @group(0) @binding(0) var<storage, read> base: array<f32>;
 @group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> seen: array<u32>;
-@group(0) @binding(3) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(3) var<storage, read> most_visible: array<u32>;
 @group(0) @binding(4) var<storage, read> centers: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 // Planes [38][pixels].
@@ -87,7 +87,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let z = vec4(0.0);
     let pixels = params.low.x * params.low.y;
     let used = used_sources();
-    let takes_largest = params.aggregation == AGGREGATION_LARGEST;
+    let takes_largest = params.aggregation == AGGREGATION_MAX;
     let is_soft = params.aggregation == AGGREGATION_SOFT;
     let scale = select(1.0 / f32(max(used, 1u)), 1.0, takes_largest);
     // Rows 4 a .. 4 a + 3 and columns 4 b .. 4 b + 3 of W2; the first layer's input a and outputs 4 b .. 4 b + 3.

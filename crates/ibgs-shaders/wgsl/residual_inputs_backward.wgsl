@@ -4,7 +4,7 @@
 #import residual_input
 
 @group(0) @binding(0) var<storage, read> seen: array<u32>;
-@group(0) @binding(1) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(1) var<storage, read> most_visible: array<u32>;
 // Planes [38][pixels of the network's size].
 @group(0) @binding(2) var<storage, read> v_x: array<f32>;
 @group(0) @binding(3) var<storage, read> v_features: array<vec4<f32>>;

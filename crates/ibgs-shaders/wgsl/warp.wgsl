@@ -16,7 +16,7 @@
 // One byte a visible source.
 @group(0) @binding(5) var<storage, read_write> seen: array<u32>;
 // [0]: visible sources of the pixel that has most.
-@group(0) @binding(6) var<storage, read_write> sources_seen: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> most_visible: array<atomic<u32>>;
 
 var<workgroup> most: atomic<u32>;
 
@@ -98,6 +98,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     }
     workgroupBarrier();
     if local == 0u {
-        atomicMax(&sources_seen[0], atomicLoad(&most));
+        atomicMax(&most_visible[0], atomicLoad(&most));
     }
 }

@@ -4,6 +4,7 @@ use super::{
     ConfigError, DensifyConfig, ExposureConfig, LearningRates, McmcConfig, ResidualConfig, SourceOptions, TrainConfig,
 };
 use crate::scene::MAX_SH_DEGREE;
+use crate::sources::{MAX_SOURCES, MAX_VISIBLE};
 use std::path::Path;
 
 /// What a number must be.
@@ -201,9 +202,9 @@ fn check_sources(sources: &SourceOptions, check: &Check<'_>) -> Result<(), Confi
     let possible = angle > 0.0 && angle <= 180.0;
     check.require(possible, "sources.max-angle-deg", angle, "it must lie above 0 and at most at 180 degrees")?;
     let SourceOptions { used, neighbours, visible, .. } = *sources;
-    check.require((1..=8).contains(&used), "sources.used", used, "it must lie between 1 and 8")?;
+    check.require((1..=MAX_SOURCES as u32).contains(&used), "sources.used", used, "it must lie between 1 and 8")?;
     check.require(neighbours >= used, "sources.neighbours", neighbours, "it must be at least `sources.used`")?;
-    check.require((1..=4).contains(&visible), "sources.visible", visible, "it must lie between 1 and 4")?;
+    check.require((1..=MAX_VISIBLE).contains(&visible), "sources.visible", visible, "it must lie between 1 and 4")?;
     let (least, most) = (sources.min_distance.unwrap_or(0.0), sources.max_distance.unwrap_or(f64::MAX));
     check.numbers(
         "sources.",

@@ -1,6 +1,6 @@
 //! Options of the image-based stages, surface losses and residual network (method.md sections 3, 6 and 7), and of exposure.
 
-use crate::residual::variant::{Aggregation, Inputs, Output, Precision};
+use crate::residual::variant::{Aggregation, NetworkInputs, Output, Precision};
 use serde::{Deserialize, Serialize};
 
 /// Median intersections and the losses on the surface that they give (method.md sections 3 and 7).
@@ -48,7 +48,7 @@ pub struct ResidualConfig {
     /// float32.
     pub precision: Precision,
     /// What the network reads: `differences`, `source-colors`, `differences-only`.
-    pub inputs: Inputs,
+    pub inputs: NetworkInputs,
     /// What its output is: `residual`, `color`.
     pub output: Output,
     /// How the sources' features become one: `mean`, `max`, or `soft`, their mean by a learned confidence.
@@ -146,7 +146,7 @@ impl Default for ResidualConfig {
             dropout: 0.1,
             factor: 1.0,
             precision: Precision::Auto,
-            inputs: Inputs::Differences,
+            inputs: NetworkInputs::Differences,
             output: Output::Residual,
             aggregation: Aggregation::Mean,
         }

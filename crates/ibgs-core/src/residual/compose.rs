@@ -18,8 +18,8 @@ pub struct Compose {
 /// What the composition reads and writes. P pixels of the image, n of the network's size.
 #[derive(Clone, Copy, Debug)]
 pub struct ComposeBuffers<'a> {
-    /// `[4]` words, the first: number of visible sources that some pixel has.
-    pub active: &'a Buffer,
+    /// `[4]` words, the first: most visible sources of any pixel.
+    pub most_visible: &'a Buffer,
     /// Which sources the pixels see, `[P]` u32 as in [`Seen::visible`](crate::sources::Seen::visible).
     pub seen: &'a Buffer,
     /// Base colour, `[P, 3]`.
@@ -34,7 +34,7 @@ pub struct ComposeBuffers<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct ComposeGradients<'a> {
     /// As in [`ComposeBuffers`].
-    pub active: &'a Buffer,
+    pub most_visible: &'a Buffer,
     /// As in [`ComposeBuffers`].
     pub seen: &'a Buffer,
     /// Gradient by the final colour, `[P, 3]`.
@@ -56,18 +56,18 @@ impl Compose {
 
     /// Records the final colour.
     pub fn record(&self, pass: &mut Pass<'_>, buffers: &ComposeBuffers<'_>) {
-        let ComposeBuffers { active, seen, base, residual, image } = *buffers;
+        let ComposeBuffers { most_visible, seen, base, residual, image } = *buffers;
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
-        pass.linear(&RESIDUAL_COMPOSE, &[active, seen, base, residual, image], bytes_of(&self.params), pixels);
+        pass.linear(&RESIDUAL_COMPOSE, &[most_visible, seen, base, residual, image], bytes_of(&self.params), pixels);
     }
 
     /// Records the gradients by residual and base colour.
     pub fn record_backward(&self, pass: &mut Pass<'_>, gradients: &ComposeGradients<'_>) {
-        let ComposeGradients { active, seen, v_image, v_residual, v_base } = *gradients;
+        let ComposeGradients { most_visible, seen, v_image, v_residual, v_base } = *gradients;
         let ComposeParams { size, low, .. } = self.params;
         let items = (size[0] * size[1]).max(low[0] * low[1]) as usize;
-        let buffers = [active, seen, v_image, v_residual, v_base];
+        let buffers = [most_visible, seen, v_image, v_residual, v_base];
         pass.linear(&RESIDUAL_COMPOSE_BACKWARD, &buffers, bytes_of(&self.params), items);
     }
 }

@@ -2,18 +2,17 @@
 //! (method.md sections 5 and 6).
 
 use super::layers::{CONFIDENCE, ENC1, HIDDEN, INPUT, MLP1, MLP2};
-use super::variant::{Aggregation, Inputs, Variant};
+use super::variant::Variant;
 use crate::camera::Camera;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::sources::MAX_VISIBLE;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
 use ibgs_shaders::{
-    FeatureSum, HALF_FEATURES, Kernel, NetworkInputs, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD,
-    RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
+    HALF_FEATURES, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD, RESIDUAL_FEATURES_SUM,
+    RESIDUAL_INPUTS_BACKWARD,
 };
 
-/// Most visible sources a pixel.
-pub const MAX_VISIBLE: u32 = 4;
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
 const GROUPS: u32 = 768;
 /// Weights of the per-view MLP, the first of the flat vector.
@@ -40,8 +39,8 @@ pub struct FeatureInputs<'a> {
     pub warped: &'a Buffer,
     /// `[P]` words; byte m is the number of visible source m, 255: there is none.
     pub seen: &'a Buffer,
-    /// `[4]` words, the first: number of visible sources that some pixel has.
-    pub active: &'a Buffer,
+    /// `[4]` words, the first: most visible sources of any pixel.
+    pub most_visible: &'a Buffer,
     /// `[sources]` of (target camera centre - source camera centre, unused), world space.
     pub centers: &'a Buffer,
     /// The network's flat weights.
@@ -94,16 +93,6 @@ impl Features {
         let low = variant.factor.size(size);
         let r = camera.view_from_world.transpose();
         let row = |axis: glam::DVec3| axis.extend(0.0).as_vec4().to_array();
-        let inputs = match variant.inputs {
-            Inputs::Differences => NetworkInputs::Differences,
-            Inputs::SourceColors => NetworkInputs::SourceColors,
-            Inputs::DifferencesOnly => NetworkInputs::DifferencesOnly,
-        };
-        let aggregation = match variant.aggregation {
-            Aggregation::Mean => FeatureSum::Mean,
-            Aggregation::Max => FeatureSum::Largest,
-            Aggregation::Soft => FeatureSum::Soft,
-        };
         let workgroup = RESIDUAL_FEATURES_BACKWARD.workgroup[0];
         let params = FeatureParams {
             row0: row(r.x_axis),
@@ -114,8 +103,8 @@ impl Features {
             size,
             low,
             visible,
-            inputs: inputs as u32,
-            aggregation: aggregation as u32,
+            inputs: variant.inputs as u32,
+            aggregation: variant.aggregation as u32,
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
         };
         Self { params }
@@ -143,7 +132,7 @@ impl Features {
     }
 
     /// Records the U-Net's input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
-    /// base colour (zeros with [`Inputs::DifferencesOnly`]).
+    /// base colour (zeros with [`NetworkInputs::DifferencesOnly`](super::NetworkInputs::DifferencesOnly)).
     pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
         self.record_with(&RESIDUAL_FEATURES, pass, inputs, x);
     }
@@ -154,17 +143,17 @@ impl Features {
     }
 
     fn record_with(&self, kernel: &'static Kernel, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
-        let FeatureInputs { base, warped, seen, active, centers, weights } = *inputs;
-        let buffers = [base, warped, seen, active, centers, weights, x];
+        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
+        let buffers = [base, warped, seen, most_visible, centers, weights, x];
         pass.linear(kernel, &buffers, bytes_of(&self.params), self.low_pixels());
     }
 
     /// Records the gradient by the MLP's weights, and by the features into the scratch memory. It is all that burn-in
     /// needs, where only the network learns.
     pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
-        let FeatureInputs { base, warped, seen, active, centers, weights } = *inputs;
+        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let FeatureGradients { v_x, v_weights, scratch } = *gradients;
-        let buffers = [base, warped, seen, active, centers, weights, v_x, &scratch.v_features, &scratch.partials];
+        let buffers = [base, warped, seen, most_visible, centers, weights, v_x, &scratch.v_features, &scratch.partials];
         let groups = self.params.groups;
         pass.grid(&RESIDUAL_FEATURES_BACKWARD, &buffers, bytes_of(&self.params), [groups, 1, 1]);
         let sum =
@@ -181,7 +170,7 @@ impl Features {
         out: &InputGradients<'_>,
     ) {
         let v_features = &gradients.scratch.v_features;
-        let buffers = [inputs.seen, inputs.active, gradients.v_x, v_features, out.v_warped, out.v_base];
+        let buffers = [inputs.seen, inputs.most_visible, gradients.v_x, v_features, out.v_warped, out.v_base];
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
         pass.linear(&RESIDUAL_INPUTS_BACKWARD, &buffers, bytes_of(&self.params), pixels);

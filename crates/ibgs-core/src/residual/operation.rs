@@ -100,7 +100,13 @@ impl ResidualPass {
         scratch.network.record_input(pass, &self.features(), &inputs);
         scratch.network.forward(pass, weights);
         let residual = scratch.network.residual();
-        let buffers = ComposeBuffers { active: &seen.active, seen: &seen.visible, base, residual, image: &self.image };
+        let buffers = ComposeBuffers {
+            most_visible: &seen.most_visible,
+            seen: &seen.visible,
+            base,
+            residual,
+            image: &self.image,
+        };
         self.compose().record(pass, &buffers);
     }
 
@@ -114,7 +120,7 @@ impl ResidualPass {
         let own = scratch.backward.as_ref().expect("a tracked pass has memory for its gradients");
         let mut pass = Pass::new(gpu, "residual backward");
         let composed = ComposeGradients {
-            active: &seen.active,
+            most_visible: &seen.most_visible,
             seen: &seen.visible,
             v_image,
             v_residual: &own.v_residual,
@@ -135,7 +141,14 @@ impl ResidualPass {
 }
 
 fn feature_inputs<'a>(seen: &'a Seen, base: &'a Buffer, warped: &'a Buffer, weights: &'a Buffer) -> FeatureInputs<'a> {
-    FeatureInputs { base, warped, seen: &seen.visible, active: &seen.active, centers: &seen.centers, weights }
+    FeatureInputs {
+        base,
+        warped,
+        seen: &seen.visible,
+        most_visible: &seen.most_visible,
+        centers: &seen.centers,
+        weights,
+    }
 }
 
 impl Residual {

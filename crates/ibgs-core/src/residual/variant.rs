@@ -1,20 +1,8 @@
 //! The studied variants of the residual network (method.md section 6).
 
 use crate::sources::Reach;
+pub use ibgs_shaders::{Aggregation, NetworkInputs};
 use serde::{Deserialize, Serialize};
-
-/// What the network sees of base colour and sources.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Inputs {
-    /// Base colour, and the differences of the sources' colours from it.
-    #[default]
-    Differences,
-    /// Base colour, and the sources' colours themselves.
-    SourceColors,
-    /// The differences alone.
-    DifferencesOnly,
-}
 
 /// What the network gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,20 +13,6 @@ pub enum Output {
     Residual,
     /// The final colour itself.
     Color,
-}
-
-/// How the per-view features of the sources become one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Aggregation {
-    /// Their mean.
-    #[default]
-    Mean,
-    /// The largest value of each channel.
-    Max,
-    /// Their mean weighted by a learned confidence, exp(l) of each source and 1 of none of them: where no source is trusted the
-    /// features are zero. Sources count as far as five times the depth agreement.
-    Soft,
 }
 
 /// The size at which the network runs, relative to the image.
@@ -83,7 +57,7 @@ impl std::str::FromStr for Precision {
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Variant {
     /// What the network sees.
-    pub inputs: Inputs,
+    pub inputs: NetworkInputs,
     /// What it gives.
     pub output: Output,
     /// How the sources are joined.

@@ -8,4 +8,4 @@ pub mod source_store;
 mod warp;
 
 pub use photo::{DevicePhoto, Outside};
-pub use warp::{MAX_SOURCES, Reach, Seen, SourceView, WarpOptions, Warped, Warper};
+pub use warp::{MAX_SOURCES, MAX_VISIBLE, Reach, Seen, SourceView, WarpOptions, Warped, Warper};

@@ -64,8 +64,8 @@ pub struct Seen {
     /// what agrees, in its high half (0 with a reach of 1); 255 where there is none. A pixel's visible sources come first,
     /// without gaps.
     pub visible: Buffer,
-    /// Four u32; the first: how many visible sources some pixel has.
-    pub active: Buffer,
+    /// `[4]` words, the first: most visible sources of any pixel.
+    pub most_visible: Buffer,
     /// `[M]` of (target camera centre - source camera centre, 0), world space.
     pub centers: Buffer,
     /// Number of sources M.
@@ -73,6 +73,8 @@ pub struct Seen {
     pixels: usize,
 }
 
+/// Most visible sources of a pixel, V: their numbers share a word of four bytes.
+pub const MAX_VISIBLE: u32 = 4;
 /// Most sources of a target, M.
 pub const MAX_SOURCES: usize = 8;
 
@@ -180,7 +182,7 @@ impl Warper {
         }
         Ok(Seen {
             visible: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
-            active: self.gpu.allocate("packed sources", 16)?,
+            most_visible: self.gpu.allocate("packed sources", 16)?,
             centers: self.gpu.allocate("source centres", 16 * MAX_SOURCES as u64)?,
             sources: 0,
             pixels,
@@ -231,7 +233,7 @@ impl Warper {
         let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();
         self.gpu.queue.write_buffer(&seen.centers.buffer, 0, bytemuck::cast_slice(&centers));
         pass.relabel(LABEL);
-        pass.clear(&seen.active);
+        pass.clear(&seen.most_visible);
         let mut used = Vec::with_capacity(sources.len());
         for (index, source) in sources.iter().enumerate() {
             let params = params(surface, source, index, &self.options);
@@ -242,7 +244,7 @@ impl Warper {
                 &source.depth,
                 &colors,
                 &seen.visible,
-                &seen.active,
+                &seen.most_visible,
             ];
             pass.grid(&WARP, &buffers, bytes_of(&params), tiles(params.size));
             used.push((source.clone(), params));

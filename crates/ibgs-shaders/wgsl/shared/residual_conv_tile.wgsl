@@ -3,8 +3,8 @@
 // way together.
 #import residual_source
 
-const COLUMNS: u32 = 34u;
-const ROWS: u32 = 10u;
+const COLUMNS: u32 = CONV_COLUMNS + 2u;
+const ROWS: u32 = CONV_ROWS + 2u;
 // (input channel, row group) pairs in workgroup memory: 4 x 2 or 2 x 4.
 const PAIRS: u32 = 8u;
 
@@ -48,8 +48,8 @@ fn places(chunk: Chunk, pair: u32, y: vec4<i32>, x: vec4<i32>) -> vec4<i32> {
 
 fn load_tile(local: u32, chunk: Chunk) {
     // A group of 32 threads takes two pairs; the two columns at the right go to other threads, a row each.
-    let pair = 2u * (local / 32u);
-    let column = local % 32u;
+    let pair = 2u * (local / CONV_COLUMNS);
+    let column = local % CONV_COLUMNS;
     let x = vec4(source_column[column]);
     let g = pair % chunk.row_groups;
     let h = (pair + 1u) % chunk.row_groups;
@@ -141,7 +141,7 @@ fn weight_quad(chunk: Chunk, k: u32) -> vec4<f32> {
     let column = (k / 15u) / params.groups;
     let channel = column / 3u;
     let inside = channel < chunk.channels;
-    let o = ((k / 15u) % params.groups) * 20u + 4u * (k % 5u);
+    let o = ((k / 15u) % params.groups) * CONV_OUTPUTS + 4u * (k % 5u);
     var tap = 3u * ((k % 15u) / 5u) + column % 3u;
     tap = select(tap, 8u - tap, params.turned == 1u);
     let c = chunk.first + channel + select(0u, params.channels_a, chunk.second);

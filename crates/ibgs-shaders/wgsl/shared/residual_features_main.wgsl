@@ -8,7 +8,7 @@
 @group(0) @binding(0) var<storage, read> base: array<f32>;
 @group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> seen: array<u32>;
-@group(0) @binding(3) var<storage, read> sources_seen: array<u32>;
+@group(0) @binding(3) var<storage, read> most_visible: array<u32>;
 @group(0) @binding(4) var<storage, read> centers: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 
@@ -23,7 +23,7 @@ fn world_ray(p: u32) -> vec3<f32> {
 
 // Adds a source's values; `kept` and `share` are 1 but with confidences.
 fn merge(sum: vec4<f32>, v: vec4<f32>, kept: f32, share: f32) -> vec4<f32> {
-    return select(kept * sum + share * v, max(sum, v), params.aggregation == AGGREGATION_LARGEST);
+    return select(kept * sum + share * v, max(sum, v), params.aggregation == AGGREGATION_MAX);
 }
 
 @compute @workgroup_size(THREADS)
@@ -73,7 +73,7 @@ fn main(
         sum.h = merge(sum.h, h.h, kept, share);
     }
     var scale = 1.0 / f32(max(used, 1u));
-    if params.aggregation == AGGREGATION_LARGEST {
+    if params.aggregation == AGGREGATION_MAX {
         scale = 1.0;
     } else if params.aggregation == AGGREGATION_SOFT {
         scale = 1.0 / total;

@@ -1,4 +1,4 @@
-// What all kernels of the residual network's input share (method.md section 6). Reads the kernel's binding sources_seen:
+// What all kernels of the residual network's input share (method.md section 6). Reads the kernel's binding most_visible:
 // its first number is that of the visible sources of the pixel that has most.
 #import resize
 #import seen
@@ -36,5 +36,5 @@ fn resized() -> bool {
 
 // Visible sources of the pixel that has most.
 fn used_sources() -> u32 {
-    return min(sources_seen[0], params.visible);
+    return min(most_visible[0], params.visible);
 }

@@ -10,8 +10,8 @@ struct LossParams {
     object: u32,
     // Weight of 1 - SSIM; L1 has the rest.
     lambda: f32,
-    // Which of the visible sources the warped image is of; 0 in the image loss.
-    visible: u32,
+    // Index m among the V visible sources of the warped image; 0 in the image loss.
+    visible_index: u32,
     pad: vec2<u32>,
 }
 

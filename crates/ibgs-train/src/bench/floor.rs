@@ -71,11 +71,9 @@ pub struct Load {
     /// M: sources.
     pub sources: u64,
     /// V: visible sources a pixel.
-    #[serde(rename = "slots")]
     pub visible: u64,
-    /// A: visible sources that some pixel has, read back.
-    #[serde(rename = "slots_used")]
-    pub visible_somewhere: u64,
+    /// A: most visible sources of any pixel, read back.
+    pub most_visible: u64,
     /// K: median intersections a pixel.
     pub medians: u64,
     /// Width and height at which the network runs; p is their product.
@@ -155,7 +153,7 @@ impl Load {
     }
 
     fn features(&self) -> Floor {
-        let (p, low, used) = (self.pixels as f64, self.network_pixels(0), self.visible_somewhere as f64);
+        let (p, low, used) = (self.pixels as f64, self.network_pixels(0), self.most_visible as f64);
         let mlp = 2.0 * (FEATURES * HIDDEN + HIDDEN * HIDDEN) as f64;
         Floor::new((16.0 + 16.0 * used) * p + 4.0 * INPUT as f64 * low, mlp * used * low)
     }
@@ -195,7 +193,7 @@ impl Load {
     /// The stages whose work depends on pixels alone.
     fn image_floor(&self, work: Work, stage: Stage) -> Option<Floor> {
         let [p, m, v, a, k] =
-            [self.pixels, self.sources, self.visible, self.visible_somewhere, self.medians].map(|count| count as f64);
+            [self.pixels, self.sources, self.visible, self.most_visible, self.medians].map(|count| count as f64);
         let low = self.network_pixels(0);
         let images = if work == Work::FinalIteration { 2.0 } else { 1.0 };
         Some(match stage {
@@ -247,7 +245,7 @@ mod tests {
             pairs: 100_000,
             sources: 4,
             visible: 3,
-            visible_somewhere: 2,
+            most_visible: 2,
             medians: 4,
             network_size: [64, 48],
         }

@@ -104,14 +104,14 @@ fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> R
         pairs: last.iter().map(|&count| u64::from(count)).sum(),
         sources: u64::from(config.sources.used),
         visible: u64::from(config.sources.visible),
-        visible_somewhere: 0,
+        most_visible: 0,
         medians: u64::from(config.surface.intersections),
         network_size: Factor::of(config.residual.factor).size([camera.width, camera.height]),
     })
 }
 
-/// Visible sources that some pixel has.
-fn visible_somewhere(renderer: &Renderer, setting: &Setting) -> Result<u64, TrainError> {
+/// Most visible sources of any pixel.
+fn most_visible(renderer: &Renderer, setting: &Setting) -> Result<u64, TrainError> {
     let counts = renderer.render(&setting.camera)?.visibility()?.unwrap_or_default();
     Ok(counts.into_iter().max().unwrap_or(0).into())
 }
@@ -141,7 +141,7 @@ fn image_based(
     for _ in 0..SETTLING {
         trainer.step()?;
     }
-    load.visible_somewhere = visible_somewhere(&trainer.renderer()?, setting)?;
+    load.most_visible = most_visible(&trainer.renderer()?, setting)?;
     let clock = Clock { gpu, rates, load, runs };
     let iteration = clock.timing(Work::FinalIteration, &mut || trainer.step())?;
     let memory = gpu.memory_report();

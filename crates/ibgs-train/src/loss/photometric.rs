@@ -8,13 +8,10 @@ use burn_cubecl::tensor::CubeTensor;
 use bytemuck::bytes_of;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
-use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::{DevicePhoto, MAX_VISIBLE};
 use ibgs_shaders::types::{LossParams, MeanParams};
 use ibgs_shaders::{LOSS_MEAN, PHOTOMETRIC_LOSS, PHOTOMETRIC_LOSS_BACKWARD, TILE};
 use std::sync::Arc;
-
-/// Visible sources that fit into the four bytes of a pixel's `seen` word.
-const MAX_VISIBLE: usize = 4;
 
 /// Scratch memory of one image size and number of visible sources.
 #[derive(Debug)]
@@ -65,7 +62,7 @@ impl Saved {
         for (source, moments) in (0..).zip(&self.scratch.moments[..self.visible()]) {
             let texels = &self.target.texels;
             let buffers = [&warped, &self.seen, texels, moments, &self.scratch.stats, &upstream, &out];
-            let params = LossParams { visible: source, ..self.params };
+            let params = LossParams { visible_index: source, ..self.params };
             pass.grid(&PHOTOMETRIC_LOSS_BACKWARD, &buffers, bytes_of(&params), [x, y, 3]);
         }
         pass.submit();
@@ -106,7 +103,7 @@ impl PhotometricLoss {
         let pixels = (width * height) as usize;
         let visible = warped.meta.shape()[0];
         assert_eq!(warped.meta.shape()[1..], [pixels, 4], "warped images and photo differ in size");
-        assert!((1..=MAX_VISIBLE).contains(&visible), "number of warped images");
+        assert!((1..=MAX_VISIBLE as usize).contains(&visible), "number of warped images");
         gpu.check_size("warped images", 16 * (visible * pixels) as u64)?;
         let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
         let params = LossParams { size: target.size, tiles, lambda: self.weight, ..LossParams::default() };
@@ -117,7 +114,7 @@ impl PhotometricLoss {
         let mut pass = Pass::new(gpu, "photometric loss");
         for (source, moments) in (0..).zip(&scratch.moments[..visible]) {
             let buffers = [&bound_warped, seen, &target.texels, moments, &scratch.partials];
-            let params = LossParams { visible: source, ..params };
+            let params = LossParams { visible_index: source, ..params };
             pass.grid(&PHOTOMETRIC_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
         }
         let mean = MeanParams { count: groups, weight: self.weight };

@@ -6,16 +6,13 @@ use crate::gpu::{Buffer, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part};
 use bytemuck::bytes_of;
+use ibgs_shaders::layers::{CONV_OUTPUTS, CONV_TILE};
 use ibgs_shaders::types::{ConvParams, ConvWeightsParams, HeadParams, PoolParams, SumParams, UpsampleParams};
 use ibgs_shaders::{
     RESIDUAL_CONV, RESIDUAL_CONV_WEIGHTS, RESIDUAL_HEAD, RESIDUAL_HEAD_BACKWARD, RESIDUAL_HEAD_WEIGHTS,
     RESIDUAL_POOL_BACKWARD, RESIDUAL_SUM, RESIDUAL_UPSAMPLE_BACKWARD, Store,
 };
 
-/// Columns of a convolution's workgroup, and rows of one of its row groups.
-const CONV_TILE: [u32; 2] = [32, 8];
-/// Outputs a thread of a convolution owns.
-const CONV_OUTPUTS: u32 = 20;
 /// Pixels of a workgroup of the head.
 const HEAD_PIXELS: u32 = 512;
 /// Fewest tiles for a workgroup of its own.

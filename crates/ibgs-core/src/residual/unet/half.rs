@@ -11,6 +11,7 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part, UNET};
 use bytemuck::bytes_of;
+use ibgs_shaders::layers::{HALF_CONV_ROWS, HALF_SUBGROUPS, HALF_WEIGHTS_ROWS};
 use ibgs_shaders::types::{
     HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
     HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeightsParams,
@@ -20,14 +21,8 @@ use ibgs_shaders::{
     HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits, Store,
 };
 
-/// Rows of a convolution's workgroup.
-const ROWS: u32 = 16;
-/// Subgroups of a workgroup.
-const SUBGROUPS: u32 = 4;
 /// Fewest tiles for a workgroup of its own.
 const MIN_TILES: u32 = 4;
-/// Rows of a tile of `half_conv_weights`.
-const TILE_ROWS: u32 = 4;
 
 /// A layer's weights as a convolution on the matrix units reads them: forward, or for the gradient by an input.
 #[derive(Clone, Copy, Debug)]
@@ -162,19 +157,19 @@ impl Half {
             pad: 0,
         };
         let side = self.units.side;
-        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(ROWS), packed.weights.groups / 3];
+        let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(HALF_CONV_ROWS), packed.weights.groups / 3];
         let buffers = [weights, &self.packed, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
         pass.grid(&HALF_CONV, &buffers, bytes_of(&params), grid);
     }
 
     /// Workgroups of the head's kernels.
     fn head_groups(&self, x: &Map) -> usize {
-        x.pixels().div_ceil(SUBGROUPS * self.units.side) as usize
+        x.pixels().div_ceil(HALF_SUBGROUPS * self.units.side) as usize
     }
 
     /// Workgroups that share the tiles of a layer's size.
     fn splits(&self, size: [u32; 2]) -> u32 {
-        splits(size[0].div_ceil(self.units.side) * size[1].div_ceil(TILE_ROWS), MIN_TILES)
+        splits(size[0].div_ceil(self.units.side) * size[1].div_ceil(HALF_WEIGHTS_ROWS), MIN_TILES)
     }
 }
 
