@@ -117,7 +117,7 @@ impl Colmap {
         })
     }
 
-    /// Estimates poses and points, anew.
+    /// Estimates poses and points from the start.
     ///
     /// # Errors
     /// As [`Tool::run`]; no model was found.
@@ -129,7 +129,7 @@ impl Colmap {
         arguments.extend(arguments!["--image_path", self.images(), "--output_path", &sparse]);
         let mut most = 0;
         self.follow(&arguments, ("poses", photos), progress, |line, _| {
-            // A model that leads nowhere is begun anew and counts from the start.
+            // A model that leads nowhere is begun again and counts from the start.
             let registered = registered(line).unwrap_or(0);
             let is_more = registered > most;
             most = most.max(registered);
@@ -189,7 +189,7 @@ impl Colmap {
         Ok(())
     }
 
-    /// Runs a command; `is_step` says which lines are a step, of so many.
+    /// Runs a command; `is_step` says which lines are a step.
     fn follow(
         &self,
         arguments: &[OsString],

@@ -55,7 +55,7 @@ fn damaged_suites() {
     assert!(outside <= 2, "more than a.toml and output");
 }
 
-/// The program with so many KiB of address space.
+/// The program with a limit on its address space, in KiB.
 #[cfg(target_os = "linux")]
 fn bounded(sandbox: &Sandbox, kib: u32, arguments: &str) -> Outcome {
     let mut command = std::process::Command::new("sh");

@@ -38,7 +38,7 @@ fn a_suite_trains_goes_on_and_summarises() {
     assert!(first.stdout.contains("Not measured yet: scene, ibgs."), "{first}");
     assert!(sandbox.path("output/two/base alone/scene/results_renders.json").exists());
     assert!(!sandbox.path("output/two/ibgs").exists());
-    // A half-done run is begun anew.
+    // A half-done run starts again.
     fs::create_dir_all(sandbox.path("output/two/ibgs/scene/point_cloud")).unwrap();
     let second = sandbox.succeeds("suite two.toml");
     assert!(second.stderr.contains("1 of 2 runs are there already"), "{second}");

@@ -68,7 +68,7 @@ fn the_transparent_move_and_the_number_grows_to_the_cap() {
         let (each, factor) = shared(0.5, copies);
         assert!((f64::from(logits[k]) - (each / (1.0 - each)).ln()).abs() < 1e-5);
         assert!((f64::from(plan.log_scales[k][0]) - factor.ln()).abs() < 1e-5);
-        assert_eq!(plan.sources[k] & FRESH != 0, copies > 1, "moments of what shares a place begin anew");
+        assert_eq!(plan.sources[k] & FRESH != 0, copies > 1, "moments of what shares a place are cleared");
         assert_eq!(plan.means[k][0], source as f32);
     }
     assert_eq!(planned(&opacities, &config(103)).sources.len(), 103);

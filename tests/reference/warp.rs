@@ -10,7 +10,7 @@ use super::geometry::{EPSILON, Geometry, Intersection, pixel_ray};
 /// The depths of source and point agree when they differ by less than this part of the latter.
 pub const DEPTH_AGREEMENT: f64 = 0.01;
 
-/// Sources are packed up to so many times that where a confidence weighs them.
+/// Sources are packed up to this many times the agreement where a confidence weighs them.
 pub const SOFT_REACH: f64 = 5.0;
 
 /// A source view. Its images have the size of its camera, row by row.
@@ -23,7 +23,7 @@ pub struct Source {
     pub valid: Vec<bool>,
     /// The view's own median depth, a constant; 0 where it met nothing.
     pub depth: Vec<f64>,
-    /// Packed where its depth differs by less than so many times [`DEPTH_AGREEMENT`].
+    /// Packed where its depth differs by less than this many times [`DEPTH_AGREEMENT`].
     pub reach: f64,
 }
 

@@ -67,7 +67,7 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     }
 }
 
-/// Without `deterministic` the depth maps are made anew.
+/// Without `deterministic` the depth maps are rendered again.
 #[test]
 fn a_checkpoint_without_depth_maps_is_small_and_goes_on() {
     let dataset = dataset();
@@ -114,7 +114,7 @@ fn another_scene_is_refused() {
     refused(&other);
 }
 
-/// Changes a part of a checkpoint and writes the archive anew, sums and all.
+/// Changes a part of a checkpoint and writes the archive again, sums and all.
 fn with_part(
     path: &Path,
     part: &str,

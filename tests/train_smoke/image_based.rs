@@ -16,7 +16,7 @@ use ibgs_core::sources::source_store::SourceStore;
 use ibgs_train::Trainer;
 use std::sync::{Arc, OnceLock};
 
-/// The tiny demo with so many views that neighbours see the same: 28 training views of 48 x 36.
+/// The tiny demo with enough views that neighbours see the same: 28 training views of 48 x 36.
 pub fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {

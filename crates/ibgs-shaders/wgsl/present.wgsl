@@ -11,7 +11,7 @@ struct PresentParams {
     range: vec2<f32>,
     // Number of sources that has the brightest colour.
     most: u32,
-    // Differences are shown so many times as strong.
+    // Factor by which differences are shown.
     gain: f32,
 }
 

@@ -156,7 +156,7 @@ impl Rasterizer {
         self.capacity.load(Ordering::Relaxed)
     }
 
-    /// Makes room for exactly so many intersections, which [`capacity`](Self::capacity) told.
+    /// Makes room for exactly as many intersections as [`capacity`](Self::capacity) returned.
     pub fn set_capacity(&self, capacity: u64) {
         self.capacity.store(capacity.min(self.gpu.binding_limit() / 16), Ordering::Relaxed);
     }

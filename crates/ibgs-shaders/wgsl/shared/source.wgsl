@@ -20,7 +20,8 @@ struct SourceParams {
     intersections: u32,
     // Depths that differ by less than this part agree.
     agreement: f32,
-    // Sources whose depths differ by less than so many times that are packed: 1, or up to 5 where a confidence weighs them.
+    // Sources are packed whose depths differ by less than this many times the depth limit: 1, or up to 5 where a confidence
+    // weighs them.
     reach: f32,
     pad0: u32,
     pad1: vec2<u32>,

@@ -85,7 +85,7 @@ impl Work {
         match self {
             Work::BaseFrame => "base frame",
             Work::WarmFrame => "final frame, depth maps of the sources kept",
-            Work::ColdFrame => "final frame, depth maps of the sources made anew",
+            Work::ColdFrame => "final frame, depth maps of the sources rendered again",
             Work::BaseIteration => "3dgs iteration",
             Work::FinalIteration => "ibgs iteration",
         }
