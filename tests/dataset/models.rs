@@ -40,7 +40,7 @@ fn the_model_with_the_most_photos_is_used() {
     let path = scene.join("sparse/0/images.bin");
     let whole = fs::read(&path).unwrap();
     write_file(&path, &whole[..whole.len() - 1]);
-    fails(scene, &["sparse/0/images.bin", "ends at byte"]);
+    fails(scene, &["sparse/0/images.bin", "claims 2 observations"]);
 }
 
 #[test]

@@ -30,7 +30,9 @@ fn webp_and_tiff_have_the_values_that_they_were_written_with() {
         assert_eq!(pixels(&encoded(&rgb.clone().into(), format)), opaque, "{format:?}");
     }
     // 16 bits round to the nearest of 256 levels.
-    let deep = image::ImageBuffer::from_fn(9, 7, |x, y| Rgb([0, 1, 2].map(|c| u16::from(value(x, y, c)) * 257 + 100)));
+    let deep = image::ImageBuffer::from_fn(9, 7, |x, y| {
+        Rgb([0, 1, 2].map(|c| (u16::from(value(x, y, c)) * 257).saturating_add(100)))
+    });
     assert_eq!(pixels(&encoded(&DynamicImage::ImageRgb16(deep), ImageFormat::Tiff)), opaque);
     let grey = image::ImageBuffer::from_fn(9, 7, |x, y| Luma([u16::from(value(x, y, 0)) * 257]));
     let shown = pixels(&encoded(&DynamicImage::ImageLuma16(grey), ImageFormat::Tiff));
