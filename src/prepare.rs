@@ -6,6 +6,7 @@ mod video;
 
 use anyhow::{Context, Result, bail};
 use colmap::{Cameras, Colmap, Matching, Quality};
+use ibgs_core::dataset;
 use ibgs_core::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -16,7 +17,10 @@ use tool::{Tool, has_extension};
 const RECORD: &str = "prepare.json";
 /// Fewest photos that have poses.
 const FEWEST: usize = 3;
-const PHOTOS: [&str; 3] = ["jpg", "jpeg", "png"];
+const PHOTOS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
+/// Photos that neither COLMAP nor we read, with the name of their format and a program that converts them.
+const UNREAD: [(&[&str], &str, &str); 3] =
+    [(&["heic", "heif", "hif"], "HEIC", "heif-convert"), (&["avif"], "AVIF", "avifdec"), (&["jxl"], "JPEG XL", "djxl")];
 const VIDEOS: [&str; 10] = ["mp4", "mov", "m4v", "avi", "mkv", "webm", "mts", "m2ts", "mpg", "wmv"];
 
 /// What a scene is made of.
@@ -56,6 +60,8 @@ pub struct Prepared {
     pub photos: usize,
     /// Their poses.
     pub quality: Quality,
+    /// Photos without a pose, by their paths inside the scene.
+    pub unposed: Vec<String>,
 }
 
 /// A scene in the making.
@@ -141,7 +147,10 @@ impl<'a> Preparation<'a> {
             colmap.map(count, progress)?;
             self.done(Step::Poses)?;
         }
-        Ok(Prepared { photos: count, quality: colmap.choose()? })
+        let quality = colmap.choose()?;
+        let unposed =
+            dataset::inspect(&self.scene).map_err(|error| anyhow::anyhow!("COLMAP's model: {error}"))?.unposed;
+        Ok(Prepared { photos: count, quality, unposed })
     }
 
     /// Brings all photos into `images/`.
@@ -195,9 +204,12 @@ fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
     }
     if photos < FEWEST {
         let [first, ..] = inputs else { bail!("there are no photos") };
+        let unread = inputs.iter().find_map(|input| unread_note(input, &left_out(input).unwrap_or_default()));
+        let unread = unread.map_or_else(String::new, |note| format!("; {note}"));
         bail!(
-            "{} has {photos} photos (.jpg, .jpeg or .png); poses need at least {FEWEST}, good ones 30 or more",
-            first.display()
+            "{} has {photos} photos ({}); poses need at least {FEWEST}, good ones 30 or more{unread}",
+            first.display(),
+            known_extensions()
         );
     }
     Ok(())
@@ -254,30 +266,68 @@ fn part_name(inputs: &[PathBuf], i: usize) -> String {
     format!("{:02}_{stem}", i + 1)
 }
 
-/// Links, or where that cannot be copies, the photos of a folder; notes what is left out.
-fn copy_photos(from: &Path, to: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
-    let entries = fs::read_dir(from).with_context(|| format!("cannot read {}", from.display()))?;
-    let mut left_out = Vec::new();
+/// `.jpg, .jpeg or .png`.
+fn known_extensions() -> String {
+    let [first @ .., last] = PHOTOS.map(|extension| format!(".{extension}"));
+    format!("{} or {last}", first.join(", "))
+}
+
+/// The visible files of a folder, sorted; empty for a video.
+fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut files = Vec::new();
     for entry in entries {
-        let path = entry.with_context(|| format!("cannot read {}", from.display()))?.path();
-        let Some(name) = path.file_name().filter(|name| path.is_file() && !name.to_string_lossy().starts_with('.'))
-        else {
-            continue;
-        };
-        let target = to.join(name);
-        if !has_extension(&path, &PHOTOS) {
-            left_out.push(name.to_string_lossy().into_owned());
-        } else if !target.exists() && fs::hard_link(&path, &target).is_err() {
-            fs::copy(&path, &target).with_context(|| format!("cannot copy {}", path.display()))?;
+        let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
+        let is_hidden = path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
+        if path.is_file() && !is_hidden {
+            files.push(path);
         }
     }
-    if let Some(first) = left_out.first() {
+    files.sort();
+    Ok(files)
+}
+
+/// The files of a folder that are no photos we take.
+fn left_out(folder: &Path) -> Result<Vec<PathBuf>> {
+    Ok(files_in(folder)?.into_iter().filter(|path| !has_extension(path, &PHOTOS)).collect())
+}
+
+/// What to do with photos in a format that is not read, the first such format.
+fn unread_note(folder: &Path, left_out: &[PathBuf]) -> Option<String> {
+    let of = |extensions: &'static [&str]| left_out.iter().filter(move |path| has_extension(path, extensions));
+    let (extensions, format, converter) =
+        UNREAD.into_iter().find(|(extensions, ..)| of(extensions).next().is_some())?;
+    let first = of(extensions).next()?.file_name()?.to_string_lossy();
+    let count = of(extensions).count();
+    Some(format!(
+        "{} has {count} {format} photos, such as {first}, which cannot be read: convert them to JPEG, for example with \
+         `{converter}`",
+        folder.display()
+    ))
+}
+
+/// Links, or where that cannot be copies, the photos of a folder; notes what is left out.
+fn copy_photos(from: &Path, to: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
+    for path in files_in(from)?.iter().filter(|path| has_extension(path, &PHOTOS)) {
+        let target = to.join(path.file_name().unwrap_or_default());
+        if !target.exists() && fs::hard_link(path, &target).is_err() {
+            fs::copy(path, &target).with_context(|| format!("cannot copy {}", path.display()))?;
+        }
+    }
+    let left_out = left_out(from)?;
+    if let Some(first) = left_out.first().and_then(|path| path.file_name()) {
         note(format!(
-            "{}: {} files are left out, such as {first}; photos are .jpg, .jpeg or .png",
+            "{}: {} files are left out, such as {}; photos are {}",
             from.display(),
-            left_out.len()
+            left_out.len(),
+            first.to_string_lossy(),
+            known_extensions()
         ));
     }
+    unread_note(from, &left_out).into_iter().for_each(note);
     Ok(())
 }
 

@@ -60,7 +60,9 @@ fn records_that_make_no_sense() {
     changed_fails(|m| m.images[2].t[0] = f64::INFINITY, &["image `a2.png`", "not finite"]);
     changed_fails(|m| m.images[2].camera = 9, &["image `a2.png`", "camera 9 is not in"]);
     changed_fails(|m| m.images[1].name = "a0.png".into(), &["`a0.png` is listed twice"]);
-    for name in ["../a0.png", "/etc/a0.png", "x/../../a0.png", "C:/a0.png", "..\\a0.png"] {
+    for name in
+        ["../a0.png", "/etc/x0.png", "x/../../a0.png", "C:/x0.png", "..\\a0.png", "/../a0.png", "C:/x/../a0.png"]
+    {
         changed_fails(|m| m.images[0].name = name.into(), &["images.", name, "`..`"]);
     }
     changed_fails(|m| m.cameras[0].params[0] = 0.0, &["cameras.", "camera 1", "focal length"]);

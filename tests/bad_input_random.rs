@@ -56,6 +56,7 @@ survive!(
     colmap_binary,
     colmap_text,
     transforms_json,
+    reality_capture,
     ply,
     camera_path,
     bundle,

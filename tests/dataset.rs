@@ -1,7 +1,11 @@
 //! The loaders: formats, names, poses, split, points, options.
 
 mod archive;
+mod lists;
+mod models;
+mod names;
 mod points;
+pub mod reality_capture;
 mod units;
 
 use crate::scene_files::{Camera, Image, Model, SIMPLE_PINHOLE, write_file, write_photo};

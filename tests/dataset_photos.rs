@@ -2,6 +2,7 @@
 
 mod colors;
 mod fisheye;
+mod formats;
 
 use crate::dataset::{assert_note, load, load_plain, transforms};
 use crate::scene_files::{Camera, Model, PINHOLE, write_file, write_photo};

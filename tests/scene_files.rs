@@ -149,16 +149,24 @@ impl Model {
     }
 
     pub fn write_binary(&self, scene: &Path) {
-        write_file(&scene.join("sparse/0/cameras.bin"), self.cameras_bin());
-        write_file(&scene.join("sparse/0/images.bin"), self.images_bin());
-        write_file(&scene.join("sparse/0/points3D.bin"), self.points_bin());
+        self.write_binary_to(&scene.join("sparse/0"));
+    }
+
+    pub fn write_binary_to(&self, folder: &Path) {
+        write_file(&folder.join("cameras.bin"), self.cameras_bin());
+        write_file(&folder.join("images.bin"), self.images_bin());
+        write_file(&folder.join("points3D.bin"), self.points_bin());
     }
 
     /// Directly in `sparse/`.
     pub fn write_text(&self, scene: &Path) {
-        write_file(&scene.join("sparse/cameras.txt"), self.cameras_txt());
-        write_file(&scene.join("sparse/images.txt"), self.images_txt());
-        write_file(&scene.join("sparse/points3D.txt"), self.points_txt());
+        self.write_text_to(&scene.join("sparse"));
+    }
+
+    pub fn write_text_to(&self, folder: &Path) {
+        write_file(&folder.join("cameras.txt"), self.cameras_txt());
+        write_file(&folder.join("images.txt"), self.images_txt());
+        write_file(&folder.join("points3D.txt"), self.points_txt());
     }
 
     /// A grey photo of its camera's size for every image.

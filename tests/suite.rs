@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod bad_input;
+mod bad_input_csv;
 mod bad_input_json;
 mod bad_input_random;
 mod cli;

@@ -5,7 +5,7 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::bundle::Bundle;
-use ibgs_core::dataset;
+use ibgs_core::dataset::{self, SceneInfo};
 use ibgs_core::gpu::lacking;
 use ibgs_core::gpu::list_adapters;
 use ibgs_core::local_space::Length;
@@ -106,7 +106,8 @@ fn model_folder(path: &Path) -> Result<()> {
 
 fn scene(path: &Path) -> Result<()> {
     let info = dataset::inspect(path)?;
-    stdout!("{}: {:?} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
+    stdout!("{}: {} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
+    layout(&info);
     for camera in &info.cameras {
         let pair = |v: Option<glam::DVec2>| v.map_or("unknown".to_owned(), |v| format!("{:.2} {:.2}", v.x, v.y));
         stdout!(
@@ -121,8 +122,31 @@ fn scene(path: &Path) -> Result<()> {
             if camera.distorted { ", undistorted on load" } else { "" }
         );
     }
-    if !info.missing.is_empty() {
-        stdout!("   {} photos are missing, for instance {}", info.missing.len(), info.missing[0]);
-    }
     Ok(())
+}
+
+/// The files of a scene: what lists the photos, which of them have a pose, their sizes and their split.
+fn layout(info: &SceneInfo) {
+    stdout!("   read from {}", info.listing.display());
+    if info.models.len() > 1 {
+        let models: Vec<String> =
+            info.models.iter().map(|model| format!("{} with {} photos", model.folder, model.images)).collect();
+        stdout!("   {} COLMAP models that do not connect, the first is used: {}", models.len(), models.join(", "));
+    }
+    let posed = info.images - info.missing.len();
+    stdout!("   {posed} photos with a pose, {} without{}", info.unposed.len(), such_as(&info.unposed));
+    if !info.missing.is_empty() {
+        stdout!("   {} photos are missing{}", info.missing.len(), such_as(&info.missing));
+    }
+    if !info.unreadable.is_empty() {
+        stdout!("   {} photos cannot be read{}", info.unreadable.len(), such_as(&info.unreadable));
+    }
+    for size in &info.sizes {
+        stdout!("   {} photos of {} x {}", size.photos, size.width, size.height);
+    }
+    stdout!("   with `--eval` {} train and {} are held out: {}", info.split.train, info.split.test, info.split.by);
+}
+
+fn such_as(names: &[String]) -> String {
+    names.first().map_or_else(String::new, |name| format!(", for instance {name}"))
 }

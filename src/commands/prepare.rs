@@ -27,6 +27,8 @@ const INSTALL_FFMPEG: &str = "install ffmpeg (Debian, Ubuntu: `apt install ffmpe
 const FEW: f64 = 0.8;
 /// Mean reprojection error in pixels over which poses are poor.
 const LARGE_ERROR: f64 = 1.5;
+/// Photos without a pose that are named.
+const NAMED: usize = 5;
 
 /// Options of `ibgs prepare`.
 #[derive(ClapArgs)]
@@ -85,13 +87,18 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn tell(scene: &Path, Prepared { photos, quality }: &Prepared) {
+fn tell(scene: &Path, Prepared { photos, quality, unposed }: &Prepared) {
     stdout!(
         "{} of {photos} photos have a pose; mean reprojection error {:.2} pixels, {} points",
         quality.posed,
         quality.error,
         quality.points
     );
+    if !unposed.is_empty() {
+        let dots = if unposed.len() > NAMED { ", ..." } else { "" };
+        let named = unposed[..unposed.len().min(NAMED)].join(", ");
+        stderr!("without a pose, and not used: {} of {photos} photos: {named}{dots}", unposed.len());
+    }
     if quality.models > 1 {
         stderr!(
             "warning: COLMAP found {} parts that do not connect; the scene is the largest of them. Photos between them would connect \

@@ -47,7 +47,8 @@ Examples:
 #[derive(ClapArgs, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Scene folder (COLMAP model with photos, or transforms.json) or a .zip of one [default: the built-in demo scene].
+    /// Scene folder (photos with a COLMAP model, transforms.json or a camera list of RealityCapture) or a .zip of one [default:
+    /// the built-in demo scene].
     scene: Option<PathBuf>,
 
     /// What to train: `ibgs` (Gaussians and a residual from neighbouring photos) or `3dgs` (plain 3D Gaussian splatting)
@@ -73,7 +74,7 @@ pub struct Args {
     /// The same as SCENE.
     #[arg(short, long, conflicts_with = "scene", help_heading = heading::SCENE)]
     source: Option<PathBuf>,
-    /// Photo folder inside the scene [default: images, or images_N with `-r N` where it exists].
+    /// Photo folder inside the scene, `.` for the scene folder itself [default: images, or images_N with `-r N` where it exists].
     #[arg(short, long, help_heading = heading::SCENE)]
     images: Option<String>,
     /// Divide the photos' size by 1, 2, 4 or 8; a larger number is their width in pixels [default: 1].

@@ -25,10 +25,11 @@ use tempfile::TempDir;
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// All readers.
-pub const READERS: [Reader; 13] = [
+pub const READERS: [Reader; 14] = [
     ("colmap_binary", colmap_binary),
     ("colmap_text", colmap_text),
     ("transforms_json", transforms_json),
+    ("reality_capture", reality_capture),
     ("ply", ply),
     ("camera_path", camera_path),
     ("bundle", bundle),
@@ -142,6 +143,12 @@ pub fn transforms_json(bytes: &[u8]) -> bool {
     })
 }
 
+/// A camera list of RealityCapture.
+pub fn reality_capture(bytes: &[u8]) -> bool {
+    let read = dataset::check_reality_capture(Path::new("cameras.csv"), bytes);
+    accepted(read, "cameras.csv", |count| assert!(count <= bytes.len()))
+}
+
 /// A PLY of Gaussians, and one of points.
 pub fn ply(bytes: &[u8]) -> bool {
     let path = Path::new("some.ply");
@@ -246,7 +253,7 @@ pub fn zip_scene(bytes: &[u8]) -> bool {
     })
 }
 
-/// A photo: PNG, JPEG, EXR.
+/// A photo: PNG, JPEG, EXR, WebP, TIFF.
 pub fn photo(bytes: &[u8]) -> bool {
     let read = dataset::decode_photo(Path::new("some.photo"), bytes, &LoadOptions::default());
     accepted(read, "some.photo", |photo| {

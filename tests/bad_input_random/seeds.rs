@@ -52,6 +52,7 @@ pub fn of(reader: &str) -> Vec<Vec<u8>> {
             numbered([model.cameras_txt(), model.images_txt(), model.points_txt()].map(String::into_bytes))
         }
         "transforms_json" => transforms(),
+        "reality_capture" => reality_capture(),
         "ply" => plys(),
         "camera_path" => camera_paths(),
         "bundle" => archives(&bundle_parts()),
@@ -293,6 +294,13 @@ fn safetensors() -> Vec<u8> {
     safetensors::serialize([(TENSOR, view(&values()))], None).unwrap()
 }
 
+fn reality_capture() -> Vec<Vec<u8>> {
+    let header = "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2";
+    let row = |name| format!("{name},1.5,-2,3e2,170.3,85,-22.7,14.2,-9.4e-004,2e-3,0.1,-0.2,0.3,0,0.01,-0.01");
+    let whole = format!("\u{feff}#cameras 2\r\n{header}\r\n{}\r\n{}\r\n", row("a.jpg"), row("\"b, c.jpg\""));
+    vec![whole.into_bytes(), format!("#name,x,y,alt,heading,pitch,roll,f\n{}\n", "a.png,1,2,3,4,5,6,7").into_bytes()]
+}
+
 fn photos() -> Vec<Vec<u8>> {
     let rgba = DynamicImage::from(image::RgbaImage::from_fn(9, 7, |x, y| {
         image::Rgba([x as u8 * 20, y as u8 * 30, 7, if x == 3 { 0 } else { 255 }])
@@ -316,6 +324,8 @@ fn photos() -> Vec<Vec<u8>> {
         encoded(&rgb, ImageFormat::Jpeg),
         exr,
         tiled,
+        encoded(&rgba, ImageFormat::WebP),
+        encoded(&deep, ImageFormat::Tiff),
     ]
 }
 

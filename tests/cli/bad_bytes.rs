@@ -15,8 +15,7 @@ fn names_do_not_write_on_the_terminal() {
     model.write_photos(&sandbox.path("scene"));
     model.images[0].name = "a\u{1b}[2J\n0.png".to_owned();
     model.write_binary(&sandbox.path("scene"));
-    let sentence =
-        "image name `a\\u{1b}[2J 0.png` is empty, absolute, or contains `..` or control characters; use a path inside";
+    let sentence = "image name `a\\u{1b}[2J 0.png` is empty, or absolute without a photo of that name in the scene, or";
     sandbox.fails("train scene -m out", &["images.bin", sentence]);
     assert!(sandbox.succeeds("info scene").stdout.contains("a?[2J?0.png"));
     model.images[0].name = format!("../{}", "long".repeat(10_000));

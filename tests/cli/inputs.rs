@@ -263,3 +263,29 @@ fn unreliable_points_are_left_out_when_asked() {
     assert!(told.contains("5 of 12 points left out") && told.contains("7 initial points"), "{told}");
     assert!(sandbox.text("some/config.toml").contains("filter-points = true"));
 }
+
+#[test]
+fn info_shows_the_layout_poses_sizes_and_split_of_a_scene() {
+    let sandbox = Sandbox::new();
+    let scene = sandbox.path("scene");
+    let mut part = Model::small(9);
+    part.write_photos(&scene);
+    part.images.truncate(2);
+    part.write_binary_to(&scene.join("sparse/0"));
+    let mut main = Model::small(8);
+    main.images[0].name = "gone.png".to_owned();
+    main.write_binary_to(&scene.join("sparse/1"));
+    let shown = sandbox.succeeds("info scene").stdout;
+    for line in [
+        "scene: COLMAP, binary scene, 8 photos, 2 points",
+        "   read from sparse/1/images.bin",
+        "   2 COLMAP models that do not connect, the first is used: sparse/1 with 8 photos, sparse/0 with 2 photos",
+        "   7 photos with a pose, 2 without, for instance images/a0.png",
+        "   1 photos are missing, for instance gone.png",
+        "   7 photos of 12 x 8",
+        "   with `--eval` 6 train and 1 are held out: every 8th photo by name",
+        "   camera 1: PINHOLE 12 x 8",
+    ] {
+        assert!(shown.lines().any(|shown| shown.starts_with(line)), "`{line}` is not in:\n{shown}");
+    }
+}

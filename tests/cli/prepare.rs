@@ -1,6 +1,7 @@
 //! `ibgs prepare` with programs that stand in for COLMAP.
 
 use super::Sandbox;
+use crate::scene_files::Model;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
@@ -16,18 +17,26 @@ case "$1 $2" in
     mapper*)
         if [ -e "$here/broken" ]; then echo "no good initial pair" >&2; exit 3; fi
         out=$(echo "$@" | sed 's/.*--output_path //')
-        mkdir -p "$out/0" "$out/1"
-        printf '\002\000\000\000\000\000\000\000' > "$out/0/images.bin"
-        printf '\003\000\000\000\000\000\000\000' > "$out/1/images.bin"
+        cp -r "$here/models/." "$out"
         echo "Registering image #1 (3)" ;;
 esac
 "#;
+
+/// What the mapper finds: photos of two models.
+fn write_models(sandbox: &Sandbox, first: &[&str], second: &[&str]) {
+    for (number, names) in [first, second].into_iter().enumerate() {
+        let mut model = Model::small(names.len());
+        model.images.iter_mut().zip(names).for_each(|(image, name)| image.name = (*name).to_owned());
+        model.write_binary_to(&sandbox.path(&format!("models/{number}")));
+    }
+}
 
 fn sandbox() -> Sandbox {
     let sandbox = Sandbox::new();
     for name in ["photos/b.jpg", "photos/a.PNG", "photos/c.jpeg", "photos/notes.txt"] {
         sandbox.write(name, "not looked at");
     }
+    write_models(&sandbox, &["a.PNG", "b.jpg"], &["a.PNG", "b.jpg", "c.jpeg"]);
     sandbox.write("colmap", COLMAP);
     fs::set_permissions(sandbox.path("colmap"), fs::Permissions::from_mode(0o755)).unwrap();
     sandbox
@@ -41,6 +50,7 @@ fn photos_become_a_scene_with_the_largest_model_first() {
     assert!(outcome.stdout.contains("0.61 pixels, 1234 points") && outcome.stdout.contains("ibgs train scene"));
     assert!(outcome.stderr.contains("2 parts that do not connect"), "{}", outcome.stderr);
     assert!(outcome.stderr.contains("notes.txt"), "{}", outcome.stderr);
+    assert!(!outcome.stderr.contains("without a pose"), "{}", outcome.stderr);
     assert_eq!(fs::read(sandbox.path("scene/sparse/0/images.bin")).unwrap()[0], 3);
     assert_eq!(fs::read(sandbox.path("scene/sparse/1/images.bin")).unwrap()[0], 2);
     let mut names: Vec<_> =
@@ -115,4 +125,28 @@ fn photos_that_lie_in_the_scene_stay() {
 fn training_on_photos_names_the_command() {
     let sandbox = sandbox();
     sandbox.fails("train photos", &["is not a scene", "run `ibgs prepare ", "photos -o my-scene` first"]);
+}
+
+#[test]
+fn photos_without_a_pose_and_formats_that_are_left_out_are_named() {
+    let sandbox = sandbox();
+    for name in ["photos/d.tiff", "photos/e.WebP", "photos/f.png", "photos/g.png", "photos/h.png", "photos/i.png"] {
+        sandbox.write(name, "not looked at");
+    }
+    for name in ["photos/x.HEIC", "photos/y.heic"] {
+        sandbox.write(name, "not looked at");
+    }
+    write_models(&sandbox, &["a.PNG"], &["b.jpg", "d.tiff", "e.WebP"]);
+    let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
+    assert!(outcome.stdout.contains("3 of 9 photos have a pose"), "{outcome}");
+    let without = "6 of 9 photos: images/a.PNG, images/c.jpeg, images/f.png, images/g.png, images/h.png, ...";
+    assert!(outcome.stderr.contains(without), "{outcome}");
+    assert!(outcome.stderr.contains("3 files are left out, such as notes.txt"), "{outcome}");
+    assert!(outcome.stderr.contains("2 HEIC photos, such as x.HEIC") && outcome.stderr.contains("`heif-convert`"));
+    for name in ["phone/a.heic", "phone/b.heic", "phone/c.heic"] {
+        sandbox.write(name, "not looked at");
+    }
+    sandbox.write("silent", COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
+    fs::set_permissions(sandbox.path("silent"), fs::Permissions::from_mode(0o755)).unwrap();
+    sandbox.fails("prepare phone -o new --colmap ./silent", &["phone has 0 photos", "3 HEIC photos", "`heif-convert`"]);
 }

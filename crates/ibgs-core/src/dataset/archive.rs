@@ -1,7 +1,7 @@
 //! A scene in a ZIP archive: unpacked into a temporary folder, which is removed once the photos have been read.
 
 use super::DatasetError;
-use super::photos::clean_name;
+use super::names::clean_name;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};

@@ -27,8 +27,12 @@ pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
     let unreadable = |cause: std::io::Error| DatasetError::read(path, &cause);
     let broken = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
     let mut file = BufReader::new(std::fs::File::open(path).map_err(unreadable)?);
-    let mut start = [0_u8; 4];
-    if file.read_exact(&mut start).is_ok() && start == EXR_MAGIC {
+    let mut start = Vec::new();
+    file.by_ref().take(UNREAD_START).read_to_end(&mut start).map_err(unreadable)?;
+    if let Some(unread) = unread_format(path, &start) {
+        return Err(unread);
+    }
+    if start.starts_with(&EXR_MAGIC) {
         let meta = MetaData::read_from_file(path, false).map_err(|cause| broken(cause.to_string()))?;
         let length = std::fs::metadata(path).map_err(unreadable)?.len() as usize;
         let Vec2(width, height) = exr_size(&meta, length).map_err(broken)?;
@@ -41,11 +45,33 @@ pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
         .map_err(|cause| broken(cause.to_string()))
 }
 
-/// Decodes the contents of a PNG, JPEG or EXR photo as a scene's photos are, before undistortion and resizing; `path` is
+/// As many bytes of a file tell its format.
+const UNREAD_START: u64 = 64;
+
+/// An error for photos of phones and cameras in formats without a decoder in Rust, by the start of the file.
+fn unread_format(path: &Path, bytes: &[u8]) -> Option<DatasetError> {
+    let start = &bytes[..bytes.len().min(UNREAD_START as usize)];
+    let has_brand = |brands: &[&[u8]]| start.chunks(4).skip(2).any(|brand| brands.contains(&brand));
+    let is_media = start.get(4..8) == Some(b"ftyp");
+    let is_jxl = start.starts_with(b"\xff\x0a") || start.starts_with(b"\0\0\0\x0cJXL ");
+    let (format, converter) = if is_media && has_brand(&[b"avif", b"avis"]) {
+        ("AVIF", "avifdec")
+    } else if is_media && has_brand(&[b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"]) {
+        ("HEIC", "heif-convert")
+    } else if is_jxl {
+        ("JPEG XL", "djxl")
+    } else {
+        return None;
+    };
+    Some(DatasetError::PhotoFormat { path: path.to_owned(), format, converter })
+}
+
+/// Decodes the contents of a PNG, JPEG, WebP, TIFF or EXR photo as a scene's photos are, before undistortion and resizing; `path` is
 /// for messages.
 ///
 /// # Errors
-/// [`DatasetError::Photo`] for contents that are none of these, damaged, or larger than their bytes can hold.
+/// [`DatasetError::Photo`] for contents that are none of these, damaged, or larger than their bytes can hold;
+/// [`DatasetError::PhotoFormat`] for a known format that is not read.
 pub fn decode_photo(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Photo, DatasetError> {
     let image = decode(path, bytes, options)?;
     Ok(Photo { width: image.width(), height: image.height(), rgba: image.into_raw() })
@@ -97,6 +123,9 @@ fn decode_any(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, ColorSpace), D
     let refuse = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
     if bytes.starts_with(&EXR_MAGIC) {
         return Ok((decode_exr(bytes).map_err(refuse)?.into(), ColorSpace::Linear));
+    }
+    if let Some(unread) = unread_format(path, bytes) {
+        return Err(unread);
     }
     // The JPEG decoder fills what is missing with grey and says nothing.
     if image::guess_format(bytes).ok() == Some(ImageFormat::Jpeg) && !jpeg_is_whole(bytes) {

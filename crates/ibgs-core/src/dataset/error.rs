@@ -1,5 +1,6 @@
 //! What can be wrong with a scene on disk. Each message says what, where and what to do, in one sentence.
 
+use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
 /// Why a scene could not be read. Causes are part of the message, so no error has a separate source.
@@ -15,12 +16,21 @@ pub enum DatasetError {
     },
     /// The folder holds no scene that is understood.
     #[error(
-        "{} is not a scene: it has neither sparse/0/cameras.bin (or .txt, or directly in sparse/) nor \
-         transforms.json nor transforms_train.json; give the folder (or a .zip of it) that holds one of them", path.display()
+        "{} is not a scene: it has neither sparse/0/cameras.bin (or .txt, or directly in sparse/, or in colmap/) nor \
+         transforms.json nor transforms_train.json nor a camera file of RealityCapture (.csv); give the folder (or a .zip \
+         of it) that holds one of them", path.display()
     )]
     NotAScene {
         /// The folder given.
         path: PathBuf,
+    },
+    /// Several files could be the scene's list of cameras.
+    #[error("{} has several camera files: {}; give the one that is meant in place of the folder", path.display(), files.join(", "))]
+    SeveralListings {
+        /// The folder.
+        path: PathBuf,
+        /// Names of the files.
+        files: Vec<String>,
     },
     /// The photo folder is absent.
     #[error("photo folder {} does not exist", path.display())]
@@ -150,9 +160,11 @@ pub enum DatasetError {
         /// The camera id asked for.
         camera: u32,
     },
-    /// An image name that leaves the scene folder, is empty, or has control characters.
+    /// An image name that leaves the scene folder, is absolute and no end of it is a photo of the scene, is empty, or has
+    /// control characters.
     #[error(
-        "{}: image name `{name}` is empty, absolute, or contains `..` or control characters; use a path inside the photo folder",
+        "{}: image name `{name}` is empty, or absolute without a photo of that name in the scene, or contains `..` or control \
+         characters; use a path inside the photo folder",
         path.display()
     )]
     ImageName {
@@ -186,12 +198,25 @@ pub enum DatasetError {
         first: PathBuf,
     },
     /// A photo does not decode.
-    #[error("photo {} does not decode: {cause}; replace it with a whole JPEG, PNG or EXR file", path.display())]
+    #[error("photo {} does not decode: {cause}; replace it with a whole JPEG, PNG, WebP, TIFF or EXR file", path.display())]
     Photo {
         /// The photo.
         path: PathBuf,
         /// The decoder's reason.
         cause: String,
+    },
+    /// A photo in a format that is known but not read.
+    #[error(
+        "photo {} is a {format} file, which is not read; convert it to JPEG or PNG under the same name (for example with \
+         `{converter}`)", path.display()
+    )]
+    PhotoFormat {
+        /// The photo.
+        path: PathBuf,
+        /// Name of the format.
+        format: &'static str,
+        /// A program that converts it.
+        converter: &'static str,
     },
     /// Too few photos to train from.
     #[error("{} has {count} {what}, at least 2 are needed; add photos or change the split", path.display())]
@@ -266,4 +291,18 @@ impl DatasetError {
 /// Reads a whole file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|cause| DatasetError::read(path, &cause))
+}
+
+/// Windows programs begin text files with this mark.
+pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// The contents of a text file without its byte order mark.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
+}
+
+/// Reads a JSON file.
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DatasetError> {
+    serde_json::from_slice(without_mark(&read_bytes(path)?))
+        .map_err(|cause| DatasetError::Json { path: path.to_owned(), cause: cause.to_string() })
 }

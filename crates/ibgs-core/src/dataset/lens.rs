@@ -234,9 +234,21 @@ impl Pose {
         if worst > 0.02 || matrix.determinant() <= 0.0 {
             return Err("the left 3 x 3 part is not a rotation".to_owned());
         }
+        Ok(Pose::from_axes(matrix, center))
+    }
+
+    /// From a rotation from camera to world with OpenGL axes, and the camera's place.
+    pub(crate) fn from_opengl_axes(rotation: DMat3, center: DVec3) -> Result<Pose, String> {
+        check_center(center)?;
+        let DMat3 { x_axis, y_axis, z_axis } = rotation;
+        Ok(Pose::from_axes(DMat3::from_cols(x_axis, -y_axis, -z_axis), center))
+    }
+
+    /// From a rotation from camera to world with COLMAP axes, to a few digits, and the camera's place.
+    fn from_axes(matrix: DMat3, center: DVec3) -> Pose {
         let rotation = DMat3::from_quat(DQuat::from_mat3(&matrix).normalize());
         let view_from_world = rotation.transpose();
-        Ok(Pose { view_from_world, translation: -(view_from_world * center) })
+        Pose { view_from_world, translation: -(view_from_world * center) }
     }
 }
 

@@ -5,12 +5,15 @@ mod colmap;
 mod decode;
 pub mod demo;
 mod error;
+mod info;
 mod lens;
+mod names;
 mod nerf;
 mod options;
 mod photos;
 mod points;
 mod points_ply;
+mod reality_capture;
 mod split;
 mod undistort;
 
@@ -18,16 +21,20 @@ pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
 pub use decode::decode_photo;
 pub use error::DatasetError;
+pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
+pub use reality_capture::check_reality_capture;
 
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
 use crate::progress::Progress;
 use archive::Unpacked;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
+use info::{Beside, some_of};
 use photos::ListedPhoto;
 use rayon::prelude::*;
 use serde::Serialize;
+use split::StatedSplit;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -151,6 +158,8 @@ pub enum SceneKind {
     Transforms,
     /// `transforms_train.json` and `transforms_test.json` of the Blender scenes.
     Blender,
+    /// Camera parameters of RealityCapture or RealityScan, CSV.
+    RealityCapture,
 }
 
 impl fmt::Display for SceneKind {
@@ -160,46 +169,9 @@ impl fmt::Display for SceneKind {
             SceneKind::ColmapText => "COLMAP, text",
             SceneKind::Transforms => "transforms.json",
             SceneKind::Blender => "Blender transforms",
+            SceneKind::RealityCapture => "RealityCapture",
         })
     }
-}
-
-/// A camera as the scene file states it, before any resizing.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CameraInfo {
-    /// The id in the file, or a running number where the format has none.
-    pub id: String,
-    /// Name of the camera model.
-    pub model: String,
-    /// Image width in pixels.
-    pub width: u32,
-    /// Image height in pixels.
-    pub height: u32,
-    /// Focal lengths in pixels; none for a model that is not supported.
-    pub focal: Option<DVec2>,
-    /// Principal point in pixels; none for a model that is not supported.
-    pub principal: Option<DVec2>,
-    /// Whether photos are undistorted on load (or would have to be, for a model that is not supported).
-    pub distorted: bool,
-    /// Number of images that use it.
-    pub images: usize,
-}
-
-/// What a scene on disk holds, without decoding its photos.
-#[derive(Clone, Debug, Serialize)]
-pub struct SceneInfo {
-    /// Where it is.
-    pub path: PathBuf,
-    /// Format.
-    pub kind: SceneKind,
-    /// Number of posed images listed, missing ones included.
-    pub images: usize,
-    /// Cameras.
-    pub cameras: Vec<CameraInfo>,
-    /// Number of initial points; 0 when random points would stand in.
-    pub points: usize,
-    /// Listed photos that do not exist.
-    pub missing: Vec<String>,
 }
 
 /// What the readers of the formats hand over: posed photos on disk, not decoded yet.
@@ -213,8 +185,10 @@ pub(crate) struct Scene {
     points: Vec<Point>,
     /// Files that may hold the points, best first.
     point_files: Vec<PathBuf>,
-    /// Names of the test views where the format states them.
-    held_out: Option<Vec<String>>,
+    /// The split where the format states it.
+    split: Option<StatedSplit>,
+    /// Where photos without a pose may be.
+    beside: Beside,
     notes: Vec<String>,
 }
 
@@ -252,6 +226,7 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
     let mut scene = match format_of(path)? {
         Format::Colmap => colmap::read(path, options)?,
         Format::Transforms => nerf::read(path, options)?,
+        Format::RealityCapture => reality_capture::read(path, options)?,
     };
     check_photos(path, &scene)?;
     scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
@@ -270,14 +245,16 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
     if !scene.missing.is_empty() {
         dataset.notes.push(missing_note(&scene.missing, scene.frames.len()));
     }
+    let root = root(path);
+    let unposed = info::unposed(root, &scene.beside, scene.frames.iter().map(|frame| frame.photo.as_path()));
+    dataset.notes.extend(unposed_note(&unposed));
     let usual = match (scene.kind, options.masks) {
         (SceneKind::Blender, Masks::Ignore) => Alpha::Composite,
         _ => Alpha::Mask,
     };
     let options = &LoadOptions { alpha: options.alpha.or(Some(usual)), ..options.clone() };
     photos::load_views(&scene.frames, options, progress, &mut dataset)?;
-    let root = root(path);
-    split::split(&mut dataset, scene.held_out, root, options)?;
+    split::split(&mut dataset, scene.split, root, options)?;
     points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;
     Ok(dataset)
 }
@@ -295,15 +272,18 @@ pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
 }
 
 fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
-    match format_of(path)? {
+    let inspected = match format_of(path)? {
         Format::Colmap => colmap::inspect(path),
         Format::Transforms => nerf::inspect(path),
-    }
+        Format::RealityCapture => reality_capture::inspect(path),
+    };
+    info::complete(path, root(path), inspected?)
 }
 
 enum Format {
     Colmap,
     Transforms,
+    RealityCapture,
 }
 
 fn format_of(path: &Path) -> Result<Format, DatasetError> {
@@ -312,6 +292,10 @@ fn format_of(path: &Path) -> Result<Format, DatasetError> {
         Ok(Format::Colmap)
     } else if nerf::is_scene(path) {
         Ok(Format::Transforms)
+    } else if colmap::is_nerfstudio_scene(path) {
+        Ok(Format::Colmap)
+    } else if reality_capture::is_scene(path) {
+        Ok(Format::RealityCapture)
     } else {
         Err(DatasetError::NotAScene { path: path.to_owned() })
     }
@@ -319,7 +303,12 @@ fn format_of(path: &Path) -> Result<Format, DatasetError> {
 
 /// The scene folder, also where the path names a file in it.
 fn root(path: &Path) -> &Path {
-    if path.is_dir() { path } else { path.parent().unwrap_or(path) }
+    match path.parent() {
+        _ if path.is_dir() => path,
+        Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
+        Some(folder) => folder,
+        None => path,
+    }
 }
 
 /// Some photos may be missing, but at least two have to be there.
@@ -337,13 +326,13 @@ fn check_photos(path: &Path, scene: &Scene) -> Result<(), DatasetError> {
 }
 
 fn missing_note(missing: &[PathBuf], found: usize) -> String {
-    const NAMED: usize = 3;
-    let names: Vec<String> = missing.iter().take(NAMED).map(|path| path.display().to_string()).collect();
-    let dots = if missing.len() > NAMED { ", ..." } else { "" };
-    format!(
-        "{} of {} photos do not exist and were skipped: {}{dots}",
-        missing.len(),
-        missing.len() + found,
-        names.join(", ")
-    )
+    let names: Vec<String> = missing.iter().map(|path| path.display().to_string()).collect();
+    let all = missing.len() + found;
+    format!("{} of {all} photos do not exist and were skipped: {}", missing.len(), some_of(&names))
+}
+
+fn unposed_note(unposed: &[String]) -> Option<String> {
+    let verbs = if unposed.len() == 1 { "has no pose and is" } else { "have no pose and are" };
+    let note = || format!("{} {verbs} not used: {}", photos::photos(unposed.len()), some_of(unposed));
+    (!unposed.is_empty()).then(note)
 }

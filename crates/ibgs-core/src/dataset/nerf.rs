@@ -4,14 +4,21 @@
 //! may stand in the file or in a frame, the frame wins. Distortion follows nerfstudio: `k1 .. k4` are the factors
 //! of `r^2 .. r^8`, and with `OPENCV_FISHEYE` (or instant-ngp's `is_fisheye`) of the angle's even powers.
 
-use super::colmap::{reduced_folder, reduced_note};
+mod lists;
+
+use super::colmap::reduced_note;
 use super::decode::photo_size;
-use super::error::{DatasetError, read_bytes};
+use super::error::{DatasetError, read_json};
+use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::photos::{ListedPhoto, clean_name, find_mask, find_photo, image_name};
-use super::{CameraInfo, LoadOptions, Scene, SceneInfo, SceneKind, points};
+use super::names::{Photo, PhotoFolders, RelativeTo, find_mask_within, inside};
+use super::photos::{AbsoluteNames, ListedPhoto};
+use super::split::StatedSplit;
+use super::{CameraInfo, LoadOptions, Scene, SceneKind, points};
 use glam::DVec2;
+use lists::Lists;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Intrinsics as the file states them, in pixels and radians.
@@ -49,6 +56,9 @@ struct FrameJson {
 struct FileJson {
     frames: Vec<FrameJson>,
     ply_file_path: Option<String>,
+    train_filenames: Option<Vec<String>>,
+    val_filenames: Option<Vec<String>>,
+    test_filenames: Option<Vec<String>>,
     #[serde(flatten)]
     intrinsics: Intrinsics,
 }
@@ -146,25 +156,15 @@ pub(crate) fn is_scene(scene: &Path) -> bool {
     listings(scene).is_some()
 }
 
-/// Where photos come from: the named folder, a reduced one, or as the file says.
-struct Folders<'a> {
-    root: PathBuf,
-    named: Option<&'a str>,
-    reduced: Option<String>,
-}
-
-impl Folders<'_> {
-    /// The photo of an image name, or where it was looked for; and whether it is a reduced one.
-    fn find(&self, name: &str) -> (Result<PathBuf, PathBuf>, bool) {
-        let (first, rest) = name.split_once('/').unwrap_or(("", name));
-        let (relative, prescaled) = match (self.named, &self.reduced) {
-            (Some(folder), _) => (format!("{folder}/{rest}"), false),
-            (None, Some(folder)) if first == "images" => (format!("{folder}/{rest}"), true),
-            _ => (name.to_owned(), false),
-        };
-        let found = find_photo(&self.root, &relative).ok_or_else(|| self.root.join(relative));
-        (found, prescaled)
-    }
+/// What is gathered while the files are read.
+struct Reading<'a> {
+    root: &'a Path,
+    folders: PhotoFolders,
+    frames: Vec<ListedPhoto>,
+    missing: Vec<PathBuf>,
+    point_files: Vec<PathBuf>,
+    absolute: AbsoluteNames,
+    notes: Vec<String>,
 }
 
 /// Reads the listing and finds its photos.
@@ -172,91 +172,101 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
     let not_a_scene = || DatasetError::NotAScene { path: scene.to_owned() };
     let (kind, files) = listings(scene).ok_or_else(not_a_scene)?;
     let listing = files.first().ok_or_else(not_a_scene)?.clone();
-    let root = listing.parent().unwrap_or(Path::new("")).to_owned();
-    let named = options.images.as_deref();
-    if let Some(path) = named.map(|folder| root.join(folder)).filter(|path| !path.is_dir()) {
+    let root = super::root(&listing);
+    let folders = PhotoFolders::new(root, RelativeTo::Scene, options);
+    if let Some(path) = folders.absent() {
         return Err(DatasetError::NoPhotoFolder { path });
     }
-    let reduced = reduced_folder(&root, options).filter(|_| named.is_none());
-    let folders = Folders { root: root.clone(), named, reduced };
-    let mut scene = Scene {
-        kind,
-        listing,
+    let mut reading = Reading {
+        root,
+        folders,
         frames: Vec::new(),
         missing: Vec::new(),
-        points: Vec::new(),
         point_files: Vec::new(),
-        held_out: (kind == SceneKind::Blender).then(Vec::new),
+        absolute: AbsoluteNames::default(),
         notes: Vec::new(),
     };
-    for (index, path) in files.iter().enumerate() {
-        let before = scene.frames.len();
-        read_file(path, &folders, &mut scene)?;
-        if let (1.., Some(held_out)) = (index, &mut scene.held_out) {
-            held_out.extend(scene.frames[before..].iter().map(|frame| frame.name.clone()));
-        }
+    let mut split = None;
+    let mut last_from = 0;
+    for path in &files {
+        last_from = reading.frames.len();
+        split = reading.read_file(path, options)?;
     }
-    if let Some(folder) = folders.reduced.filter(|_| scene.frames.iter().any(|frame| frame.prescaled)) {
-        scene.notes.push(reduced_note(&folder));
+    if kind == SceneKind::Blender {
+        let test = if files.len() > 1 { &reading.frames[last_from..] } else { &[] };
+        let test = test.iter().map(|frame| frame.name.clone()).collect();
+        split = Some(StatedSplit { test, by: "transforms_test.json", ..StatedSplit::default() });
     }
-    Ok(scene)
+    let Reading { folders, frames, missing, point_files, absolute, mut notes, .. } = reading;
+    notes.extend(folders.reduced().filter(|_| frames.iter().any(|frame| frame.prescaled)).map(reduced_note));
+    notes.extend(absolute.note());
+    // Depths and normals lie among Blender's photos.
+    let beside = if kind == SceneKind::Blender { Beside::Nowhere } else { Beside::SameFolders };
+    Ok(Scene { kind, listing, frames, missing, points: Vec::new(), point_files, split, beside, notes })
 }
 
-/// Adds the frames and the cloud of one file.
-fn read_file(path: &Path, folders: &Folders, scene: &mut Scene) -> Result<(), DatasetError> {
-    let file: FileJson = serde_json::from_slice(&read_bytes(path)?)
-        .map_err(|cause| DatasetError::Json { path: path.to_owned(), cause: cause.to_string() })?;
-    for (index, frame) in file.frames.iter().enumerate() {
-        read_frame(path, index, frame, &file.intrinsics, folders, scene)?;
-    }
-    if let Some(ply) = &file.ply_file_path {
-        let name = clean_name(ply).ok_or_else(|| {
-            let problem = format!("`{ply}` is absolute or leaves the scene folder");
-            DatasetError::field(path, "ply_file_path", problem)
-        })?;
-        let ply = folders.root.join(name);
-        if ply.is_file() {
-            scene.point_files.push(ply);
-        } else {
-            scene.notes.push(format!("ply_file_path {} does not exist", ply.display()));
+impl Reading<'_> {
+    /// Adds the frames and the cloud of one file; gives the split that its lists state.
+    fn read_file(&mut self, path: &Path, options: &LoadOptions) -> Result<Option<StatedSplit>, DatasetError> {
+        let file: FileJson = read_json(path)?;
+        let mut names = BTreeMap::new();
+        for (index, frame) in file.frames.iter().enumerate() {
+            let name = self.read_frame(path, index, frame, &file.intrinsics)?;
+            lists::add_name(&mut names, &frame.file_path, name);
         }
+        if let Some(given) = &file.ply_file_path {
+            let is_file = |end: &str| self.root.join(end).is_file();
+            let ply = inside(given, is_file).ok_or_else(|| {
+                let problem = format!("`{given}` is absolute or leaves the scene folder");
+                DatasetError::field(path, "ply_file_path", problem)
+            })?;
+            if is_file(&ply.name) {
+                self.point_files.push(self.root.join(ply.name));
+            } else {
+                self.notes.push(format!("ply_file_path {} does not exist", self.root.join(ply.name).display()));
+            }
+        }
+        // Without `eval` nothing depends on the lists.
+        let lists = Lists { train: file.train_filenames, val: file.val_filenames, test: file.test_filenames };
+        if options.eval { lists.split(path, &names) } else { Ok(None) }
     }
-    Ok(())
-}
 
-fn read_frame(
-    path: &Path,
-    index: usize,
-    frame: &FrameJson,
-    shared: &Intrinsics,
-    folders: &Folders,
-    scene: &mut Scene,
-) -> Result<(), DatasetError> {
-    let given = &frame.file_path;
-    let name =
-        image_name(given).ok_or_else(|| DatasetError::ImageName { path: path.to_owned(), name: given.clone() })?;
-    let intrinsics = frame.intrinsics.or(shared);
-    let camera = format!("frames[{index}] (`{name}`)");
-    if let Some(model) = intrinsics.unsupported_model() {
-        return Err(DatasetError::CameraModel { path: path.to_owned(), camera, model });
-    }
-    let pose = Pose::from_opengl(&frame.transform_matrix)
-        .map_err(|problem| DatasetError::field(path, format!("frames[{index}].transform_matrix"), problem))?;
-    let (photo, prescaled) = match folders.find(&name) {
-        (Ok(photo), prescaled) => (photo, prescaled),
-        (Err(missing), _) => {
-            scene.missing.push(missing);
-            return Ok(());
+    /// Adds one frame; gives its name, or none where its photo is missing.
+    fn read_frame(
+        &mut self,
+        path: &Path,
+        index: usize,
+        frame: &FrameJson,
+        shared: &Intrinsics,
+    ) -> Result<Option<String>, DatasetError> {
+        let given = &frame.file_path;
+        let bad_name = || DatasetError::ImageName { path: path.to_owned(), name: given.clone() };
+        let (inside, photo) = self.folders.resolve(given).ok_or_else(bad_name)?;
+        self.absolute.add(self.root, given, &inside);
+        let name = inside.name;
+        let intrinsics = frame.intrinsics.or(shared);
+        let camera = format!("frames[{index}] (`{name}`)");
+        if let Some(model) = intrinsics.unsupported_model() {
+            return Err(DatasetError::CameraModel { path: path.to_owned(), camera, model });
         }
-    };
-    let lens = intrinsics
-        .size(&photo)?
-        .and_then(|size| intrinsics.lens(size))
-        .map_err(|problem| DatasetError::Intrinsics { path: path.to_owned(), camera, problem })?;
-    let mask = mask(&folders.root, frame, &name, path, index)?;
-    let name = with_extension(name, &photo);
-    scene.frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
-    Ok(())
+        let pose = Pose::from_opengl(&frame.transform_matrix)
+            .map_err(|problem| DatasetError::field(path, format!("frames[{index}].transform_matrix"), problem))?;
+        let (photo, prescaled) = match photo {
+            Photo::Found(photo, prescaled) => (photo, prescaled),
+            Photo::Missing(missing) => {
+                self.missing.push(missing);
+                return Ok(None);
+            }
+        };
+        let lens = intrinsics
+            .size(&photo)?
+            .and_then(|size| intrinsics.lens(size))
+            .map_err(|problem| DatasetError::Intrinsics { path: path.to_owned(), camera, problem })?;
+        let mask = mask(self.root, frame, &name, path, index)?;
+        let name = with_extension(name, &photo);
+        self.frames.push(ListedPhoto { name: name.clone(), photo, mask, lens, pose, prescaled });
+        Ok(Some(name))
+    }
 }
 
 /// The mask that the frame names, else one in `masks/`.
@@ -267,12 +277,10 @@ fn mask(
     path: &Path,
     index: usize,
 ) -> Result<Option<PathBuf>, DatasetError> {
-    let Some(given) = &frame.mask_path else {
-        let inner = name.split_once('/').map_or(name, |(_, rest)| rest);
-        return Ok(find_mask(root, name).or_else(|| find_mask(root, inner)));
-    };
-    let mask = clean_name(given).map(|name| root.join(name)).filter(|mask| mask.is_file());
-    mask.map(Some).ok_or_else(|| {
+    let Some(given) = &frame.mask_path else { return Ok(find_mask_within(root, name)) };
+    let is_file = |end: &str| root.join(end).is_file();
+    let mask = inside(given, is_file).filter(|mask| is_file(&mask.name));
+    mask.map(|mask| Some(root.join(mask.name))).ok_or_else(|| {
         let problem = format!("`{given}` is not a file inside the scene folder");
         DatasetError::field(path, format!("frames[{index}].mask_path"), problem)
     })
@@ -286,17 +294,16 @@ fn with_extension(name: String, photo: &Path) -> String {
     if file == format!("{last}.{extension}") { format!("{name}.{extension}") } else { name }
 }
 
-/// Metadata only. Frames with equal intrinsics count as one camera.
-pub(crate) fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
-    let scene = read(path, &LoadOptions::default())?;
+/// Frames with equal intrinsics count as one camera.
+pub(crate) fn cameras(frames: &[ListedPhoto]) -> Vec<CameraInfo> {
     let mut cameras: Vec<(Lens, usize)> = Vec::new();
-    for frame in &scene.frames {
+    for frame in frames {
         match cameras.iter_mut().find(|(lens, _)| *lens == frame.lens) {
             Some((_, images)) => *images += 1,
             None => cameras.push((frame.lens, 1)),
         }
     }
-    let cameras = cameras.iter().enumerate().map(|(index, (lens, images))| CameraInfo {
+    let info = |(index, (lens, images)): (usize, &(Lens, usize))| CameraInfo {
         id: index.to_string(),
         model: match (lens.is_fisheye(), lens.distortion.is_none()) {
             (true, _) => FISHEYE,
@@ -310,13 +317,27 @@ pub(crate) fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
         principal: Some(lens.principal),
         distorted: !lens.distortion.is_none(),
         images: *images,
-    });
-    Ok(SceneInfo {
-        path: path.to_owned(),
+    };
+    cameras.iter().enumerate().map(info).collect()
+}
+
+/// What is known of a scene that was read.
+pub(crate) fn inspected(scene: Scene) -> Result<Inspected, DatasetError> {
+    Ok(Inspected {
         kind: scene.kind,
+        listing: scene.listing,
+        models: Vec::new(),
         images: scene.frames.len() + scene.missing.len(),
-        cameras: cameras.collect(),
+        cameras: cameras(&scene.frames),
         points: points::from_files(&scene.point_files)?.map_or(0, |cloud| cloud.points.len()),
         missing: scene.missing.iter().map(|path| path.display().to_string()).collect(),
+        found: scene.frames.into_iter().map(|frame| (frame.name, frame.photo)).collect(),
+        beside: scene.beside,
+        split: scene.split,
     })
+}
+
+/// Metadata only.
+pub(crate) fn inspect(path: &Path) -> Result<Inspected, DatasetError> {
+    inspected(read(path, &LoadOptions { eval: true, ..LoadOptions::default() })?)
 }

@@ -231,7 +231,7 @@ pub struct LoadOptions {
     pub resolution: Resolution,
     /// How photos are made smaller.
     pub resampler: Resampler,
-    /// Photo folder inside the scene; `images` when absent.
+    /// Photo folder inside the scene, `.` for the scene folder itself; `images` when absent.
     pub images: Option<String>,
     /// Caps the longer side, in pixels, after `resolution`.
     pub max_resolution: Option<u32>,
@@ -293,9 +293,11 @@ impl LoadOptions {
                 refuse("data.alpha", "composite".into(), "`mask` where `data.masks` is `object`, or leave it out")
             }
             LoadOptions { random_points: 0, .. } => refuse("data.random-points", "0".into(), "at least 1"),
-            LoadOptions { images: Some(folder), .. } if super::photos::clean_name(folder).is_none() => {
-                refuse("data.images", folder.clone(), "the name of a folder inside the scene folder")
-            }
+            LoadOptions { images: Some(folder), .. } if super::names::clean_folder(folder).is_none() => refuse(
+                "data.images",
+                folder.clone(),
+                "the name of a folder inside the scene folder, or `.` for the scene folder itself",
+            ),
             _ => Ok(()),
         }
     }

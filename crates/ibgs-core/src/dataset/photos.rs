@@ -3,6 +3,7 @@
 use super::decode::{apply_mask, decode};
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Lens, Pose};
+use super::names::{Inside, points_into};
 use super::undistort::undistort;
 use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
 use crate::progress::Progress;
@@ -26,47 +27,33 @@ pub(crate) struct ListedPhoto {
     pub prescaled: bool,
 }
 
-/// Extensions that stand in for each other: reduced folders often hold PNG copies of JPEG names.
-const EXTENSIONS: [&str; 8] = ["jpg", "JPG", "jpeg", "JPEG", "png", "PNG", "exr", "EXR"];
-
 /// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
 const MAX_BLANK: f64 = 0.9;
 
-/// The name with `/` as separator and without leading `./`, or none when it leaves its folder.
-pub(crate) fn clean_name(name: &str) -> Option<String> {
-    let name = name.trim().replace('\\', "/");
-    let drive = name.as_bytes().get(1) == Some(&b':');
-    let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | ".")).collect();
-    // Windows takes `.. ` and `...` for `..`.
-    let leaves = |part: &&str| part.trim_matches(['.', ' ']).is_empty();
-    let leaves = name.starts_with('/') || drive || parts.is_empty() || parts.iter().any(leaves);
-    (!leaves && !name.contains('\0')).then(|| parts.join("/"))
+/// Photos with absolute names that are taken from the scene folder.
+#[derive(Default)]
+pub(crate) struct AbsoluteNames {
+    count: usize,
+    /// The first, as the file names it and as it is called here.
+    first: Option<(String, String)>,
 }
 
-/// The name of an image that [`clean_name`] leaves, or none where it has control characters: the user sees it in messages.
-pub(crate) fn image_name(name: &str) -> Option<String> {
-    clean_name(name).filter(|name| !name.contains(char::is_control))
-}
-
-/// The file behind an image name: as named, with an extension added, or with another extension.
-pub(crate) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
-    let exact = folder.join(name);
-    if exact.is_file() {
-        return Some(exact);
+impl AbsoluteNames {
+    /// Counts a name that leads to another place than the scene.
+    pub fn add(&mut self, root: &Path, given: &str, inside: &Inside) {
+        if inside.is_end && !points_into(root, given) {
+            self.count += 1;
+            self.first.get_or_insert_with(|| (given.replace(char::is_control, "?"), inside.name.clone()));
+        }
     }
-    let stem =
-        name.rsplit_once('.').filter(|(_, extension)| EXTENSIONS.contains(extension)).map_or(name, |(stem, _)| stem);
-    EXTENSIONS.iter().map(|extension| folder.join(format!("{stem}.{extension}"))).find(|path| path.is_file())
-}
 
-/// The mask of an image: `masks/NAME`, `masks/NAME.png` (COLMAP) or `masks/STEM.png`.
-pub(crate) fn find_mask(scene: &Path, name: &str) -> Option<PathBuf> {
-    let folder = scene.join("masks");
-    let with_png = folder.join(format!("{name}.png"));
-    if with_png.is_file() {
-        return Some(with_png);
+    pub fn note(&self) -> Option<String> {
+        let (given, name) = self.first.as_ref()?;
+        let count = photos(self.count);
+        Some(format!(
+            "{count} with absolute names of another place are taken from the scene folder (first: {given} as {name})"
+        ))
     }
-    find_photo(&folder, name)
 }
 
 /// The resampler (image crate, antialiased) on the 8-bit sRGB values, colours weighted by alpha. Where the kernel reaches

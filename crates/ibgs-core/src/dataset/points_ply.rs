@@ -2,7 +2,7 @@
 //! coefficients `f_dc_0 ..` of Gaussians, relative to the offset that the header may give. Normals and all other fields are skipped.
 
 use super::Point;
-use super::error::DatasetError;
+use super::error::{DatasetError, without_mark};
 use crate::ply_offset;
 use glam::DVec3;
 use std::f64::consts::FRAC_2_SQRT_PI;
@@ -188,7 +188,7 @@ impl Columns {
 
 /// The points in the contents of a PLY file.
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, DatasetError> {
-    parse(bytes).map_err(|problem| DatasetError::Ply { path: path.to_owned(), problem })
+    parse(without_mark(bytes)).map_err(|problem| DatasetError::Ply { path: path.to_owned(), problem })
 }
 
 fn parse(bytes: &[u8]) -> Result<Vec<Point>, String> {

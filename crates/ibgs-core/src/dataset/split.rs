@@ -1,6 +1,7 @@
 //! Which views train and which are held out (method.md section 9).
 
-use super::error::{DatasetError, read_bytes};
+use super::error::{DatasetError, read_json};
+use super::names::spelling;
 use super::{Dataset, LoadOptions};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,44 +16,78 @@ struct SplitJson {
     test: Vec<String>,
 }
 
-/// Fills `dataset.train` and `dataset.test`; the views are sorted already. `split.json` in `root` wins, then,
-/// with `eval`, the scene's own test list, then every n-th view.
+/// The split that a scene's own files state, by names of views. All others train.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct StatedSplit {
+    pub test: BTreeSet<String>,
+    /// Neither train nor are held out.
+    pub unused: BTreeSet<String>,
+    /// What states it.
+    pub by: &'static str,
+}
+
+/// A split of views by their indices in order.
+pub(crate) struct Divided {
+    pub train: Vec<usize>,
+    pub test: Vec<usize>,
+    /// What decides it, for `ibgs info`.
+    pub by: String,
+    note: Option<String>,
+}
+
+/// Fills `dataset.train` and `dataset.test`; the views are sorted already.
 pub(crate) fn split(
     dataset: &mut Dataset,
-    held_out: Option<Vec<String>>,
+    stated: Option<StatedSplit>,
     root: &Path,
     options: &LoadOptions,
 ) -> Result<(), DatasetError> {
-    let path = root.join("split.json");
-    if path.is_file() {
-        from_file(dataset, &path)?;
-    } else {
-        let held_out: Option<BTreeSet<String>> = held_out.map(|names| names.into_iter().collect());
-        let every = options.eval_split_every.max(1);
-        let is_test = |index: usize| match &held_out {
-            _ if !options.eval => false,
-            Some(names) => names.contains(&dataset.views[index].name),
-            None => index.is_multiple_of(every),
-        };
-        (dataset.test, dataset.train) = (0..dataset.views.len()).partition(|index| is_test(*index));
-    }
+    let names: Vec<String> = dataset.views.iter().map(|view| view.name.clone()).collect();
+    let Divided { train, test, note, .. } = divided(&names, stated, root, options)?;
+    dataset.notes.extend(note);
+    (dataset.train, dataset.test) = (train, test);
     match dataset.train.len() {
         count @ (0 | 1) => Err(DatasetError::TooFewViews { path: dataset.path.clone(), count, what: "training views" }),
         _ => Ok(()),
     }
 }
 
-fn from_file(dataset: &mut Dataset, path: &Path) -> Result<(), DatasetError> {
-    let file: SplitJson = serde_json::from_slice(&read_bytes(path)?)
-        .map_err(|cause| DatasetError::Json { path: path.to_owned(), cause: cause.to_string() })?;
-    let by_name: BTreeMap<&str, usize> =
-        dataset.views.iter().enumerate().map(|(index, view)| (view.name.as_str(), index)).collect();
+/// Divides views by their sorted names. `split.json` in `root` wins, then, with `eval`, the scene's own lists, then every
+/// n-th view.
+pub(crate) fn divided(
+    names: &[String],
+    stated: Option<StatedSplit>,
+    root: &Path,
+    options: &LoadOptions,
+) -> Result<Divided, DatasetError> {
+    let path = root.join("split.json");
+    if path.is_file() {
+        return from_file(names, &path);
+    }
+    let all = 0..names.len();
+    let Some(stated) = stated.filter(|_| options.eval) else {
+        let every = options.eval_split_every.max(1);
+        let (test, train) = all.partition(|index| options.eval && index.is_multiple_of(every));
+        return Ok(Divided { train, test, by: format!("every {every}th photo by name"), note: None });
+    };
+    let (unused, used): (Vec<usize>, Vec<usize>) = all.partition(|&index| stated.unused.contains(&names[index]));
+    let (test, train): (Vec<usize>, Vec<usize>) =
+        used.into_iter().partition(|&index| stated.test.contains(&names[index]));
+    let unused = unused.len();
+    let note = (unused > 0).then(|| format!("{}: {unused} photos neither train nor are held out", stated.by));
+    Ok(Divided { train, test, by: stated.by.to_owned(), note })
+}
+
+fn from_file(names: &[String], path: &Path) -> Result<Divided, DatasetError> {
+    let file: SplitJson = read_json(path)?;
+    let by_name: BTreeMap<&str, usize> = names.iter().enumerate().map(|(index, name)| (name.as_str(), index)).collect();
     let mut seen = BTreeSet::new();
     let mut resolve = |field: &str, names: &[String]| {
         let mut indices = Vec::with_capacity(names.len());
         for (at, name) in names.iter().enumerate() {
             let field = || format!("{field}[{at}]");
-            let index = *by_name.get(name.as_str()).ok_or_else(|| {
+            let index = by_name.get(name.as_str()).or_else(|| by_name.get(spelling(name).as_str()));
+            let index = *index.ok_or_else(|| {
                 let example = by_name.keys().next().copied().unwrap_or_default();
                 let problem = format!("the scene has no image `{name}` (its names look like `{example}`)");
                 DatasetError::field(path, field(), problem)
@@ -66,9 +101,8 @@ fn from_file(dataset: &mut Dataset, path: &Path) -> Result<(), DatasetError> {
         Ok(indices)
     };
     let (train, test) = (resolve("train", &file.train)?, resolve("test", &file.test)?);
-    let unused = dataset.views.len() - train.len() - test.len();
+    let unused = names.len() - train.len() - test.len();
     let tail = if unused > 0 { format!(", {unused} unused") } else { String::new() };
-    dataset.notes.push(format!("split.json: {} training and {} test views{tail}", train.len(), test.len()));
-    (dataset.train, dataset.test) = (train, test);
-    Ok(())
+    let note = format!("split.json: {} training and {} test views{tail}", train.len(), test.len());
+    Ok(Divided { train, test, by: "split.json".to_owned(), note: Some(note) })
 }

@@ -1,14 +1,19 @@
-//! COLMAP models, binary or text: `cameras`, `images`, `points3D` in `sparse/0` or `sparse`.
+//! COLMAP models, binary or text: `cameras`, `images`, `points3D` in `sparse/0`, `sparse/1` ... or `sparse`, or the same in
+//! `colmap/`.
 
 mod binary;
+mod models;
 mod sparse;
 mod text;
 
-use super::error::{DatasetError, read_bytes};
+use super::error::DatasetError;
+use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::photos::{self, ListedPhoto, find_mask, find_photo};
+use super::names::{self, Photo, PhotoFolders, RelativeTo, find_mask};
+use super::photos::{AbsoluteNames, ListedPhoto};
 use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
 use glam::DVec2;
+use models::{Chosen, ModelFiles};
 use sparse::SparsePoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -47,54 +52,11 @@ const MODELS: [(i32, &str, usize); 12] = [
     (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
 ];
 
-/// Where a model lies and in which format.
-struct ModelFiles {
-    folder: PathBuf,
-    text: bool,
-}
-
-impl ModelFiles {
-    /// The first of `sparse/0` and `sparse` that holds cameras and images; binary before text, as in 3DGS.
-    fn find(scene: &Path) -> Option<ModelFiles> {
-        let folders = [scene.join("sparse").join("0"), scene.join("sparse")];
-        for folder in folders {
-            for (extension, text) in [("bin", false), ("txt", true)] {
-                let holds = |stem: &str| folder.join(format!("{stem}.{extension}")).is_file();
-                if holds("cameras") && holds("images") {
-                    return Some(ModelFiles { folder, text });
-                }
-            }
-        }
-        None
-    }
-
-    fn path(&self, stem: &str) -> PathBuf {
-        let extension = if self.text { "txt" } else { "bin" };
-        self.folder.join(format!("{stem}.{extension}"))
-    }
-
-    fn cameras(&self) -> Result<BTreeMap<u32, CameraRecord>, DatasetError> {
-        let path = self.path("cameras");
-        let bytes = read_bytes(&path)?;
-        if self.text { text::cameras(&path, &bytes) } else { binary::cameras(&path, &bytes) }
-    }
-
-    fn images(&self) -> Result<Vec<ImageRecord>, DatasetError> {
-        let path = self.path("images");
-        let bytes = read_bytes(&path)?;
-        if self.text { text::images(&path, &bytes) } else { binary::images(&path, &bytes) }
-    }
-
-    /// The cloud; none where the file is absent.
-    fn points(&self) -> Result<Vec<SparsePoint>, DatasetError> {
-        let path = self.path("points3D");
-        if !path.is_file() {
-            return Ok(Vec::new());
-        }
-        let bytes = read_bytes(&path)?;
-        if self.text { text::points(&path, &bytes) } else { binary::points(&path, &bytes) }
-    }
-}
+/// Where models may lie: COLMAP's own layout.
+const OWN_PLACES: [&str; 1] = ["sparse"];
+/// The same in the layout of nerfstudio, which has a `transforms.json` beside it as a rule.
+const NERFSTUDIO_PLACES: [&str; 1] = ["colmap/sparse"];
+const PLACES: [&str; 2] = ["sparse", "colmap/sparse"];
 
 /// A file of a COLMAP model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,7 +84,10 @@ pub fn check_model_file(file: ModelFile, path: &Path, bytes: &[u8]) -> Result<us
         }
         (ModelFile::Images, _) => {
             let images = if is_text { text::images(path, bytes) } else { binary::images(path, bytes) }?;
-            images.iter().try_for_each(|image| image.place(path).map(|_| ()))?;
+            for image in &images {
+                names::inside(&image.name, |_| true).ok_or_else(|| image.bad_name(path))?;
+                image.pose(path)?;
+            }
             images.len()
         }
         (ModelFile::Points, true) => text::points(path, bytes)?.len(),
@@ -131,20 +96,28 @@ pub fn check_model_file(file: ModelFile, path: &Path, bytes: &[u8]) -> Result<us
 }
 
 impl ImageRecord {
-    /// Its name inside the photo folder, and its pose; `path` is for messages.
-    fn place(&self, path: &Path) -> Result<(String, Pose), DatasetError> {
-        let (path, image) = (|| path.to_owned(), || self.name.clone());
-        let name = photos::image_name(&self.name);
-        let name = name.ok_or_else(|| DatasetError::ImageName { path: path(), name: image() })?;
-        let pose = Pose::from_colmap(self.quaternion, self.translation);
-        let pose = pose.map_err(|problem| DatasetError::Pose { path: path(), image: image(), problem })?;
-        Ok((name, pose))
+    /// Its pose; `path` is for messages.
+    fn pose(&self, path: &Path) -> Result<Pose, DatasetError> {
+        Pose::from_colmap(self.quaternion, self.translation).map_err(|problem| DatasetError::Pose {
+            path: path.to_owned(),
+            image: self.name.clone(),
+            problem,
+        })
+    }
+
+    fn bad_name(&self, path: &Path) -> DatasetError {
+        DatasetError::ImageName { path: path.to_owned(), name: self.name.clone() }
     }
 }
 
-/// Whether the folder holds a COLMAP model.
+/// Whether the folder holds a COLMAP model in COLMAP's own layout.
 pub(crate) fn is_scene(scene: &Path) -> bool {
-    ModelFiles::find(scene).is_some()
+    !models::find(scene, &OWN_PLACES).is_empty()
+}
+
+/// Whether the folder holds a COLMAP model in nerfstudio's layout.
+pub(crate) fn is_nerfstudio_scene(scene: &Path) -> bool {
+    !models::find(scene, &NERFSTUDIO_PLACES).is_empty()
 }
 
 /// Name and number of parameters of a model; none for numbers that COLMAP does not have.
@@ -248,17 +221,6 @@ impl CameraRecord {
     }
 }
 
-/// The photo folder, and whether its photos are divided by the resolution factor already.
-fn photo_folder(scene: &Path, options: &LoadOptions, notes: &mut Vec<String>) -> Result<(PathBuf, bool), DatasetError> {
-    let named = options.images.as_deref().unwrap_or("images");
-    if let (None, Some(reduced)) = (&options.images, reduced_folder(scene, options)) {
-        notes.push(reduced_note(&reduced));
-        return Ok((scene.join(reduced), true));
-    }
-    let path = scene.join(named);
-    if path.is_dir() { Ok((path, false)) } else { Err(DatasetError::NoPhotoFolder { path }) }
-}
-
 /// `images_4` for factor 4, where the scene has it.
 pub(crate) fn reduced_folder(scene: &Path, options: &LoadOptions) -> Option<String> {
     match options.resolution {
@@ -274,30 +236,48 @@ pub(crate) fn reduced_note(folder: &str) -> String {
     format!("photos come from {folder} as they are, intrinsics rescaled to them")
 }
 
-/// Reads the model and finds its photos.
+/// The mask of an image, whose name may begin with the photo folder.
+fn mask(scene: &Path, name: &str) -> Option<PathBuf> {
+    find_mask(scene, name).or_else(|| find_mask(scene, name.strip_prefix("images/")?))
+}
+
+fn beside(main: PathBuf) -> Beside {
+    if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders }
+}
+
+/// Reads the largest model and finds its photos.
 pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let files = ModelFiles::find(scene).ok_or_else(|| not_a_scene(scene))?;
-    let (cameras, images) = (files.cameras()?, files.images()?);
-    let mut notes = Vec::new();
-    let (folder, prescaled) = photo_folder(scene, options, &mut notes)?;
+    let chosen = models::largest(scene, models::find(scene, &PLACES))?;
+    let Chosen { files, images, models } = chosen.ok_or_else(|| not_a_scene(scene))?;
+    let cameras = files.cameras()?;
+    let folders = PhotoFolders::new(scene, RelativeTo::Photos, options);
     let (cameras_path, images_path) = (files.path("cameras"), files.path("images"));
-    let (mut frames, mut missing) = (Vec::new(), Vec::new());
+    let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
     for record in &images {
-        let (name, pose) = record.place(&images_path)?;
+        let (inside, photo) = folders.resolve(&record.name).ok_or_else(|| record.bad_name(&images_path))?;
+        let pose = record.pose(&images_path)?;
+        absolute.add(scene, &record.name, &inside);
+        let name = inside.name;
         let camera = cameras.get(&record.camera).ok_or_else(|| DatasetError::CameraNotFound {
             path: images_path.clone(),
             image: record.name.clone(),
             camera: record.camera,
         })?;
         let lens = camera.lens(&cameras_path, record.camera)?;
-        match find_photo(&folder, &name) {
-            Some(photo) => {
-                let mask = find_mask(scene, &name);
+        match photo {
+            Photo::Found(photo, prescaled) => {
+                let mask = mask(scene, &name);
                 frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
             }
-            None => missing.push(folder.join(name)),
+            Photo::Missing(path) => missing.push(path),
         }
     }
+    let main = folders.main();
+    if frames.is_empty() && !main.is_dir() {
+        return Err(DatasetError::NoPhotoFolder { path: main });
+    }
+    let mut notes: Vec<String> = models::note(&models).into_iter().chain(absolute.note()).collect();
+    notes.extend(folders.reduced().map(reduced_note));
     let mut points = files.points()?;
     if options.filter_points {
         points = sparse::reliable(points, &mut notes);
@@ -309,7 +289,8 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         missing,
         points: points.into_iter().map(|sparse| sparse.point).collect(),
         point_files: vec![files.folder.join("points3D.ply")],
-        held_out: None,
+        split: None,
+        beside: beside(main),
         notes,
     })
 }
@@ -323,23 +304,33 @@ fn not_a_scene(scene: &Path) -> DatasetError {
 }
 
 /// Metadata only; unsupported camera models and absent photos are reported, not refused.
-pub(crate) fn inspect(scene: &Path) -> Result<super::SceneInfo, DatasetError> {
-    let files = ModelFiles::find(scene).ok_or_else(|| not_a_scene(scene))?;
-    let (cameras, images) = (files.cameras()?, files.images()?);
+pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
+    let chosen = models::largest(scene, models::find(scene, &PLACES))?;
+    let Chosen { files, images, models } = chosen.ok_or_else(|| not_a_scene(scene))?;
+    let cameras = files.cameras()?;
     let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
     for image in &images {
         *uses.entry(image.camera).or_default() += 1;
     }
     let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
-    let folder = scene.join("images");
-    let is_missing =
-        |image: &&ImageRecord| photos::image_name(&image.name).is_none_or(|name| find_photo(&folder, &name).is_none());
-    Ok(super::SceneInfo {
-        path: scene.to_owned(),
+    let folders = PhotoFolders::new(scene, RelativeTo::Photos, &LoadOptions::default());
+    let (mut found, mut missing) = (Vec::new(), Vec::new());
+    for image in &images {
+        match folders.resolve(&image.name) {
+            Some((inside, Photo::Found(photo, _))) => found.push((inside.name, photo)),
+            _ => missing.push(image.name.replace(char::is_control, "?")),
+        }
+    }
+    Ok(Inspected {
         kind: kind(&files),
+        listing: files.path("images"),
+        models,
         images: images.len(),
         cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
         points: files.points()?.len(),
-        missing: images.iter().filter(is_missing).map(|image| image.name.replace(char::is_control, "?")).collect(),
+        missing,
+        found,
+        beside: beside(folders.main()),
+        split: None,
     })
 }

@@ -3,7 +3,7 @@
 use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, model_by_name};
 use crate::dataset::Point;
-use crate::dataset::error::DatasetError;
+use crate::dataset::error::{DatasetError, without_mark};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -44,8 +44,10 @@ impl<'a> Fields<'a> {
 }
 
 fn text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, DatasetError> {
-    let not_utf8 = |cause: Utf8Error| DatasetError::byte(path, cause.valid_up_to(), "the text is not UTF-8");
-    std::str::from_utf8(bytes).map_err(not_utf8)
+    let text = without_mark(bytes);
+    let mark = bytes.len() - text.len();
+    let not_utf8 = |cause: Utf8Error| DatasetError::byte(path, mark + cause.valid_up_to(), "the text is not UTF-8");
+    std::str::from_utf8(text).map_err(not_utf8)
 }
 
 fn is_comment(line: &str) -> bool {

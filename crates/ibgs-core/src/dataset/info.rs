@@ -1,0 +1,186 @@
+//! What a scene on disk holds, without decoding its photos.
+
+use super::decode::photo_size;
+use super::names::{photos_below, photos_in};
+use super::split::{self, StatedSplit};
+use super::{DatasetError, LoadOptions, SceneKind};
+use glam::DVec2;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// A camera as the scene file states it, before any resizing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraInfo {
+    /// The id in the file, or a running number where the format has none.
+    pub id: String,
+    /// Name of the camera model.
+    pub model: String,
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Focal lengths in pixels; none for a model that is not supported.
+    pub focal: Option<DVec2>,
+    /// Principal point in pixels; none for a model that is not supported.
+    pub principal: Option<DVec2>,
+    /// Whether photos are undistorted on load (or would have to be, for a model that is not supported).
+    pub distorted: bool,
+    /// Number of images that use it.
+    pub images: usize,
+}
+
+/// A COLMAP model of a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ModelInfo {
+    /// Its folder inside the scene, such as `sparse/0`.
+    pub folder: String,
+    /// Number of images that it has a pose for.
+    pub images: usize,
+}
+
+/// Photos of one size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct SizeInfo {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Number of photos of this size.
+    pub photos: usize,
+}
+
+/// What `eval` makes of the photos.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SplitInfo {
+    /// Number of photos that train.
+    pub train: usize,
+    /// Number of photos that are held out.
+    pub test: usize,
+    /// What decides it.
+    pub by: String,
+}
+
+/// What a scene on disk holds, without decoding its photos.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneInfo {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Format.
+    pub kind: SceneKind,
+    /// The file that lists the images, inside of `path`.
+    pub listing: PathBuf,
+    /// The COLMAP models of the scene, the one that is used first.
+    pub models: Vec<ModelInfo>,
+    /// Number of posed images listed, missing ones included.
+    pub images: usize,
+    /// Cameras.
+    pub cameras: Vec<CameraInfo>,
+    /// Number of initial points; 0 when random points would stand in.
+    pub points: usize,
+    /// Listed photos that do not exist.
+    pub missing: Vec<String>,
+    /// Photos beside the listed ones that have no pose, by their paths inside the scene.
+    pub unposed: Vec<String>,
+    /// Sizes of the listed photos, the most frequent first.
+    pub sizes: Vec<SizeInfo>,
+    /// Listed photos whose size cannot be read, by their paths inside the scene.
+    pub unreadable: Vec<String>,
+    /// The split with [`LoadOptions::eval`] and its default rule.
+    pub split: SplitInfo,
+}
+
+/// What a reader of a format finds out.
+pub(crate) struct Inspected {
+    pub kind: SceneKind,
+    pub listing: PathBuf,
+    pub models: Vec<ModelInfo>,
+    pub images: usize,
+    pub cameras: Vec<CameraInfo>,
+    pub points: usize,
+    pub missing: Vec<String>,
+    /// Names and files of the photos that exist.
+    pub found: Vec<(String, PathBuf)>,
+    pub beside: Beside,
+    pub split: Option<StatedSplit>,
+}
+
+/// Where photos without a pose may be.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Beside {
+    /// In a folder of photos, and in folders in it.
+    Below(PathBuf),
+    /// In the folders of the photos that have one.
+    SameFolders,
+    /// Nowhere: other pictures lie among the photos.
+    Nowhere,
+}
+
+/// A path inside a folder, with `/`.
+pub(crate) fn path_inside(root: &Path, path: &Path) -> String {
+    let inside = path.strip_prefix(root).unwrap_or(path);
+    inside.to_string_lossy().replace('\\', "/").replace(char::is_control, "?")
+}
+
+/// The photos on disk that have no pose, as paths inside `root`. A second file of a photo, such as the HEIC file beside a
+/// JPEG of the same name, is none.
+pub(crate) fn unposed<'a>(root: &Path, beside: &Beside, posed: impl Iterator<Item = &'a Path>) -> Vec<String> {
+    let posed: BTreeSet<PathBuf> = posed.map(|photo| photo.with_extension("")).collect();
+    let same_folders = || posed.iter().filter_map(|photo| photo.parent()).collect::<BTreeSet<_>>();
+    let photos: Vec<PathBuf> = match beside {
+        Beside::Below(folder) if folder != root => photos_below(folder),
+        Beside::Below(_) | Beside::SameFolders => same_folders().into_iter().flat_map(photos_in).collect(),
+        Beside::Nowhere => Vec::new(),
+    };
+    let without = photos.iter().filter(|photo| !posed.contains(&photo.with_extension("")));
+    without.map(|photo| path_inside(root, photo)).collect()
+}
+
+/// The first few of some names.
+pub(crate) fn some_of(names: &[String]) -> String {
+    const NAMED: usize = 3;
+    let dots = if names.len() > NAMED { ", ..." } else { "" };
+    format!("{}{dots}", names[..names.len().min(NAMED)].join(", "))
+}
+
+/// Sizes of photos, and those that have none.
+fn sizes(root: &Path, found: &[(String, PathBuf)]) -> (Vec<SizeInfo>, Vec<String>) {
+    let mut uses: BTreeMap<&Path, usize> = BTreeMap::new();
+    found.iter().for_each(|(_, photo)| *uses.entry(photo).or_default() += 1);
+    let (mut counts, mut unreadable) = (BTreeMap::<(u32, u32), usize>::new(), Vec::new());
+    for (photo, count) in uses {
+        match photo_size(photo) {
+            Ok(size) => *counts.entry(size).or_default() += count,
+            Err(_) => unreadable.push(path_inside(root, photo)),
+        }
+    }
+    let info = |((width, height), photos)| SizeInfo { width, height, photos };
+    let mut sizes: Vec<SizeInfo> = counts.into_iter().map(info).collect();
+    sizes.sort_by_key(|size| std::cmp::Reverse(size.photos));
+    (sizes, unreadable)
+}
+
+/// Adds what is the same for all formats.
+pub(crate) fn complete(path: &Path, root: &Path, inspected: Inspected) -> Result<SceneInfo, DatasetError> {
+    let Inspected { kind, listing, models, images, cameras, points, missing, found, beside, split } = inspected;
+    let unposed = unposed(root, &beside, found.iter().map(|(_, photo)| photo.as_path()));
+    let (sizes, unreadable) = sizes(root, &found);
+    let mut names: Vec<String> = found.into_iter().map(|(name, _)| name).collect();
+    names.sort();
+    let options = LoadOptions { eval: true, ..LoadOptions::default() };
+    let split = split::divided(&names, split, root, &options)?;
+    Ok(SceneInfo {
+        path: path.to_owned(),
+        kind,
+        listing: path_inside(root, &listing).into(),
+        models,
+        images,
+        cameras,
+        points,
+        missing,
+        unposed,
+        sizes,
+        unreadable,
+        split: SplitInfo { train: split.train.len(), test: split.test.len(), by: split.by },
+    })
+}
