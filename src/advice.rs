@@ -35,9 +35,40 @@ const DATA_FLAGS: [&str; 9] = [
     "color-space",
 ];
 
+/// Buffers by what [`GpuError::TooLarge`] calls them: those that grow with the images alone, and with the Gaussians alone.
+const OF_IMAGES: [&str; 12] = [
+    "photo",
+    "image",
+    "transmittance",
+    "last contributors",
+    "normal map",
+    "median depth",
+    "median intersections",
+    "SSIM moments",
+    "SSIM moments of the warped images",
+    "packed sources",
+    "residual",
+    "screen",
+];
+const OF_GAUSSIANS: [&str; 8] = [
+    "projected Gaussians",
+    "planes",
+    "filters",
+    "means",
+    "spherical harmonics",
+    "Adam moments",
+    "densification statistics",
+    "densification plan",
+];
+
 /// An error with its causes in one line, with what the user can do about it.
 pub fn sentence(error: &anyhow::Error) -> String {
     sentence_with(error.as_ref(), &words)
+}
+
+/// As [`sentence`], for an error of a library.
+pub fn of(error: AnyError) -> String {
+    sentence_with(error, &words)
 }
 
 /// Parses the value of a flag; clap adds the name of the flag to the error.
@@ -213,7 +244,13 @@ fn output(error: &OutputError) -> Option<&'static str> {
 fn gpu(error: &GpuError) -> Option<&'static str> {
     match error {
         GpuError::Lacking { .. } => Some("choose another one with `--adapter`"),
-        GpuError::TooLarge { .. } => Some("use fewer Gaussians (`--max-splats`) or a smaller image (`--resolution`)"),
+        GpuError::TooLarge { what, .. } if OF_IMAGES.contains(what) => {
+            Some("use smaller images (`--resolution` or `--max-resolution`)")
+        }
+        GpuError::TooLarge { what, .. } if OF_GAUSSIANS.contains(what) => Some("use fewer Gaussians (`--max-splats`)"),
+        GpuError::TooLarge { .. } => {
+            Some("use smaller images (`--resolution` or `--max-resolution`) or fewer Gaussians (`--max-splats`)")
+        }
         GpuError::OutOfMemory { .. } => Some(
             "use fewer Gaussians (`--max-splats`), a smaller image (`--resolution`), or end other programs that use the GPU",
         ),
@@ -254,6 +291,7 @@ fn scene(error: &DatasetError) -> Option<&'static str> {
 mod tests {
     use super::*;
     use ibgs_core::dataset::{Alpha, LoadOptions, Masks, Resolution};
+    use ibgs_train::session::Event;
     use std::path::PathBuf;
 
     #[track_caller]
@@ -283,9 +321,9 @@ mod tests {
 
     #[test]
     fn errors_are_found_inside_of_others() {
-        let gpu = || GpuError::TooLarge { what: "the photos", bytes: 9, limit: 8 };
-        let advised = "the photos needs 9 bytes, more than this device binds at once (8); use fewer Gaussians \
-                       (`--max-splats`) or a smaller image (`--resolution`)";
+        let gpu = || GpuError::TooLarge { what: "unet v_x", bytes: 9, limit: 8 };
+        let advised = "unet v_x needs 9 bytes, more than this device binds at once (8); use smaller images (`--resolution` or \
+                       `--max-resolution`) or fewer Gaussians (`--max-splats`)";
         says(gpu(), advised);
         says(anyhow::Error::from(gpu()).context("outside"), &format!("outside: {advised}"));
         says(ModelError::Network(NetworkError::Gpu(gpu())), &format!("the residual network: {advised}"));
@@ -311,6 +349,63 @@ mod tests {
             DatasetError::InArchive { error: Box::new(folder()), message: "scene.zip lacks them".into() },
             "scene.zip lacks them; create it or name another with `--images`",
         );
+    }
+
+    /// Every arm that adds advice, with the option that it names.
+    #[test]
+    fn advice_names_the_option() {
+        let path = || PathBuf::from("model");
+        let large = |what| GpuError::TooLarge { what, bytes: 9, limit: 8 };
+        let unsettled = SessionError::Unsettled {
+            iteration: 7,
+            source: Box::new(GpuError::OutOfMemory { what: "planes", bytes: 9 }.into()),
+        };
+        let cases: [(anyhow::Error, &[&str]); 15] = [
+            (
+                ModelError::OtherIteration { path: path(), found: 7, wanted: 8 }.into(),
+                &["7", "8", "leave `--iteration` out"],
+            ),
+            (ModelError::KnowsItsPhotos { path: path() }.into(), &["leave `--resolution` out"]),
+            (ModelError::NoScene { path: path() }.into(), &["config.toml", "with `--source`"]),
+            (
+                GpuError::Lacking { adapter: "a".into(), missing: "b".into() }.into(),
+                &["`a` lacks b", "with `--adapter`"],
+            ),
+            (
+                GpuError::OutOfMemory { what: "planes", bytes: 9 }.into(),
+                &["planes", "`--max-splats`", "`--resolution`"],
+            ),
+            (large("photo").into(), &["photo", "use smaller images (`--resolution` or `--max-resolution`)"]),
+            (large("image").into(), &["use smaller images (`--resolution` or `--max-resolution`)"]),
+            (large("means").into(), &["use fewer Gaussians (`--max-splats`)"]),
+            (CheckpointError::Version { path: path(), found: "0.0.1".into() }.into(), &["ibgs 0.0.1", "with `--init`"]),
+            (unsettled.into(), &["`--resume` continues from here", "was saved and measured", "no memory left"]),
+            (OutputError::HoldsModel { path: path(), iteration: 7 }.into(), &["7 iterations", "(`--overwrite`)"]),
+            (OutputError::HoldsTraining { path: path(), iteration: 7 }.into(), &["`--resume`", "(`--overwrite`)"]),
+            (OutputError::Foreign { path: path(), file: "split.json" }.into(), &["split.json", "(`--overwrite`)"]),
+            (DatasetError::NoPhotos { path: path(), count: 3, first: path() }.into(), &["with `--images`"]),
+            (MeshError::DepthMaps { views: 3, needed: 9, limit: 8 }.into(), &["`--width`", "`--memory`"]),
+        ];
+        for (error, fragments) in cases {
+            let said = sentence(&error);
+            assert!(fragments.iter().all(|fragment| said.contains(fragment)), "{fragments:?} in {said}");
+        }
+        // Neither the Gaussians help a photo nor the photos the Gaussians.
+        assert!(!sentence(&large("photo").into()).contains("Gaussians"));
+        assert!(!sentence(&large("means").into()).contains("--resolution"));
+    }
+
+    /// What a training warns of is advised like what ends it.
+    #[test]
+    fn warnings_of_a_training_have_the_advice_too() {
+        let error = SessionError::Gpu(GpuError::OutOfMemory { what: "planes", bytes: 9 });
+        let events =
+            [Event::NoCheckpoint { error: &error }, Event::RolledBack { error: &error, iteration: 7, rates: 0.5 }];
+        for event in events {
+            let said = event.with_errors(&|error| of(error)).to_string();
+            assert!(said.starts_with("warning: ") && said.contains("use fewer Gaussians (`--max-splats`)"), "{said}");
+            assert!(!event.to_string().contains("--max-splats"), "the library knows no options");
+        }
     }
 
     #[test]

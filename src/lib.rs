@@ -6,6 +6,7 @@ pub mod advice;
 pub mod commands;
 pub mod prepare;
 pub mod progress;
+pub mod signals;
 pub mod stdout;
 pub mod terminal;
 pub mod version;

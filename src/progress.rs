@@ -3,6 +3,7 @@
 use ibgs_core::progress::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Shows each piece of work as a bar, which goes when the work ends.
 #[derive(Default)]
@@ -21,6 +22,16 @@ pub fn bar(what: &'static str, steps: usize) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+/// A sign that something of unknown length is being done.
+pub fn spinner(what: &'static str) -> ProgressBar {
+    let spinner = ProgressBar::new_spinner().with_message(what);
+    // On a terminal alone: it needs a thread of its own.
+    if !spinner.is_hidden() {
+        spinner.enable_steady_tick(Duration::from_millis(120));
+    }
+    spinner
 }
 
 impl Progress for Bars {

@@ -19,6 +19,7 @@ mod prepare;
 mod report;
 mod resume;
 mod round;
+mod seeing;
 mod suite;
 mod units;
 
@@ -230,6 +231,14 @@ impl Outcome {
     #[track_caller]
     fn assert_success(&self) {
         assert_eq!(self.code, Some(0), "{self}");
+        assert!(self.error_lines().is_empty() && !self.stderr.contains("panicked"), "{self}");
+    }
+
+    /// Asserts an end by a signal: its exit code, and no error.
+    #[cfg(unix)]
+    #[track_caller]
+    fn assert_stopped(&self, code: i32) {
+        assert_eq!(self.code, Some(code), "{self}");
         assert!(self.error_lines().is_empty() && !self.stderr.contains("panicked"), "{self}");
     }
 

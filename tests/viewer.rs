@@ -68,7 +68,7 @@ fn window_on(gpu: &Arc<Gpu>, opened: Option<Opened>, size: Vec2) -> Window {
     let renderer = WgpuTestRenderer::from_setup(wgpu_setup(gpu));
     let builder = Harness::builder().with_size(size).with_step_dt(1.0 / 60.0).renderer(renderer);
     let gpu = gpu.clone();
-    let mut window = builder.build_eframe(move |cc| Viewer::new(cc, gpu, Opener, opened).unwrap());
+    let mut window = builder.build_eframe(move |cc| Viewer::new(cc, gpu, Opener::default(), opened).unwrap());
     settle(&mut window);
     // Pictures are compared, so their size must not depend on the machine's speed.
     window.state_mut().show_always_sharp(true);

@@ -1,20 +1,21 @@
 //! `ibgs eval`
 
 use super::model::{ModelArgs, OpenModel};
-use super::report::Report;
-use crate::progress::Bars;
+use super::report::{Report, costs};
+use crate::progress::{Bars, bar, spinner};
 use crate::stderr;
 use crate::stdout;
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::{Dataset, View};
-use ibgs_core::eval::scores::{compared, protocol, score_test_views};
+use ibgs_core::dataset::{Dataset, Masks, View};
+use ibgs_core::eval::scores::{Scores, compared, protocol, score_test_views};
 use ibgs_core::eval::{Cache, PASSES, Perceptual, Score, ViewScores, frames_per_second};
 use ibgs_core::output::REPORT_FILE;
 use ibgs_core::output::figures::{Figures, SPEED_FILE, TIME_FILE};
-use ibgs_core::output::results::means;
+use ibgs_core::output::results::{Protocol, ViewScore, means};
 use ibgs_train::lpips::{BAND_BYTES, InputRange, Lpips, LpipsWeights};
+use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -71,37 +72,79 @@ pub fn run(args: &Args) -> Result<()> {
     let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
     let lpips = |weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES);
     let lpips = weights.map(lpips).transpose()?;
-    let table = Table { with_final: model.renderer.part().is_some(), with_lpips: lpips.is_some() };
+    let table = Table {
+        with_final: model.renderer.part().is_some(),
+        with_lpips: lpips.is_some(),
+        bar: bar("measuring", cameras.len()),
+    };
     table.head();
     let into = Some((&model.folder, model.iteration));
     let perceptual = lpips.as_ref().map(|lpips| lpips as &dyn Perceptual);
-    let report = &mut |name: &str, scores: &ViewScores| table.row(name, scores);
+    let report = &mut |name: &str, scores: Option<&ViewScores>| {
+        table.row(name, scores);
+        table.bar.inc(1);
+    };
     let scores = score_test_views(&model.renderer, &dataset, &model.config, into, perceptual, report)?;
-    let image = table.with_final.then(|| means(&scores.image));
-    table.row("mean", &ViewScores { base: means(&scores.base), image });
+    table.bar.finish_and_clear();
+    table.row("mean", mean(&scores).as_ref());
     let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
     protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
     scores.write(&model.folder, model.iteration, &protocol)?;
-    stdout!("{}", serde_json::to_string_pretty(&speed)?);
-    if let Some(sentence) = scores.regions_sentence() {
-        stdout!("{sentence}");
-    }
-    match &protocol.lpips {
-        Some(how) => stdout!("LPIPS: {how}"),
-        None => stdout!("LPIPS not computed"),
-    }
     model.folder.write_result(model.iteration, SPEED_FILE, speed)?;
-    write_report(args, &model, &dataset)
+    let figures = Figures::read(&model.folder, model.iteration)?;
+    stdout!();
+    let costs = costs(figures.speed.as_ref(), figures.time.as_ref());
+    let width = costs.iter().map(|(name, _)| name.chars().count()).max().unwrap_or_default();
+    costs.iter().for_each(|(name, value)| stdout!("{name:<width$}  {value}"));
+    stdout!();
+    for note in notes(&model, &dataset, &scores, &protocol)? {
+        stdout!("{note}");
+    }
+    write_report(args, &model, &dataset, &figures)
 }
 
-fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset) -> Result<()> {
+/// Means of the views that have scores; none without any.
+fn mean(scores: &Scores) -> Option<ViewScores> {
+    let of = |scores: &[ViewScore]| (!scores.is_empty()).then(|| means(scores));
+    Some(ViewScores { base: of(&scores.base)?, image: of(&scores.image) })
+}
+
+/// What else there is to know about the scores.
+fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Protocol) -> Result<Vec<String>> {
+    let mut notes = Vec::new();
+    notes.extend(scores.regions_sentence());
+    if let (Some(_), Some(mean)) = (model.exposure_field()?, mean(scores)) {
+        let image = mean.image.map_or_else(String::new, |score| format!("final {:.3} dB, ", score.aligned_psnr));
+        notes.push(format!(
+            "exposure: corrected; each view has the one predicted from the photos around it. After an affine map of the colours: \
+             {image}base {:.3} dB",
+            mean.base.aligned_psnr
+        ));
+    }
+    let is_masked = |view: &&View| view.photo.rgba.chunks_exact(4).any(|pixel| pixel[3] < 128);
+    let masked = dataset.test.iter().map(|&index| &dataset.views[index]).filter(is_masked).count();
+    match model.config.data.masks {
+        Masks::Object => notes.push(format!("masks: {}", protocol.masks)),
+        Masks::Ignore if masked > 0 => notes
+            .push(format!("masks: masked pixels do not count; {masked} of {} photos have some", dataset.test.len())),
+        Masks::Ignore => {}
+    }
+    notes.extend(scores.masked_sentence());
+    notes.push(match &protocol.lpips {
+        Some(how) => format!("LPIPS: {how}"),
+        None => "LPIPS not computed".to_owned(),
+    });
+    Ok(notes)
+}
+
+fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset, figures: &Figures) -> Result<()> {
     let path = args.report.clone().unwrap_or_else(|| model.folder.root().join(REPORT_FILE));
     let views: Vec<_> = dataset.test.iter().map(|&index| compared(&dataset.views[index], &model.config)).collect();
     let views: Vec<&View> = views.iter().map(|view| &**view).collect();
     let report = Report {
         name: &args.model.files.model.display().to_string(),
         folder: &model.folder,
-        figures: &Figures::read(&model.folder, model.iteration)?,
+        figures,
         views: &views,
         options: &model.config.to_text()?,
     };
@@ -110,28 +153,31 @@ fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset) -> Result<()>
     Ok(())
 }
 
-/// The printed table of scores.
-#[derive(Clone, Copy)]
+/// The printed table of scores, above a bar.
 struct Table {
     with_final: bool,
     with_lpips: bool,
+    bar: ProgressBar,
 }
 
 impl Table {
-    fn head(self) {
+    fn head(&self) {
         let titles = |psnr: &str| [psnr, "SSIM", "LPIPS"].map(str::to_owned);
         self.line("view", &titles("base PSNR"), &titles("final PSNR"));
     }
 
-    fn row(self, name: &str, scores: &ViewScores) {
-        let cells = |score: Score| {
-            let lpips = score.lpips.map_or_else(|| "-".to_owned(), |lpips| format!("{lpips:.4}"));
-            [format!("{:.3}", score.psnr), format!("{:.4}", score.ssim), lpips]
+    fn row(&self, name: &str, scores: Option<&ViewScores>) {
+        let cells = |score: Option<Score>| match score {
+            Some(score) => {
+                let lpips = score.lpips.map_or_else(|| "-".to_owned(), |lpips| format!("{lpips:.4}"));
+                [format!("{:.3}", score.psnr), format!("{:.4}", score.ssim), lpips]
+            }
+            None => ["-"; 3].map(str::to_owned),
         };
-        self.line(name, &cells(scores.base), &scores.image.map(cells).unwrap_or_default());
+        self.line(name, &cells(scores.map(|scores| scores.base)), &cells(scores.and_then(|scores| scores.image)));
     }
 
-    fn line(self, name: &str, base: &[String; 3], image: &[String; 3]) {
+    fn line(&self, name: &str, base: &[String; 3], image: &[String; 3]) {
         let mut line = format!("{name:<32}");
         for [psnr, ssim, lpips] in [base, image].into_iter().take(if self.with_final { 2 } else { 1 }) {
             line += &format!(" {psnr:>11} {ssim:>8}");
@@ -139,13 +185,14 @@ impl Table {
                 line += &format!(" {lpips:>8}");
             }
         }
-        stdout!("{line}");
+        self.bar.suspend(|| stdout!("{line}"));
     }
 }
 
 /// Measures speed, memory and storage.
 fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<Value> {
     let renderer = &model.renderer;
+    let spinner = spinner("measuring frames per second");
     let warm = frames_per_second(renderer, cameras, Cache::Warm)?;
     let memory = renderer.gpu().memory_report().map(|report| report.reserved_bytes);
     let network = model.network_bytes;
@@ -170,6 +217,7 @@ fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<V
     if renderer.part().is_some() {
         report["FPS_cold"] = json!(frames_per_second(renderer, cameras, Cache::Cold)?);
     }
+    spinner.finish_and_clear();
     Ok(report)
 }
 

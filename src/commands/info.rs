@@ -1,16 +1,16 @@
 //! `ibgs info`
 
+mod model;
+
 use crate::stdout;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
-use ibgs_core::bundle::Bundle;
 use ibgs_core::dataset::{self, SceneInfo};
 use ibgs_core::gpu::lacking;
 use ibgs_core::gpu::list_adapters;
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;
-use ibgs_core::output::OutputFolder;
 use ibgs_core::scene::{Gaussians, read_ply};
 use std::path::{Path, PathBuf};
 
@@ -27,8 +27,7 @@ pub fn run(args: &Args) -> Result<()> {
         None => adapters(),
         Some(path) if !path.exists() => bail!("{} does not exist; check the path", path.display()),
         Some(path) if path.extension().is_some_and(|e| e == "ply") => model_file(path),
-        Some(path) if is_bundle(path) => bundle(path),
-        Some(path) if path.join("point_cloud").is_dir() => model_folder(path),
+        Some(path) if is_bundle(path) || path.join("point_cloud").is_dir() => model::show(path),
         Some(path) => scene(path),
     }
 }
@@ -82,26 +81,6 @@ fn gaussians(path: &Path, g: &Gaussians) {
     if g.space.origin != DVec3::ZERO {
         stdout!("   kept around the offset {}", g.space.origin);
     }
-}
-
-fn bundle(path: &Path) -> Result<()> {
-    let bundle = Bundle::read(path)?;
-    let network = if bundle.network.is_some() { "a" } else { "no" };
-    stdout!("{}: bundle with {} views and {} photos", path.display(), bundle.cameras.len(), bundle.photos.len());
-    stdout!("   iteration {}, {network} residual network", bundle.iteration);
-    gaussians(path, &bundle.gaussians);
-    Ok(())
-}
-
-fn model_folder(path: &Path) -> Result<()> {
-    let folder = OutputFolder::open(path)?;
-    let cameras = folder.read_cameras()?;
-    stdout!("{}: model with {} views", path.display(), cameras.len());
-    if let Some(iteration) = folder.latest_iteration()? {
-        stdout!("   latest iteration {iteration}");
-        model_file(&folder.point_cloud_path(iteration))?;
-    }
-    Ok(())
 }
 
 fn scene(path: &Path) -> Result<()> {

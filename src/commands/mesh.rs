@@ -4,6 +4,7 @@ mod compare;
 
 use super::model::{ModelArgs, OpenModel};
 use crate::progress::{Bars, bar};
+use crate::signals::{self, on_stop};
 use crate::stderr;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
@@ -65,8 +66,6 @@ pub struct Args {
 
 /// Set while a file is being written.
 static WRITING: AtomicBool = AtomicBool::new(false);
-/// Set by Ctrl-C while a file is being written.
-static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
@@ -188,18 +187,16 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
     Ok((mesh, plan.voxel))
 }
 
-/// Writes the mesh; Ctrl-C waits until the file is complete.
+/// Writes the mesh; a signal waits until the file is complete.
 fn write(mesh: &Mesh, path: &Path) -> Result<()> {
-    // A process can have one handler only; an existing one stays.
-    let _ = ctrlc::set_handler(|| match WRITING.load(Ordering::SeqCst) {
-        true => STOPPED.store(true, Ordering::SeqCst),
-        false => std::process::exit(130),
+    on_stop(|| {
+        if !WRITING.load(Ordering::SeqCst) {
+            signals::exit_if_stopped();
+        }
     });
     WRITING.store(true, Ordering::SeqCst);
     let written = mesh.write(path);
     WRITING.store(false, Ordering::SeqCst);
-    if STOPPED.load(Ordering::SeqCst) {
-        std::process::exit(130);
-    }
+    signals::exit_if_stopped();
     Ok(written?)
 }

@@ -1,9 +1,11 @@
 //! Opens a trained model as the command line describes it.
 
 use super::open_gpu;
+use crate::advice::value;
 use crate::progress::Bars;
 use anyhow::Result;
 use clap::Args as ClapArgs;
+use ibgs_core::dataset::Resolution;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
@@ -26,8 +28,8 @@ pub struct FileArgs {
     #[arg(long)]
     pub iteration: Option<u32>,
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
-    #[arg(short, long)]
-    pub resolution: Option<String>,
+    #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true)]
+    pub resolution: Option<Resolution>,
 }
 
 /// Options of every command that opens a model on a GPU.
@@ -58,7 +60,7 @@ impl FileArgs {
         let options = ModelOptions {
             source: self.source.clone(),
             iteration: self.iteration,
-            resolution: self.resolution.as_deref().map(str::parse).transpose()?,
+            resolution: self.resolution,
             source_memory,
             precision,
         };

@@ -1,10 +1,10 @@
 //! `ibgs prepare`
 
-use super::on_stop;
 use crate::prepare::colmap::{Colmap, Matching};
 use crate::prepare::tool::Tool;
 use crate::prepare::{Preparation, Prepared, Request, is_video};
 use crate::progress::Bars;
+use crate::signals::on_stop;
 use crate::{stderr, stdout};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;

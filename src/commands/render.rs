@@ -87,6 +87,8 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
     let cameras = &path.cameras;
     let default = || model.folder.root().join("path").join(format!("ours_{}", model.iteration));
     let folder = args.output.clone().unwrap_or_else(default);
+    let names: Vec<&str> = outputs.iter().map(|output| output.name()).collect();
+    stderr!("rendering {} frames of the camera path: {}", cameras.len(), names.join(", "));
     let bar = bar("rendering", cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let frame = model.renderer.render(camera)?;
@@ -119,8 +121,19 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
         Views::Test => split == Some(Split::Test) || !any_test,
         Views::Train => split != Some(Split::Test),
     };
-    let mut count = 0;
-    for record in model.cameras.iter().filter(|r| wanted(r.split)) {
+    let records: Vec<_> = model.cameras.iter().filter(|record| wanted(record.split)).collect();
+    if records.is_empty() {
+        bail!("{} has no such view; choose another `--views`", model.folder.root().display());
+    }
+    let set = match (args.views, any_test) {
+        (Views::Test, true) => "held-out ",
+        (Views::Train, true) => "training ",
+        _ => "",
+    };
+    let names: Vec<&str> = outputs.iter().map(|output| output.name()).collect();
+    stderr!("rendering {} {set}views of {}: {}", records.len(), model.cameras.len(), names.join(", "));
+    let bar = bar("rendering", records.len());
+    for record in &records {
         let frame = model.renderer.render(&record.camera)?;
         let split = record.split.unwrap_or(Split::Train);
         let place = Place { folder: &model.folder, split, iteration: model.iteration, name: &record.name };
@@ -128,11 +141,14 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
             true => write_exr(&frame, &record.camera, outputs, &place.exr_path())?,
             false => place.write_outputs(&frame, outputs)?,
         }
-        count += 1;
+        bar.inc(1);
     }
-    if count == 0 {
-        bail!("{} has no such view; choose another `--views`", model.folder.root().display());
-    }
-    stderr!("{count} views rendered below {}", model.folder.root().display());
+    bar.finish_and_clear();
+    let mut folders: Vec<_> = records.iter().map(|record| record.split.unwrap_or(Split::Train).folder()).collect();
+    folders.sort_unstable();
+    folders.dedup();
+    let at = |split: &str| model.folder.root().join(split).join(format!("ours_{}", model.iteration));
+    let folders: Vec<String> = folders.into_iter().map(|split| at(split).display().to_string()).collect();
+    stderr!("{} views in {}", records.len(), folders.join(" and "));
     Ok(())
 }

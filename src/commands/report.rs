@@ -38,10 +38,14 @@ impl Report<'_> {
     /// Writes the report.
     pub fn write(&self, path: &Path) -> Result<()> {
         let figures = self.figures;
-        let mut body = format!("<p class=\"soft\">Iteration {}</p>\n", figures.iteration);
+        let mut body = format!("<p class=\"verdict\">{}</p>\n", page::escape(&verdict(figures)));
+        body += &page::list(&origin(figures));
         body += &page::section("Means over the held-out views", &self.means());
         body += &page::section("Training", &training(figures));
-        body += &page::section("Speed, memory and storage", &costs(figures.speed.as_ref(), figures.time.as_ref()));
+        body += &page::section(
+            "Speed, memory and storage",
+            &page::list(&costs(figures.speed.as_ref(), figures.time.as_ref())),
+        );
         body += &page::section("Views", &self.table());
         body += &page::section("Pictures", &self.pictures()?);
         let options = page::escape(self.options);
@@ -107,7 +111,7 @@ impl Report<'_> {
             cards += &format!(
                 "<div class=\"view\"><h3>{}</h3>\n<p class=\"soft\">{}</p>\n{}</div>\n",
                 page::escape(&view.name),
-                page::escape(&self.line(&view.name)),
+                page::escape(&self.line(view)),
                 page::stage(&view.name, size, &layers, shown)
             );
         }
@@ -120,7 +124,11 @@ impl Report<'_> {
     }
 
     /// `final 24.86 dB, base 23.33 dB`.
-    fn line(&self, view: &str) -> String {
+    fn line(&self, view: &View) -> String {
+        if view.photo.is_wholly_masked() {
+            return "masked as a whole: it has no score and enters no mean".to_owned();
+        }
+        let view = &view.name;
         let one = |name: &str, scores: &Option<Scores>| {
             let psnr = scores.as_ref()?.views.psnr.get(view).copied().flatten()?;
             Some(format!("{name} {psnr:.2} dB"))
@@ -155,6 +163,39 @@ impl Report<'_> {
         };
         pictures.into_iter().filter_map(layer).collect()
     }
+}
+
+/// What came out, in one line: PSNR of final and base image, and the view that is farthest from its photo.
+fn verdict(figures: &Figures) -> String {
+    let psnr = |scores: &Option<Scores>| scores.as_ref()?.means.psnr;
+    let (image, base) = (psnr(&figures.image), psnr(&figures.base));
+    let means = match (image, base) {
+        (Some(image), Some(base)) => {
+            let gain = image - base;
+            let word = if gain < 0.0 { "loses" } else { "gains" };
+            format!("Final image {image:.2} dB, base image {base:.2} dB: the residual {word} {:.2} dB.", gain.abs())
+        }
+        (Some(image), None) => format!("Final image {image:.2} dB."),
+        (None, Some(base)) => format!("Base image {base:.2} dB."),
+        (None, None) => "No mean PSNR is known.".to_owned(),
+    };
+    let views = figures.image.as_ref().or(figures.base.as_ref()).map(|scores| &scores.views.psnr);
+    let known = views.into_iter().flatten().filter_map(|(name, psnr)| Some((name, (*psnr)?)));
+    match known.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some((name, psnr)) => format!("{means} Worst view: {name} with {psnr:.2} dB."),
+        None => means,
+    }
+}
+
+/// Where the model comes from.
+fn origin(figures: &Figures) -> Vec<(String, String)> {
+    let mut rows = vec![("Iteration".to_owned(), figures.iteration.to_string())];
+    if let Some(time) = &figures.time {
+        rows.extend(time.commands.iter().map(|command| ("Command line".to_owned(), command.clone())));
+        rows.push(("Trained on".to_owned(), time.device.clone()));
+        rows.extend(time.seconds.map(|seconds| ("Training time".to_owned(), duration(seconds))));
+    }
+    rows
 }
 
 /// The conditions of the measurement, in one sentence.
@@ -209,7 +250,8 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-fn costs(speed: Option<&Speed>, time: Option<&Time>) -> String {
+/// Speed, memory, storage and training as names and values.
+pub fn costs(speed: Option<&Speed>, time: Option<&Time>) -> Vec<(String, String)> {
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut add = |name: &str, value: Option<String>| {
         if let Some(value) = value {
@@ -248,5 +290,37 @@ fn costs(speed: Option<&Speed>, time: Option<&Time>) -> String {
         }
         add("Trained on", Some(time.device.clone()));
     }
-    if rows.is_empty() { String::new() } else { page::list(&rows) }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ibgs_core::output::figures::{ByView, Means};
+
+    fn scores(psnr: f64, views: &[(&str, Option<f64>)]) -> Option<Scores> {
+        let psnrs = views.iter().map(|(name, psnr)| ((*name).to_owned(), *psnr)).collect();
+        let views = ByView { psnr: psnrs, ..ByView::default() };
+        Some(Scores { means: Means { psnr: Some(psnr), ..Means::default() }, views })
+    }
+
+    #[test]
+    fn a_verdict_is_one_line() {
+        let image = scores(24.5, &[("a", Some(28.0)), ("b", Some(21.0)), ("masked", None)]);
+        let base = scores(23.0, &[("a", Some(20.0)), ("b", Some(26.0))]);
+        let both = Figures { image: image.clone(), base: base.clone(), ..Figures::default() };
+        let says = |figures: &Figures, expected: &str| assert_eq!(verdict(figures), expected);
+        says(
+            &both,
+            "Final image 24.50 dB, base image 23.00 dB: the residual gains 1.50 dB. Worst view: b with 21.00 dB.",
+        );
+        let worse = Figures { image: base.clone(), base: image, ..Figures::default() };
+        says(
+            &worse,
+            "Final image 23.00 dB, base image 24.50 dB: the residual loses 1.50 dB. Worst view: a with 20.00 dB.",
+        );
+        let alone = Figures { base, ..Figures::default() };
+        says(&alone, "Base image 23.00 dB. Worst view: a with 20.00 dB.");
+        says(&Figures::default(), "No mean PSNR is known.");
+    }
 }

@@ -1,10 +1,11 @@
 //! `ibgs suite`: all scenes of a benchmark, or all runs of a study.
 
 mod config;
+mod processes;
 mod summary;
 
 use super::eval::LpipsRange;
-use super::on_stop;
+use crate::signals::{self, Stopped, on_stop};
 use crate::stderr;
 use crate::stdout;
 use anyhow::{Context, Result, bail};
@@ -13,12 +14,12 @@ use config::{Job, Suite};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::files;
 use ibgs_core::output::OutputFolder;
+use processes::Processes;
 use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use summary::Figures;
 
@@ -135,44 +136,44 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
     }
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
-    // Ctrl-C also reaches the processes, which save and end; no new one starts.
-    let stopped = Arc::new(AtomicBool::new(false));
+    // A signal is passed on: the processes save and end, and no new one starts.
+    let processes = Arc::new(Processes::default());
     let next = || {
         let mut queue = queue.lock().expect("queue");
-        let job = queue.pop_front().filter(|_| !stopped.load(Ordering::Relaxed));
+        let job = queue.pop_front().filter(|_| !processes.is_closed());
         job.map(|job| (job, count - queue.len()))
     };
     let adapters: Vec<Option<&String>> = match args.adapters.is_empty() {
         true => vec![None],
         false => args.adapters.iter().map(Some).collect(),
     };
-    let flag = stopped.clone();
-    on_stop(move || flag.store(true, Ordering::Relaxed));
+    let running = processes.clone();
+    on_stop(move || running.terminate());
     std::thread::scope(|scope| {
         let worker = |adapter| {
             while let Some((job, number)) = next() {
                 stderr!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
-                match job.run(&program, adapter, &stopped) {
-                    Ok(status) if status.success() && job.is_done() => {}
-                    Ok(status) if status.success() && job.is_stopped() => stopped.store(true, Ordering::Relaxed),
-                    _ if stopped.load(Ordering::Relaxed) => {}
-                    Ok(_) => {
-                        stderr!("{number}/{count} {}: failed: {}", job.title(), job.last_line());
-                        failed.lock().expect("list").push(job.log());
+                let error = match job.run(&program, adapter, &processes) {
+                    Ok(Some(status)) if status.success() && job.is_done() => continue,
+                    // One that was stopped by itself: its user wants an end.
+                    Ok(Some(status)) if signals::is_stopped(status.code()) => {
+                        processes.close();
+                        continue;
                     }
-                    Err(error) => {
-                        stderr!("{number}/{count} {}: failed: {error:#}", job.title());
-                        failed.lock().expect("list").push(job.log());
-                    }
-                }
+                    _ if processes.is_closed() => continue,
+                    Ok(_) => job.last_line(),
+                    Err(error) => format!("{error:#}"),
+                };
+                stderr!("{number}/{count} {}: failed: {error}", job.title());
+                failed.lock().expect("list").push(job.log());
             }
         };
         for adapter in adapters {
             scope.spawn(move || worker(adapter));
         }
     });
-    if stopped.load(Ordering::Relaxed) {
-        bail!("stopped; the same command continues with what is left");
+    if processes.is_closed() {
+        bail!(Stopped("stopped; the same command continues with what is left"));
     }
     Ok(failed.into_inner().expect("list"))
 }
@@ -201,8 +202,7 @@ impl Job {
         steps.into_iter().filter(|(_, wanted)| *wanted).map(|(step, _)| step).collect()
     }
 
-    /// Whether a training was stopped or killed before its last iteration. One that is stopped still saves, measures and
-    /// exits with 0.
+    /// Whether a training was stopped or killed before its last iteration.
     fn is_stopped(&self) -> bool {
         OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty())
     }
@@ -212,8 +212,9 @@ impl Job {
         Figures::read(self).is_ok_and(|figures| self.steps(&figures).is_empty())
     }
 
-    /// Runs the steps that are left, each in its own process, until `stopped`.
-    fn run(&self, program: &Path, adapter: Option<&String>, stopped: &AtomicBool) -> Result<ExitStatus> {
+    /// Runs the steps that are left, each in its own process, until one fails or none may start. Returns the last one's
+    /// status; none where no process was started.
+    fn run(&self, program: &Path, adapter: Option<&String>, processes: &Processes) -> Result<Option<ExitStatus>> {
         if let Some(parent) = self.folder.parent() {
             files::create_folder(parent)?;
         }
@@ -225,7 +226,7 @@ impl Job {
         let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;
         // An unreadable folder counts as empty.
         let steps = self.steps(&Figures::read(self).unwrap_or_default());
-        let mut status = ExitStatus::default();
+        let mut last = None;
         for step in steps {
             let mut command = Command::new(program);
             match step {
@@ -238,13 +239,13 @@ impl Job {
             };
             command.args(adapter.iter().flat_map(|name| ["--adapter", name.as_str()]));
             command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log.try_clone()?);
-            status = command.status()?;
-            let is_cut_off = stopped.load(Ordering::Relaxed) || step == Step::Train && self.is_stopped();
-            if !status.success() || is_cut_off {
+            let Some(status) = processes.run(&mut command)? else { break };
+            last = Some(status);
+            if !status.success() || step == Step::Train && self.is_stopped() {
                 break;
             }
         }
-        Ok(status)
+        Ok(last)
     }
 }
 

@@ -1,6 +1,8 @@
 //! `ibgs train`
 
 mod estimate;
+mod json_log;
+mod pace;
 mod plan;
 mod resume;
 mod stages;
@@ -8,7 +10,7 @@ mod terminal;
 mod window;
 
 pub use plan::Plan;
-pub use window::Watched;
+pub use window::{Failure, Watched};
 
 use super::{open_gpu, view};
 use crate::advice::value;
@@ -16,11 +18,17 @@ use anyhow::Result;
 use clap::Args as ClapArgs;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ibgs_core::config::{Method, Strategy, TrainConfig};
-use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler};
+use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler, Resolution};
 use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::Session;
+use ibgs_train::session::JsonLines;
+use json_log::Before;
 use plan::DemoGiven;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use stages::StageArgs;
-use std::path::PathBuf;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Iterations of a run that starts from a finished model (`--init`), unless `--iterations` is given.
@@ -53,8 +61,8 @@ pub struct Args {
 
     /// What to train: `ibgs` (Gaussians and a residual from neighbouring photos) or `3dgs` (plain 3D Gaussian splatting)
     /// [default: ibgs].
-    #[arg(long, value_parser = ["ibgs", "3dgs"])]
-    method: Option<String>,
+    #[arg(long, value_parser = word::<Method>(&["ibgs", "3dgs"]))]
+    method: Option<Method>,
     /// Options file (TOML), such as the `config.toml` of an earlier run; the command line overrides it.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -78,28 +86,28 @@ pub struct Args {
     #[arg(short, long, help_heading = heading::SCENE)]
     images: Option<String>,
     /// Divide the photos' size by 1, 2, 4 or 8; a larger number is their width in pixels [default: 1].
-    #[arg(short, long, help_heading = heading::SCENE)]
-    resolution: Option<String>,
+    #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, help_heading = heading::SCENE)]
+    resolution: Option<Resolution>,
     /// Largest width or height of a photo in pixels; larger photos are reduced [default: no limit].
     #[arg(long, help_heading = heading::SCENE)]
     max_resolution: Option<u32>,
     /// Filter that reduces photos; `bicubic` is that of the published code [default: lanczos3].
-    #[arg(long, value_parser = PossibleValuesParser::new(["lanczos3", "bicubic"]).try_map(|word| word.parse::<Resampler>()), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<Resampler>(&["lanczos3", "bicubic"]), help_heading = heading::SCENE)]
     resampler: Option<Resampler>,
     /// Principal point: `true` (the scene's own) or `centred` (the image centre, as the published code assumes)
     /// [default: true].
-    #[arg(long, value_parser = PossibleValuesParser::new(["true", "centred"]).try_map(|word| word.parse::<PrincipalPoint>()), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<PrincipalPoint>(&["true", "centred"]), help_heading = heading::SCENE)]
     principal_point: Option<PrincipalPoint>,
     /// Meaning of masked pixels (in `masks/` or alpha channels): `ignore` (they do not count) or `object` (they are empty
     /// space) [default: ignore].
-    #[arg(long, value_parser = value::<Masks>, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<Masks>(&["ignore", "object"]), help_heading = heading::SCENE)]
     masks: Option<Masks>,
     /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they show the background colour)
     /// [default: composite in Blender scenes, mask in others and with `--masks object`].
-    #[arg(long, value_parser = value::<Alpha>, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<Alpha>(&["mask", "composite"]), help_heading = heading::SCENE)]
     alpha: Option<Alpha>,
     /// Encoding of the photos' values: `srgb` or `linear` [default: linear in EXR files, srgb in others].
-    #[arg(long, value_parser = value::<ColorSpace>, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<ColorSpace>(&["srgb", "linear"]), help_heading = heading::SCENE)]
     color_space: Option<ColorSpace>,
     /// White background instead of black.
     #[arg(long, help_heading = heading::SCENE)]
@@ -112,9 +120,12 @@ pub struct Args {
     /// Output folder [default: output/NAME, or the first free output/NAME-2, -3 ...].
     #[arg(short, long, help_heading = heading::OUTPUT)]
     model: Option<PathBuf>,
-    /// Replace the model that the output folder holds.
+    /// Replace the model that the output folder holds, and the file of `--log-json`.
     #[arg(long, help_heading = heading::OUTPUT)]
     overwrite: bool,
+    /// Also write the progress of the training to this file, a JSON record a line; `--resume` appends to it.
+    #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
+    log_json: Option<PathBuf>,
 
     /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: 30000;
     /// with `--init` 3000; demo scene 10000, on a software adapter 200].
@@ -173,10 +184,10 @@ pub struct Args {
     #[arg(
         long,
         value_name = "STRATEGY",
-        value_parser = ["default", "published", "absgs", "mcmc"],
+        value_parser = word::<Strategy>(&["default", "published", "absgs", "mcmc"]),
         help_heading = heading::GAUSSIANS
     )]
-    densify: Option<String>,
+    densify: Option<Strategy>,
     /// The first densification comes after this iteration [default: 500, less in short runs].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_start: Option<u32>,
@@ -201,6 +212,14 @@ pub struct Args {
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long, help_heading = heading::DEVICE)]
     adapter: Option<String>,
+}
+
+/// Parses one of these words, as the options file has them.
+fn word<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(words).try_map(|word| serde_json::from_value(Value::String(word)))
 }
 
 /// Parses a number of minutes, up to a year.
@@ -260,15 +279,11 @@ impl Args {
 
     /// `c`, overridden by the command line.
     fn over(&self, mut c: TrainConfig) -> Result<TrainConfig> {
-        match self.method.as_deref() {
-            Some("ibgs") => c.method = Method::Ibgs,
-            Some(_) => c.method = Method::Gs3,
-            None => {}
-        }
+        set(&mut c.method, &self.method);
         // Absolute: the model may be opened from another working directory.
         let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
         set_some(&mut c.data.source, &source);
-        set(&mut c.data.resolution, &self.resolution.as_deref().map(str::parse).transpose()?);
+        set(&mut c.data.resolution, &self.resolution);
         set(&mut c.data.resampler, &self.resampler);
         set_some(&mut c.data.images, &self.images);
         set_some(&mut c.data.max_resolution, &self.max_resolution);
@@ -292,13 +307,7 @@ impl Args {
         set_some(&mut c.densify.end, &self.densify_end);
         set_some(&mut c.densify.interval, &self.densify_interval);
         set_some(&mut c.opacity_reset.interval, &self.opacity_reset_interval);
-        match self.densify.as_deref() {
-            Some("absgs") => c.densify.strategy = Strategy::AbsGs,
-            Some("mcmc") => c.densify.strategy = Strategy::Mcmc,
-            Some("published") => c.densify.strategy = Strategy::Published,
-            Some(_) => c.densify.strategy = Strategy::Default,
-            None => {}
-        }
+        set(&mut c.densify.strategy, &self.densify);
         set_some(&mut c.densify.max_splats, &self.max_splats);
         set(&mut c.eval_every, &self.eval_every);
         set_some(&mut c.eval_iterations, &self.eval_iterations);
@@ -316,6 +325,33 @@ pub fn run(args: &Args) -> Result<()> {
     if args.with_viewer {
         view::check_display()?;
     }
-    let session = args.plan()?.start(|| open_gpu(args.adapter.as_ref()), &|_| {})?;
-    if args.with_viewer { view::look(Watched::new(session)) } else { terminal::train(session) }
+    let before = match (args.resume, args.overwrite) {
+        (true, _) => Before::Continued,
+        (false, true) => Before::Replaced,
+        (false, false) => Before::Kept,
+    };
+    if let Some(path) = &args.log_json {
+        json_log::check(path, before)?;
+    }
+    let session = args.plan()?.start(|| open_gpu(args.adapter.as_ref()), &|_| {})?.with_command(command_line());
+    let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
+    match args.with_viewer {
+        true => view::look(|failure| Watched::new(session, failure).with_log(log)),
+        false => terminal::train(session, log),
+    }
+}
+
+/// Opens the log of a training, and notes that it starts.
+fn log(session: &Session, path: &Path, before: Before) -> Result<JsonLines<File>> {
+    let mut log = JsonLines::new(json_log::open(path, before)?, session.gpu().clone());
+    log.start(&session.progress());
+    Ok(log)
+}
+
+/// How this program was called, as a shell reads it.
+fn command_line() -> String {
+    let arguments: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    // No argument holds the zero byte that it refuses.
+    let quoted = shlex::try_join(arguments.iter().map(String::as_str)).unwrap_or_else(|_| arguments.join(" "));
+    format!("ibgs {quoted}")
 }

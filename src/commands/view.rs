@@ -1,17 +1,18 @@
 //! `ibgs view`
 
 use super::model::{FileArgs, ModelArgs};
-use super::train::{Plan, Watched};
-use super::{on_stop, open_gpu};
-use crate::advice;
+use super::open_gpu;
+use super::train::{Failure, Plan, Watched};
+use crate::advice::{self, value};
 use crate::progress::Bars;
+use crate::signals::on_stop;
 use crate::stderr;
 use crate::stdout;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::{self, Point};
+use ibgs_core::dataset::{self, Point, Resolution};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::is_bundle;
@@ -20,6 +21,7 @@ use ibgs_core::output::cameras::Split;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_ply};
+use ibgs_train::Session;
 use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -52,8 +54,8 @@ pub struct Args {
     #[arg(long, requires = "model")]
     iteration: Option<u32>,
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
-    #[arg(short, long, requires = "model")]
-    resolution: Option<String>,
+    #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, requires = "model")]
+    resolution: Option<Resolution>,
     /// Open no window; print how much longer its frames take than the renderer alone.
     #[arg(long, requires = "model")]
     measure: bool,
@@ -69,7 +71,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let gpu = || open_gpu(args.adapter.as_ref());
     if let Some(scene) = &args.train {
-        return look(Watched::new(training(scene.as_deref())?.start(gpu, &|_| {})?));
+        let session = training(scene.as_deref())?.start(gpu, &|_| {})?;
+        return look(|failure| Watched::new(session, failure));
     }
     let (gpu, opened) = match &args.model {
         None => (gpu()?, None),
@@ -78,7 +81,7 @@ pub fn run(args: &Args) -> Result<()> {
                 model: path.clone(),
                 source: args.source.clone(),
                 iteration: args.iteration,
-                resolution: args.resolution.clone(),
+                resolution: args.resolution,
             };
             let wanted = ModelArgs { files, adapter: args.adapter.clone(), ..ModelArgs::default() };
             let (gpu, opened) = model(&wanted, gpu)?;
@@ -88,7 +91,7 @@ pub fn run(args: &Args) -> Result<()> {
             (gpu, Some(opened))
         }
     };
-    window(&gpu, opened)
+    window(&gpu, Opener::default(), opened)
 }
 
 /// Times frames that move from view to view.
@@ -112,15 +115,22 @@ fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
     Ok(())
 }
 
-/// Opens a window on a training, and trains until the window is closed.
-pub fn look(run: Watched) -> Result<()> {
+/// Opens a window on a training, which keeps its errors where `run` is told to, and trains until the window is closed.
+///
+/// # Errors
+/// No window can be opened, or what a training in it failed with.
+pub fn look(run: impl FnOnce(&Failure) -> Watched) -> Result<()> {
+    let opener = Opener::default();
+    let run = run(&opener.failure);
     let gpu = run.session().gpu().clone();
-    window(&gpu, Some(trained(run)))
+    window(&gpu, opener, Some(trained(run)))
 }
 
 /// Opens the window. A signal that stops the program closes it, so that a training in it is saved.
-fn window(gpu: &Arc<Gpu>, opened: Option<Opened>) -> Result<()> {
-    Ok(ibgs_viewer::run(gpu, Opener, opened, |closer| on_stop(move || closer.close()))?)
+fn window(gpu: &Arc<Gpu>, opener: Opener, opened: Option<Opened>) -> Result<()> {
+    let failure = opener.failure.clone();
+    ibgs_viewer::run(gpu, opener, opened, |closer| on_stop(move || closer.close()))?;
+    failure.outcome()
 }
 
 /// Fails early if there is no display for a window.
@@ -146,7 +156,17 @@ fn training(scene: Option<&Path>) -> Result<Plan> {
 }
 
 /// Opens what is dropped into the window or chosen on its start page.
-pub struct Opener;
+#[derive(Default)]
+pub struct Opener {
+    /// What a training in the window failed with.
+    failure: Failure,
+}
+
+impl Opener {
+    fn watched(&self, session: Session) -> Watched {
+        Watched::new(session, &self.failure)
+    }
+}
 
 impl Open for Opener {
     fn sentence(&self, error: &Error) -> String {
@@ -156,7 +176,7 @@ impl Open for Opener {
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
         let gpu = || Ok(gpu.clone());
         let path = match wanted {
-            Wanted::Demo => return Ok(trained(Watched::new(training(None)?.start(gpu, status)?))),
+            Wanted::Demo => return Ok(trained(self.watched(training(None)?.start(gpu, status)?))),
             Wanted::Path(path) => path,
         };
         if !path.exists() {
@@ -164,7 +184,7 @@ impl Open for Opener {
         }
         let is_model = path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
         if dataset::is_archive(path) || path.is_dir() && !is_model {
-            return Ok(trained(Watched::new(training(Some(path))?.start(gpu, status)?)));
+            return Ok(trained(self.watched(training(Some(path))?.start(gpu, status)?)));
         }
         status("opening the model");
         Ok(model(

@@ -1,5 +1,6 @@
 //! Other programs: run with what they print in a log, and ended when this one is to end.
 
+use crate::signals::Stopped;
 use anyhow::{Context, Result, bail};
 use std::collections::VecDeque;
 use std::ffi::{OsStr, OsString};
@@ -140,7 +141,7 @@ impl Tool {
         if self.stop.load(Ordering::Relaxed) {
             let _ = child.kill();
             let _ = child.wait();
-            bail!("stopped; the same command continues from here");
+            bail!(Stopped("stopped; the same command continues from here"));
         }
         Ok(())
     }

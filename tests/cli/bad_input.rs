@@ -82,8 +82,20 @@ fn options_that_make_no_sense() {
     train("--iterations 0", &["`iterations` is 0"]);
     train("--densify-interval 0", &["`densify.interval` is 0"]);
     train("--eval-split-every 1", &["eval-split-every", "at least 2"]);
-    train("-r abc", &["`--resolution`", "`abc`", "1, 2, 4 or 8"]);
-    train("-r 0", &["`--resolution`", "`0`"]);
+    // What no number can be is wrong use, for all options alike.
+    for (options, fragments) in [
+        ("-r abc", ["--resolution", "`abc`", "1, 2, 4 or 8"]),
+        ("-r 0", ["--resolution", "`0`", "1, 2, 4 or 8"]),
+        ("--resampler box", ["--resampler", "'box'", ""]),
+        ("--masks thing", ["--masks", "'thing'", ""]),
+        ("--densify much", ["--densify", "'much'", ""]),
+        ("--method 4dgs", ["--method", "'4dgs'", ""]),
+    ] {
+        let line = format!("train scene -m out {options}");
+        sandbox.fails_as(&mut sandbox.command(&line), &line, 2, &fragments);
+    }
+    // The width of the published code is a number too.
+    sandbox.fails("train nowhere -m out -r -1", &["nowhere"]);
     train("--max-resolution 0", &["max-resolution", "0"]);
     train("--config nowhere.toml", &["nowhere.toml"]);
     sandbox.write("bad.toml", "seed = 1\n[data]\nresolution = \"3\"");

@@ -29,7 +29,8 @@ fn an_interrupted_training_saves_and_evaluates() {
         std::thread::sleep(Duration::from_millis(50));
     }
     let outcome = Outcome::of_child(arguments, child);
-    outcome.assert_success();
+    // As shells have it: 128 and the signal's number.
+    outcome.assert_stopped(130);
     assert!(outcome.stderr.contains("stopped at iteration"), "{outcome}");
 
     let iterations = saved(&sandbox.path("model"));
@@ -45,7 +46,8 @@ fn an_interrupted_training_saves_and_evaluates() {
         assert!(folder.join("residual_network.safetensors").is_file(), "{iteration}");
     }
     let info = sandbox.succeeds("info model");
-    assert!(info.stdout.contains(&format!("latest iteration {last}")), "{info}");
+    assert!(info.stdout.contains(&format!("model of iteration {last} of 1000000")), "{info}");
+    assert!(info.stdout.contains("`ibgs train --resume -m model` continues from it"), "{info}");
     sandbox.succeeds("render model --outputs final");
 }
 
@@ -69,4 +71,27 @@ fn nobody_need_read_what_is_told() {
         assert_eq!(child.status.code(), Some(1), "{told}");
         assert!(told.starts_with("error: cannot write to standard output") && told.lines().count() == 1, "{told}");
     }
+}
+
+/// `nohup` has the end of the terminal ignored; SIGTERM still ends the training.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_ignored_end_of_the_terminal_stays_ignored() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let arguments = "train scene --method 3dgs --iterations 1000000 -m model --save-iterations 3";
+    let program = sandbox.command(arguments);
+    let mut command = Command::new("sh");
+    command.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
+    command.current_dir(program.get_current_dir().unwrap());
+    command.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let first = sandbox.path("model/point_cloud/iteration_3/point_cloud.ply");
+    wait_for(PATIENCE, || (first.is_file() || child.try_wait().unwrap().is_some()).then_some(()));
+    let send = |signal: &str| {
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    };
+    send("-HUP");
+    std::thread::sleep(Duration::from_millis(300));
+    send("-TERM");
+    Outcome::of_child(arguments, child).assert_stopped(143);
 }

@@ -52,6 +52,9 @@ fn the_report_holds_every_view_and_needs_nothing_else() {
     // Three plots, the measurements at iterations 7 and 30 as marks: base twice, final once.
     assert_eq!((html.matches("class=\"plot\"").count(), html.matches("<circle").count()), (3, 3));
     assert_eq!(html.matches("<polyline").count(), 4, "PSNR of base and photos, loss, Gaussians");
+    let verdict = html.split("<p class=\"verdict\">").nth(1).unwrap().split('<').next().unwrap();
+    assert!(verdict.starts_with("Final image ") && verdict.contains(" dB. Worst view: images/view_00"), "{verdict}");
+    assert!(html.find(verdict) < html.find("<table>") && html.contains("Command line</dt><dd>ibgs train scene "));
     for text in ["iterations = 30", "2 of 10 views", "LPIPS not computed", "Frames a second", "300"] {
         assert!(html.contains(text), "the report does not hold `{text}`");
     }

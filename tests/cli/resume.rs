@@ -24,10 +24,17 @@ fn begun(sandbox: &Sandbox, arguments: &str, after: u32) -> Child {
 }
 
 /// Ends a training with a signal once it has a checkpoint of a later iteration.
-fn killed(sandbox: &Sandbox, arguments: &str, signal: &str, after: u32) -> Outcome {
+pub fn killed(sandbox: &Sandbox, arguments: &str, signal: &str, after: u32) -> Outcome {
     let child = begun(sandbox, arguments, after);
     assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     Outcome::of_child(arguments, child)
+}
+
+/// Whether this process, and so its children, ignore the end of the terminal.
+fn ignores_hangup() -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    mask.is_some_and(|mask| mask & 1 == 1)
 }
 
 /// Iterations of the checkpoints, the latest last.
@@ -61,11 +68,18 @@ fn a_killed_training_goes_on_to_the_same_model() {
     if saved.exists() {
         fs::remove_dir_all(saved).unwrap();
     }
+    // One that was killed before its first checkpoint has not ended.
+    let config = sandbox.text("whole/config.toml");
+    sandbox.write("whole/config.toml", config.replace("iterations = 60\n", "iterations = 90\n"));
+    let words = ["no checkpoint to resume from", "iteration 60 of 90", "`--init", "`--overwrite`"];
+    sandbox.fails("train --resume -m whole", &words);
+    sandbox.write("whole/config.toml", config);
     sandbox.write("model/checkpoints/.ibgs-cut-off.tmp", "half a checkpoint");
     let before = files_in(&sandbox.path("model"));
     sandbox.run("train --resume").assert_failure(2, &["required arguments"]);
     sandbox.fails("train --resume -m nowhere", &["nowhere holds no checkpoint"]);
-    sandbox.fails("train --resume -m whole", &["the training in whole has ended", "60 iterations"]);
+    sandbox
+        .fails("train --resume -m whole", &["the training in whole has ended", "60 iterations", "nothing to resume"]);
     let words = ["model holds a training that stopped after iteration", "`--resume`"];
     sandbox.fails(&format!("{OPTIONS} -m model"), &words);
     sandbox.run("train --resume -m model --overwrite").assert_failure(2, &["--overwrite"]);
@@ -103,7 +117,7 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     let (sandbox, _) = Sandbox::with_scene();
     sandbox.write("run.toml", options(100_000));
     let outcome = killed(&sandbox, &format!("{OPTIONS} -m model --checkpoint-every 0.000001"), "-TERM", 0);
-    outcome.assert_success();
+    outcome.assert_stopped(143);
     assert!(outcome.stderr.contains("`ibgs train --resume -m model` continues from here"), "{outcome}");
     let found = checkpoints(&sandbox);
     let &[before, last] = &found[..] else { panic!("two stay, not {found:?}") };
@@ -111,8 +125,10 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     // The newest is cut off: the one before does. None without a whole one.
     let bytes = fs::read(checkpoint(&sandbox, last)).unwrap();
     fs::write(checkpoint(&sandbox, last), &bytes[..bytes.len() / 2]).unwrap();
-    let outcome = killed(&sandbox, "train --resume -m model --checkpoint-every 0.000001", "-HUP", last);
-    outcome.assert_success();
+    // A closed terminal, unless `nohup` runs the tests.
+    let (signal, code) = if ignores_hangup() { ("-INT", 130) } else { ("-HUP", 129) };
+    let outcome = killed(&sandbox, "train --resume -m model --checkpoint-every 0.000001", signal, last);
+    outcome.assert_stopped(code);
     assert!(outcome.stderr.contains(&format!("{last}.ibgs is damaged")), "{outcome}");
     assert!(outcome.stderr.contains("resuming from the one before"), "{outcome}");
     assert!(outcome.stderr.contains(&format!("resuming from iteration {before} of 100000")), "{outcome}");

@@ -86,7 +86,8 @@ fn a_suite_that_cannot_be_run_says_why() {
     assert!(sandbox.text("output/two/ibgs/scene.log").contains("transforms.json"), "{outcome}");
 }
 
-/// Ctrl-C, which a terminal sends to all processes.
+/// Ctrl-C, which a terminal sends to all processes, and SIGTERM for the suite alone: its processes end with it, and the same
+/// command goes on.
 #[cfg(unix)]
 #[test]
 fn a_stopped_suite_goes_on() {
@@ -95,20 +96,26 @@ fn a_stopped_suite_goes_on() {
     use std::process::{Command, Stdio};
     let (sandbox, _) = Sandbox::with_scene();
     sandbox.write("two.toml", CONFIG.replace("iterations = 4", "iterations = 40, save-iterations = [2]"));
-    let arguments = "suite two.toml";
-    let mut command = sandbox.command(arguments);
-    let mut suite = command.process_group(0).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let saved = sandbox.path("output/two/ibgs/scene/point_cloud/iteration_2/point_cloud.ply");
-    wait_for(PATIENCE, || (saved.is_file() || suite.try_wait().unwrap().is_some()).then_some(()));
-    let group = format!("-{}", suite.id());
-    assert!(Command::new("kill").args(["-INT", "--", &group]).status().unwrap().success());
-    let outcome = Outcome::of_child(arguments, suite);
-    outcome.assert_failure(1, &["stopped; the same command continues with what is left"]);
-    assert!(!sandbox.path("output/two/base alone/scene.log").exists(), "{outcome}");
-    assert!(!sandbox.text("output/two/ibgs/scene.log").contains("FPS"), "a stopped training is not measured yet");
-    let again = sandbox.succeeds(arguments);
-    assert!(!again.stdout.contains("Not measured yet"), "{again}");
-    assert!(sandbox.text("output/two/ibgs/scene.log").contains("resuming from iteration"), "{again}");
+    for (signal, to, code) in [("-INT", "-", 130), ("-TERM", "", 143)] {
+        let folder = format!("out{code}");
+        let arguments = &format!("suite two.toml -o {folder}");
+        let mut command = sandbox.command(arguments);
+        let mut suite = command.process_group(0).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let saved = sandbox.path(&format!("{folder}/ibgs/scene/point_cloud/iteration_2/point_cloud.ply"));
+        wait_for(PATIENCE, || (saved.is_file() || suite.try_wait().unwrap().is_some()).then_some(()));
+        let target = format!("{to}{}", suite.id());
+        assert!(Command::new("kill").args([signal, "--", &target]).status().unwrap().success());
+        let outcome = Outcome::of_child(arguments, suite);
+        outcome.assert_stopped(code);
+        assert!(outcome.stderr.contains("stopped; the same command continues with what is left"), "{outcome}");
+        assert!(!sandbox.path(&format!("{folder}/base alone/scene.log")).exists(), "{outcome}");
+        let log = sandbox.text(&format!("{folder}/ibgs/scene.log"));
+        assert!(log.contains("stopped at iteration") && !log.contains("FPS"), "not measured yet, but saved: {log}");
+        let again = sandbox.succeeds(arguments);
+        assert!(!again.stdout.contains("Not measured yet"), "{again}");
+        let log = sandbox.text(&format!("{folder}/ibgs/scene.log"));
+        assert!(log.contains("resuming from iteration"), "{again}\n{log}");
+    }
 }
 
 /// What is wanted later is measured without training again.

@@ -3,13 +3,18 @@
 use super::*;
 use crate::train_smoke::image_based::{dataset, staged};
 use egui_kittest::kittest::Queryable;
-use ibgs::commands::train::Watched;
+use ibgs::commands::train::{Failure, Watched};
 use ibgs_core::gpu::AdapterChoice;
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_train::{Session, Trainer};
 
 fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
+    training_with(gpu, folder, iterations, &Failure::default())
+}
+
+/// A training that keeps its errors.
+fn training_with(gpu: &Arc<Gpu>, folder: &Path, iterations: u32, failure: &Failure) -> Opened {
     let (dataset, mut config) = (dataset(), staged(iterations));
     config.residual.factor = 0.25;
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
@@ -19,7 +24,7 @@ fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
     let scene = surroundings(&dataset, folder);
     let lock = output.lock().unwrap();
     let session = Session::of(trainer, raster, dataset, config, Instant::now()).with_output(output, lock, None);
-    Opened { scene, content: Content::Training(Box::new(Watched::new(session))) }
+    Opened { scene, content: Content::Training(Box::new(Watched::new(session, failure))) }
 }
 
 fn iteration(viewer: &Viewer) -> u32 {
@@ -69,9 +74,11 @@ fn a_training_can_be_watched_paused_stepped_and_saved() {
 #[test]
 fn a_closed_window_leaves_a_saved_model() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(training(&gpu(), folder.path(), 10_000)));
+    let failure = Failure::default();
+    let mut window = window(Some(training_with(&gpu(), folder.path(), 10_000, &failure)));
     until(&mut window, "on its way", |viewer| iteration(viewer) >= 3);
     drop(window);
+    failure.outcome().unwrap();
     let output = OutputFolder::open(&folder.path().join("model")).unwrap();
     let latest = output.latest_iteration().unwrap().unwrap();
     assert!((3..10_000).contains(&latest), "{latest}");
@@ -83,12 +90,35 @@ fn a_lost_device_is_survived() {
     let folder = tempfile::tempdir().unwrap();
     // One of its own: the other tests need theirs.
     let own = Gpu::open(&AdapterChoice::Best).unwrap();
-    let mut window = window_on(&own, Some(training(&own, folder.path(), 10_000)), Vec2::new(500.0, 320.0));
+    let failure = Failure::default();
+    let opened = training_with(&own, folder.path(), 10_000, &failure);
+    let mut window = window_on(&own, Some(opened), Vec2::new(500.0, 320.0));
     until(&mut window, "on its way", |viewer| iteration(viewer) >= 3);
     own.device.destroy();
     until(&mut window, "told", |viewer| viewer.error().is_some_and(|error| error.contains("the model so far is in")));
     let error = window.state().error().unwrap().to_owned();
     assert!(!error.contains('\n') && error.contains("the GPU has failed"), "{error}");
+    // The program ends with it.
+    drop(window);
+    assert_eq!(failure.outcome().unwrap_err().to_string(), error);
+    failure.outcome().expect("once");
     let output = OutputFolder::open(&folder.path().join("model")).unwrap();
     assert!(output.latest_iteration().unwrap().is_some(), "{error}");
+}
+
+/// A folder that goes away while the window is open: what cannot be saved when it is closed ends the program as an error.
+#[test]
+fn what_fails_after_the_window_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let failure = Failure::default();
+    let mut window = window(Some(training_with(&gpu(), folder.path(), 10_000, &failure)));
+    until(&mut window, "on its way", |viewer| iteration(viewer) >= 3);
+    window.get_by_label("Pause").click();
+    until(&mut window, "paused", |viewer| !viewer.progress().unwrap().1);
+    let model = folder.path().join("model");
+    std::fs::remove_dir_all(&model).unwrap();
+    std::fs::write(&model, "a file").unwrap();
+    drop(window);
+    let error = failure.outcome().unwrap_err().to_string();
+    assert!(error.contains("choose another path"), "{error}");
 }

@@ -65,7 +65,8 @@ impl Pair {
 }
 
 /// PSNR and SSIM of an image against a photo of the same size. Pixels whose alpha is under one half do not count: the
-/// photo takes the image's value there, for the windows of those beside it.
+/// photo takes the image's value there, for the windows of those beside it. A photo that is masked as a whole
+/// ([`Photo::is_wholly_masked`]) equals every image: its score says nothing.
 ///
 /// # Panics
 /// When the sizes differ: a bug of ours.

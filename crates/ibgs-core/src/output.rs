@@ -267,11 +267,21 @@ impl OutputFolder {
     /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
     ///
     /// # Errors
-    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has no iteration.
+    /// As [`OutputFolder::iterations`].
     pub fn latest_iteration(&self) -> Result<Option<u32>, OutputError> {
+        Ok(self.iterations()?.last().copied())
+    }
+
+    /// Every N with a `point_cloud/iteration_N/point_cloud.ply`, in order.
+    ///
+    /// # Errors
+    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has no iteration.
+    pub fn iterations(&self) -> Result<Vec<u32>, OutputError> {
         let numbered = self.numbered("point_cloud", "iteration_", "")?;
         let saved = numbered.into_iter().filter(|(_, path)| path.join("point_cloud.ply").is_file());
-        Ok(saved.map(|(iteration, _)| iteration).max())
+        let mut iterations: Vec<u32> = saved.map(|(iteration, _)| iteration).collect();
+        iterations.sort_unstable();
+        Ok(iterations)
     }
 
     /// Writes what is known before training: `config.toml`, `cameras.json`, `split.json`, `input.ply`, and where photos of

@@ -17,12 +17,14 @@
 
 mod error;
 mod event;
+mod json_lines;
 mod keeper;
 mod saving;
 mod watch;
 
 pub use error::SessionError;
 pub use event::{Event, ExposureSummary, Observer, Summary};
+pub use json_lines::JsonLines;
 
 use crate::checkpoint::Checkpoint;
 use crate::{TrainError, Trainer};
@@ -53,6 +55,9 @@ struct Records {
     watch: Watch,
     log: TrainingLog,
     evaluations: Vec<Evaluation>,
+    /// The command lines that it was started and resumed with, where a program said so.
+    #[serde(default)]
+    commands: Vec<String>,
 }
 
 /// What is to be done after an iteration.
@@ -137,6 +142,12 @@ impl Session {
             Ok(records) => (self.before, self.records) = (records.watch.total(), records),
             Err(error) => self.lost_records = Some(error.to_string()),
         }
+        self
+    }
+
+    /// The same with the command line that started or resumed it, for its figures; after [`Session::with_records_of`].
+    pub fn with_command(mut self, command: String) -> Self {
+        self.records.commands.push(command);
         self
     }
 
@@ -277,6 +288,8 @@ impl Session {
             iterations: self.config.iterations,
             stage: watch::stage(self.trainer.schedule(), self.trainer.iteration().max(1)),
             loss: known.then_some(telemetry.stats.loss),
+            l1: known.then_some(telemetry.stats.l1),
+            ssim: known.then_some(telemetry.stats.ssim),
             psnr: known.then(|| telemetry.stats.psnr()),
             gaussians: self.trainer.splats().len(),
             seconds: self.records.watch.total().as_secs_f64(),

@@ -132,6 +132,7 @@ pub trait Training: Send {
     fn save(&mut self) -> Result<Option<PathBuf>>;
 
     /// Writes what is to be written at the end: called once, after the last iteration or when the window is closed before.
+    /// A closed window shows no error: who needs it keeps it.
     ///
     /// # Errors
     /// The device failed, or a file cannot be written.

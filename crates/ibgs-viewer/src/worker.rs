@@ -277,7 +277,7 @@ impl Thread {
         {
             log::info!("stopped at iteration {}: saving and measuring", training.progress().iteration);
             if let Err(error) = training.finish() {
-                log::error!("{}", self.opener.sentence(&error));
+                self.failed(&error);
             }
         }
         work.content = None;

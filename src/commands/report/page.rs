@@ -80,8 +80,11 @@ pub fn table(head: &[&str], rows: &[Vec<Cell>]) -> String {
     html + "</tbody>\n</table></div>\n"
 }
 
-/// Names and values, one row each.
+/// Names and values, one row each; nothing without any.
 pub fn list(rows: &[(String, String)]) -> String {
+    if rows.is_empty() {
+        return String::new();
+    }
     let rows = rows.iter().map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(value)));
     format!("<dl>\n{}</dl>\n", rows.collect::<String>())
 }

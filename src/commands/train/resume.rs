@@ -39,7 +39,20 @@ fn difference<'a>(a: &'a Table, b: &'a Table) -> Option<(String, Option<&'a Valu
 /// The newest intact checkpoint of a model folder; warns of each damaged one.
 fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
     let found = folder.checkpoints()?;
-    if let (true, Some(iteration)) = (found.is_empty(), folder.latest_iteration()?) {
+    let saved = folder.latest_iteration()?.filter(|_| found.is_empty());
+    // Killed before its first checkpoint, and after it was saved.
+    if let (Some(iteration), Ok(config)) = (saved, folder.read_config())
+        && iteration < config.iterations
+    {
+        bail!(
+            "{} has no checkpoint to resume from, only the model of iteration {iteration} of {}; train on from its Gaussians \
+             (`--init {}`), or anew (`--overwrite`)",
+            folder.root().display(),
+            config.iterations,
+            folder.point_cloud_path(iteration).display()
+        );
+    }
+    if let Some(iteration) = saved {
         bail!(
             "the training in {} has ended, its model has {iteration} iterations; there is nothing to resume",
             folder.root().display()

@@ -1,34 +1,41 @@
 //! A training on the terminal.
 
-use crate::commands::on_stop;
+use super::pace::Pace;
+use crate::advice;
+use crate::signals::on_stop;
 use crate::stderr;
 use anyhow::Result;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_train::Session;
-use ibgs_train::session::{Event, Observer, Summary};
+use ibgs_train::session::{Event, JsonLines, Observer, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::fs::File;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// Iterations between two reports beside the bar.
 const REPORT: u32 = 20;
 
-/// Trains to the end, or until Ctrl-C.
-pub fn train(mut session: Session) -> Result<()> {
+/// Trains to the end, or until Ctrl-C; with records for `log` where there is one.
+pub fn train(mut session: Session, log: Option<JsonLines<File>>) -> Result<()> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     on_stop(move || flag.store(true, Ordering::SeqCst));
     let progress = session.progress();
-    let mut terminal = Terminal { bar: bar(&progress), stop };
+    let pace = Pace::new(progress.iteration, Instant::now());
+    let mut terminal = Terminal { bar: bar(&progress), pace, log, stop };
     let outcome = session.run(&mut terminal);
     terminal.bar.finish_and_clear();
     Ok(outcome?)
 }
 
-/// Shows a training as a progress bar with messages above it.
+/// Shows a training as a progress bar with messages above it, or in lines where no terminal shows bars.
 struct Terminal {
     bar: ProgressBar,
+    pace: Pace,
+    log: Option<JsonLines<File>>,
     stop: Arc<AtomicBool>,
 }
 
@@ -39,10 +46,18 @@ impl Observer for Terminal {
         if let (true, Some(loss), Some(psnr)) = (iteration.is_multiple_of(REPORT), loss, psnr) {
             self.bar.set_message(format!("loss {loss:.4}  PSNR {psnr:5.2}  {gaussians} Gaussians"));
         }
+        if self.bar.is_hidden()
+            && let Some(line) = self.pace.line(progress, Instant::now())
+        {
+            stderr!("{line}");
+        }
+        // It never ends a training.
+        let _ = self.log.iteration(progress);
         if self.stop.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn event(&mut self, event: &Event) {
+        self.log.event(event);
         if matches!(event, Event::Stopped { .. } | Event::Finished(_)) {
             self.bar.finish_and_clear();
         }
@@ -55,7 +70,7 @@ pub fn print(event: &Event) {
     match event {
         // The bar pauses; the next event reports the result.
         Event::Measuring | Event::Saving => {}
-        event => stderr!("{event}"),
+        event => stderr!("{}", event.with_errors(&|error| advice::of(error))),
     }
     if let Event::Finished(Summary { resumable: Some(folder), .. }) = event {
         stderr!("`ibgs train --resume -m {}` continues from here", folder.display());

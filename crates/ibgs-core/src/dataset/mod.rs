@@ -55,6 +55,11 @@ pub struct Photo {
 }
 
 impl Photo {
+    /// Whether no pixel has an alpha of one half or more: nothing can be compared with it.
+    pub fn is_wholly_masked(&self) -> bool {
+        self.rgba.chunks_exact(4).all(|pixel| pixel[3] < 128)
+    }
+
     /// An object's photo as it looks over a background; opaque but where there is no photo.
     pub fn over(&self, background: [f32; 3]) -> Photo {
         let full = f32::from(u8::MAX - ALPHA_EMPTY);

@@ -12,6 +12,9 @@ use crate::render::{Frame, Renderer};
 use std::borrow::Cow;
 use std::sync::Arc;
 
+/// Most views that a sentence names.
+const NAMED: usize = 5;
+
 /// A view with the photo that figures compare with: the photo of an object lies over the run's background.
 pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
     match config.data.masks {
@@ -24,7 +27,8 @@ pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
 }
 
 /// Renders every held-out view and scores it, by a perceptual distance too where one is given; into the model folder where
-/// there is one. `report` is called with each.
+/// there is one. `report` is called with each; without scores where the photo is masked as a whole: such a view has none and
+/// enters no mean.
 ///
 /// # Errors
 /// Not enough memory, the device is lost, or a picture cannot be written.
@@ -34,14 +38,17 @@ pub fn score_test_views(
     config: &TrainConfig,
     into: Option<(&OutputFolder, u32)>,
     perceptual: Option<&dyn Perceptual>,
-    report: &mut dyn FnMut(&str, &ViewScores),
+    report: &mut dyn FnMut(&str, Option<&ViewScores>),
 ) -> Result<Scores, EvalError> {
     let mut scores = Scores::default();
     // Without a source it is the built-in scene.
     let is_demo = config.data.source.is_none();
     for view in dataset.test.iter().map(|&index| compared(&dataset.views[index], config)) {
         let view = &*view;
-        let (frame, scored) = score_view(renderer, view, perceptual)?;
+        let (frame, scored) = match view.photo.is_wholly_masked() {
+            true => (renderer.render(&view.camera)?, None),
+            false => score_view(renderer, view, perceptual).map(|(frame, scored)| (frame, Some(scored)))?,
+        };
         if let Some((folder, iteration)) = into {
             let place = Place { folder, split: Split::Test, iteration, name: &view.name };
             place.write_outputs(&frame, &Output::of(renderer))?;
@@ -50,7 +57,11 @@ pub fn score_test_views(
         if is_demo {
             scores.add_regions(&frame, view)?;
         }
-        report(&view.name, &scored);
+        report(&view.name, scored.as_ref());
+        let Some(scored) = scored else {
+            scores.masked.push(view.name.clone());
+            continue;
+        };
         let named = |Score { psnr, aligned_psnr, ssim, lpips }: Score| ViewScore {
             name: view.name.clone(),
             psnr,
@@ -71,6 +82,8 @@ pub struct Scores {
     pub base: Vec<ViewScore>,
     /// Of the final images; empty where the model has no network.
     pub image: Vec<ViewScore>,
+    /// Views that have no score, as their photos are masked as a whole.
+    pub masked: Vec<String>,
     /// Of the demo scene, whose objects are known: base and final image on its glossy and mirror-like objects, then
     /// elsewhere.
     pub regions: Option<[[Region; 2]; 2]>,
@@ -114,8 +127,24 @@ impl Scores {
         Some(format!("glossy and mirror-like objects: {}; elsewhere: {}", one(glossy), one(elsewhere)))
     }
 
+    /// `2 held-out views have no score, as their photos are masked as a whole: a.png, b.png`, where there are such.
+    pub fn masked_sentence(&self) -> Option<String> {
+        let names = self.masked.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+        let more = if self.masked.len() > NAMED { ", ..." } else { "" };
+        match self.masked.len() {
+            0 => None,
+            1 => Some(format!("a held-out view has no score, as its photo is masked as a whole: {names}")),
+            count => Some(format!(
+                "{count} held-out views have no score, as their photos are masked as a whole: {names}{more}"
+            )),
+        }
+    }
+
     /// `PSNR 29.9 dB, SSIM 0.84`, of the base image too where there is a final one.
     pub fn sentence(&self) -> String {
+        if self.base.is_empty() {
+            return "no score".to_owned();
+        }
         let one = |scores: &[ViewScore]| {
             let Score { psnr, ssim, .. } = means(scores);
             format!("PSNR {psnr:.3} dB, SSIM {ssim:.4}")

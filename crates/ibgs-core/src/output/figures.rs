@@ -122,6 +122,8 @@ pub struct Time {
     pub stages: BTreeMap<String, Stage>,
     /// The adapter.
     pub device: String,
+    /// The command lines that started and resumed it; empty where they were not recorded.
+    pub commands: Vec<String>,
 }
 
 /// F1 of a mesh at a threshold.

@@ -32,6 +32,10 @@ pub struct TrainingProgress {
     pub stage: &'static str,
     /// Mean loss of recent iterations; none where nothing has come back from the GPU yet.
     pub loss: Option<f32>,
+    /// The mean absolute error in it, of values in 0 to 1.
+    pub l1: Option<f32>,
+    /// The mean SSIM in it.
+    pub ssim: Option<f32>,
     /// Their mean PSNR against the training photos, in dB.
     pub psnr: Option<f32>,
     /// Number of Gaussians.

@@ -2,6 +2,7 @@
 
 use super::{SessionError, TrainingProgress};
 use ibgs_core::eval::scores::Scores;
+use std::error::Error;
 use std::fmt;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -23,6 +24,19 @@ pub trait Observer {
 }
 
 impl Observer for () {}
+
+/// Without one nothing is observed.
+impl<O: Observer> Observer for Option<O> {
+    fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
+        self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.iteration(progress))
+    }
+
+    fn event(&mut self, event: &Event) {
+        if let Some(observer) = self {
+            observer.event(event);
+        }
+    }
+}
 
 /// What happens beside the iterations of a training.
 #[derive(Debug)]
@@ -144,8 +158,13 @@ impl fmt::Display for Summary {
     }
 }
 
-impl fmt::Display for Event<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Event<'_> {
+    /// The event as a text in which `words` gives the sentence of an error: a program knows more about it than this library.
+    pub fn with_errors<'e>(&'e self, words: &'e dyn Fn(&(dyn Error + 'static)) -> String) -> impl fmt::Display + 'e {
+        fmt::from_fn(move |f| self.write(f, words))
+    }
+
+    fn write(&self, f: &mut fmt::Formatter<'_>, words: &dyn Fn(&(dyn Error + 'static)) -> String) -> fmt::Result {
         match self {
             Self::Measuring => f.write_str("measuring on the held-out views"),
             Self::Saving => f.write_str("saving"),
@@ -157,19 +176,18 @@ impl fmt::Display for Event<'_> {
                     scores.base.len(),
                     1e3 * iteration_time.as_secs_f64()
                 )?;
-                match scores.regions_sentence() {
-                    Some(regions) => write!(f, "\n   {regions}"),
-                    None => Ok(()),
-                }
+                let more = [scores.regions_sentence(), scores.masked_sentence()];
+                more.into_iter().flatten().try_for_each(|line| write!(f, "\n   {line}"))
             }
             Self::RolledBack { error, iteration, rates } => {
                 write!(
                     f,
-                    "warning: {error}; going back to iteration {iteration}, once, with {rates} times the learning rates"
+                    "warning: {}; going back to iteration {iteration}, once, with {rates} times the learning rates",
+                    words(*error)
                 )
             }
             Self::NoCheckpoint { error } => {
-                write!(f, "warning: {error}; the training continues without this checkpoint")
+                write!(f, "warning: {}; the training continues without this checkpoint", words(*error))
             }
             Self::NoRecords { error } => {
                 write!(f, "note: times and curves of the iterations before are lost ({error})")
@@ -178,7 +196,13 @@ impl fmt::Display for Event<'_> {
             Self::Overflowed => f.write_str(
                 "note: some iterations had more tile intersections than there was room for, and were left out",
             ),
-            Self::Finished(summary) => summary.fmt(f),
+            Self::Finished(summary) => fmt::Display::fmt(summary, f),
         }
+    }
+}
+
+impl fmt::Display for Event<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, &|error| ibgs_core::sentence(error))
     }
 }

@@ -190,6 +190,7 @@ impl Session {
             "iterations": self.trainer.iteration(),
             "stages": self.records.watch.json(),
             "device": self.raster.gpu().describe(),
+            "commands": self.records.commands,
         });
         Ok(folder.write_result(self.trainer.iteration(), TIME_FILE, time)?)
     }

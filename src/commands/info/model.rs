@@ -1,0 +1,188 @@
+//! What `ibgs info` says of a model folder or a bundle.
+
+use crate::commands::report::{duration, megabytes};
+use crate::stdout;
+use anyhow::Result;
+use glam::DVec3;
+use ibgs_core::config::{Method, TrainConfig};
+use ibgs_core::local_space::Length;
+use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::output::cameras::Split;
+use ibgs_core::output::figures::{Figures, Means};
+use std::collections::BTreeMap;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// Names and values, one line each; a name is empty where a value has more lines.
+type Rows = Vec<(&'static str, String)>;
+
+/// Prints what a model is, how it was trained, and what was measured.
+pub fn show(path: &Path) -> Result<()> {
+    let model = Model::open(path, &ModelOptions::default())?;
+    let figures = Figures::read(&model.folder, model.iteration)?;
+    let kind = if model.bundle_bytes.is_some() { "bundle" } else { "model" };
+    stdout!("{}: {kind} of iteration {} of {}", path.display(), model.iteration, model.config.iterations);
+    let rows = [contents(&model)?, measured(&figures), files(&model)?, options(&model.config)?].concat();
+    let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
+    rows.iter().for_each(|(name, value)| stdout!("   {name:<width$}   {value}"));
+    Ok(())
+}
+
+/// The model itself.
+fn contents(model: &Model) -> Result<Rows> {
+    let config = &model.config;
+    let mut rows = Rows::new();
+    rows.push((
+        "method",
+        match (config.method, &model.network) {
+            (Method::Ibgs, Some(_)) => "ibgs: Gaussians, and a residual from neighbouring photos".to_owned(),
+            (Method::Ibgs, None) => "ibgs, without a residual at this iteration".to_owned(),
+            (Method::Gs3, _) => "3dgs: Gaussians alone".to_owned(),
+        },
+    ));
+    let scene = match (&config.data.source, model.is_demo()) {
+        (Some(path), _) => path.display().to_string(),
+        (None, true) => "the built-in demo scene".to_owned(),
+        (None, false) => "not named; other programs' models need `--source`".to_owned(),
+    };
+    rows.push(("scene", scene));
+    let held_out = model.cameras.iter().filter(|record| record.split == Some(Split::Test)).count();
+    let (all, training) = (model.cameras.len(), model.cameras.len() - held_out);
+    let size = match model.cameras.first() {
+        Some(record) => format!("; the first {} x {} pixels", record.camera.width, record.camera.height),
+        None => String::new(),
+    };
+    rows.push(("views", format!("{all}: {training} for training, {held_out} held out{size}")));
+    let place = if model.bundle_bytes.is_some() { "in the bundle" } else { "in the scene" };
+    rows.push(("photos", format!("those of the {training} training views are {place}")));
+    let gaussians = &model.gaussians;
+    rows.push(("Gaussians", format!("{}, spherical harmonics of degree {}", gaussians.len(), gaussians.sh_degree)));
+    let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
+    let (low, high) = gaussians.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);
+    let axis = |(i, name): (usize, &str)| format!("{name} {} to {}", Length(low[i]), Length(high[i]));
+    if !gaussians.is_empty() {
+        rows.push(("place", ["x", "y", "z"].into_iter().enumerate().map(axis).collect::<Vec<_>>().join(", ")));
+    }
+    let weights = |network: &Vec<f32>| format!("{} weights", network.len());
+    rows.push(("network", model.network.as_ref().map_or_else(|| "none".to_owned(), weights)));
+    let exposure = match model.exposure_field()? {
+        Some(field) => format!("corrected; the photos differ by {:.1} %", 100.0 * field.spread()),
+        None => "not corrected".to_owned(),
+    };
+    rows.push(("exposure", exposure));
+    Ok(rows)
+}
+
+/// Scores, speed and time, as far as they are known.
+fn measured(figures: &Figures) -> Rows {
+    let mut rows = Rows::new();
+    let line = |means: &Means| {
+        let part = |name: &str, value: Option<f64>, digits: usize, unit: &str| {
+            value.map(|value| format!("{name} {value:.digits$}{unit}"))
+        };
+        let parts =
+            [part("PSNR", means.psnr, 3, " dB"), part("SSIM", means.ssim, 4, ""), part("LPIPS", means.lpips, 4, "")];
+        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+    };
+    let scores = [("final image", &figures.image), ("base image", &figures.base)];
+    rows.extend(scores.into_iter().filter_map(|(name, scores)| Some((name, line(&scores.as_ref()?.means)))));
+    if rows.is_empty() {
+        rows.push(("scores", "not measured; `ibgs eval` does where views were held out".to_owned()));
+    }
+    if let Some(speed) = &figures.speed {
+        let fps = speed.fps_cold.or(speed.fps_warm).map(|fps| format!("{fps:.1} frames a second on {}", speed.device));
+        rows.extend(fps.map(|fps| ("speed", fps)));
+    }
+    if let Some(f_score) = figures.mesh.as_ref().and_then(|mesh| mesh.f_scores.first()) {
+        rows.push(("mesh", format!("F1 {:.4} at {}", f_score.f1, Length(f_score.threshold))));
+    }
+    if let Some(time) = &figures.time {
+        let seconds = time.seconds.map(|seconds| format!("{} on {}", duration(seconds), time.device));
+        rows.extend(seconds.map(|seconds| ("training", seconds)));
+        let names = std::iter::once("command").chain(std::iter::repeat(""));
+        rows.extend(names.zip(time.commands.iter().cloned()));
+    }
+    rows
+}
+
+/// What lies on the disk.
+fn files(model: &Model) -> Result<Rows> {
+    if let Some(bytes) = model.bundle_bytes {
+        return Ok(vec![("file", megabytes(bytes))]);
+    }
+    let (folder, iteration) = (&model.folder, model.iteration);
+    let mut rows = Rows::new();
+    let saved: Vec<String> = folder.iterations()?.iter().map(u32::to_string).collect();
+    rows.push(("saved", format!("iterations {}", saved.join(", "))));
+    let size = |path: &Path| path.metadata().map_or(0, |file| file.len());
+    let mut parts = vec![format!("point cloud {}", megabytes(size(&folder.point_cloud_path(iteration))))];
+    if model.network_bytes > 0 {
+        parts.push(format!("network {}", megabytes(model.network_bytes)));
+    }
+    parts.push(format!("whole folder {}", megabytes(folder_bytes(folder.root()))));
+    rows.push(("files", parts.join(", ")));
+    if let Some((iteration, _)) = folder.checkpoints()?.first() {
+        let command = format!("`ibgs train --resume -m {}`", folder.root().display());
+        rows.push(("stopped", format!("there is a checkpoint of iteration {iteration}; {command} continues from it")));
+    }
+    Ok(rows)
+}
+
+/// Bytes of all files below a folder; what cannot be read counts nothing.
+fn folder_bytes(path: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(path) else { return 0 };
+    // A link is not followed: it may lead back.
+    let bytes = |entry: std::fs::DirEntry| match entry.file_type() {
+        Ok(kind) if kind.is_dir() => folder_bytes(&entry.path()),
+        Ok(kind) if kind.is_file() => entry.metadata().map_or(0, |file| file.len()),
+        _ => 0,
+    };
+    entries.flatten().map(bytes).sum()
+}
+
+/// The options that differ from the defaults, by their names in the options file.
+fn options(config: &TrainConfig) -> Result<Rows> {
+    let leaves = |config: &TrainConfig| -> Result<BTreeMap<String, Value>> {
+        let mut leaves = BTreeMap::new();
+        flatten("", Table::try_from(config)?, &mut leaves);
+        Ok(leaves)
+    };
+    let usual = leaves(&TrainConfig::default())?;
+    let changed = leaves(config)?.into_iter().filter(|(name, value)| usual.get(name) != Some(value));
+    // Where the scene lies is no choice.
+    let changed = changed.filter(|(name, _)| name != "data.source");
+    let lines: Vec<String> = changed.map(|(name, value)| format!("{name} = {value}")).collect();
+    if lines.is_empty() {
+        return Ok(vec![("options", "all at their defaults".to_owned())]);
+    }
+    Ok(std::iter::once("options").chain(std::iter::repeat("")).zip(lines).collect())
+}
+
+fn flatten(prefix: &str, table: Table, into: &mut BTreeMap<String, Value>) {
+    for (name, value) in table {
+        match value {
+            Value::Table(inner) => flatten(&format!("{prefix}{name}."), inner, into),
+            value => {
+                into.insert(format!("{prefix}{name}"), value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_those_that_differ() {
+        let mut config = TrainConfig::default();
+        assert_eq!(options(&config).unwrap(), [("options", "all at their defaults".to_owned())]);
+        config.data.source = Some("scene".into());
+        config.iterations = 7;
+        config.densify.growth.screen_size = 0.25;
+        config.sh_degree = Some(1);
+        let expected =
+            [("options", "densify.growth.screen-size = 0.25"), ("", "iterations = 7"), ("", "sh-degree = 1")];
+        assert_eq!(options(&config).unwrap(), expected.map(|(name, value)| (name, value.to_owned())));
+    }
+}
