@@ -177,9 +177,9 @@ fn wrong_usage_ends_with_2() {
     wrong("train scene --method other", &["other", "--method"]);
     wrong("train scene -s scene", &["cannot be used with"]);
     wrong("train scene --principal-point middle", &["middle"]);
-    wrong("train scene --alpha half", &["--alpha", "`half`", "`mask` or `composite`"]);
-    wrong("train scene --masks thing", &["--masks", "`thing`", "`ignore` or `object`"]);
-    wrong("train scene --color-space xyz", &["--color-space", "`xyz`", "`srgb` or `linear`"]);
+    wrong("train scene --alpha half", &["--alpha", "'half'", "mask, composite"]);
+    wrong("train scene --masks thing", &["--masks", "'thing'", "ignore, object"]);
+    wrong("train scene --color-space xyz", &["--color-space", "'xyz'", "srgb, linear"]);
     wrong("train scene --seed 1.5", &["1.5"]);
     wrong("render", &["required"]);
     wrong("train scene --source-memory much", &["much", "512MiB"]);
