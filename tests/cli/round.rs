@@ -155,7 +155,7 @@ fn render(sandbox: &Sandbox) {
         fs::remove_file(sandbox.path(&format!("model/test/ours_30/{kind}/images/view_000.png"))).unwrap();
     }
     let outcome = sandbox.succeeds("render model");
-    assert!(outcome.stderr.contains("rendering 2 held-out views of 10: final, base"), "{outcome}");
+    assert!(outcome.stderr.contains("rendering 2 held-out views of 10: base, final"), "{outcome}");
     assert!(outcome.stderr.contains("2 views in model/test/ours_30"), "{outcome}");
     assert!(snapshot(&sandbox.path("model")) == before, "the pictures differ from those of the evaluation");
     sandbox.succeeds("render model --views train");

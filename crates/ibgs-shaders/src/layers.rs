@@ -120,14 +120,6 @@ pub const UNET: &[Layer] = &[ENC1, ENC2, ENC3, UP2, DEC2, UP1, DEC1, FUSE, FINAL
 /// Length of the flat weight vector.
 pub const WEIGHTS: usize = CONFIDENCE.end();
 
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn as_many_parameters_as_published() {
-        assert_eq!(super::FINAL.end(), 66_095);
-    }
-}
-
 /// Columns of the tile of a workgroup of `residual_conv`, and rows of one of its row groups.
 pub const CONV_TILE: [u32; 2] = [32, 8];
 /// Outputs that a thread of `residual_conv` owns.
@@ -138,3 +130,11 @@ pub const HALF_CONV_ROWS: u32 = 4 * HALF_SUBGROUPS;
 pub const HALF_SUBGROUPS: u32 = 4;
 /// Rows of a tile of `half_conv_weights`.
 pub const HALF_WEIGHTS_ROWS: u32 = 4;
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn as_many_parameters_as_published() {
+        assert_eq!(super::FINAL.end(), 66_095);
+    }
+}

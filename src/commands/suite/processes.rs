@@ -45,9 +45,8 @@ impl Processes {
             let mut state = self.state();
             // Its number is its own until it is waited for, and that is done under the lock.
             let at = state.running.iter().position(|child| child.id() == id).expect("only this call removes it");
-            if let Some(status) = state.running[at].try_wait()? {
-                state.running.swap_remove(at);
-                return Ok(Some(status));
+            if state.running[at].try_wait()?.is_some() {
+                return state.running.swap_remove(at).wait().map(Some);
             }
         }
     }
