@@ -235,7 +235,6 @@ impl Outcome {
     }
 
     /// Asserts an end by a signal: its exit code, and no error.
-    #[cfg(unix)]
     #[track_caller]
     fn assert_stopped(&self, code: i32) {
         assert_eq!(self.code, Some(code), "{self}");

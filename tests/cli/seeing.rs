@@ -4,10 +4,12 @@ use super::Sandbox;
 use serde_json::Value;
 use std::fs;
 
+#[cfg(unix)]
 fn records(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))).collect()
 }
 
+#[cfg(unix)]
 fn of<'a>(records: &'a [Value], event: &str) -> Vec<&'a Value> {
     records.iter().filter(|record| record["event"] == event).collect()
 }
@@ -15,13 +17,12 @@ fn of<'a>(records: &'a [Value], event: &str) -> Vec<&'a Value> {
 #[test]
 fn a_training_tells_how_far_it_is_where_no_bar_shows() {
     let (sandbox, told) = Sandbox::with_trained();
-    // A twentieth of 30 iterations, rounded up.
-    for line in ["iteration 2 of 30 (6 %): 300 Gaussians, ", "iteration 28 of 30 (93 %): "] {
-        assert!(told.contains(line), "`{line}` is not in\n{told}");
-    }
-    assert!(!told.contains("iteration 30 of 30"), "{told}");
-    let counted = told.lines().filter(|line| line.starts_with("iteration ") && line.ends_with(" left")).count();
-    assert!((10..=14).contains(&counted), "{counted} lines\n{told}");
+    let is_progress = |line: &&str| line.starts_with("iteration ") && line.ends_with(" left");
+    let lines: Vec<&str> = told.lines().filter(is_progress).collect();
+    // Every second iteration is a twentieth, rounded up; on a slow machine half a minute is less.
+    assert!((10..30).contains(&lines.len()), "{told}");
+    assert!(lines.iter().all(|line| line.contains(" of 30 (") && line.contains(" Gaussians, ")), "{told}");
+    assert!(!told.contains("iteration 30 of 30"), "the end has its own report: {told}");
     assert!(!sandbox.path("log.jsonl").exists());
 }
 
@@ -114,6 +115,6 @@ fn drivers_tell_nothing_of_a_desktop_that_is_not_there() {
         }
         let outcome = super::Outcome::of(arguments, &mut command);
         outcome.assert_success();
-        assert!(outcome.stderr.lines().all(|line| line.starts_with("adapter: ")), "{outcome}");
+        assert!(!outcome.stderr.contains("XDG_RUNTIME_DIR"), "{outcome}");
     }
 }

@@ -22,7 +22,7 @@ pub fn show(path: &Path) -> Result<()> {
     let figures = Figures::read(&model.folder, model.iteration)?;
     let kind = if model.bundle_bytes.is_some() { "bundle" } else { "model" };
     stdout!("{}: {kind} of iteration {} of {}", path.display(), model.iteration, model.config.iterations);
-    let rows = [contents(&model)?, measured(&figures), files(&model)?, options(&model.config)?].concat();
+    let rows = [contents(&model)?, measured(&figures), files(&model)?, options(&trained_with(&model)?)?].concat();
     let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     rows.iter().for_each(|(name, value)| stdout!("   {name:<width$}   {value}"));
     Ok(())
@@ -138,6 +138,16 @@ fn folder_bytes(path: &Path) -> u64 {
         _ => 0,
     };
     entries.flatten().map(bytes).sum()
+}
+
+/// The options of its training. A model that is opened has the precision that it is opened with, which says nothing here.
+fn trained_with(model: &Model) -> Result<TrainConfig> {
+    if model.bundle_bytes.is_none() && model.folder.config_path().is_file() {
+        return Ok(model.folder.read_config()?);
+    }
+    let mut config = model.config.clone();
+    config.residual.precision = TrainConfig::default().residual.precision;
+    Ok(config)
 }
 
 /// The options that differ from the defaults, by their names in the options file.
