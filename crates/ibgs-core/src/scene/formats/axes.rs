@@ -20,7 +20,8 @@ pub(super) fn turned(gaussians: &Gaussians, signs: [f32; 3]) -> Gaussians {
 pub(super) fn turn(gaussians: &mut Gaussians, signs: [f32; 3]) {
     let [x, y, z] = signs;
     let vector = |v: &mut [f32; 3]| *v = [x * v[0], y * v[1], z * v[2]];
-    gaussians.space.origin *= glam::DVec3::from(signs.map(f64::from));
+    // Adding 0 turns -0 into +0.
+    gaussians.space.origin = gaussians.space.origin * glam::DVec3::from(signs.map(f64::from)) + glam::DVec3::ZERO;
     gaussians.means.iter_mut().for_each(vector);
     gaussians.normals.iter_mut().for_each(vector);
     for q in &mut gaussians.rotations {

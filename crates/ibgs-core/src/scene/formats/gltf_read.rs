@@ -145,8 +145,6 @@ fn append(all: &mut Gaussians, part: Gaussians) {
     all.log_scales.extend(part.log_scales);
     all.opacity_logits.extend(part.opacity_logits);
     all.sh.extend(part.sh);
-    all.normals.extend(part.normals);
-    all.offsets.extend(part.offsets);
 }
 
 struct File<'a> {
@@ -202,8 +200,6 @@ impl File<'_> {
                 row[3 * coefficient..3 * coefficient + 3].copy_from_slice(rgb);
             }
         }
-        g.normals = vec![[0.0, 0.0, 1.0]; count];
-        g.offsets = vec![0.0; count];
         Ok(g)
     }
 
@@ -256,8 +252,11 @@ fn check_extension(extension: &Value) -> Result<(), String> {
     }
 }
 
+/// The number in the bytes of a component.
+type Number = fn(&[u8]) -> f32;
+
 /// Bytes of a component, and how it becomes a number.
-fn component(accessor: &Accessor) -> Option<(usize, fn(&[u8]) -> f32)> {
+fn component(accessor: &Accessor) -> Option<(usize, Number)> {
     Some(match (accessor.component_type, accessor.normalized) {
         (FLOAT, _) => (4, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
         (5120, true) => (1, |b| (f32::from(b[0] as i8) / 127.0).max(-1.0)),

@@ -136,6 +136,9 @@ impl fmt::Display for Loss {
     }
 }
 
+/// Writes a file's bytes.
+type Writer<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
+
 /// Writes Gaussians in a format, in scene units, in one atomic step. [`Format::Ply`] has all fields ([`PlyFlavor::Full`]).
 ///
 /// # Errors
@@ -152,7 +155,7 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
     }
     let place = LocalSpace::at(gaussians.space.file_offset().unwrap_or_default());
     let gaussians = gaussians.in_space(place);
-    let write: Box<dyn Fn(&mut dyn Write) -> io::Result<()>> = match format {
+    let write: Writer = match format {
         Format::Ply | Format::CompressedPly => Box::new(|out| compressed_ply::write(&gaussians, out)),
         Format::Splat => Box::new(|out| splat::write(&gaussians, out)),
         Format::Spz => {
@@ -224,5 +227,9 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
         Format::Sog => sog_read::read(&bytes),
     };
     let bad = |reason| SceneError::BadFile { path: path.to_owned(), format: format.ending(), reason };
-    finite::only(gaussians.map_err(bad)?, path)
+    let mut gaussians = gaussians.map_err(bad)?;
+    // None of these formats has planes.
+    gaussians.normals = vec![[0.0, 0.0, 1.0]; gaussians.len()];
+    gaussians.offsets = vec![0.0; gaussians.len()];
+    finite::only(gaussians, path)
 }

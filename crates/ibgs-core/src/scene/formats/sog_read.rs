@@ -84,8 +84,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
     rotations(&mut archive, &meta, &mut g)?;
     scales(&mut archive, &meta, &mut g)?;
     colors(&mut archive, &meta, &mut g)?;
-    g.normals = vec![[0.0, 0.0, 1.0]; meta.count];
-    g.offsets = vec![0.0; meta.count];
     Ok(g)
 }
 

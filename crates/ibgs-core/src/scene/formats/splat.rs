@@ -68,7 +68,5 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
         let rotation = [28, 29, 30, 31].map(|at| (f32::from(row[at]) - 128.0) / 128.0);
         g.rotations.push(quantise::unit_quaternion(rotation).map(|v| v as f32));
     }
-    g.normals = vec![[0.0, 0.0, 1.0]; count];
-    g.offsets = vec![0.0; count];
     Ok(g)
 }

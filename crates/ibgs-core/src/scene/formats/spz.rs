@@ -156,10 +156,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
         return Err(format!("it promises {} Gaussians, more than its {} bytes can hold", header.count, bytes.len()));
     }
     let mut data = Vec::new();
-    gzip.take(needed).read_to_end(&mut data).map_err(damaged)?;
+    gzip.by_ref().take(needed).read_to_end(&mut data).map_err(damaged)?;
     if (data.len() as u64) < needed {
         return Err(format!("it is truncated: it promises {} Gaussians and ends before", header.count));
     }
+    // Extensions may follow. The checksum behind them shows damage.
+    io::copy(&mut gzip.take(SMALL), &mut io::sink()).map_err(damaged)?;
     let mut gaussians = unpack(&header, &data);
     axes::turn(&mut gaussians, axes::RUB);
     Ok(gaussians)
@@ -189,8 +191,6 @@ fn unpack(header: &Header, data: &[u8]) -> Gaussians {
         g.sh.extend(color.iter().map(|&v| ((f64::from(v) / 255.0 - 0.5) / COLOR_SCALE) as f32));
         g.sh.extend(harmonics[higher * index..higher * (index + 1)].iter().map(|&v| (f32::from(v) - 128.0) / 128.0));
     }
-    g.normals = vec![[0.0, 0.0, 1.0]; header.count];
-    g.offsets = vec![0.0; header.count];
     g
 }
 

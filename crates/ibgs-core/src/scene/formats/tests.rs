@@ -39,6 +39,7 @@ fn round_trip(g: &Gaussians, format: Format) -> Gaussians {
     let back = read_gaussians(&path).unwrap();
     back.validate().unwrap();
     assert_eq!(back.len(), g.len());
+    assert!(back.normals.iter().all(|&normal| normal == [0.0, 0.0, 1.0]), "what has no plane says so");
     back
 }
 
