@@ -57,6 +57,7 @@ survive!(
     colmap_text,
     transforms_json,
     ply,
+    gaussians,
     camera_path,
     bundle,
     checkpoint,

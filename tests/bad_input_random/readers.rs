@@ -25,11 +25,12 @@ use tempfile::TempDir;
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// All readers.
-pub const READERS: [Reader; 13] = [
+pub const READERS: [Reader; 14] = [
     ("colmap_binary", colmap_binary),
     ("colmap_text", colmap_text),
     ("transforms_json", transforms_json),
     ("ply", ply),
+    ("gaussians", gaussians),
     ("camera_path", camera_path),
     ("bundle", bundle),
     ("checkpoint", checkpoint),
@@ -149,6 +150,13 @@ pub fn ply(bytes: &[u8]) -> bool {
     let gaussians = accepted(read, "some.ply", |gaussians| check_gaussians(&gaussians));
     let read = dataset::parse_points_ply(path, bytes);
     accepted(read, "some.ply", |points| assert!(points.len() <= bytes.len())) || gaussians
+}
+
+/// A file of Gaussians of any format; where the first byte is odd, by the name of one without a mark.
+pub fn gaussians(bytes: &[u8]) -> bool {
+    let Some((name, bytes)) = choice(bytes, ["some.gaussians", "some.splat"]) else { return false };
+    let read = scene::read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name));
+    accepted(read, name, |gaussians| check_gaussians(&gaussians))
 }
 
 /// A camera path, its frames and its keyframes.
