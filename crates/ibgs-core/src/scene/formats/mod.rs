@@ -1,7 +1,7 @@
 //! Files of Gaussians that other programs read and write: one module a format, with its reader and its writer.
 //!
 //! Gaussians in memory have the axes of 3DGS: x to the right, y down, z forward ("RDF"). Each module says which axes its
-//! files have ([`axes`] changes the signs), how colours, opacities, scales and quaternions are kept, and in how many bits.
+//! files have (`axes` changes the signs), how colours, opacities, scales and quaternions are kept, and in how many bits.
 
 mod axes;
 pub(super) mod compressed_ply;
