@@ -43,7 +43,7 @@ enum Command {
     Mesh(Box<commands::mesh::Args>),
     /// Write a trained model as one file.
     Export(commands::export::Args),
-    /// Show what a scene, a model or a PLY file holds; without a path: the adapters of this machine.
+    /// Show what a scene, a model or a file of Gaussians holds; without a path: the adapters of this machine.
     Info(commands::info::Args),
     /// Time every stage on this machine.
     Bench(commands::bench::Args),

@@ -58,6 +58,7 @@ survive!(
     transforms_json,
     reality_capture,
     ply,
+    gaussians,
     camera_path,
     bundle,
     checkpoint,

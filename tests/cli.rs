@@ -8,6 +8,7 @@ mod bench;
 mod bundle;
 mod compare;
 mod docs;
+mod formats;
 mod image_based;
 mod inputs;
 mod install;

@@ -1,6 +1,7 @@
 //! Gaussians on the host: start from points, PLY files, output folder. Needs no GPU.
 
 mod bundle;
+mod formats;
 mod offset;
 mod output;
 mod ply_damage;

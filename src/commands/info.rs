@@ -11,13 +11,14 @@ use ibgs_core::gpu::lacking;
 use ibgs_core::gpu::list_adapters;
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;
-use ibgs_core::scene::{Gaussians, read_ply};
+use ibgs_core::scene::{Gaussians, is_gaussians, read_gaussians};
 use std::path::{Path, PathBuf};
 
 /// Options of `ibgs info`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene folder, model folder, `.ibgs` bundle or PLY file [default: list the adapters of this machine].
+    /// Scene folder, model folder, `.ibgs` bundle or file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG) [default: list the
+    /// adapters of this machine].
     path: Option<PathBuf>,
 }
 
@@ -26,8 +27,9 @@ pub fn run(args: &Args) -> Result<()> {
     match &args.path {
         None => adapters(),
         Some(path) if !path.exists() => bail!("{} does not exist; check the path", path.display()),
-        Some(path) if path.extension().is_some_and(|e| e == "ply") => model_file(path),
-        Some(path) if is_bundle(path) || path.join("point_cloud").is_dir() => model::show(path),
+        Some(path) if is_bundle(path) => model::show(path),
+        Some(path) if !dataset::is_archive(path) && is_gaussians(path) => model_file(path),
+        Some(path) if path.join("point_cloud").is_dir() => model::show(path),
         Some(path) => scene(path),
     }
 }
@@ -67,11 +69,15 @@ fn adapters() -> Result<()> {
 }
 
 fn model_file(path: &Path) -> Result<()> {
-    gaussians(path, &read_ply(path)?);
+    gaussians(path, &read_gaussians(path)?);
     Ok(())
 }
 
 fn gaussians(path: &Path, g: &Gaussians) {
+    if g.is_empty() {
+        stdout!("{}: no Gaussians; the file is empty", path.display());
+        return;
+    }
     stdout!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
     let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
     let (low, high) = g.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);

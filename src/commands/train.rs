@@ -160,7 +160,8 @@ pub struct Args {
     )]
     checkpoint_every: f64,
 
-    /// Start from the Gaussians of a PLY file of this scene; train surface and residual, without densification.
+    /// Start from a file of Gaussians of this scene (PLY, SPZ, `.splat`, GLB, SOG); train surface and residual, without
+    /// densification.
     #[arg(long, help_heading = heading::GAUSSIANS)]
     init: Option<PathBuf>,
     /// Largest number of Gaussians [default: one per 45 pixels of the training photos, from 200000 to 3000000;

@@ -20,7 +20,7 @@ use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
-use ibgs_core::scene::{Gaussians, Splats, read_ply};
+use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_train::Session;
 use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
 use std::collections::HashMap;
@@ -41,7 +41,7 @@ Example:
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Model folder, `.ibgs` bundle or PLY file [default: a start page].
+    /// Model folder, `.ibgs` bundle or file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG) [default: a start page].
     model: Option<PathBuf>,
     /// Train in the window, on a scene folder or else on the built-in demo scene; `ibgs train --with-viewer` has all
     /// options of a training.
@@ -208,7 +208,7 @@ fn trained(run: Watched) -> Opened {
     Opened { scene, content: Content::Training(Box::new(run) as Box<dyn Training>) }
 }
 
-/// Opens a model folder, a bundle or a PLY file.
+/// Opens a model folder, a bundle or a file of Gaussians.
 fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
     let path = &args.files.model;
     let title = path.display().to_string();
@@ -245,13 +245,9 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
     Ok((gpu, Opened { scene, content }))
 }
 
-/// Opens the Gaussians of a PLY file.
+/// Opens a file of Gaussians.
 fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
-    let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
-    if !is_ply && path.exists() {
-        bail!("{title} is neither a model folder, an .ibgs bundle, a PLY file nor a scene folder");
-    }
-    let gaussians = read_ply(path)?;
+    let gaussians = read_gaussians(path)?;
     // Without cameras the Gaussians give the scale.
     let space = LocalSpace::of_points(gaussians.positions()).unwrap_or(gaussians.space);
     let gaussians = gaussians.into_space(space);

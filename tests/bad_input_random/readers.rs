@@ -31,6 +31,7 @@ pub const READERS: [Reader; 14] = [
     ("transforms_json", transforms_json),
     ("reality_capture", reality_capture),
     ("ply", ply),
+    ("gaussians", gaussians),
     ("camera_path", camera_path),
     ("bundle", bundle),
     ("checkpoint", checkpoint),
@@ -156,6 +157,13 @@ pub fn ply(bytes: &[u8]) -> bool {
     let gaussians = accepted(read, "some.ply", |gaussians| check_gaussians(&gaussians));
     let read = dataset::parse_points_ply(path, bytes);
     accepted(read, "some.ply", |points| assert!(points.len() <= bytes.len())) || gaussians
+}
+
+/// A file of Gaussians of any format; where the first byte is odd, by the name of one without a mark.
+pub fn gaussians(bytes: &[u8]) -> bool {
+    let Some((name, bytes)) = choice(bytes, ["some.gaussians", "some.splat"]) else { return false };
+    let read = scene::read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name));
+    accepted(read, name, |gaussians| check_gaussians(&gaussians))
 }
 
 /// A camera path, its frames and its keyframes.

@@ -12,7 +12,7 @@ use ibgs_core::dataset::{Photo, Point};
 use ibgs_core::exposure::Exposure;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::output::cameras::{self, CameraRecord, Split};
-use ibgs_core::scene::{self, PlyFlavor};
+use ibgs_core::scene::{self, Format, PlyFlavor};
 use ibgs_train::checkpoint;
 use image::{DynamicImage, ImageFormat};
 use serde_json::json;
@@ -54,6 +54,7 @@ pub fn of(reader: &str) -> Vec<Vec<u8>> {
         "transforms_json" => transforms(),
         "reality_capture" => reality_capture(),
         "ply" => plys(),
+        "gaussians" => gaussians(),
         "camera_path" => camera_paths(),
         "bundle" => archives(&bundle_parts()),
         "checkpoint" => archives(&checkpoint_parts()),
@@ -165,6 +166,16 @@ fn plys() -> Vec<Vec<u8>> {
     let far = LocalSpace::at(DVec3::new(5e6, -0.5, 3.0));
     let own = written("a.ply", |path| scene::write_points_ply(path, &points(), far).unwrap());
     vec![write(1, PlyFlavor::Full), write(0, PlyFlavor::Plain), text.into_bytes(), cloud, own]
+}
+
+/// Every format; the first byte is the choice of the name.
+fn gaussians() -> Vec<Vec<u8>> {
+    let model = scene::from_points(&points(), 1, 0.3).unwrap();
+    let write = |format: Format| {
+        let bytes = written("a.bin", |path| scene::write_gaussians(path, &model, format).unwrap());
+        chosen(usize::from(format == Format::Splat), &bytes)
+    };
+    Format::ALL.map(write).into()
 }
 
 fn camera_paths() -> Vec<Vec<u8>> {

@@ -63,7 +63,15 @@ fn point_clouds_with_damage() {
     let last = damaged.len() - 4;
     damaged[last..].copy_from_slice(&f32::NAN.to_le_bytes());
     sandbox.write(PLY, damaged);
-    let fragments = &[PLY, "Gaussian 299", "not a finite number"];
+    let info = sandbox.succeeds(&format!("info {PLY}"));
+    assert!(info.stderr.contains("1 of 300 Gaussians have values that are not finite"), "{info}");
+    assert!(info.stdout.contains("299 Gaussians"), "{info}");
+    sandbox.succeeds("render model --outputs base");
+    damaged = whole.clone();
+    let first = damaged.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    damaged[first..].chunks_exact_mut(4).for_each(|value| value.copy_from_slice(&f32::NAN.to_le_bytes()));
+    sandbox.write(PLY, damaged);
+    let fragments = &[PLY, "`x` of Gaussian 0", "not a finite number"];
     all_fail(&sandbox, fragments);
     sandbox.fails(&format!("info {PLY}"), fragments);
 

@@ -113,7 +113,7 @@ fn bundles_that_cannot_be_used() {
     sandbox.fails("render a.ibgs --iteration 7", &["a.ibgs", "iteration 30", "--iteration"]);
     sandbox.fails("render a.ibgs --resolution 2", &["a.ibgs", "--resolution"]);
     sandbox.fails("render model --resolution 2", &["model", "--resolution"]);
-    sandbox.fails("export model -o model.zip", &["model.zip", "`.ibgs` or `.ply`"]);
+    sandbox.fails("export model -o model.zip", &["model.zip", "`.ibgs` or one of `.compressed.ply`, `.ply`, `.spz`"]);
     sandbox.fails("export model -o b.ibgs --overwrite --plain", &["--plain"]);
     sandbox.fails("export a.ibgs -o scene/transforms.json/b.ply", &["transforms.json"]);
     sandbox.succeeds("render a.ibgs --iteration 30 --outputs base");

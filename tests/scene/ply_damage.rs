@@ -79,14 +79,33 @@ fn wrong_fields_are_named() {
     assert!(read_ply(Path::new("/")).is_err());
 }
 
+/// Gaussians with a value that is not finite are left out; only a file without any other is refused.
 #[test]
-fn nan_in_a_binary_field_is_found() {
-    let mut bytes = ply_bytes(&random_gaussians(3, 0, 3), PlyFlavor::Full);
+fn gaussians_that_are_not_finite_are_left_out() {
+    let whole = random_gaussians(3, 0, 3);
+    let bytes = ply_bytes(&whole, PlyFlavor::Full);
     let row = 4 * 18;
-    let at = header_length(&bytes) + row + 4 * 10;
-    bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
-    let text = complaint(&bytes);
-    assert!(text.contains("`opacity` of Gaussian 1"), "{text}");
+    let spoiled = |rows: &[usize], column: usize, value: f32| {
+        let mut bytes = bytes.clone();
+        for index in rows {
+            let at = header_length(&bytes) + row * index + 4 * column;
+            bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        bytes
+    };
+    for (column, value) in [(10, f32::NAN), (2, f32::INFINITY), (17, f32::NEG_INFINITY), (6, f32::NAN)] {
+        let g = read_bytes(&spoiled(&[1], column, value)).unwrap();
+        assert_eq!((&g.means[..], g.opacity_logits.len()), (&[whole.means[0], whole.means[2]][..], 2));
+        g.validate().unwrap();
+    }
+    let text = complaint(&spoiled(&[0, 1, 2], 10, f32::NAN));
+    assert!(text.contains("`opacity` of Gaussian 0"), "{text}");
+}
+
+#[test]
+fn flat_gaussians_with_two_scales_are_refused() {
+    let text = complaint(TEXT_PLY.replace("property float scale_2", "property float other").as_bytes());
+    assert!(text.contains("two scales"), "{text}");
 }
 
 #[test]

@@ -28,7 +28,6 @@ impl Processes {
     ///
     /// # Errors
     /// It cannot be started.
-    #[expect(clippy::zombie_processes, reason = "the loop waits for it, in the list")]
     pub fn run(&self, command: &mut Command) -> io::Result<Option<ExitStatus>> {
         let id = {
             let mut state = self.state();

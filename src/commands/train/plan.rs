@@ -12,7 +12,7 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{load_demo, load_scene};
 use ibgs_core::output::{Existing, FolderLock, OutputFolder};
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::scene::read_ply;
+use ibgs_core::scene::read_gaussians;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::checkpoint::Checkpoint;
 use ibgs_train::{Session, Trainer};
@@ -76,7 +76,7 @@ impl Plan {
         if self.resumed.is_none() {
             self.refuse_output()?;
         }
-        let start = config.init.as_deref().filter(|_| self.resumed.is_none()).map(read_ply).transpose()?;
+        let start = config.init.as_deref().filter(|_| self.resumed.is_none()).map(read_gaussians).transpose()?;
         status("loading the photos");
         let source = config.data.source.clone();
         let scene = source.map(|source| load_scene(&config, &source, &Bars::default())).transpose()?;

@@ -9,7 +9,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum SceneError {
     /// The operating system refused to read the file.
-    #[error("cannot read {}: {source}; check that the path names a PLY file", path.display())]
+    #[error("cannot read {}: {source}; check that the path names a file of Gaussians", path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -22,6 +22,36 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
         /// What is wrong and, where it helps, what to do.
+        reason: String,
+    },
+    /// The vertices have two scales each, as 2D Gaussian splatting writes them.
+    #[error("{} has two scales for each Gaussian: flat ones of 2D Gaussian splatting, which are not read", path.display())]
+    TwoScales {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file begins like none that is read.
+    #[error("{} is no file of Gaussians that is read: PLY, SPZ, `.splat`, glTF (`.glb`) or SOG", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file of another format than PLY is wrong.
+    #[error("{} is not a usable `{format}` file: {reason}", path.display())]
+    BadFile {
+        /// The file.
+        path: PathBuf,
+        /// Ending of the format's names.
+        format: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A format has no place for a model.
+    #[error("{} cannot be written: {reason}", path.display())]
+    CannotHold {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// What does not fit.
         reason: String,
     },
     /// A field that every Gaussian needs is not in the file.
@@ -48,7 +78,7 @@ pub enum SceneError {
         /// Whole rows in the data.
         found: u64,
     },
-    /// A value is NaN or infinite.
+    /// A value is NaN or infinite; in a file, no Gaussian is without.
     #[error("{place}: `{field}` of Gaussian {index} (counted from 0) is {value}, which is not a finite number")]
     NotFinite {
         /// File, or the model in memory.

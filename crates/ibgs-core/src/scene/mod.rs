@@ -1,6 +1,7 @@
-//! The Gaussians: their parameters, their start from a point cloud, and PLY files.
+//! The Gaussians: their parameters, their start from a point cloud, and their files.
 
 pub mod error;
+pub mod formats;
 pub mod gaussians;
 pub mod init;
 mod per_gaussian;
@@ -9,6 +10,7 @@ mod ply_rows;
 mod splats;
 
 pub use error::SceneError;
+pub use formats::{Format, Loss, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians};
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 pub use init::from_points;
 pub use per_gaussian::PerGaussian;

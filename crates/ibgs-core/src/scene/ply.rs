@@ -6,8 +6,9 @@
 //! Reading is serde-ply's (any scalar type, both byte orders, text). Writing is a header and rows of floats, done here:
 //! that crate spells the type `float32`, which common viewers do not know, and has no header for zero rows.
 
+use super::formats::compressed_ply;
 use super::gaussians::{Carry, coefficients};
-use super::ply_rows::{ElementSeed, Layout, Rows};
+use super::ply_rows::{ElementSeed, Layout, RowSink, Rows};
 use super::{Gaussians, SceneError};
 use crate::dataset::Point;
 use crate::files;
@@ -15,7 +16,7 @@ use crate::local_space::LocalSpace;
 use crate::ply_offset;
 use glam::DVec3;
 use serde::de::MapAccess;
-use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
+use serde_ply::{DeserializeError, ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::path::Path;
@@ -128,11 +129,12 @@ fn push_row(g: &Gaussians, index: usize, (carry, flavor): (&Carry, PlyFlavor), p
 
 /// Reads Gaussians from a PLY file. Fields are found by name, in any order and of any scalar type; unknown ones are
 /// ignored; a missing `nd` is 0. Without `nd`, missing or zero normals become (0, 0, 1). They come in scene units, around the
-/// offset of the header; positions of double precision that no float holds, around their middle.
+/// offset of the header; positions of double precision that no float holds, around their middle. Gaussians with NaN or
+/// infinity are left out, with a warning in the log. Compressed PLYs are read too ([`Format`](super::Format)).
 ///
 /// # Errors
 /// A [`SceneError`] that names the file and, where there is one, the field: not a PLY, missing field, list in place of
-/// a number, impossible number of `f_rest` fields, less or more data than the header promises, NaN or infinity.
+/// a number, impossible number of `f_rest` fields, less or more data than the header promises, nothing finite.
 pub fn read_ply(path: &Path) -> Result<Gaussians, SceneError> {
     let open = || -> io::Result<(File, u64)> {
         let file = File::open(path)?;
@@ -168,46 +170,46 @@ pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path
         .header()
         .clone();
     let header_length = reader.stream_position().map_err(io_error)?;
-    let vertex = check_header(&header, length.saturating_sub(header_length), path)?;
-    let layout = Layout::new(vertex, path)?;
+    let is_compressed = compressed_ply::is_compressed(&header);
+    let last = if is_compressed { header.elem_defs.last() } else { header.get_element("vertex") };
+    let last = last.ok_or_else(|| bad_ply(path, "it has no `vertex` element"))?;
+    check_header(&header, last, length.saturating_sub(header_length), path)?;
+    let layout = if is_compressed { None } else { Some(Layout::new(last, path)?) };
 
     reader.rewind().map_err(io_error)?;
     let mut text = Vec::new();
     reader.take(header_length).read_to_end(&mut text).map_err(io_error)?;
     let offset = ply_offset::find(&text).map_err(|reason| bad_ply(path, reason))?;
     reader.rewind().map_err(io_error)?;
-    let mut rows = Rows::new(&layout, vertex);
-    let outcome = if header.format == PlyFormat::Ascii {
-        // The last number of a text file need not be followed by a line break; serde-ply wants one.
-        read_vertices(Read::chain(&mut *reader, &b"\n"[..]), &mut rows)
-    } else {
-        read_vertices(&mut *reader, &mut rows)
+    // The last number of a text file need not be followed by a line break; serde-ply wants one.
+    let end = if header.format == PlyFormat::Ascii { &b"\n"[..] } else { &[] };
+    let data = Read::chain(&mut *reader, end);
+    let gaussians = match &layout {
+        None => compressed_ply::read(data, &header, offset, path)?,
+        Some(layout) => {
+            let mut rows = Rows::new(layout, last);
+            read_vertices(data, &mut rows).map_err(|error| rows_error(&error, last.count, rows.read(), path))?;
+            rows.around(offset, path)?
+        }
     };
-    if let Err(error) = outcome {
-        return Err(match error.0.kind() {
-            io::ErrorKind::UnexpectedEof => {
-                SceneError::Truncated { path: path.to_owned(), promised: vertex.count as u64, found: rows.len() as u64 }
-            }
-            _ => bad_ply(path, format!("Gaussian {} cannot be read ({})", rows.len(), error.0)),
-        });
-    }
-    if let Some((index, column, value)) = rows.not_finite {
-        return Err(SceneError::NotFinite {
-            place: path.display().to_string(),
-            field: vertex.properties[column].name.clone(),
-            index,
-            value,
-        });
-    }
-    let gaussians = rows.around(offset);
-    if header.elem_defs.last().is_some_and(|last| last.name == "vertex") {
+    if header.elem_defs.last().is_some_and(|element| element.name == last.name) {
         check_rest(reader, length, &header, path)?;
     }
     Ok(gaussians)
 }
 
-/// Finds the vertex element and compares all counts up to it with the bytes there are, before anything is reserved.
-fn check_header<'a>(header: &'a PlyHeader, data_length: u64, path: &Path) -> Result<&'a ElementDef, SceneError> {
+/// Why the rows of Gaussians could not be read after `found` of them.
+pub(super) fn rows_error(error: &DeserializeError, promised: usize, found: usize, path: &Path) -> SceneError {
+    match error.0.kind() {
+        io::ErrorKind::UnexpectedEof => {
+            SceneError::Truncated { path: path.to_owned(), promised: promised as u64, found: found as u64 }
+        }
+        _ => bad_ply(path, format!("Gaussian {found} cannot be read ({})", error.0)),
+    }
+}
+
+/// Compares all counts up to the element `last` with the bytes there are, before anything is reserved.
+fn check_header(header: &PlyHeader, last: &ElementDef, data_length: u64, path: &Path) -> Result<(), SceneError> {
     let mut needed: u128 = 0;
     for element in &header.elem_defs {
         let row = min_row_bytes(element, header.format);
@@ -229,11 +231,11 @@ fn check_header<'a>(header: &'a PlyHeader, data_length: u64, path: &Path) -> Res
                 },
             });
         }
-        if element.name == "vertex" {
-            return Ok(element);
+        if element.name == last.name {
+            break;
         }
     }
-    Err(bad_ply(path, "it has no `vertex` element"))
+    Ok(())
 }
 
 /// Least number of bytes of one row: exact for binary rows without lists.
@@ -277,11 +279,11 @@ fn check_rest<R: BufRead + Seek>(
 }
 
 /// Skips the elements before `vertex` and reads that one.
-fn read_vertices<R: BufRead>(reader: R, rows: &mut Rows<'_>) -> Result<(), serde_ply::DeserializeError> {
+fn read_vertices<R: BufRead>(reader: R, rows: &mut Rows<'_>) -> Result<(), DeserializeError> {
     let mut ply = PlyReader::from_reader(reader)?;
     while let Some(element) = ply.current_element() {
         let is_vertex = element.name == "vertex";
-        let sink = if is_vertex { Some(&mut *rows) } else { None };
+        let sink = if is_vertex { Some(&mut *rows as &mut dyn RowSink) } else { None };
         MapAccess::next_value_seed(&mut &mut ply, ElementSeed(sink))?;
         if is_vertex {
             break;

@@ -1,5 +1,6 @@
 //! Where each parameter stands in the rows of a PLY file, and the walk over those rows.
 
+use super::formats::Dropped;
 use super::gaussians::{MAX_SH_DEGREE, coefficients};
 use super::{Gaussians, SceneError};
 use crate::local_space::LocalSpace;
@@ -34,6 +35,9 @@ impl Layout {
                 .copied()
                 .ok_or_else(|| SceneError::MissingField { path: path.to_owned(), field: field.to_owned() })
         };
+        if columns.contains_key("scale_1") && !columns.contains_key("scale_2") {
+            return Err(SceneError::TwoScales { path: path.to_owned() });
+        }
         let rest_count = columns.keys().filter(|name| name.starts_with("f_rest_")).count();
         let sh_degree = (0..=MAX_SH_DEGREE)
             .find(|&degree| 3 * (coefficients(degree) - 1) == rest_count)
@@ -92,7 +96,7 @@ impl Layout {
 }
 
 /// Column of every scalar field; lists and repeated names are refused.
-fn scalar_columns<'a>(vertex: &'a ElementDef, path: &Path) -> Result<HashMap<&'a str, usize>, SceneError> {
+pub(super) fn scalar_columns<'a>(vertex: &'a ElementDef, path: &Path) -> Result<HashMap<&'a str, usize>, SceneError> {
     let bad = |reason| SceneError::BadPly { path: path.to_owned(), reason };
     let mut columns = HashMap::with_capacity(vertex.properties.len());
     for (column, property) in vertex.properties.iter().enumerate() {
@@ -107,9 +111,18 @@ fn scalar_columns<'a>(vertex: &'a ElementDef, path: &Path) -> Result<HashMap<&'a
     Ok(columns)
 }
 
-/// Gathers Gaussians row by row.
+/// Takes the rows of an element.
+pub(super) trait RowSink {
+    /// Where the numbers of the next row go.
+    fn row(&mut self) -> &mut [f64];
+    /// The row is there.
+    fn finish_row(&mut self);
+}
+
+/// Gathers Gaussians row by row; those with values that are not finite are left out.
 pub(super) struct Rows<'a> {
     layout: &'a Layout,
+    vertex: &'a ElementDef,
     used: Vec<usize>,
     row: Vec<f64>,
     /// The row in single precision.
@@ -118,58 +131,72 @@ pub(super) struct Rows<'a> {
     means: Vec<DVec3>,
     /// What was read so far, without its means.
     gaussians: Gaussians,
-    /// The first value that is not finite, as row, column and value.
-    pub(super) not_finite: Option<(usize, usize, f32)>,
+    /// Rows that were read so far.
+    read: usize,
+    dropped: Dropped,
 }
 
 impl<'a> Rows<'a> {
     /// The count in `vertex` must have been compared with the length of the file before: it is reserved here.
-    pub(super) fn new(layout: &'a Layout, vertex: &ElementDef) -> Self {
+    pub(super) fn new(layout: &'a Layout, vertex: &'a ElementDef) -> Self {
         Self {
             layout,
+            vertex,
             used: layout.used(),
             row: vec![0.0; vertex.properties.len()],
             single: vec![0.0; vertex.properties.len()],
             means: Vec::with_capacity(vertex.count),
             gaussians: Gaussians::with_capacity(vertex.count, layout.sh_degree),
-            not_finite: None,
+            read: 0,
+            dropped: Dropped::default(),
         }
     }
 
-    /// Gaussians that were read so far.
-    pub(super) fn len(&self) -> usize {
-        self.means.len()
+    /// Rows that were read so far.
+    pub(super) fn read(&self) -> usize {
+        self.read
     }
 
-    /// What was read, in scene units around the offset of the file.
-    pub(super) fn around(mut self, offset: DVec3) -> Gaussians {
+    /// What was read of the file at `path`, in scene units around its offset.
+    ///
+    /// # Errors
+    /// [`SceneError::NotFinite`] where nothing of it can be used.
+    pub(super) fn around(mut self, offset: DVec3, path: &Path) -> Result<Gaussians, SceneError> {
+        self.dropped.report(self.means.len(), path)?;
         // Doubles of a map's coordinates lose digits as floats, unless they are taken from their middle.
         let is_exact = self.means.iter().all(|mean| mean.as_vec3().as_dvec3() == *mean);
         let middle = LocalSpace::of_points(self.means.iter().copied()).filter(|_| !is_exact);
         let shift = middle.and_then(|space| space.file_offset()).unwrap_or_default();
         self.gaussians.space = LocalSpace::at(offset + shift);
         self.gaussians.means = self.means.iter().map(|&mean| (mean - shift).as_vec3().to_array()).collect();
-        self.gaussians
+        Ok(self.gaussians)
+    }
+}
+
+impl RowSink for Rows<'_> {
+    fn row(&mut self) -> &mut [f64] {
+        &mut self.row
     }
 
     fn finish_row(&mut self) {
         for (single, value) in self.single.iter_mut().zip(&self.row) {
             *single = *value as f32;
         }
-        if self.not_finite.is_none()
-            && let Some(&column) = self.used.iter().find(|&&c| !self.single[c].is_finite())
-        {
-            self.not_finite = Some((self.len(), column, self.single[column]));
+        let index = self.read;
+        self.read += 1;
+        if let Some(&column) = self.used.iter().find(|&&c| !self.single[c].is_finite()) {
+            self.dropped.add(index, &self.vertex.properties[column].name, self.single[column]);
+            return;
         }
         self.means.push(DVec3::from(self.layout.mean.map(|column| self.row[column])));
         self.layout.append(&self.single, &mut self.gaussians);
     }
 }
 
-/// Reads all rows of one element into [`Rows`], or skips them.
-pub(super) struct ElementSeed<'r, 'a>(pub(super) Option<&'r mut Rows<'a>>);
+/// Reads all rows of one element, or skips them.
+pub(super) struct ElementSeed<'r>(pub(super) Option<&'r mut dyn RowSink>);
 
-impl<'de> DeserializeSeed<'de> for ElementSeed<'_, '_> {
+impl<'de> DeserializeSeed<'de> for ElementSeed<'_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -177,7 +204,7 @@ impl<'de> DeserializeSeed<'de> for ElementSeed<'_, '_> {
     }
 }
 
-impl<'de> Visitor<'de> for ElementSeed<'_, '_> {
+impl<'de> Visitor<'de> for ElementSeed<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -187,7 +214,7 @@ impl<'de> Visitor<'de> for ElementSeed<'_, '_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
         match self.0 {
             Some(target) => {
-                while rows.next_element_seed(RowSeed(&mut target.row))?.is_some() {
+                while rows.next_element_seed(RowSeed(target.row()))?.is_some() {
                     target.finish_row();
                 }
             }

@@ -1,0 +1,202 @@
+//! Niantic's SPZ (github.com/nianticlabs/spz): written in version 3, read in versions 2 and 3.
+//!
+//! One gzip stream: a header of 16 bytes, then all positions (24-bit fixed point), opacities (a byte), colours (a byte a
+//! channel of 0.15 dc + 0.5), scales (a byte in steps of 1/16 of the logarithm, from -10), rotations and spherical harmonics
+//! (a byte each over -1 to 1, with 5 significant bits in degree 1 and 4 above). Rotations are the smallest three components of the quaternion in
+//! 10 bits each; in version 2, x, y, z in a byte each. Axes: x right, y up, z back.
+
+use super::super::Gaussians;
+use super::super::gaussians::coefficients;
+use super::quantise::{self, byte};
+use super::{MAX_SH_DEGREE, axes};
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::io::{self, Read, Write};
+
+const MAGIC: [u8; 4] = *b"NGSP";
+const HEADER: usize = 16;
+/// Most bits behind the point that are written: steps of a millionth.
+const MOST_FRACTIONAL_BITS: u32 = 20;
+/// Largest coordinate in steps.
+const MOST_STEPS: f64 = 8_388_607.0;
+/// Colours are kept as `COLOR_SCALE` dc + 0.5: wider than their range.
+const COLOR_SCALE: f64 = 0.15;
+/// Steps of a component of a rotation, beside its sign.
+const ROTATION_STEPS: f64 = 511.0;
+/// No scene compresses so well; beyond it a file is not unpacked.
+const MOST_RATIO: u64 = 200;
+/// Files of any length may hold so many bytes.
+const SMALL: u64 = 1 << 16;
+
+/// Most bits behind the point with which all coordinates fit.
+///
+/// # Errors
+/// Why there are none.
+pub(super) fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
+    if gaussians.len() > i32::MAX as usize {
+        return Err("an SPZ file holds up to 2,147,483,647 Gaussians".to_owned());
+    }
+    let far = gaussians.means.as_flattened().iter().fold(0.0, |far, v| f64::max(far, f64::from(v.abs())));
+    let fits = |&bits: &u32| (far * f64::from(1 << bits)).round() <= MOST_STEPS;
+    (0..=MOST_FRACTIONAL_BITS)
+        .rev()
+        .find(fits)
+        .ok_or_else(|| format!("an SPZ file holds coordinates up to {MOST_STEPS}, the model's reach {far}"))
+}
+
+/// Writes version 3. The Gaussians have the axes of the format.
+pub(super) fn write(g: &Gaussians, fractional_bits: u32, out: &mut dyn Write) -> io::Result<()> {
+    let mut gzip = GzEncoder::new(out, Compression::default());
+    gzip.write_all(&MAGIC)?;
+    gzip.write_all(&3_u32.to_le_bytes())?;
+    gzip.write_all(&(g.len() as u32).to_le_bytes())?;
+    gzip.write_all(&[g.sh_degree as u8, fractional_bits as u8, 0, 0])?;
+    let steps = f64::from(1 << fractional_bits);
+    for &v in g.means.as_flattened() {
+        let fixed = (f64::from(v) * steps).round() as i32;
+        gzip.write_all(&fixed.to_le_bytes()[..3])?;
+    }
+    let bytes = |values: &mut dyn Iterator<Item = u8>| values.collect::<Vec<u8>>();
+    gzip.write_all(&bytes(&mut g.opacity_logits.iter().map(|&logit| quantise::opacity_byte(logit))))?;
+    let row = 3 * g.sh_coefficients();
+    let color = |dc: &f32| byte(255.0 * (COLOR_SCALE * f64::from(*dc) + 0.5));
+    gzip.write_all(&bytes(&mut g.sh.chunks_exact(row).flat_map(|sh| &sh[..3]).map(color)))?;
+    gzip.write_all(&bytes(&mut g.log_scales.as_flattened().iter().map(|&s| byte((f64::from(s) + 10.0) * 16.0))))?;
+    for &rotation in &g.rotations {
+        gzip.write_all(&pack_rotation(rotation).to_le_bytes())?;
+    }
+    for sh in g.sh.chunks_exact(row) {
+        gzip.write_all(&bytes(&mut sh.iter().enumerate().skip(3).map(|(at, &v)| pack_harmonic(at / 3, v))))?;
+    }
+    gzip.finish()?;
+    Ok(())
+}
+
+/// The index of the largest component in two bits, then sign and nine bits of the others.
+fn pack_rotation(rotation: [f32; 4]) -> u32 {
+    let (largest, others) = quantise::smallest_three(quantise::scalar_last(quantise::unit_quaternion(rotation)));
+    others.into_iter().fold(largest as u32, |packed, v| {
+        let magnitude = (v.abs() / FRAC_1_SQRT_2 * ROTATION_STEPS).round().min(ROTATION_STEPS) as u32;
+        packed << 10 | u32::from(v < 0.0) << 9 | magnitude
+    })
+}
+
+fn unpack_rotation(packed: u32) -> [f32; 4] {
+    let component = |shift: u32| {
+        let bits = packed >> shift & 0x3ff;
+        let magnitude = f64::from(bits & 0x1ff) / ROTATION_STEPS * FRAC_1_SQRT_2;
+        if bits >> 9 == 1 { -magnitude } else { magnitude }
+    };
+    let others = [component(20), component(10), component(0)];
+    quantise::scalar_first(quantise::from_smallest_three((packed >> 30) as usize, others))
+}
+
+/// Five significant bits in degree 1, four above: zeros behind them compress.
+fn pack_harmonic(coefficient: usize, value: f32) -> u8 {
+    let bucket = if coefficient < 4 { 8.0 } else { 16.0 };
+    byte(((f64::from(value) * 128.0 + 128.0) / bucket).round() * bucket)
+}
+
+/// What the header says.
+struct Header {
+    version: u32,
+    count: usize,
+    degree: u32,
+    fractional_bits: u32,
+}
+
+impl Header {
+    fn read(bytes: [u8; HEADER]) -> Result<Self, String> {
+        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        if bytes[..4] != MAGIC {
+            return Err("what its gzip stream holds does not begin with `NGSP`".to_owned());
+        }
+        let [version, count] = [word(4), word(8)];
+        if !(2..=3).contains(&version) {
+            return Err(format!("it has version {version} of the format; versions 2 and 3 are read"));
+        }
+        let [degree, fractional_bits] = [bytes[12], bytes[13]].map(u32::from);
+        if degree > MAX_SH_DEGREE {
+            return Err(format!("its spherical harmonics have degree {degree}; degrees 0 to {MAX_SH_DEGREE} are read"));
+        }
+        if fractional_bits > 24 {
+            return Err(format!("its coordinates have {fractional_bits} bits behind the point where 24 are all"));
+        }
+        Ok(Self { version, count: count as usize, degree, fractional_bits })
+    }
+
+    fn rotation_bytes(&self) -> usize {
+        if self.version == 2 { 3 } else { 4 }
+    }
+
+    /// Bytes of each Gaussian by field, in the order of the file.
+    fn row(&self) -> [usize; 6] {
+        [9, 1, 3, 3, self.rotation_bytes(), 3 * (coefficients(self.degree) - 1)]
+    }
+}
+
+/// Reads versions 2 and 3.
+///
+/// # Errors
+/// What is wrong.
+pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
+    if bytes.starts_with(&MAGIC) {
+        return Err("it has version 4 of the format; versions 2 and 3 are read".to_owned());
+    }
+    let damaged = |error: io::Error| format!("its gzip stream is damaged ({error})");
+    let mut gzip = GzDecoder::new(bytes);
+    let mut header = [0; HEADER];
+    gzip.read_exact(&mut header).map_err(damaged)?;
+    let header = Header::read(header)?;
+    let row: usize = header.row().iter().sum();
+    let needed = header.count as u64 * row as u64;
+    if needed > SMALL.max(MOST_RATIO * bytes.len() as u64) {
+        return Err(format!("it promises {} Gaussians, more than its {} bytes can hold", header.count, bytes.len()));
+    }
+    let mut data = Vec::new();
+    gzip.by_ref().take(needed).read_to_end(&mut data).map_err(damaged)?;
+    if (data.len() as u64) < needed {
+        return Err(format!("it is truncated: it promises {} Gaussians and ends before", header.count));
+    }
+    // Extensions may follow. The checksum behind them shows damage.
+    io::copy(&mut gzip.take(SMALL), &mut io::sink()).map_err(damaged)?;
+    let mut gaussians = unpack(&header, &data);
+    axes::turn(&mut gaussians, axes::RUB);
+    Ok(gaussians)
+}
+
+/// The Gaussians in data of the length that the header promises, in the axes of the format.
+fn unpack(header: &Header, data: &[u8]) -> Gaussians {
+    let mut rest = data;
+    let [positions, opacities, colors, scales, rotations, harmonics] = header.row().map(|row| {
+        let (field, behind) = rest.split_at(row * header.count);
+        rest = behind;
+        field
+    });
+    let mut g = Gaussians::with_capacity(header.count, header.degree);
+    let step = 1.0 / f64::from(1 << header.fractional_bits);
+    // The three bytes stand above a fourth, so that the shift extends the sign.
+    let fixed = |b: &[u8]| (f64::from(i32::from_le_bytes([0, b[0], b[1], b[2]]) >> 8) * step) as f32;
+    g.means.extend(positions.chunks_exact(9).map(|p| [fixed(&p[..3]), fixed(&p[3..6]), fixed(&p[6..])]));
+    g.opacity_logits.extend(opacities.iter().map(|&v| quantise::logit_of_byte(v)));
+    g.log_scales.extend(scales.chunks_exact(3).map(|s| [s[0], s[1], s[2]].map(|v| f32::from(v) / 16.0 - 10.0)));
+    g.rotations.extend(rotations.chunks_exact(header.rotation_bytes()).map(|r| match *r {
+        [x, y, z] => first_three([x, y, z]),
+        _ => unpack_rotation(u32::from_le_bytes([r[0], r[1], r[2], r[3]])),
+    }));
+    let higher = 3 * (coefficients(header.degree) - 1);
+    for (index, color) in colors.chunks_exact(3).enumerate() {
+        g.sh.extend(color.iter().map(|&v| ((f64::from(v) / 255.0 - 0.5) / COLOR_SCALE) as f32));
+        g.sh.extend(harmonics[higher * index..higher * (index + 1)].iter().map(|&v| (f32::from(v) - 128.0) / 128.0));
+    }
+    g
+}
+
+/// The quaternion of version 2: x, y, z, and a w that is not negative.
+fn first_three(bytes: [u8; 3]) -> [f32; 4] {
+    let [x, y, z] = bytes.map(|v| f64::from(v) / 127.5 - 1.0);
+    let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
+    [w, x, y, z].map(|v| v as f32)
+}

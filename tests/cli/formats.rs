@@ -1,0 +1,53 @@
+//! Files of Gaussians of other programs, written, read and told about.
+
+use super::Sandbox;
+use ibgs_core::scene::{Format, read_gaussians};
+
+#[test]
+fn models_become_files_of_every_format() {
+    let (sandbox, _) = Sandbox::with_trained();
+    sandbox.succeeds("export model -o a.ply");
+    let model = read_gaussians(&sandbox.path("a.ply")).unwrap();
+    assert!(model.sh_degree > 0);
+    for format in Format::ALL {
+        let name = format!("b{}", format.ending());
+        let outcome = sandbox.succeeds(&format!("export model -o {name}"));
+        let says = outcome.stderr.contains("spherical harmonics of degree 0") && outcome.stderr.contains(&name);
+        assert_eq!(says, format == Format::Splat, "{outcome}");
+        let found = read_gaussians(&sandbox.path(&name)).unwrap();
+        assert_eq!((found.len(), found.sh_degree), (model.len(), model.sh_degree.min(format.max_sh_degree())));
+        let info = sandbox.succeeds(&format!("info {name}"));
+        assert!(info.stdout.contains(&format!("{name}: {} Gaussians", model.len())), "{info}");
+        // And back.
+        let back = format!("back-{name}.ply");
+        sandbox.succeeds(&format!("export {name} -o {back}"));
+        assert_eq!(read_gaussians(&sandbox.path(&back)).unwrap(), found);
+        sandbox.fails(&format!("export model -o {name}"), &[&name, "--overwrite"]);
+    }
+    // Contents count, not names.
+    std::fs::rename(sandbox.path("b.spz"), sandbox.path("b.bin")).unwrap();
+    sandbox.succeeds("info b.bin");
+    sandbox.succeeds("export b.bin -o c.glb");
+    sandbox.succeeds("train scene --init b.sog --iterations 1 -m warm");
+    sandbox.fails("export b.glb -o c.ibgs", &["b.glb"]);
+    sandbox.fails("export model -o c.spz --plain", &["--plain", "`.ply`"]);
+    sandbox.write("damaged.sog", b"PK\x03\x04 and so on");
+    sandbox.fails("info damaged.sog", &["damaged.sog", "ZIP"]);
+    sandbox.fails("train scene --init damaged.sog -m out", &["damaged.sog", "ZIP"]);
+    sandbox.write("notes.txt", b"nothing");
+    sandbox.fails("export notes.txt -o c.ply", &["notes.txt", "PLY, SPZ"]);
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    let (sandbox, _) = Sandbox::with_trained();
+    sandbox.succeeds("export model -o a.ply");
+    let bytes = std::fs::read(sandbox.path("a.ply")).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    let counted = header.lines().find(|line| line.starts_with("element vertex")).unwrap();
+    sandbox.write("empty.ply", header.replace(counted, "element vertex 0"));
+    let info = sandbox.succeeds("info empty.ply");
+    assert_eq!(info.stdout.trim(), "empty.ply: no Gaussians; the file is empty");
+    sandbox.fails("export empty.ply -o b.spz", &["b.spz", "no Gaussians"]);
+}
