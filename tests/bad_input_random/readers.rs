@@ -25,7 +25,7 @@ use tempfile::TempDir;
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// All readers.
-pub const READERS: [Reader; 14] = [
+pub const READERS: [Reader; 15] = [
     ("colmap_binary", colmap_binary),
     ("colmap_text", colmap_text),
     ("transforms_json", transforms_json),
