@@ -193,7 +193,7 @@ fn damage_is_told() {
     wrong("config.toml", &text("iterations = 30", "iterations = 0"), "iterations");
     let version = concat!("\"", env!("CARGO_PKG_VERSION"), "\"");
     wrong("checkpoint.json", &text(version, "\"9.9.9\""), "is of ibgs 9.9.9");
-    wrong("checkpoint.json", &text("\"format\":", "\"format\":9"), "go on with that version");
+    wrong("checkpoint.json", &text("\"format\":", "\"format\":9"), "(format 9");
 
     // Whole parts that do not fit the scene or each other are refused when the training is to go on.
     let nonsense = |part: &str, change: &dyn Fn(Vec<u8>) -> Option<Vec<u8>>, words: &str| {
