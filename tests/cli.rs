@@ -248,11 +248,10 @@ impl Outcome {
         assert!(!self.stderr.contains("panicked") && !self.stderr.contains("RUST_BACKTRACE"), "{self}");
         let lines = self.error_lines();
         assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{self}");
-        // A sentence is one line and the last one; the parser of the command line adds possible values and its usage.
-        let error = if code == 2 { &self.stderr } else { lines[0] };
         for fragment in fragments {
-            assert!(error.contains(fragment), "`{fragment}` is not in the error\n{self}");
+            assert!(lines[0].contains(fragment), "`{fragment}` is not in the error\n{self}");
         }
+        // A sentence is one line and the last one; the parser of the command line adds its usage.
         assert!(code == 2 || self.stderr.lines().last() == Some(lines[0]), "{self}");
     }
 }

@@ -177,9 +177,16 @@ fn wrong_usage_ends_with_2() {
     wrong("train scene --method other", &["other", "--method"]);
     wrong("train scene -s scene", &["cannot be used with"]);
     wrong("train scene --principal-point middle", &["middle"]);
-    wrong("train scene --alpha half", &["--alpha", "'half'", "mask, composite"]);
-    wrong("train scene --masks thing", &["--masks", "'thing'", "ignore, object"]);
-    wrong("train scene --color-space xyz", &["--color-space", "'xyz'", "srgb, linear"]);
+    // The values that there are stand on the line below the error.
+    let wrong_value = |option: &str, value: &str, possible: &str| {
+        let arguments = format!("train scene {option} {value}");
+        wrong(&arguments, &[option, &format!("'{value}'")]);
+        let outcome = sandbox.run(&arguments);
+        assert!(outcome.stderr.contains(&format!("[possible values: {possible}]")), "{outcome}");
+    };
+    wrong_value("--alpha", "half", "mask, composite");
+    wrong_value("--masks", "thing", "ignore, object");
+    wrong_value("--color-space", "xyz", "srgb, linear");
     wrong("train scene --seed 1.5", &["1.5"]);
     wrong("render", &["required"]);
     wrong("train scene --source-memory much", &["much", "512MiB"]);

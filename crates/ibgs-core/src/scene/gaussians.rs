@@ -164,6 +164,11 @@ pub(crate) fn coefficients(sh_degree: u32) -> usize {
     (sh_degree.min(MAX_SH_DEGREE) as usize + 1).pow(2)
 }
 
+/// The degree whose higher coefficients are so many numbers, all channels together.
+pub(super) fn degree_of(higher: usize) -> Option<u32> {
+    (0..=MAX_SH_DEGREE).find(|&degree| 3 * (coefficients(degree) - 1) == higher)
+}
+
 fn check(field: &'static str, values: &[f32], row: usize, n: usize) -> Result<(), SceneError> {
     if values.len() != n * row {
         return Err(SceneError::Shape { field, expected: n * row, found: values.len() });

@@ -136,16 +136,22 @@ fn push_row(g: &Gaussians, index: usize, (carry, flavor): (&Carry, PlyFlavor), p
 /// A [`SceneError`] that names the file and, where there is one, the field: not a PLY, missing field, list in place of
 /// a number, impossible number of `f_rest` fields, less or more data than the header promises, nothing finite.
 pub fn read_ply(path: &Path) -> Result<Gaussians, SceneError> {
+    let (mut file, length) = open(path)?;
+    read_ply_from(&mut file, length, path)
+}
+
+/// Opens a file to read Gaussians from, with its length in bytes.
+pub(super) fn open(path: &Path) -> Result<(BufReader<File>, u64), SceneError> {
     let open = || -> io::Result<(File, u64)> {
         let file = File::open(path)?;
         let length = file.metadata()?.len();
         Ok((file, length))
     };
     let (file, length) = open().map_err(|source| read_error(path, source))?;
-    read_ply_from(&mut BufReader::with_capacity(1 << 20, file), length, path)
+    Ok((BufReader::with_capacity(1 << 20, file), length))
 }
 
-fn read_error(path: &Path, source: io::Error) -> SceneError {
+pub(super) fn read_error(path: &Path, source: io::Error) -> SceneError {
     SceneError::Read { path: path.to_owned(), source }
 }
 

@@ -1,7 +1,7 @@
 //! Where each parameter stands in the rows of a PLY file, and the walk over those rows.
 
 use super::formats::Dropped;
-use super::gaussians::{MAX_SH_DEGREE, coefficients};
+use super::gaussians::degree_of;
 use super::{Gaussians, SceneError};
 use crate::local_space::LocalSpace;
 use glam::DVec3;
@@ -39,14 +39,12 @@ impl Layout {
             return Err(SceneError::TwoScales { path: path.to_owned() });
         }
         let rest_count = columns.keys().filter(|name| name.starts_with("f_rest_")).count();
-        let sh_degree = (0..=MAX_SH_DEGREE)
-            .find(|&degree| 3 * (coefficients(degree) - 1) == rest_count)
-            .ok_or_else(|| SceneError::BadPly {
-                path: path.to_owned(),
-                reason: format!(
-                    "it has {rest_count} fields `f_rest_*` where spherical harmonics of degree 0, 1, 2, 3 have 0, 9, 24, 45"
-                ),
-            })?;
+        let sh_degree = degree_of(rest_count).ok_or_else(|| SceneError::BadPly {
+            path: path.to_owned(),
+            reason: format!(
+                "it has {rest_count} fields `f_rest_*` where spherical harmonics of degree 0, 1, 2, 3 have 0, 9, 24, 45"
+            ),
+        })?;
         let normal = match ["nx", "ny", "nz"].map(|name| columns.get(name).copied()) {
             [Some(x), Some(y), Some(z)] => Some([x, y, z]),
             _ => None,

@@ -5,11 +5,11 @@
 //! components of the quaternion as 10 bits each behind two for the largest one, colours between the bounds and opacity as
 //! bytes. The element `sh` has a byte for each higher coefficient, over -4 to 4. Axes are those of 3DGS.
 
-use super::super::gaussians::coefficients;
+use super::super::gaussians::degree_of;
 use super::super::ply::rows_error;
 use super::super::ply_rows::{ElementSeed, RowSink, scalar_columns};
-use super::super::{Gaussians, MAX_SH_DEGREE, SceneError};
-use super::{finite, order, quantise};
+use super::super::{Gaussians, SceneError};
+use super::{order, quantise, without_planes};
 use crate::local_space::LocalSpace;
 use crate::ply_offset;
 use glam::DVec3;
@@ -183,15 +183,12 @@ pub(in crate::scene) fn read<R: BufRead>(
 ) -> Result<Gaussians, SceneError> {
     let mut unpacked = Unpacked::new(header, path)?;
     unpacked.read(reader).map_err(|error| rows_error(&error, unpacked.count, unpacked.gaussians.len(), path))?;
-    let count = unpacked.count;
     let mut gaussians = unpacked.gaussians;
     if gaussians.sh_degree == 0 {
         gaussians.sh = unpacked.colors.into_flattened();
     }
     gaussians.space = LocalSpace::at(offset);
-    gaussians.normals = vec![[0.0, 0.0, 1.0]; count];
-    gaussians.offsets = vec![0.0; count];
-    finite::only(gaussians, path)
+    without_planes(gaussians, path)
 }
 
 /// What a row is.
@@ -245,8 +242,7 @@ impl Unpacked {
         let has_colors = chunk.properties.iter().any(|p| p.name == BOUNDS[BOUNDS_WITHOUT_COLOR]);
         let bounds = if has_colors { &BOUNDS[..] } else { &BOUNDS[..BOUNDS_WITHOUT_COLOR] };
         let higher = sh.map_or(0, |sh| sh.properties.len());
-        let degree = (0..=MAX_SH_DEGREE)
-            .find(|&degree| 3 * (coefficients(degree) - 1) == higher)
+        let degree = degree_of(higher)
             .ok_or_else(|| bad(format!("its element `sh` has {higher} fields where 9, 24 or 45 are needed")))?;
         let per_channel = higher / 3;
         let rest: Vec<String> = (0..higher).map(|i| format!("f_rest_{}", per_channel * (i % 3) + i / 3)).collect();

@@ -27,7 +27,7 @@ use crate::local_space::LocalSpace;
 use glam::DVec3;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, Write};
+use std::io::{self, BufRead, Read, Seek, Write};
 use std::path::Path;
 
 /// A format of files that hold Gaussians.
@@ -184,13 +184,8 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
 /// # Errors
 /// A [`SceneError`] that names the file and what is wrong in it.
 pub fn read_gaussians(path: &Path) -> Result<Gaussians, SceneError> {
-    let open = || -> io::Result<(File, u64)> {
-        let file = File::open(path)?;
-        let length = file.metadata()?.len();
-        Ok((file, length))
-    };
-    let (file, length) = open().map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
-    read_gaussians_from(&mut BufReader::with_capacity(1 << 20, file), length, path)
+    let (mut file, length) = ply::open(path)?;
+    read_gaussians_from(&mut file, length, path)
 }
 
 /// [`read_gaussians`] from anything seekable that is `length` bytes long; `path` is for messages, and for `.splat`.
@@ -202,7 +197,7 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
     length: u64,
     path: &Path,
 ) -> Result<Gaussians, SceneError> {
-    let io_error = |source| SceneError::Read { path: path.to_owned(), source };
+    let io_error = |source| ply::read_error(path, source);
     let mut start = Vec::new();
     reader.take(4).read_to_end(&mut start).map_err(io_error)?;
     reader.rewind().map_err(io_error)?;
@@ -227,8 +222,14 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
         Format::Sog => sog_read::read(&bytes),
     };
     let bad = |reason| SceneError::BadFile { path: path.to_owned(), format: format.ending(), reason };
-    let mut gaussians = gaussians.map_err(bad)?;
-    // None of these formats has planes.
+    without_planes(gaussians.map_err(bad)?, path)
+}
+
+/// What was read from a format without planes: Gaussians that say so, and only those whose values are finite.
+///
+/// # Errors
+/// As [`finite::only`].
+fn without_planes(mut gaussians: Gaussians, path: &Path) -> Result<Gaussians, SceneError> {
     gaussians.normals = vec![[0.0, 0.0, 1.0]; gaussians.len()];
     gaussians.offsets = vec![0.0; gaussians.len()];
     finite::only(gaussians, path)

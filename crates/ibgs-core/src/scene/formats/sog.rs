@@ -41,7 +41,7 @@ pub(super) fn encode(g: &Gaussians) -> Result<Vec<u8>, String> {
 }
 
 fn archive(planes: &Planes) -> io::Result<Vec<u8>> {
-    let mut files: Vec<(&str, Vec<u8>)> = Vec::new();
+    let mut files = Files::new();
     let mut meta = json!({"version": 2, "asset": {"generator": "ibgs"}, "count": planes.g.len()});
     planes.means(&mut meta, &mut files)?;
     planes.rotations(&mut meta, &mut files)?;

@@ -5,19 +5,18 @@
 
 use super::super::Gaussians;
 use super::quantise::{self, byte};
-use std::cmp::Reverse;
 use std::io::{self, Write};
 
 const ROW: usize = 32;
 
 /// Writes all Gaussians by their size times their opacity: viewers show the first ones first while they load.
 pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
-    let weight = |&index: &usize| {
-        let size: f64 = g.log_scales[index].iter().map(|&s| f64::from(s)).sum();
-        Reverse(Ordered(size + quantise::opacity(g.opacity_logits[index]).ln()))
+    let weight = |(scales, &logit): (&[f32; 3], &f32)| -> f64 {
+        scales.iter().map(|&s| f64::from(s)).sum::<f64>() + quantise::opacity(logit).ln()
     };
+    let weights: Vec<f64> = g.log_scales.iter().zip(&g.opacity_logits).map(weight).collect();
     let mut order: Vec<usize> = (0..g.len()).collect();
-    order.sort_by_cached_key(weight);
+    order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
     let row = 3 * g.sh_coefficients();
     for index in order {
         let scales = g.log_scales[index].map(f32::exp);
@@ -29,24 +28,6 @@ pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
         out.write_all(&quantise::unit_quaternion(g.rotations[index]).map(|v| byte(128.0 * v + 128.0)))?;
     }
     Ok(())
-}
-
-/// Numbers in their total order.
-#[derive(PartialEq)]
-struct Ordered(f64);
-
-impl Eq for Ordered {}
-
-impl PartialOrd for Ordered {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Ordered {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 /// Reads a whole file.
