@@ -30,7 +30,7 @@ type Window = Harness<'static, Viewer>;
 fn surroundings(dataset: &Dataset, pictures: &Path) -> Scene {
     let views = View::all(dataset);
     let (title, points) = ("small".to_owned(), dataset.points.clone());
-    Scene { title, views, points, pictures: pictures.to_owned(), path: None }
+    Scene { title, views, points, pictures: pictures.to_owned(), path: None, model: None }
 }
 
 /// A model that was trained for a moment.

@@ -119,6 +119,18 @@ struct ImageStage {
     depths: Mutex<DepthCache>,
 }
 
+impl ImageStage {
+    fn new(gpu: &Arc<Gpu>, part: ImagePart, residual: Residual) -> Self {
+        Self {
+            finder: SourceFinder::new(&part.cameras, &part.options.sources),
+            warper: Warper::new(gpu.clone(), part.options.warp()),
+            residual,
+            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(gpu))),
+            part,
+        }
+    }
+}
+
 /// The sources of a frame: which training views, and what the pass reads of them.
 struct Sources {
     indices: Vec<usize>,
@@ -157,14 +169,34 @@ impl Renderer {
     /// A renderer of Gaussians, with the image-based part where there is one.
     pub fn new(raster: Arc<Rasterizer>, splats: Splats, background: [f32; 3], part: Option<ImagePart>) -> Self {
         let gpu = raster.gpu().clone();
-        let stage = |part: ImagePart| ImageStage {
-            finder: SourceFinder::new(&part.cameras, &part.options.sources),
-            warper: Warper::new(gpu.clone(), part.options.warp()),
-            residual: Residual::new(gpu.clone(), part.options.variant, part.options.precision),
-            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(&gpu))),
-            part,
+        let stage = |part: ImagePart| {
+            let residual = Residual::new(gpu.clone(), part.options.variant, part.options.precision);
+            ImageStage::new(&gpu, part, residual)
         };
         Self { image: part.map(stage), raster, splats, background, shows_surface: false, exposure: None }
+    }
+
+    /// The same renderer of other Gaussians in the same space; both share photos, network and scratch memory.
+    pub fn with_splats(&self, splats: Splats) -> Self {
+        let gpu = self.gpu();
+        let stage = |stage: &ImageStage| ImageStage::new(gpu, stage.part.clone(), stage.residual.clone());
+        Self {
+            raster: self.raster.clone(),
+            splats,
+            background: self.background,
+            shows_surface: self.shows_surface,
+            image: self.image.as_ref().map(stage),
+            exposure: self.exposure().map(|field| (field.clone(), Exposer::new(gpu.clone()))),
+        }
+    }
+
+    /// A renderer of the centres of the Gaussians alone, as opaque points of their colours.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn of_points(&self) -> Result<Self, GpuError> {
+        let splats = self.splats.as_points(self.gpu())?;
+        Ok(Self::new(self.raster.clone(), splats, self.background, None))
     }
 
     /// Every view in the exposure that is predicted from its neighbours. Those of the image-based part's cameras must come in their order.

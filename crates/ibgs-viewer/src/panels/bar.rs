@@ -3,7 +3,7 @@
 use crate::app::Viewer;
 use crate::mode::Mode;
 use crate::panels::start;
-use eframe::egui::{self, Align2, Area, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
+use eframe::egui::{self, Align2, Area, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
 use glam::DVec3;
 
 /// Menus, modes and camera along the top.
@@ -66,6 +66,8 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
             "The image of a resting camera has all pixels, also where that takes more than two seconds",
         );
         ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
+        let edits = ui.add_enabled(viewer.training.is_none(), Checkbox::new(&mut viewer.edit.shown, "Edit (X)"));
+        edits.on_hover_text("Select and delete Gaussians of the model, and save it");
         ui.separator();
         if ui.button("Screenshot (P)").on_hover_text("Write what the canvas shows as a PNG file").clicked() {
             viewer.screenshot();
