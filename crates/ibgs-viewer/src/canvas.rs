@@ -159,13 +159,16 @@ impl Canvas {
         };
         let with_range = wanted.with_range && !wanted.moving;
         let fits = self.last.as_ref().is_some_and(|last| {
-            let aged = !wanted.running || self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
+            let aged =
+                !wanted.running || self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
             *last.frame.camera() == camera
                 && (last.range.is_some() || !with_range)
                 && last.looks.iter().zip(wanted.looks).all(|(frame, wanted)| frame.is_some() || !wanted)
                 && !(last.iteration != wanted.iteration && aged)
         });
-        let request = (!fits).then_some(Request { camera, with_range, looks: wanted.looks }).filter(|wanted| self.refused != Some(*wanted));
+        let request = (!fits)
+            .then_some(Request { camera, with_range, looks: wanted.looks })
+            .filter(|wanted| self.refused != Some(*wanted));
         self.awaited = request.map(|request| (request, share));
         let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);
         self.settled = fits && is_newest && !wanted.moving;

@@ -1,8 +1,8 @@
 //! The editor's state: what is selected of a finished model, by which tool, and what was removed. Draws nothing.
 
-use crate::Scene;
 use crate::edit_work::{EditCommand, EditMessage, SaveEdited};
 use crate::worker::{Command, Rendered};
+use crate::{Scene, Viewer};
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::edit::{Brush, Combine, CropBox, Editor, Filter, Mask};
@@ -86,7 +86,8 @@ impl Edit {
 
     /// Asks the worker for the Gaussians, once.
     pub fn begin(&mut self) -> Option<Command> {
-        let asks = self.shown && !std::mem::replace(&mut self.asked, self.shown || self.asked);
+        let asks = self.shown && !self.asked;
+        self.asked |= asks;
         asks.then_some(Command::Edit(EditCommand::Begin))
     }
 
@@ -216,6 +217,28 @@ impl Edit {
         let (replaces, model) = (self.replaces, scene.model.clone());
         let save = SaveEdited { path, replaces, left, model, revision: self.revision };
         Some(Command::Edit(EditCommand::Save(Box::new(save))))
+    }
+}
+
+impl Viewer {
+    /// Shows or hides the editor.
+    pub fn show_editor(&mut self, shown: bool) {
+        self.edit.shown = shown;
+    }
+
+    /// Gaussians that are left and that are selected; none while they are not there.
+    pub fn edited(&self) -> Option<[usize; 2]> {
+        self.edit.editor.as_ref().map(|editor| [editor.left_count(), editor.selected_count()])
+    }
+
+    /// Where an edited model is saved.
+    pub fn set_model_file(&mut self, path: &Path) {
+        self.edit.file = path.display().to_string();
+    }
+
+    /// The editor's box.
+    pub fn crop_box(&self) -> Option<&CropBox> {
+        self.edit.crop.as_ref()
     }
 }
 

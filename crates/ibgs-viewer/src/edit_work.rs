@@ -116,7 +116,8 @@ fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
     let Some(model) = model else {
         bail!("a bundle holds cameras and photos, which this model does not have; choose a name in `.ply`");
     };
-    let model = Model { gaussians, ..Model::clone(model) };
+    let mut model = Model::clone(model);
+    model.gaussians = gaussians;
     model.into_bundle(&())?.write(path)?;
     Ok(text)
 }

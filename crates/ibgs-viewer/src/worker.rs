@@ -349,20 +349,20 @@ impl Thread {
                     self.send(Message::FilmDone(Some(shoot.cancelled())));
                 }
             }
-            Command::Edit(command) => {
-                match work.edit.execute(work.content.as_ref(), command) {
-                    Ok(Some(message)) => self.send(Message::Edit(message)),
-                    Ok(None) => {}
-                    Err(error) => self.failed(&error),
-                }
-            }
+            Command::Edit(command) => match work.edit.execute(work.content.as_ref(), command) {
+                Ok(Some(message)) => self.send(Message::Edit(message)),
+                Ok(None) => {}
+                Err(error) => self.failed(&error),
+            },
         }
     }
 
     /// Puts what an edited model still has on the device.
     fn edited(&self, work: &mut Work) {
         match work.edit.renderer(work.content.as_ref()) {
-            Ok(Some(renderer)) => (work.content, work.looks) = (Some(Content::Model(Arc::new(renderer))), Looks::default()),
+            Ok(Some(renderer)) => {
+                (work.content, work.looks) = (Some(Content::Model(Arc::new(renderer))), Looks::default())
+            }
             Ok(None) => {}
             Err(error) => self.failed(&error),
         }
@@ -381,7 +381,8 @@ impl Thread {
         let mut looks = std::mem::take(&mut work.looks);
         let keeps = matches!(work.content, Some(Content::Model(_)));
         let Some(rendered) = work.with_renderer(|renderer, iteration| -> Result<Rendered> {
-            let mut present = |frame: &Frame, look: Option<Look>| match sheet.filter(|sheet| sheet.mode.look() == look) {
+            let mut present = |frame: &Frame, look: Option<Look>| match sheet.filter(|sheet| sheet.mode.look() == look)
+            {
                 Some(sheet) => presenter.present(frame, &sheet.mode.shown(&sheet.style, None), &sheet.texture),
                 None => Ok(()),
             };

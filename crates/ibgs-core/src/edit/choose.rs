@@ -30,7 +30,8 @@ impl CropBox {
     pub fn around(points: impl Iterator<Item = DVec3>, up: DVec3, turn: f64, outside: f64) -> Option<Self> {
         let blank = Self { center: DVec3::ZERO, size: DVec3::ZERO, up, turn };
         let axes = blank.axes();
-        let points: Vec<DVec3> = points.map(|point| axes.transpose() * point).filter(|point| point.is_finite()).collect();
+        let points: Vec<DVec3> =
+            points.map(|point| axes.transpose() * point).filter(|point| point.is_finite()).collect();
         let step = points.len().div_ceil(SAMPLES).max(1);
         let range = |axis: usize| {
             let mut values: Vec<f64> = points.iter().step_by(step).map(|point| point[axis]).collect();

@@ -5,8 +5,8 @@ use crate::edit::{Edit, Tool, places};
 use crate::marks::Onto;
 use crate::worker::Command;
 use eframe::egui::{
-    self, Button, Color32, CursorIcon, DragValue, Grid, Key, Mesh, Modifiers, Painter, PointerButton, Pos2, Rect, Sense, Shape,
-    Slider, Stroke, TextEdit, Ui, Vec2,
+    self, Button, Color32, CursorIcon, DragValue, Grid, Key, Mesh, Modifiers, Painter, PointerButton, Pos2, Rect,
+    Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2,
 };
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;
@@ -122,8 +122,9 @@ fn selection(viewer: &mut Viewer, ui: &mut Ui) {
         Some(Tool::Box) => crop_box(edit, up, extent, ui),
         Some(Tool::Brush) => {
             ui.add(Slider::new(&mut edit.radius, 2.0..=200.0).logarithmic(true).fixed_decimals(0).text("radius"));
-            ui.checkbox(&mut edit.in_front, "Only in front")
-                .on_hover_text("Leave out what lies behind the surface: behind the depth where half of the light is stopped");
+            ui.checkbox(&mut edit.in_front, "Only in front").on_hover_text(
+                "Leave out what lies behind the surface: behind the depth where half of the light is stopped",
+            );
         }
         None => {}
     }
@@ -135,7 +136,7 @@ fn crop_box(edit: &mut Edit, up: DVec3, extent: f64, ui: &mut Ui) {
     let Some(crop) = &mut edit.crop else { return };
     let speed = 0.002 * extent;
     Grid::new("box").num_columns(4).show(ui, |ui| {
-        let mut row = |ui: &mut Ui, name: &str, text: &str, values: &mut DVec3, least: f64| {
+        let row = |ui: &mut Ui, name: &str, text: &str, values: &mut DVec3, least: f64| {
             ui.label(name).on_hover_text(text);
             for value in values.as_mut() {
                 ui.add(DragValue::new(value).speed(speed).range(least..=f64::INFINITY).max_decimals(3));
@@ -171,7 +172,13 @@ fn filters(edit: &mut Edit, extent: f64, ui: &mut Ui) {
     let rows = [
         (opacity, "opacity below", 0.005, 0.0..=1.0, "Gaussians that are fainter than this"),
         (size, "size above", 0.002 * extent, 0.0..=f64::INFINITY, "Largest standard deviation in scene units"),
-        (distance, "distance above", 0.01 * extent, 0.0..=f64::INFINITY, "From the middle of the cameras, in scene units"),
+        (
+            distance,
+            "distance above",
+            0.01 * extent,
+            0.0..=f64::INFINITY,
+            "From the middle of the cameras, in scene units",
+        ),
     ];
     Grid::new("filters").num_columns(2).show(ui, |ui| {
         for (limit, name, speed, range, text) in rows {
@@ -278,7 +285,8 @@ pub fn in_image(viewer: &mut Viewer, ui: &mut Ui, response: &egui::Response, ima
         }
         Some(Tool::Brush) => {
             let pointer = response.hover_pos().or_else(|| response.interact_pointer_pos());
-            let down = response.is_pointer_button_down_on() && ui.input(|input| input.pointer.button_down(PointerButton::Primary));
+            let down = response.is_pointer_button_down_on()
+                && ui.input(|input| input.pointer.button_down(PointerButton::Primary));
             match pointer.filter(|_| down) {
                 Some(at) => {
                     let share = (at - image.min) / image.size();
@@ -326,7 +334,8 @@ fn handles(crop: &mut CropBox, ui: &mut Ui, onto: &Onto) {
 fn grab(ui: &Ui, painter: &Painter, onto: &Onto, place: DVec3, number: usize) -> Option<Vec2> {
     let at: Pos2 = onto.point(place).filter(|at| onto.image.contains(*at))?;
     let grip = Rect::from_center_size(at, Vec2::splat(2.0 * GRIP));
-    let response = ui.interact(grip, ui.scope_id().with(("box", number)), Sense::drag()).on_hover_cursor(CursorIcon::Grab);
+    let response =
+        ui.interact(grip, ui.scope_id().with(("box", number)), Sense::drag()).on_hover_cursor(CursorIcon::Grab);
     let fill = if response.hovered() || response.dragged() { Color32::WHITE } else { BOX };
     painter.circle(at, HANDLE, fill, Stroke::new(1.5, Color32::from_black_alpha(200)));
     response.dragged_by(PointerButton::Primary).then(|| response.drag_delta())
