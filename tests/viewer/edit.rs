@@ -216,7 +216,7 @@ fn an_edited_bundle_is_saved_and_opened_again() {
 }
 
 #[test]
-fn points_are_small_and_opaque() {
+fn points_and_ellipsoids_are_opaque() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = window(Some(untrained(folder.path())));
     press(&mut window, Key::Num9);
@@ -224,6 +224,15 @@ fn points_are_small_and_opaque() {
     let points = part(&mut window, Vec2::new(0.4, 0.4), Vec2::new(0.7, 0.8));
     let dark = points.iter().filter(|p| p[0].max(p[1]).max(p[2]) < 10).count();
     assert!(dark > points.len() / 4 && dark < points.len(), "{dark} of {} pixels show no point", points.len());
+    press(&mut window, Key::Num0);
+    assert_eq!(window.state().mode(), Mode::Ellipsoids);
+    let ellipsoids = part(&mut window, Vec2::new(0.4, 0.4), Vec2::new(0.7, 0.8));
+    assert!(ellipsoids != points);
+    window.state_mut().show_figures(false);
+    window.state_mut().show_other(Some(Mode::Points));
+    settle(&mut window);
+    window.run_steps(20);
+    snapshot(&mut window, "ellipsoids and points", 300);
     // Beside another mode, and in a screenshot.
     window.state_mut().show_other(Some(Mode::Final));
     settle(&mut window);
@@ -249,6 +258,8 @@ fn the_editor_looks_as_it_should() {
     snapshot(&mut window, "editor with brush", 600);
     // Small windows keep all in reach.
     window.set_size(Vec2::new(620.0, 420.0));
-    settle(&mut window);
+    pick(&mut window, "Box");
+    window.run_steps(20);
+    snapshot(&mut window, "editor in a small window", 600);
     assert_eq!(window.state().error(), None);
 }

@@ -10,11 +10,13 @@ use std::sync::Arc;
 pub enum Look {
     /// As opaque points.
     Points,
+    /// As opaque ellipsoids.
+    Ellipsoids,
 }
 
 impl Look {
     /// All of them.
-    pub const ALL: [Look; 1] = [Look::Points];
+    pub const ALL: [Look; 2] = [Look::Points, Look::Ellipsoids];
 
     /// A renderer of the same Gaussians in this look.
     ///
@@ -23,6 +25,7 @@ impl Look {
     pub fn of(self, renderer: &Renderer) -> Result<Renderer, GpuError> {
         match self {
             Look::Points => renderer.of_points(),
+            Look::Ellipsoids => Ok(renderer.of_ellipsoids()),
         }
     }
 }

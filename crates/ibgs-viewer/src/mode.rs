@@ -27,6 +27,8 @@ pub enum Mode {
     Photo,
     /// The Gaussians' centres.
     Points,
+    /// The Gaussians as ellipsoids.
+    Ellipsoids,
 }
 
 /// How modes are shown.
@@ -48,7 +50,7 @@ impl Default for Style {
 
 impl Mode {
     /// All of them; the number keys from 1 on.
-    pub const ALL: [Mode; 9] = [
+    pub const ALL: [Mode; 10] = [
         Mode::Final,
         Mode::Base,
         Mode::Residual,
@@ -58,6 +60,7 @@ impl Mode {
         Mode::Difference,
         Mode::Photo,
         Mode::Points,
+        Mode::Ellipsoids,
     ];
 
     /// Its name in menus.
@@ -72,6 +75,7 @@ impl Mode {
             Mode::Difference => "Difference",
             Mode::Photo => "Photo",
             Mode::Points => "Points",
+            Mode::Ellipsoids => "Ellipsoids",
         }
     }
 
@@ -87,6 +91,9 @@ impl Mode {
             Mode::Difference => "Final image minus the photo around grey, while the camera stands on a view",
             Mode::Photo => "The photo itself, while the camera stands on a view",
             Mode::Points => "The centres of the Gaussians, opaque and in their colours",
+            Mode::Ellipsoids => {
+                "The Gaussians as opaque ellipsoids of 1.5 standard deviations, the nearest centre in front"
+            }
         }
     }
 
@@ -109,6 +116,7 @@ impl Mode {
     pub fn look(self) -> Option<Look> {
         match self {
             Mode::Points => Some(Look::Points),
+            Mode::Ellipsoids => Some(Look::Ellipsoids),
             _ => None,
         }
     }
@@ -117,7 +125,7 @@ impl Mode {
     pub fn shown<'a>(self, style: &Style, photo: Option<&'a DevicePhoto>) -> Shown<'a> {
         match (self, photo) {
             (Mode::Final, _) | (Mode::Difference | Mode::Photo, None) => Shown::Final,
-            (Mode::Base | Mode::Points, _) => Shown::Base,
+            (Mode::Base | Mode::Points | Mode::Ellipsoids, _) => Shown::Base,
             (Mode::Residual, _) => Shown::Residual(style.gain),
             (Mode::Depth, _) => Shown::Depth(style.depth_range),
             (Mode::Normal, _) => Shown::Normal,

@@ -13,7 +13,7 @@ const TURN: f64 = 3.0;
 /// Scene extents that the camera flies in a second.
 const SPEED: f64 = 0.3;
 const MODE_KEYS: [Key; Mode::ALL.len()] =
-    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
 
 /// Keys that do something once.
 const SINGLE_KEYS: [Key; 8] =

@@ -79,7 +79,7 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     for (number, mode) in (1..).zip(Mode::ALL) {
         let offered = viewer.offers(mode);
-        let text = format!("{}. Key {number}.", mode.meaning());
+        let text = format!("{}. Key {}.", mode.meaning(), number % 10);
         let button = ui.add_enabled_ui(offered, |ui| ui.selectable_label(viewer.mode == mode, mode.name())).inner;
         if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
             viewer.show_mode(mode);

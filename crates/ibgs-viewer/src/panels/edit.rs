@@ -257,7 +257,7 @@ pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
     let step = editor.selected_count().div_ceil(MOST_MARKS).max(1);
     for place in places(editor.gaussians(), editor.selected()).step_by(step) {
         if let Some(at) = onto.point(place).filter(|at| onto.image.contains(*at)) {
-            mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.0)), SELECTED);
+            mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.5)), SELECTED);
         }
     }
     painter.add(Shape::mesh(mesh));

@@ -135,7 +135,7 @@ const HELP: [(&str, &str); 17] = [
     ("W A S D, Q E", "fly, down and up; with Shift faster"),
     ("Double click, F", "turn to a point of the surface and orbit around it"),
     ("Click", "see why a pixel looks as it does"),
-    ("1 to 9", "what is shown"),
+    ("1 to 9, 0", "what is shown"),
     ("Left, Right", "the view before, the next view"),
     ("R", "back to the first view"),
     ("C", "show the scene's cameras"),
@@ -149,14 +149,17 @@ const HELP: [(&str, &str); 17] = [
 
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
     let mut open = viewer.panels.shows_help;
-    egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
-        egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-            for (key, what) in HELP {
-                ui.strong(key);
-                ui.label(what);
-                ui.end_row();
-            }
-        });
-    });
+    egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).vscroll(true).show(
+        ui.ctx(),
+        |ui| {
+            egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+                for (key, what) in HELP {
+                    ui.strong(key);
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        },
+    );
     viewer.panels.shows_help = open;
 }
