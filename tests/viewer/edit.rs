@@ -131,7 +131,7 @@ fn a_brush_paints_what_is_in_front() {
     pick(&mut window, "Add");
     drag(&mut window, PointerButton::Primary, at + Vec2::new(0.0, 120.0), Vec2::new(60.0, 0.0));
     assert!(counts(&window)[1] > front);
-    pick(&mut window, "Remove");
+    pick(&mut window, "Subtract");
     drag(&mut window, PointerButton::Primary, at + Vec2::new(0.0, 120.0), Vec2::new(60.0, 0.0));
     assert!(counts(&window)[1] <= front);
     // Without the tool the pointer moves the camera again.
@@ -218,7 +218,13 @@ fn an_edited_bundle_is_saved_and_opened_again() {
 #[test]
 fn points_and_ellipsoids_are_opaque() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(untrained(folder.path())));
+    let dataset = many_points();
+    // Flat and small enough to stand apart.
+    let mut gaussians = from_points(&dataset.points, 0, 0.6).unwrap();
+    gaussians.log_scales.iter_mut().for_each(|[x, y, z]| (*x, *y, *z) = (*x - 1.0, *y - 1.5, *z - 2.5));
+    let splats = Splats::upload(&gaussians, &gpu()).unwrap();
+    let images = image_part(dataset, &TrainConfig::default(), &weights::initial(0));
+    let mut window = window(Some(opened(dataset, splats, images, folder.path())));
     press(&mut window, Key::Num9);
     assert_eq!(window.state().mode(), Mode::Points);
     let points = part(&mut window, Vec2::new(0.4, 0.4), Vec2::new(0.7, 0.8));
@@ -258,6 +264,7 @@ fn the_editor_looks_as_it_should() {
     snapshot(&mut window, "editor with brush", 600);
     // Small windows keep all in reach.
     window.set_size(Vec2::new(620.0, 420.0));
+    settle(&mut window);
     pick(&mut window, "Box");
     window.run_steps(20);
     snapshot(&mut window, "editor in a small window", 600);

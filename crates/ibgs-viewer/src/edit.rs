@@ -87,7 +87,8 @@ impl Edit {
     /// Asks the worker for the Gaussians, once.
     pub fn begin(&mut self) -> Option<Command> {
         let asks = self.shown && !self.asked;
-        self.asked |= asks;
+        // Closed and opened again it asks again, where nothing came.
+        self.asked = self.shown || self.editor.is_some();
         asks.then_some(Command::Edit(EditCommand::Begin))
     }
 
@@ -95,8 +96,10 @@ impl Edit {
     pub fn take(&mut self, message: EditMessage, up: DVec3) -> Option<String> {
         match message {
             EditMessage::Gaussians(gaussians) => {
-                self.crop = CropBox::around(gaussians.positions(), up, 0.0, OUTSIDE);
-                self.editor = Some(Editor::new(gaussians));
+                if self.editor.is_none() {
+                    self.crop = CropBox::around(gaussians.positions(), up, 0.0, OUTSIDE);
+                    self.editor = Some(Editor::new(gaussians));
+                }
                 None
             }
             EditMessage::Saved(text, revision) => {
@@ -223,7 +226,7 @@ impl Edit {
 impl Viewer {
     /// Shows or hides the editor.
     pub fn show_editor(&mut self, shown: bool) {
-        self.edit.shown = shown;
+        self.edit.shown = shown && self.training.is_none();
     }
 
     /// Gaussians that are left and that are selected; none while they are not there.

@@ -87,8 +87,9 @@ impl EditWork {
     pub fn renderer(&mut self, content: Option<&Content>) -> Result<Option<Renderer>> {
         let Some((left, revision)) = self.left.take() else { return Ok(None) };
         let (Some(Content::Model(renderer)), Some(whole)) = (content, &self.whole) else { return Ok(None) };
-        let splats = Splats::upload(&whole.only(&left), renderer.gpu())?;
+        // Also where it fails: nothing newer will come.
         self.revision = revision;
+        let splats = Splats::upload(&whole.only(&left), renderer.gpu())?;
         Ok(Some(renderer.with_splats(splats)))
     }
 }

@@ -3,7 +3,7 @@
 use crate::app::Viewer;
 use crate::mode::Mode;
 use crate::panels::start;
-use eframe::egui::{self, Align2, Area, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
+use eframe::egui::{self, Align2, Area, Button, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
 use glam::DVec3;
 
 /// Menus, modes and camera along the top.
@@ -80,7 +80,7 @@ fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     for (number, mode) in (1..).zip(Mode::ALL) {
         let offered = viewer.offers(mode);
         let text = format!("{}. Key {}.", mode.meaning(), number % 10);
-        let button = ui.add_enabled_ui(offered, |ui| ui.selectable_label(viewer.mode == mode, mode.name())).inner;
+        let button = ui.add_enabled(offered, Button::selectable(viewer.mode == mode, mode.name()));
         if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
             viewer.show_mode(mode);
         }

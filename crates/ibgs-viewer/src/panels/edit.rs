@@ -87,7 +87,7 @@ fn selection(viewer: &mut Viewer, ui: &mut Ui) {
         let all = [
             (Combine::Replace, "New", "A selection takes the place of the one before"),
             (Combine::Add, "Add", "A selection is added to the one before"),
-            (Combine::Remove, "Remove", "A selection is taken away from the one before"),
+            (Combine::Remove, "Subtract", "A selection is taken away from the one before"),
         ];
         for (how, name, text) in all {
             ui.selectable_value(&mut edit.how, how, name).on_hover_text(text);
