@@ -10,6 +10,7 @@ use ibgs_core::output::{cameras, multi_view};
 use ibgs_core::scene::{Format, read_gaussians, write_gaussians};
 use ibgs_viewer::{Mode, Open, Wanted};
 use std::path::PathBuf;
+use std::process::Command;
 
 /// A window with the editor open.
 fn editing(opened: Opened) -> Window {
@@ -142,6 +143,31 @@ fn a_brush_paints_what_is_in_front() {
 }
 
 #[test]
+fn handles_move_the_box_and_values_select() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window_on(&gpu(), Some(untrained(folder.path())), Vec2::new(1280.0, 800.0));
+    press(&mut window, Key::X);
+    until(&mut window, "edited", |viewer| viewer.edited().is_some());
+    pick(&mut window, "Box");
+    let (stood, before) = (*window.state().navigator(), *window.state().crop_box().unwrap());
+    // Where the picture of the editor shows a handle.
+    drag(&mut window, PointerButton::Primary, Pos2::new(724.0, 141.0), Vec2::new(-30.0, 40.0));
+    let after = *window.state().crop_box().unwrap();
+    assert_eq!((*window.state().navigator(), window.state().on_view()), (stood, Some(0)), "a handle moves no camera");
+    let resized = (0..3).filter(|&axis| after.size[axis] != before.size[axis]).count();
+    assert!(resized == 1 && after.center != before.center, "{before:?} {after:?}");
+    // All limits that are ticked have to be met.
+    pick(&mut window, "distance above");
+    pick(&mut window, "Select by values");
+    let far = counts(&window)[1];
+    assert!(far > 0 && far < 4_000, "{far}");
+    pick(&mut window, "opacity below");
+    pick(&mut window, "Select by values");
+    assert_eq!(counts(&window)[1], 0, "every opacity is 0.6");
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
 fn an_edited_file_of_gaussians_is_saved_and_opened_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("points.ply");
@@ -210,6 +236,11 @@ fn an_edited_bundle_is_saved_and_opened_again() {
     let image = renderer.render(&camera).unwrap().image().unwrap().unwrap().to_rgb8();
     let differ = image.iter().zip(shot.as_raw()).filter(|(a, b)| a.abs_diff(**b) > 2).count();
     assert!(differ < image.len() / 1000, "{differ} of {} values differ", image.len());
+    for arguments in [&["info"][..], &["render"]] {
+        let program = Command::new(env!("CARGO_BIN_EXE_ibgs")).args(arguments).arg(&saved).output().unwrap();
+        assert!(program.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&program.stderr));
+    }
+    assert!(folder.path().join("model-edited/test/ours_30/renders").is_dir());
     let whole = Model::open(&path, &ModelOptions::default()).unwrap();
     assert_eq!((&model.network, &model.cameras), (&whole.network, &whole.cameras));
     assert_eq!(Bundle::read(&saved).unwrap().sources, Bundle::read(&path).unwrap().sources);

@@ -129,8 +129,8 @@ impl Edit {
         let Some(editor) = &self.editor else { return };
         let turn = self.crop.map_or(0.0, |crop| crop.turn);
         let fitted = match editor.selected_count() {
-            0 => CropBox::around(places(editor.gaussians(), editor.left()), up, turn, OUTSIDE),
-            _ => CropBox::around(places(editor.gaussians(), editor.selected()), up, turn, 0.0),
+            0 => CropBox::around(places(editor.gaussians(), editor.left(), 1), up, turn, OUTSIDE),
+            _ => CropBox::around(places(editor.gaussians(), editor.selected(), 1), up, turn, 0.0),
         };
         self.crop = fitted.or(self.crop);
     }
@@ -245,9 +245,9 @@ impl Viewer {
     }
 }
 
-/// Places of the Gaussians of a mask.
-pub fn places<'a>(gaussians: &'a Gaussians, mask: &'a Mask) -> impl Iterator<Item = DVec3> + 'a {
-    mask.iter().map(|i| gaussians.space.to_scene(DVec3::from(gaussians.means[i].map(f64::from))))
+/// Places of every `step`th Gaussian of a mask.
+pub fn places<'a>(gaussians: &'a Gaussians, mask: &'a Mask, step: usize) -> impl Iterator<Item = DVec3> + 'a {
+    mask.iter().step_by(step).map(|i| gaussians.space.to_scene(DVec3::from(gaussians.means[i].map(f64::from))))
 }
 
 /// The name that is offered: beside what was opened, never its own.

@@ -135,22 +135,22 @@ fn selection(viewer: &mut Viewer, ui: &mut Ui) {
 fn crop_box(edit: &mut Edit, up: DVec3, extent: f64, ui: &mut Ui) {
     let Some(crop) = &mut edit.crop else { return };
     let speed = 0.002 * extent;
-    Grid::new("box").num_columns(4).show(ui, |ui| {
-        let row = |ui: &mut Ui, name: &str, text: &str, values: &mut DVec3, least: f64| {
+    let row = |ui: &mut Ui, name: &str, text: &str, values: &mut DVec3, least: f64| {
+        ui.horizontal_wrapped(|ui| {
             ui.label(name).on_hover_text(text);
             for value in values.as_mut() {
                 ui.add(DragValue::new(value).speed(speed).range(least..=f64::INFINITY).max_decimals(3));
             }
-            ui.end_row();
-        };
-        row(ui, "centre", "x, y, z in the scene", &mut crop.center, f64::NEG_INFINITY);
-        row(ui, "size", "Across, across, along the up axis", &mut crop.size, f64::MIN_POSITIVE);
+        });
+    };
+    row(ui, "centre", "x, y, z in the scene", &mut crop.center, f64::NEG_INFINITY);
+    row(ui, "size", "Across, across, along the up axis", &mut crop.size, f64::MIN_POSITIVE);
+    ui.horizontal_wrapped(|ui| {
         ui.label("turn").on_hover_text("About the up axis");
         let mut degrees = crop.turn.to_degrees();
         if ui.add(DragValue::new(&mut degrees).speed(0.5).max_decimals(1).suffix("°")).changed() {
             crop.turn = degrees.to_radians();
         }
-        ui.end_row();
     });
     crop.up = up;
     ui.horizontal_wrapped(|ui| {
@@ -255,7 +255,7 @@ pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
     let (true, Some(editor)) = (viewer.edit.shown, &viewer.edit.editor) else { return };
     let mut mesh = Mesh::default();
     let step = editor.selected_count().div_ceil(MOST_MARKS).max(1);
-    for place in places(editor.gaussians(), editor.selected()).step_by(step) {
+    for place in places(editor.gaussians(), editor.selected(), step) {
         if let Some(at) = onto.point(place).filter(|at| onto.image.contains(*at)) {
             mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.5)), SELECTED);
         }
