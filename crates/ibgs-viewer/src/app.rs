@@ -302,6 +302,10 @@ impl Viewer {
 
     /// Opens something in place of what is open.
     pub fn open(&mut self, wanted: Wanted) {
+        if !self.edit.may_leave() {
+            self.error = Some("the edited model is not saved; open the other one again to leave it so".to_owned());
+            return;
+        }
         (self.error, self.message, self.doing) = (None, None, Some("opening".to_owned()));
         self.send(Command::Open(wanted));
     }

@@ -66,6 +66,8 @@ pub struct Edit {
     pub revision: u32,
     /// Revision that was saved last.
     pub saved: u32,
+    /// The user knows that it is not saved.
+    warned: bool,
     /// Where the brush was last, as shares of the image.
     stroke: Option<DVec2>,
 }
@@ -122,6 +124,11 @@ impl Edit {
     /// Whether something was removed since the model was saved.
     pub fn is_unsaved(&self) -> bool {
         self.revision != self.saved && self.editor.as_ref().is_some_and(Editor::is_changed)
+    }
+
+    /// Whether another model may take its place; where what was deleted is not saved, only when asked again.
+    pub fn may_leave(&mut self) -> bool {
+        !self.is_unsaved() || std::mem::replace(&mut self.warned, true)
     }
 
     /// Puts the box around what is selected, or around most of the model.

@@ -65,7 +65,12 @@ impl EditWork {
                 Ok(None)
             }
             EditCommand::Save(save) => {
-                let kept = self.whole(renderer)?.only(&save.left);
+                let whole = self.whole(renderer)?;
+                // Asked for while another model was opened.
+                if whole.len() != save.left.total() {
+                    return Ok(None);
+                }
+                let kept = whole.only(&save.left);
                 Ok(Some(EditMessage::Saved(write(&save, kept)?, save.revision)))
             }
         }
@@ -86,7 +91,8 @@ impl EditWork {
     /// Not enough memory.
     pub fn renderer(&mut self, content: Option<&Content>) -> Result<Option<Renderer>> {
         let Some((left, revision)) = self.left.take() else { return Ok(None) };
-        let (Some(Content::Model(renderer)), Some(whole)) = (content, &self.whole) else { return Ok(None) };
+        let whole = self.whole.as_ref().filter(|whole| whole.len() == left.total());
+        let (Some(Content::Model(renderer)), Some(whole)) = (content, whole) else { return Ok(None) };
         // Also where it fails: nothing newer will come.
         self.revision = revision;
         let splats = Splats::upload(&whole.only(&left), renderer.gpu())?;
