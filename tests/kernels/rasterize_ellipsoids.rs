@@ -15,7 +15,9 @@ fn shown(p: &Params, view: RasterView) -> Vec<f64> {
 fn random_scenes_of_every_size_and_degree() {
     for (seed, (width, height)) in (0..).zip([(1, 1), (15, 7), (33, 17), (127, 95)]) {
         let degree = seed as usize % 4;
-        let p = random_params(400, degree, seed);
+        let mut p = random_params(400, degree, seed);
+        // Some are so faint that they end before the edge.
+        p.opacity_logits.iter_mut().step_by(3).for_each(|logit| *logit = -5.0);
         let camera = random_camera(width, height, seed);
         let twin = ellipsoids(&project(&p, &camera, degree), &camera, background());
         let ours = shown(&p, view(camera, degree as u32));

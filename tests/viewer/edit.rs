@@ -106,6 +106,7 @@ fn deleting_is_undone_and_redone() {
     // Another model does not take its place unasked.
     window.state_mut().open(Wanted::Path(folder.path().join("other.ply")));
     assert!(window.state().error().unwrap().contains("not saved"), "{:?}", window.state().error());
+    window.run_steps(2);
     pick(&mut window, "Close");
     // The last Gaussian stays.
     pick(&mut window, "All");
