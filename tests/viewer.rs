@@ -1,5 +1,6 @@
 //! The viewer, driven without a window.
 
+mod edit;
 mod look;
 mod open;
 mod pixel;
@@ -30,7 +31,7 @@ type Window = Harness<'static, Viewer>;
 fn surroundings(dataset: &Dataset, pictures: &Path) -> Scene {
     let views = View::all(dataset);
     let (title, points) = ("small".to_owned(), dataset.points.clone());
-    Scene { title, views, points, pictures: pictures.to_owned(), path: None }
+    Scene { title, views, points, pictures: pictures.to_owned(), path: None, model: None }
 }
 
 /// A model that was trained for a moment.
@@ -50,17 +51,22 @@ fn opened(dataset: &Dataset, splats: Splats, part: ImagePart, pictures: &Path) -
 
 /// A model that every adapter has alike: Gaussians straight from the scene's points, and a network that has learnt nothing.
 fn untrained(pictures: &Path) -> Opened {
+    let dataset = many_points();
+    let gaussians = from_points(&dataset.points, 0, 0.6).unwrap();
+    let splats = Splats::upload(&gaussians, &gpu()).unwrap();
+    let part = image_part(dataset, &TrainConfig::default(), &weights::initial(0));
+    opened(dataset, splats, part, pictures)
+}
+
+/// Its scene.
+fn many_points() -> &'static Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
         let options = DemoOptions { views: 24, points: 4_000, ..tiny_demo() };
         demo::load(&options, Some(cache.path()), &()).unwrap()
     };
-    let dataset = DATASET.get_or_init(trace);
-    let gaussians = from_points(&dataset.points, 0, 0.6).unwrap();
-    let splats = Splats::upload(&gaussians, &gpu()).unwrap();
-    let part = image_part(dataset, &TrainConfig::default(), &weights::initial(0));
-    opened(dataset, splats, part, pictures)
+    DATASET.get_or_init(trace)
 }
 
 /// A window on what is opened; without anything, on the start page.

@@ -5,9 +5,7 @@ use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::bundle::Bundle;
-use ibgs_core::model::{Model, is_bundle};
-use ibgs_core::output::multi_view;
+use ibgs_core::model::is_bundle;
 use ibgs_core::scene::{Format, Gaussians, PlyFlavor, read_gaussians, write_gaussians, write_ply};
 use std::path::PathBuf;
 
@@ -50,22 +48,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
-    let mut model = args.model.read()?;
-    model.load_photos(&Bars::default())?;
-    let network = model.network.as_deref().map(ibgs_core::residual::weights::to_bytes).transpose()?;
-    if network.is_some() {
-        model.training_photos()?;
-    }
-    let dataset = model.dataset(&Bars::default())?.clone();
-    let field = model.exposure_field()?;
-    let sources = multi_view::records(&dataset, &model.config.sources);
-    let training = model.training_views();
-    let names = || training.iter().map(|record| record.name.clone());
-    let exposure = field.map(|field| names().zip(field.photos().iter().copied()).collect());
-    let photo = |name: &str| dataset.views.iter().find(|v| v.name == name).map(|v| (v.name.clone(), v.photo.clone()));
-    let photos = training.iter().filter_map(|record| photo(&record.name)).collect();
-    let Model { config, cameras, iteration, gaussians, .. } = model;
-    Bundle { iteration, gaussians, network, exposure, cameras, config, photos, sources }.write(&args.output)?;
+    args.model.read()?.into_bundle(&Bars::default())?.write(&args.output)?;
     stderr!("{} written, {:.1} MB", args.output.display(), args.output.metadata()?.len() as f64 * 1e-6);
     Ok(())
 }

@@ -107,6 +107,11 @@ impl DerefMut for OpenModel {
 }
 
 impl OpenModel {
+    /// Both on their own.
+    pub fn into_parts(self) -> (Model, Renderer) {
+        (self.model, self.renderer)
+    }
+
     /// Renders every view in the mean exposure of the photos.
     pub fn levelled(self) -> Self {
         Self { renderer: self.renderer.levelled(), ..self }

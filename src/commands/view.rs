@@ -204,6 +204,7 @@ fn trained(run: Watched) -> Opened {
         views: View::all(dataset),
         points: dataset.points.clone(),
         pictures: folder.map(Path::to_owned).unwrap_or_default(),
+        model: None,
     };
     Opened { scene, content: Content::Training(Box::new(run) as Box<dyn Training>) }
 }
@@ -239,9 +240,10 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
         }
     };
     let views = model.cameras.iter().map(view).collect();
-    let gpu = model.renderer.gpu().clone();
-    let content = Content::Model(Arc::new(model.renderer));
-    let scene = Scene { title, path: Some(path.clone()), views, points, pictures };
+    let (model, renderer) = model.into_parts();
+    let gpu = renderer.gpu().clone();
+    let content = Content::Model(Arc::new(renderer));
+    let scene = Scene { title, path: Some(path.clone()), views, points, pictures, model: Some(Arc::new(model)) };
     Ok((gpu, Opened { scene, content }))
 }
 
@@ -256,7 +258,7 @@ fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> 
     let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu.clone())), splats, [0.0; 3], None).showing_surface();
     let pictures = path.parent().context("a file has a folder")?.join("pictures");
     let (views, points) = (Vec::new(), points(&gaussians));
-    let scene = Scene { title, path: Some(path.to_owned()), views, points, pictures };
+    let scene = Scene { title, path: Some(path.to_owned()), views, points, pictures, model: None };
     Ok((gpu, Opened { scene, content: Content::Model(Arc::new(renderer)) }))
 }
 

@@ -60,6 +60,9 @@ fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {
     assert!(sandbox.succeeds("bench small.ibgs --iterations 5 --size 8x6").stdout.contains(" 8 x 6"));
     sandbox.fails("eval small.ibgs", &["scene"]);
     sandbox.fails("export model -o other.ibgs", &["scene"]);
+    // What a bundle holds is enough for another one.
+    sandbox.succeeds("export small.ibgs -o again.ibgs");
+    assert!(fs::read(sandbox.path("again.ibgs")).unwrap() == fs::read(sandbox.path("small.ibgs")).unwrap());
     // Gaussians alone need neither scene nor GPU, and come from both alike.
     sandbox.succeeds("export model -o folder.ply");
     sandbox.succeeds("export small.ibgs -o bundle.ply");

@@ -22,6 +22,7 @@ mod planes;
 mod present;
 mod project;
 mod rasterize;
+mod rasterize_ellipsoids;
 mod residual;
 mod residual_compose;
 mod residual_features;

@@ -1,6 +1,7 @@
 //! Twin of the blending kernel (method.md section 2).
 
 use ibgs_core::camera::Camera;
+use ibgs_shaders::{ELLIPSOID_EDGE, ELLIPSOID_POWER};
 use rayon::prelude::*;
 
 use super::{Forward, MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE, Model, Params, Projected, TILE, project::project_as};
@@ -110,6 +111,32 @@ pub fn rasterize(projected: Vec<Projected>, camera: &Camera, background: [f64; 3
         (image[i], final_t[i], last[i]) = (color, t, l);
     }
     Forward { image, final_t, last, order, projected, active_sh_degree, model: Model::Outline }
+}
+
+/// The colours of opaque ellipsoids over `background`; none at pixels that lie on an edge within rounding.
+pub fn ellipsoids(projected: &[Projected], camera: &Camera, background: [f64; 3]) -> Vec<Option<[f64; 3]>> {
+    let (most, edge) = (f64::from(ELLIPSOID_POWER), f64::from(ELLIPSOID_EDGE));
+    let mut image = vec![Some(background); camera.pixels()];
+    for (tile, list) in tile_lists(projected, camera).iter().enumerate() {
+        for (x, y) in tile_pixels(camera, tile) {
+            let shown = list.iter().map(|&g| &projected[g as usize]).find_map(|splat| {
+                let (dx, dy) = (splat.xy[0] - f64::from(x), splat.xy[1] - f64::from(y));
+                let [a, b, c] = splat.conic;
+                let power = 0.5 * (a * dx * dx + c * dy * dy) + b * dx * dy;
+                let reach = most.min((splat.opacity / MIN_ALPHA).ln());
+                let shade = edge + (1.0 - edge) * (1.0 - power / most).max(0.0).sqrt();
+                match power - reach {
+                    apart if apart.abs() < 1e-3 => Some(None),
+                    apart if apart < 0.0 => Some(Some(splat.color.map(|v| v * shade))),
+                    _ => None,
+                }
+            });
+            if let Some(color) = shown {
+                image[(y * camera.width + x) as usize] = color;
+            }
+        }
+    }
+    image
 }
 
 /// Projects and blends.

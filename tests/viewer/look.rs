@@ -6,7 +6,8 @@ use egui_kittest::kittest::Queryable;
 use ibgs_core::camera_path::KeyframePath;
 use ibgs_viewer::Mode;
 
-const KEYS: [Key; 8] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
+const KEYS: [Key; 10] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
 
 /// The canvas' middle.
 fn middle(window: &mut Window) -> Vec<[u8; 4]> {
@@ -111,7 +112,7 @@ fn models_without_a_network_or_photos_offer_what_they_have() {
     let content = Content::Model(Arc::new(renderer.showing_surface()));
     let mut window = window(Some(Opened { scene, content }));
     let offered: Vec<Mode> = Mode::ALL.into_iter().filter(|mode| window.state().offers(*mode)).collect();
-    assert_eq!(offered, [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal]);
+    assert_eq!(offered, [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids]);
     for key in [Key::Num3, Key::Num6, Key::Num7, Key::Num8] {
         press(&mut window, key);
         assert_eq!(window.state().mode(), Mode::Final);

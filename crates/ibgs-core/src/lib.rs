@@ -20,7 +20,8 @@
 //! 6. [`residual`] makes a residual of the warped colours with a small network, and adds it to the base image.
 //! 7. [`render`] is the one path from a model to images; [`model`] opens models, [`bundle`] keeps one in a single file,
 //!    [`output`] is the model folder, [`config`] the options of a training.
-//! 8. [`eval`] measures, [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on the screen, [`video`]
+//! 8. [`edit`] selects and removes Gaussians of a finished model.
+//! 9. [`eval`] measures, [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on the screen, [`video`]
 //!    makes films, [`inspect`] explains a pixel, [`mesh`] fuses the depths of all views into a triangle mesh.
 //!
 //! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the device, its memory and the one place
@@ -33,6 +34,7 @@ pub mod camera;
 pub mod camera_path;
 pub mod config;
 pub mod dataset;
+pub mod edit;
 pub mod eval;
 pub mod exposure;
 pub mod files;

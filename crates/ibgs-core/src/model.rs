@@ -14,6 +14,7 @@
 //! ```
 
 mod error;
+mod save;
 
 pub use error::ModelError;
 

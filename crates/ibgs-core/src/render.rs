@@ -9,7 +9,7 @@ use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
 use crate::local_space::LocalSpace;
-use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Surface, SurfaceOptions};
+use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Shape, Surface, SurfaceOptions};
 use crate::residual::network::ResidualNetwork;
 use crate::residual::{Aggregation, Factor, Precision, Residual, ResidualInputs, ResidualTask, Variant};
 use crate::scene::{SceneError, Splats};
@@ -104,6 +104,7 @@ pub struct Renderer {
     background: [f32; 3],
     /// Find the surface of models that do not need it for their image.
     shows_surface: bool,
+    shape: Shape,
     image: Option<ImageStage>,
     /// The exposures of its photos, where they were corrected.
     exposure: Option<(ExposureField, Exposer)>,
@@ -117,6 +118,18 @@ struct ImageStage {
     residual: Residual,
     /// Median depths of the sources, valid as long as the Gaussians do not change.
     depths: Mutex<DepthCache>,
+}
+
+impl ImageStage {
+    fn new(gpu: &Arc<Gpu>, part: ImagePart, residual: Residual) -> Self {
+        Self {
+            finder: SourceFinder::new(&part.cameras, &part.options.sources),
+            warper: Warper::new(gpu.clone(), part.options.warp()),
+            residual,
+            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(gpu))),
+            part,
+        }
+    }
 }
 
 /// The sources of a frame: which training views, and what the pass reads of them.
@@ -157,14 +170,49 @@ impl Renderer {
     /// A renderer of Gaussians, with the image-based part where there is one.
     pub fn new(raster: Arc<Rasterizer>, splats: Splats, background: [f32; 3], part: Option<ImagePart>) -> Self {
         let gpu = raster.gpu().clone();
-        let stage = |part: ImagePart| ImageStage {
-            finder: SourceFinder::new(&part.cameras, &part.options.sources),
-            warper: Warper::new(gpu.clone(), part.options.warp()),
-            residual: Residual::new(gpu.clone(), part.options.variant, part.options.precision),
-            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(&gpu))),
-            part,
+        let stage = |part: ImagePart| {
+            let residual = Residual::new(gpu.clone(), part.options.variant, part.options.precision);
+            ImageStage::new(&gpu, part, residual)
         };
-        Self { image: part.map(stage), raster, splats, background, shows_surface: false, exposure: None }
+        Self {
+            image: part.map(stage),
+            raster,
+            splats,
+            background,
+            shows_surface: false,
+            shape: Shape::default(),
+            exposure: None,
+        }
+    }
+
+    /// The same renderer of other Gaussians in the same space; both share photos, network and scratch memory.
+    pub fn with_splats(&self, splats: Splats) -> Self {
+        let gpu = self.gpu();
+        let stage = |stage: &ImageStage| ImageStage::new(gpu, stage.part.clone(), stage.residual.clone());
+        Self {
+            raster: self.raster.clone(),
+            splats,
+            background: self.background,
+            shows_surface: self.shows_surface,
+            shape: self.shape,
+            image: self.image.as_ref().map(stage),
+            exposure: self.exposure().map(|field| (field.clone(), Exposer::new(gpu.clone()))),
+        }
+    }
+
+    /// A renderer of the centres of the Gaussians alone, as opaque points of their colours.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn of_points(&self) -> Result<Self, GpuError> {
+        let splats = self.splats.as_points(self.gpu())?;
+        Ok(Self::new(self.raster.clone(), splats, self.background, None))
+    }
+
+    /// A renderer of the Gaussians as opaque ellipsoids with hard edges.
+    pub fn of_ellipsoids(&self) -> Self {
+        let plain = Self::new(self.raster.clone(), self.splats.clone(), self.background, None);
+        Self { shape: Shape::Ellipsoids, ..plain }
     }
 
     /// Every view in the exposure that is predicted from its neighbours. Those of the image-based part's cameras must come in their order.
@@ -232,7 +280,7 @@ impl Renderer {
     /// A view of a local camera.
     fn view(&self, camera: &Camera) -> RasterView {
         let mut view = RasterView::new(*camera, self.splats.sh_degree());
-        view.background = self.background;
+        (view.background, view.shape) = (self.background, self.shape);
         view.surface = match &self.image {
             Some(stage) => Some(stage.part.options.surface),
             None => self.shows_surface.then(SurfaceOptions::default),

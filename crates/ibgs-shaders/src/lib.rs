@@ -26,6 +26,10 @@ pub const ALPHA_EMPTY: u32 = 1;
 pub const ALPHA_MAX: f32 = 0.99;
 /// Blending stops before the transmittance would fall under this.
 pub const T_MIN: f32 = 1e-4;
+/// Half the squared Mahalanobis distance at which a Gaussian that is shown as an ellipsoid ends: 1.5 standard deviations.
+pub const ELLIPSOID_POWER: f32 = 1.125;
+/// Brightness of an ellipsoid at its edge; 1 in its middle.
+pub const ELLIPSOID_EDGE: f32 = 0.4;
 /// A ray with `-(n_c . r)` under this passes along a plane and does not meet it. Departs from method.md section 3, where
 /// any positive depth counts: depth grows with the inverse of that product and its derivative with the square, so that
 /// float32 has no digits left there and a few such pixels would rule the gradients.
@@ -166,6 +170,9 @@ kernels! {
     RASTERIZE = "rasterize" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry");
+    /// Opaque ellipsoids.
+    RASTERIZE_ELLIPSOIDS = "rasterize_ellipsoids" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
+        read("projected"), read("sorted_gaussians"), read("tile_ranges"), write("image");
     /// A part of a frame as 8-bit colours.
     PRESENT = "present" [256, 1, 1] (size_of::<types::PresentParams>()):
         read("values"), read("others"), read("words"), read("palette"), write("pixels");
@@ -415,6 +422,8 @@ pub fn constants() -> String {
         ("ALPHA_MIN", ALPHA_MIN),
         ("ALPHA_MAX", ALPHA_MAX),
         ("T_MIN", T_MIN),
+        ("ELLIPSOID_POWER", ELLIPSOID_POWER),
+        ("ELLIPSOID_EDGE", ELLIPSOID_EDGE),
         ("SLANT_MIN", SLANT_MIN),
         ("SSIM_C1", SSIM_C1),
         ("SSIM_C2", SSIM_C2),

@@ -7,6 +7,8 @@ mod screenshot;
 
 use crate::canvas::{Canvas, SIDES, Wanted as WantedFrame};
 use crate::curves::Curves;
+use crate::edit::Edit;
+use crate::looks::Look;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::panels::{self, Panels};
@@ -73,6 +75,7 @@ pub struct Viewer {
     coming: Option<Found>,
     clicked: Option<Instant>,
     pub(crate) panels: Panels,
+    pub(crate) edit: Edit,
     pub(crate) thumbnails: Thumbnails,
     pub(crate) settings: Settings,
     photo: Option<(usize, DevicePhoto)>,
@@ -123,6 +126,7 @@ impl Viewer {
             coming: None,
             clicked: None,
             panels: Panels::default(),
+            edit: Edit::default(),
             thumbnails: Thumbnails::default(),
             settings,
             photo: None,
@@ -298,6 +302,10 @@ impl Viewer {
 
     /// Opens something in place of what is open.
     pub fn open(&mut self, wanted: Wanted) {
+        if !self.edit.may_leave() {
+            self.error = Some("the edited model is not saved; open the other one again to leave it so".to_owned());
+            return;
+        }
         (self.error, self.message, self.doing) = (None, None, Some("opening".to_owned()));
         self.send(Command::Open(wanted));
     }
@@ -356,8 +364,9 @@ impl Viewer {
             moving: self.moving(),
             exact: self.view().is_some() && self.shows(Mode::needs_photo),
             always_sharp: self.panels.always_sharp,
-            with_range: self.shows(|mode| mode == Mode::Depth),
-            iteration: self.training.as_ref().map_or(0, |trained| trained.progress.iteration),
+            with_range: self.shows(|mode| mode == Mode::Depth) || self.edit.needs_depths(),
+            looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
+            iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
             running: self.training.as_ref().is_some_and(|trained| trained.running),
         };
         let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
@@ -383,6 +392,7 @@ impl Viewer {
         }
         marks::draw(self, &painter, image, &camera);
         panels::divider(self, ui, image);
+        panels::edit_in_image(self, ui, &response, image, &camera);
         panels::overlay(self, ui, room);
         let outdated = self.canvas.last().is_some_and(|last| last.iteration != wanted.iteration);
         if self.moving() || outdated {

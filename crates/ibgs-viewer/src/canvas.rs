@@ -1,5 +1,6 @@
 //! The rendered image on the screen: which frames are asked for, at which size, and the textures that egui paints.
 
+use crate::looks::Look;
 use crate::mode::{Mode, Style};
 use crate::worker::{Rendered, Request, Sheet};
 use eframe::egui::TextureId;
@@ -7,6 +8,7 @@ use eframe::egui_wgpu::RenderState;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::present::Presenter;
+use ibgs_core::render::Frame;
 use ibgs_core::sources::DevicePhoto;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -34,8 +36,10 @@ pub struct Wanted {
     pub exact: bool,
     /// A resting camera's image has the full size, however long it takes.
     pub always_sharp: bool,
-    /// Depths are shown.
+    /// Depths are shown or selected by.
     pub with_range: bool,
+    /// Looks that are shown.
+    pub looks: [bool; Look::ALL.len()],
     /// Iteration of the training: another one is another model.
     pub iteration: u32,
     /// The training continues.
@@ -155,12 +159,16 @@ impl Canvas {
         };
         let with_range = wanted.with_range && !wanted.moving;
         let fits = self.last.as_ref().is_some_and(|last| {
-            let aged = self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
+            let aged =
+                !wanted.running || self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
             *last.frame.camera() == camera
                 && (last.range.is_some() || !with_range)
+                && last.looks.iter().zip(wanted.looks).all(|(frame, wanted)| frame.is_some() || !wanted)
                 && !(last.iteration != wanted.iteration && aged)
         });
-        let request = (!fits).then_some(Request { camera, with_range }).filter(|wanted| self.refused != Some(*wanted));
+        let request = (!fits)
+            .then_some(Request { camera, with_range, looks: wanted.looks })
+            .filter(|wanted| self.refused != Some(*wanted));
         self.awaited = request.map(|request| (request, share));
         let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);
         self.settled = fits && is_newest && !wanted.moving;
@@ -199,7 +207,9 @@ impl Canvas {
         let screen = fitted(&self.gpu, state, &mut self.screens[side], size);
         let now = (mode, self.style, mode.needs_photo() && photo.is_some());
         if screen.shown != Some(now) {
-            self.presenter.present(&last.frame, &mode.shown(&self.style, photo), &screen.texture)?;
+            // Until the look comes, what was shown before stays.
+            let Some(frame) = frame_of(last, mode) else { return Ok(screen.shown.map(|_| screen.id)) };
+            self.presenter.present(frame, &mode.shown(&self.style, photo), &screen.texture)?;
             screen.shown = Some(now);
         }
         Ok(Some(screen.id))
@@ -217,8 +227,17 @@ impl Canvas {
         let Some(last) = &self.last else { return Ok(None) };
         let camera = last.frame.camera();
         let photo = photo.filter(|photo| photo.size == [camera.width, camera.height]);
-        let rgb = self.presenter.picture(&last.frame, &mode.shown(&self.style, photo))?;
+        let Some(frame) = frame_of(last, mode) else { return Ok(None) };
+        let rgb = self.presenter.picture(frame, &mode.shown(&self.style, photo))?;
         Ok(Some((camera.width, camera.height, rgb)))
+    }
+}
+
+/// The frame that a mode shows.
+fn frame_of(last: &Rendered, mode: Mode) -> Option<&Frame> {
+    match mode.look() {
+        Some(look) => last.looks[look as usize].as_deref(),
+        None => Some(&last.frame),
     }
 }
 

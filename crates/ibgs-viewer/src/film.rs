@@ -61,7 +61,8 @@ impl Shoot {
     /// The device failed, or a file cannot be written.
     pub fn next(&mut self, renderer: &Renderer) -> Result<Option<String>> {
         if let Some(camera) = self.film.cameras.get(self.done) {
-            let frame = renderer.render(camera)?;
+            let look = self.film.mode.look().map(|look| look.of(renderer)).transpose()?;
+            let frame = look.as_ref().unwrap_or(renderer).render(camera)?;
             let rgb = self.presenter.picture(&frame, &self.film.mode.shown(&self.film.style, None))?;
             let path = self.film.folder.join(video::frame_name(self.done));
             write_png(&path, camera.width, camera.height, &rgb)?;

@@ -8,7 +8,10 @@
 pub mod app;
 pub mod canvas;
 mod curves;
+mod edit;
+mod edit_work;
 mod film;
+mod looks;
 mod marks;
 pub mod measure;
 pub mod mode;
@@ -26,6 +29,7 @@ use eframe::{NativeOptions, egui};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{self, Dataset, Photo, Point};
 use ibgs_core::gpu::Gpu;
+use ibgs_core::model::Model;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::render::Renderer;
 use std::path::PathBuf;
@@ -70,6 +74,8 @@ pub struct Scene {
     pub points: Vec<Point>,
     /// Where screenshots and films go.
     pub pictures: PathBuf,
+    /// The model without its Gaussians, which a bundle needs; none where there is no more than Gaussians.
+    pub model: Option<Arc<Model>>,
 }
 
 /// What is looked at.

@@ -18,25 +18,35 @@ pub const HELD_OUT: Color32 = Color32::from_rgb(255, 170, 60);
 pub const SOURCE: Color32 = Color32::from_rgb(80, 230, 120);
 
 /// Where the camera's image lies on the screen.
-struct Onto<'a> {
-    camera: &'a Camera,
-    image: Rect,
-    near: f64,
+pub struct Onto<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Its image.
+    pub image: Rect,
+    /// What is nearer is not drawn.
+    pub near: f64,
 }
 
-impl Onto<'_> {
+impl<'a> Onto<'a> {
+    /// The image of a scene of this extent.
+    pub fn new(camera: &'a Camera, image: Rect, extent: f64) -> Self {
+        Self { camera, image, near: NEAR * extent }
+    }
+
     fn place(&self, view: DVec3) -> Pos2 {
         let uv = DVec2::new(view.x, view.y) / view.z * self.camera.focal + self.camera.principal;
         let share = uv / DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
         self.image.min + Vec2::new(share.x as f32, share.y as f32) * self.image.size()
     }
 
-    fn point(&self, world: DVec3) -> Option<Pos2> {
+    /// Where a point of the scene is seen.
+    pub fn point(&self, world: DVec3) -> Option<Pos2> {
         let view = self.camera.to_view(world);
         (view.z > self.near).then(|| self.place(view))
     }
 
-    fn line(&self, painter: &Painter, ends: [DVec3; 2], stroke: Stroke) {
+    /// Draws a line of the scene.
+    pub fn line(&self, painter: &Painter, ends: [DVec3; 2], stroke: Stroke) {
         let [mut a, mut b] = ends.map(|world| self.camera.to_view(world));
         if a.z > b.z {
             std::mem::swap(&mut a, &mut b);
@@ -72,7 +82,7 @@ impl Onto<'_> {
 pub fn draw(viewer: &Viewer, painter: &Painter, image: Rect, camera: &Camera) {
     let Some(scene) = &viewer.scene else { return };
     let painter = painter.with_clip_rect(image.intersect(painter.clip_rect()));
-    let onto = Onto { camera, image, near: NEAR * viewer.extent };
+    let onto = Onto::new(camera, image, viewer.extent);
     if viewer.panels.shows_points {
         let mut mesh = Mesh::default();
         let step = scene.points.len().div_ceil(MOST_POINTS).max(1);
@@ -102,6 +112,7 @@ pub fn draw(viewer: &Viewer, painter: &Painter, image: Rect, camera: &Camera) {
     {
         cross(&painter, at);
     }
+    crate::panels::draw_edit(viewer, &painter, &onto);
     viewer.panels.path.draw(|ends, stroke| onto.line(&painter, ends, stroke));
 }
 

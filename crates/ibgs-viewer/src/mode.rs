@@ -1,5 +1,6 @@
 //! What the canvas can show.
 
+use crate::looks::Look;
 use ibgs_core::present::Shown;
 use ibgs_core::sources::DevicePhoto;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,10 @@ pub enum Mode {
     Difference,
     /// That photo.
     Photo,
+    /// The Gaussians' centres.
+    Points,
+    /// The Gaussians as ellipsoids.
+    Ellipsoids,
 }
 
 /// How modes are shown.
@@ -45,7 +50,7 @@ impl Default for Style {
 
 impl Mode {
     /// All of them; the number keys from 1 on.
-    pub const ALL: [Mode; 8] = [
+    pub const ALL: [Mode; 10] = [
         Mode::Final,
         Mode::Base,
         Mode::Residual,
@@ -54,6 +59,8 @@ impl Mode {
         Mode::Visibility,
         Mode::Difference,
         Mode::Photo,
+        Mode::Points,
+        Mode::Ellipsoids,
     ];
 
     /// Its name in menus.
@@ -67,6 +74,8 @@ impl Mode {
             Mode::Visibility => "Visible sources",
             Mode::Difference => "Difference",
             Mode::Photo => "Photo",
+            Mode::Points => "Points",
+            Mode::Ellipsoids => "Ellipsoids",
         }
     }
 
@@ -81,6 +90,10 @@ impl Mode {
             Mode::Visibility => "How many of the source photos see the point of a pixel; black: none",
             Mode::Difference => "Final image minus the photo around grey, while the camera stands on a view",
             Mode::Photo => "The photo itself, while the camera stands on a view",
+            Mode::Points => "The centres of the Gaussians, opaque and in their colours",
+            Mode::Ellipsoids => {
+                "The Gaussians as opaque ellipsoids of 1.5 standard deviations, the nearest centre in front"
+            }
         }
     }
 
@@ -99,11 +112,20 @@ impl Mode {
         matches!(self, Mode::Residual | Mode::Difference)
     }
 
+    /// The look of the Gaussians that it shows; none: their own.
+    pub fn look(self) -> Option<Look> {
+        match self {
+            Mode::Points => Some(Look::Points),
+            Mode::Ellipsoids => Some(Look::Ellipsoids),
+            _ => None,
+        }
+    }
+
     /// The same for the device; the final image where a photo is needed and there is none.
     pub fn shown<'a>(self, style: &Style, photo: Option<&'a DevicePhoto>) -> Shown<'a> {
         match (self, photo) {
             (Mode::Final, _) | (Mode::Difference | Mode::Photo, None) => Shown::Final,
-            (Mode::Base, _) => Shown::Base,
+            (Mode::Base | Mode::Points | Mode::Ellipsoids, _) => Shown::Base,
             (Mode::Residual, _) => Shown::Residual(style.gain),
             (Mode::Depth, _) => Shown::Depth(style.depth_range),
             (Mode::Normal, _) => Shown::Normal,

@@ -1,6 +1,8 @@
 //! The thread that opens, renders and trains. The window sends [`Command`]s and receives [`Message`]s; it never waits.
 
+use crate::edit_work::{EditCommand, EditMessage, EditWork};
 use crate::film::{Film, Shoot};
+use crate::looks::{Look, Looks};
 use crate::mode::{Mode, Style};
 use crate::{Content, Open, Opened, Scene, Training, Wanted};
 use anyhow::Result;
@@ -30,6 +32,8 @@ pub struct Request {
     pub camera: Camera,
     /// Find the usual range of its depths as well.
     pub with_range: bool,
+    /// Render these looks beside the image.
+    pub looks: [bool; Look::ALL.len()],
 }
 
 /// Where a frame's picture goes.
@@ -68,6 +72,8 @@ pub enum Command {
     Film(Box<Film>),
     /// Leave the film unfinished.
     CancelFilm,
+    /// What the editor asks for.
+    Edit(EditCommand),
 }
 
 /// What a model has, as a frame found it.
@@ -87,13 +93,17 @@ pub struct Rendered {
     pub frame: Arc<Frame>,
     /// The usual range of its depths, where it was asked for.
     pub range: Option<[f32; 2]>,
+    /// Its median depths, where their range was asked for.
+    pub depths: Option<Arc<[f32]>>,
+    /// The same view in other looks, where they were asked for.
+    pub looks: [Option<Arc<Frame>>; Look::ALL.len()],
     /// From the request to the end of the GPU's work.
     pub time: Duration,
     /// What the model has.
     pub facts: ModelFacts,
     /// Device memory in use, where the driver reports it.
     pub memory: Option<u64>,
-    /// Iteration of the training.
+    /// Iteration of the training, or revision of an edited model.
     pub iteration: u32,
 }
 
@@ -124,6 +134,8 @@ pub enum Message {
     Failed(String),
     /// The frame that was asked for could not be rendered.
     NoFrame,
+    /// What the editor is sent.
+    Edit(EditMessage),
 }
 
 /// The window's end.
@@ -180,6 +192,8 @@ struct Work {
     unfinished: bool,
     request: Option<(Box<Request>, Option<Sheet>)>,
     presenter: Option<Presenter>,
+    looks: Looks,
+    edit: EditWork,
     film: Option<Shoot>,
     reported: Option<Instant>,
     memory: Option<(Instant, Option<u64>)>,
@@ -202,7 +216,7 @@ impl Work {
     /// A renderer of the model as it is, and the iteration.
     fn with_renderer<T>(&self, run: impl FnOnce(&Renderer, u32) -> T) -> Option<T> {
         match &self.content {
-            Some(Content::Model(renderer)) => Some(run(renderer, 0)),
+            Some(Content::Model(renderer)) => Some(run(renderer, self.edit.revision)),
             Some(Content::Training(training)) => {
                 training.renderer().ok().map(|renderer| run(&renderer, training.progress().iteration))
             }
@@ -256,6 +270,7 @@ impl Thread {
             if closed {
                 break;
             }
+            self.edited(&mut work);
             if let Some((request, sheet)) = work.request.take()
                 && let Err(error) = self.render(&mut work, &request, sheet.as_ref())
             {
@@ -334,6 +349,22 @@ impl Thread {
                     self.send(Message::FilmDone(Some(shoot.cancelled())));
                 }
             }
+            Command::Edit(command) => match work.edit.execute(work.content.as_ref(), command) {
+                Ok(Some(message)) => self.send(Message::Edit(message)),
+                Ok(None) => {}
+                Err(error) => self.failed(&error),
+            },
+        }
+    }
+
+    /// Puts what an edited model still has on the device.
+    fn edited(&self, work: &mut Work) {
+        match work.edit.renderer(work.content.as_ref()) {
+            Ok(Some(renderer)) => {
+                (work.content, work.looks) = (Some(Content::Model(Arc::new(renderer))), Looks::default())
+            }
+            Ok(None) => {}
+            Err(error) => self.failed(&error),
         }
     }
 
@@ -347,12 +378,17 @@ impl Thread {
             Some(presenter) => presenter,
             None => Presenter::new(self.gpu.clone())?,
         };
+        let mut looks = std::mem::take(&mut work.looks);
+        let keeps = matches!(work.content, Some(Content::Model(_)));
         let Some(rendered) = work.with_renderer(|renderer, iteration| -> Result<Rendered> {
-            // It has waited for the device's answer.
-            let frame = renderer.render_and(&request.camera, |frame| match sheet {
+            let mut present = |frame: &Frame, look: Option<Look>| match sheet.filter(|sheet| sheet.mode.look() == look)
+            {
                 Some(sheet) => presenter.present(frame, &sheet.mode.shown(&sheet.style, None), &sheet.texture),
                 None => Ok(()),
-            })?;
+            };
+            // It has waited for the device's answer.
+            let frame = renderer.render_and(&request.camera, |frame| present(frame, None))?;
+            let looks = looks.frames(renderer, request, |frame, look| present(frame, Some(look)))?;
             let time = start.elapsed();
             let depths = if request.with_range { frame.depth()? } else { None };
             let facts = ModelFacts {
@@ -360,12 +396,15 @@ impl Thread {
                 sources: renderer.part().map(|part| part.cameras.clone()),
                 most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
             };
-            let range = depths.map(|depths| usual_range(&depths));
-            Ok(Rendered { frame: Arc::new(frame), range, time, facts, memory: None, iteration })
+            let range = depths.as_ref().map(|depths| usual_range(depths));
+            let (frame, depths) = (Arc::new(frame), depths.map(Arc::from));
+            Ok(Rendered { frame, range, depths, looks, time, facts, memory: None, iteration })
         }) else {
             return Ok(());
         };
         work.presenter = Some(presenter);
+        // Those of a training are of this iteration alone.
+        work.looks = if keeps { looks } else { Looks::default() };
         let rendered = Rendered { memory: self.memory(work), ..rendered? };
         self.send(Message::Rendered(Box::new(rendered)));
         Ok(())

@@ -2,6 +2,7 @@
 
 use crate::camera::Camera;
 use crate::dataset::Dataset;
+use crate::output::cameras::{self, CameraRecord, Split};
 use crate::sources::find::{SourceFinder, SourceOptions};
 use serde::{Deserialize, Serialize};
 
@@ -18,17 +19,21 @@ pub struct ViewSources {
 
 /// The sources of every view of a data set that trains or is held out, in its order.
 pub fn records(dataset: &Dataset, options: &SourceOptions) -> Vec<ViewSources> {
-    let cameras: Vec<Camera> = dataset.train.iter().map(|&i| dataset.views[i].camera).collect();
-    let finder = SourceFinder::new(&cameras, options);
-    let record = |index: usize| {
-        let own = dataset.train.iter().position(|&i| i == index);
-        let view = &dataset.views[index];
+    of_cameras(&cameras::records(dataset), options)
+}
+
+/// The sources of every view that trains or is held out, in their order.
+pub fn of_cameras(cameras: &[CameraRecord], options: &SourceOptions) -> Vec<ViewSources> {
+    let training: Vec<&CameraRecord> = cameras.iter().filter(|view| view.split == Some(Split::Train)).collect();
+    let places: Vec<Camera> = training.iter().map(|view| view.camera).collect();
+    let finder = SourceFinder::new(&places, options);
+    let record = |view: &CameraRecord| {
+        let own = training.iter().position(|other| std::ptr::eq(*other, view));
         let sources = finder.neighbours(&view.camera, own);
-        let name = |source: usize| dataset.views[dataset.train[source]].name.clone();
-        ViewSources { name: view.name.clone(), sources: sources.into_iter().map(name).collect() }
+        let names = sources.into_iter().map(|source| training[source].name.clone());
+        ViewSources { name: view.name.clone(), sources: names.collect() }
     };
-    let listed = |index: &usize| dataset.train.contains(index) || dataset.test.contains(index);
-    (0..dataset.views.len()).filter(listed).map(record).collect()
+    cameras.iter().filter(|view| view.split.is_some()).map(record).collect()
 }
 
 /// Contents of `multi_view.json`.

@@ -1,7 +1,7 @@
 //! The Gaussian rasterizer: its passes and its memory.
 //!
 //! Forward: `project`, depth sort, prefix sum of the tile counts, `tile_emit`, stable tile sort, `tile_ranges`,
-//! `rasterize`. The blending order is exactly tile, then float32 view depth, then Gaussian index, and nothing depends on
+//! `rasterize`, or `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view depth, then Gaussian index, and nothing depends on
 //! the order in which threads run: the same input gives the same bits. Backward: `rasterize_backward`,
 //! `project_backward`.
 //!
@@ -46,6 +46,18 @@ pub struct RasterView {
     pub surface: Option<SurfaceOptions>,
     /// Gaussians to leave out.
     pub dropout: Dropout,
+    /// How Gaussians look.
+    pub shape: Shape,
+}
+
+/// How Gaussians look in an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shape {
+    /// Blended, as they are.
+    #[default]
+    Gaussians,
+    /// As opaque ellipsoids with hard edges, without surface and gradients.
+    Ellipsoids,
 }
 
 impl RasterView {
@@ -59,6 +71,7 @@ impl RasterView {
             tangent_limit: 1.3,
             surface: None,
             dropout: Dropout::default(),
+            shape: Shape::default(),
         }
     }
 
@@ -243,6 +256,10 @@ impl Rasterizer {
         let grid = tile_grid(&frame);
         let list = ws.sorted_gaussians(sorted);
         match &surface {
+            None if view.shape == Shape::Ellipsoids => {
+                let buffers = [&ws.projected, list, &ws.tile_ranges, &image];
+                pass.grid(&RASTERIZE_ELLIPSOIDS, &buffers, bytes_of(&frame), grid);
+            }
             None => {
                 let blend: [&Buffer; 6] = [&ws.projected, list, &ws.tile_ranges, &image, &ws.final_t, &ws.last_entry];
                 pass.grid(&RASTERIZE, &blend, bytes_of(&frame), grid);

@@ -22,8 +22,8 @@ pub struct ResidualTask {
     pub gain: f32,
 }
 
-/// Runs the residual network; owns its scratch memory.
-#[derive(Debug)]
+/// Runs the residual network; owns its scratch memory, which clones share.
+#[derive(Clone, Debug)]
 pub struct Residual {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Scratch>>,

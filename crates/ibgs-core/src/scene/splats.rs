@@ -5,6 +5,10 @@ use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::local_space::LocalSpace;
 use bytemuck::cast_slice;
 
+/// Points are far smaller than a pixel, which then is their size, and opaque.
+const POINT_LOG_SCALE: f32 = -16.0;
+const POINT_LOGIT: f32 = 16.0;
+
 /// Raw parameters, before activation (method.md section 1), in local coordinates. Clones share the memory.
 #[derive(Clone, Debug)]
 pub struct Splats {
@@ -47,6 +51,20 @@ impl Splats {
             parameters: named.try_map(|(name, values)| gpu.upload(name, values))?,
             filters: gpu.allocate("filters", 4 * g.len() as u64)?,
         })
+    }
+
+    /// The same Gaussians as opaque points: nothing of them is left but centre and colour. All else shares its memory.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn as_points(&self, gpu: &Gpu) -> Result<Self, GpuError> {
+        let parameters = PerGaussian {
+            log_scales: gpu.upload("log scales", &vec![POINT_LOG_SCALE; 3 * self.count])?,
+            opacity_logits: gpu.upload("opacity logits", &vec![POINT_LOGIT; self.count])?,
+            ..self.parameters.clone()
+        };
+        let filters = gpu.allocate("filters", 4 * self.count as u64)?;
+        Ok(Self { parameters, filters, ..self.clone() })
     }
 
     /// Copies the model back as it renders, the filters a part of scales and opacities; waits for the device.

@@ -2,6 +2,7 @@
 
 use super::Viewer;
 use crate::mode::Mode;
+use crate::panels;
 use crate::worker::Command;
 use eframe::egui::{self, Key, PointerButton, Rect, Ui, Vec2};
 use glam::{DVec2, DVec3};
@@ -11,7 +12,8 @@ use std::time::Instant;
 const TURN: f64 = 3.0;
 /// Scene extents that the camera flies in a second.
 const SPEED: f64 = 0.3;
-const MODE_KEYS: [Key; 8] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
+const MODE_KEYS: [Key; Mode::ALL.len()] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
 
 /// Keys that do something once.
 const SINGLE_KEYS: [Key; 8] =
@@ -32,6 +34,7 @@ impl Viewer {
         if ui.ctx().egui_wants_keyboard_input() || self.scene.is_none() {
             return;
         }
+        panels::edit_keys(self, ui.ctx());
         // A widget that was reached by Tab takes these itself.
         let focused = ui.memory(|memory| memory.focused().is_some());
         let (pressed, down, shift, dt) = ui.input(|input| {
@@ -69,7 +72,8 @@ impl Viewer {
     pub(super) fn pointer(&mut self, ui: &Ui, response: &egui::Response, image: Rect) {
         let delta = response.drag_delta() / image.height().max(1.0);
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
-        if delta != Vec2::ZERO {
+        let paints = self.edit.paints();
+        if delta != Vec2::ZERO && !(paints && response.dragged_by(PointerButton::Primary)) {
             // Dragging moves what is seen along with the pointer; right of it lies what a turn about up brings to the left.
             if response.dragged_by(PointerButton::Primary) {
                 self.navigator.orbit(TURN * x, TURN * y);
@@ -86,8 +90,8 @@ impl Viewer {
             self.has_moved();
         }
         let pressed_f = || response.hovered() && ui.input(|input| input.key_pressed(Key::F));
-        let focus = response.double_clicked() || pressed_f();
-        if focus || response.clicked() {
+        let focus = response.double_clicked() && !paints || pressed_f();
+        if focus || response.clicked() && !paints {
             let at = response.interact_pointer_pos().or_else(|| ui.input(|input| input.pointer.latest_pos()));
             self.inspect(at.map(|at| (at - image.min) / image.size()), focus);
         }

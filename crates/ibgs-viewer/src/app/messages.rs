@@ -4,6 +4,7 @@ use super::framing::{looked_at, middle};
 use super::{Found, Trained, Viewer};
 use crate::Scene;
 use crate::curves::Curves;
+use crate::edit::Edit;
 use crate::mode::Mode;
 use crate::navigator::up_axis;
 use crate::panels::Panels;
@@ -45,6 +46,11 @@ impl Viewer {
                     self.panels.path.filming = None;
                     self.message = written.or(self.message.take());
                 }
+                Message::Edit(message) => {
+                    let said = self.edit.take(message, self.navigator.up);
+                    self.message = said.or(self.message.take());
+                    self.doing = None;
+                }
                 Message::NoFrame => self.canvas.give_up(),
                 Message::Failed(sentence) => {
                     self.doing = None;
@@ -70,6 +76,8 @@ impl Viewer {
         }
         self.photos_up = up_axis(cameras());
         self.navigator.up = self.photos_up;
+        let middle = if scene.views.is_empty() { self.center } else { mean };
+        self.edit = Edit::of(&scene, middle, self.extent);
         self.training = progress.map(|progress| Trained { progress, running: true, curves: Curves::default() });
         (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);

@@ -3,7 +3,7 @@
 use crate::app::Viewer;
 use crate::mode::Mode;
 use crate::panels::start;
-use eframe::egui::{self, Align2, Area, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
+use eframe::egui::{self, Align2, Area, Button, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
 use glam::DVec3;
 
 /// Menus, modes and camera along the top.
@@ -66,6 +66,8 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
             "The image of a resting camera has all pixels, also where that takes more than two seconds",
         );
         ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
+        let edits = ui.add_enabled(viewer.training.is_none(), Checkbox::new(&mut viewer.edit.shown, "Edit (X)"));
+        edits.on_hover_text("Select and delete Gaussians of the model, and save it");
         ui.separator();
         if ui.button("Screenshot (P)").on_hover_text("Write what the canvas shows as a PNG file").clicked() {
             viewer.screenshot();
@@ -77,8 +79,8 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     for (number, mode) in (1..).zip(Mode::ALL) {
         let offered = viewer.offers(mode);
-        let text = format!("{}. Key {number}.", mode.meaning());
-        let button = ui.add_enabled_ui(offered, |ui| ui.selectable_label(viewer.mode == mode, mode.name())).inner;
+        let text = format!("{}. Key {}.", mode.meaning(), number % 10);
+        let button = ui.add_enabled(offered, Button::selectable(viewer.mode == mode, mode.name()));
         if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
             viewer.show_mode(mode);
         }

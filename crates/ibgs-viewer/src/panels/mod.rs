@@ -1,6 +1,7 @@
 //! What stands around the canvas.
 
 mod bar;
+mod edit;
 mod path;
 mod pixel;
 mod start;
@@ -8,6 +9,7 @@ mod training;
 mod views;
 
 pub use bar::{bar, status};
+pub use edit::{draw as draw_edit, in_image as edit_in_image, keys as edit_keys};
 pub use start::start;
 
 use crate::app::Viewer;
@@ -47,11 +49,12 @@ pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
     viewer.thumbnails.begin();
     views::views(viewer, ui);
     let shows_pixel = viewer.panels.shows_pixel && viewer.found.is_some();
-    if viewer.training.is_some() || shows_pixel || viewer.panels.shows_path {
+    if viewer.training.is_some() || shows_pixel || viewer.panels.shows_path || viewer.edit.shown {
         let most = (0.5 * ui.available_width()).max(120.0);
         egui::Panel::right("facts").default_size(300.0_f32.min(most)).max_size(most).show(ui, |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 training::training(viewer, ui);
+                edit::panel(viewer, ui);
                 if viewer.panels.shows_path {
                     path::panel(viewer, ui);
                 }
@@ -124,7 +127,7 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
     label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, text);
 }
 
-const HELP: [(&str, &str); 14] = [
+const HELP: [(&str, &str); 17] = [
     ("Left drag", "orbit around the point in the middle"),
     ("Right drag", "look around"),
     ("Middle drag", "move sideways"),
@@ -132,25 +135,31 @@ const HELP: [(&str, &str); 14] = [
     ("W A S D, Q E", "fly, down and up; with Shift faster"),
     ("Double click, F", "turn to a point of the surface and orbit around it"),
     ("Click", "see why a pixel looks as it does"),
-    ("1 to 8", "what is shown"),
+    ("1 to 9, 0", "what is shown"),
     ("Left, Right", "the view before, the next view"),
     ("R", "back to the first view"),
     ("C", "show the scene's cameras"),
     ("K, Space", "add a keyframe, play the camera path"),
     ("P", "write a screenshot"),
-    ("Escape", "close the pixel and the split view"),
+    ("Escape", "leave the tool; close the pixel and the split view"),
+    ("X", "edit the model: select and delete Gaussians"),
+    ("Delete", "delete the selected Gaussians"),
+    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
 ];
 
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
     let mut open = viewer.panels.shows_help;
-    egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
-        egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-            for (key, what) in HELP {
-                ui.strong(key);
-                ui.label(what);
-                ui.end_row();
-            }
-        });
-    });
+    egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).vscroll(true).show(
+        ui.ctx(),
+        |ui| {
+            egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+                for (key, what) in HELP {
+                    ui.strong(key);
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        },
+    );
     viewer.panels.shows_help = open;
 }

@@ -1,0 +1,130 @@
+//! The editor's part of the worker: it takes Gaussians off the device, puts those that are left back, and saves them.
+
+use crate::Content;
+use anyhow::{Result, bail};
+use ibgs_core::edit::Mask;
+use ibgs_core::model::{Model, is_bundle};
+use ibgs_core::render::Renderer;
+use ibgs_core::scene::{Format, Gaussians, Splats, write_gaussians};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What the editor asks for.
+pub enum EditCommand {
+    /// The Gaussians of the model that is open.
+    Begin,
+    /// Leave these of them, and count the model as this one; of several the last one counts.
+    Leave(Arc<Mask>, u32),
+    /// Save what is left.
+    Save(Box<SaveEdited>),
+}
+
+/// A file that is asked for.
+pub struct SaveEdited {
+    /// Its ending says what it is.
+    pub path: PathBuf,
+    /// A file that is there may be replaced.
+    pub replaces: bool,
+    /// The Gaussians that go into it.
+    pub left: Arc<Mask>,
+    /// What else a bundle holds.
+    pub model: Option<Arc<Model>>,
+    /// Which model it is.
+    pub revision: u32,
+}
+
+/// What the editor is sent.
+pub enum EditMessage {
+    /// The Gaussians of the model.
+    Gaussians(Arc<Gaussians>),
+    /// The model of a revision was saved: what was written.
+    Saved(String, u32),
+}
+
+/// What the worker keeps of a model that is edited.
+#[derive(Default)]
+pub struct EditWork {
+    /// All of its Gaussians.
+    whole: Option<Arc<Gaussians>>,
+    left: Option<(Arc<Mask>, u32)>,
+    /// Which model it is now.
+    pub revision: u32,
+}
+
+impl EditWork {
+    /// Does what is asked for. Does nothing to a training.
+    ///
+    /// # Errors
+    /// The device failed, or a file cannot be written.
+    pub fn execute(&mut self, content: Option<&Content>, command: EditCommand) -> Result<Option<EditMessage>> {
+        let Some(Content::Model(renderer)) = content else { return Ok(None) };
+        match command {
+            EditCommand::Begin => Ok(Some(EditMessage::Gaussians(self.whole(renderer)?))),
+            EditCommand::Leave(left, revision) => {
+                self.left = Some((left, revision));
+                Ok(None)
+            }
+            EditCommand::Save(save) => {
+                let whole = self.whole(renderer)?;
+                // Asked for while another model was opened.
+                if whole.len() != save.left.total() {
+                    return Ok(None);
+                }
+                let kept = whole.only(&save.left);
+                Ok(Some(EditMessage::Saved(write(&save, kept)?, save.revision)))
+            }
+        }
+    }
+
+    fn whole(&mut self, renderer: &Renderer) -> Result<Arc<Gaussians>> {
+        if let Some(whole) = &self.whole {
+            return Ok(whole.clone());
+        }
+        let whole = Arc::new(renderer.splats().download(renderer.gpu())?);
+        self.whole = Some(whole.clone());
+        Ok(whole)
+    }
+
+    /// A renderer of what is to be left, where that was asked for since the last time.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn renderer(&mut self, content: Option<&Content>) -> Result<Option<Renderer>> {
+        let Some((left, revision)) = self.left.take() else { return Ok(None) };
+        let whole = self.whole.as_ref().filter(|whole| whole.len() == left.total());
+        let (Some(Content::Model(renderer)), Some(whole)) = (content, whole) else { return Ok(None) };
+        // Also where it fails: nothing newer will come.
+        self.revision = revision;
+        let splats = Splats::upload(&whole.only(&left), renderer.gpu())?;
+        Ok(Some(renderer.with_splats(splats)))
+    }
+}
+
+/// Writes a file and says what it is and what it leaves out.
+fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
+    let SaveEdited { path, model, .. } = save;
+    if path.as_os_str().is_empty() {
+        bail!("give the file a name that ends in `.ply` or `.ibgs`");
+    }
+    if path.exists() && !save.replaces {
+        bail!("{} is there already; choose another name or tick `replace`", path.display());
+    }
+    let mut text = format!("saved: {}, {} Gaussians", path.display(), gaussians.len());
+    if let Some(format) = Format::of_name(path) {
+        write_gaussians(path, &gaussians, format)?;
+        for loss in format.losses(&gaussians) {
+            text += &format!("; {loss}");
+        }
+        return Ok(text);
+    }
+    if !is_bundle(path) {
+        bail!("{} must end in `.ply` or `.ibgs`, or as another format of Gaussians does", path.display());
+    }
+    let Some(model) = model else {
+        bail!("a bundle holds cameras and photos, which this model does not have; choose a name in `.ply`");
+    };
+    let mut model = Model::clone(model);
+    model.gaussians = gaussians;
+    model.into_bundle(&())?.write(path)?;
+    Ok(text)
+}
