@@ -327,10 +327,6 @@ mod tests {
         says(gpu(), advised);
         says(anyhow::Error::from(gpu()).context("outside"), &format!("outside: {advised}"));
         says(ModelError::Network(NetworkError::Gpu(gpu())), &format!("the residual network: {advised}"));
-        let version = CheckpointError::Version { path: PathBuf::from("7.ibgs"), found: "0.0.9".to_owned() };
-        let advised = "; continue with that version, or start again from its Gaussians with `--init`";
-        let version_text = version.to_string();
-        says(anyhow::Error::from(version).context("outside"), &format!("outside: {version_text}{advised}"));
         let stopped = |saved: Option<PathBuf>, checkpoint| SessionError::Stopped {
             source: Box::new(SessionError::Train(TrainError::Gpu(gpu()))),
             saved,
