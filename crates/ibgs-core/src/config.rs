@@ -131,6 +131,9 @@ pub struct DataConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LearningRates {
+    /// Part of the rates of Gaussians and exposures that counts; unset: 1, and less in long runs of the default strategy, as
+    /// [`TrainConfig::adapt_to_photos`] chooses.
+    pub factor: Option<f64>,
     /// Means at the start, times the scene extent.
     pub mean_initial: f64,
     /// Means at the end, times the scene extent.
@@ -273,7 +276,7 @@ pub struct McmcConfig {
 impl DensifyConfig {
     /// Sets the cap of the strategies that take theirs from the scene, where none is given: a Gaussian for 45 pixels of the
     /// training photos, at least 200,000 and at most 3 million. MCMC grows to it.
-    pub fn choose_cap(&mut self, pixels: u64) {
+    fn choose_cap(&mut self, pixels: u64) {
         if matches!(self.strategy, Strategy::Default | Strategy::Mcmc) && self.max_splats.is_none() {
             self.max_splats = Some((pixels / 45).clamp(200_000, 3_000_000) as u32);
         }
@@ -295,7 +298,24 @@ pub struct OpacityResetConfig {
     pub max_opacity: f64,
 }
 
+/// Iterations of the default strategy at full rates.
+const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
+/// Times that it shows a photo at full rates, where that takes more iterations: 7000 iterations on 43 photos.
+const VISITS_AT_FULL_RATES: f64 = 163.0;
+
 impl TrainConfig {
+    /// Sets what follows from the training photos where it is not given: the cap on Gaussians, and the part of the rates at
+    /// which they learn. A longer run of the default strategy than 7000 iterations or 163 visits of each photo overfits at
+    /// full rates. It gets as small a part of them, and rounds of densification as much farther apart, as move the Gaussians
+    /// as far as those iterations would. `pixels` are those of all training photos. A departure from method.md.
+    pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
+        self.densify.choose_cap(pixels);
+        if self.densify.strategy == Strategy::Default && self.init.is_none() && self.learning_rates.factor.is_none() {
+            let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
+            self.learning_rates.factor = Some((full / f64::from(self.iterations)).min(1.0));
+        }
+    }
+
     /// How its scene is loaded.
     pub fn load_options(&self) -> LoadOptions {
         let data = &self.data;
@@ -401,6 +421,25 @@ mod tests {
         let mut given = DensifyConfig { max_splats: Some(7), ..DensifyConfig::default() };
         given.choose_cap(45_000_000);
         assert_eq!(given.most(), 7);
+    }
+
+    #[test]
+    fn long_runs_of_the_default_strategy_learn_slowly() {
+        let factor = |iterations, photos, config: TrainConfig| {
+            let mut config = TrainConfig { iterations, ..config };
+            config.adapt_to_photos(photos, 1);
+            config.learning_rates.factor
+        };
+        let runs = [(7_000, 17), (7_000, 200), (14_000, 17), (30_000, 43), (30_000, 100), (30_000, 1_000)];
+        let chosen = runs.map(|(iterations, photos)| factor(iterations, photos, TrainConfig::default()));
+        let expected = [1.0, 1.0, 0.5, 7_009.0 / 30_000.0, 16_300.0 / 30_000.0, 1.0];
+        assert_eq!(chosen, expected.map(Some));
+        let mut published = TrainConfig::default();
+        published.densify.strategy = Strategy::Published;
+        let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
+        let mut given = TrainConfig::default();
+        given.learning_rates.factor = Some(0.7);
+        assert_eq!([published, warm, given].map(|config| factor(30_000, 43, config)), [None, None, Some(0.7)]);
     }
 
     #[test]

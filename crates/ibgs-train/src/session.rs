@@ -95,7 +95,8 @@ impl Session {
     /// Not enough memory, or no training view.
     pub fn new(gpu: &Arc<Gpu>, dataset: Dataset, mut config: TrainConfig) -> Result<Self> {
         let started = Instant::now();
-        config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
+        let pixels = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum();
+        config.adapt_to_photos(dataset.train.len(), pixels);
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         gpu.warm_up();
         let trainer = Trainer::new(raster.clone(), &dataset, &config)?;

@@ -94,7 +94,8 @@ impl Plan {
                 demo_scene(&config, &gpu)?
             }
         };
-        config.densify.choose_cap(dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum());
+        let pixels = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum();
+        config.adapt_to_photos(dataset.train.len(), pixels);
         status("preparing the training");
         let started = Instant::now();
         let raster = Arc::new(Rasterizer::new(gpu.clone()));

@@ -162,6 +162,7 @@ fn check_rates(rates: &LearningRates, check: &Check<'_>) -> Result<(), ConfigErr
             ("sh-dc", rates.sh_dc, Range::NotNegative),
             ("sh-rest-divisor", rates.sh_rest_divisor, Range::Positive),
             ("sh-rest-decay", rates.sh_rest_decay.unwrap_or_default(), Range::NotNegative),
+            ("factor", rates.factor.unwrap_or(1.0), Range::Positive),
             ("normal", rates.normal, Range::NotNegative),
             ("offset-factor", rates.offset_factor, Range::NotNegative),
         ],

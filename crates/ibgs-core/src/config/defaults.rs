@@ -87,6 +87,7 @@ impl Default for DataConfig {
 impl Default for LearningRates {
     fn default() -> Self {
         Self {
+            factor: None,
             mean_initial: 1.6e-4,
             mean_final: 1.6e-6,
             mean_iterations: None,

@@ -93,6 +93,7 @@ impl Schedule {
         let scaled = |reference: u32| {
             if config.schedule_scaling { scale(reference, n_iterations) } else { reference }
         };
+        let factor = config.learning_rates.factor.unwrap_or(1.0);
         // The default's rounds are as many in every short run, so that it grows as far.
         let scaled_if_short = |reference: u32| match densify.strategy {
             _ if !config.schedule_scaling => reference,
@@ -117,15 +118,19 @@ impl Schedule {
             _ => 15_000,
         };
         let densify_end = densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(reference_end) });
-        let interval = if densify.strategy == Strategy::Default { 200 } else { 100 };
+        let interval = match densify.strategy {
+            // As many rounds as at full rates.
+            Strategy::Default => (200.0 / factor.min(1.0)).round() as u32,
+            _ => 100,
+        };
         Self {
             iterations: n_iterations,
             max_sh_degree: config.sh_degree(),
             sh_interval: config.sh_interval.unwrap_or_else(|| if warm { 1 } else { scaled(1_000) }),
             // A finished model's means are near where they belong.
-            mean_lr_initial: if warm { WARM_MEAN_RATE * rates.mean_final } else { rates.mean_initial },
-            mean_lr_final: rates.mean_final,
-            rate_factor: if warm { WARM_RATES } else { 1.0 },
+            mean_lr_initial: factor * if warm { WARM_MEAN_RATE * rates.mean_final } else { rates.mean_initial },
+            mean_lr_final: factor * rates.mean_final,
+            rate_factor: factor * if warm { WARM_RATES } else { 1.0 },
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
             strategy: densify.strategy,
             densify_start,
@@ -140,7 +145,7 @@ impl Schedule {
             save_iterations: reports(&config.save_iterations),
             exposure_start: exposure.from.unwrap_or_else(|| scaled(1_000)),
             exposure_decision: exposure.decided_at.unwrap_or_else(|| scaled(10_000)),
-            exposure_lr: [exposure.learning_rate, exposure.final_learning_rate],
+            exposure_lr: [exposure.learning_rate, exposure.final_learning_rate].map(|rate| factor * rate),
             stages: Stages::new(config, n_iterations, scaled),
         }
     }
@@ -296,6 +301,20 @@ mod tests {
         }
         let short = schedule(7_000);
         assert!((short.mean_lr(3_500, 1.0) / 1.6e-5 - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_factor_slows_gaussians_and_rounds_but_not_the_network() {
+        let of = |factor| {
+            let mut config = TrainConfig::default();
+            config.learning_rates.factor = factor;
+            Schedule::new(&config, 30_000)
+        };
+        let (full, slow) = (of(None), of(Some(0.25)));
+        let shares = [slow.mean_lr(9, 1.0) / full.mean_lr(9, 1.0), slow.exposure_lr(9) / full.exposure_lr(9)];
+        assert!(shares.iter().all(|share| (share - 0.25).abs() < 1e-12), "{shares:?}");
+        assert_eq!((slow.rate_factor, slow.densify_interval), (0.25, 800));
+        assert_eq!((slow.network_lr(9), slow.densify_end), (full.network_lr(9), full.densify_end));
     }
 
     #[test]
