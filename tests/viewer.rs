@@ -20,7 +20,7 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{Factor, Variant, weights};
 use ibgs_core::scene::{Splats, from_points};
-use ibgs_viewer::{Content, Opened, Scene, View, Viewer, wgpu_setup};
+use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Viewer, wgpu_setup};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -71,10 +71,16 @@ fn many_points() -> &'static Dataset {
 
 /// A window on what is opened; without anything, on the start page.
 fn window_on(gpu: &Arc<Gpu>, opened: Option<Opened>, size: Vec2) -> Window {
+    let first = opened.map(|opened| Outcome::Opened(Box::new(opened)));
+    window_with(gpu, Opener::default(), first, size)
+}
+
+/// A window whose wishes go to this opener.
+fn window_with(gpu: &Arc<Gpu>, opener: impl Open, first: Option<Outcome>, size: Vec2) -> Window {
     let renderer = WgpuTestRenderer::from_setup(wgpu_setup(gpu));
     let builder = Harness::builder().with_size(size).with_step_dt(1.0 / 60.0).renderer(renderer);
     let gpu = gpu.clone();
-    let mut window = builder.build_eframe(move |cc| Viewer::new(cc, gpu, Opener::default(), opened).unwrap());
+    let mut window = builder.build_eframe(move |cc| Viewer::new(cc, gpu, opener, first).unwrap());
     settle(&mut window);
     // Pictures are compared, so their size must not depend on the machine's speed.
     window.state_mut().show_always_sharp(true);

@@ -1,10 +1,13 @@
 //! The start page, what is dropped into the window, and what cannot be opened.
 
 use super::*;
+use crate::scene_files::Model;
 use eframe::egui::DroppedFile;
 use egui_kittest::kittest::Queryable;
+use ibgs::commands::train::Plan;
+use ibgs_core::config::{ExposureSwitch, Method};
 use ibgs_core::scene::{PlyFlavor, write_ply};
-use ibgs_viewer::Wanted;
+use ibgs_viewer::{TrainingWish, UsualIterations, Wanted};
 use std::path::PathBuf;
 
 #[derive(Debug)]
@@ -25,6 +28,123 @@ fn drop_into(window: &mut Window, path: &Path) {
     settle(window);
 }
 
+/// Types into the field of this name, in place of what it holds.
+fn type_into(window: &mut Window, field: &str, text: &str) {
+    window.get_by_label(field).focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run_steps(2);
+    window.event(Event::Text(text.to_owned()));
+    window.run_steps(2);
+}
+
+fn pick(window: &mut Window, label: &str) {
+    window.get_by_label(label).click();
+    settle(window);
+}
+
+/// Opens as the program does; trainings are written into its folder.
+struct Into(PathBuf);
+
+impl Open for Into {
+    fn usual_iterations(&self, gpu: &Gpu) -> UsualIterations {
+        Opener::default().usual_iterations(gpu)
+    }
+
+    fn sentence(&self, error: &anyhow::Error) -> String {
+        Opener::default().sentence(error)
+    }
+
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+        match wanted {
+            Wanted::Train(wish) if wish.scene.as_ref().is_some_and(|scene| scene.exists()) => {
+                let plan = Plan { model: Some(self.0.clone()), ..Plan::wished(wish)? };
+                Ok(Outcome::Opened(Box::new(Opener::default().train(plan, gpu, status)?)))
+            }
+            other => Opener::default().open(other, gpu, status),
+        }
+    }
+}
+
+fn asking(model: &Path, first: Option<Outcome>) -> Window {
+    window_with(&gpu(), Into(model.to_owned()), first, Vec2::new(900.0, 640.0))
+}
+
+#[test]
+fn a_scene_is_asked_about_and_trained_as_chosen() {
+    let (scene, folder) = (Model::small(8).scene(), tempfile::tempdir().unwrap());
+    let model = folder.path().join("model");
+    let mut window = asking(&model, None);
+    drop_into(&mut window, scene.path());
+    assert!(window.state().scene().is_none() && window.state().error().is_none(), "{:?}", window.state().error());
+    assert!(!model.exists(), "nothing begins before it is asked for");
+    window.get_by_label("3DGS").click();
+    window.get_by_label("off").click();
+    type_into(&mut window, "Iterations", "many");
+    pick(&mut window, "Train");
+    window.get_by_label_contains("`many` is not a number of iterations");
+    assert!(window.state().scene().is_none());
+    type_into(&mut window, "Iterations", "12");
+    pick(&mut window, "Train");
+    until(&mut window, "begun", |viewer| viewer.progress().is_some());
+    assert_eq!((window.state().progress().unwrap().0.iterations, window.state().error()), (12, None));
+    drop(window);
+    let config = TrainConfig::load(&model.join("config.toml")).unwrap();
+    assert_eq!((config.iterations, config.method, config.exposure.enabled), (12, Method::Gs3, ExposureSwitch::Off));
+    assert_eq!(config.data.source.as_deref(), Some(scene.path()));
+}
+
+#[test]
+fn a_window_on_a_scene_begins_with_its_form() {
+    let (scene, folder) = (Model::small(8).scene(), tempfile::tempdir().unwrap());
+    let mut window = asking(&folder.path().join("model"), Some(Outcome::Scene(scene.path().to_owned())));
+    assert!(window.state().scene().is_none());
+    type_into(&mut window, "Iterations", "3");
+    pick(&mut window, "Train");
+    until(&mut window, "begun", |viewer| viewer.progress().is_some());
+    let config = TrainConfig::load(&folder.path().join("model/config.toml")).unwrap();
+    let usual = TrainConfig { iterations: 3, ..TrainConfig::default() };
+    assert_eq!((config.method, config.exposure), (usual.method, usual.exposure));
+    // Back to the page and to the training.
+    pick(&mut window, "Scene");
+    pick(&mut window, "Start page");
+    window.get_by_label("Train on a scene");
+    pick(&mut window, "Back");
+    assert!(window.query_by_label("Train on a scene").is_none());
+}
+
+#[test]
+fn a_scene_that_is_missing_is_an_error_in_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = asking(&folder.path().join("model"), None);
+    pick(&mut window, "Train");
+    window.get_by_label_contains("choose a scene folder");
+    type_into(&mut window, "Scene folder", "no/such/scene");
+    pick(&mut window, "Train");
+    assert_eq!(window.state().error(), Some("no/such/scene does not exist; check the path"));
+    window.get_by_label_contains("no/such/scene does not exist");
+    assert!(window.state().scene().is_none());
+}
+
+#[test]
+fn a_wish_becomes_the_options_of_a_training() {
+    let usual = Plan::wished(&TrainingWish::default()).unwrap().config;
+    assert_eq!(usual, TrainConfig::default());
+    let wish = TrainingWish {
+        scene: Some("some/scene".into()),
+        method: Method::Gs3,
+        iterations: Some(77),
+        exposure: ExposureSwitch::On,
+    };
+    let config = Plan::wished(&wish).unwrap().config;
+    let mut expected = TrainConfig { method: Method::Gs3, iterations: 77, ..TrainConfig::default() };
+    expected.exposure.enabled = ExposureSwitch::On;
+    expected.data.source = Some(std::path::absolute("some/scene").unwrap());
+    expected.data.eval = true;
+    assert_eq!(config, expected);
+    assert!(Plan::wished(&TrainingWish { scene: Some(PathBuf::new()), ..wish }).is_err());
+}
+
 #[test]
 fn the_start_page_opens_what_is_typed() {
     let folder = tempfile::tempdir().unwrap();
@@ -34,10 +154,7 @@ fn the_start_page_opens_what_is_typed() {
     let mut window = window(None);
     snapshot(&mut window, "start page", 100);
     assert!(window.state().scene().is_none());
-    window.get_by_role(eframe::egui::accesskit::Role::TextInput).focus();
-    window.run_steps(2);
-    window.event(Event::Text(file.display().to_string()));
-    window.run_steps(2);
+    type_into(&mut window, "Path", &file.display().to_string());
     window.get_by_label("Open").click();
     settle(&mut window);
     assert_eq!(window.state().error(), None);
