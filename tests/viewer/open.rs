@@ -1,13 +1,15 @@
 //! The start page, what is dropped into the window, and what cannot be opened.
 
 use super::*;
-use crate::scene_files::Model;
-use eframe::egui::DroppedFile;
+use crate::scene_files::{Model, write_file};
+use eframe::egui::{DroppedFile, Theme};
+use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::Plan;
 use ibgs_core::config::{ExposureSwitch, Method};
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_viewer::{TrainingWish, UsualIterations, Wanted};
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 #[derive(Debug)]
@@ -67,7 +69,92 @@ impl Open for Into {
 }
 
 fn asking(model: &Path, first: Option<Outcome>) -> Window {
-    window_with(&gpu(), Into(model.to_owned()), first, Vec2::new(900.0, 640.0))
+    window_with(&gpu(), Into(model.to_owned()), first, Vec2::new(1280.0, 800.0), None)
+}
+
+/// What the program stores from one start to the next.
+#[derive(Default)]
+struct Stored(HashMap<String, String>);
+
+impl Storage for Stored {
+    fn get_string(&self, key: &str) -> Option<String> {
+        self.0.get(key).cloned()
+    }
+
+    fn set_string(&mut self, key: &str, value: String) {
+        self.0.insert(key.to_owned(), value);
+    }
+
+    fn remove_string(&mut self, key: &str) {
+        self.0.remove(key);
+    }
+
+    fn flush(&mut self) {}
+}
+
+/// The program started again with this in its storage.
+fn restarted(stored: Stored, size: Vec2) -> Window {
+    window_with(&gpu(), Opener::default(), None, size, Some(Box::leak(Box::new(stored))))
+}
+
+#[test]
+fn what_was_opened_before_survives_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let (renderer, _) = small_model();
+    let gaussians = renderer.splats().download(renderer.gpu()).unwrap();
+    let [kept, gone] = ["kept.ply", "gone.ply"].map(|name| folder.path().join(name));
+    let mut window = window(None);
+    for path in [&kept, &gone] {
+        write_ply(path, &gaussians, PlyFlavor::Full).unwrap();
+        drop_into(&mut window, path);
+        assert_eq!(window.state().error(), None);
+    }
+    let mut stored = Stored::default();
+    window.state_mut().save(&mut stored);
+    drop(window);
+    std::fs::remove_file(&gone).unwrap();
+    let mut window = restarted(stored, Vec2::new(760.0, 640.0));
+    window.get_by_label("Opened before");
+    // What is not there any more cannot be opened.
+    pick(&mut window, "gone.ply");
+    assert!(window.state().scene().is_none() && window.state().error().is_none());
+    pick(&mut window, "kept.ply");
+    assert_eq!(window.state().scene().unwrap().path.as_ref(), Some(&kept));
+    // Nor does a damaged list keep the program from starting.
+    let damaged = Stored([(APP_KEY.to_owned(), "(recent: 7".to_owned())].into());
+    assert!(restarted(damaged, Vec2::new(760.0, 640.0)).query_by_label("Opened before").is_none());
+}
+
+#[test]
+fn the_start_page_looks_as_it_should() {
+    start_page(Vec2::new(1280.0, 800.0), "");
+}
+
+#[test]
+fn a_small_start_page_scrolls() {
+    let mut window = start_page(Vec2::new(620.0, 420.0), " in a small window");
+    window.get_by_label("Train").scroll_to_me();
+    window.run_steps(20);
+    pick(&mut window, "Train");
+    window.run_steps(20);
+    window.get_by_label_contains("choose a scene folder");
+    snapshot(&mut window, "start page scrolled", 100);
+}
+
+/// Compares the page, with a model that has a picture, a file without one and a model that is not there any more.
+fn start_page(size: Vec2, name: &str) -> Window {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = include_bytes!("../../crates/ibgs-viewer/assets/demo.jpg");
+    write_file(&folder.path().join("room/test/ours_30000/renders/a.jpg"), picture);
+    write_file(&folder.path().join("garden.ply"), "no picture");
+    let recent = ["room", "garden.ply", "a model with a long name that was moved"].map(|name| folder.path().join(name));
+    let mut window = restarted(Stored([(APP_KEY.to_owned(), format!("(recent: {recent:?})"))].into()), size);
+    for (theme, kind) in [(Theme::Dark, "dark"), (Theme::Light, "light")] {
+        window.ctx.set_theme(theme);
+        window.run_steps(3);
+        snapshot(&mut window, &format!("start page {kind}{name}"), 100);
+    }
+    window
 }
 
 #[test]
@@ -152,7 +239,6 @@ fn the_start_page_opens_what_is_typed() {
     let file = folder.path().join("model.ply");
     write_ply(&file, &renderer.splats().download(renderer.gpu()).unwrap(), PlyFlavor::Full).unwrap();
     let mut window = window(None);
-    snapshot(&mut window, "start page", 100);
     assert!(window.state().scene().is_none());
     type_into(&mut window, "Path", &file.display().to_string());
     window.get_by_label("Open").click();

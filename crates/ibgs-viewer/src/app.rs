@@ -234,9 +234,13 @@ impl Viewer {
         self.error.as_deref()
     }
 
-    /// Whether the last frame is what is wanted, and nothing is being done.
+    /// Whether the last frame, or the start page, is what is wanted, and nothing is being done.
     pub fn is_settled(&self) -> bool {
-        self.doing.is_none() && !self.moving() && (self.start.shown || self.scene.is_none() || self.canvas.is_settled())
+        let has_all = match self.start.shown {
+            true => self.start.is_complete(),
+            false => self.scene.is_none() || self.canvas.is_settled(),
+        };
+        self.doing.is_none() && !self.moving() && has_all
     }
 
     fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
@@ -425,6 +429,7 @@ impl eframe::App for Viewer {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.listen(ui.ctx());
         self.dropped(ui.ctx());
+        panels::chosen(self);
         self.show_found(ui.ctx());
         if !self.start.shown {
             self.keys(ui);

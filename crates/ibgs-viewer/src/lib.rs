@@ -8,6 +8,7 @@
 pub mod app;
 pub mod canvas;
 mod curves;
+mod dialogs;
 mod edit;
 mod edit_work;
 mod film;
@@ -17,6 +18,7 @@ pub mod measure;
 pub mod mode;
 pub mod navigator;
 mod panels;
+mod recents;
 mod thumbnails;
 pub mod worker;
 

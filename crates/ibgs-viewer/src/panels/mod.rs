@@ -11,7 +11,7 @@ mod views;
 
 pub use bar::{bar, status};
 pub use edit::{draw as draw_edit, in_image as edit_in_image, keys as edit_keys};
-pub use start::{Start, start};
+pub use start::{Start, chosen, start};
 
 use crate::app::Viewer;
 use crate::mode::Mode;

@@ -39,6 +39,14 @@ impl PathField {
     }
 }
 
+/// What the user asks the form for.
+pub enum Asked {
+    /// A scene from a file dialog.
+    Browse,
+    /// Its training.
+    Open(Wanted),
+}
+
 /// What the form holds.
 #[derive(Debug)]
 pub struct TrainForm {
@@ -88,9 +96,9 @@ impl TrainForm {
         Ok(TrainingWish { scene, method: self.method, iterations, exposure: self.exposure })
     }
 
-    /// Shows the form; returns what is to begin.
-    pub fn show(&mut self, ui: &mut Ui) -> Option<Wanted> {
-        let room = (ui.available_width() - 110.0).clamp(80.0, 320.0);
+    /// Shows the form; returns what was asked for.
+    pub fn show(&mut self, ui: &mut Ui) -> Option<Asked> {
+        let (room, mut browses) = ((ui.available_width() - 180.0).clamp(80.0, 260.0), false);
         Grid::new("training form").num_columns(2).spacing([12.0, 8.0]).show(ui, |ui| {
             ui.label("Photos");
             ui.horizontal(|ui| {
@@ -101,10 +109,13 @@ impl TrainForm {
             ui.end_row();
             let label = ui.label("Scene folder").id;
             ui.add_enabled_ui(!self.is_demo, |ui| {
-                let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
-                ui.add(field.desired_width(room)).labelled_by(label).on_hover_text(
-                    "Photos with their poses: COLMAP, transforms.json or a camera list of RealityCapture",
-                );
+                ui.horizontal(|ui| {
+                    let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
+                    ui.add(field.desired_width(room)).labelled_by(label).on_hover_text(
+                        "Photos with their poses: COLMAP, transforms.json or a camera list of RealityCapture",
+                    );
+                    browses = ui.button("Browse...").clicked();
+                });
             });
             ui.end_row();
             choices(ui, "Method", &METHODS, &mut self.method);
@@ -125,9 +136,15 @@ impl TrainForm {
             self.error = wanted.as_ref().err().cloned();
         }
         if let Some(error) = &self.error {
-            ui.colored_label(ui.visuals().error_fg_color, error);
+            let label = ui.colored_label(ui.visuals().error_fg_color, error);
+            if clicked {
+                label.scroll_to_me(None);
+            }
         }
-        wanted?.ok().map(Wanted::Train)
+        match wanted {
+            Some(wish) => wish.ok().map(|wish| Asked::Open(Wanted::Train(wish))),
+            None => browses.then_some(Asked::Browse),
+        }
     }
 }
 
