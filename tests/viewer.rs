@@ -9,6 +9,7 @@ mod train;
 use crate::cli::tiny_demo;
 use crate::common::{gpu, rasterizer};
 use crate::train_smoke::image_based::{image_part, small_model};
+use eframe::Storage;
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::wgpu::WgpuTestRenderer;
 use egui_kittest::{Harness, SnapshotOptions};
@@ -20,7 +21,7 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{Factor, Variant, weights};
 use ibgs_core::scene::{Splats, from_points};
-use ibgs_viewer::{Content, Opened, Scene, View, Viewer, wgpu_setup};
+use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Viewer, wgpu_setup};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -71,10 +72,25 @@ fn many_points() -> &'static Dataset {
 
 /// A window on what is opened; without anything, on the start page.
 fn window_on(gpu: &Arc<Gpu>, opened: Option<Opened>, size: Vec2) -> Window {
+    let first = opened.map(|opened| Outcome::Opened(Box::new(opened)));
+    window_with(gpu, Opener::default(), first, size, None)
+}
+
+/// A window whose wishes go to this opener, and which remembers what is stored.
+fn window_with(
+    gpu: &Arc<Gpu>,
+    opener: impl Open,
+    first: Option<Outcome>,
+    size: Vec2,
+    stored: Option<&'static dyn Storage>,
+) -> Window {
     let renderer = WgpuTestRenderer::from_setup(wgpu_setup(gpu));
     let builder = Harness::builder().with_size(size).with_step_dt(1.0 / 60.0).renderer(renderer);
     let gpu = gpu.clone();
-    let mut window = builder.build_eframe(move |cc| Viewer::new(cc, gpu, Opener::default(), opened).unwrap());
+    let mut window = builder.build_eframe(move |cc| {
+        cc.storage = stored;
+        Viewer::new(cc, gpu, opener, first).unwrap()
+    });
     settle(&mut window);
     // Pictures are compared, so their size must not depend on the machine's speed.
     window.state_mut().show_always_sharp(true);

@@ -11,7 +11,6 @@ use crate::stdout;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
-use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{self, Point, Resolution};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::local_space::LocalSpace;
@@ -21,8 +20,7 @@ use ibgs_core::output::cameras::Split;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
-use ibgs_train::Session;
-use ibgs_viewer::{Content, Open, Opened, Scene, Training, View, Wanted};
+use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Training, TrainingWish, UsualIterations, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -41,10 +39,11 @@ Example:
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Model folder, `.ibgs` bundle or file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG) [default: a start page].
+    /// Model folder, `.ibgs` bundle or file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG); a scene folder or a .zip of one
+    /// opens the start page, which asks how to train on it [default: the start page].
     model: Option<PathBuf>,
-    /// Train in the window, on a scene folder or else on the built-in demo scene; `ibgs train --with-viewer` has all
-    /// options of a training.
+    /// Train in the window at once, on a scene folder or else on the built-in demo scene; `ibgs train --with-viewer` has
+    /// all options of a training.
     #[arg(long, value_name = "SCENE", num_args = 0..=1, conflicts_with_all = ["model", "source", "iteration"])]
     train: Option<Option<PathBuf>>,
     /// Scene folder, if it has moved since the training.
@@ -71,11 +70,15 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let gpu = || open_gpu(args.adapter.as_ref());
     if let Some(scene) = &args.train {
-        let session = training(scene.as_deref())?.start(gpu, &|_| {})?;
+        let wish = TrainingWish { scene: scene.clone(), ..TrainingWish::default() };
+        let session = Plan::wished(&wish)?.start(gpu, &|_| {})?;
         return look(|failure| Watched::new(session, failure));
     }
-    let (gpu, opened) = match &args.model {
+    let (gpu, first) = match &args.model {
         None => (gpu()?, None),
+        Some(path) if args.fits_a_scene() && is_scene(path) && dataset::inspect(path).is_ok() => {
+            (gpu()?, Some(Outcome::Scene(path.clone())))
+        }
         Some(path) => {
             let files = FileArgs {
                 model: path.clone(),
@@ -88,10 +91,23 @@ pub fn run(args: &Args) -> Result<()> {
             if args.measure {
                 return measure(&gpu, opened);
             }
-            (gpu, Some(opened))
+            (gpu, Some(Outcome::Opened(Box::new(opened))))
         }
     };
-    window(&gpu, Opener::default(), opened)
+    window(&gpu, Opener::default(), first)
+}
+
+impl Args {
+    /// No option asks for a model.
+    fn fits_a_scene(&self) -> bool {
+        !self.measure && self.source.is_none() && self.iteration.is_none() && self.resolution.is_none()
+    }
+}
+
+/// Whether a path is no model, but may be a scene.
+fn is_scene(path: &Path) -> bool {
+    let is_model = || path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
+    dataset::is_archive(path) || path.is_dir() && !is_model()
 }
 
 /// Times frames that move from view to view.
@@ -123,13 +139,13 @@ pub fn look(run: impl FnOnce(&Failure) -> Watched) -> Result<()> {
     let opener = Opener::default();
     let run = run(&opener.failure);
     let gpu = run.session().gpu().clone();
-    window(&gpu, opener, Some(trained(run)))
+    window(&gpu, opener, Some(Outcome::Opened(Box::new(trained(run)))))
 }
 
 /// Opens the window. A signal that stops the program closes it, so that a training in it is saved.
-fn window(gpu: &Arc<Gpu>, opener: Opener, opened: Option<Opened>) -> Result<()> {
+fn window(gpu: &Arc<Gpu>, opener: Opener, first: Option<Outcome>) -> Result<()> {
     let failure = opener.failure.clone();
-    ibgs_viewer::run(gpu, opener, opened, |closer| on_stop(move || closer.close()))?;
+    ibgs_viewer::run(gpu, opener, first, |closer| on_stop(move || closer.close()))?;
     failure.outcome()
 }
 
@@ -145,16 +161,6 @@ pub fn check_display() -> Result<()> {
     Ok(())
 }
 
-/// A training that starts in the window.
-fn training(scene: Option<&Path>) -> Result<Plan> {
-    let mut config = TrainConfig::default();
-    // Held-out photos let the window measure the training.
-    config.data.eval = scene.is_some();
-    // Absolute: the model may be opened from another working directory.
-    config.data.source = scene.map(std::path::absolute).transpose()?;
-    Ok(Plan::new(config))
-}
-
 /// Opens what is dropped into the window or chosen on its start page.
 #[derive(Default)]
 pub struct Opener {
@@ -163,9 +169,22 @@ pub struct Opener {
 }
 
 impl Opener {
-    fn watched(&self, session: Session) -> Watched {
-        Watched::new(session, &self.failure)
+    /// Begins a training.
+    ///
+    /// # Errors
+    /// Those of [`Plan::start`].
+    pub fn train(&self, plan: Plan, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
+        let session = plan.start(|| Ok(gpu.clone()), status)?;
+        Ok(trained(Watched::new(session, &self.failure)))
     }
+}
+
+/// Fails if there is nothing at a path.
+fn check_path(path: &Path) -> Result<()> {
+    if !path.exists() {
+        bail!("{} does not exist; check the path", path.display());
+    }
+    Ok(())
 }
 
 impl Open for Opener {
@@ -173,25 +192,29 @@ impl Open for Opener {
         advice::sentence(error)
     }
 
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
-        let gpu = || Ok(gpu.clone());
-        let path = match wanted {
-            Wanted::Demo => return Ok(trained(self.watched(training(None)?.start(gpu, status)?))),
-            Wanted::Path(path) => path,
+    fn usual_iterations(&self, gpu: &Gpu) -> UsualIterations {
+        Plan::usual_iterations(gpu)
+    }
+
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {
+        let opened = match wanted {
+            Wanted::Train(wish) => {
+                wish.scene.as_deref().map_or(Ok(()), check_path)?;
+                self.train(Plan::wished(wish)?, gpu, status)?
+            }
+            Wanted::Path(path) => {
+                check_path(path)?;
+                if is_scene(path) {
+                    status("reading the scene");
+                    dataset::inspect(path)?;
+                    return Ok(Outcome::Scene(path.clone()));
+                }
+                status("opening the model");
+                let files = FileArgs { model: path.clone(), ..FileArgs::default() };
+                model(&ModelArgs { files, ..ModelArgs::default() }, || Ok(gpu.clone()))?.1
+            }
         };
-        if !path.exists() {
-            bail!("{} does not exist; check the path", path.display());
-        }
-        let is_model = path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
-        if dataset::is_archive(path) || path.is_dir() && !is_model {
-            return Ok(trained(self.watched(training(Some(path))?.start(gpu, status)?)));
-        }
-        status("opening the model");
-        Ok(model(
-            &ModelArgs { files: FileArgs { model: path.clone(), ..FileArgs::default() }, ..ModelArgs::default() },
-            gpu,
-        )?
-        .1)
+        Ok(Outcome::Opened(Box::new(opened)))
     }
 }
 
@@ -200,7 +223,7 @@ fn trained(run: Watched) -> Opened {
     let (dataset, folder) = (session.dataset(), session.folder().map(OutputFolder::root));
     let scene = Scene {
         title: folder.map_or_else(String::new, |folder| folder.display().to_string()),
-        path: session.source().map(Path::to_owned),
+        path: folder.map(Path::to_owned),
         views: View::all(dataset),
         points: dataset.points.clone(),
         pictures: folder.map(Path::to_owned).unwrap_or_default(),

@@ -60,7 +60,11 @@ fn bundle(path: &Path) {
 }
 
 fn open(path: &Path) -> Opened {
-    Opener::default().open(&Wanted::Path(path.to_owned()), &gpu(), &|_| {}).unwrap()
+    let wanted = Wanted::Path(path.to_owned());
+    match Opener::default().open(&wanted, &gpu(), &|_| {}).unwrap() {
+        Outcome::Opened(opened) => *opened,
+        Outcome::Scene(path) => panic!("{} is a model", path.display()),
+    }
 }
 
 fn renderer(opened: &Opened) -> &Renderer {

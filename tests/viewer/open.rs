@@ -1,10 +1,15 @@
 //! The start page, what is dropped into the window, and what cannot be opened.
 
 use super::*;
-use eframe::egui::DroppedFile;
+use crate::scene_files::{Model, write_file};
+use eframe::egui::{DroppedFile, Theme};
+use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
+use ibgs::commands::train::Plan;
+use ibgs_core::config::{ExposureSwitch, Method};
 use ibgs_core::scene::{PlyFlavor, write_ply};
-use ibgs_viewer::Wanted;
+use ibgs_viewer::{TrainingWish, UsualIterations, Wanted};
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 #[derive(Debug)]
@@ -25,6 +30,208 @@ fn drop_into(window: &mut Window, path: &Path) {
     settle(window);
 }
 
+/// Types into the field of this name, in place of what it holds.
+fn type_into(window: &mut Window, field: &str, text: &str) {
+    window.get_by_label(field).focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run_steps(2);
+    window.event(Event::Text(text.to_owned()));
+    window.run_steps(2);
+}
+
+fn pick(window: &mut Window, label: &str) {
+    window.get_by_label(label).click();
+    settle(window);
+}
+
+/// Opens as the program does; trainings are written into its folder.
+struct Into(PathBuf);
+
+impl Open for Into {
+    fn usual_iterations(&self, gpu: &Gpu) -> UsualIterations {
+        Opener::default().usual_iterations(gpu)
+    }
+
+    fn sentence(&self, error: &anyhow::Error) -> String {
+        Opener::default().sentence(error)
+    }
+
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+        match wanted {
+            Wanted::Train(wish) if wish.scene.as_ref().is_some_and(|scene| scene.exists()) => {
+                let plan = Plan { model: Some(self.0.clone()), ..Plan::wished(wish)? };
+                Ok(Outcome::Opened(Box::new(Opener::default().train(plan, gpu, status)?)))
+            }
+            other => Opener::default().open(other, gpu, status),
+        }
+    }
+}
+
+fn asking(model: &Path, first: Option<Outcome>) -> Window {
+    window_with(&gpu(), Into(model.to_owned()), first, Vec2::new(1280.0, 800.0), None)
+}
+
+/// What the program stores from one start to the next.
+#[derive(Default)]
+struct Stored(HashMap<String, String>);
+
+impl Storage for Stored {
+    fn get_string(&self, key: &str) -> Option<String> {
+        self.0.get(key).cloned()
+    }
+
+    fn set_string(&mut self, key: &str, value: String) {
+        self.0.insert(key.to_owned(), value);
+    }
+
+    fn remove_string(&mut self, key: &str) {
+        self.0.remove(key);
+    }
+
+    fn flush(&mut self) {}
+}
+
+/// The program started again with this in its storage.
+fn restarted(stored: Stored, size: Vec2) -> Window {
+    window_with(&gpu(), Opener::default(), None, size, Some(Box::leak(Box::new(stored))))
+}
+
+#[test]
+fn what_was_opened_before_survives_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let (renderer, _) = small_model();
+    let gaussians = renderer.splats().download(renderer.gpu()).unwrap();
+    let [kept, gone] = ["kept.ply", "gone.ply"].map(|name| folder.path().join(name));
+    let mut window = window(None);
+    for path in [&kept, &gone] {
+        write_ply(path, &gaussians, PlyFlavor::Full).unwrap();
+        drop_into(&mut window, path);
+        assert_eq!(window.state().error(), None);
+    }
+    let mut stored = Stored::default();
+    window.state_mut().save(&mut stored);
+    drop(window);
+    std::fs::remove_file(&gone).unwrap();
+    let mut window = restarted(stored, Vec2::new(760.0, 640.0));
+    window.get_by_label("Opened before");
+    // What is not there any more cannot be opened.
+    pick(&mut window, "gone.ply");
+    assert!(window.state().scene().is_none() && window.state().error().is_none());
+    pick(&mut window, "kept.ply");
+    assert_eq!(window.state().scene().unwrap().path.as_ref(), Some(&kept));
+    // Nor does a damaged list keep the program from starting.
+    let damaged = Stored([(APP_KEY.to_owned(), "(recent: 7".to_owned())].into());
+    assert!(restarted(damaged, Vec2::new(760.0, 640.0)).query_by_label("Opened before").is_none());
+}
+
+#[test]
+fn the_start_page_looks_as_it_should() {
+    start_page(Vec2::new(1280.0, 800.0), "");
+}
+
+#[test]
+fn a_small_start_page_scrolls() {
+    let mut window = start_page(Vec2::new(620.0, 420.0), " in a small window");
+    window.get_by_label("Train").scroll_to_me();
+    window.run_steps(20);
+    pick(&mut window, "Train");
+    window.run_steps(20);
+    window.get_by_label_contains("choose a scene folder");
+    snapshot(&mut window, "start page scrolled", 100);
+}
+
+/// Compares the page, with a model that has a picture, a file without one and a model that is not there any more.
+fn start_page(size: Vec2, name: &str) -> Window {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = include_bytes!("../../crates/ibgs-viewer/assets/demo.jpg");
+    write_file(&folder.path().join("room/test/ours_30000/renders/a.jpg"), picture);
+    write_file(&folder.path().join("garden.ply"), "no picture");
+    let recent = ["room", "garden.ply", "a model with a long name that was moved"].map(|name| folder.path().join(name));
+    let mut window = restarted(Stored([(APP_KEY.to_owned(), format!("(recent: {recent:?})"))].into()), size);
+    for (theme, kind) in [(Theme::Dark, "dark"), (Theme::Light, "light")] {
+        window.ctx.set_theme(theme);
+        window.run_steps(3);
+        snapshot(&mut window, &format!("start page {kind}{name}"), 100);
+    }
+    window
+}
+
+#[test]
+fn a_scene_is_asked_about_and_trained_as_chosen() {
+    let (scene, folder) = (Model::small(8).scene(), tempfile::tempdir().unwrap());
+    let model = folder.path().join("model");
+    let mut window = asking(&model, None);
+    drop_into(&mut window, scene.path());
+    assert!(window.state().scene().is_none() && window.state().error().is_none(), "{:?}", window.state().error());
+    assert!(!model.exists(), "nothing begins before it is asked for");
+    window.get_by_label("3DGS").click();
+    window.get_by_label("off").click();
+    type_into(&mut window, "Iterations", "many");
+    pick(&mut window, "Train");
+    window.get_by_label_contains("`many` is not a number of iterations");
+    assert!(window.state().scene().is_none());
+    type_into(&mut window, "Iterations", "12");
+    pick(&mut window, "Train");
+    until(&mut window, "begun", |viewer| viewer.progress().is_some());
+    assert_eq!((window.state().progress().unwrap().0.iterations, window.state().error()), (12, None));
+    drop(window);
+    let config = TrainConfig::load(&model.join("config.toml")).unwrap();
+    assert_eq!((config.iterations, config.method, config.exposure.enabled), (12, Method::Gs3, ExposureSwitch::Off));
+    assert_eq!(config.data.source.as_deref(), Some(scene.path()));
+}
+
+#[test]
+fn a_window_on_a_scene_begins_with_its_form() {
+    let (scene, folder) = (Model::small(8).scene(), tempfile::tempdir().unwrap());
+    let mut window = asking(&folder.path().join("model"), Some(Outcome::Scene(scene.path().to_owned())));
+    assert!(window.state().scene().is_none());
+    type_into(&mut window, "Iterations", "3");
+    pick(&mut window, "Train");
+    until(&mut window, "begun", |viewer| viewer.progress().is_some());
+    let config = TrainConfig::load(&folder.path().join("model/config.toml")).unwrap();
+    let usual = TrainConfig { iterations: 3, ..TrainConfig::default() };
+    assert_eq!((config.method, config.exposure), (usual.method, usual.exposure));
+    // Back to the page and to the training.
+    pick(&mut window, "Scene");
+    pick(&mut window, "Start page");
+    window.get_by_label("Train on a scene");
+    pick(&mut window, "Back");
+    assert!(window.query_by_label("Train on a scene").is_none());
+}
+
+#[test]
+fn a_scene_that_is_missing_is_an_error_in_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = asking(&folder.path().join("model"), None);
+    pick(&mut window, "Train");
+    window.get_by_label_contains("choose a scene folder");
+    type_into(&mut window, "Scene folder", "no/such/scene");
+    pick(&mut window, "Train");
+    assert_eq!(window.state().error(), Some("no/such/scene does not exist; check the path"));
+    window.get_by_label_contains("no/such/scene does not exist");
+    assert!(window.state().scene().is_none());
+}
+
+#[test]
+fn a_wish_becomes_the_options_of_a_training() {
+    let usual = Plan::wished(&TrainingWish::default()).unwrap().config;
+    assert_eq!(usual, TrainConfig::default());
+    let wish = TrainingWish {
+        scene: Some("some/scene".into()),
+        method: Method::Gs3,
+        iterations: Some(77),
+        exposure: ExposureSwitch::On,
+    };
+    let config = Plan::wished(&wish).unwrap().config;
+    let mut expected = TrainConfig { method: Method::Gs3, iterations: 77, ..TrainConfig::default() };
+    expected.exposure.enabled = ExposureSwitch::On;
+    expected.data.source = Some(std::path::absolute("some/scene").unwrap());
+    expected.data.eval = true;
+    assert_eq!(config, expected);
+    assert!(Plan::wished(&TrainingWish { scene: Some(PathBuf::new()), ..wish }).is_err());
+}
+
 #[test]
 fn the_start_page_opens_what_is_typed() {
     let folder = tempfile::tempdir().unwrap();
@@ -32,12 +239,8 @@ fn the_start_page_opens_what_is_typed() {
     let file = folder.path().join("model.ply");
     write_ply(&file, &renderer.splats().download(renderer.gpu()).unwrap(), PlyFlavor::Full).unwrap();
     let mut window = window(None);
-    snapshot(&mut window, "start page", 100);
     assert!(window.state().scene().is_none());
-    window.get_by_role(eframe::egui::accesskit::Role::TextInput).focus();
-    window.run_steps(2);
-    window.event(Event::Text(file.display().to_string()));
-    window.run_steps(2);
+    type_into(&mut window, "Path", &file.display().to_string());
     window.get_by_label("Open").click();
     settle(&mut window);
     assert_eq!(window.state().error(), None);

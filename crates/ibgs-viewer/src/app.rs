@@ -11,10 +11,10 @@ use crate::edit::Edit;
 use crate::looks::Look;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
-use crate::panels::{self, Panels};
+use crate::panels::{self, Panels, Start};
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
-use crate::{Open, Opened, Scene, Wanted, marks};
+use crate::{Open, Outcome, Scene, Wanted, marks};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
 use framing::fitted;
 use glam::DVec3;
@@ -57,7 +57,7 @@ pub(crate) struct Trained {
 pub struct Viewer {
     pub(crate) gpu: Arc<Gpu>,
     pub(crate) worker: Worker,
-    /// What is open; nothing: the start page is shown.
+    /// What is open.
     pub(crate) scene: Option<Scene>,
     pub(crate) training: Option<Trained>,
     pub(crate) navigator: Navigator,
@@ -75,6 +75,7 @@ pub struct Viewer {
     coming: Option<Found>,
     clicked: Option<Instant>,
     pub(crate) panels: Panels,
+    pub(crate) start: Start,
     pub(crate) edit: Edit,
     pub(crate) thumbnails: Thumbnails,
     pub(crate) settings: Settings,
@@ -97,7 +98,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// A viewer of what is open already, or with a start page.
+    /// A viewer of what `first` says, or with an empty start page.
     ///
     /// # Errors
     /// Not enough memory.
@@ -105,10 +106,20 @@ impl Viewer {
         cc: &eframe::CreationContext,
         gpu: Arc<Gpu>,
         opener: impl Open,
-        opened: Option<Opened>,
+        first: Option<Outcome>,
     ) -> Result<Self, GpuError> {
         let settings = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY)).unwrap_or_default();
         let canvas = Canvas::new(gpu.clone())?;
+        let mut start = Start::new(opener.usual_iterations(&gpu));
+        let opened = match first {
+            Some(Outcome::Opened(opened)) => Some(*opened),
+            Some(Outcome::Scene(path)) => {
+                start.ask_about(path);
+                None
+            }
+            None => None,
+        };
+        start.shown = opened.is_none();
         let doing = opened.is_some().then(|| "opening".to_owned());
         Ok(Self {
             worker: Worker::start(gpu.clone(), opener, opened, cc.egui_ctx.clone()),
@@ -126,6 +137,7 @@ impl Viewer {
             coming: None,
             clicked: None,
             panels: Panels::default(),
+            start,
             edit: Edit::default(),
             thumbnails: Thumbnails::default(),
             settings,
@@ -222,9 +234,13 @@ impl Viewer {
         self.error.as_deref()
     }
 
-    /// Whether the last frame is what is wanted, and nothing is being done.
+    /// Whether the last frame, or the start page, is what is wanted, and nothing is being done.
     pub fn is_settled(&self) -> bool {
-        self.doing.is_none() && !self.moving() && (self.scene.is_none() || self.canvas.is_settled())
+        let has_all = match self.start.shown {
+            true => self.start.is_complete(),
+            false => self.scene.is_none() || self.canvas.is_settled(),
+        };
+        self.doing.is_none() && !self.moving() && has_all
     }
 
     fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
@@ -413,11 +429,15 @@ impl eframe::App for Viewer {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.listen(ui.ctx());
         self.dropped(ui.ctx());
+        panels::chosen(self);
         self.show_found(ui.ctx());
-        self.keys(ui);
+        if !self.start.shown {
+            self.keys(ui);
+        }
         panels::bar(self, ui);
-        if self.scene.is_none() {
-            egui::CentralPanel::default().show(ui, |ui| panels::start(self, ui));
+        if self.start.shown || self.scene.is_none() {
+            let shown = self.start.shown;
+            egui::CentralPanel::default().show(ui, |ui| shown.then(|| panels::start(self, ui)));
             panels::status(self, ui.ctx());
             return;
         }

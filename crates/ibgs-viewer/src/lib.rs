@@ -8,6 +8,7 @@
 pub mod app;
 pub mod canvas;
 mod curves;
+mod dialogs;
 mod edit;
 mod edit_work;
 mod film;
@@ -17,6 +18,7 @@ pub mod measure;
 pub mod mode;
 pub mod navigator;
 mod panels;
+mod recents;
 mod thumbnails;
 pub mod worker;
 
@@ -27,6 +29,7 @@ use anyhow::Result;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use eframe::{NativeOptions, egui};
 use ibgs_core::camera::Camera;
+use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::dataset::{self, Dataset, Photo, Point};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::Model;
@@ -97,10 +100,40 @@ pub struct Opened {
 /// What a user may ask to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// A model folder, a bundle, a PLY file, or a scene folder, which is trained on.
+    /// A model folder, a bundle, a PLY file, or a scene.
     Path(PathBuf),
-    /// The built-in demo scene, which is trained on.
-    Demo,
+    /// A training, which begins at once.
+    Train(TrainingWish),
+}
+
+/// A training as the start page describes it; all else is at its default.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TrainingWish {
+    /// Scene folder or a ZIP archive of one; none: the built-in demo scene.
+    pub scene: Option<PathBuf>,
+    /// What is trained.
+    pub method: Method,
+    /// Number of iterations; none: that of [`Open::usual_iterations`].
+    pub iterations: Option<u32>,
+    /// Whether the photos' exposures are corrected.
+    pub exposure: ExposureSwitch,
+}
+
+/// Iterations of a training that names no number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UsualIterations {
+    /// Of a scene on disk.
+    pub scene: u32,
+    /// Of the demo scene.
+    pub demo: u32,
+}
+
+/// What a wish leads to.
+pub enum Outcome {
+    /// Something to look at.
+    Opened(Box<Opened>),
+    /// A scene: the start page asks how to train on it.
+    Scene(PathBuf),
 }
 
 /// Opens what a user asks for; called on the viewer's own thread.
@@ -109,7 +142,13 @@ pub trait Open: Send + 'static {
     ///
     /// # Errors
     /// A sentence that names the file and what to do.
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened>;
+    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
+
+    /// Iterations of a training that names no number, on this GPU.
+    fn usual_iterations(&self, _gpu: &Gpu) -> UsualIterations {
+        let iterations = TrainConfig::default().iterations;
+        UsualIterations { scene: iterations, demo: iterations }
+    }
 
     /// An error in one line, with what the user can do about it where the program knows that.
     fn sentence(&self, error: &anyhow::Error) -> String {
@@ -166,14 +205,14 @@ impl Closer {
     }
 }
 
-/// Opens a window, on what is already open or on a start page, and returns when it is closed. `handed` gets what closes it.
+/// Opens a window, on what `first` says or on an empty start page, and returns when it is closed. `handed` gets what closes it.
 ///
 /// # Errors
 /// No display, or a device that cannot draw into windows.
 pub fn run(
     gpu: &Arc<Gpu>,
     opener: impl Open,
-    opened: Option<Opened>,
+    first: Option<Outcome>,
     handed: impl FnOnce(Closer),
 ) -> Result<(), eframe::Error> {
     let options = NativeOptions {
@@ -188,7 +227,7 @@ pub fn run(
     let gpu = gpu.clone();
     let make = move |cc: &eframe::CreationContext| {
         handed(Closer(cc.egui_ctx.clone()));
-        Viewer::new(cc, gpu, opener, opened)
+        Viewer::new(cc, gpu, opener, first)
     };
     eframe::run_native("ibgs", options, Box::new(move |cc| Ok(Box::new(make(cc)?))))
 }

@@ -20,14 +20,18 @@ pub struct Thumbnails {
     now: usize,
 }
 
-fn small(photo: &Photo) -> Option<ColorImage> {
-    let whole: RgbaImage = RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone())?;
-    let share = f64::from(SIDE) / f64::from(photo.width.max(photo.height));
+fn of_photo(photo: &Photo) -> Option<ColorImage> {
+    RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone()).map(|whole| small(&whole))
+}
+
+/// A picture made small, without its alpha.
+pub fn small(whole: &RgbaImage) -> ColorImage {
+    let share = f64::from(SIDE) / f64::from(whole.width().max(whole.height()));
     let side = |length: u32| ((f64::from(length) * share.min(1.0)).round() as u32).max(1);
-    let mut small = thumbnail(&whole, side(photo.width), side(photo.height));
+    let mut small = thumbnail(whole, side(whole.width()), side(whole.height()));
     small.pixels_mut().for_each(|Rgba([_, _, _, a])| *a = 255);
     let size = [small.width() as usize, small.height() as usize];
-    Some(ColorImage::from_rgba_unmultiplied(size, &small))
+    ColorImage::from_rgba_unmultiplied(size, &small)
 }
 
 impl Thumbnails {
@@ -47,7 +51,7 @@ impl Thumbnails {
             return None;
         }
         self.now += 1;
-        let texture = ctx.load_texture(&view.name, small(photo)?, TextureOptions::LINEAR);
+        let texture = ctx.load_texture(&view.name, of_photo(photo)?, TextureOptions::LINEAR);
         self.made.insert(index, texture.clone());
         Some(texture)
     }

@@ -4,7 +4,7 @@ use crate::edit_work::{EditCommand, EditMessage, EditWork};
 use crate::film::{Film, Shoot};
 use crate::looks::{Look, Looks};
 use crate::mode::{Mode, Style};
-use crate::{Content, Open, Opened, Scene, Training, Wanted};
+use crate::{Content, Open, Opened, Outcome, Scene, Training, Wanted};
 use anyhow::Result;
 use eframe::egui;
 use ibgs_core::camera::Camera;
@@ -113,6 +113,8 @@ pub enum Message {
     Doing(String),
     /// Something was opened; with how far it is where it is a training.
     Opened(Box<Scene>, Option<TrainingProgress>),
+    /// What was to be opened is a scene.
+    Scene(PathBuf),
     /// A finished frame.
     Rendered(Box<Rendered>),
     /// Why a pixel looks as it does.
@@ -313,10 +315,11 @@ impl Thread {
             Command::Open(wanted) => {
                 self.status("opening");
                 match self.opener.open(&wanted, &self.gpu, &|what| self.status(what)) {
-                    Ok(opened) => {
+                    Ok(Outcome::Opened(opened)) => {
                         self.end(work);
-                        self.take(work, opened);
+                        self.take(work, *opened);
                     }
+                    Ok(Outcome::Scene(path)) => self.send(Message::Scene(path)),
                     Err(error) => self.failed(&error),
                 }
             }

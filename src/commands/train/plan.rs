@@ -16,6 +16,7 @@ use ibgs_core::scene::read_gaussians;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::checkpoint::Checkpoint;
 use ibgs_train::{Session, Trainer};
+use ibgs_viewer::{TrainingWish, UsualIterations};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -66,6 +67,28 @@ impl Plan {
             checkpoint_every: Some(Duration::from_secs(120)),
             demo: Some(DemoGiven::default()),
         }
+    }
+
+    /// A training as the viewer's start page describes it.
+    ///
+    /// # Errors
+    /// A path that cannot be made absolute, such as the empty one.
+    pub fn wished(wish: &TrainingWish) -> Result<Self> {
+        let mut config = TrainConfig { method: wish.method, ..TrainConfig::default() };
+        // Held-out photos let the window measure the training.
+        config.data.eval = wish.scene.is_some();
+        // Absolute: the model may be opened from another working directory.
+        config.data.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
+        config.iterations = wish.iterations.unwrap_or(config.iterations);
+        config.exposure.enabled = wish.exposure;
+        let demo = Some(DemoGiven { iterations: wish.iterations, ..DemoGiven::default() });
+        Ok(Self { demo, ..Self::new(config) })
+    }
+
+    /// Iterations of a training that names no number, on this GPU.
+    pub fn usual_iterations(gpu: &Gpu) -> UsualIterations {
+        let demo = DEMO_ITERATIONS[usize::from(!gpu.is_software())];
+        UsualIterations { scene: TrainConfig::default().iterations, demo }
     }
 
     /// Prepares the training. `status` is called with what is being done; `gpu` is called after the files have been read.

@@ -28,6 +28,10 @@ impl Viewer {
             match message {
                 Message::Doing(what) => self.doing = Some(what),
                 Message::Opened(scene, progress) => self.opened(*scene, progress, ctx),
+                Message::Scene(path) => {
+                    self.doing = None;
+                    self.start.ask_about(path);
+                }
                 Message::Rendered(rendered) => {
                     self.canvas.take(*rendered);
                     self.leave_what_is_not_offered();
@@ -79,6 +83,7 @@ impl Viewer {
         let middle = if scene.views.is_empty() { self.center } else { mean };
         self.edit = Edit::of(&scene, middle, self.extent);
         self.training = progress.map(|progress| Trained { progress, running: true, curves: Curves::default() });
+        self.start.shown = false;
         (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);
         (self.coming, self.clicked) = (None, None);

@@ -12,13 +12,14 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
             ui.menu_button("Scene", |ui| {
-                start::open(viewer, ui);
+                start::menu(viewer, ui);
                 if let Some(scene) = &viewer.scene {
                     ui.separator();
                     ui.weak(&scene.title);
                 }
             });
-            if viewer.scene.is_some() {
+            let looks = viewer.scene.is_some() && !viewer.start.shown;
+            if looks {
                 show(viewer, ui);
                 ui.separator();
                 modes(viewer, ui);
@@ -27,7 +28,7 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
             }
             ui.separator();
             theme(ui);
-            if viewer.scene.is_some() && ui.button("?").on_hover_text("Keys and pointer").clicked() {
+            if looks && ui.button("?").on_hover_text("Keys and pointer").clicked() {
                 viewer.panels.shows_help = !viewer.panels.shows_help;
             }
         });

@@ -5,12 +5,13 @@ mod edit;
 mod path;
 mod pixel;
 mod start;
+mod train_form;
 mod training;
 mod views;
 
 pub use bar::{bar, status};
 pub use edit::{draw as draw_edit, in_image as edit_in_image, keys as edit_keys};
-pub use start::start;
+pub use start::{Start, chosen, start};
 
 use crate::app::Viewer;
 use crate::mode::Mode;
@@ -38,8 +39,6 @@ pub struct Panels {
     pub shows_path: bool,
     /// Keys and pointer explained.
     pub shows_help: bool,
-    /// A path that is being typed.
-    pub address: String,
     /// The camera path.
     pub path: PathEditor,
 }

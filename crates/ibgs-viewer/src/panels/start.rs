@@ -1,30 +1,132 @@
 //! The start page, and opening things.
 
-use crate::Wanted;
+use super::train_form::{Asked, PathField, TrainForm};
 use crate::app::Viewer;
-use eframe::egui::{self, Key, TextEdit, Ui};
+use crate::dialogs::{Dialog, Sought, native};
+use crate::recents::{Recent, Recents};
+use crate::{UsualIterations, Wanted};
+use eframe::egui::{
+    self, Align2, Color32, ColorImage, Context, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle,
+    TextureHandle, TextureOptions, Ui, UiBuilder, Vec2,
+};
 use std::path::PathBuf;
 
-/// A field for a path, the demo scene, and what was opened before.
-pub fn open(viewer: &mut Viewer, ui: &mut Ui) {
-    ui.horizontal(|ui| {
-        let field = TextEdit::singleline(&mut viewer.panels.address).hint_text("folder or file").desired_width(260.0);
-        let field = ui.add(field).on_hover_text(
-            "A model folder, an .ibgs bundle or a PLY file to look at; a scene folder (COLMAP or transforms.json) to train on",
-        );
-        let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
-        let given = !viewer.panels.address.trim().is_empty();
-        let clicked = ui.add_enabled(given, egui::Button::new("Open")).clicked();
-        if (entered || clicked) && given {
-            let path = PathBuf::from(viewer.panels.address.trim());
-            viewer.open(Wanted::Path(path));
+/// A render of the demo scene.
+const PICTURE: &[u8] = include_bytes!("../../assets/demo.jpg");
+/// Windows of this width in points have the form beside the rest.
+const WIDE: f32 = 900.0;
+/// Width of the form, and of all else, in points.
+const FORM: f32 = 400.0;
+const REST: f32 = 640.0;
+/// Size of a model that was opened before, and of its picture.
+const TILE: Vec2 = Vec2::new(128.0, 110.0);
+const TILE_PICTURE: Vec2 = Vec2::new(120.0, 80.0);
+
+const STEPS: [(&str, &str); 3] = [
+    (
+        "1. Photos to poses",
+        "Run `ibgs prepare PHOTOS -o SCENE` in a terminal. It finds out where each photo was taken, and makes a scene folder.",
+    ),
+    ("2. Train", "Choose the scene folder and press Train. You can watch, pause and save the training in this window."),
+    (
+        "3. Look, edit, export",
+        "Move through the model, delete what should not be in it, render films. `ibgs export` and `ibgs mesh` write other \
+         formats.",
+    ),
+];
+
+/// What the start page holds.
+pub struct Start {
+    /// It is what the window shows.
+    pub shown: bool,
+    /// A path that is being typed.
+    address: PathField,
+    form: TrainForm,
+    /// The form is brought into sight.
+    finds_form: bool,
+    dialog: Dialog,
+    recents: Recents,
+    picture: Option<TextureHandle>,
+}
+
+impl Start {
+    /// An empty page.
+    pub fn new(usual: UsualIterations) -> Self {
+        Self {
+            shown: true,
+            address: PathField::default(),
+            form: TrainForm::new(usual),
+            finds_form: false,
+            dialog: Dialog::default(),
+            recents: Recents::default(),
+            picture: None,
+        }
+    }
+
+    /// Shows the page.
+    pub fn show(&mut self) {
+        self.shown = true;
+        self.recents.forget();
+    }
+
+    /// Shows the page with a form for a training on this scene.
+    pub fn ask_about(&mut self, scene: PathBuf) {
+        self.form.set_scene(scene);
+        self.show();
+        self.finds_form = true;
+    }
+
+    /// Nothing of it is still being loaded.
+    pub fn is_complete(&self) -> bool {
+        self.recents.is_complete()
+    }
+
+    fn picture(&mut self, ctx: &Context) -> Option<&TextureHandle> {
+        if self.picture.is_none() {
+            let picture = image::load_from_memory(PICTURE).ok()?.into_rgba8();
+            let size = [picture.width() as usize, picture.height() as usize];
+            let picture = ColorImage::from_rgba_unmultiplied(size, &picture);
+            self.picture = Some(ctx.load_texture("demo scene", picture, TextureOptions::LINEAR));
+        }
+        self.picture.as_ref()
+    }
+}
+
+/// Takes what was chosen in a file dialog.
+pub fn chosen(viewer: &mut Viewer) {
+    match viewer.start.dialog.answer() {
+        Some((Sought::Scene, path)) => viewer.start.ask_about(path),
+        Some((Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(Wanted::Path(path)),
+        None => {}
+    }
+}
+
+/// Buttons that open file dialogs.
+fn dialogs(viewer: &mut Viewer, ui: &mut Ui) {
+    let dialog = &mut viewer.start.dialog;
+    ui.add_enabled_ui(!dialog.is_open(), |ui| {
+        ui.menu_button("Open a model...", |ui| {
+            for (name, sought) in [("Model folder", Sought::ModelFolder), ("Bundle or file", Sought::ModelFile)] {
+                if ui.button(name).clicked() {
+                    dialog.ask(sought, ui.ctx(), native);
+                    ui.close();
+                }
+            }
+        });
+        if ui.button("Train on a scene...").clicked() {
+            dialog.ask(Sought::Scene, ui.ctx(), native);
             ui.close();
         }
     });
-    if ui.button("Train on the demo scene").on_hover_text("A furnished room with a mirror ball, built in").clicked() {
-        viewer.open(Wanted::Demo);
+}
+
+/// The same as a menu.
+pub fn menu(viewer: &mut Viewer, ui: &mut Ui) {
+    if ui.add_enabled(!viewer.start.shown, egui::Button::new("Start page")).clicked() {
+        viewer.start.show();
         ui.close();
     }
+    dialogs(viewer, ui);
     let recent = viewer.settings.recent.clone();
     if !recent.is_empty() {
         ui.separator();
@@ -38,20 +140,173 @@ pub fn open(viewer: &mut Viewer, ui: &mut Ui) {
     }
 }
 
-/// What the window shows as long as nothing is open.
-pub fn start(viewer: &mut Viewer, ui: &mut Ui) {
-    if viewer.doing.is_some() {
+/// A field for a path.
+fn address(viewer: &mut Viewer, ui: &mut Ui) {
+    ui.horizontal(|ui| {
+        let label = ui.label("Path").id;
+        let address = &mut viewer.start.address;
+        let width = (ui.available_width() - 60.0).clamp(60.0, 300.0);
+        let field = TextEdit::singleline(&mut address.text).hint_text("folder or file").desired_width(width);
+        let field = ui.add(field).labelled_by(label).on_hover_text(
+            "A model folder, an .ibgs bundle or a PLY file to look at; a scene folder (COLMAP or transforms.json) to train on",
+        );
+        let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+        let path = address.path();
+        let clicked = ui.add_enabled(path.is_some(), egui::Button::new("Open")).clicked();
+        if let Some(path) = path.filter(|_| entered || clicked) {
+            viewer.open(Wanted::Path(path));
+        }
+    });
+}
+
+/// What was opened before, as a row of pictures.
+fn recents(viewer: &mut Viewer, ui: &mut Ui) {
+    let recents = viewer.start.recents.of(&viewer.settings.recent, ui.ctx());
+    if recents.is_empty() {
         return;
     }
-    ui.vertical_centered(|ui| {
-        ui.add_space(0.15 * ui.available_height());
-        ui.heading("ibgs");
-        ui.label("Drop a model folder, an .ibgs bundle, a PLY file or a scene folder into this window.");
-        ui.add_space(12.0);
-        // As wide as the field and its button, so that they stand in the middle.
-        let width = 330.0_f32.min(ui.available_width());
-        ui.allocate_ui_with_layout(egui::Vec2::new(width, 0.0), egui::Layout::top_down(egui::Align::Min), |ui| {
-            open(viewer, ui)
+    ui.strong("Opened before");
+    let mut wanted = None;
+    ui.horizontal_wrapped(|ui| {
+        for recent in recents {
+            if tile(ui, recent) {
+                wanted = Some(recent.path.clone());
+            }
+        }
+    });
+    if let Some(path) = wanted {
+        viewer.open(Wanted::Path(path));
+    }
+}
+
+/// One of them; true when it was clicked.
+fn tile(ui: &mut Ui, recent: &Recent) -> bool {
+    let sense = if recent.is_missing { Sense::hover() } else { Sense::click() };
+    let (rect, response) = ui.allocate_exact_size(TILE, sense);
+    let name = recent.path.file_name().unwrap_or(recent.path.as_os_str()).to_string_lossy();
+    let enabled = ui.is_enabled() && !recent.is_missing;
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, enabled, &*name));
+    let (visuals, painter) = (ui.visuals(), ui.painter_at(rect));
+    if enabled && (response.hovered() || response.has_focus()) {
+        painter.rect_filled(rect, 4.0, visuals.widgets.hovered.bg_fill);
+    }
+    let room = Rect::from_min_size(rect.min + Vec2::splat(4.0), TILE_PICTURE);
+    painter.rect(room, 3.0, visuals.extreme_bg_color, Stroke::NONE, egui::StrokeKind::Inside);
+    let text = if enabled { visuals.text_color() } else { visuals.weak_text_color() };
+    let small = TextStyle::Small.resolve(ui.style());
+    match &recent.picture {
+        Some(picture) => {
+            let size = picture.size_vec2();
+            let place = Rect::from_center_size(room.center(), size * (room.size() / size).min_elem());
+            let whole = Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
+            painter.image(picture.id(), place, whole, Color32::WHITE);
+        }
+        None => {
+            let kind = recent.path.extension().map(|extension| extension.to_string_lossy().to_uppercase());
+            let kind = if recent.is_missing { "not found".to_owned() } else { kind.unwrap_or_default() };
+            painter.text(room.center(), Align2::CENTER_CENTER, kind, small.clone(), visuals.weak_text_color());
+        }
+    }
+    let galley = egui::WidgetText::from(RichText::new(&*name).font(small).color(text)).into_galley(
+        ui,
+        Some(egui::TextWrapMode::Truncate),
+        TILE_PICTURE.x,
+        TextStyle::Small,
+    );
+    painter.galley(egui::pos2(room.left(), room.bottom() + 4.0), galley, text);
+    let path = recent.path.display();
+    let (hover, clicked) =
+        (if recent.is_missing { format!("{path} is not there") } else { path.to_string() }, response.clicked());
+    response.on_hover_text(hover);
+    clicked
+}
+
+/// A text with commands between backticks.
+fn with_commands(ui: &mut Ui, text: &str) {
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 0.0;
+        for (index, part) in text.split('`').enumerate() {
+            let _ = if index % 2 == 1 { ui.code(part) } else { ui.label(part) };
+        }
+    });
+}
+
+/// Picture, steps, buttons and what was opened before.
+fn welcome(viewer: &mut Viewer, ui: &mut Ui) {
+    let width = ui.available_width();
+    if let Some(picture) = viewer.start.picture(ui.ctx()) {
+        // In a low window a strip of it leaves room for the rest.
+        let height = (width * 0.375).min(0.3 * ui.ctx().content_rect().height());
+        let share = height / (width * 0.375);
+        let strip = Rect::from_min_max(egui::pos2(0.0, 0.5 - 0.5 * share), egui::pos2(1.0, 0.5 + 0.5 * share));
+        ui.add(
+            Image::new(picture)
+                .maintain_aspect_ratio(false)
+                .uv(strip)
+                .fit_to_exact_size(Vec2::new(width, height))
+                .corner_radius(6)
+                .alt_text("The demo scene"),
+        );
+    }
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        ui.heading("Photos in, a scene to walk through out");
+        if viewer.scene.is_some() && ui.button("Back").on_hover_text("Back to what is open").clicked() {
+            viewer.start.shown = false;
+        }
+    });
+    for (name, text) in STEPS {
+        ui.strong(name);
+        with_commands(ui, text);
+    }
+    ui.add_space(8.0);
+    ui.horizontal_wrapped(|ui| dialogs(viewer, ui));
+    address(viewer, ui);
+    ui.weak("Or drop a model folder, an .ibgs bundle, a PLY file or a scene folder into this window.");
+    ui.add_space(8.0);
+    recents(viewer, ui);
+}
+
+fn form(viewer: &mut Viewer, ui: &mut Ui) {
+    let form = ui.group(|ui| {
+        ui.heading("Train on a scene");
+        viewer.start.form.show(ui)
+    });
+    if std::mem::take(&mut viewer.start.finds_form) {
+        form.response.scroll_to_me(None);
+    }
+    match form.inner {
+        Some(Asked::Browse) => viewer.start.dialog.ask(Sought::Scene, ui.ctx(), native),
+        Some(Asked::Open(wanted)) => viewer.open(wanted),
+        None => {}
+    }
+}
+
+/// The page.
+pub fn start(viewer: &mut Viewer, ui: &mut Ui) {
+    if viewer.doing.is_some() {
+        ui.disable();
+    }
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        let room = ui.available_rect_before_wrap();
+        let is_wide = room.width() >= WIDE;
+        let gap = 24.0;
+        let rest = REST.min(if is_wide { room.width() - FORM - gap } else { room.width() });
+        let all = if is_wide { rest + gap + FORM } else { rest };
+        let left = room.left() + (0.5 * (room.width() - all)).max(0.0);
+        let column = |x: f32, width: f32| {
+            let rect = Rect::from_min_size(egui::pos2(left + x, room.top()), Vec2::new(width, f32::INFINITY));
+            UiBuilder::new().max_rect(rect)
+        };
+        ui.scope_builder(column(0.0, rest), |ui| {
+            welcome(viewer, ui);
+            if !is_wide {
+                ui.add_space(8.0);
+                form(viewer, ui);
+            }
         });
+        if is_wide {
+            ui.scope_builder(column(rest + gap, FORM), |ui| form(viewer, ui));
+        }
     });
 }

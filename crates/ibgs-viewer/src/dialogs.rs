@@ -1,0 +1,114 @@
+//! The system's file dialogs. Each runs on a thread of its own, so the window answers while one is open.
+
+use eframe::egui::Context;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+/// What is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sought {
+    /// A model folder.
+    ModelFolder,
+    /// A bundle or a file of Gaussians.
+    ModelFile,
+    /// A scene to train on.
+    Scene,
+}
+
+/// The dialog that is open, if any.
+#[derive(Default)]
+pub struct Dialog(Option<(Sought, Receiver<Option<PathBuf>>)>);
+
+impl Dialog {
+    /// Whether one is open.
+    pub fn is_open(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Asks the user with `pick`, which may take its time; does nothing while a dialog is open.
+    pub fn ask(
+        &mut self,
+        sought: Sought,
+        window: &Context,
+        pick: impl FnOnce(Sought) -> Option<PathBuf> + Send + 'static,
+    ) {
+        if self.is_open() {
+            return;
+        }
+        let (sender, answer) = channel();
+        let window = window.clone();
+        let started = std::thread::Builder::new().name("file dialog".to_owned()).spawn(move || {
+            // The receiver is gone once the window is closed.
+            let _ = sender.send(pick(sought));
+            window.request_repaint();
+        });
+        self.0 = started.ok().map(|_| (sought, answer));
+    }
+
+    /// What was chosen, once; nothing where the dialog was cancelled.
+    pub fn answer(&mut self) -> Option<(Sought, PathBuf)> {
+        let (sought, answer) = self.0.as_ref()?;
+        let (sought, answer) = (*sought, answer.try_recv());
+        if answer == Err(TryRecvError::Empty) {
+            return None;
+        }
+        self.0 = None;
+        Some((sought, answer.ok()??))
+    }
+}
+
+/// The system's own dialog.
+pub fn native(sought: Sought) -> Option<PathBuf> {
+    let dialog = rfd::FileDialog::new();
+    match sought {
+        Sought::ModelFolder => dialog.set_title("Open a model folder").pick_folder(),
+        Sought::ModelFile => dialog
+            .set_title("Open a bundle or a file of Gaussians")
+            .add_filter("Models", &["ibgs", "ply", "spz", "splat", "glb", "sog"])
+            .add_filter("All files", &["*"])
+            .pick_file(),
+        Sought::Scene => dialog.set_title("Choose a scene folder").pick_folder(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    fn answered(dialog: &mut Dialog) -> Option<(Sought, PathBuf)> {
+        let start = Instant::now();
+        loop {
+            let answer = dialog.answer();
+            if answer.is_some() || !dialog.is_open() {
+                return answer;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn a_choice_is_returned_once_and_a_cancelled_dialog_returns_nothing() {
+        let (mut dialog, window) = (Dialog::default(), Context::default());
+        assert_eq!(dialog.answer(), None);
+        dialog.ask(Sought::Scene, &window, |_| Some("scene".into()));
+        assert_eq!(answered(&mut dialog), Some((Sought::Scene, "scene".into())));
+        assert_eq!((dialog.answer(), dialog.is_open()), (None, false));
+        dialog.ask(Sought::ModelFile, &window, |_| None);
+        assert_eq!((answered(&mut dialog), dialog.is_open()), (None, false));
+        dialog.ask(Sought::ModelFolder, &window, |_| panic!("a dialog that fails"));
+        assert_eq!((answered(&mut dialog), dialog.is_open()), (None, false));
+    }
+
+    #[test]
+    fn one_dialog_at_a_time() {
+        let (mut dialog, window) = (Dialog::default(), Context::default());
+        let (go, wait) = channel::<()>();
+        dialog.ask(Sought::Scene, &window, move |_| wait.recv().ok().map(|()| "first".into()));
+        dialog.ask(Sought::ModelFile, &window, |_| Some("second".into()));
+        assert_eq!((dialog.answer(), dialog.is_open()), (None, true));
+        go.send(()).unwrap();
+        assert_eq!(answered(&mut dialog), Some((Sought::Scene, "first".into())));
+    }
+}

@@ -1,0 +1,160 @@
+//! The form that describes a training.
+
+use crate::{TrainingWish, UsualIterations, Wanted};
+use eframe::egui::{Grid, TextEdit, Ui};
+use ibgs_core::config::{ExposureSwitch, Method};
+use std::path::PathBuf;
+
+const METHODS: [(Method, &str, &str); 2] = [
+    (Method::Ibgs, "IBGS", "Gaussians, and a residual that a network reads from neighbouring photos"),
+    (Method::Gs3, "3DGS", "Plain 3D Gaussian splatting: faster, and without the residual"),
+];
+
+const EXPOSURES: [(ExposureSwitch, &str, &str); 3] = [
+    (ExposureSwitch::Auto, "auto", "Correct the photos' exposures if they differ"),
+    (ExposureSwitch::On, "on", "Correct the photos' exposures in the whole training"),
+    (ExposureSwitch::Off, "off", "Take the photos as they are"),
+];
+
+/// A text that stands for a path; what was chosen keeps names that are no text.
+#[derive(Clone, Debug, Default)]
+pub struct PathField {
+    pub text: String,
+    chosen: Option<PathBuf>,
+}
+
+impl PathField {
+    /// Shows a path.
+    pub fn set(&mut self, path: PathBuf) {
+        self.text = path.display().to_string();
+        self.chosen = Some(path);
+    }
+
+    /// The path; none where nothing is given.
+    pub fn path(&self) -> Option<PathBuf> {
+        match &self.chosen {
+            Some(path) if path.to_string_lossy() == self.text => Some(path.clone()),
+            _ => Some(self.text.trim()).filter(|text| !text.is_empty()).map(PathBuf::from),
+        }
+    }
+}
+
+/// What the user asks the form for.
+pub enum Asked {
+    /// A scene from a file dialog.
+    Browse,
+    /// Its training.
+    Open(Wanted),
+}
+
+/// What the form holds.
+#[derive(Debug)]
+pub struct TrainForm {
+    pub scene: PathField,
+    pub is_demo: bool,
+    method: Method,
+    /// As typed; empty: as usual.
+    iterations: String,
+    exposure: ExposureSwitch,
+    usual: UsualIterations,
+    /// Why it cannot be used, in one sentence.
+    error: Option<String>,
+}
+
+impl TrainForm {
+    /// An empty form.
+    pub fn new(usual: UsualIterations) -> Self {
+        Self {
+            scene: PathField::default(),
+            is_demo: false,
+            method: Method::default(),
+            iterations: String::new(),
+            exposure: ExposureSwitch::default(),
+            usual,
+            error: None,
+        }
+    }
+
+    /// Describes a training on this scene.
+    pub fn set_scene(&mut self, path: PathBuf) {
+        self.scene.set(path);
+        (self.is_demo, self.error) = (false, None);
+    }
+
+    /// The training that it describes, or a sentence that says what is missing.
+    fn wish(&self) -> Result<TrainingWish, String> {
+        let scene = if self.is_demo { None } else { self.scene.path() };
+        if scene.is_none() && !self.is_demo {
+            return Err("choose a scene folder, or take the demo scene".to_owned());
+        }
+        let text = self.iterations.trim();
+        let iterations = match text.parse() {
+            _ if text.is_empty() => None,
+            Ok(iterations) if iterations > 0 => Some(iterations),
+            _ => return Err(format!("the length `{text}` is not a number of iterations; give a whole number from 1")),
+        };
+        Ok(TrainingWish { scene, method: self.method, iterations, exposure: self.exposure })
+    }
+
+    /// Shows the form; returns what was asked for.
+    pub fn show(&mut self, ui: &mut Ui) -> Option<Asked> {
+        let (room, mut browses) = ((ui.available_width() - 180.0).clamp(80.0, 260.0), false);
+        Grid::new("training form").num_columns(2).spacing([12.0, 8.0]).show(ui, |ui| {
+            ui.label("Photos");
+            ui.horizontal(|ui| {
+                ui.radio_value(&mut self.is_demo, false, "my scene");
+                ui.radio_value(&mut self.is_demo, true, "demo scene")
+                    .on_hover_text("A furnished room with a mirror ball, built in");
+            });
+            ui.end_row();
+            let label = ui.label("Scene folder").id;
+            ui.add_enabled_ui(!self.is_demo, |ui| {
+                ui.horizontal(|ui| {
+                    let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
+                    ui.add(field.desired_width(room)).labelled_by(label).on_hover_text(
+                        "Photos with their poses: COLMAP, transforms.json or a camera list of RealityCapture",
+                    );
+                    browses = ui.button("Browse...").clicked();
+                });
+            });
+            ui.end_row();
+            choices(ui, "Method", &METHODS, &mut self.method);
+            let label = ui.label("Iterations").id;
+            let usual = if self.is_demo { self.usual.demo } else { self.usual.scene };
+            let field = TextEdit::singleline(&mut self.iterations).hint_text(format!("{usual} (default)"));
+            ui.add(field.desired_width(120.0))
+                .labelled_by(label)
+                .on_hover_text("Length of the training; 7000 is a short one");
+            ui.end_row();
+            choices(ui, "Exposure", &EXPOSURES, &mut self.exposure);
+        });
+        ui.add_space(4.0);
+        let clicked =
+            ui.button("Train").on_hover_text("Begin; the model is written to a new folder in `output`").clicked();
+        let wanted = clicked.then(|| self.wish());
+        if let Some(wanted) = &wanted {
+            self.error = wanted.as_ref().err().cloned();
+        }
+        if let Some(error) = &self.error {
+            let label = ui.colored_label(ui.visuals().error_fg_color, error);
+            if clicked {
+                label.scroll_to_me(None);
+            }
+        }
+        match wanted {
+            Some(wish) => wish.ok().map(|wish| Asked::Open(Wanted::Train(wish))),
+            None => browses.then_some(Asked::Browse),
+        }
+    }
+}
+
+/// A row with one of several values.
+fn choices<T: Copy + PartialEq>(ui: &mut Ui, name: &str, all: &[(T, &str, &str)], value: &mut T) {
+    ui.label(name);
+    ui.horizontal(|ui| {
+        for (choice, name, meaning) in all {
+            ui.selectable_value(value, *choice, *name).on_hover_text(*meaning);
+        }
+    });
+    ui.end_row();
+}
