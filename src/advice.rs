@@ -390,7 +390,7 @@ mod tests {
             let said = sentence(&error);
             assert!(fragments.iter().all(|fragment| said.contains(fragment)), "{fragments:?} in {said}");
         }
-        // Neither the Gaussians help a photo nor the photos the Gaussians.
+        // Fewer Gaussians do not make a photo fit, and smaller photos do not make Gaussians fit.
         assert!(!sentence(&large("photo").into()).contains("Gaussians"));
         assert!(!sentence(&large("means").into()).contains("--resolution"));
     }

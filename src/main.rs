@@ -23,8 +23,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Turns off Mesa's Vulkan layer that asks the desktop for its GPU, where there is no desktop: it would print that it found
-/// none, as an error and for each look at the adapters.
+/// Turns off Mesa's Vulkan layer that asks the desktop for its GPU, where there is no desktop: it would print an error
+/// about that at every query of the adapters.
 #[allow(unsafe_code)]
 fn quiet_layer() {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());

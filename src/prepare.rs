@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tool::{Tool, has_extension};
 
-/// File in the scene that says what it is made of and what is done.
+/// File in the scene that records its inputs and the finished steps.
 const RECORD: &str = "prepare.json";
 /// Fewest photos that have poses.
 const FEWEST: usize = 3;

@@ -19,7 +19,7 @@ const BASE: u8 = 128;
 /// The first signal that came; 0: none.
 static FIRST: AtomicU8 = AtomicU8::new(0);
 
-/// The work that a signal ended before it was whole: what it leaves, in a sentence.
+/// A signal interrupted unfinished work; the sentence says what is left of it.
 #[derive(Debug)]
 pub struct Stopped(pub &'static str);
 

@@ -19,7 +19,7 @@ use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
-use ibgs_core::residual::{Factor, Variant, weights};
+use ibgs_core::residual::{Aggregation, Factor, Variant, weights};
 use ibgs_core::scene::{Splats, from_points};
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Viewer, wgpu_setup};
 use std::path::Path;
@@ -55,8 +55,15 @@ fn untrained(pictures: &Path) -> Opened {
     let dataset = many_points();
     let gaussians = from_points(&dataset.points, 0, 0.6).unwrap();
     let splats = Splats::upload(&gaussians, &gpu()).unwrap();
-    let part = image_part(dataset, &TrainConfig::default(), &weights::initial(0));
+    let part = image_part(dataset, &mean_of_sources(), &weights::random(0));
     opened(dataset, splats, part, pictures)
+}
+
+/// Options of the published network: a random confidence would trust no source.
+fn mean_of_sources() -> TrainConfig {
+    let mut config = TrainConfig::default();
+    config.residual.aggregation = Aggregation::Mean;
+    config
 }
 
 /// Its scene.

@@ -33,7 +33,7 @@ pub struct FileArgs {
 }
 
 /// Options of every command that opens a model on a GPU.
-#[derive(ClapArgs, Clone, Default)]
+#[derive(ClapArgs, Clone)]
 pub struct ModelArgs {
     /// Its files.
     #[command(flatten)]
@@ -69,6 +69,11 @@ impl FileArgs {
 }
 
 impl ModelArgs {
+    /// Files with the options that a command line has where it names none.
+    pub fn of(files: FileArgs) -> Self {
+        Self { files, source_memory: None, precision: Precision::Auto, adapter: None }
+    }
+
     /// Opens the model on the adapter that the command line names.
     pub fn open(&self) -> Result<OpenModel> {
         self.open_on(|| open_gpu(self.adapter.as_ref()))
@@ -120,5 +125,26 @@ impl OpenModel {
     /// Renders depth and normals with every frame, even if the final image does not need them.
     pub fn showing_surface(self) -> Self {
         Self { renderer: self.renderer.showing_surface(), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        args: ModelArgs,
+    }
+
+    /// The viewer has no command line of these; it once rendered in float32 where `ibgs render` did not.
+    #[test]
+    fn the_viewer_opens_models_as_the_command_line_does() {
+        let parsed = CommandLine::parse_from(["ibgs", "model"]).args;
+        let made = ModelArgs::of(FileArgs { model: "model".into(), ..FileArgs::default() });
+        assert_eq!((parsed.files.model, parsed.precision), (made.files.model, made.precision));
+        assert_eq!((parsed.source_memory, parsed.adapter), (made.source_memory, made.adapter));
     }
 }

@@ -23,7 +23,7 @@ const INSTALL_COLMAP: &str = "install COLMAP (Debian, Ubuntu: `apt install colma
 const INSTALL_FFMPEG: &str = "install ffmpeg (Debian, Ubuntu: `apt install ffmpeg`; macOS: `brew install ffmpeg`; Windows: \
                               https://ffmpeg.org/download.html), or name it with `--ffmpeg`";
 
-/// Part of the photos with a pose under which something went wrong.
+/// Fraction of photos with a pose below which something went wrong.
 const FEW: f64 = 0.8;
 /// Mean reprojection error in pixels over which poses are poor.
 const LARGE_ERROR: f64 = 1.5;

@@ -5,8 +5,9 @@ use crate::progress::bar;
 use crate::stderr;
 use anyhow::{Result, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args as ClapArgs, ValueEnum};
-use ibgs_core::camera_path::CameraPath;
+use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
+use ibgs_core::camera_path::turntable::Axis;
+use ibgs_core::camera_path::{CameraPath, KeyframePath};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
 use ibgs_core::video::{self, frame_name};
@@ -24,12 +25,19 @@ enum Views {
 }
 
 const EXAMPLES: &str = "\
-Example:
-  ibgs render output/my-scene --outputs final,base,depth";
+Examples:
+  ibgs render output/my-scene --outputs final,base,depth
+  ibgs render output/my-scene --turntable 12 --video";
+
+/// Frames a second of a turntable.
+const TURNTABLE_FPS: f64 = 30.0;
+/// Longest turntable, in seconds.
+const LONGEST_TURN: f64 = 3600.0;
 
 /// Options of `ibgs render`.
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES)]
+#[command(group(ArgGroup::new("frames").args(["camera_path", "turntable"])))]
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
@@ -39,8 +47,11 @@ pub struct Args {
     /// Render a camera path (nerfstudio's JSON) instead of the scene's views.
     #[arg(long)]
     camera_path: Option<PathBuf>,
-    /// Folder for the frames of a camera path [default: MODEL/path/ours_N].
-    #[arg(short, long, requires = "camera_path")]
+    /// Render a turn of this many seconds around what the photos show, 30 frames a second, instead of the scene's views.
+    #[arg(long, value_name = "SECONDS", value_parser = turn_seconds, conflicts_with = "camera_path")]
+    turntable: Option<f64>,
+    /// Folder for the frames of a camera path or turntable [default: MODEL/path/ours_N, MODEL/turntable/ours_N].
+    #[arg(short, long, requires = "frames")]
     output: Option<PathBuf>,
     /// Outputs to write of each view, separated by commas [default: final, if the model has it, and base].
     #[arg(long, value_parser = outputs_parser(), value_delimiter = ',')]
@@ -48,8 +59,8 @@ pub struct Args {
     /// Write EXR files with the exact values (32-bit floats) instead of pictures.
     #[arg(long)]
     exr: bool,
-    /// Also encode the frames of a camera path as a video, with ffmpeg.
-    #[arg(long, requires = "camera_path", conflicts_with = "exr")]
+    /// Also encode the frames of a camera path or turntable as a video, with ffmpeg.
+    #[arg(long, requires = "frames", conflicts_with = "exr")]
     video: bool,
 }
 
@@ -60,6 +71,13 @@ fn outputs_parser() -> impl TypedValueParser<Value = Output> {
         let named = Output::ALL.into_iter().find(|output| output.name() == name);
         named.expect("one of the possible values")
     })
+}
+
+/// Parses the length of a turn.
+fn turn_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it must be a number of seconds".to_owned())?;
+    let possible = seconds > 0.0 && seconds <= LONGEST_TURN;
+    possible.then_some(seconds).ok_or_else(|| format!("it must lie above 0 and at most at {LONGEST_TURN} seconds"))
 }
 
 /// Runs the command.
@@ -77,18 +95,37 @@ pub fn run(args: &Args) -> Result<()> {
     if outputs.iter().any(|output| output.needs_surface()) {
         model = model.showing_surface();
     }
-    match path {
-        Some(path) => render_path(&model, &path, args, &outputs),
-        None => render_views(&model, args, &outputs),
+    match (path, args.turntable) {
+        (Some(path), _) => render_path(&model, &path, "path", args, &outputs),
+        (None, Some(seconds)) => render_path(&model, &turntable(&model, seconds)?, "turntable", args, &outputs),
+        (None, None) => render_views(&model, args, &outputs),
     }
 }
 
-fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Output]) -> Result<()> {
+/// A turn around what the model's photos show, in the size of its first view.
+fn turntable(model: &OpenModel, seconds: f64) -> Result<CameraPath> {
+    let cameras = || model.cameras.iter().map(|record| &record.camera);
+    let turn = Axis::of(cameras()).and_then(|axis| Some((axis.start(cameras())?, axis)));
+    let (Some((start, axis)), Some(first)) = (turn, cameras().next()) else {
+        bail!(
+            "the photos of {} look at no common point, so there is nothing to turn around; use `--camera-path`",
+            model.folder.root().display()
+        );
+    };
+    let keyframes = KeyframePath::turn(&start, &axis);
+    let (width, height, fps) = (first.width, first.height, TURNTABLE_FPS);
+    let path = KeyframePath { keyframes, width, height, fps, seconds, cycle: true };
+    Ok(CameraPath { cameras: path.frames(), fps })
+}
+
+/// Renders frames into a folder, by default that of the model with this name.
+fn render_path(model: &OpenModel, path: &CameraPath, name: &str, args: &Args, outputs: &[Output]) -> Result<()> {
     let cameras = &path.cameras;
-    let default = || model.folder.root().join("path").join(format!("ours_{}", model.iteration));
+    let default = || model.folder.root().join(name).join(format!("ours_{}", model.iteration));
     let folder = args.output.clone().unwrap_or_else(default);
     let names: Vec<&str> = outputs.iter().map(|output| output.name()).collect();
-    stderr!("rendering {} frames of the camera path: {}", cameras.len(), names.join(", "));
+    let what = if name == "path" { "camera path" } else { name };
+    stderr!("rendering {} frames of the {what}: {}", cameras.len(), names.join(", "));
     let bar = bar("rendering", cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let frame = model.renderer.render(camera)?;

@@ -155,7 +155,7 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
                 stderr!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
                 let error = match job.run(&program, adapter, &processes) {
                     Ok(Some(status)) if status.success() && job.is_done() => continue,
-                    // One that was stopped by itself: its user wants an end.
+                    // A signal stopped this process alone: the user wants the suite to end.
                     Ok(Some(status)) if signals::is_stopped(status.code()) => {
                         processes.close();
                         continue;

@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Result<()> {
                 iteration: args.iteration,
                 resolution: args.resolution,
             };
-            let wanted = ModelArgs { files, adapter: args.adapter.clone(), ..ModelArgs::default() };
+            let wanted = ModelArgs { adapter: args.adapter.clone(), ..ModelArgs::of(files) };
             let (gpu, opened) = model(&wanted, gpu)?;
             if args.measure {
                 return measure(&gpu, opened);
@@ -211,7 +211,7 @@ impl Open for Opener {
                 }
                 status("opening the model");
                 let files = FileArgs { model: path.clone(), ..FileArgs::default() };
-                model(&ModelArgs { files, ..ModelArgs::default() }, || Ok(gpu.clone()))?.1
+                model(&ModelArgs::of(files), || Ok(gpu.clone()))?.1
             }
         };
         Ok(Outcome::Opened(Box::new(opened)))

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// The oldest version that has every command and option used here.
 const OLDEST: [u32; 2] = [3, 6];
 
-/// Photos up to which each is matched with each other one.
+/// Largest number of photos for which every pair is matched.
 const EXHAUSTIVE: usize = 250;
 
 /// Which photos are compared with each other.
@@ -27,7 +27,7 @@ pub enum Matching {
 }
 
 impl Matching {
-    /// `auto` decided for a number of photos, which are a video or not.
+    /// Resolves `auto` for a number of photos, from a video or not.
     pub fn decided(self, photos: usize, is_video: bool) -> Self {
         match self {
             Self::Auto if is_video && photos > EXHAUSTIVE => Self::Sequential,
@@ -48,7 +48,7 @@ pub enum Cameras {
     ByMetadata,
 }
 
-/// What came of it.
+/// The quality of the result.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Photos with a pose in the largest model.

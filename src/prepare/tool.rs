@@ -1,4 +1,4 @@
-//! Other programs: run with what they print in a log, and ended when this one is to end.
+//! Runs other programs: their output goes to a log, and they are ended when this program has to end.
 
 use crate::signals::Stopped;
 use anyhow::{Context, Result, bail};
@@ -14,7 +14,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// Between two looks at whether to stop.
+/// Interval between two checks whether to stop.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Lines at the end of what a program printed that an error shows.
@@ -31,8 +31,8 @@ pub struct Tool {
 }
 
 impl Tool {
-    /// `install` says how to get the program where it is missing. What it prints goes to the end of the file `log`. Once `stop`
-    /// is true it is ended.
+    /// `install` says how to get the program if it is missing. Its output is appended to the file `log`. It is ended
+    /// once `stop` is true.
     pub fn new(program: PathBuf, install: &'static str, log: PathBuf, stop: Arc<AtomicBool>) -> Self {
         Self { program, install, log, stop }
     }

@@ -1,4 +1,4 @@
-//! Frames of a video: spread by how much the camera moves, of each part the sharpest.
+//! Picks frames of a video: parts with equal camera motion, and of each part the sharpest frame.
 
 use super::tool::Tool;
 use crate::arguments;
@@ -11,7 +11,7 @@ const HEIGHT: usize = 360;
 /// Cells of the coarse picture by which motion is measured.
 const CELL: usize = 20;
 
-/// Frames that follow each other without a gap, at the rate that the output has: every version of ffmpeg writes each once.
+/// Timestamps without gaps at the rate of the output, so that every version of ffmpeg writes each frame once.
 const ONE_BY_ONE: &str = "setpts=N/(25*TB)";
 
 /// What is known of a frame.

@@ -33,6 +33,7 @@ fn a_scene_becomes_a_model_that_every_command_reads() {
     render(&sandbox);
     let cameras = OutputFolder::open(&sandbox.path("model")).unwrap().read_cameras().unwrap();
     render_camera_path(&sandbox, &cameras[0].camera);
+    render_turntable(&sandbox);
     evaluate(&sandbox);
     bench(&sandbox);
 }
@@ -194,6 +195,28 @@ fn render_camera_path(sandbox: &Sandbox, camera: &Camera) {
         let view = picture(&format!("model/test/ours_30/{kind}/images/view_000.png"));
         let largest = frame.iter().zip(view.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(largest <= 2, "frame and view of {kind} differ by {largest} of 255");
+    }
+}
+
+/// Frames of a turn around the middle; the model's cameras stand around it.
+fn render_turntable(sandbox: &Sandbox) {
+    let outcome = sandbox.succeeds("render model --turntable 0.1 --outputs base");
+    assert!(outcome.stderr.contains("rendering 3 frames of the turntable: base"), "{outcome}");
+    let frames = sandbox.path("model/turntable/ours_30");
+    assert_eq!(files_in(&frames), ["00000.png", "00001.png", "00002.png"]);
+    let picture = |name: &str| image::open(frames.join(name)).unwrap().into_rgb8();
+    assert_eq!(picture("00000.png").dimensions(), (48, 36));
+    assert_ne!(picture("00000.png"), picture("00001.png"));
+    for wrong in ["0", "-1", "NaN", "4000", "long"] {
+        let arguments = format!("render model --turntable={wrong}");
+        super::Outcome::of(&arguments, &mut sandbox.command(&arguments)).assert_failure(2, &["--turntable"]);
+    }
+    for (wrong, words) in [
+        ("render model --turntable 1 --camera-path path.json", "cannot be used with"),
+        ("render model -o frames", "required arguments"),
+        ("render model --video", "required arguments"),
+    ] {
+        super::Outcome::of(wrong, &mut sandbox.command(wrong)).assert_failure(2, &[words]);
     }
 }
 

@@ -20,7 +20,7 @@ fn variant(inputs: NetworkInputs, aggregation: Aggregation, factor: Factor) -> V
 }
 
 /// A view with room for `visible` sources a pixel, of which no pixel has more than `most_visible`; numbers that f32 holds.
-fn random_view(size: [u32; 2], visible: usize, most_visible: usize, variant: Variant, seed: u64) -> View {
+pub fn random_view(size: [u32; 2], visible: usize, most_visible: usize, variant: Variant, seed: u64) -> View {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let pixels = (size[0] * size[1]) as usize;
     let mut seen = vec![[EMPTY; 4]; pixels];

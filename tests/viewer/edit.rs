@@ -45,11 +45,11 @@ fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
 fn bundle(path: &Path) {
     let dataset = many_points();
     let photo = |&index: &usize| (dataset.views[index].name.clone(), dataset.views[index].photo.clone());
-    let config = TrainConfig::default();
+    let config = mean_of_sources();
     let bundle = Bundle {
         iteration: 30,
         gaussians: from_points(&dataset.points, 0, 0.6).unwrap(),
-        network: Some(weights::to_bytes(&weights::initial(0)).unwrap()),
+        network: Some(weights::to_bytes(&weights::random(0)).unwrap()),
         exposure: None,
         cameras: cameras::records(dataset),
         sources: multi_view::records(dataset, &config.sources),
@@ -263,7 +263,7 @@ fn points_and_ellipsoids_are_opaque() {
     let mut gaussians = from_points(&dataset.points, 0, 0.6).unwrap();
     gaussians.log_scales.iter_mut().for_each(|[x, y, z]| (*x, *y, *z) = (*x - 1.0, *y - 1.5, *z - 2.5));
     let splats = Splats::upload(&gaussians, &gpu()).unwrap();
-    let images = image_part(dataset, &TrainConfig::default(), &weights::initial(0));
+    let images = image_part(dataset, &TrainConfig::default(), &weights::random(0));
     let mut window = window(Some(opened(dataset, splats, images, folder.path())));
     press(&mut window, Key::Num9);
     assert_eq!(window.state().mode(), Mode::Points);

@@ -215,6 +215,21 @@ fn a_camera_path_is_made_played_kept_and_filmed() {
     window.get_by_label("Clear").click();
     window.run_steps(2);
     assert_eq!(window.state().keyframes(), 0);
+    // A turn in one click, around what the camera orbits.
+    let orbited = window.state().navigator().pivot();
+    window.get_by_label("Turntable").click();
+    settle(&mut window);
+    assert_eq!(window.state().keyframes(), 16);
+    let start = *window.state().navigator();
+    window.get_by_label("5").click();
+    settle(&mut window);
+    let aside = *window.state().navigator();
+    assert!(aside.pivot().distance(orbited) < 1e-6 * start.distance, "it looks at {}", aside.pivot());
+    let turned =
+        aside.world_from_view.z_axis.reject_from(start.up).dot(start.world_from_view.z_axis.reject_from(start.up));
+    assert!(turned.abs() < 1e-6, "a quarter of a turn later it looks across: {turned}");
+    window.get_by_label("Clear").click();
+    window.run_steps(2);
     std::fs::write(&file, serde_json::to_string(&shortened(&file)).unwrap()).unwrap();
     window.get_by_label("Load").click();
     settle(&mut window);

@@ -37,8 +37,8 @@ use zip::ZipWriter;
 const FORMAT: u32 = 1;
 /// Photos that are encoded at once.
 const BATCH: usize = 16;
-/// All photos together may decode to this many times the file's size, and this many bytes more: PNG shrinks photos to a third,
-/// and what is masked to next to nothing.
+/// Limit on the decoded size of all photos together: this many times the file's size, plus this many bytes. PNG shrinks
+/// photos to a third and masked areas to almost nothing.
 const MOST_TIMES: u64 = 256;
 const MOST_BYTES_MORE: u64 = 1 << 30;
 

@@ -79,7 +79,7 @@ impl Camera {
     }
 }
 
-/// A length to measure by: the extent itself, or 1 of cameras that all stand at one place and have none.
+/// The extent as a unit of length; 1 if all cameras stand at one place, so that their extent is 0.
 pub fn usable_extent(extent: f64) -> f64 {
     if extent > 0.0 { extent } else { 1.0 }
 }

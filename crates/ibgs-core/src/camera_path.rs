@@ -2,6 +2,7 @@
 
 mod motion;
 mod read;
+pub mod turntable;
 mod write;
 
 use crate::camera::{Camera, MAX_COORDINATE};

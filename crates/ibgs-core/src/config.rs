@@ -46,8 +46,8 @@ pub struct TrainConfig {
     pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,
-    /// The run repeats bit for bit on the same adapter and build, also where it is resumed: float32 alone, and checkpoints
-    /// hold the depth maps of the training views.
+    /// The run repeats bit for bit on the same adapter and build, even when it is resumed: it computes in float32 only,
+    /// and checkpoints hold the depth maps of the training views.
     pub deterministic: bool,
     /// Degree of the spherical harmonics, 0 to 3; unset: 2, with `method = "3dgs"` 3.
     pub sh_degree: Option<u32>,
@@ -105,14 +105,14 @@ pub struct DataConfig {
     pub images: Option<String>,
     /// Longest side that a photo may have, in pixels; unset: no limit.
     pub max_resolution: Option<u32>,
-    /// Hold test views out.
+    /// Whether to hold out test views.
     pub eval: bool,
     /// Hold out every Nth photo (by name, from the first) as a test view.
     pub eval_split_every: u32,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     #[serde(with = "text")]
     pub principal_point: PrincipalPoint,
-    /// What lies outside of the masks, in `masks/` or alpha channels: `ignore`: anything; `object`: nothing.
+    /// What lies outside the masks (files in `masks/` or alpha channels): `ignore`: anything; `object`: nothing.
     pub masks: Masks,
     /// What the photos' alpha means: `mask`, or `composite` over the background colour; unset: `composite` in Blender
     /// scenes, `mask` in others and with `masks = "object"`.
@@ -131,7 +131,7 @@ pub struct DataConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LearningRates {
-    /// Part of the rates of Gaussians and exposures that counts; unset: 1, and less in long runs of the default strategy, as
+    /// Factor on the rates of Gaussians and exposures; unset: 1, and less in long runs of the default strategy, as
     /// [`TrainConfig::adapt_to_photos`] chooses.
     pub factor: Option<f64>,
     /// Means at the start, times the scene extent.
@@ -213,9 +213,9 @@ pub struct DensifyConfig {
     pub abs_grad_threshold: f64,
     /// With AbsGS: mean norm of the absolute gradient from which a large Gaussian is split.
     pub absgs_threshold: f64,
-    /// Largest screen radius, in pixels, that such a split needs to be exceeded.
+    /// Such a split needs a screen radius above this, in pixels.
     pub abs_min_radius: f64,
-    /// Such splits in one round.
+    /// Most such splits in one round.
     pub abs_max_per_round: u32,
     /// A split divides the scales by this.
     pub split_divisor: f64,
@@ -269,13 +269,14 @@ pub struct McmcConfig {
     pub scale_weight: f64,
     /// Gaussians up to this opacity are moved elsewhere.
     pub dead_opacity: f64,
-    /// Their number grows by this factor a round; unset: by what reaches the cap by half of the run, at least 1.05.
+    /// Factor by which the number of Gaussians grows in a round; unset: the one that reaches the cap by half of the
+    /// run, at least 1.05.
     pub growth: Option<f64>,
 }
 
 impl DensifyConfig {
-    /// Sets the cap of the strategies that take theirs from the scene, where none is given: a Gaussian for 45 pixels of the
-    /// training photos, at least 200,000 and at most 3 million. MCMC grows to it.
+    /// Sets the cap on Gaussians from the scene, for the strategies that do so, unless it is given: one Gaussian per 45
+    /// pixels of the training photos, at least 200,000 and at most 3 million. MCMC grows to it.
     fn choose_cap(&mut self, pixels: u64) {
         if matches!(self.strategy, Strategy::Default | Strategy::Mcmc) && self.max_splats.is_none() {
             self.max_splats = Some((pixels / 45).clamp(200_000, 3_000_000) as u32);
@@ -300,14 +301,15 @@ pub struct OpacityResetConfig {
 
 /// Iterations of the default strategy at full rates.
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
-/// Times that it shows a photo at full rates, where that takes more iterations: 7000 iterations on 43 photos.
+/// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
 const VISITS_AT_FULL_RATES: f64 = 163.0;
 
 impl TrainConfig {
-    /// Sets what follows from the training photos where it is not given: the cap on Gaussians, and the part of the rates at
-    /// which they learn. A longer run of the default strategy than 7000 iterations or 163 visits of each photo overfits at
-    /// full rates. It gets as small a part of them, and rounds of densification as much farther apart, as move the Gaussians
-    /// as far as those iterations would. `pixels` are those of all training photos. A departure from method.md.
+    /// Sets the options that depend on the training photos, unless they are given: the cap on Gaussians and the factor
+    /// on their learning rates. At full rates the default strategy overfits after 7000 iterations or 163 visits of each
+    /// photo, whichever is more. In a longer run the rates fall, and the rounds of densification move apart, in
+    /// proportion, so that the Gaussians move as far as in that many iterations. `pixels` counts those of all training
+    /// photos. A departure from method.md.
     pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
         self.densify.choose_cap(pixels);
         if self.densify.strategy == Strategy::Default && self.init.is_none() && self.learning_rates.factor.is_none() {

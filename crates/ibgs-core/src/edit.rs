@@ -15,7 +15,7 @@ const MOST_BYTES: usize = 64 << 20;
 const LEAST_STEPS: usize = 8;
 const MOST_STEPS: usize = 256;
 
-/// How a new selection and the one before become one.
+/// How a new selection combines with the one before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Combine {
     /// The new one alone.
@@ -27,7 +27,7 @@ pub enum Combine {
     Remove,
 }
 
-/// What is left of a model, and what of it is selected. Steps that change one of both alone share the other.
+/// Which Gaussians of a model are left, and which are selected. Steps that change only one of the two share the other.
 #[derive(Clone, Debug, PartialEq)]
 struct State {
     left: Arc<Mask>,
@@ -63,7 +63,7 @@ impl Editor {
         &self.now.left
     }
 
-    /// What of that is selected.
+    /// The Gaussians among those that are selected.
     pub fn selected(&self) -> &Mask {
         &self.now.selected
     }
@@ -113,7 +113,7 @@ impl Editor {
         self.undo.drain(..excess);
     }
 
-    /// Ends a step; one that has changed nothing is none.
+    /// Ends a step; a step that has changed nothing is dropped.
     pub fn end(&mut self) {
         if self.undo.last() == Some(&self.now) {
             self.undo.pop();
@@ -157,12 +157,12 @@ impl Editor {
         self.select(&others, Combine::Replace);
     }
 
-    /// Removes what is selected. False where nothing is, or nothing else.
+    /// Removes the selected Gaussians. False if none or all are selected.
     pub fn delete(&mut self) -> bool {
         self.leave(self.now.left.without(&self.now.selected))
     }
 
-    /// Removes what is not selected. False where nothing is selected, or all.
+    /// Removes the Gaussians that are not selected. False if none or all are selected.
     pub fn keep(&mut self) -> bool {
         self.leave(Mask::clone(&self.now.selected))
     }
@@ -176,14 +176,14 @@ impl Editor {
         true
     }
 
-    /// Takes the last step back; true where that changes what is left.
+    /// Undoes the last step; true if that changes which Gaussians are left.
     pub fn undo(&mut self) -> bool {
         let Some(state) = self.undo.pop() else { return false };
         self.redo.push(self.now.clone());
         self.replace(state)
     }
 
-    /// Takes a step again that was undone; true where that changes what is left.
+    /// Redoes the step that was undone last; true if that changes which Gaussians are left.
     pub fn redo(&mut self) -> bool {
         let Some(state) = self.redo.pop() else { return false };
         self.undo.push(self.now.clone());
@@ -302,7 +302,7 @@ mod tests {
         assert!(editor.redo() && list(editor.left()) == [0, 2, 3] && editor.can_redo());
         editor.select(&of(4, &[3]), Combine::Replace);
         assert!(!editor.can_redo(), "a new step ends what could be redone");
-        // A step without a change is none, so a stroke beside the model needs no undo.
+        // A step without a change is dropped, so a stroke beside the model needs no undo.
         let steps = editor.undo.len();
         editor.begin();
         editor.change(&Mask::none(4), Combine::Add);

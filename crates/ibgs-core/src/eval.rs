@@ -30,7 +30,7 @@ pub struct Score {
     pub lpips: Option<f64>,
 }
 
-/// JSON has no infinity: it stands there as null.
+/// JSON has no infinity, so null stands for it.
 fn or_infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
 }
@@ -65,8 +65,8 @@ impl Pair {
 }
 
 /// PSNR and SSIM of an image against a photo of the same size. Pixels whose alpha is under one half do not count: the
-/// photo takes the image's value there, for the windows of those beside it. A photo that is masked as a whole
-/// ([`Photo::is_wholly_masked`]) equals every image: its score says nothing.
+/// photo takes the image's value there, so that they do not disturb the windows of the pixels beside them. A photo that
+/// is wholly masked ([`Photo::is_wholly_masked`]) equals every image, so its score means nothing.
 ///
 /// # Panics
 /// When the sizes differ: a bug of ours.

@@ -69,7 +69,7 @@ pub struct SourceReading {
     pub cosine: f32,
 }
 
-/// Whether a source is used at a pixel, or what it failed at first (method.md section 5).
+/// Whether a source is used at a pixel, or the first test that it failed (method.md section 5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It is one of the visible sources of the pixel.
@@ -87,7 +87,7 @@ pub enum Verdict {
     Hidden,
     /// The depths agree, but no intersection can be read: all fall on masked texels or outside.
     Unreadable,
-    /// It sees the point, but the sources before it are as many as the network reads.
+    /// It sees the point, but the network already reads its full number of sources before this one.
     Enough,
 }
 

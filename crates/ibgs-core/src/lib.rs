@@ -24,8 +24,9 @@
 //! 9. [`eval`] measures, [`picture`] writes what a view shows as pictures and EXR, [`present`] puts it on the screen, [`video`]
 //!    makes films, [`inspect`] explains a pixel, [`mesh`] fuses the depths of all views into a triangle mesh.
 //!
-//! [`local_space`] makes any unit and any place of a scene alike. [`gpu`] is the ground: the device, its memory and the one place
-//! that dispatches. [`progress`] reports long work; warnings and notes go to the `log` crate. Training is in `ibgs-train`.
+//! [`local_space`] makes results independent of a scene's unit and position. [`gpu`] is the base layer: the device, its
+//! memory and the only place that dispatches. [`progress`] reports long work; warnings and notes go to the `log` crate.
+//! Training is in `ibgs-train`.
 //!
 //! A model is rendered in a line: see [`model`].
 

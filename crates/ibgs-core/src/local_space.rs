@@ -1,4 +1,4 @@
-//! Any unit, any place: where the numbers of a model live.
+//! Local coordinates, which make results independent of a scene's unit and position.
 //!
 //! Doubles (cameras, points, camera paths, whatever a user sees) are in the scene's own coordinates. Single precision
 //! (Gaussians, depth maps, everything on the device) is in *local* coordinates: the scene moved to the origin and scaled so
@@ -48,13 +48,14 @@ impl LocalSpace {
         Self { origin, scale: 1.0 }
     }
 
-    /// That of a scene: by all its cameras, also those held out; by its points where all cameras stand at one place.
+    /// The local space of a scene: from all its cameras, held-out ones included, or from its points if all cameras
+    /// stand at one place.
     pub fn of_scene<'a>(cameras: impl Iterator<Item = &'a Camera>, points: impl Iterator<Item = DVec3>) -> Self {
         Self::of_cameras(cameras).or_else(|| Self::of_points(points)).unwrap_or_default()
     }
 
-    /// By the cameras' places: nine tenths of them lie within the extent around their median. None where all stand at one
-    /// place.
+    /// From the positions of cameras: nine tenths of them lie within the extent around their median. None if all stand
+    /// at one place.
     pub fn of_cameras<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Option<Self> {
         let centers: Vec<DVec3> = cameras.map(Camera::center).filter(|center| center.is_finite()).collect();
         let origin = median_place(&centers)?;
@@ -65,7 +66,8 @@ impl LocalSpace {
         Self::usable(origin, EXTENT_OVER_DISTANCE * distance / EXTENT)
     }
 
-    /// By points: their median distance from their median place. None where most of them lie at one place.
+    /// From points: the scale is their median distance from their median position. None if most of them lie at one
+    /// place.
     pub fn of_points(points: impl Iterator<Item = DVec3>) -> Option<Self> {
         let points: Vec<DVec3> = points.filter(|point| point.is_finite()).collect();
         let origin = median_place(&points)?;
@@ -94,8 +96,9 @@ impl LocalSpace {
         Camera { translation, ..*scene }
     }
 
-    /// What files of single precision are relative to, where the scene lies too far from its origin for them: a round place
-    /// near the local origin. What is moved but not scaled, as it comes from a file, keeps the offset that it has.
+    /// The offset of coordinates in single-precision files, if the scene lies too far from its origin for them: a
+    /// rounded position near the local origin. A space that is moved but not scaled, as read from a file, keeps its
+    /// offset.
     pub fn file_offset(&self) -> Option<DVec3> {
         if self.scale == 1.0 {
             return Some(self.origin).filter(|&origin| origin != DVec3::ZERO);

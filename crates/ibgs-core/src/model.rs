@@ -32,7 +32,7 @@ use crate::output::cameras::{self, CameraRecord, Split};
 use crate::progress::Progress;
 use crate::raster::Rasterizer;
 use crate::render::{ImageOptions, ImagePart, Renderer};
-use crate::residual::{Precision, ResidualNetwork, weights};
+use crate::residual::{Aggregation, Precision, ResidualNetwork, weights};
 use crate::scene::{Gaussians, Splats, read_ply};
 use crate::sources::find::Distances;
 use crate::sources::memory::MemoryBudget;
@@ -151,7 +151,8 @@ impl Model {
         Ok(Renderer::new(raster, splats, self.config.background(), part).with_exposure(field))
     }
 
-    /// Where it is rendered: where it was trained, by its cameras; by the Gaussians where there are none.
+    /// The local coordinates in which it is rendered: those of its training, from its cameras; without cameras, those
+    /// of the Gaussians.
     pub fn space(&self) -> LocalSpace {
         space(&self.cameras, &self.gaussians)
     }
@@ -273,7 +274,8 @@ pub fn load_demo(
     Ok(dataset)
 }
 
-/// Where a model is rendered: where it was trained, by its cameras; by the Gaussians where there are none.
+/// The local coordinates in which a model is rendered: those of its training, from its cameras; without cameras, those
+/// of the Gaussians.
 pub fn space(cameras: &[CameraRecord], gaussians: &Gaussians) -> LocalSpace {
     LocalSpace::of_scene(cameras.iter().map(|record| &record.camera), gaussians.positions())
 }
@@ -349,5 +351,6 @@ fn published_options(options: &ModelOptions) -> TrainConfig {
     config.data.resampler = Resampler::Bicubic;
     config.data.resolution = options.resolution.unwrap_or_default();
     config.sources.distances = Distances::Absolute;
+    config.residual.aggregation = Aggregation::Mean;
     config
 }

@@ -49,7 +49,7 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-/// What one file of the folder says about the run, by name; by which our folders are recognised.
+/// Files that describe the run, by which our folders are recognised.
 const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
 
 /// File of the report on a model.
@@ -257,7 +257,7 @@ impl OutputFolder {
         for path in old.map(|(_, path)| path).chain(files::leftovers(&self.checkpoints_path())) {
             fs::remove_file(&path).map_err(|source| WriteError::new(&path, source))?;
         }
-        // Stays where something else lies in it.
+        // The folder stays if it holds anything else.
         if kept.is_empty() {
             let _ = fs::remove_dir(self.checkpoints_path());
         }

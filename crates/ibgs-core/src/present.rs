@@ -1,4 +1,4 @@
-//! What a frame shows, into a texture of the screen, without a way through the host.
+//! Writes a part of a frame into a texture for the screen, without a copy through the host.
 
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::picture::viridis;

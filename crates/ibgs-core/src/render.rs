@@ -416,7 +416,7 @@ fn record_final(
     let inputs = ResidualInputs { base, warped: colors, visible: warped.visible, weights };
     let image = gpu.transient("final image", forward.image.size)?;
     let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
-    // Not the photos on the device: the store could not give their memory to others.
+    // The photos on the device are not kept: the store could not reuse their memory.
     let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
         view: index,
         camera: source.camera,

@@ -5,13 +5,13 @@ use std::error::Error;
 /// Most characters of a sentence: names in a damaged file may be of any length.
 const MOST_CHARACTERS: usize = 2000;
 
-/// An error with those of its causes that its own text does not name already, in one line: a name in a file may hold anything, also
-/// what would move a terminal's cursor.
+/// An error in one line, with the causes that its own text does not contain yet. Control characters are replaced: a
+/// name in a file may hold anything, even escape codes of a terminal.
 pub fn sentence(error: &(dyn Error + 'static)) -> String {
     sentence_with(error, &|error| error.to_string())
 }
 
-/// As [`sentence`], with other words than the errors' own: `words` gives them for one error, without its causes.
+/// As [`sentence`], but with texts from `words` in place of the errors' own; it formats one error without its causes.
 pub fn sentence_with(error: &(dyn Error + 'static), words: &dyn Fn(&(dyn Error + 'static)) -> String) -> String {
     let mut text = words(error);
     let mut next = error.source();

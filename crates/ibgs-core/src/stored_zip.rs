@@ -9,7 +9,7 @@ use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 pub fn write<W: Write + Seek>(out: W, parts: impl FnOnce(&mut ZipWriter<W>) -> io::Result<()>) -> io::Result<()> {
     let mut zip = ZipWriter::new(out);
     if let Err(error) = parts(&mut zip).and_then(|()| zip.flush()) {
-        // Dropped it would try to finish the archive, and complain aloud.
+        // If it were dropped, it would try to finish the archive and print an error.
         std::mem::forget(zip);
         return Err(error);
     }
@@ -26,11 +26,12 @@ pub fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) ->
     zip.write_all(bytes)
 }
 
-/// An open archive. Errors are what is wrong.
+/// An open archive. Its errors are texts that say what is wrong.
 pub struct StoredZip<R> {
     zip: ZipArchive<R>,
     length: u64,
-    /// Bytes that may still be read: twice the file's, for entries of a crafted list may share theirs.
+    /// Bytes that may still be read, at first twice the file's size: entries of a crafted archive may share their
+    /// bytes.
     left: u64,
 }
 

@@ -1,5 +1,5 @@
-//! What a kernel does one way or another, chosen by a number among its immediate data: one enum for the host, and from it the
-//! constants of the WGSL.
+//! Variants of a kernel's behaviour, chosen by a number in its immediate data. Each is one enum for the host, from
+//! which the constants of the WGSL are generated.
 
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,7 @@ choices! {
         Nearest = CONV_NEAREST,
     }
 
-    /// What becomes of a convolution's sums.
+    /// What a convolution does with its sums.
     Store {
         /// The bias is added, and what is negative becomes zero.
         Relu = STORE_RELU,

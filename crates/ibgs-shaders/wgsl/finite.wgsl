@@ -1,4 +1,5 @@
-// One thread a value: counts those that are no finite number. By their bits, for compilers may take it that there are none.
+// One thread a value: counts the values that are not finite. It tests their bits, because compilers may assume that
+// floats are finite.
 #import index
 
 struct FiniteParams {

@@ -148,7 +148,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     }
     let x = u32(origin.x);
     let y = u32(origin.y) + 4u * subgroup;
-    // Named places: an index that is made inside the call has no value yet there.
+    // The indices need names: an index that is computed inside the call has no value yet there.
     #repeat g 3
     let sums$g = subgroup * SIDE * SUMS + $gu * QUADS;
     #end
@@ -158,7 +158,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let right = left + OUT_PIXELS;
     #repeat r 4
     {
-        // Goals of the lane's two pixels, and what the sums are added to, or masked by.
+        // Output positions of the lane's two pixels, and the values that the sums are added to or masked by.
         #repeat g 3
         let goal_left$g = goal(x + left, y + $ru, q + $gu * QUADS + own_q);
         let goal_right$g = goal(x + right, y + $ru, q + $gu * QUADS + own_q);

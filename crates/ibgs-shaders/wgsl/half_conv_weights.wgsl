@@ -179,7 +179,7 @@ fn main(
             c22 = coopMultiplyAdd(a2, b2, c22);
         }
     }
-    // Named places: an index that is made inside the call has no value yet there.
+    // The indices need names: an index that is computed inside the call has no value yet there.
     let line = 3u * SIDE;
     let block = ((wid.x * groups.y + wid.y) * groups.z + wid.z) * 9u + tap;
     let row0 = block * line * line;

@@ -1,5 +1,5 @@
 // One thread a Gaussian: its plane as the camera sees it, n_c and D_c (method.md section 3). All zero, which no ray
-// meets, where the normal has no direction or a number is not finite.
+// meets, where the normal has no direction or a value is not finite.
 #import index
 #import frame
 #import gaussian

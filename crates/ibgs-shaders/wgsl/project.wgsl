@@ -32,7 +32,7 @@ fn cull(i: u32) {
     tile_counts[i] = 0u;
 }
 
-// Not yet clamped at 0: what is not finite must show.
+// Not clamped at 0 yet, because clamping would hide values that are not finite.
 fn splat_color(i: u32, direction: vec3<f32>) -> vec3<f32> {
     let basis = sh_basis(direction, frame.sh_degree);
     var color = vec3(0.5);

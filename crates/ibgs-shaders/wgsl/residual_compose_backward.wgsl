@@ -14,7 +14,7 @@ fn v_at(p: u32) -> vec3<f32> {
     return vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
 }
 
-// That by what the network gives at a pixel.
+// The gradient by the network's output at a pixel.
 fn v_reached(p: u32) -> vec3<f32> {
     return select(vec3(0.0), v_at(p), is_reached(seen[p]));
 }

@@ -1,5 +1,5 @@
 // One thread an intersection, in depth order and by rows of tiles within a Gaussian: its tile and its Gaussian. The Gaussian is
-// found in the scanned offsets, so that one that covers the whole image keeps no thread longer than any other.
+// found in the scanned offsets, so that a thread takes equally long for a Gaussian that covers the whole image.
 #import index
 #import frame
 #import tile
@@ -43,7 +43,7 @@ fn main(
     let b = projected[3u * g + 1u];
     let tiles = frame_tiles();
     let cover = splat_cover(a.xy, b.w, vec3(a.zw, b.x), b.y);
-    // Should rounding find fewer here than were counted, what is left over belongs to an absent tile.
+    // If rounding finds fewer tiles here than were counted, the rest go to a tile that does not exist.
     var tile = tiles.x * tiles.y;
     var before = k - offsets[rank];
     for (var row = cover.rect.y; row < cover.rect.w; row++) {

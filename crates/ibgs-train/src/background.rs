@@ -4,7 +4,7 @@ use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Masks;
 use ibgs_core::raster::iteration_seed;
 
-/// Sets the draws apart from the others of the same seed.
+/// Separates these random numbers from others of the same seed.
 const STREAM: u32 = 0x51ab_07e5;
 
 /// Colour behind Gaussians and photos in an iteration's loss: the run's own, but with masks of an object another one in each

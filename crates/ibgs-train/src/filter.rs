@@ -1,5 +1,5 @@
-//! The 3D smoothing filter of the training views: no Gaussian is narrower than what the nearest of them resolves, so that other
-//! distances show no detail that no photo has. Yu et al., "Mip-Splatting", CVPR 2024.
+//! The 3D smoothing filter of the training views: no Gaussian is narrower than the nearest of them can resolve, so that
+//! renders from other distances do not show detail that no photo has. Yu et al., "Mip-Splatting", CVPR 2024.
 
 use bytemuck::bytes_of;
 use ibgs_core::camera::Camera;

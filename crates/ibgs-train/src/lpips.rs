@@ -154,8 +154,8 @@ impl Lpips {
         Ok((0..height).step_by(own).map(|first| first..height.min(first + own)).collect())
     }
 
-    /// Sums of the weighted squared differences over some rows, one a block. Rows within the halo around them are
-    /// computed too, for the features of the own ones; what is wrong at a band's border does not reach these.
+    /// Sums of the weighted squared differences over some rows, one a block. Rows in the halo around them are computed
+    /// too, because the features depend on them; errors at the border of the halo do not reach the wanted rows.
     fn band(&self, pair: &Pair, [width, height]: [usize; 2], own: Range<usize>) -> Result<Vec<f64>, LpipsError> {
         let rows = own.start.saturating_sub(HALO)..height.min(own.end + HALO);
         let mut features = [&pair.image, &pair.photo].map(|rgb| self.input(rgb, width, rows.clone()));
@@ -176,7 +176,7 @@ impl Lpips {
         }
         let failed = |e: String| LpipsError::Gpu(GpuError::Readback(e));
         let sums = Tensor::cat(sums, 0).try_into_data().map_err(|e| failed(format!("{e:?}")))?;
-        // What is read from a lost device looks like any other answer.
+        // Data read from a lost device looks like any other result.
         self.gpu.check()?;
         let sums: Vec<f32> = sums.try_into_vec().map_err(|e| failed(format!("{e:?}")))?;
         Ok(sums.into_iter().map(f64::from).collect())

@@ -1,10 +1,10 @@
 //! How much device memory a training takes, estimated before it begins.
 //!
-//! Counted are the buffers of an iteration in which everything is at work, those that burn keeps between iterations,
-//! and what densification and evaluation need besides. Bytes are as the modules allocate them; where these change, the
-//! test that compares the estimate with the allocator's report fails. With N Gaussians of C coefficients a channel, room
-//! for I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V visible
-//! sources, M sources and `ibgs` (for `3dgs` the parts in braces fall away):
+//! It counts the buffers of an iteration with everything at work, the buffers that burn keeps between iterations, and
+//! what densification and evaluation need besides. Bytes are as the modules allocate them; where these change, the test
+//! that compares the estimate with the allocator's report fails. With N Gaussians of C coefficients a channel, room for
+//! I tile intersections, P pixels of the largest photo, T tiles, p pixels of the network, K medians, V visible sources,
+//! M sources and `ibgs` (for `3dgs` the parts in braces fall away):
 //!
 //! | part | bytes |
 //! |---|---|
@@ -31,7 +31,7 @@ use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
 /// Tile intersections of a Gaussian that trained scenes of about a megapixel do not exceed on average.
 const INTERSECTIONS: u64 = 8;
 
-/// What a training is asked to hold.
+/// What a training has to hold in memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Demand<'a> {
     /// Its options.

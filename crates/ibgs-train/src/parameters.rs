@@ -7,6 +7,7 @@ use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::residual::layers::WEIGHTS;
+use ibgs_core::residual::variant::Variant;
 use ibgs_core::residual::weights::initial;
 use ibgs_core::scene::{Gaussians, PerGaussian, Splats, values_of};
 
@@ -81,12 +82,12 @@ pub struct NetworkParameters {
 }
 
 impl NetworkParameters {
-    /// Random weights, see [`initial`].
+    /// Weights that have learned nothing yet, see [`initial`].
     ///
     /// # Errors
     /// burn refuses the device.
-    pub fn init(gpu: &Gpu, seed: u64) -> Result<Self, GpuError> {
-        Self::upload(gpu, &initial(seed))
+    pub fn init(gpu: &Gpu, variant: &Variant, seed: u64) -> Result<Self, GpuError> {
+        Self::upload(gpu, &initial(variant, seed))
     }
 
     /// These weights.

@@ -45,7 +45,7 @@ use watch::Watch;
 
 type Result<T> = std::result::Result<T, SessionError>;
 
-/// Part of the learning rates that counts after a value was not finite.
+/// Factor on the learning rates after a value was not finite.
 const CAUTION: f64 = 0.5;
 
 /// What a run keeps beside its training; checkpoints hold it too.
@@ -225,11 +225,12 @@ impl Session {
         self.records.watch.count(schedule, iteration, self.raster.gpu());
         let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
         let (keep, write) = self.keeper.due();
-        // The first iteration of a stage asks for more memory, which may not be there. After the last one there is nothing to go
-        // on with.
+        // Keep a state before a new stage: its first iteration needs more memory, and the allocation may fail. After
+        // the last iteration nothing remains to be resumed.
         let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations;
         let due = Due { save, evaluate, keep, write };
-        // What is still at work belongs to the iterations, and not to what follows; the last one is saved.
+        // Wait, so that pending work counts as time of the iterations and not of what follows. The last iteration is
+        // always saved.
         if save || evaluate || keep {
             self.raster.gpu().wait()?;
         }
@@ -271,7 +272,7 @@ impl Session {
         Ok(())
     }
 
-    /// Takes the figures of the training into its log, which leaves out what it knows.
+    /// Adds the figures of the training to its log, which ignores figures that it already has.
     fn note(&mut self) {
         let TrainingProgress { iteration, loss, psnr, gaussians, seconds, .. } = self.progress();
         if let (Some(loss), Some(psnr)) = (loss, psnr) {

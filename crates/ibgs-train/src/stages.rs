@@ -55,7 +55,7 @@ pub(super) struct StagesState {
     pub depths: BTreeMap<usize, Vec<f32>>,
 }
 
-/// An iteration in work: the view, its photo, and the rasterizer's pass.
+/// An iteration in progress: the view, its photo, and the rasterizer's pass.
 pub(super) struct Work<'a> {
     pub iteration: u32,
     /// Training view.
@@ -117,7 +117,7 @@ impl ImageStages {
         let options = ImageOptions::new(config);
         let finder = SourceFinder::new(scene_cameras, &options.sources);
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
-        let network = NetworkParameters::init(gpu, config.seed)?;
+        let network = NetworkParameters::init(gpu, &options.variant, config.seed)?;
         let residual = &config.residual;
         let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
         Ok(Self {

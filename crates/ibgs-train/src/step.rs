@@ -138,8 +138,8 @@ impl Trainer {
         start: &Gaussians,
     ) -> Result<Self, TrainError> {
         let trainer = Self::with_default_room(raster, (dataset, dataset.checksum()), config, start)?;
-        // The exact count of every view once; from here on the room grows with what the telemetry reports. The first
-        // Gaussians grow fast.
+        // Count the intersections of every view exactly, once; the room then grows with the counts that the telemetry
+        // reports. The first Gaussians grow fast.
         let mut most = 0;
         for index in 0..trainer.cameras.len() {
             most = most.max(trainer.raster.count_intersections(trainer.splats(), &trainer.view(index))?);

@@ -27,7 +27,7 @@ fn companion(gpu: &Gpu) -> Result<&Companion, GpuError> {
     if let Some(companion) = gpu.companion() {
         return Ok(companion);
     }
-    // Once alone: tensors of two registrations would not see each other's work.
+    // Register only once: tensors of two registrations would not see each other's work.
     static REGISTERING: Mutex<()> = Mutex::new(());
     let _guard = REGISTERING.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(companion) = gpu.companion() {
@@ -96,7 +96,7 @@ pub fn bind(tensor: &CubeTensor) -> Buffer {
         client.get_resource::<WgpuServer<AutoCompiler>>(tensor.handle.clone()).expect("a live tensor has memory");
     let resource = guard.resource();
     let (buffer, offset, size) = (resource.buffer.clone(), resource.offset, resource.size);
-    // With the tensor: burn computes in place where it believes a tensor to be nobody else's.
+    // The buffer holds a clone of the tensor: burn computes in place if it believes that nobody else uses a tensor.
     Buffer::owned_by(buffer, offset, size, Mutex::new((tensor.clone(), guard)))
 }
 

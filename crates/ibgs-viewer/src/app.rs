@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The picture is made sharp when the camera has rested so long.
+/// Time that the camera rests before the picture is rendered sharp.
 const REST: Duration = Duration::from_millis(150);
 /// What is kept from one start of the program to the next.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -71,7 +71,7 @@ pub struct Viewer {
     /// The view that the camera stands on.
     pub(crate) on_view: Option<usize>,
     pub(crate) found: Option<Found>,
-    /// What is found before it is shown, and when it was asked for.
+    /// A found pixel that is not shown yet, and the time of the click.
     coming: Option<Found>,
     clicked: Option<Instant>,
     pub(crate) panels: Panels,
@@ -234,7 +234,7 @@ impl Viewer {
         self.error.as_deref()
     }
 
-    /// Whether the last frame, or the start page, is what is wanted, and nothing is being done.
+    /// Whether the last frame or the start page is up to date and no work is in progress.
     pub fn is_settled(&self) -> bool {
         let has_all = match self.start.shown {
             true => self.start.is_complete(),
@@ -285,7 +285,7 @@ impl Viewer {
         self.leave_what_is_not_offered();
     }
 
-    /// Stands on the next view, or the one `step` further.
+    /// Moves the camera to the next view, or to the one `step` views further.
     pub fn step_view(&mut self, step: isize) {
         let count = self.scene.as_ref().map_or(0, |scene| scene.views.len()) as isize;
         if count > 0 {

@@ -13,7 +13,7 @@ use ibgs_core::sources::DevicePhoto;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A frame that would take longer is made smaller: while the camera moves, and when it rests.
+/// Longest time of a frame in seconds, while the camera moves and when it rests; a slower frame is rendered smaller.
 const SLOW: [f32; 2] = [0.04, 2.0];
 /// A frame is at least this share of the window's size.
 const LEAST_SHARE: f32 = 0.125;
@@ -21,7 +21,7 @@ const LEAST_SHARE: f32 = 0.125;
 const FIRST_SHARE: f32 = 0.25;
 /// Shortest and longest side of an image in pixels.
 pub(crate) const SIDES: [u32; 2] = [16, 8192];
-/// A model in training is shown again after this time, and after this many times that of a frame.
+/// A model in training is rendered again after this time, and at least this many times the time of a frame.
 const REFRESH: Duration = Duration::from_millis(100);
 const REFRESH_FRAMES: u32 = 8;
 
@@ -107,7 +107,7 @@ impl Canvas {
         self.screens.iter_mut().chain([&mut self.spare]).flatten().for_each(|screen| screen.shown = None);
     }
 
-    /// The frame that was asked for does not come, and is not asked for again.
+    /// Gives up the requested frame: it will not arrive and is not requested again.
     pub fn give_up(&mut self) {
         self.refused = self.awaited.take().map(|(request, _)| request);
     }
@@ -124,7 +124,7 @@ impl Canvas {
         if let Some(range) = rendered.range {
             self.style.depth_range = range;
         }
-        // The time goes with the number of pixels.
+        // The time is proportional to the number of pixels.
         self.full_time = Some(rendered.time.as_secs_f32() / (share * share));
         self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
         if self.spare.as_ref().is_some_and(|spare| spare.shown.is_some()) {
@@ -184,7 +184,7 @@ impl Canvas {
         Some(Sheet { texture, mode, style: self.style })
     }
 
-    /// Nothing more was to be asked for when it was asked last.
+    /// Whether there was nothing left to request when requests were last considered.
     pub fn is_settled(&self) -> bool {
         self.settled
     }
@@ -207,7 +207,7 @@ impl Canvas {
         let screen = fitted(&self.gpu, state, &mut self.screens[side], size);
         let now = (mode, self.style, mode.needs_photo() && photo.is_some());
         if screen.shown != Some(now) {
-            // Until the look comes, what was shown before stays.
+            // Until the look arrives, the previous picture stays.
             let Some(frame) = frame_of(last, mode) else { return Ok(screen.shown.map(|_| screen.id)) };
             self.presenter.present(frame, &mode.shown(&self.style, photo), &screen.texture)?;
             screen.shown = Some(now);

@@ -62,7 +62,7 @@ pub struct Edit {
     pub file: String,
     /// An existing file is replaced.
     pub replaces: bool,
-    /// Counts what the worker was told to leave: another number is another model.
+    /// Revision of the Gaussians that the worker has to keep; each revision is another model.
     pub revision: u32,
     /// Revision that was saved last.
     pub saved: u32,
@@ -89,12 +89,12 @@ impl Edit {
     /// Asks the worker for the Gaussians, once.
     pub fn begin(&mut self) -> Option<Command> {
         let asks = self.shown && !self.asked;
-        // Closed and opened again it asks again, where nothing came.
+        // If no Gaussians came, closing and reopening the editor asks again.
         self.asked = self.shown || self.editor.is_some();
         asks.then_some(Command::Edit(EditCommand::Begin))
     }
 
-    /// Takes what the worker sends: what is to be said in a sentence.
+    /// Handles a message of the worker; returns a sentence to show to the user, if any.
     pub fn take(&mut self, message: EditMessage, up: DVec3) -> Option<String> {
         match message {
             EditMessage::Gaussians(gaussians) => {
@@ -126,7 +126,7 @@ impl Edit {
         self.revision != self.saved && self.editor.as_ref().is_some_and(Editor::is_changed)
     }
 
-    /// Whether another model may take its place; where what was deleted is not saved, only when asked again.
+    /// Whether another model may be opened. With unsaved deletions only when it is asked a second time.
     pub fn may_leave(&mut self) -> bool {
         !self.is_unsaved() || std::mem::replace(&mut self.warned, true)
     }
@@ -170,7 +170,7 @@ impl Edit {
 
     /// The brush is pressed at a place of the image, 0 to 1 in both directions; `radius` in heights of the image.
     pub fn paint(&mut self, at: DVec2, radius: f64, camera: &Camera, last: Option<&Rendered>) {
-        // Of what is hidden the last frame knows, if it is of this camera.
+        // The depths of the last frame show what is hidden, if it is of this camera.
         let last = last.filter(|last| last.frame.camera().has_pose_of(camera));
         let depths = last.and_then(|last| Some((last.depths.clone()?, *last.frame.camera())));
         let (depths, camera) = match (self.in_front, depths) {
@@ -209,7 +209,7 @@ impl Edit {
         }
     }
 
-    /// Changes the model by a step that tells whether it did; what the worker is to do then.
+    /// Applies a step that returns whether it changed the model; returns the command for the worker if it did.
     pub fn step(&mut self, step: impl FnOnce(&mut Editor) -> bool) -> Option<Command> {
         self.lift();
         let editor = self.editor.as_mut()?;
@@ -257,7 +257,7 @@ pub fn places<'a>(gaussians: &'a Gaussians, mask: &'a Mask, step: usize) -> impl
     mask.iter().step_by(step).map(|i| gaussians.space.to_scene(DVec3::from(gaussians.means[i].map(f64::from))))
 }
 
-/// The name that is offered: beside what was opened, never its own.
+/// The suggested file name: beside the opened file, and never that file itself.
 fn file_name(scene: &Scene) -> PathBuf {
     let ending = if scene.model.is_some() { "ibgs" } else { "ply" };
     let Some(path) = &scene.path else { return PathBuf::from(format!("edited.{ending}")) };

@@ -1,4 +1,5 @@
-//! The editor's part of the worker: it takes Gaussians off the device, puts those that are left back, and saves them.
+//! The editor's part of the worker: it reads the Gaussians from the device, uploads those that are left, and saves
+//! them.
 
 use crate::Content;
 use anyhow::{Result, bail};
@@ -13,7 +14,7 @@ use std::sync::Arc;
 pub enum EditCommand {
     /// The Gaussians of the model that is open.
     Begin,
-    /// Leave these of them, and count the model as this one; of several the last one counts.
+    /// Keep only these Gaussians, as this revision of the model. Of several such commands only the last one counts.
     Leave(Arc<Mask>, u32),
     /// Save what is left.
     Save(Box<SaveEdited>),
@@ -93,7 +94,7 @@ impl EditWork {
         let Some((left, revision)) = self.left.take() else { return Ok(None) };
         let whole = self.whole.as_ref().filter(|whole| whole.len() == left.total());
         let (Some(Content::Model(renderer)), Some(whole)) = (content, whole) else { return Ok(None) };
-        // Also where it fails: nothing newer will come.
+        // Set even if the upload fails, as no newer command will follow.
         self.revision = revision;
         let splats = Splats::upload(&whole.only(&left), renderer.gpu())?;
         Ok(Some(renderer.with_splats(splats)))

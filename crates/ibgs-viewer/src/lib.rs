@@ -119,7 +119,7 @@ pub struct TrainingWish {
     pub exposure: ExposureSwitch,
 }
 
-/// Iterations of a training that names no number.
+/// Default numbers of iterations of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UsualIterations {
     /// Of a scene on disk.
@@ -144,7 +144,7 @@ pub trait Open: Send + 'static {
     /// A sentence that names the file and what to do.
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
 
-    /// Iterations of a training that names no number, on this GPU.
+    /// Default number of iterations of a training on this GPU.
     fn usual_iterations(&self, _gpu: &Gpu) -> UsualIterations {
         let iterations = TrainConfig::default().iterations;
         UsualIterations { scene: iterations, demo: iterations }
@@ -176,8 +176,8 @@ pub trait Training: Send {
     /// The device failed, or a file cannot be written.
     fn save(&mut self) -> Result<Option<PathBuf>>;
 
-    /// Writes what is to be written at the end: called once, after the last iteration or when the window is closed before.
-    /// A closed window shows no error: who needs it keeps it.
+    /// Saves the results of the training. Called once: after the last iteration, or when the window is closed before
+    /// that. A closed window cannot show an error, so the implementation has to keep it.
     ///
     /// # Errors
     /// The device failed, or a file cannot be written.
@@ -205,7 +205,8 @@ impl Closer {
     }
 }
 
-/// Opens a window, on what `first` says or on an empty start page, and returns when it is closed. `handed` gets what closes it.
+/// Opens a window, on what `first` says or on an empty start page, and returns when it is closed. `handed` receives a
+/// [`Closer`] for it.
 ///
 /// # Errors
 /// No display, or a device that cannot draw into windows.

@@ -145,12 +145,6 @@ impl Navigator {
     }
 }
 
-/// The up axis of a capture: photos are upright on average.
-pub fn up_axis<'a>(cameras: impl Iterator<Item = &'a Camera>) -> DVec3 {
-    let sum: DVec3 = cameras.map(|camera| camera.view_from_world.transpose() * DVec3::NEG_Y).sum();
-    sum.try_normalize().unwrap_or(DVec3::NEG_Y)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,7 +223,5 @@ mod tests {
         // Behind the camera there is nothing to go around.
         let away = Navigator::at(&camera, camera.center() - camera.forward(), DVec3::NEG_Y);
         assert!(away.distance > 0.5);
-        assert!(up_axis([camera].iter()).dot(-camera.view_from_world.row(1)) > 0.999);
-        assert_eq!(up_axis([].iter()), DVec3::NEG_Y);
     }
 }

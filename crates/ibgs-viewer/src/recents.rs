@@ -19,7 +19,7 @@ pub struct Recent {
     pub path: PathBuf,
     /// It has been looked for.
     is_known: bool,
-    /// It was looked for in vain.
+    /// It was searched for and not found.
     pub is_missing: bool,
     pub picture: Option<TextureHandle>,
 }
@@ -38,7 +38,7 @@ pub struct Recents {
 }
 
 impl Recents {
-    /// Those of these paths, as far as they have been found.
+    /// The entries of these paths, with what has been found of them so far.
     pub fn of(&mut self, paths: &[PathBuf], ctx: &Context) -> &[Recent] {
         if !self.all.iter().map(|recent| &recent.path).eq(paths) {
             let unknown =

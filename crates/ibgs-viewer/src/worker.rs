@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 
 /// Least time between two reports of a training.
 const REPORT: Duration = Duration::from_millis(100);
-/// Least time between two looks at the memory.
+/// Least time between two readings of the memory in use.
 const MEMORY: Duration = Duration::from_secs(1);
 
 /// A frame that is asked for.
@@ -373,7 +373,7 @@ impl Thread {
 
     fn render(&self, work: &mut Work, request: &Request, sheet: Option<&Sheet>) -> Result<()> {
         if work.unfinished {
-            // What a training has still in work would count as the frame's time.
+            // Pending work of a training would count towards the frame's time.
             self.gpu.wait()?;
         }
         let start = Instant::now();
@@ -444,8 +444,8 @@ impl Thread {
         let (gpu, last) = (&self.gpu, work.last.take());
         let Some(training) = work.training() else { return };
         let stepped = training.step(&|what| self.status(what));
-        // No more than two iterations wait on the device: frames would have to wait for all of them. Where it fails, the next
-        // iteration reports it.
+        // At most two iterations are pending on the device, as frames have to wait for all of them. If the wait fails,
+        // the next iteration reports it.
         if let Some(last) = last {
             let _ = gpu.wait_for(last);
         }
@@ -464,7 +464,7 @@ impl Thread {
                 self.report(work, !work.running);
             }
             Err(error) => {
-                // It cannot continue; what there is has been saved, or could not be.
+                // The training cannot continue. Its model has been saved if that was possible.
                 (work.running, work.unfinished) = (false, false);
                 self.report(work, true);
                 self.failed(&error);

@@ -159,7 +159,7 @@ fn options(config: &TrainConfig) -> Result<Rows> {
     };
     let usual = leaves(&TrainConfig::default())?;
     let changed = leaves(config)?.into_iter().filter(|(name, value)| usual.get(name) != Some(value));
-    // Where the scene lies is no choice.
+    // The path of the scene has no default to differ from.
     let changed = changed.filter(|(name, _)| name != "data.source");
     let lines: Vec<String> = changed.map(|(name, value)| format!("{name} = {value}")).collect();
     if lines.is_empty() {

@@ -6,7 +6,7 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Between two looks at whether a process has ended; each takes minutes.
+/// Interval between two checks whether a process has ended; processes take minutes.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Starts processes and waits for them, from several threads.
@@ -61,7 +61,7 @@ impl Processes {
         self.state().is_closed
     }
 
-    /// Lets nothing more start, and asks what runs to end.
+    /// Starts no more processes, and asks the running ones to end.
     pub fn terminate(&self) {
         let mut state = self.state();
         state.is_closed = true;

@@ -85,7 +85,7 @@ impl Plan {
         Ok(Self { demo, ..Self::new(config) })
     }
 
-    /// Iterations of a training that names no number, on this GPU.
+    /// Default number of iterations of a training on this GPU.
     pub fn usual_iterations(gpu: &Gpu) -> UsualIterations {
         let demo = DEMO_ITERATIONS[usize::from(!gpu.is_software())];
         UsualIterations { scene: TrainConfig::default().iterations, demo }

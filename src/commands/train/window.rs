@@ -12,7 +12,7 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Why a training in the window has failed, for when the window is closed. Its copies are one.
+/// Why a training in the window has failed, to report it once the window is closed. Clones share the error.
 #[derive(Clone, Debug, Default)]
 pub struct Failure(Arc<Mutex<Option<String>>>);
 

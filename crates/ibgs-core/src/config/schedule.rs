@@ -43,7 +43,7 @@ pub struct Schedule {
     pub mean_lr_initial: f64,
     /// Rate of the means at the end, for extent 1.
     pub mean_lr_final: f64,
-    /// Part of the Gaussians' other rates that counts.
+    /// Factor on the Gaussians' other rates.
     pub rate_factor: f64,
     /// Iterations over which the rate of the means falls.
     pub mean_iterations: u32,
@@ -79,8 +79,8 @@ pub struct Schedule {
     pub stages: Option<Stages>,
 }
 
-/// A run that begins with a finished model: rate of the means at its start, times the rate at the end, and part of the
-/// other rates of the Gaussians. At full rates a model that has converged first loses what it had.
+/// For a run that begins with a finished model: the first rate of the means as a multiple of the last one, and the
+/// factor on the Gaussians' other rates. At full rates a converged model first gets worse.
 const WARM_MEAN_RATE: f64 = 1.0;
 const WARM_RATES: f64 = 0.1;
 
@@ -94,7 +94,7 @@ impl Schedule {
             if config.schedule_scaling { scale(reference, n_iterations) } else { reference }
         };
         let factor = config.learning_rates.factor.unwrap_or(1.0);
-        // The default's rounds are as many in every short run, so that it grows as far.
+        // With the default strategy every short run has the same number of rounds, so that the model grows as far.
         let scaled_if_short = |reference: u32| match densify.strategy {
             _ if !config.schedule_scaling => reference,
             Strategy::Default if n_iterations < SHORT_DEFAULT_RUN => {
@@ -150,7 +150,7 @@ impl Schedule {
         }
     }
 
-    /// Lets only a part of all learning rates of Gaussians and network count.
+    /// Multiplies all learning rates of Gaussians and network by `part`.
     pub fn slow_down(&mut self, part: f64) {
         let network = self.stages.as_mut().map(|stages| &mut stages.network_lr);
         let rates = [&mut self.mean_lr_initial, &mut self.mean_lr_final, &mut self.rate_factor];
@@ -185,7 +185,8 @@ impl Schedule {
         self.strategy != Strategy::Mcmc && iteration < self.densify_end
     }
 
-    /// Whether this iteration is among the last before a round, where the pixels of large error are counted, if at all.
+    /// Whether pixels of large error are counted in this iteration: only in the last iterations before a round, if at
+    /// all.
     pub fn counts_errors(&self, iteration: u32, densify: &DensifyConfig) -> bool {
         let interval = self.densify_interval.max(1);
         let counts = self.strategy == Strategy::Default && densify.growth.error_pixels > 0.0;
@@ -228,8 +229,8 @@ impl Schedule {
         iteration > self.prune_large_after
     }
 
-    /// Whether a round at this iteration prunes by opacity: not within 100 iterations after a reset, which the published
-    /// code has no need to say.
+    /// Whether a round at this iteration prunes by opacity: not within 100 iterations after a reset. The published code
+    /// needs no such rule.
     pub fn prune_transparent(&self, iteration: u32) -> bool {
         let interval = self.opacity_reset_interval.max(1);
         // A reset at `iteration` itself comes after its round.

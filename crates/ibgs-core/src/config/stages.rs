@@ -27,7 +27,7 @@ pub struct ResidualConfig {
     pub start: Option<u32>,
     /// Number of iterations in which only the network learns from the final image; unset: 3000, scaled; 0: none.
     pub burn_in: Option<u32>,
-    /// Gain of the base image when the burn-in begins; it rises to 1.
+    /// Gain of the base image when the burn-in begins; it rises to 1 (published: 0.5, for a network that passes nothing at first).
     pub burn_in_gain: f64,
     /// Learning rate of the network.
     pub learning_rate: f64,
@@ -51,7 +51,7 @@ pub struct ResidualConfig {
     pub inputs: NetworkInputs,
     /// What its output is: `residual`, `color`.
     pub output: Output,
-    /// How the sources' features become one: `mean`, `max`, or `soft`, their mean by a learned confidence.
+    /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published; `max`.
     pub aggregation: Aggregation,
 }
 
@@ -137,7 +137,7 @@ impl Default for ResidualConfig {
         Self {
             start: None,
             burn_in: None,
-            burn_in_gain: 0.5,
+            burn_in_gain: 1.0,
             learning_rate: 1e-3,
             halve_at: None,
             beta1: 0.9,
@@ -148,7 +148,7 @@ impl Default for ResidualConfig {
             precision: Precision::Auto,
             inputs: NetworkInputs::Differences,
             output: Output::Residual,
-            aggregation: Aggregation::Mean,
+            aggregation: Aggregation::Soft,
         }
     }
 }

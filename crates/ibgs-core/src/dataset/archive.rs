@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use zip::ZipArchive;
 
-/// An archive may unpack to this many times its own size, and this many bytes more: photos hardly shrink, and text files of
-/// COLMAP by five times.
+/// Limit on the unpacked size: this many times the archive's own size, plus this many bytes. Photos hardly shrink, and
+/// COLMAP's text files shrink to a fifth.
 const MOST_TIMES: u64 = 20;
 const MOST_BYTES_MORE: u64 = 64 << 20;
 
@@ -19,7 +19,7 @@ const MOST_FOLDERS: u64 = 32;
 /// What an empty file or a folder takes on the disk.
 const BLOCK: u64 = 4096;
 
-/// What file managers add of their own.
+/// Files that file managers add.
 const CLUTTER: [&str; 3] = ["__MACOSX", ".DS_Store", "Thumbs.db"];
 
 /// Bits of a Unix mode that distinguish files, folders and links.
@@ -82,7 +82,7 @@ impl Unpacked {
     }
 }
 
-/// Unpacks one entry; gives what it takes on the disk, or more than `most` where that is more.
+/// Unpacks one entry; returns the bytes that it takes on the disk, or a value above `most` if it takes more than that.
 fn unpack_entry(zip: &mut ZipArchive<BufReader<File>>, index: usize, folder: &Path, most: u64) -> Result<u64, String> {
     let entry = zip.by_index_raw(index).map_err(|error| format!("entry {index} is damaged ({error})"))?;
     let name = String::from_utf8_lossy(entry.name_raw()).into_owned();

@@ -11,12 +11,12 @@ use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
-/// Longest side and most pixels of an EXR photo, and most times that its compressions shrink the values: a few bytes can
-/// promise any size.
+/// Longest side and most pixels of an EXR photo, and the largest factor by which its compressions shrink the values.
+/// Without such limits a header of a few bytes could claim any size.
 const EXR_SIDE: usize = 65_535;
 const EXR_PIXELS: usize = 1 << 28;
 const EXR_TIMES: usize = 1400;
-/// What a block of lines, or a tile, may take where the values take less.
+/// Bytes that a block of lines, or a tile, may take even if the values take less.
 const EXR_BLOCK: usize = 1 << 25;
 /// A frame around the values may have this many pixels (4K), or this many times theirs.
 const EXR_FRAME_PIXELS: usize = 4096 * 2160;

@@ -160,8 +160,8 @@ pub enum DatasetError {
         /// The camera id asked for.
         camera: u32,
     },
-    /// An image name that leaves the scene folder, is absolute and no end of it is a photo of the scene, is empty, or has
-    /// control characters.
+    /// An image name that is empty, leaves the scene folder, has control characters, or is absolute with no suffix that
+    /// is a photo of the scene.
     #[error(
         "{}: image name `{name}` is empty, or absolute without a photo of that name in the scene, or contains `..` or control \
          characters; use a path inside the photo folder",

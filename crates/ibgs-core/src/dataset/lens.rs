@@ -38,11 +38,11 @@ pub(crate) struct Lens {
     pub distortion: Distortion,
 }
 
-/// Focal lengths and principal points that lie farther from the size of the image make no picture.
+/// Largest ratio between the size of an image and its focal length or principal point.
 const MAX_TIMES: f64 = 1e6;
 
-/// Degrees. With its focal length and size kept, an equidistant fisheye of 180 degrees becomes a pinhole of 115, and one
-/// that looks all around one of 145.
+/// Degrees. At the same focal length and size an equidistant fisheye of 180 degrees becomes a pinhole of 115 degrees,
+/// and a fisheye of 360 degrees a pinhole of 145.
 const MAX_FISHEYE_VIEW: f64 = 150.0;
 
 /// Rotation and translation, world to view, COLMAP axes.
@@ -142,7 +142,8 @@ impl Lens {
         }
     }
 
-    /// What cannot be the focal length or principal point of an image of this size.
+    /// Says why the focal length or the principal point is impossible for an image of this size; none if both are
+    /// possible.
     fn misfit(&self) -> Option<String> {
         let side = f64::from(self.width.max(self.height));
         let fits = (side / MAX_TIMES..=side * MAX_TIMES).contains(&self.focal.min_element())

@@ -60,7 +60,7 @@ impl Photo {
         self.rgba.chunks_exact(4).all(|pixel| pixel[3] < 128)
     }
 
-    /// An object's photo as it looks over a background; opaque but where there is no photo.
+    /// An object's photo composited over a background; opaque except where there is no photo.
     pub fn over(&self, background: [f32; 3]) -> Photo {
         let full = f32::from(u8::MAX - ALPHA_EMPTY);
         let pixel = |&[r, g, b, a]: &[u8; 4]| {
@@ -121,8 +121,8 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// The local coordinates in which it is trained and rendered: by the cameras of all views of either split; by the
-    /// points where all cameras stand at one place.
+    /// The local coordinates for training and rendering. They follow from the cameras of all views of either split, or
+    /// from the points if all cameras stand at one place.
     pub fn space(&self) -> LocalSpace {
         let cameras = self.views.iter().map(|view| &view.camera);
         LocalSpace::of_scene(cameras, self.points.iter().map(|point| point.position))

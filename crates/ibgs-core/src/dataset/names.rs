@@ -4,14 +4,14 @@ use super::LoadOptions;
 use super::colmap::reduced_folder;
 use std::path::{Path, PathBuf};
 
-/// Extensions of photos that are read, in lower case. They stand in for each other, in lower or upper case: reduced folders
-/// often hold PNG copies of JPEG names.
+/// Extensions of photos that are read, in lower case. A photo is found under any of them, in lower or upper case:
+/// folders of reduced photos often hold PNG files where the scene names JPEG files.
 const READ: [&str; 7] = ["jpg", "jpeg", "png", "exr", "webp", "tif", "tiff"];
 
 /// Extensions of photos that are not read, in lower case.
 const UNREAD: [&str; 5] = ["heic", "heif", "hif", "avif", "jxl"];
 
-/// Ends of an absolute name that are looked for inside the scene: as many folders as the longest of them may have.
+/// Longest suffix of an absolute name that is searched for inside the scene, in path components.
 const MOST_PARTS: usize = 32;
 
 /// Folders below a photo folder that are searched for photos.
@@ -26,7 +26,7 @@ fn is_photo(path: &Path) -> bool {
     extension.is_some_and(|extension| is_one_of(extension, &READ) || is_one_of(extension, &UNREAD))
 }
 
-/// The parts of a name, whichever way its separators lean, without those that say nothing.
+/// The components of a name, separated by `/` or `\`, without empty ones and `.`.
 fn parts(name: &str) -> Vec<String> {
     let name = name.trim().replace('\\', "/");
     name.split('/').filter(|part| !matches!(*part, "" | ".")).map(str::to_owned).collect()
@@ -69,12 +69,13 @@ pub(crate) fn spelling(name: &str) -> String {
 pub(crate) struct Inside {
     /// Relative, as [`clean_name`] leaves it.
     pub name: String,
-    /// The file has an absolute name, of which `name` is the end.
+    /// The file has an absolute name, and `name` is a suffix of it.
     pub is_end: bool,
 }
 
-/// Brings a name into the scene: a relative one as it is, of an absolute one the longest end that `exists` there. None for
-/// what leads out, and for control characters: the user sees names in messages.
+/// Maps a name into the scene: a relative name stays as it is, an absolute name becomes its longest suffix that
+/// `exists` there. None for a name that leads out of the scene, and for one with control characters, as names appear in
+/// messages.
 pub(crate) fn inside(name: &str, exists: impl Fn(&str) -> bool) -> Option<Inside> {
     let plain = |name: &String| !name.contains(char::is_control);
     if !is_absolute(name) {

@@ -68,8 +68,8 @@ const MODELS: [&str; 7] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL
 const FISHEYE: &str = "OPENCV_FISHEYE";
 
 impl Intrinsics {
-    /// This frame's values, the file's where the frame is silent. A focal length in the frame hides the file's
-    /// in every form.
+    /// This frame's values, and the file's where the frame has none. A focal length in the frame hides the file's in
+    /// every form.
     fn or(&self, file: &Intrinsics) -> Intrinsics {
         let own_x = self.fl_x.is_some() || self.camera_angle_x.is_some();
         let own_y = own_x || self.fl_y.is_some() || self.camera_angle_y.is_some();

@@ -30,16 +30,16 @@ pub(crate) struct ListedPhoto {
 /// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
 const MAX_BLANK: f64 = 0.9;
 
-/// Photos with absolute names that are taken from the scene folder.
+/// Counts the photos that have absolute names in the scene file but are read from the scene folder.
 #[derive(Default)]
 pub(crate) struct AbsoluteNames {
     count: usize,
-    /// The first, as the file names it and as it is called here.
+    /// The first one: its name in the file and its name in the scene folder.
     first: Option<(String, String)>,
 }
 
 impl AbsoluteNames {
-    /// Counts a name that leads to another place than the scene.
+    /// Counts a name if it points outside the scene folder.
     pub fn add(&mut self, root: &Path, given: &str, inside: &Inside) {
         if inside.is_end && !points_into(root, given) {
             self.count += 1;
@@ -86,8 +86,8 @@ pub(crate) fn resample(photo: RgbaImage, width: u32, height: u32, resampler: Res
     })
 }
 
-/// Gives masked pixels of an object's photo the alpha of emptiness, and those that touch the blank `outside` of the lens, which
-/// may have another size, alpha 0.
+/// Sets the alpha of masked pixels in an object's photo to [`ALPHA_EMPTY`], and to 0 where they touch the blank
+/// `outside` of the lens, whose image may have another size.
 fn mark_empty(photo: &mut RgbaImage, outside: Option<&GrayImage>) {
     let (width, height) = photo.dimensions();
     let outside = outside.map(|outside| imageops::resize(outside, width, height, FilterType::Triangle).into_raw());

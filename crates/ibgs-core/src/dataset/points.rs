@@ -27,8 +27,8 @@ pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, Datase
     Ok(None)
 }
 
-/// Fills `dataset.points`: those of `init.ply`, which somebody made for this, else `model` points, else those of a file,
-/// else random ones. Never leaves it empty.
+/// Fills `dataset.points`: from `init.ply` if the scene has one, else from `model`, else from a file of points, else
+/// random ones. Never leaves it empty.
 pub(crate) fn fill(
     dataset: &mut Dataset,
     model: Vec<Point>,
@@ -72,7 +72,7 @@ pub(crate) fn fill(
 /// Depths of random points, in scene extents: near enough for a camera ring that looks inward (its subject lies
 /// at about 1), far enough for a small forward-facing rig.
 const DEPTHS: [f64; 2] = [0.3, 30.0];
-/// The same where photos show a single thing with nothing behind it.
+/// The same for photos of a single object with nothing behind it.
 const DEPTHS_OF_ONE_THING: [f64; 2] = [0.3, 2.0];
 /// Tries to hit a pixel that is neither masked nor background.
 const TRIES: usize = 8;

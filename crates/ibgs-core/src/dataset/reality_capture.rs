@@ -32,7 +32,7 @@ const NAME: &str = "#name";
 const POSE: [&str; 7] = ["x", "y", "alt", "heading", "pitch", "roll", "f"];
 const LENS: [&str; 8] = ["px", "py", "k1", "k2", "k3", "k4", "t1", "t2"];
 
-/// Comments above the first column end within so many bytes.
+/// Most bytes of comments above the column names.
 const HEADER_BYTES: u64 = 4096;
 
 /// Where a column is, by its place in [`POSE`] and [`LENS`].
@@ -126,7 +126,8 @@ impl Columns {
     }
 }
 
-/// The fields of a line; commas in double quotes part nothing. RealityCapture writes none, spreadsheets do.
+/// The fields of a line; a comma inside double quotes does not separate fields. RealityCapture writes no quotes,
+/// spreadsheets do.
 fn fields(line: &str) -> Vec<String> {
     let mut quoted = false;
     let parts = line.split(|c: char| {
@@ -199,9 +200,9 @@ pub fn check_reality_capture(path: &Path, bytes: &[u8]) -> Result<usize, Dataset
     Ok(rows.len())
 }
 
-/// Photos by the names of their files, which is all that the list has where they lie in sub-folders.
+/// Photos by file name. The list has file names only, even for photos in sub-folders.
 struct ByFileName {
-    /// With and without extension; none where several photos have the name.
+    /// Keys are names with and without extension; the value is none if several photos have the name.
     photos: BTreeMap<String, Option<PathBuf>>,
 }
 

@@ -1,4 +1,4 @@
-//! What Gaussians are selected by: a box in the scene, a brush on the screen, their own values.
+//! Ways to select Gaussians: a box in the scene, a brush on the screen, limits of their own values.
 
 use super::Mask;
 use crate::camera::Camera;
@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// Part of the median depth by which the centre of a Gaussian of the surface may lie behind it.
 const BEHIND: f64 = 0.02;
-/// Points of a model by which a box is put around it.
+/// Number of a model's points to which a box around it is fitted.
 const SAMPLES: usize = 20_000;
 /// Least side of a box over its largest one.
 const LEAST_SIDE: f64 = 1e-4;
@@ -26,7 +26,8 @@ pub struct CropBox {
 }
 
 impl CropBox {
-    /// A box around all of `points` but the outermost `outside` part of them at each face; none without points.
+    /// A box around `points` that leaves out the outermost fraction `outside` of them at each face; none without
+    /// points.
     pub fn around(points: impl Iterator<Item = DVec3>, up: DVec3, turn: f64, outside: f64) -> Option<Self> {
         let blank = Self { center: DVec3::ZERO, size: DVec3::ZERO, up, turn };
         let axes = blank.axes();
@@ -49,7 +50,7 @@ impl CropBox {
 
     /// Its axes as columns: two across, then up.
     pub fn axes(&self) -> DMat3 {
-        // The world axis that stands most across decides where a turn of 0 is.
+        // A turn of 0 is along the world axis that is most perpendicular to the up axis.
         let least = self.up.abs().min_position();
         let across = DVec3::AXES[least];
         let first = (across - self.up * across.dot(self.up)).normalize_or(DVec3::X);
@@ -73,14 +74,14 @@ impl CropBox {
         })
     }
 
-    /// Middle of a face, 0 to 5, and the way out of the box there.
+    /// Centre of a face, 0 to 5, and its outward direction.
     pub fn face(&self, face: usize) -> (DVec3, DVec3) {
         let (axis, sign) = (face / 2 % 3, if face.is_multiple_of(2) { -1.0 } else { 1.0 });
         let out = self.axes().col(axis) * sign;
         (self.center + out * (0.5 * self.size[axis]), out)
     }
 
-    /// Moves a face outwards by a length; the one across stays where it is.
+    /// Moves a face outwards by a length; the opposite face stays where it is.
     pub fn move_face(&mut self, face: usize, by: f64) {
         let axis = face / 2 % 3;
         let (_, out) = self.face(face);
@@ -97,7 +98,7 @@ impl CropBox {
     }
 }
 
-/// Pairs of numbers of [`CropBox::corners`] that an edge joins.
+/// The edges of the box, as pairs of indices into [`CropBox::corners`].
 pub fn box_edges() -> impl Iterator<Item = [usize; 2]> {
     let edge = |corner: usize, axis: usize| (corner >> axis & 1 == 0).then_some([corner, corner | 1 << axis]);
     (0..8).flat_map(move |corner| (0..3).filter_map(move |axis| edge(corner, axis)))

@@ -26,9 +26,9 @@ pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
     }
 }
 
-/// Renders every held-out view and scores it, by a perceptual distance too where one is given; into the model folder where
-/// there is one. `report` is called with each; without scores where the photo is masked as a whole: such a view has none and
-/// enters no mean.
+/// Renders every held-out view and scores it, with a perceptual distance too if one is given. Pictures go into the
+/// model folder if there is one. `report` is called with each view. A view whose photo is wholly masked has no scores
+/// and does not count in the means.
 ///
 /// # Errors
 /// Not enough memory, the device is lost, or a picture cannot be written.

@@ -11,24 +11,25 @@ use std::sync::{Arc, OnceLock};
 /// File of the exposures, beside the point cloud of their iteration.
 pub const FILE_NAME: &str = "exposure.json";
 
-/// Photos count by one over this power of their distance in place and direction.
+/// The weight of a photo is one over this power of its distance in position and direction.
 const POWER: i32 = 4;
 /// Least such distance at which two photos count as different.
 const CLOSE: f64 = 1e-4;
 
-/// The exposures of the training photos with what they say of other views.
+/// The exposures of the training photos, and predictions from them for other views.
 ///
-/// A camera with automatic exposure decides by what it sees, so a view's exposure is near those of the photos around it: their
-/// mean, weighted by place and direction. How far to trust that is measured on the training photos themselves, each predicted
-/// from the others: the factor, 0 to 1, that fits their own exposures best by least squares, one for gains and one for offsets.
-/// Where exposures were set at random that is about 0, and a view gets the mean exposure, none.
+/// Automatic exposure depends on what the camera sees, so a view's exposure is close to that of the photos around it.
+/// The prediction is their mean, weighted by position and direction, times a factor from 0 to 1 for gains and one for
+/// offsets. The factors say how far to trust the mean: they are fitted by least squares on the training photos, each
+/// predicted from the others. Where exposures were set at random they are about 0, and a view gets the mean exposure,
+/// which is no correction.
 #[derive(Clone, Debug)]
 pub struct ExposureField {
     cameras: Arc<[Camera]>,
     photos: Vec<Exposure>,
     /// Scene units of one unit of a distance.
     unit: f64,
-    /// Parts of log gains and of offsets that a prediction counts. Computed at first use, in time quadratic in the photos.
+    /// Factors on predicted log gains and offsets. Computed at first use, in time quadratic in the number of photos.
     trust: OnceLock<[f64; 2]>,
 }
 
@@ -78,7 +79,7 @@ impl ExposureField {
         Exposure { log_gain: part(mean.log_gain, gains), offset: part(mean.offset, offsets) }
     }
 
-    /// Parts, 0 to 1, of the neighbours' log gains and offsets that a prediction counts.
+    /// Factors, 0 to 1, on the neighbours' log gains and offsets in a prediction.
     pub fn trust(&self) -> [f64; 2] {
         *self.trust.get_or_init(|| self.measured_trust())
     }
@@ -88,7 +89,7 @@ impl ExposureField {
         spread(&self.photos)
     }
 
-    /// Mean of the photos' exposures but one, by place and direction.
+    /// Mean of the exposures of all photos but one, weighted by position and direction.
     fn around(&self, camera: &Camera, without: Option<usize>) -> Exposure {
         let (mut sum, mut weights) = ([[0.0f64; 3]; 2], 0.0);
         for (index, (other, exposure)) in self.cameras.iter().zip(&self.photos).enumerate() {

@@ -1,10 +1,11 @@
 //! Exposure of photos: what a camera with automatic exposure and white balance changes from photo to photo.
 //!
-//! The model belongs to the mean of the photos, not to one of them: each photo shows it in an exposure of its own, `exp(g) color + o` for each
-//! channel. The six numbers of every training photo are learned with the Gaussians, pulled a little towards none. Everything
-//! that is compared with a photo is brought to its exposure first: the base image, for all of its loss, and the colours of the
-//! sources, from their own exposures. So the residual network never sees a difference that is only one of exposure. The
-//! exposure of a view without a photo is predicted from those of the photos around it ([`ExposureField`]).
+//! The model has the mean exposure of the photos. Each photo shows it in its own exposure, `exp(g) color + o` for each
+//! channel. The six numbers of every training photo are learned with the Gaussians, with a weak pull towards 0.
+//! Everything that is compared with a photo is converted to the photo's exposure first: the base image, for all of its
+//! loss, and the colours of the sources, from their own exposures. So the residual network never sees a difference in
+//! exposure alone. The exposure of a view without a photo is predicted from those of the photos around it
+//! ([`ExposureField`]).
 //!
 //! A departure from method.md section 8, where one gain and one offset count in the L1 part of the base's loss alone, the final
 //! image takes a least-squares fit to its first source, and nothing corrects the base of a held-out view: on a capture with

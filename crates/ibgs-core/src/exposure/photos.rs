@@ -47,7 +47,8 @@ impl ExposureState {
     }
 }
 
-/// An exposure for every training photo, at first none, with Adam's moments. A photo's moves only when it is visited.
+/// The exposure of every training photo, with Adam's moments. Each starts without a correction and changes only when
+/// its photo is visited.
 #[derive(Debug)]
 pub struct PhotoExposures {
     values: Buffer,

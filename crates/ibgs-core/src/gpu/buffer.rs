@@ -13,8 +13,8 @@ pub struct Buffer {
     pub offset: u64,
     /// Bytes.
     pub size: u64,
-    /// Keeps the memory from being given to something else: a tensor of another library, or a place in a pool. None: the
-    /// wgpu buffer is this one's alone.
+    /// Owner of the memory, such as a tensor of another library or a pool, which does not reuse the memory while this
+    /// lives. None: the wgpu buffer is used by this one alone.
     _owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 

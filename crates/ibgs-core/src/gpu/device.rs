@@ -125,7 +125,7 @@ pub(super) struct Pipeline {
     pub pipeline: wgpu::ComputePipeline,
 }
 
-/// Between two looks at whether the device is lost, while waiting for it.
+/// Interval between two checks for a lost device, while waiting for it.
 const PATIENCE: Duration = Duration::from_millis(200);
 
 /// The end of some work on the device.
@@ -160,8 +160,8 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// The device of another program, asked for by [`device_descriptor`]. Its callbacks stay: where they do not end the program,
-    /// a lost device shows in the next wait.
+    /// The device of another program, asked for by [`device_descriptor`]. Its callbacks stay. If they do not end the
+    /// program, the next wait reports a lost device.
     ///
     /// # Errors
     /// The device lacks a limit or a feature.
@@ -244,7 +244,7 @@ impl Gpu {
         }
     }
 
-    /// What lies in device memory now; none where the driver does not report it.
+    /// Use of device memory now; none where the driver does not report it.
     pub fn memory_report(&self) -> Option<MemoryReport> {
         let report = self.device.generate_allocator_report()?;
         let mut kinds: BTreeMap<String, MemoryKind> = BTreeMap::new();
@@ -285,7 +285,7 @@ impl Gpu {
         poll.map(|_| ()).map_err(|e| GpuError::Readback(e.to_string()))
     }
 
-    /// What a callback of the device sends.
+    /// Waits for the value that a callback of the device sends.
     ///
     /// # Errors
     /// When the device is lost.

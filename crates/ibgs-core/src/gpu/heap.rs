@@ -3,9 +3,9 @@
 use super::Gpu;
 
 impl Gpu {
-    /// Bytes that the program may have of the device's largest heap of its own memory, with what it has already: all that other
-    /// programs leave, or the whole heap where the driver does not report that (`VK_EXT_memory_budget`). None where Vulkan reports
-    /// nothing, for wgpu cannot ask, and for a software adapter, which takes the machine's memory whatever Vulkan reports.
+    /// Bytes of the device's largest local heap that this program may use in all: what other programs leave free, or
+    /// the whole heap if the driver does not report that (`VK_EXT_memory_budget`). None without Vulkan, as wgpu has no
+    /// such query, and for a software adapter, which uses the machine's memory whatever Vulkan reports.
     pub fn memory_bytes(&self) -> Option<u64> {
         heap(&self.adapter).filter(|_| !self.is_software())
     }

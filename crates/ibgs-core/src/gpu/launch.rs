@@ -8,8 +8,8 @@ use std::any::Any;
 pub struct Pass<'a> {
     gpu: &'a Gpu,
     label: &'static str,
-    /// Dispatches in a row share a compute pass: each one costs the host command buffers of its own. Before `encoder`, which
-    /// cannot do anything else while it is open.
+    /// Consecutive dispatches share this compute pass, because each compute pass costs the host its own command
+    /// buffers. Declared before `encoder`, which cannot do anything else while a compute pass is open.
     open: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
     kept: Vec<Box<dyn Any>>,
@@ -22,7 +22,7 @@ impl<'a> Pass<'a> {
         Self { gpu, label, open: None, encoder, kept: Vec::new() }
     }
 
-    /// What comes next has another label in measurements.
+    /// Sets the label of the following dispatches in measurements.
     pub fn relabel(&mut self, label: &'static str) {
         self.open = None;
         self.label = label;
@@ -94,7 +94,8 @@ impl<'a> Pass<'a> {
         pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
     }
 
-    /// Keeps something until the pass is submitted: memory that it uses, which nothing else may get before.
+    /// Keeps a value alive until the pass is submitted, such as memory that the pass uses and nothing else may reuse
+    /// before.
     pub fn keep(&mut self, owner: impl Any) {
         self.kept.push(Box::new(owner));
     }

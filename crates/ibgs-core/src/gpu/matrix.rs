@@ -30,10 +30,10 @@ pub(super) fn matrix_units(adapter: &wgpu::Adapter) -> Option<MatrixUnits> {
     [16, 8].into_iter().find(|&s| side(s)).map(|side| MatrixUnits { side, lanes })
 }
 
-/// wgpu's consent form for features that are still in the making; we use its cooperative matrices alone, in kernels of our
-/// own whose every access is checked by tests.
+/// wgpu's token for experimental features. We use only cooperative matrices, in our own kernels, and tests check each
+/// of their memory accesses.
 #[expect(unsafe_code, reason = "wgpu asks for it")]
 pub(super) fn experimental_features() -> wgpu::ExperimentalFeatures {
-    // SAFETY: nothing is asked but to know that these features may have bugs.
+    // SAFETY: the only requirement is to accept that these features may have bugs.
     unsafe { wgpu::ExperimentalFeatures::enabled() }
 }

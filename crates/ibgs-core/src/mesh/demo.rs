@@ -1,4 +1,4 @@
-//! The truth of the built-in scene: its surface, and its normals in a view.
+//! Ground truth of the built-in scene: its surface, and its normals in a view.
 
 use super::score::Cloud;
 use crate::camera::Camera;
@@ -13,7 +13,7 @@ const TESSELLATION: u32 = 64;
 pub struct TrueSurface {
     /// All of it.
     pub all: Cloud,
-    /// Those of its triangles whose centre some camera sees from the front: what a capture can know.
+    /// The triangles whose centre some camera sees from the front: the part that a capture can reconstruct.
     pub seen: Cloud,
 }
 

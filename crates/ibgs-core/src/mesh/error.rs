@@ -91,7 +91,7 @@ pub enum MeshError {
     NoPoints {
         /// Mesh or truth.
         which: &'static str,
-        /// Where it should have some.
+        /// Where its points are missing.
         place: &'static str,
     },
 }

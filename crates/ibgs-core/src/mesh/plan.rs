@@ -11,7 +11,7 @@ const VOXELS_ALONG: f64 = 512.0;
 const MEDIAN_DEPTHS: f64 = 3.0;
 /// Part of the points beyond either end of the extent, on each axis.
 const OUTSIDE: f64 = 0.05;
-/// Pixels that are looked at for the defaults, about.
+/// Approximate number of pixels that are sampled for the defaults.
 const SAMPLES: usize = 200_000;
 
 /// How depths are fused; what is left out follows from the scene.

@@ -23,7 +23,7 @@ fn around(count: usize, distance: f64) -> Vec<Camera> {
     (0..count).map(camera).collect()
 }
 
-/// The depth map of a camera by a function that tells how far along a unit ray the surface is.
+/// The depth map of a camera, from a function that returns the distance to the surface along a unit ray.
 fn map(camera: &Camera, reach: impl Fn(DVec3, DVec3) -> Option<f64>) -> DepthMap {
     let count = camera.width as usize * camera.height as usize;
     let depth = |i: usize| {
@@ -115,7 +115,7 @@ fn a_box_has_flat_sides() {
     let maps: Vec<DepthMap> = around(40, 1.8).iter().map(|camera| map(camera, cuboid(half))).collect();
     let mesh = meshed(&maps, &plan(&maps, voxel));
     assert_closed(&mesh);
-    // Up to the truncation from an edge the other side has its say.
+    // Within the truncation distance of an edge the other side contributes too.
     let mut errors = [Vec::new(), Vec::new()];
     for p in points(&mesh) {
         let beyond = p.abs() - half;

@@ -91,7 +91,7 @@ pub fn fuse(maps: &[DepthMap], plan: &Plan, progress: &dyn Progress) -> Result<G
     Ok(Grid { offset: plan.offset, voxel: plan.voxel, looked_at: counts.into_iter().sum(), blocks, index })
 }
 
-/// That the voxels do not fit, with a size that does.
+/// The error for voxels that do not fit, with a voxel size that does.
 fn too_fine(maps: &[DepthMap], plan: &Plan) -> MeshError {
     let mut larger = *plan;
     // Half as large again at a time, far beyond any scene.

@@ -49,7 +49,7 @@ pub struct ByView {
     pub lpips: BTreeMap<String, Option<f64>>,
 }
 
-/// Bytes on the disk; what is none was not found.
+/// Bytes on the disk; none for a file that was not found.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(default)]
 pub struct Storage {

@@ -70,8 +70,8 @@ pub struct TrainingLog {
 }
 
 impl TrainingLog {
-    /// Adds an entry where it says something new: other figures than the last one's, all of them numbers, and not too
-    /// close to it. A long training is thinned out, so that a log stays small.
+    /// Adds an entry if its figures are finite, differ from the last entry's, and it is not too close to that one. The
+    /// log of a long training is thinned out, so that it stays small.
     pub fn add(&mut self, entry: LogEntry) {
         let known = self.entries.last().is_some_and(|last| {
             (last.loss, last.psnr) == (entry.loss, entry.psnr)

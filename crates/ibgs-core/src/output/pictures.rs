@@ -67,7 +67,7 @@ impl Output {
         }
     }
 
-    /// What is written without being asked for: the images that the model has.
+    /// The default outputs: the images that the model has.
     pub fn of(renderer: &Renderer) -> Vec<Output> {
         match renderer.part() {
             Some(_) => vec![Output::Base, Output::Final],

@@ -193,8 +193,8 @@ impl Rasterizer {
         if last.fits(count, capacity, frame_tiles, pixels, rows) {
             return Ok(last);
         }
-        // Whatever else is free is too small as well. The next one also does for what this one was made for, so that
-        // views of different shapes do not take turns in making new ones.
+        // Any other free workspace is too small as well. The new one is also large enough for what this one was made
+        // for, so that views of different shapes do not replace each other's.
         let (tiles, pixels) = (frame_tiles.max(last.tiles()), pixels.max(last.pixels()));
         let rows = rows.max(last.rows.len());
         drop(last);

@@ -1,6 +1,7 @@
 //! The residual network's weights on the device.
 
 use super::layers::WEIGHTS;
+use super::variant::Variant;
 use super::weights::{NetworkError, initial};
 use crate::gpu::{Buffer, Gpu, GpuError};
 
@@ -12,13 +13,12 @@ pub struct ResidualNetwork {
 }
 
 impl ResidualNetwork {
-    /// A network with random weights: uniform in +-1/sqrt(fan in), weights and biases. The same seed gives the same ones
-    /// on every machine.
+    /// A network that has learned nothing yet, see [`initial`].
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn init(gpu: &Gpu, seed: u64) -> Result<Self, GpuError> {
-        Self::upload(gpu, &initial(seed))
+    pub fn init(gpu: &Gpu, variant: &Variant, seed: u64) -> Result<Self, GpuError> {
+        Self::upload(gpu, &initial(variant, seed))
     }
 
     /// A network with the given flat weights.

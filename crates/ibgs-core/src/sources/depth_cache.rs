@@ -42,7 +42,7 @@ impl DepthCache {
     /// The map of a training view; where there is none it is made and kept.
     ///
     /// # Errors
-    /// What making it meets.
+    /// Errors of `make`.
     pub fn get_or_make<E>(&mut self, view: usize, make: impl FnOnce() -> Result<Buffer, E>) -> Result<Buffer, E> {
         if let Some(map) = self.get(view) {
             return Ok(map);

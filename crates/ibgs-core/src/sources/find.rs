@@ -41,7 +41,7 @@ pub enum Distances {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Draw {
-    /// Others each time: the network learns what photos are worth that stand elsewhere. A departure from method.md.
+    /// Others each time: the network learns how far to trust photos from other positions. A departure from method.md.
     #[default]
     Random,
     /// The first ones, as published.

@@ -90,7 +90,7 @@ impl SourceStore {
             for index in 0..store.photos.len() {
                 store.photo(index)?;
                 if store.lock().budget != budget {
-                    // The device has less memory than was hoped for: the rest comes when it is wanted.
+                    // The device has less memory than the budget: the rest is uploaded on demand.
                     break;
                 }
             }

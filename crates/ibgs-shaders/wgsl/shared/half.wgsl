@@ -1,4 +1,4 @@
-// Halves: what is beyond their range becomes their largest number, so that no infinity comes up.
+// Conversion to half precision. A value out of range becomes the largest half, so that no infinity arises.
 const HALF_MAX: f32 = 65504.0;
 
 fn to_half(v: vec4<f32>) -> vec4<f16> {

@@ -1,5 +1,6 @@
-// Visible sources of a pixel in one word (method.md section 5): byte m has the number of the m-th in its low half and in its high
-// half how far its depth is from the point's, in thirds of what agrees (0 where only such are packed); 255 where there is none.
+// Visible sources of a pixel in one word (method.md section 5): byte m has the number of the m-th source in its low
+// half and the error of its depth in its high half, in thirds of the largest error that agrees (0 where only agreeing
+// sources are packed); 255 where there is none.
 
 // Thirds of the depth agreement.
 const ERROR_STEPS: u32 = 3u;

@@ -3,8 +3,8 @@
 //!
 //! [`rates`] measures how fast the device moves memory and computes. [`scene`] makes a view to measure, of a model or
 //! of random Gaussians, with neighbours whose photos are the model's own pictures. [`measure`](measure()) runs the five
-//! kinds of [`stage::Work`] on it. [`floor`] says how much each [`stage::Stage`] has to do at least. [`report`] is what
-//! comes of it all.
+//! kinds of [`stage::Work`] on it. [`floor`] says how much each [`stage::Stage`] has to do at least. [`report`] holds
+//! the results.
 
 pub mod floor;
 mod measure;

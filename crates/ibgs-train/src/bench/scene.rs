@@ -20,7 +20,7 @@ pub struct Setting<'a> {
     pub gaussians: &'a Gaussians,
     /// The view, in the scene's coordinates.
     pub camera: Camera,
-    /// Its options: of these those that say how much the stages compute count, and the numbers of sources and of median
+    /// Its options. Only those count that decide how much the stages compute, and the numbers of sources and of median
     /// intersections.
     pub config: &'a TrainConfig,
 }

@@ -69,7 +69,7 @@ pub enum Stage {
     ProjectBackward,
     /// Adam for Gaussians and network.
     Adam,
-    /// A kernel that none of the above has.
+    /// A kernel that belongs to none of the stages above.
     Other(&'static str),
 }
 

@@ -1,4 +1,4 @@
-//! Checkpoints: everything that a training resumes from. [`file`](self) form: see [`Checkpoint::write`].
+//! Checkpoints: everything that a training resumes from. [`Checkpoint::write`] describes the file.
 
 mod file;
 
@@ -124,8 +124,8 @@ pub struct Checkpoint {
     pub(super) moments: Vec<[Vec<f32>; 2]>,
     /// Four values a Gaussian.
     pub(super) statistics: Vec<f32>,
-    /// Median depths of the training views when they were last trained; with `deterministic` alone, for they can be made
-    /// anew from the model, though not the same.
+    /// Median depths of the training views when they were last trained; only with `deterministic`. Other runs render
+    /// them again from the model, with slightly different values.
     pub(super) depths: BTreeMap<usize, Vec<f32>>,
     pub(super) state: State,
 }

@@ -42,7 +42,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
     let lives = |i: usize| opacities[i] > config.mcmc.dead_opacity && o.is_finite(i);
     let living: Vec<usize> = (0..n).filter(|&i| lives(i)).collect();
     let Some(draws) = Draws::new(&living, &opacities) else {
-        // Nothing to move to: the model stays, for what it is worth.
+        // There is nothing to move to, so the model stays as it is.
         let keep = (0..n as u32).collect();
         return Plan { sources: keep, means: o.means.clone(), log_scales: o.log_scales.clone(), ..Plan::default() };
     };
@@ -54,7 +54,7 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng:
     });
     let grown = (n as f64 * growth).round() as usize;
     let total = grown.min(config.most() as usize).max(n);
-    // The dead have new places, and so have those that are added.
+    // The places of the dead Gaussians and of those that are added.
     let moved: Vec<usize> = (living.len()..total).map(|_| draws.draw(rng)).collect();
     let mut copies = vec![1u32; n];
     for &source in &moved {

@@ -51,7 +51,7 @@ impl Observations {
 pub struct Round {
     /// Scene extent in local units.
     pub extent: f64,
-    /// The length whose part `prune-scale` is the largest scale.
+    /// The largest scale is `prune-scale` times this length.
     pub prune_length: f64,
     /// Prune by opacity.
     pub transparent: bool,
@@ -89,7 +89,7 @@ impl Plan {
     }
 }
 
-/// How the views since the last round become one value a Gaussian.
+/// How the statistics of the views since the last round are reduced to one value a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Over {
     /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels); gradients in units of half

@@ -63,7 +63,7 @@ pub enum Event<'a> {
         error: &'a SessionError,
         /// Iteration of the state.
         iteration: u32,
-        /// Part of the learning rates that counts from now on.
+        /// Factor on the learning rates from now on.
         rates: f64,
     },
     /// A checkpoint cannot be written; the training continues without.
@@ -109,7 +109,7 @@ pub struct Summary {
 /// What became of the photos' exposures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposureSummary {
-    /// They were not looked at.
+    /// Exposure correction was off.
     Off,
     /// The photos hardly differ: not corrected.
     Alike,
@@ -159,7 +159,7 @@ impl fmt::Display for Summary {
 }
 
 impl Event<'_> {
-    /// The event as a text in which `words` gives the sentence of an error: a program knows more about it than this library.
+    /// The event as text. `words` formats an error, because a program can say more about it than this library.
     pub fn with_errors<'e>(&'e self, words: &'e dyn Fn(&(dyn Error + 'static)) -> String) -> impl fmt::Display + 'e {
         fmt::from_fn(move |f| self.write(f, words))
     }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Times between two states that are kept in memory, for after memory runs out or a device is lost: the longer, the longer
-/// taking one takes.
+/// Shortest and longest interval between two states kept in memory, in case memory runs out or the device is lost. The
+/// interval grows with the time that taking a state costs.
 const IN_MEMORY: [Duration; 2] = [Duration::from_secs(30), Duration::from_secs(120)];
 
 /// Writes the checkpoints of a run.

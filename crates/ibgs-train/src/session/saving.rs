@@ -27,7 +27,8 @@ impl Session {
     /// Saves and measures.
     pub(super) fn settle(&mut self, save: bool, evaluate: bool, observer: &mut dyn Observer) -> Result<()> {
         if save {
-            // What a checkpoint takes of a small disk while it is written must not be missed here.
+            // Wait for a checkpoint that is being written: on a small disk its temporary file could take the space
+            // needed here.
             self.keeper.settle(observer);
             self.save()?;
         }
@@ -42,8 +43,8 @@ impl Session {
 
     /// Saves what there is after an error, and says where it went.
     pub(super) fn rescue(&mut self, error: SessionError, observer: &mut dyn Observer) -> SessionError {
-        // A lost device returns nothing, and a state that is not finite cannot be resumed from: then the last good one is
-        // what there is.
+        // If this fails, the last good state is saved: a lost device returns nothing, and a state that is not finite
+        // cannot be resumed from.
         let _ = self.keep(false, observer);
         let (Some(checkpoint), Some(folder)) = (self.keeper.last().cloned(), self.folder.clone()) else { return error };
         let exposure = checkpoint.exposures();
@@ -77,7 +78,7 @@ impl Session {
         let (renderer, gpu) = (self.trainer.renderer()?, self.raster.gpu());
         let network = renderer.part().map(|part| part.network.to_values(gpu)).transpose()?;
         let gaussians = self.trainer.splats().download(gpu)?;
-        // What is read from a lost device looks like any other answer.
+        // Data read from a lost device looks like any other result.
         gpu.check()?;
         let parts = Parts {
             iteration: self.trainer.iteration(),
@@ -147,7 +148,7 @@ impl Session {
             return Ok(());
         }
         let is_whole = self.is_done();
-        // First of all: what follows takes its time.
+        // The checkpoint comes first, because the rest takes a while.
         let kept = if is_whole { Ok(()) } else { self.keep(true, observer).and_then(|()| self.keeper.finish()) };
         // One that was stopped in between, or before it was saved.
         let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());

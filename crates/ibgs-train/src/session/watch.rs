@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
-/// Iterations between two looks at the memory.
+/// Iterations between two readings of the memory in use.
 const EVERY: u32 = 50;
 
 /// What one stage has taken so far.
@@ -35,7 +35,7 @@ pub fn stage(schedule: &Schedule, iteration: u32) -> &'static str {
     }
 }
 
-/// Whether the stage of the iteration after this one is another: what was measured so far then belongs to this one.
+/// Whether the next iteration belongs to another stage; the measurements so far then belong to this one.
 pub fn stage_ends(schedule: &Schedule, iteration: u32) -> bool {
     stage(schedule, iteration) != stage(schedule, iteration + 1)
 }

@@ -13,7 +13,7 @@ use ibgs_core::raster::Rasterizer;
 use std::sync::Arc;
 
 impl Trainer {
-    /// Resumes from a checkpoint, with its options: with `deterministic` among them the rest of the run is bit for bit what it
+    /// Resumes from a checkpoint, with its options. With `deterministic` the rest of the run is bit for bit what it
     /// would have been on the same adapter.
     ///
     /// # Errors
@@ -68,13 +68,13 @@ impl Trainer {
         Ok(())
     }
 
-    /// Lets only a part of the learning rates count from here on.
+    /// Multiplies the learning rates by `part` from here on.
     pub fn slow_down(&mut self, part: f64) {
         self.caution *= part;
         self.schedule.slow_down(part);
     }
 
-    /// Whether only a part of the learning rates counts.
+    /// Whether the learning rates have been lowered.
     pub fn is_slowed(&self) -> bool {
         self.caution < 1.0
     }
@@ -95,7 +95,7 @@ impl Trainer {
         let statistics = self.statistics.values(&gpu)?;
         let exposure = self.exposing.as_ref().map(Exposing::states).transpose()?;
         let recorder = self.recorder.state(&gpu)?;
-        // What is read from a lost device looks like any other answer.
+        // Data read from a lost device looks like any other result.
         gpu.check()?;
         let (network, depths) = stages.map_or_else(Default::default, |s| (Some(s.network), s.depths));
         let state = State {

@@ -74,7 +74,7 @@ impl Viewer {
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
         let paints = self.edit.paints();
         if delta != Vec2::ZERO && !(paints && response.dragged_by(PointerButton::Primary)) {
-            // Dragging moves what is seen along with the pointer; right of it lies what a turn about up brings to the left.
+            // Dragging moves the scene along with the pointer.
             if response.dragged_by(PointerButton::Primary) {
                 self.navigator.orbit(TURN * x, TURN * y);
             } else if response.dragged_by(PointerButton::Secondary) {

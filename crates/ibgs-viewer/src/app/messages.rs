@@ -1,17 +1,17 @@
 //! Messages from the worker.
 
-use super::framing::{looked_at, middle};
+use super::framing::middle;
 use super::{Found, Trained, Viewer};
 use crate::Scene;
 use crate::curves::Curves;
 use crate::edit::Edit;
 use crate::mode::Mode;
-use crate::navigator::up_axis;
 use crate::panels::Panels;
 use crate::thumbnails::Thumbnails;
 use crate::worker::Message;
 use eframe::egui::{self, ViewportCommand};
 use ibgs_core::camera::{scene_extent, usable_extent};
+use ibgs_core::camera_path::turntable::{looked_at, up_axis};
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
 use std::time::Duration;

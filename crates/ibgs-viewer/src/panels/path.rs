@@ -6,11 +6,16 @@ use crate::navigator::Navigator;
 use crate::worker::Command;
 use eframe::egui::{self, Color32, DragValue, ProgressBar, Slider, Stroke, TextEdit, Ui};
 use glam::DVec3;
+use ibgs_core::camera_path::turntable::Axis;
 use ibgs_core::camera_path::{Keyframe, KeyframePath};
 use std::path::PathBuf;
 
 /// Seconds from one keyframe to the next, when they are set.
 const APART: f64 = 2.0;
+/// Seconds of a whole turn.
+const TURN: f64 = 12.0;
+/// Height of the list of keyframes in points; a longer list scrolls.
+const KEYFRAMES_HEIGHT: f32 = 150.0;
 /// Lines that the path is drawn with between two keyframes.
 const PIECES: usize = 16;
 
@@ -64,6 +69,14 @@ impl PathEditor {
         self.path.keyframes.push(navigator.keyframe());
         self.retime();
         self.at = self.path.seconds;
+    }
+
+    /// Makes the path a turn around what the camera orbits, from where it is.
+    pub fn turn(&mut self, navigator: &Navigator) {
+        let axis = Axis { center: navigator.pivot(), up: navigator.up };
+        self.path.keyframes = KeyframePath::turn(&navigator.keyframe(), &axis);
+        (self.path.cycle, self.path.seconds) = (true, TURN);
+        (self.timed, self.at, self.playing) = (true, 0.0, false);
     }
 
     /// Plays or stops.
@@ -121,6 +134,10 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
         if ui.button("Add keyframe").on_hover_text("Where the camera is now. Key K.").clicked() {
             editor.add(&navigator);
         }
+        let text = "Replace the path by a turn around what the camera orbits, at its height";
+        if ui.button("Turntable").on_hover_text(text).clicked() {
+            editor.turn(&navigator);
+        }
         let name = if editor.playing { "Stop" } else { "Play" };
         let play = ui.add_enabled(editor.keyframes() > 1, egui::Button::new(name));
         if play.on_hover_text("Key Space").clicked() {
@@ -130,7 +147,12 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
             *editor = PathEditor { file: std::mem::take(&mut editor.file), ..PathEditor::default() };
         }
     });
-    keyframes(editor, &navigator, ui);
+    // Those of a turn are many: the film's button has to stay in sight.
+    egui::ScrollArea::vertical()
+        .id_salt("keyframes")
+        .max_height(KEYFRAMES_HEIGHT)
+        .auto_shrink([false, true])
+        .show(ui, |ui| keyframes(editor, &navigator, ui));
     let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
     let slider = Slider::new(&mut editor.at, 0.0..=seconds).suffix(" s").fixed_decimals(2);
     if ui.add_enabled(any, slider).on_hover_text("Move along the path").changed() {

@@ -137,8 +137,12 @@ mod tests {
         assert_eq!(first(30_000, |i| s.residual_at(i)), Some(10_001));
         assert_eq!(first(30_000, |i| s.residual_at(i) && s.burn_in(i).is_none()), Some(13_001));
         assert!((1..=10_000).all(|i| s.burn_in(i).is_none()));
+        assert!((10_001..=13_000).all(|i| s.burn_in(i) == Some(1.0)));
+        let mut published = TrainConfig::default();
+        published.residual.burn_in_gain = 0.5;
+        let rising = Schedule::new(&published, 30_000);
         for (i, gain) in [(10_001, 0.5 + 0.5 / 3_000.0), (11_500, 0.75), (13_000, 1.0)] {
-            assert!((s.burn_in(i).unwrap() - gain).abs() < 1e-12, "{i}");
+            assert!((rising.burn_in(i).unwrap() - gain).abs() < 1e-12, "{i}");
         }
         let rates = [10_001, 17_999, 18_000, 24_999, 25_000, 30_000].map(|i| s.network_lr(i));
         assert_eq!(rates, [1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4]);

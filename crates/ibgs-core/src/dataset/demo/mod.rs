@@ -82,7 +82,7 @@ impl DemoOptions {
     }
 }
 
-/// Why the demo scene cannot be made. Trouble with the cache is no error: it ends up in `Dataset::notes`.
+/// Why the demo scene cannot be made. A problem with the cache is not an error; it is reported in `Dataset::notes`.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
     /// A field of [`DemoOptions`] is out of range.

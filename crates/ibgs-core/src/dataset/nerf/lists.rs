@@ -25,9 +25,9 @@ pub(super) fn add_name(names: &mut Names, file_path: &str, name: Option<String>)
 }
 
 impl Lists {
-    /// The split: none where there are no lists. Those of `test_filenames` are held out, or where that is absent those of
-    /// `val_filenames`, or all that `train_filenames` leaves out. What only `val_filenames` has is not used, nor what a
-    /// `train_filenames` beside the others leaves out.
+    /// The split; none if there are no lists. Held out are the views of `test_filenames`; without that list those of
+    /// `val_filenames`; without both, all that are not in `train_filenames`. With `train_filenames` only its views
+    /// train, without it all that no list has. Other views are not used.
     ///
     /// # Errors
     /// A name that no frame has, that a list has twice, or that is both in `train_filenames` and in another list.

@@ -48,7 +48,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// All formats. An ending stands before those that it ends in.
+    /// All formats. `.compressed.ply` comes before `.ply`, which it ends in.
     pub const ALL: [Self; 6] = [Self::CompressedPly, Self::Ply, Self::Spz, Self::Splat, Self::Gltf, Self::Sog];
 
     /// How names of such files end.
@@ -203,7 +203,7 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
     reader.rewind().map_err(io_error)?;
     let by_name = Format::of_name(path).filter(|&format| format == Format::Splat);
     let Some(format) = Format::of_contents(&start).or(by_name) else {
-        // A PLY by its name that is none has a better message there.
+        // A file with the name of a PLY that is none gets a better message there.
         return match Format::of_name(path) {
             Some(Format::Ply | Format::CompressedPly) => ply::read_ply_from(reader, length, path),
             _ => Err(SceneError::UnknownFormat { path: path.to_owned() }),

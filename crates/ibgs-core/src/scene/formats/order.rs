@@ -1,4 +1,5 @@
-//! Neighbours in space as neighbours in the file: smaller ranges in a chunk, and pictures that compress.
+//! Sorts Gaussians so that neighbours in space are neighbours in the file: chunks have smaller ranges, and pictures
+//! compress better.
 
 use super::super::Gaussians;
 

@@ -1,4 +1,4 @@
-//! Few values for many: a codebook of 256 numbers, and a palette of rows.
+//! Vector quantisation: a codebook of 256 numbers, and a palette of rows.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -74,7 +74,7 @@ impl Codebook {
     }
 }
 
-/// Rows that stand for others, and which of them stands for each row.
+/// The rows of a palette, and the index of the palette row that stands for each original row.
 pub(super) struct Palette {
     /// Entries, `width` values each.
     pub(super) entries: Vec<f32>,

@@ -1,4 +1,4 @@
-//! Values in few bits: what several formats do alike.
+//! Quantisation that several formats share.
 
 use super::super::SH_C0;
 
@@ -17,8 +17,8 @@ pub(super) fn opacity(logit: f32) -> f64 {
     1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
-/// The logit of an opacity that was kept in steps of `step`. What was rounded to 0 or 1 becomes the middle of what is rounded
-/// so, for their logits are infinite. NaN stays NaN.
+/// The logit of an opacity that was kept in steps of `step`. A value that was rounded to 0 or 1, whose logit is
+/// infinite, becomes the middle of the range that rounds to it. NaN stays NaN.
 pub(super) fn logit(opacity: f64, step: f64) -> f32 {
     let opacity = if opacity.is_nan() { opacity } else { opacity.clamp(step / 4.0, 1.0 - step / 4.0) };
     (opacity / (1.0 - opacity)).ln() as f32
@@ -44,12 +44,12 @@ pub(super) fn dc(color: f64) -> f32 {
     ((color - 0.5) / SH_C0) as f32
 }
 
-/// The logarithm of a standard deviation; 0 becomes the least that has one, NaN and what is negative NaN.
+/// The logarithm of a standard deviation. 0 counts as the smallest normal float; NaN and negative values give NaN.
 pub(super) fn log_scale(scale: f32) -> f32 {
     if scale == 0.0 { f32::MIN_POSITIVE.ln() } else { scale.ln() }
 }
 
-/// A quaternion of length 1; where it has no direction, that of no rotation.
+/// The quaternion scaled to length 1; the identity rotation if its length is 0.
 pub(super) fn unit_quaternion(q: [f32; 4]) -> [f64; 4] {
     let q = q.map(f64::from);
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();

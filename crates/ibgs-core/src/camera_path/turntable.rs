@@ -1,0 +1,160 @@
+//! A turn once around what a capture shows.
+
+use super::{Keyframe, KeyframePath};
+use crate::camera::Camera;
+use glam::{DMat3, DVec3};
+use std::f64::consts::TAU;
+
+/// Keyframes of a turn. The smooth way through so many stays within a thousandth of the radius of the circle.
+const KEYFRAMES: u32 = 16;
+
+/// A turn goes about this axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// What is looked at.
+    pub center: DVec3,
+    /// Up, of length one.
+    pub up: DVec3,
+}
+
+impl Axis {
+    /// The axis of a capture around something; none where its cameras look at no common point.
+    pub fn of<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Self> {
+        Some(Self { center: looked_at(cameras.clone())?, up: up_axis(cameras) })
+    }
+
+    /// Where a turn amid these cameras starts: on the side of the first one, at their median height and distance from the axis,
+    /// with the first one's field of view. None without a camera, or where they are above or under the centre.
+    pub fn start<'a>(&self, cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Keyframe> {
+        let offset = |camera: &Camera| camera.center() - self.center;
+        let height = |camera: &Camera| offset(camera).dot(self.up);
+        let aside = |camera: &Camera| offset(camera) - self.up * height(camera);
+        let first = cameras.clone().next()?;
+        let side = aside(first).try_normalize()?;
+        let height = median(cameras.clone().map(height))?;
+        let distance = median(cameras.map(|camera| aside(camera).length()))?;
+        let from_center = side * distance + self.up * height;
+        let forward = (-from_center).try_normalize()?;
+        let right = forward.cross(self.up).try_normalize()?;
+        Some(Keyframe {
+            position: self.center + from_center,
+            world_from_view: DMat3::from_cols(right, forward.cross(right), forward),
+            fov: 2.0 * (0.5 * f64::from(first.height) / first.focal.y).atan(),
+        })
+    }
+}
+
+impl KeyframePath {
+    /// The keyframes of a turn about an axis that starts and ends at `start`, for a film that can be repeated: counterclockwise
+    /// seen from above.
+    pub fn turn(start: &Keyframe, axis: &Axis) -> Vec<Keyframe> {
+        let key = |i: u32| {
+            let turn = DMat3::from_axis_angle(axis.up, TAU * f64::from(i) / f64::from(KEYFRAMES));
+            let position = axis.center + turn * (start.position - axis.center);
+            Keyframe { position, world_from_view: turn * start.world_from_view, ..*start }
+        };
+        (0..KEYFRAMES).map(key).collect()
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// The up axis of a capture: photos are upright on average.
+pub fn up_axis<'a>(cameras: impl Iterator<Item = &'a Camera>) -> DVec3 {
+    let sum: DVec3 = cameras.map(|camera| camera.view_from_world.transpose() * DVec3::NEG_Y).sum();
+    sum.try_normalize().unwrap_or(DVec3::NEG_Y)
+}
+
+/// The point nearest to all optical axes: what a capture looks at. None where they are nearly parallel.
+pub fn looked_at<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<DVec3> {
+    // Sum of (I - f f^T) (p - c) = 0 over the cameras.
+    let mut matrix = DMat3::ZERO;
+    let mut right = DVec3::ZERO;
+    for camera in cameras.clone() {
+        let f = camera.forward();
+        let across = DMat3::IDENTITY - DMat3::from_cols(f * f.x, f * f.y, f * f.z);
+        matrix += across;
+        right += across * camera.center();
+    }
+    let count = cameras.clone().count() as f64;
+    // Nearly parallel axes meet nowhere.
+    if count < 2.0 || matrix.determinant() < 1e-3 * count.powi(3) {
+        return None;
+    }
+    let point = matrix.inverse() * right;
+    let ahead = cameras.filter(|camera| camera.to_view(point).z > 0.0).count() as f64;
+    (point.is_finite() && ahead > 0.5 * count).then_some(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cameras on a ring with this height and radius around `center`, y down, looking at it.
+    fn ring(center: DVec3, height: f64, radius: f64) -> Vec<Camera> {
+        let axis = Axis { center, up: DVec3::NEG_Y };
+        let position = center + DVec3::new(0.0, -height, -radius);
+        let forward = (center - position).normalize();
+        let right = forward.cross(axis.up).normalize();
+        let world_from_view = DMat3::from_cols(right, forward.cross(right), forward);
+        let first = Keyframe { position, world_from_view, fov: 0.8 };
+        KeyframePath::turn(&first, &axis).iter().map(|key| key.camera(64, 48)).collect()
+    }
+
+    #[test]
+    fn a_ring_of_cameras_looks_at_its_middle() {
+        let target = DVec3::new(1.0, -2.0, 0.5);
+        let cameras = ring(target, 0.9, 3.0);
+        assert!(looked_at(cameras.iter()).unwrap().abs_diff_eq(target, 1e-9));
+        assert!(up_axis(cameras.iter()).abs_diff_eq(DVec3::NEG_Y, 1e-9));
+        // Cameras that face forward side by side meet nowhere; neither does one alone.
+        let row = (0..4).map(|i| {
+            let position = DVec3::new(f64::from(i), 0.0, 0.0);
+            Keyframe { position, world_from_view: DMat3::IDENTITY, fov: 0.8 }.camera(64, 48)
+        });
+        let row: Vec<Camera> = row.collect();
+        assert_eq!(looked_at(row.iter()), None);
+        assert_eq!(Axis::of(row.iter()), None);
+        assert_eq!(looked_at(cameras[..1].iter()), None);
+        assert_eq!(Axis::of([].iter()), None);
+    }
+
+    #[test]
+    fn a_turn_stays_on_its_circle_and_looks_at_the_middle() {
+        let target = DVec3::new(4e3, -7e3, 5.0);
+        let cameras = [ring(target, 1.0, 3.0), ring(target, 1.0, 3.0), ring(target, 9.0, 5.0)].concat();
+        let axis = Axis::of(cameras.iter()).unwrap();
+        let start = axis.start(cameras.iter()).unwrap();
+        assert!((start.fov - 0.8).abs() < 1e-9);
+        let keyframes = KeyframePath::turn(&start, &axis);
+        let path = KeyframePath { keyframes, width: 64, height: 48, fps: 30.0, seconds: 10.0, cycle: true };
+        let frames = path.frames();
+        assert_eq!(frames.len(), 300);
+        for camera in &frames {
+            let offset = camera.center() - axis.center;
+            let height = offset.dot(axis.up);
+            let radius = (offset - axis.up * height).length();
+            assert!((height - 1.0).abs() < 2e-3 && (radius - 3.0).abs() < 3e-3, "height {height}, radius {radius}");
+            let seen = camera.to_view(axis.center);
+            assert!(seen.z > 0.0 && seen.truncate().length() < 2e-3 * seen.z, "the middle is at {seen}");
+        }
+        let step = |a: &Camera, b: &Camera| a.center().distance(b.center());
+        let steps: Vec<f64> = frames.windows(2).map(|pair| step(&pair[0], &pair[1])).collect();
+        let (least, most) = steps.iter().fold((f64::MAX, 0f64), |(l, m), &s| (l.min(s), m.max(s)));
+        assert!(most / least < 1.04, "the speed changes by {}", most / least);
+        assert!((step(&frames[299], &frames[0]) / most - 1.0).abs() < 0.02, "the film goes on where it began");
+    }
+
+    #[test]
+    fn cameras_above_the_middle_have_no_side_to_start_from() {
+        let axis = Axis { center: DVec3::ZERO, up: DVec3::NEG_Y };
+        let down = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
+        let above = Keyframe { position: DVec3::new(0.0, -2.0, 0.0), world_from_view: down, fov: 0.8 }.camera(64, 48);
+        assert_eq!(axis.start([above].iter()), None);
+        assert_eq!(axis.start([].iter()), None);
+    }
+}
