@@ -145,7 +145,7 @@ fn render_path(model: &OpenModel, path: &CameraPath, name: &str, args: &Args, ou
             _ => outputs.iter().map(|output| folder.join(output.kind().folder())).collect(),
         };
         for folder in folders {
-            stderr!("video: {}", video::encode(&folder, path.fps)?.display());
+            stderr!("video: {}", video::encode(&folder, cameras.len(), path.fps)?.display());
         }
     }
     Ok(())

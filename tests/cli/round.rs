@@ -235,6 +235,8 @@ fn make_video(sandbox: &Sandbox) {
     run().assert_success();
     for kind in ["renders", "renders_aggregate"] {
         let asked = sandbox.text(&format!("film/{kind}/film.mp4"));
+        // Frames that a longer film left there are no part of it.
+        assert!(asked.contains("-frames:v 2 "), "{asked}");
         assert!(asked.contains("-framerate 24 ") && asked.contains(&format!("film/{kind}/%05d.png")), "{asked}");
     }
 }

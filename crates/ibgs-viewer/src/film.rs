@@ -72,7 +72,7 @@ impl Shoot {
             return Ok(None);
         }
         let frames = format!("{} frames in {}", self.count(), self.film.folder.display());
-        Ok(Some(match video::encode(&self.film.folder, self.film.fps) {
+        Ok(Some(match video::encode(&self.film.folder, self.count(), self.film.fps) {
             Ok(path) => format!("{frames}; video: {}", path.display()),
             Err(error) => format!("{frames}; {error}"),
         }))

@@ -163,7 +163,7 @@ const PASSED: f32 = 0.5;
 const QUIET: f32 = 0.1;
 
 /// Initial weights of a variant: those of [`random`], and where the network reads differences to the base colour and gives a
-/// residual, the residual is [`PASSED`] times the sources' mean difference at first. Without that, a run of some hundred
+/// residual, the residual is half of the sources' mean difference at first. Without that, a run of some hundred
 /// iterations ends before the network has learned to pass anything. A departure from method.md.
 pub fn initial(variant: &Variant, seed: u64) -> Vec<f32> {
     let mut weights = random(seed);
