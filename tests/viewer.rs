@@ -59,7 +59,7 @@ fn untrained(pictures: &Path) -> Opened {
     opened(dataset, splats, part, pictures)
 }
 
-/// Options of the published network: a random confidence would trust no source.
+/// Options of the published network, which the snapshots show.
 fn mean_of_sources() -> TrainConfig {
     let mut config = TrainConfig::default();
     config.residual.aggregation = Aggregation::Mean;

@@ -48,7 +48,7 @@ pub struct Args {
     #[arg(long)]
     camera_path: Option<PathBuf>,
     /// Render a turn of this many seconds around what the photos show, 30 frames a second, instead of the scene's views.
-    #[arg(long, value_name = "SECONDS", value_parser = turn_seconds, conflicts_with = "camera_path")]
+    #[arg(long, value_name = "SECONDS", value_parser = turn_seconds)]
     turntable: Option<f64>,
     /// Folder for the frames of a camera path or turntable [default: MODEL/path/ours_N, MODEL/turntable/ours_N].
     #[arg(short, long, requires = "frames")]
@@ -96,8 +96,8 @@ pub fn run(args: &Args) -> Result<()> {
         model = model.showing_surface();
     }
     match (path, args.turntable) {
-        (Some(path), _) => render_path(&model, &path, "path", args, &outputs),
-        (None, Some(seconds)) => render_path(&model, &turntable(&model, seconds)?, "turntable", args, &outputs),
+        (Some(path), _) => render_path(&model, &path, args, &outputs),
+        (None, Some(seconds)) => render_path(&model, &turntable(&model, seconds)?, args, &outputs),
         (None, None) => render_views(&model, args, &outputs),
     }
 }
@@ -112,19 +112,18 @@ fn turntable(model: &OpenModel, seconds: f64) -> Result<CameraPath> {
             model.folder.root().display()
         );
     };
-    let keyframes = KeyframePath::turn(&start, &axis);
+    let keyframes = axis.turn(&start);
     let (width, height, fps) = (first.width, first.height, TURNTABLE_FPS);
     let path = KeyframePath { keyframes, width, height, fps, seconds, cycle: true };
     Ok(CameraPath { cameras: path.frames(), fps })
 }
 
-/// Renders frames into a folder, by default that of the model with this name.
-fn render_path(model: &OpenModel, path: &CameraPath, name: &str, args: &Args, outputs: &[Output]) -> Result<()> {
+fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Output]) -> Result<()> {
     let cameras = &path.cameras;
+    let (what, name) = if args.turntable.is_some() { ("turntable", "turntable") } else { ("camera path", "path") };
     let default = || model.folder.root().join(name).join(format!("ours_{}", model.iteration));
     let folder = args.output.clone().unwrap_or_else(default);
     let names: Vec<&str> = outputs.iter().map(|output| output.name()).collect();
-    let what = if name == "path" { "camera path" } else { name };
     stderr!("rendering {} frames of the {what}: {}", cameras.len(), names.join(", "));
     let bar = bar("rendering", cameras.len());
     for (index, camera) in cameras.iter().enumerate() {

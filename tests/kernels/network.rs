@@ -11,7 +11,7 @@ use ibgs_core::residual::{Aggregation, NetworkError, NetworkInputs, ResidualNetw
 #[test]
 fn weights_survive_device_and_file() {
     let gpu = gpu();
-    let network = ResidualNetwork::init(&gpu, &Variant::default(), 11).unwrap();
+    let network = ResidualNetwork::from_values(&gpu, &initial(&Variant::default(), 11)).unwrap();
     assert_eq!(network.to_values(&gpu).unwrap(), initial(&Variant::default(), 11));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(FILE_NAME);

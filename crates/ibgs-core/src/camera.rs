@@ -35,6 +35,11 @@ impl Camera {
         self.width as usize * self.height as usize
     }
 
+    /// Vertical field of view in radians, of a principal point in the middle.
+    pub fn vertical_fov(&self) -> f64 {
+        2.0 * (0.5 * f64::from(self.height) / self.focal.y).atan()
+    }
+
     /// Camera centre in world space.
     pub fn center(&self) -> DVec3 {
         -(self.view_from_world.transpose() * self.translation)

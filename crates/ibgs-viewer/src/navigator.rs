@@ -43,7 +43,7 @@ impl Navigator {
             distance,
             size: distance,
             up,
-            fov: 2.0 * (0.5 * f64::from(camera.height) / camera.focal.y).atan(),
+            fov: camera.vertical_fov(),
         }
     }
 

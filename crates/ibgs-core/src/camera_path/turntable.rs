@@ -1,6 +1,6 @@
 //! A turn once around what a capture shows.
 
-use super::{Keyframe, KeyframePath};
+use super::Keyframe;
 use crate::camera::Camera;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
@@ -34,27 +34,28 @@ impl Axis {
         let height = median(cameras.clone().map(height))?;
         let distance = median(cameras.map(|camera| aside(camera).length()))?;
         let from_center = side * distance + self.up * height;
-        let forward = (-from_center).try_normalize()?;
-        let right = forward.cross(self.up).try_normalize()?;
         Some(Keyframe {
             position: self.center + from_center,
-            world_from_view: DMat3::from_cols(right, forward.cross(right), forward),
-            fov: 2.0 * (0.5 * f64::from(first.height) / first.focal.y).atan(),
+            world_from_view: facing((-from_center).try_normalize()?, self.up)?,
+            fov: first.vertical_fov(),
         })
     }
-}
 
-impl KeyframePath {
-    /// The keyframes of a turn about an axis that starts and ends at `start`, for a film that can be repeated: counterclockwise
-    /// seen from above.
-    pub fn turn(start: &Keyframe, axis: &Axis) -> Vec<Keyframe> {
+    /// The keyframes of a turn that starts and ends at `start`, for a film that can be repeated: counterclockwise seen from above.
+    pub fn turn(&self, start: &Keyframe) -> Vec<Keyframe> {
         let key = |i: u32| {
-            let turn = DMat3::from_axis_angle(axis.up, TAU * f64::from(i) / f64::from(KEYFRAMES));
-            let position = axis.center + turn * (start.position - axis.center);
+            let turn = DMat3::from_axis_angle(self.up, TAU * f64::from(i) / f64::from(KEYFRAMES));
+            let position = self.center + turn * (start.position - self.center);
             Keyframe { position, world_from_view: turn * start.world_from_view, ..*start }
         };
         (0..KEYFRAMES).map(key).collect()
     }
+}
+
+/// Axes of an upright view in this direction, of length one; none straight up or down.
+fn facing(forward: DVec3, up: DVec3) -> Option<DMat3> {
+    let right = forward.cross(up).try_normalize()?;
+    Some(DMat3::from_cols(right, forward.cross(right), forward))
 }
 
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -92,17 +93,16 @@ pub fn looked_at<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Optio
 
 #[cfg(test)]
 mod tests {
+    use super::super::KeyframePath;
     use super::*;
 
     /// Cameras on a ring with this height and radius around `center`, y down, looking at it.
     fn ring(center: DVec3, height: f64, radius: f64) -> Vec<Camera> {
         let axis = Axis { center, up: DVec3::NEG_Y };
         let position = center + DVec3::new(0.0, -height, -radius);
-        let forward = (center - position).normalize();
-        let right = forward.cross(axis.up).normalize();
-        let world_from_view = DMat3::from_cols(right, forward.cross(right), forward);
+        let world_from_view = facing((center - position).normalize(), axis.up).unwrap();
         let first = Keyframe { position, world_from_view, fov: 0.8 };
-        KeyframePath::turn(&first, &axis).iter().map(|key| key.camera(64, 48)).collect()
+        axis.turn(&first).iter().map(|key| key.camera(64, 48)).collect()
     }
 
     #[test]
@@ -111,6 +111,8 @@ mod tests {
         let cameras = ring(target, 0.9, 3.0);
         assert!(looked_at(cameras.iter()).unwrap().abs_diff_eq(target, 1e-9));
         assert!(up_axis(cameras.iter()).abs_diff_eq(DVec3::NEG_Y, 1e-9));
+        assert!(up_axis(cameras[..1].iter()).dot(-cameras[0].view_from_world.row(1)) > 0.999);
+        assert_eq!(up_axis([].iter()), DVec3::NEG_Y);
         // Cameras that face forward side by side meet nowhere; neither does one alone.
         let row = (0..4).map(|i| {
             let position = DVec3::new(f64::from(i), 0.0, 0.0);
@@ -130,7 +132,7 @@ mod tests {
         let axis = Axis::of(cameras.iter()).unwrap();
         let start = axis.start(cameras.iter()).unwrap();
         assert!((start.fov - 0.8).abs() < 1e-9);
-        let keyframes = KeyframePath::turn(&start, &axis);
+        let keyframes = axis.turn(&start);
         let path = KeyframePath { keyframes, width: 64, height: 48, fps: 30.0, seconds: 10.0, cycle: true };
         let frames = path.frames();
         assert_eq!(frames.len(), 300);

@@ -1,9 +1,8 @@
 //! The residual network's weights on the device.
 
 use super::layers::WEIGHTS;
-use super::variant::Variant;
-use super::weights::{NetworkError, initial};
-use crate::gpu::{Buffer, Gpu, GpuError};
+use super::weights::NetworkError;
+use crate::gpu::{Buffer, Gpu};
 
 /// All weights of the per-view MLP and the U-Net (method.md section 6). Clones share the memory.
 #[derive(Clone, Debug)]
@@ -13,14 +12,6 @@ pub struct ResidualNetwork {
 }
 
 impl ResidualNetwork {
-    /// A network that has learned nothing yet, see [`initial`].
-    ///
-    /// # Errors
-    /// Not enough memory.
-    pub fn init(gpu: &Gpu, variant: &Variant, seed: u64) -> Result<Self, GpuError> {
-        Self::upload(gpu, &initial(variant, seed))
-    }
-
     /// A network with the given flat weights.
     ///
     /// # Errors
@@ -29,10 +20,6 @@ impl ResidualNetwork {
         if weights.len() != WEIGHTS {
             return Err(NetworkError::Count { found: weights.len() });
         }
-        Ok(Self::upload(gpu, weights)?)
-    }
-
-    fn upload(gpu: &Gpu, weights: &[f32]) -> Result<Self, GpuError> {
         Ok(Self { weights: gpu.upload("weights of the network", weights)? })
     }
 

@@ -74,7 +74,7 @@ impl PathEditor {
     /// Makes the path a turn around what the camera orbits, from where it is.
     pub fn turn(&mut self, navigator: &Navigator) {
         let axis = Axis { center: navigator.pivot(), up: navigator.up };
-        self.path.keyframes = KeyframePath::turn(&navigator.keyframe(), &axis);
+        self.path.keyframes = axis.turn(&navigator.keyframe());
         (self.path.cycle, self.path.seconds) = (true, TURN);
         (self.timed, self.at, self.playing) = (true, 0.0, false);
     }
