@@ -204,6 +204,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, visible, inputs, aggregation, groups });
     twin!(FeatureSumParams { count, groups, first, rest });
     twin!(ComposeParams { size, low, gain, full_color, seen_only, pad });
+    twin!(MixParams { pixels, visible, share, angle, doubt });
     twin!(ConvParams {
         size,
         source,

@@ -26,6 +26,7 @@ mod rasterize_ellipsoids;
 mod residual;
 mod residual_compose;
 mod residual_features;
+mod residual_mix;
 mod scan;
 mod shortest_axis;
 mod sort;

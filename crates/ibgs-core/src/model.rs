@@ -352,5 +352,6 @@ fn published_options(options: &ModelOptions) -> TrainConfig {
     config.data.resolution = options.resolution.unwrap_or_default();
     config.sources.distances = Distances::Absolute;
     config.residual.aggregation = Aggregation::Mean;
+    config.residual.source_share = 0.0;
     config
 }

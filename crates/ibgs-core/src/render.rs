@@ -10,6 +10,7 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
 use crate::local_space::LocalSpace;
 use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Shape, Surface, SurfaceOptions};
+use crate::residual::mix::SourceMix;
 use crate::residual::network::ResidualNetwork;
 use crate::residual::{Aggregation, Factor, Precision, Residual, ResidualInputs, ResidualTask, Variant};
 use crate::scene::{SceneError, Splats};
@@ -31,6 +32,8 @@ pub struct ImageOptions {
     pub variant: Variant,
     /// How precisely it computes.
     pub precision: Precision,
+    /// Most weight of the sources' mean colour in the final image.
+    pub source_share: f32,
 }
 
 impl ImageOptions {
@@ -52,6 +55,7 @@ impl ImageOptions {
             },
             // Which precision pays is found by a clock.
             precision: if config.deterministic { Precision::Full } else { residual.precision },
+            source_share: residual.source_share as f32,
         }
     }
 
@@ -413,9 +417,11 @@ fn record_final(
     };
     let task = ResidualTask { camera: *camera, seen: warped.seen.clone(), gain: 1.0 };
     let weights = stage.part.network.weights.clone();
-    let inputs = ResidualInputs { base, warped: colors, visible: warped.visible, weights };
+    let inputs = ResidualInputs { base, warped: colors.clone(), visible: warped.visible, weights };
     let image = gpu.transient("final image", forward.image.size)?;
     let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
+    let mix = SourceMix::new(camera.pixels() as u32, warped.visible, stage.part.options.source_share);
+    mix.record(pass, &colors, &warped.seen.visible, &residual.image);
     // The photos on the device are not kept: the store could not reuse their memory.
     let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
         view: index,

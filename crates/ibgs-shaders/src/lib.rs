@@ -300,6 +300,9 @@ kernels! {
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
         read("most_visible"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
+    /// The final colour towards the sources' mean colour.
+    RESIDUAL_MIX = "residual_mix" [256, 1, 1] (size_of::<types::MixParams>()):
+        read("warped"), read("seen"), write("image");
     // The U-Net of the residual network.
     /// 3 x 3 convolution, forward or gradient by the input.
     RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):

@@ -349,6 +349,22 @@ pub struct ComposeParams {
     pub pad: u32,
 }
 
+/// The sources' share in the final colour; the twin of `MixParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MixParams {
+    /// Number of pixels.
+    pub pixels: u32,
+    /// Visible sources a pixel, V.
+    pub visible: u32,
+    /// Most weight of the sources' mean colour.
+    pub share: f32,
+    /// Distance of the unit viewing directions at which a source counts 1/e.
+    pub angle: f32,
+    /// What stands against the sources' weights.
+    pub doubt: f32,
+}
+
 /// A 3 x 3 convolution or its gradient by the input; the twin of `ConvParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -229,6 +229,7 @@ fn check_residual(residual: &ResidualConfig, check: &Check<'_>) -> Result<(), Co
         &[
             ("burn-in-gain", residual.burn_in_gain, Range::Unit),
             ("dropout", residual.dropout, Range::Decay),
+            ("source-share", residual.source_share, Range::Unit),
             ("learning-rate", residual.learning_rate, Range::Positive),
             ("beta1", residual.beta1, Range::Decay),
             ("beta2", residual.beta2, Range::Decay),

@@ -53,6 +53,8 @@ pub struct ResidualConfig {
     pub output: Output,
     /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published; `max`.
     pub aggregation: Aggregation,
+    /// Most weight of the sources' mean colour in a rendered view, 0 to 1, see [`crate::residual::mix`]; 0: none, as published.
+    pub source_share: f64,
 }
 
 /// Whether the photos' exposures are corrected.
@@ -149,6 +151,7 @@ impl Default for ResidualConfig {
             inputs: NetworkInputs::Differences,
             output: Output::Residual,
             aggregation: Aggregation::Soft,
+            source_share: 0.15,
         }
     }
 }

@@ -1,7 +1,9 @@
-//! The residual network (method.md section 6): [`features`] and per-view MLP, then the U-Net, then [`compose`].
+//! The residual network (method.md section 6): [`features`] and per-view MLP, then the U-Net, then [`compose`]; views that are
+//! rendered, not trained on, then [`mix`] in the sources' mean colour.
 
 pub mod compose;
 pub mod features;
+pub mod mix;
 pub mod network;
 mod operation;
 pub mod pth;

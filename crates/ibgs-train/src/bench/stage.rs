@@ -171,7 +171,7 @@ impl Stage {
             (_, "project_backward") => ProjectBackward,
             ("rasterize", _) => Sort,
             ("residual", "residual_features" | "half_features") => Features,
-            ("residual", "residual_compose") => Compose,
+            ("residual", "residual_compose" | "residual_mix") => Compose,
             ("residual", _) => UNet,
             ("residual backward", "residual_compose_backward") => ComposeBackward,
             ("residual backward", kernel) if kernel.starts_with("residual_features") => FeaturesBackward,
