@@ -1,7 +1,7 @@
 //! Every kernel against its table entry, by naga and without a GPU: bindings with order and access, workgroup size,
 //! struct offsets, full validation.
 
-use ibgs_shaders::{Access, KERNELS, Kernel, MATRIX_KERNELS, MatrixUnits, types};
+use ibgs_shaders::{Access, Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS, types};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use std::mem::offset_of;
@@ -10,7 +10,7 @@ use std::mem::offset_of;
 fn modules() -> Vec<(&'static Kernel, Module)> {
     let units = [MatrixUnits { side: 16, lanes: 32 }, MatrixUnits { side: 8, lanes: 8 }];
     let half = MATRIX_KERNELS.iter().flat_map(|&kernel| units.map(|u| (kernel, kernel.wgsl_for(u))));
-    let all = KERNELS.iter().map(|&kernel| (kernel, kernel.wgsl())).chain(half);
+    let all = RENDER_KERNELS.iter().chain(TRAIN_KERNELS).map(|&kernel| (kernel, kernel.wgsl())).chain(half);
     all.map(|(kernel, source)| (kernel, parse(kernel, &source))).collect()
 }
 
@@ -54,7 +54,7 @@ fn bindings_and_workgroups_match_the_table() {
 fn every_kernel_has_a_module_of_tests() {
     let lines = include_str!("kernels/mod.rs").lines();
     let modules: Vec<&str> = lines.filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).collect();
-    for kernel in KERNELS.iter().chain(MATRIX_KERNELS) {
+    for kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS).chain(MATRIX_KERNELS) {
         let starts = |module: &&str| {
             kernel.name.strip_prefix(module).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
         };
@@ -87,6 +87,22 @@ fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for()
         assert!(size <= most * 1024, "{}: {size} bytes", kernel.name);
         assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
         assert!(kernel.immediates <= 128, "{}", kernel.name);
+    }
+}
+
+/// What browsers offer on desktop adapters: ten storage buffers, 32 KiB of workgroup memory, uniforms in place of immediate data.
+#[test]
+fn rendering_keeps_to_the_limits_of_browsers() {
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    for kernel in RENDER_KERNELS {
+        let source = kernel.wgsl_with_uniform();
+        let module = naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(&source)));
+        validator.validate(&module).unwrap_or_else(|e| panic!("{}: {}", kernel.name, e.emit_to_string(&source)));
+        let uniforms = module.global_variables.iter().filter(|(_, v)| v.space == AddressSpace::Uniform).count();
+        assert_eq!(uniforms, usize::from(kernel.immediates > 0), "{}", kernel.name);
+        assert!(kernel.bindings.len() <= 10, "{}: {} storage buffers", kernel.name, kernel.bindings.len());
+        assert!(kernel.workgroup.iter().product::<u32>() <= 256, "{}", kernel.name);
     }
 }
 

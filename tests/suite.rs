@@ -6,6 +6,7 @@ mod bad_input;
 mod bad_input_csv;
 mod bad_input_json;
 mod bad_input_random;
+mod browser_limits;
 mod cli;
 mod common;
 mod contract;

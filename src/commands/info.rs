@@ -7,8 +7,8 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::dataset::{self, SceneInfo};
-use ibgs_core::gpu::lacking;
 use ibgs_core::gpu::list_adapters;
+use ibgs_core::gpu::{Use, lacking};
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;
 use ibgs_core::scene::{Gaussians, is_gaussians, read_gaussians};
@@ -59,10 +59,11 @@ fn adapters() -> Result<()> {
                 m.cr_type
             );
         }
-        let missing = lacking(adapter);
-        match missing.is_empty() {
-            true => stdout!("   usable             yes"),
-            false => stdout!("   usable             no, lacks {}", missing.join(", ")),
+        let [rendering, training] = [Use::Rendering, Use::Training].map(|wanted| lacking(adapter, wanted).join(", "));
+        match (rendering.is_empty(), training.is_empty()) {
+            (_, true) => stdout!("   usable             yes"),
+            (true, false) => stdout!("   usable             for rendering, not for training: lacks {training}"),
+            (false, _) => stdout!("   usable             no, lacks {rendering}"),
         }
     }
     Ok(())

@@ -130,15 +130,12 @@ macro_rules! kernels {
 }
 
 kernels! {
-    /// Every kernel that any adapter runs.
-    KERNELS:
+    /// The kernels of rendering, which keep to the limits of a browser.
+    RENDER_KERNELS:
     /// Culling, projection, colour, depth keys, tile counts.
     PROJECT = "project" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
         write("projected"), write("depth_keys"), write("tile_counts"), read("filters");
-    /// Sizes of the 3D smoothing filters.
-    FILTER_SIZES = "filter_sizes" [256, 1, 1] (size_of::<types::FilterParams>()):
-        read("means"), read("cameras"), write("filters");
     /// `gathered[i] = values[order[i]]`.
     GATHER = "gather" [256, 1, 1] (4): read("values"), read("order"), write("gathered");
     /// Prefix sum, block sums.
@@ -176,14 +173,54 @@ kernels! {
     /// A part of a frame as 8-bit colours.
     PRESENT = "present" [256, 1, 1] (size_of::<types::PresentParams>()):
         read("values"), read("others"), read("words"), read("palette"), write("pixels");
+    /// Alpha blending with normal map, median intersections and median depth, without what gradients need.
+    RASTERIZE_SURFACE_IMAGE = "rasterize_surface_image" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
+        read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
+        write("image"), write("final_t"), write("normal_map"), write("median_depth"), write("intersections");
+    /// Median depth alone.
+    RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
+        read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"), write("median_depth");
+    /// Colours of one source photo at the median intersections, visibility, packing.
+    WARP = "warp" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
+        read("median_depth"), read("intersections"), read("photo"), read("source_depth"),
+        write("warped"), write("seen"), write("most_visible");
+    /// Plane normals from the shortest axes.
+    SHORTEST_AXIS = "shortest_axis" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("rotations"), read("log_scales"), write("normals"), write("plane_offsets");
+    /// What the Gaussians show in a photo's exposure.
+    EXPOSE = "expose" [256, 1, 1] (size_of::<types::ExposeParams>()):
+        read("exposures"), read("image"), read("transmittance"), write("exposed");
+    /// Warped colours in the target's exposure.
+    EXPOSE_WARPED = "expose_warped" [256, 1, 1] (size_of::<types::VisibleParams>()):
+        read("exposures"), read("warped"), read("seen"), write("shifted");
+    /// Features and per-view MLP: the U-Net's input.
+    RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
+        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
+    /// Base colour and residual to the final colour.
+    RESIDUAL_COMPOSE = "residual_compose" [256, 1, 1] (size_of::<types::ComposeParams>()):
+        read("most_visible"), read("seen"), read("base"), read("residual"), write("image");
+    /// The final colour towards the sources' mean colour.
+    RESIDUAL_MIX = "residual_mix" [256, 1, 1] (size_of::<types::MixParams>()):
+        read("warped"), read("seen"), write("image");
+    /// 3 x 3 convolution, forward or gradient by the input.
+    RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):
+        read("weights"), read("input_a"), read("input_b"), write("output");
+    /// The last two layers.
+    RESIDUAL_HEAD = "residual_head" [128, 1, 1] (size_of::<types::HeadParams>()):
+        read("weights"), read("d1"), read("x"), write("residual"), write("f");
+}
+
+kernels! {
+    /// The kernels of training and of measurements.
+    TRAIN_KERNELS:
+    /// Sizes of the 3D smoothing filters.
+    FILTER_SIZES = "filter_sizes" [256, 1, 1] (size_of::<types::FilterParams>()):
+        read("means"), read("cameras"), write("filters");
     /// Alpha blending with normal map, median intersections and median depth.
     RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry"), write("normal_map"), write("median_depth"),
         write("intersections"), write("intersection_entries");
-    /// Median depth alone.
-    RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
-        read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"), write("median_depth");
     /// Gradient of the blending with surface by projected quantities and planes, a row an intersection.
     RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"),
@@ -194,10 +231,6 @@ kernels! {
     PLANES_BACKWARD = "planes_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("normals"), read("plane_offsets"), read("planes"), read("depth_order"), read("offsets"),
         read("tile_counts"), read("v_isect_plane"), write("v_means"), write("v_normals"), write("v_plane_offsets");
-    /// Colours of one source photo at the median intersections, visibility, packing.
-    WARP = "warp" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
-        read("median_depth"), read("intersections"), read("photo"), read("source_depth"),
-        write("warped"), write("seen"), write("most_visible");
     /// Gradient of one source's warping by the median intersections and the median depth.
     WARP_BACKWARD = "warp_backward" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
         read("median_depth"), read("intersections"), read("photo"), read("warped"), read("seen"), read("v_warped"),
@@ -224,9 +257,6 @@ kernels! {
     /// Adam.
     ADAM = "adam" [256, 1, 1] (size_of::<types::AdamParams>()):
         read("gradient"), write("values"), write("moment1"), write("moment2");
-    /// Plane normals from the shortest axes.
-    SHORTEST_AXIS = "shortest_axis" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("rotations"), read("log_scales"), write("normals"), write("plane_offsets");
     /// Pixels of large error that each Gaussian covers.
     DENSIFY_ERRORS = "densify_errors" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("projected"), read("sorted_gaussians"), read("tile_ranges"), read("last_entry"), read("image"), read("photo"),
@@ -265,25 +295,16 @@ kernels! {
     /// SSIM of a photo and the images warped to it, gradient by the warped colours, one visible source.
     PHOTOMETRIC_LOSS_BACKWARD = "photometric_loss_backward" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), read("moments"), read("stats"), read("v_loss"), write("v_warped");
-    /// What the Gaussians show in a photo's exposure.
-    EXPOSE = "expose" [256, 1, 1] (size_of::<types::ExposeParams>()):
-        read("exposures"), read("image"), read("transmittance"), write("exposed");
     /// Gradient by the image; sums of those by the exposure.
     EXPOSE_BACKWARD = "expose_backward" [256, 1, 1] (size_of::<types::ExposeParams>()):
         read("exposures"), read("image"), read("transmittance"), read("v_exposed"), write("v_image"), write("partials");
     /// Gradient by the exposure.
     EXPOSE_TOTAL = "expose_total" [EXPOSURE_GROUPS, 1, 1] (0):
         read("exposures"), read("partials"), write("v_exposure");
-    /// Warped colours in the target's exposure.
-    EXPOSE_WARPED = "expose_warped" [256, 1, 1] (size_of::<types::VisibleParams>()):
-        read("exposures"), read("warped"), read("seen"), write("shifted");
     /// Gradient by the warped colours in the sources' exposures.
     EXPOSE_WARPED_BACKWARD = "expose_warped_backward" [256, 1, 1] (size_of::<types::VisibleParams>()):
         read("exposures"), read("seen"), read("v_shifted"), write("v_warped");
     // The residual network's input, per-view MLP and composition.
-    /// Features and per-view MLP: the U-Net's input.
-    RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
-        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
     /// Gradient of the per-view MLP by features and weights, a row of weights a workgroup.
     RESIDUAL_FEATURES_BACKWARD = "residual_features_backward" [64, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"),
@@ -294,19 +315,10 @@ kernels! {
     /// Gradient by warped colours, cosines and base colour.
     RESIDUAL_INPUTS_BACKWARD = "residual_inputs_backward" [256, 1, 1] (size_of::<types::FeatureParams>()):
         read("seen"), read("most_visible"), read("v_x"), read("v_features"), write("v_warped"), write("v_base");
-    /// Base colour and residual to the final colour.
-    RESIDUAL_COMPOSE = "residual_compose" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("most_visible"), read("seen"), read("base"), read("residual"), write("image");
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
         read("most_visible"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
-    /// The final colour towards the sources' mean colour.
-    RESIDUAL_MIX = "residual_mix" [256, 1, 1] (size_of::<types::MixParams>()):
-        read("warped"), read("seen"), write("image");
     // The U-Net of the residual network.
-    /// 3 x 3 convolution, forward or gradient by the input.
-    RESIDUAL_CONV = "residual_conv" [128, 1, 1] (size_of::<types::ConvParams>()):
-        read("weights"), read("input_a"), read("input_b"), write("output");
     /// 3 x 3 convolution, partial sums of the gradient by weights and biases.
     RESIDUAL_CONV_WEIGHTS = "residual_conv_weights" [192, 1, 1] (size_of::<types::ConvWeightsParams>()):
         read("v"), read("input"), write("partials");
@@ -318,9 +330,6 @@ kernels! {
     /// Gradient of the enlargement by nearest.
     RESIDUAL_UPSAMPLE_BACKWARD = "residual_upsample_backward" [256, 1, 1] (size_of::<types::UpsampleParams>()):
         read("v_enlarged"), write("v");
-    /// The last two layers.
-    RESIDUAL_HEAD = "residual_head" [128, 1, 1] (size_of::<types::HeadParams>()):
-        read("weights"), read("d1"), read("x"), write("residual"), write("f");
     /// The last two layers, gradient by their inputs.
     RESIDUAL_HEAD_BACKWARD = "residual_head_backward" [128, 1, 1] (size_of::<types::HeadParams>()):
         read("weights"), read("v_residual"), write("d1"), write("f");
@@ -445,6 +454,11 @@ impl Kernel {
     /// The complete WGSL source: shared constants, imported files, the kernel.
     pub fn wgsl(&self) -> String {
         format!("{}{}", constants(), resolve(self.source))
+    }
+
+    /// The same for devices without immediate data, which is then a uniform at binding 0 of group 1.
+    pub fn wgsl_with_uniform(&self) -> String {
+        self.wgsl().replace("var<immediate>", "@group(1) @binding(0) var<uniform>")
     }
 
     /// Whether this is one of the [`MATRIX_KERNELS`].

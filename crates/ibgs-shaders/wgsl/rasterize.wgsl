@@ -1,5 +1,6 @@
 // Front-to-back alpha blending of the colour (method.md section 2).
 #define COLOR
+#define ENTRIES
 #import frame
 #import tile
 

@@ -3,6 +3,7 @@
 #define COLOR
 #define PLANES
 #define INTERSECTIONS
+#define ENTRIES
 #import surface
 #import tile
 

@@ -19,7 +19,7 @@
 //! | losses | 36 P {twice, and 36 V P} |
 //! | depth maps | {4 a pixel of all training photos} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
-//! | evaluation | {608 p + (64 + 16 V + 4 M + 12 K) P, where there are views to evaluate} |
+//! | evaluation | {608 p + (64 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
@@ -242,7 +242,7 @@ impl Estimate {
             self.add("evaluation", "residual and images", 12 * pixels, 3);
             self.add("evaluation", "warped colours", 16 * visible * pixels, 1);
             self.add("evaluation", "depth maps of the sources", 4 * pixels, sources);
-            self.add("evaluation", "surface", (28 + 12 * medians) * pixels, 1);
+            self.add("evaluation", "surface", (28 + 8 * medians) * pixels, 1);
         }
     }
 

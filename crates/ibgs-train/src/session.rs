@@ -98,7 +98,7 @@ impl Session {
         let pixels = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum();
         config.adapt_to_photos(dataset.train.len(), pixels);
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        gpu.warm_up();
+        gpu.warm_up()?;
         let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
         Ok(Self::of(trainer, raster, dataset, config, started))
     }

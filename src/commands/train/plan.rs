@@ -122,7 +122,7 @@ impl Plan {
         status("preparing the training");
         let started = Instant::now();
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        gpu.warm_up();
+        gpu.warm_up()?;
         let mut trainer = match (&self.resumed, start) {
             (Some(checkpoint), _) => Trainer::resume(raster.clone(), &dataset, checkpoint)?,
             (None, Some(start)) => {

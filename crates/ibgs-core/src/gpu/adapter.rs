@@ -3,12 +3,29 @@
 use super::device::GpuError;
 use super::matrix::{experimental_features, matrix_units};
 
-/// Storage buffers that the widest kernel binds.
-const STORAGE_BUFFERS: u32 = 18;
+/// What a device is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Use {
+    /// Rendering models.
+    Rendering,
+    /// Training too.
+    Training,
+}
+
+impl Use {
+    /// Storage buffers that the widest kernel binds.
+    fn storage_buffers(self) -> u32 {
+        match self {
+            Self::Rendering => 10,
+            Self::Training => 18,
+        }
+    }
+}
+
 /// Workgroup memory in bytes that the largest kernel declares.
 const WORKGROUP_MEMORY: u32 = 31 * 1024;
 /// Immediate data in bytes of the largest kernel.
-const IMMEDIATES: u32 = 128;
+pub(super) const IMMEDIATES: u32 = 128;
 
 /// Which adapter to use.
 #[derive(Clone, Debug, Default)]
@@ -49,25 +66,22 @@ pub fn list_adapters() -> Vec<wgpu::Adapter> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()))
 }
 
-/// What an adapter lacks for a run; empty when it will do.
-pub fn lacking(adapter: &wgpu::Adapter) -> Vec<String> {
-    missing(&adapter.limits(), adapter.features())
+/// What an adapter lacks for a use; empty when it will do.
+pub fn lacking(adapter: &wgpu::Adapter, wanted: Use) -> Vec<String> {
+    missing(&adapter.limits(), wanted)
 }
 
-pub(super) fn missing(limits: &wgpu::Limits, features: wgpu::Features) -> Vec<String> {
+pub(super) fn missing(limits: &wgpu::Limits, wanted: Use) -> Vec<String> {
     let mut missing = Vec::new();
     let mut need = |name: &str, has: u64, wanted: u64| {
         if has < wanted {
             missing.push(format!("{name} {wanted} (it has {has})"));
         }
     };
-    need("storage buffers per stage", limits.max_storage_buffers_per_shader_stage.into(), STORAGE_BUFFERS.into());
+    let storage_buffers = wanted.storage_buffers().into();
+    need("storage buffers per stage", limits.max_storage_buffers_per_shader_stage.into(), storage_buffers);
     need("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_MEMORY.into());
     need("invocations per workgroup", limits.max_compute_invocations_per_workgroup.into(), 256);
-    need("bytes of immediate data", limits.max_immediate_size.into(), IMMEDIATES.into());
-    if !features.contains(wgpu::Features::IMMEDIATES) {
-        missing.push("the feature IMMEDIATES".to_owned());
-    }
     missing
 }
 
@@ -104,8 +118,10 @@ pub(super) fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -
     }
     match choice {
         AdapterChoice::Best => {
-            // Usable ones first; what the best unusable one lacks is reported when there is no other.
-            let order = |a: &wgpu::Adapter| (!lacking(a).is_empty(), rank(&a.get_info()));
+            // Those that can train first, then those that can render; what the best unusable one lacks is reported when there is no
+            // other.
+            let lacks = |a: &wgpu::Adapter, wanted| !lacking(a, wanted).is_empty();
+            let order = |a: &wgpu::Adapter| (lacks(a, Use::Training), lacks(a, Use::Rendering), rank(&a.get_info()));
             let best = adapters.iter().map(order).enumerate().min_by_key(|&(i, r)| (r, i));
             Ok(adapters.swap_remove(best.map_or(0, |(i, _)| i)))
         }

@@ -1,10 +1,11 @@
 //! The device and everything that outlives a single pass.
 
-use super::adapter::{AdapterChoice, choose, device_descriptor, instance, lacking, missing};
+use super::adapter::{AdapterChoice, IMMEDIATES, Use, choose, device_descriptor, instance, lacking, missing};
 use super::buffer::Transients;
 use super::matrix::matrix_units;
 use super::profile::Profiler;
-use ibgs_shaders::{KERNELS, Kernel, MatrixUnits};
+use super::uniforms::Uniforms;
+use ibgs_shaders::{Kernel, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
@@ -28,12 +29,12 @@ pub enum GpuError {
         /// Index and name of each adapter.
         available: String,
     },
-    /// The adapter lacks something that every run needs.
+    /// The adapter lacks something that every run needs, or every training.
     #[error("adapter `{adapter}` lacks {missing}")]
     Lacking {
         /// Adapter name.
         adapter: String,
-        /// The limits or features, with the needed and the present value.
+        /// The limits, with the needed and the present value.
         missing: String,
     },
     /// The driver refused the device.
@@ -113,6 +114,8 @@ pub struct Gpu {
     pub(super) transients: Arc<Transients>,
     /// What the test of the matrix units came to.
     pub(crate) matrix_units_pay: OnceLock<bool>,
+    /// Where kernels find their immediate data on a device that has none.
+    pub(super) uniforms: Option<Uniforms>,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     pub(super) profiler: Mutex<Option<Profiler>>,
     /// What went wrong first, once something has.
@@ -148,7 +151,7 @@ impl Gpu {
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
         let adapter = choose(adapters, choice)?;
         let info = adapter.get_info();
-        let missing = lacking(&adapter);
+        let missing = lacking(&adapter, Use::Rendering);
         if !missing.is_empty() {
             return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
         }
@@ -164,7 +167,7 @@ impl Gpu {
     /// program, the next wait reports a lost device.
     ///
     /// # Errors
-    /// The device lacks a limit or a feature.
+    /// The device lacks a limit that rendering needs.
     pub fn from_wgpu(
         instance: wgpu::Instance,
         adapter: wgpu::Adapter,
@@ -173,13 +176,16 @@ impl Gpu {
     ) -> Result<Arc<Gpu>, GpuError> {
         let info = adapter.get_info();
         let (limits, features) = (device.limits(), device.features());
-        let missing = missing(&limits, features);
+        let missing = missing(&limits, Use::Rendering);
         if !missing.is_empty() {
             return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
         }
         let experimental = features.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX);
+        let immediates = features.contains(wgpu::Features::IMMEDIATES) && limits.max_immediate_size >= IMMEDIATES;
         Ok(Arc::new(Gpu {
-            matrix_units: matrix_units(&adapter).filter(|_| experimental),
+            // Kernels for matrix units have immediate data.
+            matrix_units: matrix_units(&adapter).filter(|_| experimental && immediates),
+            uniforms: (!immediates).then(|| Uniforms::new(&device)),
             limits,
             instance,
             adapter,
@@ -237,11 +243,19 @@ impl Gpu {
         format!("{} ({:?}, {} {})", self.info.name, self.info.backend, self.info.driver, self.info.driver_info)
     }
 
-    /// Compiles every kernel now, so that no frame waits for it later.
-    pub fn warm_up(&self) {
-        for kernel in KERNELS {
+    /// Compiles every kernel now, so that no step of a training waits for it later.
+    ///
+    /// # Errors
+    /// The device can render, but lacks a limit that training needs.
+    pub fn warm_up(&self) -> Result<(), GpuError> {
+        let missing = missing(&self.limits, Use::Training);
+        if !missing.is_empty() {
+            return Err(GpuError::Lacking { adapter: self.info.name.clone(), missing: missing.join(", ") });
+        }
+        for kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS) {
             let _ = self.pipeline(kernel);
         }
+        Ok(())
     }
 
     /// Use of device memory now; none where the driver does not report it.
@@ -344,6 +358,7 @@ impl Gpu {
     fn compile(&self, kernel: &'static Kernel) -> Pipeline {
         let source = match self.matrix_units.filter(|_| kernel.needs_matrix_units()) {
             Some(units) => kernel.wgsl_for(units),
+            None if self.uniforms.is_some() => kernel.wgsl_with_uniform(),
             None => kernel.wgsl(),
         };
         let module = self.module(kernel.name, &source);
@@ -363,10 +378,12 @@ impl Gpu {
         let layout = self
             .device
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(kernel.name), entries: &entries });
+        let uniforms = self.uniforms.as_ref().filter(|_| kernel.immediates > 0);
+        let groups = [Some(&layout), uniforms.map(Uniforms::layout)];
         let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(kernel.name),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: kernel.immediates,
+            bind_group_layouts: &groups[..1 + usize::from(uniforms.is_some())],
+            immediate_size: if self.uniforms.is_some() { 0 } else { kernel.immediates },
         });
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(kernel.name),

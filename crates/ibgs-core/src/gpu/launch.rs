@@ -1,5 +1,6 @@
 //! The only place that dispatches: a [`Pass`] records kernels into one encoder and submits it once.
 
+use super::uniforms::Chunk;
 use super::{Buffer, Gpu};
 use ibgs_shaders::Kernel;
 use std::any::Any;
@@ -13,13 +14,15 @@ pub struct Pass<'a> {
     open: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
     kept: Vec<Box<dyn Any>>,
+    /// Immediate data of its dispatches, on a device without; the last one has room.
+    chunks: Vec<Chunk>,
 }
 
 impl<'a> Pass<'a> {
     /// An empty pass; measurements distinguish kernels by its label too.
     pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
-        Self { gpu, label, open: None, encoder, kept: Vec::new() }
+        Self { gpu, label, open: None, encoder, kept: Vec::new(), chunks: Vec::new() }
     }
 
     /// Sets the label of the following dispatches in measurements.
@@ -88,8 +91,13 @@ impl<'a> Pass<'a> {
         });
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        if !immediates.is_empty() {
-            pass.set_immediates(0, immediates);
+        match &self.gpu.uniforms {
+            _ if immediates.is_empty() => {}
+            None => pass.set_immediates(0, immediates),
+            Some(uniforms) => {
+                let (group, offset) = uniforms.put(&self.gpu.device, &mut self.chunks, immediates);
+                pass.set_bind_group(1, group, &[offset]);
+            }
         }
         pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
     }
@@ -135,7 +143,11 @@ impl<'a> Pass<'a> {
         if let Some(profiler) = &*self.gpu.profiler.lock().expect("profiler") {
             profiler.resolve(&mut self.encoder);
         }
-        self.gpu.queue.submit([self.encoder.finish()]);
+        let commands = self.encoder.finish();
+        match &self.gpu.uniforms {
+            None => drop(self.gpu.queue.submit([commands])),
+            Some(uniforms) => uniforms.submit(&self.gpu.queue, commands, self.chunks),
+        }
         if let Err(error) = self.gpu.collect_profile() {
             // Only measurements are lost.
             log::warn!("{error}");

@@ -11,8 +11,9 @@ pub mod pool;
 pub mod profile;
 pub mod scan;
 pub mod sort;
+mod uniforms;
 
-pub use adapter::{AdapterChoice, backends, device_descriptor, lacking, list_adapters};
+pub use adapter::{AdapterChoice, Use, backends, device_descriptor, lacking, list_adapters};
 pub use buffer::Buffer;
 pub use bytes::Bytes;
 pub use device::{Gpu, GpuError, Mark, MemoryKind, MemoryReport};

@@ -75,7 +75,7 @@ impl Forward {
                     &ws.last_entry,
                     &s.median_depth,
                     &s.intersections,
-                    &s.intersection_entries,
+                    &v.entries,
                     v_image,
                     &v.normal_map,
                     &v.median_depth,

@@ -267,20 +267,7 @@ impl Rasterizer {
             Some(s) => {
                 surface::record_planes(pass, splats, &s.planes, &frame);
                 s.clear_gradients(pass);
-                let blend: [&Buffer; 11] = [
-                    &ws.projected,
-                    &s.planes,
-                    list,
-                    &ws.tile_ranges,
-                    &image,
-                    &ws.final_t,
-                    &ws.last_entry,
-                    &s.normal_map,
-                    &s.median_depth,
-                    &s.intersections,
-                    &s.intersection_entries,
-                ];
-                pass.grid(&RASTERIZE_SURFACE, &blend, bytes_of(&s.frame), grid);
+                s.record(pass, (&ws, list), &image, grid);
             }
         }
         Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)), surface })

@@ -1,5 +1,6 @@
 //! What a rasterizer pass with a surface gives beside the colour (method.md section 3), and the gradients by it.
 
+use super::workspace::Workspace;
 use super::{Keep, RasterView, Rasterizer};
 use crate::camera::Camera;
 use crate::gpu::pool::Lease;
@@ -7,7 +8,7 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{SurfaceUniforms, ViewUniforms};
-use ibgs_shaders::{PLANES, SHORTEST_AXIS, TILE};
+use ibgs_shaders::{PLANES, RASTERIZE_SURFACE, RASTERIZE_SURFACE_IMAGE, SHORTEST_AXIS, TILE};
 use std::sync::Arc;
 
 /// How the surface is found.
@@ -56,8 +57,6 @@ pub struct Surface {
     pub median_depth: Buffer,
     /// (view depth, weight) of the median intersections front to back, `[K, P]`; weight 0 where there is none.
     pub intersections: Buffer,
-    /// Their entries in the tile's list, `[K, P]`.
-    pub(super) intersection_entries: Buffer,
     /// Gradients of the loss by the normal map, the median depth and the intersections. Zero after the forward pass; whoever uses the
     /// surface adds to them before the rasterizer's own backward pass runs. Empty without gradients.
     pub v: Option<SurfaceGradients>,
@@ -80,6 +79,8 @@ pub struct SurfaceGradients {
     pub median_depth: Buffer,
     /// By the intersections' depths and weights, `[K, P]`.
     pub intersections: Buffer,
+    /// Entries of the intersections in the tile's list, `[K, P]`.
+    pub(super) entries: Buffer,
 }
 
 impl Surface {
@@ -91,6 +92,7 @@ impl Surface {
                 normal_map: gpu.allocate("normal gradients", 12 * p)?,
                 median_depth: gpu.allocate("depth gradients", 4 * p)?,
                 intersections: gpu.allocate("intersection gradients", 8 * values)?,
+                entries: gpu.allocate("median intersections", 4 * values)?,
             })
         };
         Ok(Self {
@@ -98,7 +100,6 @@ impl Surface {
             normal_map: gpu.allocate("normal map", 12 * p)?,
             median_depth: gpu.allocate("median depth", 4 * p)?,
             intersections: gpu.allocate("median intersections", 8 * values)?,
-            intersection_entries: gpu.allocate("median intersections", 4 * values)?,
             v: (keep == Keep::Gradients).then(by).transpose()?,
             camera: view.camera,
             options,
@@ -115,6 +116,35 @@ impl Surface {
             && self.values >= values
             && self.pixels >= pixels
             && (self.v.is_some() || keep == Keep::Image)
+    }
+
+    /// Records the blending of `image` with the surface.
+    pub(super) fn record(&self, pass: &mut Pass, (ws, list): (&Workspace, &Buffer), image: &Buffer, grid: [u32; 3]) {
+        let Surface { planes, normal_map, median_depth, intersections, .. } = self;
+        let Workspace { projected, tile_ranges, final_t, last_entry, .. } = ws;
+        match &self.v {
+            Some(v) => {
+                let buffers: [&Buffer; 11] = [
+                    projected,
+                    planes,
+                    list,
+                    tile_ranges,
+                    image,
+                    final_t,
+                    last_entry,
+                    normal_map,
+                    median_depth,
+                    intersections,
+                    &v.entries,
+                ];
+                pass.grid(&RASTERIZE_SURFACE, &buffers, bytes_of(&self.frame), grid);
+            }
+            None => {
+                let buffers: [&Buffer; 9] =
+                    [projected, planes, list, tile_ranges, image, final_t, normal_map, median_depth, intersections];
+                pass.grid(&RASTERIZE_SURFACE_IMAGE, &buffers, bytes_of(&self.frame), grid);
+            }
+        }
     }
 
     pub(super) fn clear_gradients(&self, pass: &mut Pass) {

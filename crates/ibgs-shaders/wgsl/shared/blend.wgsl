@@ -1,6 +1,7 @@
-// Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour, transmittance and last entry.
+// Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour and transmittance.
 // PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
-// the intersections themselves too. The median depth alone is done with a pixel when its buffer `after` is full.
+// the intersections themselves too. ENTRIES: also the list entries that gradients need. The median depth alone is done with a pixel
+// when its buffer `after` is full.
 
 const BATCH: u32 = TILE * TILE;
 // Vectors of a list entry in `batch`: the projected row, of which the last vector is the colour, and the plane.
@@ -36,7 +37,13 @@ fn main(
     var t = 1.0;
     #if COLOR
     var color = vec3(0.0);
+    #endif
+    #if ENTRIES
     var last = 0u;
+    #if PLANES
+    var before_e = vec4(NO_ENTRY);
+    var after_e = vec4(NO_ENTRY);
+    #endif
     #endif
     #if PLANES
     let ray = pixel_ray(at);
@@ -47,10 +54,8 @@ fn main(
     var after_count = 0u;
     #if INTERSECTIONS
     var normal = vec3(0.0);
-    var before_e = vec4(NO_ENTRY);
     var after_z = vec4(0.0);
     var after_w = vec4(0.0);
-    var after_e = vec4(NO_ENTRY);
     #else
     var after_sum = 0.0;
     var after_weights = 0.0;
@@ -98,8 +103,10 @@ fn main(
                 }
                 let weight = alpha * t;
                 #if COLOR
-                let entry = first + j - start;
                 color += weight * batch[ENTRY * j + COLOR_ROW].rgb;
+                #endif
+                #if ENTRIES
+                let entry = first + j - start;
                 last = entry + 1u;
                 #endif
                 #if PLANES
@@ -112,14 +119,16 @@ fn main(
                     if t > MEDIAN_T {
                         before_z = vec4(before_z.yzw, z);
                         before_w = vec4(before_w.yzw, weight);
-                        #if INTERSECTIONS
+                        #if ENTRIES
                         before_e = vec4(before_e.yzw, entry);
                         #endif
                     } else if after_count < half {
                         #if INTERSECTIONS
                         after_z = vec4(after_z.yzw, z);
                         after_w = vec4(after_w.yzw, weight);
+                        #if ENTRIES
                         after_e = vec4(after_e.yzw, entry);
+                        #endif
                         #else
                         after_sum += z * weight;
                         after_weights += weight;
@@ -148,6 +157,8 @@ fn main(
         image[3u * p + 1u] = out.g;
         image[3u * p + 2u] = out.b;
         final_t[p] = t;
+        #endif
+        #if ENTRIES
         last_entry[p] = last;
         #endif
         #if PLANES
@@ -159,18 +170,22 @@ fn main(
         // Copies: a register that is indexed by a variable would live in memory all along.
         let bz = before_z;
         let bw = before_w;
-        let be = before_e;
         let az = after_z;
         let aw = after_w;
+        #if ENTRIES
+        let be = before_e;
         let ae = after_e;
+        #endif
         var sum = 0.0;
         var weights = 0.0;
         for (var k = 0u; k < half; k++) {
             let c = 4u - half + k;
             intersections[k * plane_size + p] = vec2(bz[c], bw[c]);
-            intersection_entries[k * plane_size + p] = be[c];
             intersections[(half + k) * plane_size + p] = vec2(az[c], aw[c]);
+            #if ENTRIES
+            intersection_entries[k * plane_size + p] = be[c];
             intersection_entries[(half + k) * plane_size + p] = ae[c];
+            #endif
             sum += bz[c] * bw[c] + az[c] * aw[c];
             weights += bw[c] + aw[c];
         }

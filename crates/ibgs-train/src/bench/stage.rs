@@ -165,7 +165,7 @@ impl Stage {
             (_, "adam") => Adam,
             (_, "project") => Project,
             (_, "planes") => Planes,
-            (_, "rasterize" | "rasterize_surface") => Blend,
+            (_, "rasterize" | "rasterize_surface" | "rasterize_surface_image") => Blend,
             (_, "rasterize_backward" | "rasterize_surface_backward") => BlendBackward,
             (_, "planes_backward") => PlanesBackward,
             (_, "project_backward") => ProjectBackward,

@@ -1,0 +1,20 @@
+// As rasterize_surface, without the list entries that gradients need.
+#define COLOR
+#define PLANES
+#define INTERSECTIONS
+#import surface
+#import tile
+
+@group(0) @binding(0) var<storage, read> projected: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> planes: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> sorted_gaussians: array<u32>;
+@group(0) @binding(3) var<storage, read> tile_ranges: array<u32>;
+@group(0) @binding(4) var<storage, read_write> image: array<f32>;
+@group(0) @binding(5) var<storage, read_write> final_t: array<f32>;
+// Sum of w n_c, three values a pixel.
+@group(0) @binding(6) var<storage, read_write> normal_map: array<f32>;
+@group(0) @binding(7) var<storage, read_write> median_depth: array<f32>;
+// K planes of (view depth, weight), front to back; weight 0 = empty.
+@group(0) @binding(8) var<storage, read_write> intersections: array<vec2<f32>>;
+
+#import blend

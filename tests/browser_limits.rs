@@ -1,0 +1,67 @@
+//! Rendering on a device that has no more than a browser's.
+
+use crate::common::gpu;
+use crate::train_smoke::image_based::small_model;
+use ibgs_core::gpu::{Gpu, GpuError};
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::{ImagePart, Renderer};
+use ibgs_core::residual::ResidualNetwork;
+use ibgs_core::scene::Splats;
+use ibgs_core::sources::source_store::SourceStore;
+use std::sync::Arc;
+
+/// The tests' adapter with ten storage buffers a stage, 32 KiB of workgroup memory and no feature at all.
+fn limited() -> Arc<Gpu> {
+    let usual = gpu();
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let same = |adapter: &wgpu::Adapter| adapter.get_info().name == usual.info.name;
+    let adapter = adapters.into_iter().find(same).expect("the tests' adapter");
+    let limits = wgpu::Limits {
+        max_storage_buffers_per_shader_stage: 10,
+        max_compute_workgroup_storage_size: 32 * 1024,
+        max_compute_invocations_per_workgroup: 256,
+        max_immediate_size: 0,
+        ..adapter.limits()
+    };
+    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    Gpu::from_wgpu(instance, adapter, device, queue).unwrap()
+}
+
+#[test]
+fn frames_are_the_same_bit_for_bit() {
+    let (renderer, dataset) = small_model();
+    let usual = gpu();
+    let limited = limited();
+    limited.watch();
+    let part = renderer.part().unwrap();
+    let photos = dataset.train.iter().map(|&index| dataset.views[index].photo.clone()).collect();
+    let part = ImagePart {
+        cameras: part.cameras.clone(),
+        photos: Arc::new(SourceStore::new(limited.clone(), photos, None).unwrap()),
+        network: ResidualNetwork::from_values(&limited, &part.network.to_values(&usual).unwrap()).unwrap(),
+        options: part.options.clone(),
+    };
+    let splats = Splats::upload(&renderer.splats().download(&usual).unwrap(), &limited).unwrap();
+    let raster = Arc::new(Rasterizer::new(limited.clone()));
+    let other = Renderer::new(raster, splats, [0.0; 3], Some(part));
+    for &index in &dataset.test {
+        let camera = &dataset.views[index].camera;
+        let [expected, found] = [&renderer, &other].map(|renderer| renderer.render(camera).unwrap());
+        let both = [&expected, &found];
+        let [a, b] = both.map(|frame| frame.image().unwrap().unwrap().rgb);
+        assert!(a == b, "final image of {}", dataset.views[index].name);
+        let [a, b] = both.map(|frame| frame.base().unwrap().rgb);
+        assert!(a == b, "base image of {}", dataset.views[index].name);
+        let [a, b] = both.map(|frame| frame.depth().unwrap().unwrap());
+        assert!(a == b, "median depth of {}", dataset.views[index].name);
+    }
+    limited.check().unwrap();
+}
+
+#[test]
+fn a_training_says_what_the_device_lacks() {
+    let error = limited().warm_up().unwrap_err();
+    assert!(matches!(&error, GpuError::Lacking { missing, .. } if missing.contains("storage buffers")), "{error}");
+}
