@@ -38,6 +38,7 @@ use crate::sources::find::Distances;
 use crate::sources::memory::MemoryBudget;
 use crate::sources::source_store::SourceStore;
 use std::collections::HashMap;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -94,12 +95,29 @@ impl Model {
     /// # Errors
     /// A file that is missing or damaged, or an option that does not fit the model.
     pub fn open(path: &Path, options: &ModelOptions) -> Result<Self, ModelError> {
-        let mut model = if is_bundle(path) { from_bundle(path)? } else { from_folder(path, options)? };
+        let model = match is_bundle(path) {
+            true => from_bundle(Bundle::read(path)?, path.metadata().ok().map(|file| file.len()), path)?,
+            false => from_folder(path, options)?,
+        };
+        model.with_options(options)
+    }
+
+    /// As [`Model::open`], for the bytes of a bundle; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`Model::open`].
+    pub fn from_bundle(bytes: &[u8], path: &Path, options: &ModelOptions) -> Result<Self, ModelError> {
+        let bundle = Bundle::read_from(Cursor::new(bytes), path)?;
+        from_bundle(bundle, Some(bytes.len() as u64), path)?.with_options(options)
+    }
+
+    fn with_options(self, options: &ModelOptions) -> Result<Self, ModelError> {
+        let mut model = self;
         if let Some(wanted) = options.iteration.filter(|&n| n != model.iteration) {
-            return Err(ModelError::OtherIteration { path: path.to_owned(), found: model.iteration, wanted });
+            return Err(ModelError::OtherIteration { path: model.path, found: model.iteration, wanted });
         }
         if options.resolution.is_some() && !model.foreign {
-            return Err(ModelError::KnowsItsPhotos { path: path.to_owned() });
+            return Err(ModelError::KnowsItsPhotos { path: model.path });
         }
         model.source.clone_from(&options.source);
         if let Some(memory) = options.source_memory {
@@ -285,9 +303,7 @@ pub fn is_bundle(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "ibgs") && !path.is_dir()
 }
 
-fn from_bundle(path: &Path) -> Result<Model, ModelError> {
-    let bundle = Bundle::read(path)?;
-    let bundle_bytes = path.metadata().ok().map(|file| file.len());
+fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model, ModelError> {
     let network_bytes = bundle.network.as_ref().map_or(0, |bytes| bytes.len() as u64);
     let network = bundle.network.map(|bytes| weights::from_bytes(&bytes, path)).transpose()?;
     Ok(Model {
@@ -300,7 +316,7 @@ fn from_bundle(path: &Path) -> Result<Model, ModelError> {
         network,
         network_bytes,
         exposure: bundle.exposure,
-        bundle_bytes,
+        bundle_bytes: bytes,
         photos: Some(bundle.photos.into_iter().collect()),
         foreign: false,
         source: None,

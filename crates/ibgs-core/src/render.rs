@@ -321,6 +321,21 @@ impl Renderer {
         self.render_in(camera, Room::Assumed, |_| Ok(()))
     }
 
+    /// As [`Renderer::render`], for browsers, where a program cannot wait for the GPU.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub async fn render_later(&self, camera: &Camera) -> Result<Frame, GpuError> {
+        loop {
+            let frame = self.render_unchecked(camera)?;
+            if self.raster.had_room_later(&frame.forward).await? {
+                return Ok(frame);
+            }
+            // The sources' depth maps were made with as little room.
+            self.forget_depths();
+        }
+    }
+
     fn render_in(
         &self,
         camera: &Camera,
@@ -507,6 +522,30 @@ impl Frame {
     fn read(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
         let Camera { width, height, .. } = self.camera;
         Ok(Rendered { width, height, rgb: self.gpu.read(memory, 3 * self.pixels())? })
+    }
+
+    /// As [`Frame::base`], for browsers.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn base_later(&self) -> Result<Rendered, GpuError> {
+        self.read_later(&self.base).await
+    }
+
+    /// As [`Frame::image`], for browsers.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn image_later(&self) -> Result<Option<Rendered>, GpuError> {
+        match self.image_memory() {
+            Some(memory) => self.read_later(memory).await.map(Some),
+            None => Ok(None),
+        }
+    }
+
+    async fn read_later(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
+        let Camera { width, height, .. } = self.camera;
+        Ok(Rendered { width, height, rgb: self.gpu.read_later(memory, 3 * self.pixels()).await? })
     }
 
     /// Median depth in scene units, `[H * W]`, 0 where nothing is met; none where no surface was asked for.

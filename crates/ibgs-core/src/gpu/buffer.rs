@@ -2,7 +2,9 @@
 
 use super::{Gpu, GpuError};
 use std::any::Any;
+use std::future::poll_fn;
 use std::sync::{Arc, Mutex, Weak, mpsc};
+use std::task::{Poll, Waker};
 
 /// A storage buffer, or a part of one. Clones share the memory.
 #[derive(Clone, Debug)]
@@ -92,13 +94,20 @@ impl Gpu {
         self.check()?;
         self.check_size(what, bytes)?;
         let size = rounded(bytes);
+        let create = || {
+            self.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(what),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        // A browser answers later; a full memory then reaches the next check.
+        if cfg!(target_arch = "wasm32") {
+            return Ok(Buffer::whole(create()));
+        }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(what),
-            size,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let buffer = create();
         match pollster::block_on(scope.pop()) {
             None => Ok(Buffer::whole(buffer)),
             Some(_) => Err(GpuError::OutOfMemory { what, bytes: size }),
@@ -150,22 +159,51 @@ impl Gpu {
     /// # Errors
     /// When the device is lost.
     pub fn read<T: bytemuck::Pod>(&self, source: &Buffer, count: usize) -> Result<Vec<T>, GpuError> {
-        let bytes = (count * size_of::<T>()) as u64;
-        let staging = self.staging(bytes);
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&source.buffer, source.offset, &staging, 0, bytes.next_multiple_of(4));
-        self.queue.submit([encoder.finish()]);
+        let staging = self.copied(source, (count * size_of::<T>()) as u64);
         let (sender, receiver) = mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
             let _ = sender.send(result);
         });
         self.wait()?;
-        let failed = |e: String| GpuError::Readback(e);
-        self.answer(&receiver)?.map_err(|e| failed(e.to_string()))?;
-        let mapped = staging.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
-        let mut values = vec![T::zeroed(); count];
-        bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&mapped[..bytes as usize]);
-        Ok(values)
+        self.answer(&receiver)?.map_err(|e| GpuError::Readback(e.to_string()))?;
+        values(&staging, count)
+    }
+
+    /// As [`Gpu::read`], for browsers, which give a program the results only when it returns to them. Elsewhere it waits.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn read_later<T: bytemuck::Pod>(&self, source: &Buffer, count: usize) -> Result<Vec<T>, GpuError> {
+        if cfg!(not(target_arch = "wasm32")) {
+            return self.read(source, count);
+        }
+        let staging = self.copied(source, (count * size_of::<T>()) as u64);
+        let answer = Arc::new(Mutex::new((None, None::<Waker>)));
+        let mapped = answer.clone();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            let (answer, waker) = &mut *mapped.lock().expect("answer");
+            *answer = Some(result);
+            if let Some(waker) = waker.take() {
+                waker.wake();
+            }
+        });
+        let result = poll_fn(|context| {
+            let (answer, waker) = &mut *answer.lock().expect("answer");
+            *waker = Some(context.waker().clone());
+            answer.take().map_or(Poll::Pending, Poll::Ready)
+        });
+        result.await.map_err(|e| GpuError::Readback(e.to_string()))?;
+        self.check()?;
+        values(&staging, count)
+    }
+
+    /// The first `bytes` of a buffer in one that the host can map.
+    fn copied(&self, source: &Buffer, bytes: u64) -> wgpu::Buffer {
+        let staging = self.staging(bytes);
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&source.buffer, source.offset, &staging, 0, bytes.next_multiple_of(4));
+        self.queue.submit([encoder.finish()]);
+        staging
     }
 
     /// As [`Gpu::read`], from the value numbered `first` on.
@@ -186,4 +224,13 @@ impl Gpu {
             mapped_at_creation: false,
         })
     }
+}
+
+/// What a mapped buffer holds.
+fn values<T: bytemuck::Pod>(staging: &wgpu::Buffer, count: usize) -> Result<Vec<T>, GpuError> {
+    let mapped = staging.get_mapped_range(..).map_err(|e| GpuError::Readback(e.to_string()))?;
+    let mut values = vec![T::zeroed(); count];
+    let bytes = bytemuck::cast_slice_mut::<T, u8>(&mut values);
+    bytes.copy_from_slice(&mapped[..bytes.len()]);
+    Ok(values)
 }

@@ -1,6 +1,6 @@
 //! The device and everything that outlives a single pass.
 
-use super::adapter::{AdapterChoice, IMMEDIATES, Use, choose, device_descriptor, instance, lacking, missing};
+use super::adapter::{IMMEDIATES, Use, missing};
 use super::buffer::Transients;
 use super::matrix::matrix_units;
 use super::profile::Profiler;
@@ -142,28 +142,7 @@ impl std::fmt::Debug for Gpu {
 }
 
 impl Gpu {
-    /// Opens the chosen adapter with all its features and limits.
-    ///
-    /// # Errors
-    /// No such adapter, one that lacks a needed limit, or a driver that refuses.
-    pub fn open(choice: &AdapterChoice) -> Result<Arc<Gpu>, GpuError> {
-        let instance = instance();
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        let adapter = choose(adapters, choice)?;
-        let info = adapter.get_info();
-        let missing = lacking(&adapter, Use::Rendering);
-        if !missing.is_empty() {
-            return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
-        }
-        let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
-        let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(&adapter)))
-            .map_err(|e| refused(e.to_string()))?;
-        let gpu = Self::from_wgpu(instance, adapter, device, queue)?;
-        gpu.watch();
-        Ok(gpu)
-    }
-
-    /// The device of another program, asked for by [`device_descriptor`]. Its callbacks stay. If they do not end the
+    /// The device of another program, asked for by [`device_descriptor`](super::device_descriptor). Its callbacks stay. If they do not end the
     /// program, the next wait reports a lost device.
     ///
     /// # Errors
@@ -302,8 +281,12 @@ impl Gpu {
     /// Waits for the value that a callback of the device sends.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost, and in a browser, which does not let a program wait.
     pub fn answer<T>(&self, receiver: &Receiver<T>) -> Result<T, GpuError> {
+        if cfg!(target_arch = "wasm32") {
+            let waits = |_| GpuError::Readback("a browser does not let a program wait for the GPU".to_owned());
+            return receiver.try_recv().map_err(waits);
+        }
         loop {
             match receiver.recv_timeout(PATIENCE) {
                 Ok(value) => return Ok(value),

@@ -11,7 +11,7 @@ impl Gpu {
     }
 }
 
-#[cfg(not(target_vendor = "apple"))]
+#[cfg(not(any(target_vendor = "apple", target_arch = "wasm32")))]
 #[expect(unsafe_code, reason = "wgpu has no safe way to ask")]
 fn heap(adapter: &wgpu::Adapter) -> Option<u64> {
     use ash::{ext, vk};
@@ -38,7 +38,7 @@ fn heap(adapter: &wgpu::Adapter) -> Option<u64> {
     own.max_by_key(|(heap, _)| heap.size).map(|(heap, budget)| budget.min(heap.size))
 }
 
-#[cfg(target_vendor = "apple")]
+#[cfg(any(target_vendor = "apple", target_arch = "wasm32"))]
 fn heap(_: &wgpu::Adapter) -> Option<u64> {
     None
 }

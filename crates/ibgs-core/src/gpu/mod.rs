@@ -7,15 +7,19 @@ pub mod device;
 mod heap;
 pub mod launch;
 mod matrix;
+#[cfg(not(target_arch = "wasm32"))]
+mod open;
 pub mod pool;
 pub mod profile;
 pub mod scan;
 pub mod sort;
 mod uniforms;
 
-pub use adapter::{AdapterChoice, Use, backends, device_descriptor, lacking, list_adapters};
+pub use adapter::{Use, backends, device_descriptor, lacking};
 pub use buffer::Buffer;
 pub use bytes::Bytes;
 pub use device::{Gpu, GpuError, Mark, MemoryKind, MemoryReport};
 pub use launch::Pass;
+#[cfg(not(target_arch = "wasm32"))]
+pub use open::{AdapterChoice, list_adapters};
 pub use profile::Measured;

@@ -324,12 +324,25 @@ impl Rasterizer {
     /// # Errors
     /// When the device is lost.
     pub fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
-        let needed = forward.intersections(&self.gpu)?;
+        Ok(self.fitted(forward, forward.intersections(&self.gpu)?))
+    }
+
+    /// As [`Rasterizer::had_room`], for browsers.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn had_room_later(&self, forward: &Forward) -> Result<bool, GpuError> {
+        let total = self.gpu.read_later::<u32>(&forward.workspace.total, 1).await?[0];
+        Ok(self.fitted(forward, total.into()))
+    }
+
+    /// Whether `needed` intersections fitted; if not, the next pass has room for them.
+    fn fitted(&self, forward: &Forward, needed: u64) -> bool {
         let fitted = needed <= u64::from(forward.frame.capacity);
         if !fitted {
             self.reserve(needed);
         }
-        Ok(fitted)
+        fitted
     }
 
     /// Image `[H, W, 3]` of the model from a view, waiting for the exact intersection count.

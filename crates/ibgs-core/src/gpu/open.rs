@@ -1,0 +1,91 @@
+//! Opening an adapter of this machine. A browser does not let a program wait for one: there the page's device is taken over
+//! ([`Gpu::from_wgpu`]).
+
+use super::adapter::{BACKENDS, Use, device_descriptor, lacking};
+use super::{Gpu, GpuError};
+use std::sync::Arc;
+
+/// Which adapter to use.
+#[derive(Clone, Debug, Default)]
+pub enum AdapterChoice {
+    /// The most capable one: discrete, integrated, virtual, then software.
+    #[default]
+    Best,
+    /// By index of [`list_adapters`] or by a part of its name.
+    Named(String),
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = BACKENDS;
+    wgpu::Instance::new(descriptor)
+}
+
+/// All adapters of this machine.
+pub fn list_adapters() -> Vec<wgpu::Adapter> {
+    pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()))
+}
+
+fn rank(info: &wgpu::AdapterInfo) -> u32 {
+    match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {
+    if adapters.is_empty() {
+        return Err(GpuError::NoAdapter);
+    }
+    match choice {
+        AdapterChoice::Best => {
+            // Those that can train first, then those that can render; what the best unusable one lacks is reported when there is no
+            // other.
+            let lacks = |a: &wgpu::Adapter, wanted| !lacking(a, wanted).is_empty();
+            let order = |a: &wgpu::Adapter| (lacks(a, Use::Training), lacks(a, Use::Rendering), rank(&a.get_info()));
+            let best = adapters.iter().map(order).enumerate().min_by_key(|&(i, r)| (r, i));
+            Ok(adapters.swap_remove(best.map_or(0, |(i, _)| i)))
+        }
+        AdapterChoice::Named(wanted) => {
+            let lower = wanted.to_lowercase();
+            let by_name = || adapters.iter().position(|a| a.get_info().name.to_lowercase().contains(&lower));
+            let found = wanted.parse::<usize>().ok().filter(|&index| index < adapters.len()).or_else(by_name);
+            let available = adapters
+                .iter()
+                .enumerate()
+                .map(|(i, a)| format!("{i}: {}", a.get_info().name))
+                .collect::<Vec<_>>()
+                .join(", ");
+            match found {
+                Some(index) => Ok(adapters.swap_remove(index)),
+                None => Err(GpuError::UnknownAdapter { wanted: wanted.clone(), available }),
+            }
+        }
+    }
+}
+
+impl Gpu {
+    /// Opens the chosen adapter with all its features and limits.
+    ///
+    /// # Errors
+    /// No such adapter, one that lacks a needed limit, or a driver that refuses.
+    pub fn open(choice: &AdapterChoice) -> Result<Arc<Gpu>, GpuError> {
+        let instance = instance();
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        let adapter = choose(adapters, choice)?;
+        let info = adapter.get_info();
+        let missing = lacking(&adapter, Use::Rendering);
+        if !missing.is_empty() {
+            return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
+        }
+        let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
+        let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(&adapter)))
+            .map_err(|e| refused(e.to_string()))?;
+        let gpu = Self::from_wgpu(instance, adapter, device, queue)?;
+        gpu.watch();
+        Ok(gpu)
+    }
+}
