@@ -27,7 +27,7 @@ use plan::DemoGiven;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use stages::StageArgs;
-use std::fs::File;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -262,14 +262,29 @@ impl Args {
             gpu_memory: self.gpu_memory,
             checkpoint_every: (self.checkpoint_every > 0.0)
                 .then(|| Duration::from_secs_f64(60.0 * self.checkpoint_every)),
-            // With an options file the demo scene has no defaults of its own: the file of a run must repeat that run.
-            demo: self.config.is_none().then_some(DemoGiven {
-                iterations: self.iterations,
-                max_splats: self.max_splats,
-                residual_factor: self.stages.residual_factor,
-            }),
+            demo: self.demo_given()?,
             ..Plan::new(config)
         })
+    }
+
+    /// The options for which the demo scene has its own defaults. None with a file that gives the iterations, as that of an earlier
+    /// run does: it must repeat that run.
+    fn demo_given(&self) -> Result<Option<DemoGiven>> {
+        let given = DemoGiven {
+            iterations: self.iterations,
+            max_splats: self.max_splats,
+            residual_factor: self.stages.residual_factor,
+        };
+        let Some(path) = &self.config else { return Ok(Some(given)) };
+        let file: toml::Table = fs::read_to_string(path)?.parse()?;
+        let options = TrainConfig::load(path)?;
+        let has_factor = file.get("residual").is_some_and(|residual| residual.get("factor").is_some());
+        let given = DemoGiven {
+            max_splats: given.max_splats.or(options.densify.max_splats),
+            residual_factor: given.residual_factor.or(has_factor.then_some(options.residual.factor)),
+            ..given
+        };
+        Ok((!file.contains_key("iterations")).then_some(given))
     }
 
     /// The options file, overridden by the command line.
@@ -355,4 +370,35 @@ fn command_line() -> String {
     // No argument holds the zero byte that it refuses.
     let quoted = shlex::try_join(arguments.iter().map(String::as_str)).unwrap_or_else(|_| arguments.join(" "));
     format!("ibgs {quoted}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn a_file_of_some_options_leaves_the_demo_its_defaults() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("some.toml");
+        let given = |text: &str, more: &[&str]| {
+            fs::write(&path, text).unwrap();
+            let line = ["train", "--config", path.to_str().unwrap()].into_iter().chain(more.iter().copied());
+            let given = Line::parse_from(line).args.demo_given().unwrap();
+            given.map(|given| (given.iterations, given.max_splats, given.residual_factor))
+        };
+        assert_eq!(given("seed = 3\n", &[]), Some((None, None, None)));
+        assert_eq!(given("[residual]\ndropout = 0.0\n", &["--iterations", "7"]), Some((Some(7), None, None)));
+        let some = "[densify]\nmax-splats = 500\n[residual]\nfactor = 0.25\n";
+        assert_eq!(given(some, &[]), Some((None, Some(500), Some(0.25))));
+        assert_eq!(given(some, &["--max-splats", "600"]), Some((None, Some(600), Some(0.25))));
+        // A run's own file has all.
+        assert_eq!(given(&TrainConfig::default().to_text().unwrap(), &[]), None);
+    }
 }
