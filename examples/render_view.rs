@@ -6,7 +6,7 @@
 
 #![expect(clippy::print_stdout, reason = "an example")]
 
-use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::image_io::write_png;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::cameras::Split;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 fn main() -> Result<(), Box<dyn Error>> {
     let paths: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let [model, picture] = &paths[..] else { return Err("give a model folder (or bundle) and a PNG".into()) };
-    let gpu = Gpu::open(&AdapterChoice::Best)?;
+    let gpu = Gpu::open(&AdapterChoice::Best, Use::Rendering)?;
     let mut model = Model::open(model, &ModelOptions::default())?;
     let renderer = model.renderer(&gpu)?;
     let held_out = model.cameras.iter().find(|view| view.split == Some(Split::Test));

@@ -7,7 +7,7 @@
 #![expect(clippy::print_stdout, reason = "an example")]
 
 use ibgs_core::config::TrainConfig;
-use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::model::load_scene;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::output::{Existing, OutputFolder};
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = OutputFolder::create(output, Existing::Keep)?;
     let lock = folder.lock()?;
     folder.write_start(&config, &dataset)?;
-    let gpu = Gpu::open(&AdapterChoice::Best)?;
+    let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
     let mut session = Session::new(&gpu, dataset, config)?.with_output(folder, lock, None);
     session.run(&mut Printer)?;
     Ok(())

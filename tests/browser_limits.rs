@@ -1,11 +1,11 @@
 //! Rendering on a device that has no more than a browser's.
 
-use crate::common::gpu;
+use crate::common::{gpu, rasterizer};
 use crate::train_smoke::image_based::small_model;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::render::{ImagePart, Renderer};
-use ibgs_core::residual::ResidualNetwork;
+use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
+use ibgs_core::residual::{Precision, ResidualNetwork};
 use ibgs_core::scene::Splats;
 use ibgs_core::sources::source_store::SourceStore;
 use std::sync::Arc;
@@ -31,11 +31,14 @@ fn limited() -> Arc<Gpu> {
 
 #[test]
 fn frames_are_the_same_bit_for_bit() {
-    let (renderer, dataset) = small_model();
+    let (model, dataset) = small_model();
     let usual = gpu();
     let limited = limited();
     limited.watch();
-    let part = renderer.part().unwrap();
+    // Half precision on matrix units would differ.
+    let part = model.part().unwrap().clone();
+    let part = ImagePart { options: ImageOptions { precision: Precision::Full, ..part.options }, ..part };
+    let renderer = Renderer::new(Arc::new(rasterizer()), model.splats().clone(), [0.0; 3], Some(part.clone()));
     let photos = dataset.train.iter().map(|&index| dataset.views[index].photo.clone()).collect();
     let part = ImagePart {
         cameras: part.cameras.clone(),
@@ -56,6 +59,8 @@ fn frames_are_the_same_bit_for_bit() {
         assert!(a == b, "base image of {}", dataset.views[index].name);
         let [a, b] = both.map(|frame| frame.depth().unwrap().unwrap());
         assert!(a == b, "median depth of {}", dataset.views[index].name);
+        let [a, b] = both.map(|frame| frame.normals().unwrap().unwrap());
+        assert!(a == b, "normals of {}", dataset.views[index].name);
     }
     limited.check().unwrap();
 }
@@ -64,4 +69,23 @@ fn frames_are_the_same_bit_for_bit() {
 fn a_training_says_what_the_device_lacks() {
     let error = limited().warm_up().unwrap_err();
     assert!(matches!(&error, GpuError::Lacking { missing, .. } if missing.contains("storage buffers")), "{error}");
+}
+
+/// What a browser does gives the same frames, also where nothing has room at first.
+#[test]
+fn frames_for_browsers_have_room() {
+    let (model, dataset) = small_model();
+    let camera = &dataset.views[dataset.test[0]].camera;
+    let fresh = || {
+        let part = model.part().cloned();
+        let raster = rasterizer();
+        raster.set_capacity(16);
+        Renderer::new(Arc::new(raster), model.splats().clone(), [0.0; 3], part)
+    };
+    let expected = fresh().render(camera).unwrap().image().unwrap().unwrap();
+    let frame = pollster::block_on(fresh().render_later(camera)).unwrap();
+    let found = pollster::block_on(frame.image_later()).unwrap().unwrap();
+    assert!(expected.rgb == found.rgb);
+    let base = pollster::block_on(frame.base_later()).unwrap();
+    assert!(base.rgb == frame.base().unwrap().rgb && base.rgb != found.rgb);
 }

@@ -8,7 +8,7 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Photo;
 use ibgs_core::gpu::Buffer;
-use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::raster::{RasterView, Rasterizer};
 use ibgs_core::scene::{Gaussians, Splats};
@@ -30,7 +30,7 @@ pub fn gpu() -> Arc<Gpu> {
 /// The same adapter once more, as a device that no other test uses.
 pub fn open_gpu() -> Arc<Gpu> {
     let choice = std::env::var("IBGS_TEST_ADAPTER").map_or(AdapterChoice::Best, AdapterChoice::Named);
-    let gpu = Gpu::open(&choice).expect("the tests need a GPU adapter; a software one will do");
+    let gpu = Gpu::open(&choice, Use::Training).expect("the tests need a GPU adapter; a software one will do");
     println!("adapter: {}", gpu.describe());
     gpu
 }

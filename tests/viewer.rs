@@ -63,6 +63,7 @@ fn untrained(pictures: &Path) -> Opened {
 fn mean_of_sources() -> TrainConfig {
     let mut config = TrainConfig::default();
     config.residual.aggregation = Aggregation::Mean;
+    config.residual.source_share = 0.0;
     config
 }
 

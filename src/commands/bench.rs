@@ -9,6 +9,7 @@ use clap::Args as ClapArgs;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
+use ibgs_core::gpu::Use;
 use ibgs_core::model::{self, is_bundle};
 use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::CameraRecord;
@@ -86,7 +87,7 @@ pub fn run(args: &Args) -> Result<()> {
     for change in &changes {
         change.apply(&mut TrainConfig::default()).validate()?;
     }
-    let gpu = open_gpu(args.adapter.as_ref())?;
+    let gpu = open_gpu(args.adapter.as_ref(), Use::Training)?;
     let rates = Rates::measure(&gpu)?;
     tables::print_rates(&rates);
     let version = env!("CARGO_PKG_VERSION").to_owned();

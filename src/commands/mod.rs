@@ -18,13 +18,13 @@ pub mod view;
 
 use crate::stderr;
 use anyhow::Result;
-use ibgs_core::gpu::{AdapterChoice, Gpu};
+use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use std::sync::Arc;
 
-/// Opens the adapter that `--adapter` names.
-pub fn open_gpu(adapter: Option<&String>) -> Result<Arc<Gpu>> {
+/// Opens the adapter that `--adapter` names, for this use.
+pub fn open_gpu(adapter: Option<&String>, wanted: Use) -> Result<Arc<Gpu>> {
     let choice = adapter.map_or(AdapterChoice::Best, |name| AdapterChoice::Named(name.clone()));
-    let gpu = Gpu::open(&choice)?;
+    let gpu = Gpu::open(&choice, wanted)?;
     stderr!("adapter: {}", gpu.describe());
     Ok(gpu)
 }

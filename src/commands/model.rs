@@ -6,7 +6,7 @@ use crate::progress::Bars;
 use anyhow::Result;
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Resolution;
-use ibgs_core::gpu::Gpu;
+use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Precision;
@@ -76,7 +76,7 @@ impl ModelArgs {
 
     /// Opens the model on the adapter that the command line names.
     pub fn open(&self) -> Result<OpenModel> {
-        self.open_on(|| open_gpu(self.adapter.as_ref()))
+        self.open_on(|| open_gpu(self.adapter.as_ref(), Use::Rendering))
     }
 
     /// Opens the model on a GPU. `gpu` is called after the files have been read.

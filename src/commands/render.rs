@@ -47,7 +47,8 @@ pub struct Args {
     /// Render a camera path (nerfstudio's JSON) instead of the scene's views.
     #[arg(long)]
     camera_path: Option<PathBuf>,
-    /// Render a turn of this many seconds around what the photos show, 30 frames a second, instead of the scene's views.
+    /// Render a turn of this many seconds around what the photos show, 30 frames a second, instead of the scene's views;
+    /// to and fro where they show it from one side.
     #[arg(long, value_name = "SECONDS", value_parser = turn_seconds)]
     turntable: Option<f64>,
     /// Folder for the frames of a camera path or turntable [default: MODEL/path/ours_N, MODEL/turntable/ours_N].
@@ -102,7 +103,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// A turn around what the model's photos show, in the size of its first view.
+/// A turn around what the model's photos show, on the sides that they show, in the size of its first view.
 fn turntable(model: &OpenModel, seconds: f64) -> Result<CameraPath> {
     let cameras = || model.cameras.iter().map(|record| &record.camera);
     let turn = Axis::of(cameras()).and_then(|axis| Some((axis.start(cameras())?, axis)));
@@ -112,7 +113,7 @@ fn turntable(model: &OpenModel, seconds: f64) -> Result<CameraPath> {
             model.folder.root().display()
         );
     };
-    let keyframes = axis.turn(&start);
+    let keyframes = axis.turn(&start, cameras());
     let (width, height, fps) = (first.width, first.height, TURNTABLE_FPS);
     let path = KeyframePath { keyframes, width, height, fps, seconds, cycle: true };
     Ok(CameraPath { cameras: path.frames(), fps })

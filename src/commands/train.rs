@@ -17,8 +17,9 @@ use crate::advice::value;
 use anyhow::Result;
 use clap::Args as ClapArgs;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use ibgs_core::config::{Method, Strategy, TrainConfig};
+use ibgs_core::config::{ConfigError, Method, Strategy, TrainConfig};
 use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler, Resolution};
+use ibgs_core::gpu::Use;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Session;
 use ibgs_train::session::JsonLines;
@@ -251,9 +252,11 @@ impl Args {
     fn plan(&self) -> Result<Plan> {
         let resumed =
             self.model.as_deref().filter(|_| self.resume).map(|path| resume::checkpoint(self, path)).transpose()?;
+        let file = if resumed.is_some() { None } else { self.file()? };
+        let file = file.as_ref().map(|(text, path)| (&**text, *path));
         let config = match &resumed {
             Some(checkpoint) => checkpoint.config.clone(),
-            None => self.config()?,
+            None => self.config(file)?,
         };
         Ok(Plan {
             resumed,
@@ -262,35 +265,38 @@ impl Args {
             gpu_memory: self.gpu_memory,
             checkpoint_every: (self.checkpoint_every > 0.0)
                 .then(|| Duration::from_secs_f64(60.0 * self.checkpoint_every)),
-            demo: self.demo_given()?,
+            demo: self.demo_given(file.map(|(text, _)| text)),
             ..Plan::new(config)
         })
     }
 
+    /// The options file's text, and its path.
+    fn file(&self) -> Result<Option<(String, &Path)>> {
+        let read = |path: &PathBuf| {
+            fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.clone(), source })
+        };
+        let text = self.config.as_ref().map(read).transpose()?;
+        Ok(text.zip(self.config.as_deref()))
+    }
+
     /// The options for which the demo scene has its own defaults. None with a file that gives the iterations, as that of an earlier
     /// run does: it must repeat that run.
-    fn demo_given(&self) -> Result<Option<DemoGiven>> {
+    fn demo_given(&self, file: Option<&str>) -> Option<DemoGiven> {
+        // It has been parsed before.
+        let file: toml::Table = file.and_then(|text| text.parse().ok()).unwrap_or_default();
+        let option = |section: &str, key: &str| file.get(section)?.get(key).cloned();
         let given = DemoGiven {
             iterations: self.iterations,
-            max_splats: self.max_splats,
-            residual_factor: self.stages.residual_factor,
+            max_splats: self.max_splats.or_else(|| option("densify", "max-splats")?.try_into().ok()),
+            residual_factor: self.stages.residual_factor.or_else(|| option("residual", "factor")?.try_into().ok()),
         };
-        let Some(path) = &self.config else { return Ok(Some(given)) };
-        let file: toml::Table = fs::read_to_string(path)?.parse()?;
-        let options = TrainConfig::load(path)?;
-        let has_factor = file.get("residual").is_some_and(|residual| residual.get("factor").is_some());
-        let given = DemoGiven {
-            max_splats: given.max_splats.or(options.densify.max_splats),
-            residual_factor: given.residual_factor.or(has_factor.then_some(options.residual.factor)),
-            ..given
-        };
-        Ok((!file.contains_key("iterations")).then_some(given))
+        (!file.contains_key("iterations")).then_some(given)
     }
 
     /// The options file, overridden by the command line.
-    fn config(&self) -> Result<TrainConfig> {
-        let c = self.config.as_deref().map_or_else(|| Ok(TrainConfig::default()), TrainConfig::load)?;
-        self.over(c)
+    fn config(&self, file: Option<(&str, &Path)>) -> Result<TrainConfig> {
+        let given = file.map(|(text, path)| TrainConfig::from_text(text, path)).transpose()?;
+        self.over(given.unwrap_or_default())
     }
 
     /// `c`, overridden by the command line.
@@ -349,7 +355,8 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;
     }
-    let session = args.plan()?.start(|| open_gpu(args.adapter.as_ref()), &|_| {})?.with_command(command_line());
+    let session =
+        args.plan()?.start(|| open_gpu(args.adapter.as_ref(), Use::Training), &|_| {})?.with_command(command_line());
     let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
     match args.with_viewer {
         true => view::look(|failure| Watched::new(session, failure).with_log(log)),
@@ -385,12 +392,9 @@ mod tests {
 
     #[test]
     fn a_file_of_some_options_leaves_the_demo_its_defaults() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("some.toml");
         let given = |text: &str, more: &[&str]| {
-            fs::write(&path, text).unwrap();
-            let line = ["train", "--config", path.to_str().unwrap()].into_iter().chain(more.iter().copied());
-            let given = Line::parse_from(line).args.demo_given().unwrap();
+            let line = ["train"].into_iter().chain(more.iter().copied());
+            let given = Line::parse_from(line).args.demo_given(Some(text));
             given.map(|given| (given.iterations, given.max_splats, given.residual_factor))
         };
         assert_eq!(given("seed = 3\n", &[]), Some((None, None, None)));

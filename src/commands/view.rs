@@ -12,7 +12,7 @@ use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{self, Point, Resolution};
-use ibgs_core::gpu::Gpu;
+use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::is_bundle;
 use ibgs_core::output::OutputFolder;
@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.measure {
         check_display()?;
     }
-    let gpu = || open_gpu(args.adapter.as_ref());
+    let gpu = || open_gpu(args.adapter.as_ref(), Use::Rendering);
     if let Some(scene) = &args.train {
         let wish = TrainingWish { scene: scene.clone(), ..TrainingWish::default() };
         let session = Plan::wished(&wish)?.start(gpu, &|_| {})?;

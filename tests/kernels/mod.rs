@@ -23,6 +23,7 @@ mod present;
 mod project;
 mod rasterize;
 mod rasterize_ellipsoids;
+mod rasterize_surface_image;
 mod residual;
 mod residual_compose;
 mod residual_features;

@@ -4,7 +4,7 @@ use super::*;
 use crate::train_smoke::image_based::{dataset, staged};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::{Failure, Watched};
-use ibgs_core::gpu::AdapterChoice;
+use ibgs_core::gpu::{AdapterChoice, Use};
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_train::{Session, Trainer};
@@ -89,7 +89,7 @@ fn a_closed_window_leaves_a_saved_model() {
 fn a_lost_device_is_survived() {
     let folder = tempfile::tempdir().unwrap();
     // One of its own: the other tests need theirs.
-    let own = Gpu::open(&AdapterChoice::Best).unwrap();
+    let own = Gpu::open(&AdapterChoice::Best, Use::Training).unwrap();
     let failure = Failure::default();
     let opened = training_with(&own, folder.path(), 10_000, &failure);
     let mut window = window_on(&own, Some(opened), Vec2::new(500.0, 320.0));

@@ -21,7 +21,7 @@ pub struct Inspection {
     pub base: [f32; 3],
     /// Final colour; none where the model has no network.
     pub image: Option<[f32; 3]>,
-    /// Final minus base colour; what exposure correction changes is a part of it.
+    /// Final minus base colour; what exposure correction and the sources' share change is a part of it.
     pub residual: Option<[f32; 3]>,
     /// Median depth z in scene units; none where nothing is met or the frame has no surface.
     pub median_depth: Option<f32>,

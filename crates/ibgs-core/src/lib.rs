@@ -17,7 +17,8 @@
 //! 3. [`raster`] projects, sorts and blends them: the forward and the backward pass.
 //! 4. [`sources`] chooses the source views, keeps their photos and depth maps, and warps them into the target view.
 //! 5. [`exposure`] brings colours into the exposure of a photo.
-//! 6. [`residual`] makes a residual of the warped colours with a small network, and adds it to the base image.
+//! 6. [`residual`] makes a residual of the warped colours with a small network, adds it to the base image, and mixes the
+//!    sources' mean colour into rendered views.
 //! 7. [`render`] is the one path from a model to images; [`model`] opens models, [`bundle`] keeps one in a single file,
 //!    [`output`] is the model folder, [`config`] the options of a training.
 //! 8. [`edit`] selects and removes Gaussians of a finished model.

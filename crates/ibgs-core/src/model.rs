@@ -1,10 +1,10 @@
 //! A trained model on disk: a model folder of ours or of the published code, or a one-file bundle.
 //!
 //! ```no_run
-//! use ibgs_core::gpu::{AdapterChoice, Gpu};
+//! use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 //! use ibgs_core::model::{Model, ModelOptions};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let gpu = Gpu::open(&AdapterChoice::Best)?;
+//! let gpu = Gpu::open(&AdapterChoice::Best, Use::Rendering)?;
 //! let mut model = Model::open("output/demo".as_ref(), &ModelOptions::default())?;
 //! let renderer = model.renderer(&gpu)?;
 //! let frame = renderer.render(&model.cameras[0].camera)?;

@@ -283,13 +283,21 @@ impl Renderer {
     /// # Errors
     /// Not enough memory, or the device is lost.
     pub async fn render_later(&self, camera: &Camera) -> Result<Frame, GpuError> {
+        if let Some(stage) = &self.image {
+            // A map that is made within a frame is not checked.
+            for index in self.chosen(stage, camera) {
+                if stage.depths.lock().expect("depth cache").get(index).is_none() {
+                    let view = self.view(&self.space().camera(&stage.part.cameras[index]));
+                    let map = self.raster.depth_map_later(&self.splats, &view).await?;
+                    stage.depths.lock().expect("depth cache").insert(index, map);
+                }
+            }
+        }
         loop {
             let frame = self.render_unchecked(camera)?;
             if self.raster.had_room_later(&frame.forward).await? {
                 return Ok(frame);
             }
-            // The sources' depth maps were made with as little room.
-            self.forget_depths();
         }
     }
 
@@ -343,14 +351,16 @@ impl Renderer {
         Ok(Some(exposer.upload(&field.at(camera), &sources)?))
     }
 
-    /// The sources of a view; none where it has none or is too small for the network.
-    fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
+    /// Which training views are the sources of a view; none where it has none or is too small for the network.
+    fn chosen(&self, stage: &ImageStage, camera: &Camera) -> Vec<usize> {
         // A training view is no source of itself, at any size.
         let own = stage.part.cameras.iter().position(|other| other.has_pose_of(camera));
-        let chosen = match stage.residual.fits(camera) {
-            true => stage.finder.sources(camera, own),
-            false => Vec::new(),
-        };
+        if stage.residual.fits(camera) { stage.finder.sources(camera, own) } else { Vec::new() }
+    }
+
+    /// The sources of a view, with their photos and depth maps.
+    fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
+        let chosen = self.chosen(stage, camera);
         let photos = stage.part.photos.photos(&chosen)?;
         let mut depths = stage.depths.lock().expect("depth cache");
         let source = |(&index, photo)| {

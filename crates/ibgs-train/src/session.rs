@@ -2,13 +2,13 @@
 //!
 //! ```no_run
 //! use ibgs_core::config::TrainConfig;
-//! use ibgs_core::gpu::{AdapterChoice, Gpu};
+//! use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 //! use ibgs_core::model::load_scene;
 //! use ibgs_train::Session;
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let config = TrainConfig { iterations: 7_000, ..TrainConfig::default() };
 //! let dataset = load_scene(&config, "my-scene".as_ref(), &())?;
-//! let gpu = Gpu::open(&AdapterChoice::Best)?;
+//! let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
 //! let mut session = Session::new(&gpu, dataset, config)?;
 //! session.run(&mut ())?;
 //! # Ok(())

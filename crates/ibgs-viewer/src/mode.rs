@@ -84,7 +84,7 @@ impl Mode {
         match self {
             Mode::Final => "Base colour plus the residual that the network reads from neighbouring photos",
             Mode::Base => "Gaussian splatting alone: colours from spherical harmonics",
-            Mode::Residual => "Final minus base image around grey: what the network adds",
+            Mode::Residual => "Final minus base image around grey: what the network and the source photos add",
             Mode::Depth => "Depth where half of the light is stopped, near bright and far dark",
             Mode::Normal => "Surface normals as the camera sees them: red right, green up, blue towards it",
             Mode::Visibility => "How many of the source photos see the point of a pixel; black: none",

@@ -1,12 +1,16 @@
-//! A turn once around what a capture shows.
+//! A turn around what a capture shows: once around, or to and fro where the photos stand on one side.
 
 use super::Keyframe;
 use crate::camera::Camera;
 use glam::{DMat3, DVec3};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Keyframes of a turn. The smooth way through so many stays within a thousandth of the radius of the circle.
 const KEYFRAMES: u32 = 16;
+/// A turn leaves out a part of the circle without photos that is at least this wide, in radians.
+const UNSEEN: f64 = TAU / 4.0;
+/// Least angle to either side of a turn to and fro, in radians.
+const LEAST_SWING: f64 = TAU / 24.0;
 
 /// A turn goes about this axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,14 +45,41 @@ impl Axis {
         })
     }
 
-    /// The keyframes of a turn that starts and ends at `start`, for a film that can be repeated: counterclockwise seen from above.
-    pub fn turn(&self, start: &Keyframe) -> Vec<Keyframe> {
+    /// The keyframes of a turn that starts and ends at `start`, for a film that can be repeated: once around, counterclockwise seen
+    /// from above. Where the photos' cameras leave a quarter of the circle or more empty, the turn goes to and fro in the rest of it,
+    /// and starts at its nearest end where `start` lies outside.
+    pub fn turn<'a>(&self, start: &Keyframe, cameras: impl Iterator<Item = &'a Camera>) -> Vec<Keyframe> {
+        let swing = self.swing(start, cameras);
         let key = |i: u32| {
-            let turn = DMat3::from_axis_angle(self.up, TAU * f64::from(i) / f64::from(KEYFRAMES));
+            let phase = TAU * f64::from(i) / f64::from(KEYFRAMES);
+            let angle = match swing {
+                None => phase,
+                Some((middle, half)) => middle + half * (phase + (-middle / half).clamp(-1.0, 1.0).asin()).sin(),
+            };
+            let turn = DMat3::from_axis_angle(self.up, angle);
             let position = self.center + turn * (start.position - self.center);
             Keyframe { position, world_from_view: turn * start.world_from_view, ..*start }
         };
         (0..KEYFRAMES).map(key).collect()
+    }
+
+    /// Middle and half width of the part of the circle on which the cameras stand, as angles from `start`; none where they stand all
+    /// around, or nowhere.
+    fn swing<'a>(&self, start: &Keyframe, cameras: impl Iterator<Item = &'a Camera>) -> Option<(f64, f64)> {
+        let ahead = start.position - self.center;
+        let angle = |camera: &Camera| {
+            let offset = camera.center() - self.center;
+            self.up.dot(ahead.cross(offset)).atan2(ahead.reject_from(self.up).dot(offset))
+        };
+        let mut angles: Vec<f64> = cameras.map(angle).collect();
+        angles.sort_by(f64::total_cmp);
+        let next = angles.iter().skip(1).copied().chain(angles.first().map(|first| first + TAU));
+        let gaps = angles.iter().zip(next).map(|(&angle, next)| (next - angle, next));
+        let (gap, first) = gaps.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let width = TAU - gap;
+        // Between -PI and PI, so that the turn starts at `start` where it can.
+        let middle = (first + width / 2.0 + PI).rem_euclid(TAU) - PI;
+        (gap >= UNSEEN).then_some((middle, (width / 2.0).max(LEAST_SWING)))
     }
 }
 
@@ -102,7 +133,7 @@ mod tests {
         let position = center + DVec3::new(0.0, -height, -radius);
         let world_from_view = facing((center - position).normalize(), axis.up).unwrap();
         let first = Keyframe { position, world_from_view, fov: 0.8 };
-        axis.turn(&first).iter().map(|key| key.camera(64, 48)).collect()
+        axis.turn(&first, [].iter()).iter().map(|key| key.camera(64, 48)).collect()
     }
 
     #[test]
@@ -132,7 +163,7 @@ mod tests {
         let axis = Axis::of(cameras.iter()).unwrap();
         let start = axis.start(cameras.iter()).unwrap();
         assert!((start.fov - 0.8).abs() < 1e-9);
-        let keyframes = axis.turn(&start);
+        let keyframes = axis.turn(&start, cameras.iter());
         let path = KeyframePath { keyframes, width: 64, height: 48, fps: 30.0, seconds: 10.0, cycle: true };
         let frames = path.frames();
         assert_eq!(frames.len(), 300);
@@ -150,6 +181,43 @@ mod tests {
         assert!(most / least < 1.04, "the speed changes by {}", most / least);
         let closing = step(&frames[299], &frames[0]);
         assert!((0.99 * least..1.01 * most).contains(&closing), "the last frame is {closing} from the first");
+    }
+
+    #[test]
+    fn where_photos_stand_on_one_side_the_turn_goes_to_and_fro() {
+        let target = DVec3::new(1.0, 2.0, 3.0);
+        let all = ring(target, 1.0, 3.0);
+        let axis = Axis::of(all.iter()).unwrap();
+        // Five neighbours of 16, across the place where angles wrap around; the path starts at the first of them.
+        for begin in 0..all.len() {
+            let some: Vec<Camera> = all.iter().cycle().skip(begin).take(5).copied().collect();
+            let start = axis.start(some.iter()).unwrap();
+            let keyframes = axis.turn(&start, some.iter());
+            assert!(keyframes[0].position.abs_diff_eq(some[0].center(), 1e-6), "begin {begin}");
+            let nearest = |key: &Keyframe| {
+                let distances = some.iter().map(|camera| camera.center().distance(key.position));
+                distances.fold(f64::MAX, f64::min)
+            };
+            let farthest = keyframes.iter().map(nearest).fold(0.0, f64::max);
+            assert!(farthest < 0.6, "begin {begin}: {farthest} from any photo, which stand 1.17 apart");
+            let reaches = |camera: &Camera| keyframes.iter().any(|key| key.position.distance(camera.center()) < 0.6);
+            assert!(some.iter().all(reaches), "begin {begin}");
+            // It looks at the middle all the way.
+            assert!(keyframes.iter().all(|key| key.camera(64, 48).to_view(target).truncate().length() < 1e-6));
+            // From the far side it starts at an end.
+            let far = Keyframe {
+                position: all[(begin + 10) % 16].center(),
+                world_from_view: all[(begin + 10) % 16].view_from_world.transpose(),
+                fov: 0.8,
+            };
+            let ends = [some[0].center(), some[4].center()];
+            let first = axis.turn(&far, some.iter())[0].position;
+            assert!(ends.iter().any(|end| end.abs_diff_eq(first, 1e-6)), "begin {begin}");
+        }
+        // A gap under a quarter is no side.
+        let most: Vec<Camera> = all[..14].to_vec();
+        let start = axis.start(most.iter()).unwrap();
+        assert_eq!(axis.turn(&start, most.iter()), axis.turn(&start, [].iter()));
     }
 
     #[test]

@@ -192,9 +192,12 @@ impl Gpu {
             *waker = Some(context.waker().clone());
             answer.take().map_or(Poll::Pending, Poll::Ready)
         });
-        result.await.map_err(|e| GpuError::Readback(e.to_string()))?;
+        let mapped = result.await;
+        let found = mapped.map_err(|e| GpuError::Readback(e.to_string())).and_then(|()| values(&staging, count));
+        // A browser keeps a buffer until its garbage is collected.
+        staging.destroy();
         self.check()?;
-        values(&staging, count)
+        found
     }
 
     /// The first `bytes` of a buffer in one that the host can map.

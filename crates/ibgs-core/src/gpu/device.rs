@@ -142,8 +142,8 @@ impl std::fmt::Debug for Gpu {
 }
 
 impl Gpu {
-    /// The device of another program, asked for by [`device_descriptor`](super::device_descriptor). Its callbacks stay. If they do not end the
-    /// program, the next wait reports a lost device.
+    /// The device of another program, asked for by [`device_descriptor`](super::device_descriptor). Its callbacks stay. If
+    /// they do not end the program, the next wait reports a lost device.
     ///
     /// # Errors
     /// The device lacks a limit that rendering needs.

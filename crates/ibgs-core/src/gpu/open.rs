@@ -36,23 +36,21 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
     }
 }
 
-fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {
+fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice, wanted: Use) -> Result<wgpu::Adapter, GpuError> {
     if adapters.is_empty() {
         return Err(GpuError::NoAdapter);
     }
     match choice {
         AdapterChoice::Best => {
-            // Those that can train first, then those that can render; what the best unusable one lacks is reported when there is no
-            // other.
-            let lacks = |a: &wgpu::Adapter, wanted| !lacking(a, wanted).is_empty();
-            let order = |a: &wgpu::Adapter| (lacks(a, Use::Training), lacks(a, Use::Rendering), rank(&a.get_info()));
+            // Usable ones first; what the best unusable one lacks is reported when there is no other.
+            let order = |a: &wgpu::Adapter| (!lacking(a, wanted).is_empty(), rank(&a.get_info()));
             let best = adapters.iter().map(order).enumerate().min_by_key(|&(i, r)| (r, i));
             Ok(adapters.swap_remove(best.map_or(0, |(i, _)| i)))
         }
-        AdapterChoice::Named(wanted) => {
-            let lower = wanted.to_lowercase();
+        AdapterChoice::Named(named) => {
+            let lower = named.to_lowercase();
             let by_name = || adapters.iter().position(|a| a.get_info().name.to_lowercase().contains(&lower));
-            let found = wanted.parse::<usize>().ok().filter(|&index| index < adapters.len()).or_else(by_name);
+            let found = named.parse::<usize>().ok().filter(|&index| index < adapters.len()).or_else(by_name);
             let available = adapters
                 .iter()
                 .enumerate()
@@ -61,23 +59,23 @@ fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wg
                 .join(", ");
             match found {
                 Some(index) => Ok(adapters.swap_remove(index)),
-                None => Err(GpuError::UnknownAdapter { wanted: wanted.clone(), available }),
+                None => Err(GpuError::UnknownAdapter { wanted: named.clone(), available }),
             }
         }
     }
 }
 
 impl Gpu {
-    /// Opens the chosen adapter with all its features and limits.
+    /// Opens the chosen adapter with all its features and limits, for this use.
     ///
     /// # Errors
     /// No such adapter, one that lacks a needed limit, or a driver that refuses.
-    pub fn open(choice: &AdapterChoice) -> Result<Arc<Gpu>, GpuError> {
+    pub fn open(choice: &AdapterChoice, wanted: Use) -> Result<Arc<Gpu>, GpuError> {
         let instance = instance();
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        let adapter = choose(adapters, choice)?;
+        let adapter = choose(adapters, choice, wanted)?;
         let info = adapter.get_info();
-        let missing = lacking(&adapter, Use::Rendering);
+        let missing = lacking(&adapter, wanted);
         if !missing.is_empty() {
             return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
         }

@@ -1,12 +1,12 @@
 //! The Gaussian rasterizer: its passes and its memory.
 //!
 //! Forward: `project`, depth sort, prefix sum of the tile counts, `tile_emit`, stable tile sort, `tile_ranges`,
-//! `rasterize`, or `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view depth, then Gaussian index, and nothing depends on
-//! the order in which threads run: the same input gives the same bits. Backward: `rasterize_backward`,
-//! `project_backward`.
+//! `rasterize`, or `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view
+//! depth, then Gaussian index, and nothing depends on the order in which threads run: the same input gives the same bits.
+//! Backward: `rasterize_backward`, `project_backward`.
 //!
-//! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface` takes the place of
-//! `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
+//! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface`, or `rasterize_surface_image`
+//! without gradients, takes the place of `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
 
 mod backward;
 mod dropout;
@@ -290,6 +290,22 @@ impl Rasterizer {
     /// # Panics
     /// When the view asks for no surface: a bug of ours.
     pub fn depth_map(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
+        // Reading is over at once where the program can wait.
+        pollster::block_on(self.depth_map_in(splats, view, room))
+    }
+
+    /// As [`Rasterizer::depth_map`] with [`Room::Checked`], for browsers.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    ///
+    /// # Panics
+    /// As [`Rasterizer::depth_map`].
+    pub async fn depth_map_later(&self, splats: &Splats, view: &RasterView) -> Result<Buffer, GpuError> {
+        self.depth_map_in(splats, view, Room::Checked).await
+    }
+
+    async fn depth_map_in(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
         let gpu = &*self.gpu;
         let options = view.surface.expect("a depth map needs the surface's options");
         // Colours are not looked at.
@@ -311,7 +327,7 @@ impl Rasterizer {
             if room == Room::Assumed {
                 return Ok(depth);
             }
-            let needed = u64::from(gpu.read::<u32>(&ws.total, 1)?[0]);
+            let needed = u64::from(gpu.read_later::<u32>(&ws.total, 1).await?[0]);
             if needed <= ws.isects() as u64 {
                 return Ok(depth);
             }

@@ -30,7 +30,7 @@ pub struct Workspace {
     pub tile_ranges: Buffer,
     /// Transmittance behind the last contributor.
     pub final_t: Buffer,
-    /// List entries walked up to the last contributor.
+    /// List entries walked up to the last contributor; not written by `rasterize_surface_image`.
     pub last_entry: Buffer,
     /// Gradient rows by emission index: colour and opacity, screen position, covariance, plane. As many as asked for:
     /// none, three, or four with a surface.

@@ -9,7 +9,7 @@
 //! C'  = C + share / (DOUBT + sum a_m) sum a_m (c_m - C)
 //! ```
 //!
-//! In training the share is 0: the network would learn to take it back. A departure from method.md.
+//! In training the share is 0: the network would learn to take it back. A departure from the published method (method.md section 6).
 
 use crate::gpu::{Buffer, Pass};
 use bytemuck::bytes_of;

@@ -12,12 +12,12 @@
 //! | project | 44 n + 12 C n + 56 N | (200 + 10 C) n |
 //! | sort | 60 N by depth, 32 N + 48 n + 8 I for the lists, (16 passes - 4) I by tile, 16 I + 8 T for the ranges | 0 |
 //! | planes | 44 N | 40 N |
-//! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P | 14 B |
+//! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P, in a frame 4 P + 4 K P less | 14 B |
 //! | depth maps | M times project with C = 1, sort, planes, and 64 n + 4 I + 8 T + 4 P | M times theirs |
 //! | warp | (4 + 8 K + 8 M + 16 V + 4) P | 40 min(M, V) P |
 //! | features | (12 + 16 A + 4) P + 152 p | 2 (7 x 32 + 32 x 32) A p |
 //! | U-Net | 4 bytes an input and output of each layer | 2 a weight and pixel of each layer |
-//! | compose | 24 P + 12 p | 9 P |
+//! | compose | 24 P + 12 p; in a frame also (28 + 16 A) P | 9 P |
 //! | image loss | 52 P an image | 660 P an image |
 //! | normal loss | 16 P | 60 P |
 //! | photometric loss | 8 P + 52 A P | 660 A P |
@@ -165,13 +165,15 @@ impl Load {
                 .map(|count| count as f64);
         let [p, b, k] = [self.pixels, self.pairs, self.medians].map(|count| count as f64);
         let surface = f64::from(u8::from(work.is_image_based()));
+        // Frames keep no list entries.
+        let entries = if work.is_final_frame() { 4.0 + 4.0 * k } else { 0.0 };
         Some(match stage {
             Stage::Project => self.project(c),
             Stage::Sort => self.sort(),
             Stage::Planes => Floor::new(44.0 * n, 40.0 * n),
             Stage::Blend => {
                 let base = 48.0 * seen + 4.0 * i + 8.0 * t + 20.0 * p;
-                Floor::new(base + surface * (16.0 * seen + (16.0 + 12.0 * k) * p), 14.0 * b)
+                Floor::new(base + surface * (16.0 * seen + (16.0 + 12.0 * k - entries) * p), 14.0 * b)
             }
             Stage::BlendBackward => {
                 let base = 48.0 * seen + 56.0 * i + 8.0 * t + 20.0 * p;
@@ -218,7 +220,11 @@ impl Load {
                     LAYERS[..8].iter().map(|(l, at, _)| 4.0 * l.outputs as f64 * self.network_pixels(*at)).sum();
                 Floor::new(forward.bytes + signs, forward.operations)
             }
-            Stage::Compose | Stage::ComposeBackward => Floor::new(24.0 * p + 12.0 * low, 9.0 * p),
+            Stage::Compose | Stage::ComposeBackward => {
+                // Frames take in the sources' mean colour.
+                let mix = if work.is_final_frame() { (28.0 + 16.0 * a) * p } else { 0.0 };
+                Floor::new(24.0 * p + 12.0 * low + mix, 9.0 * p)
+            }
             Stage::ImageLoss => Floor::new(52.0 * p, 660.0 * p).times(images),
             Stage::ImageLossBackward => Floor::new(64.0 * p, 396.0 * p).times(images),
             Stage::NormalLoss => Floor::new(20.0 * p, 60.0 * p),

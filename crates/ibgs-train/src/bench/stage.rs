@@ -96,6 +96,11 @@ impl Work {
         !matches!(self, Work::BaseFrame | Work::BaseIteration)
     }
 
+    /// Whether it ends with a final image that nobody trains on.
+    pub fn is_final_frame(self) -> bool {
+        matches!(self, Work::WarmFrame | Work::ColdFrame)
+    }
+
     /// Its stages in order.
     pub fn stages(self) -> Vec<Stage> {
         let frame: &[Stage] = &[Project, Sort, Planes, Blend, Warp];

@@ -1,5 +1,6 @@
 //! The camera path: keyframes, preview, files, film.
 
+use crate::View;
 use crate::app::Viewer;
 use crate::film::Film;
 use crate::navigator::Navigator;
@@ -71,10 +72,10 @@ impl PathEditor {
         self.at = self.path.seconds;
     }
 
-    /// Makes the path a turn around what the camera orbits, from where it is.
-    pub fn turn(&mut self, navigator: &Navigator) {
+    /// Makes the path a turn around what the camera orbits, from where it is, on the sides that the views show.
+    pub fn turn(&mut self, navigator: &Navigator, views: &[View]) {
         let axis = Axis { center: navigator.pivot(), up: navigator.up };
-        self.path.keyframes = axis.turn(&navigator.keyframe());
+        self.path.keyframes = axis.turn(&navigator.keyframe(), views.iter().map(|view| &view.camera));
         (self.path.cycle, self.path.seconds) = (true, TURN);
         (self.timed, self.at, self.playing) = (true, 0.0, false);
     }
@@ -134,9 +135,10 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
         if ui.button("Add keyframe").on_hover_text("Where the camera is now. Key K.").clicked() {
             editor.add(&navigator);
         }
-        let text = "Replace the path by a turn around what the camera orbits, at its height";
+        let text =
+            "Replace the path by a turn around what the camera orbits, at its height and on the sides that photos show";
         if ui.button("Turntable").on_hover_text(text).clicked() {
-            editor.turn(&navigator);
+            editor.turn(&navigator, viewer.scene.as_ref().map_or(&[], |scene| &scene.views));
         }
         let name = if editor.playing { "Stop" } else { "Play" };
         let play = ui.add_enabled(editor.keyframes() > 1, egui::Button::new(name));

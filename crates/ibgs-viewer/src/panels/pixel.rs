@@ -69,7 +69,7 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
         patch(ui, inspection.base, "base");
         if let (Some(residual), Some(image)) = (inspection.residual, inspection.image) {
             let [r, g, b] = residual;
-            ui.label("+ residual").on_hover_text("What the network adds, around grey");
+            ui.label("+ residual").on_hover_text("What the network and the source photos add, around grey");
             patch(ui, residual.map(|v| 0.5 + v), "0.5 + residual");
             ui.label("= final");
             patch(ui, image, "final");
