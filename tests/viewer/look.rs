@@ -225,9 +225,10 @@ fn a_camera_path_is_made_played_kept_and_filmed() {
     settle(&mut window);
     let aside = *window.state().navigator();
     assert!(aside.pivot().distance(orbited) < 1e-6 * start.distance, "it looks at {}", aside.pivot());
-    let turned =
-        aside.world_from_view.z_axis.reject_from(start.up).dot(start.world_from_view.z_axis.reject_from(start.up));
-    assert!(turned.abs() < 1e-6, "a quarter of a turn later it looks across: {turned}");
+    // The demo's photos stand on one side, so the turn goes to and fro and never looks from the other one.
+    let ahead = [start, aside].map(|navigator| navigator.world_from_view.z_axis.reject_from(start.up).normalize());
+    let turned = ahead[0].dot(ahead[1]);
+    assert!((0.1..0.95).contains(&turned), "a quarter of the path later it has turned: {turned}");
     window.get_by_label("Clear").click();
     window.run_steps(2);
     std::fs::write(&file, serde_json::to_string(&shortened(&file)).unwrap()).unwrap();
