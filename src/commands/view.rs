@@ -68,12 +68,13 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.measure {
         check_display()?;
     }
-    let gpu = || open_gpu(args.adapter.as_ref(), Use::Rendering);
+    let open = |wanted| open_gpu(args.adapter.as_ref(), wanted);
     if let Some(scene) = &args.train {
         let wish = TrainingWish { scene: scene.clone(), ..TrainingWish::default() };
-        let session = Plan::wished(&wish)?.start(gpu, &|_| {})?;
+        let session = Plan::wished(&wish)?.start(|| open(Use::Training), &|_| {})?;
         return look(|failure| Watched::new(session, failure));
     }
+    let gpu = || open(Use::Rendering);
     let (gpu, first) = match &args.model {
         None => (gpu()?, None),
         Some(path) if args.fits_a_scene() && is_scene(path) && dataset::inspect(path).is_ok() => {

@@ -1,5 +1,6 @@
 //! What an adapter has to offer, and what is asked of it.
 
+use super::device::GpuError;
 use super::matrix::{experimental_features, matrix_units};
 
 /// What a device is for.
@@ -52,7 +53,7 @@ pub fn lacking(adapter: &wgpu::Adapter, wanted: Use) -> Vec<String> {
     missing(&adapter.limits(), wanted)
 }
 
-pub(super) fn missing(limits: &wgpu::Limits, wanted: Use) -> Vec<String> {
+fn missing(limits: &wgpu::Limits, wanted: Use) -> Vec<String> {
     let mut missing = Vec::new();
     let mut need = |name: &str, has: u64, wanted: u64| {
         if has < wanted {
@@ -64,6 +65,18 @@ pub(super) fn missing(limits: &wgpu::Limits, wanted: Use) -> Vec<String> {
     need("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_MEMORY.into());
     need("invocations per workgroup", limits.max_compute_invocations_per_workgroup.into(), 256);
     missing
+}
+
+/// Fails where the limits of a device are too low for a use.
+///
+/// # Errors
+/// [`GpuError::Lacking`].
+pub(super) fn require(info: &wgpu::AdapterInfo, limits: &wgpu::Limits, wanted: Use) -> Result<(), GpuError> {
+    let missing = missing(limits, wanted);
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(GpuError::Lacking { adapter: info.name.clone(), missing: missing.join(", ") })
 }
 
 /// How to ask an adapter for a device that ibgs can use: with all its features and limits.

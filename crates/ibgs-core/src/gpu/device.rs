@@ -1,6 +1,6 @@
 //! The device and everything that outlives a single pass.
 
-use super::adapter::{IMMEDIATES, Use, missing};
+use super::adapter::{IMMEDIATES, Use, require};
 use super::buffer::Transients;
 use super::matrix::matrix_units;
 use super::profile::Profiler;
@@ -9,8 +9,10 @@ use ibgs_shaders::{Kernel, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
+use std::pin::pin;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, OnceLock};
+use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
 /// What can go wrong between us and the GPU.
@@ -69,6 +71,23 @@ pub enum GpuError {
     /// The device is lost, or the driver refused some work.
     #[error("the GPU has failed: {0}; the program has to be started again")]
     Failed(String),
+}
+
+impl GpuError {
+    fn no_waiting() -> Self {
+        Self::Readback("a browser does not let a program wait for the GPU".to_owned())
+    }
+}
+
+/// What a future gives that is over at once, as all of the core's are where a program can wait for the GPU.
+///
+/// # Errors
+/// Those of the future; in a browser, that there is no waiting.
+pub(crate) fn at_once<T>(future: impl Future<Output = Result<T, GpuError>>) -> Result<T, GpuError> {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(result) => result,
+        Poll::Pending => Err(GpuError::no_waiting()),
+    }
 }
 
 /// Device memory as wgpu's allocator counts it.
@@ -155,10 +174,7 @@ impl Gpu {
     ) -> Result<Arc<Gpu>, GpuError> {
         let info = adapter.get_info();
         let (limits, features) = (device.limits(), device.features());
-        let missing = missing(&limits, Use::Rendering);
-        if !missing.is_empty() {
-            return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
-        }
+        require(&info, &limits, Use::Rendering)?;
         let experimental = features.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX);
         let immediates = features.contains(wgpu::Features::IMMEDIATES) && limits.max_immediate_size >= IMMEDIATES;
         Ok(Arc::new(Gpu {
@@ -227,10 +243,7 @@ impl Gpu {
     /// # Errors
     /// The device can render, but lacks a limit that training needs.
     pub fn warm_up(&self) -> Result<(), GpuError> {
-        let missing = missing(&self.limits, Use::Training);
-        if !missing.is_empty() {
-            return Err(GpuError::Lacking { adapter: self.info.name.clone(), missing: missing.join(", ") });
-        }
+        require(&self.info, &self.limits, Use::Training)?;
         for kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS) {
             let _ = self.pipeline(kernel);
         }
@@ -284,8 +297,7 @@ impl Gpu {
     /// When the device is lost, and in a browser, which does not let a program wait.
     pub fn answer<T>(&self, receiver: &Receiver<T>) -> Result<T, GpuError> {
         if cfg!(target_arch = "wasm32") {
-            let waits = |_| GpuError::Readback("a browser does not let a program wait for the GPU".to_owned());
-            return receiver.try_recv().map_err(waits);
+            return receiver.try_recv().map_err(|_| GpuError::no_waiting());
         }
         loop {
             match receiver.recv_timeout(PATIENCE) {

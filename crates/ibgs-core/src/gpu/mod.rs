@@ -18,6 +18,7 @@ mod uniforms;
 pub use adapter::{Use, backends, device_descriptor, lacking};
 pub use buffer::Buffer;
 pub use bytes::Bytes;
+pub(crate) use device::at_once;
 pub use device::{Gpu, GpuError, Mark, MemoryKind, MemoryReport};
 pub use launch::Pass;
 #[cfg(not(target_arch = "wasm32"))]

@@ -1,7 +1,7 @@
 //! Opening an adapter of this machine. A browser does not let a program wait for one: there the page's device is taken over
 //! ([`Gpu::from_wgpu`]).
 
-use super::adapter::{BACKENDS, Use, device_descriptor, lacking};
+use super::adapter::{BACKENDS, Use, device_descriptor, lacking, require};
 use super::{Gpu, GpuError};
 use std::sync::Arc;
 
@@ -75,10 +75,7 @@ impl Gpu {
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
         let adapter = choose(adapters, choice, wanted)?;
         let info = adapter.get_info();
-        let missing = lacking(&adapter, wanted);
-        if !missing.is_empty() {
-            return Err(GpuError::Lacking { adapter: info.name, missing: missing.join(", ") });
-        }
+        require(&info, &adapter.limits(), wanted)?;
         let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
         let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(&adapter)))
             .map_err(|e| refused(e.to_string()))?;

@@ -20,7 +20,7 @@ pub use workspace::Workspace;
 
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
-use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass, at_once};
 use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::ViewUniforms;
@@ -290,8 +290,7 @@ impl Rasterizer {
     /// # Panics
     /// When the view asks for no surface: a bug of ours.
     pub fn depth_map(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
-        // Reading is over at once where the program can wait.
-        pollster::block_on(self.depth_map_in(splats, view, room))
+        at_once(self.depth_map_in(splats, view, room))
     }
 
     /// As [`Rasterizer::depth_map`] with [`Room::Checked`], for browsers.
@@ -327,11 +326,10 @@ impl Rasterizer {
             if room == Room::Assumed {
                 return Ok(depth);
             }
-            let needed = u64::from(gpu.read_later::<u32>(&ws.total, 1).await?[0]);
-            if needed <= ws.isects() as u64 {
+            let needed = gpu.read_later::<u32>(&ws.total, 1).await?[0];
+            if self.fitted(&frame, needed.into()) {
                 return Ok(depth);
             }
-            self.reserve(needed);
         }
     }
 
@@ -340,7 +338,7 @@ impl Rasterizer {
     /// # Errors
     /// When the device is lost.
     pub fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
-        Ok(self.fitted(forward, forward.intersections(&self.gpu)?))
+        at_once(self.had_room_later(forward))
     }
 
     /// As [`Rasterizer::had_room`], for browsers.
@@ -349,12 +347,12 @@ impl Rasterizer {
     /// When the device is lost.
     pub async fn had_room_later(&self, forward: &Forward) -> Result<bool, GpuError> {
         let total = self.gpu.read_later::<u32>(&forward.workspace.total, 1).await?[0];
-        Ok(self.fitted(forward, total.into()))
+        Ok(self.fitted(&forward.frame, total.into()))
     }
 
     /// Whether `needed` intersections fitted; if not, the next pass has room for them.
-    fn fitted(&self, forward: &Forward, needed: u64) -> bool {
-        let fitted = needed <= u64::from(forward.frame.capacity);
+    fn fitted(&self, frame: &ViewUniforms, needed: u64) -> bool {
+        let fitted = needed <= u64::from(frame.capacity);
         if !fitted {
             self.reserve(needed);
         }

@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::gpu::pool::Lease;
-use crate::gpu::{Buffer, Gpu, GpuError};
+use crate::gpu::{Buffer, Gpu, GpuError, at_once};
 use crate::inspect::FrameSource;
 use crate::local_space::LocalSpace;
 use crate::raster::{Forward, Surface};
@@ -126,8 +126,7 @@ impl Frame {
     }
 
     fn read(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
-        let Camera { width, height, .. } = self.camera;
-        Ok(Rendered { width, height, rgb: self.gpu.read(memory, 3 * self.pixels())? })
+        at_once(self.read_later(memory))
     }
 
     /// As [`Frame::base`], for browsers.
