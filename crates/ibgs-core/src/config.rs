@@ -12,7 +12,7 @@ mod text;
 
 pub use crate::sources::find::SourceOptions;
 pub use error::ConfigError;
-pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
+pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, SurfaceConfig};
 
 use crate::dataset::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::files::{self, TomlError};

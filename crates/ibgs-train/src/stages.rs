@@ -11,7 +11,7 @@ use crate::tensor::primitive;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{AdamConfig, TrainConfig};
+use ibgs_core::config::{AdamConfig, Learners, TrainConfig};
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::pool::Lease;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -36,6 +36,7 @@ pub(super) struct ImageStages {
     /// In local coordinates.
     cameras: Arc<[Camera]>,
     options: ImageOptions,
+    learners: Learners,
     /// Candidates for the sources of each training view, best first.
     neighbours: Vec<Vec<usize>>,
     seed: u64,
@@ -134,6 +135,7 @@ impl ImageStages {
             network,
             cameras: cameras.clone(),
             options,
+            learners: residual.learners,
         })
     }
 
@@ -228,14 +230,15 @@ impl ImageStages {
         let burn_in = work.schedule.burn_in(work.iteration);
         let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
         let weights = self.network.tensor().autodiff().require_grad();
-        // During burn-in only the network learns from the final image.
-        let (base, colors) = match burn_in {
-            Some(_) => (work.shown.clone().detach(), colors.detach()),
-            None => (work.shown.clone(), colors),
+        let is_alone = self.learners == Learners::Network;
+        let (base, colors) = match burn_in.is_some() || is_alone {
+            true => (work.shown.clone().detach(), colors.detach()),
+            false => (work.shown.clone(), colors),
         };
         let image = autodiff::residual(&self.residual, &task, base, colors, weights.clone())?;
         let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
-        total.image_loss = (total.image_loss.clone() + final_loss) * 0.5;
+        let sum = total.image_loss.clone() + final_loss;
+        total.image_loss = if is_alone { sum } else { sum * 0.5 };
         total.scratch = scratch;
         total.weights = Some(weights);
         Ok(())
