@@ -41,8 +41,10 @@ enum Command {
     View(commands::view::Args),
     /// Make a triangle mesh of a trained model, and measure it.
     Mesh(Box<commands::mesh::Args>),
-    /// Write a trained model as one file.
+    /// Write a trained model as one file, or as a folder for a browser.
     Export(commands::export::Args),
+    /// Show a folder of `ibgs export --web` to browsers.
+    Serve(commands::serve::Args),
     /// Show what a scene, a model or a file of Gaussians holds; without a path: the adapters of this machine.
     Info(commands::info::Args),
     /// Time every stage on this machine.
@@ -69,6 +71,7 @@ impl Cli {
             Command::View(args) => commands::view::run(&args),
             Command::Mesh(args) => commands::mesh::run(&args),
             Command::Export(args) => commands::export::run(&args),
+            Command::Serve(args) => commands::serve::run(&args),
             Command::Info(args) => commands::info::run(&args),
             Command::Bench(args) => commands::bench::run(&args),
             Command::Completions(args) => commands::completions::run(&args, Self::command()),

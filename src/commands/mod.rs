@@ -12,6 +12,7 @@ mod model;
 pub mod prepare;
 pub mod render;
 pub mod report;
+pub mod serve;
 pub mod suite;
 pub mod train;
 pub mod view;

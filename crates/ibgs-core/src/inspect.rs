@@ -6,7 +6,7 @@
 
 use crate::camera::Camera;
 use crate::dataset::Photo;
-use crate::gpu::{Buffer, Gpu, GpuError};
+use crate::gpu::{Buffer, Gpu, GpuError, at_once};
 use crate::render::Frame;
 use crate::sources::WarpOptions;
 use glam::{DVec2, DVec3};
@@ -147,9 +147,9 @@ impl FrameSource {
     }
 
     /// The source's own depth there; not positive where it has none.
-    fn own_depth(&self, gpu: &Gpu, landing: &Landing) -> Result<f64, GpuError> {
-        let row = |first| gpu.read_at::<f32>(&self.depth, landing.texels[first], 2);
-        let texels = [row(0)?, row(2)?].concat();
+    async fn own_depth(&self, gpu: &Gpu, landing: &Landing) -> Result<f64, GpuError> {
+        let row = |first| gpu.read_at_later::<f32>(&self.depth, landing.texels[first], 2);
+        let texels = [row(0).await?, row(2).await?].concat();
         Ok(texels.iter().zip(landing.weights).map(|(z, weight)| weight * f64::from(*z)).sum())
     }
 }
@@ -188,12 +188,12 @@ impl Pixel<'_> {
     }
 
     /// What the source with this number says.
-    fn read(&self, number: usize, source: &FrameSource) -> Result<SourceReading, GpuError> {
+    async fn read(&self, number: usize, source: &FrameSource) -> Result<SourceReading, GpuError> {
         let landing = source.land(self.point, self.ray_offset);
         let (reads, color) = self.colors(source);
         let mut depth_error = None;
         if let Ok(landing) = &landing {
-            let own = source.own_depth(self.gpu, landing)?;
+            let own = source.own_depth(self.gpu, landing).await?;
             depth_error = (own > 0.0).then(|| ((own - landing.depth).abs() / landing.depth) as f32);
         }
         let WarpOptions { visible, agreement, reach } = self.options;
@@ -239,14 +239,26 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn inspect(&self, x: u32, y: u32) -> Result<Option<Inspection>, GpuError> {
+        at_once(self.inspect_later(x, y))
+    }
+
+    /// As [`Frame::inspect`], for browsers.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn inspect_later(&self, x: u32, y: u32) -> Result<Option<Inspection>, GpuError> {
         let (gpu, camera) = (&*self.gpu, &self.local);
         if x >= camera.width || y >= camera.height {
             return Ok(None);
         }
         let at = y as usize * camera.width as usize + x as usize;
-        let color = |memory: &Buffer| -> Result<[f32; 3], GpuError> { Ok(gpu.read_at(memory, at, 1)?[0]) };
-        let base = color(self.base_memory())?;
-        let image = self.image_memory().map(color).transpose()?;
+        let color =
+            async |memory: &Buffer| -> Result<[f32; 3], GpuError> { Ok(gpu.read_at_later(memory, at, 1).await?[0]) };
+        let base = color(self.base_memory()).await?;
+        let image = match self.image_memory() {
+            Some(memory) => Some(color(memory).await?),
+            None => None,
+        };
         let residual = image.map(|image| std::array::from_fn(|c| image[c] - base[c]));
         let mut found = Inspection { pixel: [x, y], base, image, residual, ..Inspection::default() };
         let Some(surface) = self.surface() else { return Ok(Some(found)) };
@@ -254,13 +266,14 @@ impl Frame {
         let uv = DVec2::new(f64::from(x), f64::from(y)) + surface.options.ray_offset;
         let ray = ((uv - camera.principal) / camera.focal).extend(1.0);
         let point = |z: f32| camera.view_from_world.transpose() * (ray * f64::from(z) - camera.translation);
-        found.normal = Some(gpu.read_at(&surface.normal_map, at, 1)?[0]).filter(|normal| *normal != [0.0; 3]);
-        let median: f32 = gpu.read_at(&surface.median_depth, at, 1)?[0];
+        found.normal =
+            Some(gpu.read_at_later(&surface.normal_map, at, 1).await?[0]).filter(|normal| *normal != [0.0; 3]);
+        let median: f32 = gpu.read_at_later(&surface.median_depth, at, 1).await?[0];
         found.median_depth = Some(median).filter(|&z| z > 0.0 && z.is_finite());
         found.point = found.median_depth.map(point);
         let (count, pixels) = (surface.options.intersections as usize, camera.width as usize * camera.height as usize);
         for k in 0..count {
-            let [depth, weight] = gpu.read_at::<[f32; 2]>(&surface.intersections, k * pixels + at, 1)?[0];
+            let [depth, weight] = gpu.read_at_later::<[f32; 2]>(&surface.intersections, k * pixels + at, 1).await?[0];
             if weight > 0.0 {
                 found.intersections.push(Intersection { depth, weight, point: point(depth), before: k < count / 2 });
             }
@@ -268,12 +281,15 @@ impl Frame {
         if let Some((part, seen)) = self.image.as_ref().and_then(|part| Some((part, part.seen.as_ref()?)))
             && let Some(point) = found.point
         {
-            let packed = gpu.read_at::<u32>(&seen.visible, at, 1)?[0].to_le_bytes();
+            let packed = gpu.read_at_later::<u32>(&seen.visible, at, 1).await?[0].to_le_bytes();
             let (center, ray_offset) = (camera.center(), surface.options.ray_offset);
             let intersections = &found.intersections;
             let pixel = Pixel { gpu, options: part.options, center, point, ray_offset, intersections, packed };
-            let readings = part.sources.iter().enumerate().map(|(number, source)| pixel.read(number, source));
-            found.sources = readings.collect::<Result<_, _>>()?;
+            let mut readings = Vec::with_capacity(part.sources.len());
+            for (number, source) in part.sources.iter().enumerate() {
+                readings.push(pixel.read(number, source).await?);
+            }
+            found.sources = readings;
         }
         self.to_scene(&mut found);
         Ok(Some(found))

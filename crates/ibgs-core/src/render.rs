@@ -278,11 +278,15 @@ impl Renderer {
         self.render_in(camera, Room::Assumed, |_| Ok(()))
     }
 
-    /// As [`Renderer::render`], for browsers, where a program cannot wait for the GPU.
+    /// As [`Renderer::render_and`], for browsers, where a program cannot wait for the GPU.
     ///
     /// # Errors
-    /// Not enough memory, or the device is lost.
-    pub async fn render_later(&self, camera: &Camera) -> Result<Frame, GpuError> {
+    /// Not enough memory, the device is lost, or what `then` finds.
+    pub async fn render_later(
+        &self,
+        camera: &Camera,
+        mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
+    ) -> Result<Frame, GpuError> {
         if let Some(stage) = &self.image {
             // A map that is made within a frame is not checked.
             for index in self.chosen(stage, camera) {
@@ -294,7 +298,7 @@ impl Renderer {
             }
         }
         loop {
-            let frame = self.render_unchecked(camera)?;
+            let frame = self.render_in(camera, Room::Assumed, &mut then)?;
             if self.raster.had_room_later(&frame.forward).await? {
                 return Ok(frame);
             }

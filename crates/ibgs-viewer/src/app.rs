@@ -26,7 +26,8 @@ use ibgs_core::sources::DevicePhoto;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// Time that the camera rests before the picture is rendered sharp.
 const REST: Duration = Duration::from_millis(150);

@@ -11,7 +11,8 @@ use ibgs_core::present::Presenter;
 use ibgs_core::render::Frame;
 use ibgs_core::sources::DevicePhoto;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// Longest time of a frame in seconds, while the camera moves and when it rests; a slower frame is rendered smaller.
 const SLOW: [f32; 2] = [0.04, 2.0];

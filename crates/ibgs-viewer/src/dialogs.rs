@@ -57,7 +57,14 @@ impl Dialog {
     }
 }
 
+/// The system's own dialog; a browser has none.
+#[cfg(target_arch = "wasm32")]
+pub fn native(_: Sought) -> Option<PathBuf> {
+    None
+}
+
 /// The system's own dialog.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn native(sought: Sought) -> Option<PathBuf> {
     let dialog = rfd::FileDialog::new();
     match sought {

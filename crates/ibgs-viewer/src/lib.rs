@@ -1,7 +1,7 @@
 //! The interactive viewer: a window on a model, drawn on the device that renders it.
 //!
-//! [`app`] is the window: input, panels, what is shown. A thread of its own renders and trains ([`worker`]), so the window
-//! answers while it works. [`canvas`] puts finished frames on the screen, [`navigator`] moves the camera.
+//! [`app`] is the window: input, panels, what is shown. A thread of its own, in a browser a task, renders and trains
+//! ([`worker`]), so the window answers while it works. [`canvas`] puts finished frames on the screen, [`navigator`] moves the camera.
 
 #![forbid(unsafe_code)]
 
@@ -26,8 +26,8 @@ pub use app::Viewer;
 pub use mode::Mode;
 
 use anyhow::Result;
+use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
-use eframe::{NativeOptions, egui};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::dataset::{self, Dataset, Photo, Point};
@@ -194,6 +194,9 @@ pub fn wgpu_setup(gpu: &Gpu) -> WgpuSetup {
     })
 }
 
+/// In a browser there is one model, no file and no training.
+pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
+
 /// Closes the window, from any thread.
 pub struct Closer(egui::Context);
 
@@ -205,18 +208,37 @@ impl Closer {
     }
 }
 
+/// Shows what `first` says in a canvas of a page, until the page is left.
+///
+/// # Errors
+/// The canvas cannot be drawn into.
+#[cfg(target_arch = "wasm32")]
+pub async fn run_in(
+    canvas: web_sys::HtmlCanvasElement,
+    gpu: Arc<Gpu>,
+    opener: impl Open,
+    first: Option<Outcome>,
+) -> Result<(), wasm_bindgen::JsValue> {
+    let wgpu_options = WgpuConfiguration { wgpu_setup: wgpu_setup(&gpu), ..Default::default() };
+    let options = eframe::WebOptions { wgpu_options, ..Default::default() };
+    let make = move |cc: &eframe::CreationContext| Viewer::new(cc, gpu, opener, first);
+    let runner = eframe::WebRunner::new();
+    runner.start(canvas, options, Box::new(move |cc| Ok(Box::new(make(cc)?)))).await
+}
+
 /// Opens a window, on what `first` says or on an empty start page, and returns when it is closed. `handed` receives a
 /// [`Closer`] for it.
 ///
 /// # Errors
 /// No display, or a device that cannot draw into windows.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn run(
     gpu: &Arc<Gpu>,
     opener: impl Open,
     first: Option<Outcome>,
     handed: impl FnOnce(Closer),
 ) -> Result<(), eframe::Error> {
-    let options = NativeOptions {
+    let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("ibgs")
             .with_app_id("ibgs")

@@ -1,6 +1,8 @@
 //! Other looks of the Gaussians than their own.
 
+use crate::IN_BROWSER;
 use crate::worker::Request;
+use ibgs_core::camera::Camera;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::render::{Frame, Renderer};
 use std::sync::Arc;
@@ -30,6 +32,18 @@ impl Look {
     }
 }
 
+/// Renders a frame and waits for it, in a browser without stopping the page.
+///
+/// # Errors
+/// Not enough memory, the device is lost, or what `then` finds.
+pub async fn rendered(
+    renderer: &Renderer,
+    camera: &Camera,
+    then: impl FnMut(&Frame) -> Result<(), GpuError>,
+) -> Result<Frame, GpuError> {
+    if IN_BROWSER { renderer.render_later(camera, then).await } else { renderer.render_and(camera, then) }
+}
+
 /// The renderers of a model's looks, made when they are first asked for.
 #[derive(Default)]
 pub struct Looks([Option<Renderer>; Look::ALL.len()]);
@@ -39,7 +53,7 @@ impl Looks {
     ///
     /// # Errors
     /// Not enough memory, the device is lost, or what `then` finds.
-    pub fn frames(
+    pub async fn frames(
         &mut self,
         renderer: &Renderer,
         request: &Request,
@@ -51,7 +65,7 @@ impl Looks {
                 Some(made) => made,
                 None => look.of(renderer)?,
             };
-            let frame = made.render_and(&request.camera, |frame| then(frame, look))?;
+            let frame = rendered(&made, &request.camera, |frame| then(frame, look)).await?;
             frames[look as usize] = Some(Arc::new(frame));
             self.0[look as usize] = Some(made);
         }

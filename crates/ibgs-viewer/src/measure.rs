@@ -9,7 +9,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::Renderer;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 
 /// Medians over the frames, in milliseconds.
 #[derive(Clone, Copy, Debug)]

@@ -121,8 +121,13 @@ impl Navigator {
 
     /// Goes nearer to the pivot (`steps` > 0) or away from it.
     pub fn zoom(&mut self, steps: f64) {
+        self.scale(0.85f64.powf(-steps));
+    }
+
+    /// Moves towards the pivot so that it looks larger by a factor.
+    pub fn scale(&mut self, factor: f64) {
         let pivot = self.pivot();
-        self.distance = (self.distance * 0.85f64.powf(steps)).clamp(1e-4 * self.size, 1e6 * self.size);
+        self.distance = (self.distance / factor).clamp(1e-4 * self.size, 1e6 * self.size);
         self.position = pivot - self.forward() * self.distance;
     }
 

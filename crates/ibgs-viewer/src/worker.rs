@@ -1,8 +1,9 @@
-//! The thread that opens, renders and trains. The window sends [`Command`]s and receives [`Message`]s; it never waits.
+//! What opens, renders and trains beside the window: a thread, in a browser a task. The window sends [`Command`]s and receives
+//! [`Message`]s; it never waits.
 
 use crate::edit_work::{EditCommand, EditMessage, EditWork};
 use crate::film::{Film, Shoot};
-use crate::looks::{Look, Looks};
+use crate::looks::{Look, Looks, rendered};
 use crate::mode::{Mode, Style};
 use crate::{Content, Open, Opened, Outcome, Scene, Training, Wanted};
 use anyhow::Result;
@@ -17,8 +18,10 @@ use ibgs_core::render::{Frame, Renderer};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+#[cfg(not(target_arch = "wasm32"))]
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// Least time between two reports of a training.
 const REPORT: Duration = Duration::from_millis(100);
@@ -142,41 +145,51 @@ pub enum Message {
 
 /// The window's end.
 pub struct Worker {
-    commands: Option<Sender<Command>>,
+    commands: async_channel::Sender<Command>,
     /// Messages from the worker.
     pub messages: Receiver<Message>,
+    #[cfg(not(target_arch = "wasm32"))]
     thread: Option<JoinHandle<()>>,
 }
 
 impl Worker {
-    /// Starts the thread; it wakes the window at each message.
+    /// Starts the worker; it wakes the window at each message.
     pub fn start(gpu: Arc<Gpu>, opener: impl Open, opened: Option<Opened>, window: egui::Context) -> Self {
-        let (commands, received) = channel();
+        let (commands, received) = async_channel::unbounded();
         let (sender, messages) = channel();
-        let state = Thread { gpu, opener: Box::new(opener), messages: sender, window };
-        let thread = std::thread::Builder::new().name("viewer worker".to_owned());
-        let thread = thread.spawn(move || state.work(&received, opened)).expect("a thread can be started");
-        Self { commands: Some(commands), messages, thread: Some(thread) }
+        let state = State { gpu, opener: Box::new(opener), messages: sender, window };
+        #[cfg(target_arch = "wasm32")]
+        {
+            wasm_bindgen_futures::spawn_local(state.work(received, opened));
+            Self { commands, messages }
+        }
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let thread = std::thread::Builder::new().name("viewer worker".to_owned());
+            let thread = thread.spawn(move || pollster::block_on(state.work(received, opened)));
+            Self { commands, messages, thread: Some(thread.expect("a thread can be started")) }
+        }
     }
 
-    /// Asks for something. False when the thread is gone.
+    /// Asks for something. False when the worker is gone.
     pub fn send(&self, command: Command) -> bool {
-        self.commands.as_ref().is_some_and(|commands| commands.send(command).is_ok())
+        self.commands.try_send(command).is_ok()
     }
 }
 
 impl Drop for Worker {
     /// Waits until a training is saved.
     fn drop(&mut self) {
-        self.commands = None;
+        self.commands.close();
+        #[cfg(not(target_arch = "wasm32"))]
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
     }
 }
 
-/// What the thread owns as long as it runs.
-struct Thread {
+/// What the worker owns as long as it runs.
+struct State {
     gpu: Arc<Gpu>,
     opener: Box<dyn Open>,
     messages: Sender<Message>,
@@ -216,18 +229,18 @@ impl Work {
     }
 
     /// A renderer of the model as it is, and the iteration.
-    fn with_renderer<T>(&self, run: impl FnOnce(&Renderer, u32) -> T) -> Option<T> {
+    fn renderer(&self) -> Option<(Arc<Renderer>, u32)> {
         match &self.content {
-            Some(Content::Model(renderer)) => Some(run(renderer, self.edit.revision)),
+            Some(Content::Model(renderer)) => Some((renderer.clone(), self.edit.revision)),
             Some(Content::Training(training)) => {
-                training.renderer().ok().map(|renderer| run(&renderer, training.progress().iteration))
+                Some((Arc::new(training.renderer().ok()?), training.progress().iteration))
             }
             None => None,
         }
     }
 }
 
-impl Thread {
+impl State {
     fn send(&self, message: Message) {
         // The receiver is gone once the window is closed.
         let _ = self.messages.send(message);
@@ -251,30 +264,27 @@ impl Thread {
         }
     }
 
-    fn work(self, commands: &Receiver<Command>, opened: Option<Opened>) {
+    async fn work(self, commands: async_channel::Receiver<Command>, opened: Option<Opened>) {
         let mut work = Work::default();
         if let Some(opened) = opened {
             self.take(&mut work, opened);
         }
         loop {
             if work.is_idle() {
-                match commands.recv() {
-                    Ok(command) => self.execute(&mut work, command),
+                match commands.recv().await {
+                    Ok(command) => self.execute(&mut work, command).await,
                     Err(_) => break,
                 }
             }
-            let closed = loop {
-                match commands.try_recv() {
-                    Ok(command) => self.execute(&mut work, command),
-                    Err(error) => break error == std::sync::mpsc::TryRecvError::Disconnected,
-                }
-            };
-            if closed {
+            while let Ok(command) = commands.try_recv() {
+                self.execute(&mut work, command).await;
+            }
+            if commands.is_closed() {
                 break;
             }
             self.edited(&mut work);
             if let Some((request, sheet)) = work.request.take()
-                && let Err(error) = self.render(&mut work, &request, sheet.as_ref())
+                && let Err(error) = self.render(&mut work, &request, sheet.as_ref()).await
             {
                 self.send(Message::NoFrame);
                 self.failed_in(&mut work, &error);
@@ -310,7 +320,7 @@ impl Thread {
         self.send(Message::Opened(Box::new(opened.scene), progress));
     }
 
-    fn execute(&self, work: &mut Work, command: Command) {
+    async fn execute(&self, work: &mut Work, command: Command) {
         match command {
             Command::Open(wanted) => {
                 self.status("opening");
@@ -324,7 +334,7 @@ impl Thread {
                 }
             }
             Command::Render(request, sheet) => work.request = Some((request, sheet)),
-            Command::Inspect { frame, pixel, focus } => match frame.inspect(pixel[0], pixel[1]) {
+            Command::Inspect { frame, pixel, focus } => match frame.inspect_later(pixel[0], pixel[1]).await {
                 Ok(Some(found)) => self.send(Message::Inspected { found: Box::new(found), focus }),
                 Ok(None) => {}
                 Err(error) => self.failed_in(work, &error.into()),
@@ -371,45 +381,42 @@ impl Thread {
         }
     }
 
-    fn render(&self, work: &mut Work, request: &Request, sheet: Option<&Sheet>) -> Result<()> {
+    async fn render(&self, work: &mut Work, request: &Request, sheet: Option<&Sheet>) -> Result<()> {
         if work.unfinished {
             // Pending work of a training would count towards the frame's time.
             self.gpu.wait()?;
         }
+        let Some((renderer, iteration)) = work.renderer() else { return Ok(()) };
         let start = Instant::now();
         let mut presenter = match work.presenter.take() {
             Some(presenter) => presenter,
             None => Presenter::new(self.gpu.clone())?,
         };
-        let mut looks = std::mem::take(&mut work.looks);
+        let mut present = |frame: &Frame, look: Option<Look>| match sheet.filter(|sheet| sheet.mode.look() == look) {
+            Some(sheet) => presenter.present(frame, &sheet.mode.shown(&sheet.style, None), &sheet.texture),
+            None => Ok(()),
+        };
+        // Those of a training are of this iteration alone.
         let keeps = matches!(work.content, Some(Content::Model(_)));
-        let Some(rendered) = work.with_renderer(|renderer, iteration| -> Result<Rendered> {
-            let mut present = |frame: &Frame, look: Option<Look>| match sheet.filter(|sheet| sheet.mode.look() == look)
-            {
-                Some(sheet) => presenter.present(frame, &sheet.mode.shown(&sheet.style, None), &sheet.texture),
-                None => Ok(()),
-            };
-            // It has waited for the device's answer.
-            let frame = renderer.render_and(&request.camera, |frame| present(frame, None))?;
-            let looks = looks.frames(renderer, request, |frame, look| present(frame, Some(look)))?;
-            let time = start.elapsed();
-            let depths = if request.with_range { frame.depth()? } else { None };
-            let facts = ModelFacts {
-                gaussians: renderer.splats().len(),
-                sources: renderer.part().map(|part| part.cameras.clone()),
-                most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
-            };
-            let range = depths.as_ref().map(|depths| usual_range(depths));
-            let (frame, depths) = (Arc::new(frame), depths.map(Arc::from));
-            Ok(Rendered { frame, range, depths, looks, time, facts, memory: None, iteration })
-        }) else {
-            return Ok(());
+        let mut kept = if keeps { std::mem::take(&mut work.looks) } else { Looks::default() };
+        // It has waited for the device's answer.
+        let frame = rendered(&renderer, &request.camera, |frame| present(frame, None)).await?;
+        let looks = kept.frames(&renderer, request, |frame, look| present(frame, Some(look))).await?;
+        let time = start.elapsed();
+        let depths = if request.with_range { frame.depth_later().await? } else { None };
+        let facts = ModelFacts {
+            gaussians: renderer.splats().len(),
+            sources: renderer.part().map(|part| part.cameras.clone()),
+            most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
         };
         work.presenter = Some(presenter);
-        // Those of a training are of this iteration alone.
-        work.looks = if keeps { looks } else { Looks::default() };
-        let rendered = Rendered { memory: self.memory(work), ..rendered? };
-        self.send(Message::Rendered(Box::new(rendered)));
+        if keeps {
+            work.looks = kept;
+        }
+        let range = depths.as_ref().map(|depths| usual_range(depths));
+        let (frame, depths, memory) = (Arc::new(frame), depths.map(Arc::from), self.memory(work));
+        let whole = Rendered { frame, range, depths, looks, time, facts, memory, iteration };
+        self.send(Message::Rendered(Box::new(whole)));
         Ok(())
     }
 
@@ -424,8 +431,7 @@ impl Thread {
     /// The next frame of a film.
     fn shoot(&self, work: &mut Work) {
         let Some(mut shoot) = work.film.take() else { return };
-        let shot = work.with_renderer(|renderer, _| shoot.next(renderer));
-        match shot {
+        match work.renderer().map(|(renderer, _)| shoot.next(&renderer)) {
             Some(Ok(None)) => {
                 self.send(Message::Filmed(shoot.done(), shoot.count()));
                 work.film = Some(shoot);

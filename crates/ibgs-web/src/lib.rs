@@ -9,10 +9,14 @@
 //! context.putImageData(new ImageData(pixels, width, height), 0, 0);
 //! ```
 //!
+//! [`view`] shows the viewer in a canvas: the same as `ibgs view` opens in a window, without files and training.
+//!
 //! It is empty for any other target than wasm32.
 
 #![cfg(target_arch = "wasm32")]
 #![forbid(unsafe_code)]
+
+mod viewer;
 
 use ibgs_core::gpu::{Gpu, device_descriptor};
 use ibgs_core::model::{Model, ModelOptions};
@@ -20,6 +24,7 @@ use ibgs_core::render::Renderer;
 use js_sys::{Error, Uint8ClampedArray};
 use std::path::Path;
 use std::sync::Arc;
+use wasm_bindgen::JsValue;
 use wasm_bindgen::prelude::wasm_bindgen;
 
 /// A model on the browser's GPU.
@@ -39,11 +44,30 @@ pub struct Scene {
 pub async fn open(bundle: Vec<u8>) -> Result<Scene, Error> {
     console_error_panic_hook::set_once();
     let gpu = gpu().await?;
-    let path = Path::new("the bundle");
-    let mut model = Model::from_bundle(&bundle, path, &ModelOptions::default()).map_err(sentence)?;
-    let renderer = model.renderer(&gpu).map_err(sentence)?;
-    gpu.check().map_err(sentence)?;
+    let (model, renderer) = opened(&bundle, &gpu)?;
     Ok(Scene { model, renderer, gpu })
+}
+
+/// Shows a bundle, given by its bytes, in a canvas, for as long as the page lives.
+///
+/// # Errors
+/// As [`open`], or the canvas cannot be drawn into.
+#[wasm_bindgen]
+pub async fn view(canvas: web_sys::HtmlCanvasElement, bundle: Vec<u8>) -> Result<(), JsValue> {
+    console_error_panic_hook::set_once();
+    let gpu = gpu().await?;
+    let (model, renderer) = opened(&bundle, &gpu)?;
+    // The photos stay in the model.
+    drop(bundle);
+    viewer::show(canvas, gpu, model, renderer).await
+}
+
+fn opened(bundle: &[u8], gpu: &Arc<Gpu>) -> Result<(Model, Renderer), Error> {
+    let path = Path::new("the bundle");
+    let mut model = Model::from_bundle(bundle, path, &ModelOptions::default()).map_err(sentence)?;
+    let renderer = model.renderer(gpu).map_err(sentence)?;
+    gpu.check().map_err(sentence)?;
+    Ok((model, renderer))
 }
 
 async fn gpu() -> Result<Arc<Gpu>, Error> {
@@ -91,7 +115,7 @@ impl Scene {
             "base" => false,
             other => return Err(Error::new(&format!("`{other}` is neither `final` nor `base`"))),
         };
-        let frame = self.renderer.render_later(camera).await.map_err(sentence)?;
+        let frame = self.renderer.render_later(camera, |_| Ok(())).await.map_err(sentence)?;
         let image = if wants_final { frame.image_later().await.map_err(sentence)? } else { None };
         let image = match image {
             Some(image) => image,

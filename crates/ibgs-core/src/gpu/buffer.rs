@@ -209,13 +209,18 @@ impl Gpu {
         staging
     }
 
-    /// As [`Gpu::read`], from the value numbered `first` on.
+    /// As [`Gpu::read_later`], from the value numbered `first` on.
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn read_at<T: bytemuck::Pod>(&self, source: &Buffer, first: usize, count: usize) -> Result<Vec<T>, GpuError> {
+    pub async fn read_at_later<T: bytemuck::Pod>(
+        &self,
+        source: &Buffer,
+        first: usize,
+        count: usize,
+    ) -> Result<Vec<T>, GpuError> {
         let bytes = size_of::<T>() as u64;
-        self.read(&source.part(first as u64 * bytes, count as u64 * bytes), count)
+        self.read_later(&source.part(first as u64 * bytes, count as u64 * bytes), count).await
     }
 
     /// A buffer that the host can map for reading.

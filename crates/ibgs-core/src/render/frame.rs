@@ -96,7 +96,7 @@ impl Frame {
             return Ok(None);
         };
         let at = y as usize * self.camera.width as usize + x as usize;
-        let depth = self.gpu.read_at::<f32>(&surface.median_depth, at, 1)?[0];
+        let depth = at_once(self.gpu.read_at_later::<f32>(&surface.median_depth, at, 1))?[0];
         Ok(Some(depth).filter(|&z| z > 0.0 && z.is_finite()).map(|z| self.in_scene_units(z)))
     }
 
@@ -158,8 +158,16 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn depth(&self) -> Result<Option<Vec<f32>>, GpuError> {
+        at_once(self.depth_later())
+    }
+
+    /// As [`Frame::depth`], for browsers.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn depth_later(&self) -> Result<Option<Vec<f32>>, GpuError> {
         let Some(surface) = self.forward.surface() else { return Ok(None) };
-        let mut depth: Vec<f32> = self.gpu.read(&surface.median_depth, self.pixels())?;
+        let mut depth: Vec<f32> = self.gpu.read_later(&surface.median_depth, self.pixels()).await?;
         depth.iter_mut().for_each(|z| *z = self.in_scene_units(*z));
         Ok(Some(depth))
     }

@@ -1,12 +1,13 @@
 //! Keys and pointer.
 
 use super::Viewer;
+use crate::IN_BROWSER;
 use crate::mode::Mode;
 use crate::panels;
 use crate::worker::Command;
 use eframe::egui::{self, Key, PointerButton, Rect, Ui, Vec2};
 use glam::{DVec2, DVec3};
-use std::time::Instant;
+use web_time::Instant;
 
 /// Radians of a drag over the height of the canvas.
 const TURN: f64 = 3.0;
@@ -34,7 +35,9 @@ impl Viewer {
         if ui.ctx().egui_wants_keyboard_input() || self.scene.is_none() {
             return;
         }
-        panels::edit_keys(self, ui.ctx());
+        if !IN_BROWSER {
+            panels::edit_keys(self, ui.ctx());
+        }
         // A widget that was reached by Tab takes these itself.
         let focused = ui.memory(|memory| memory.focused().is_some());
         let (pressed, down, shift, dt) = ui.input(|input| {
@@ -52,6 +55,7 @@ impl Viewer {
                 Key::ArrowRight => self.step_view(1),
                 Key::R => self.reset(),
                 Key::C => self.panels.shows_cameras = !self.panels.shows_cameras,
+                Key::P | Key::K if IN_BROWSER => {}
                 Key::P => self.screenshot(),
                 Key::K => self.panels.path.add(&self.navigator),
                 Key::Space => self.panels.path.toggle(),
@@ -73,6 +77,14 @@ impl Viewer {
         let delta = response.drag_delta() / image.height().max(1.0);
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
         let paints = self.edit.paints();
+        if let Some(touch) = ui.input(|input| input.multi_touch()) {
+            // Two fingers pan and zoom.
+            let moved = touch.translation_delta / image.height().max(1.0);
+            self.navigator.pan(DVec2::new(moved.x.into(), moved.y.into()));
+            self.navigator.scale(f64::from(touch.zoom_delta));
+            self.has_moved();
+            return;
+        }
         if delta != Vec2::ZERO && !(paints && response.dragged_by(PointerButton::Primary)) {
             // Dragging moves the scene along with the pointer.
             if response.dragged_by(PointerButton::Primary) {

@@ -1,5 +1,6 @@
 //! The bar along the top, and the line below it that says what is done and what went wrong.
 
+use crate::IN_BROWSER;
 use crate::app::Viewer;
 use crate::mode::Mode;
 use crate::panels::start;
@@ -11,13 +12,15 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
-            ui.menu_button("Scene", |ui| {
-                start::menu(viewer, ui);
-                if let Some(scene) = &viewer.scene {
-                    ui.separator();
-                    ui.weak(&scene.title);
-                }
-            });
+            if !IN_BROWSER {
+                ui.menu_button("Scene", |ui| {
+                    start::menu(viewer, ui);
+                    if let Some(scene) = &viewer.scene {
+                        ui.separator();
+                        ui.weak(&scene.title);
+                    }
+                });
+            }
             let looks = viewer.scene.is_some() && !viewer.start.shown;
             if looks {
                 show(viewer, ui);
@@ -66,6 +69,9 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
         ui.checkbox(&mut panels.always_sharp, "Always sharp").on_hover_text(
             "The image of a resting camera has all pixels, also where that takes more than two seconds",
         );
+        if IN_BROWSER {
+            return;
+        }
         ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
         let edits = ui.add_enabled(viewer.training.is_none(), Checkbox::new(&mut viewer.edit.shown, "Edit (X)"));
         edits.on_hover_text("Select and delete Gaussians of the model, and save it");

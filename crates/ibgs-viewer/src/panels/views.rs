@@ -1,16 +1,19 @@
 //! The scene's views at the left.
 
+use crate::IN_BROWSER;
 use crate::app::Viewer;
 use crate::marks;
 use eframe::egui::{self, Sense, Ui, Vec2};
 
 /// Height of a row in points.
 const ROW: f32 = 56.0;
+/// In narrower windows of a browser the image has all the room.
+const NARROW: f32 = 560.0;
 
 /// The list of views with their photos.
 pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
     let Some(scene) = &viewer.scene else { return };
-    if scene.views.is_empty() || viewer.panels.hides_views {
+    if scene.views.is_empty() || viewer.panels.hides_views || (IN_BROWSER && ui.available_width() < NARROW) {
         return;
     }
     let (views, mut step, mut chosen) = (&scene.views, 0, None);

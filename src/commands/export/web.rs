@@ -1,0 +1,94 @@
+//! A folder that shows a model in a browser.
+
+use super::Args;
+use crate::progress::Bars;
+use crate::stderr;
+use anyhow::{Context, Result, bail};
+use ibgs_core::files::write_atomically;
+use image::codecs::jpeg::JpegEncoder;
+use image::imageops::FilterType;
+use image::{DynamicImage, RgbaImage};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The page, and its element `<ibgs-viewer>`.
+const PAGE: &str = include_str!("../page/index.html");
+const ELEMENT: &str = include_str!("../page/ibgs-viewer.js");
+/// The viewer's module, as wasm-bindgen writes it.
+const MODULE: [&str; 2] = ["ibgs_web.js", "ibgs_web_bg.wasm"];
+/// Where the module stands in the folder, and the model.
+const MODULE_FOLDER: &str = "pkg";
+const BUNDLE: &str = "scene.ibgs";
+const POSTER: &str = "poster.jpg";
+/// Longest side of the poster in pixels, and its quality.
+const POSTER_SIDE: u32 = 1280;
+const POSTER_QUALITY: u8 = 80;
+
+/// Writes page, module, model and poster.
+pub fn write(args: &Args, folder: &Path) -> Result<()> {
+    let taken = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) || folder.is_file();
+    if taken && !args.overwrite {
+        bail!("{} is not empty; choose another folder or allow `--overwrite`", folder.display());
+    }
+    let module = module(args)?;
+    let mut model = args.model.read()?;
+    let title = escaped(&model.path.file_stem().unwrap_or_default().to_string_lossy());
+    let bars = Bars::default();
+    model.load_photos(&bars)?;
+    let bundle = model.into_bundle(&bars)?;
+    for name in MODULE {
+        let bytes =
+            fs::read(module.join(name)).with_context(|| format!("cannot read {}", module.join(name).display()))?;
+        write_atomically(&folder.join(MODULE_FOLDER).join(name), |out| out.write_all(&bytes))?;
+    }
+    bundle.write(&folder.join(BUNDLE))?;
+    let poster = match bundle.photos.first() {
+        Some((_, photo)) => {
+            let image =
+                RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone()).context("a photo has its size")?;
+            let image = DynamicImage::from(image);
+            let image = match photo.width.max(photo.height) > POSTER_SIDE {
+                true => image.resize(POSTER_SIDE, POSTER_SIDE, FilterType::Triangle),
+                false => image,
+            };
+            let mut bytes = Vec::new();
+            image.to_rgb8().write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, POSTER_QUALITY))?;
+            write_atomically(&folder.join(POSTER), |out| out.write_all(&bytes))?;
+            format!(" poster=\"{POSTER}\"")
+        }
+        None => String::new(),
+    };
+    let page = PAGE.replace("<title>ibgs</title>", &format!("<title>{title}</title>"));
+    let page = page.replace(&format!("src=\"{BUNDLE}\""), &format!("src=\"{BUNDLE}\"{poster}"));
+    write_atomically(&folder.join("ibgs-viewer.js"), |out| out.write_all(ELEMENT.as_bytes()))?;
+    write_atomically(&folder.join("index.html"), |out| out.write_all(page.as_bytes()))?;
+    let size = |path: PathBuf| path.metadata().map(|metadata| metadata.len() as f64 * 1e-6);
+    stderr!(
+        "{} written: model {:.1} MB, module {:.1} MB; `ibgs serve {}` shows it",
+        folder.display(),
+        size(folder.join(BUNDLE))?,
+        size(folder.join(MODULE_FOLDER).join(MODULE[1]))?,
+        folder.display()
+    );
+    Ok(())
+}
+
+/// Folder of the viewer's module.
+fn module(args: &Args) -> Result<PathBuf> {
+    let folder = match &args.module {
+        Some(folder) => folder.clone(),
+        None => std::env::current_exe()?.parent().context("a program lies in a folder")?.join("web"),
+    };
+    if let Some(missing) = MODULE.into_iter().find(|name| !folder.join(name).is_file()) {
+        bail!(
+            "{} is missing: the viewer's module for browsers; docs/browser.md says how it is built, `--module` where it is",
+            folder.join(missing).display()
+        );
+    }
+    Ok(folder)
+}
+
+/// A text in HTML.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
