@@ -7,6 +7,7 @@ const COMMANDS: [&str; 13] = [
     "prepare",
     "train",
     "render",
+    "serve",
     "eval",
     "compare",
     "suite",
