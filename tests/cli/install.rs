@@ -3,7 +3,7 @@
 use super::{Outcome, Sandbox, files_in};
 use std::process::Command;
 
-const COMMANDS: [&str; 13] = [
+const COMMANDS: [&str; 14] = [
     "prepare",
     "train",
     "render",
