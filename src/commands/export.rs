@@ -45,10 +45,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    match (&args.web, &args.output) {
-        (Some(folder), _) => web::write(args, folder),
-        (None, Some(output)) => file(args, output),
-        (None, None) => bail!("name the file to write with `-o`, or the folder with `--web`"),
+    match &args.web {
+        Some(folder) => web::write(args, folder),
+        None => file(args, args.output.as_ref().expect("one of both is required")),
     }
 }
 

@@ -52,27 +52,22 @@ pub fn run(args: &Args) -> Result<()> {
 /// Answers a request with a file of the folder.
 fn answer(request: Request, folder: &Path) {
     let name = request.url().split(['?', '#']).next().unwrap_or_default().to_owned();
-    let status = match request.method() {
-        Method::Get | Method::Head => match file(folder, &name) {
-            Some((path, opened)) => {
-                let kind = Header::from_bytes("Content-Type", kind(&path)).expect("a header");
-                return sent(&name, request.respond(whole(opened).with_header(kind)));
-            }
-            None => 404,
-        },
-        _ => 405,
+    let found = match request.method() {
+        Method::Get | Method::Head => file(folder, &name).ok_or(StatusCode(404)),
+        _ => Err(StatusCode(405)),
     };
-    let text = Response::from_string(format!("{name}: {}", StatusCode(status).default_reason_phrase()));
-    sent(&name, request.respond(text.with_status_code(status)));
-}
-
-/// A file with its length said before, so that a page can tell how much is still to come.
-fn whole(file: File) -> Response<File> {
-    Response::from_file(file).with_chunked_threshold(usize::MAX)
-}
-
-fn sent(name: &str, result: std::io::Result<()>) {
-    if let Err(error) = result {
+    let sent = match found {
+        Ok((path, file)) => {
+            let kind = Header::from_bytes("Content-Type", kind(&path)).expect("a header");
+            // With its length said before, so that a page can tell how much is still to come.
+            request.respond(Response::from_file(file).with_chunked_threshold(usize::MAX).with_header(kind))
+        }
+        Err(status) => {
+            let text = format!("{name}: {}", status.default_reason_phrase());
+            request.respond(Response::from_string(text).with_status_code(status))
+        }
+    };
+    if let Err(error) = sent {
         // A browser may leave a page before all of it has come.
         stderr!("note: {name} was not sent whole: {error}");
     }

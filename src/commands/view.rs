@@ -16,7 +16,6 @@ use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::is_bundle;
 use ibgs_core::output::OutputFolder;
-use ibgs_core::output::cameras::Split;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
@@ -253,17 +252,7 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (HashMap::new(), Vec::new())
         }
     };
-    let view = |record: &ibgs_core::output::cameras::CameraRecord| {
-        let size = (record.camera.width, record.camera.height);
-        let photo = photos.get(&record.name).filter(|photo| (photo.width, photo.height) == size);
-        View {
-            name: record.name.clone(),
-            camera: record.camera,
-            held_out: record.split == Some(Split::Test),
-            photo: photo.cloned(),
-        }
-    };
-    let views = model.cameras.iter().map(view).collect();
+    let views = model.cameras.iter().map(|record| View::of(record, &photos)).collect();
     let (model, renderer) = model.into_parts();
     let gpu = renderer.gpu().clone();
     let content = Content::Model(Arc::new(renderer));

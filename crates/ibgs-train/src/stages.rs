@@ -230,6 +230,7 @@ impl ImageStages {
         let burn_in = work.schedule.burn_in(work.iteration);
         let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
         let weights = self.network.tensor().autodiff().require_grad();
+        // During burn-in only the network learns from the final image.
         let is_alone = self.learners == Learners::Network;
         let (base, colors) = match burn_in.is_some() || is_alone {
             true => (work.shown.clone().detach(), colors.detach()),

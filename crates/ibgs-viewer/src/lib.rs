@@ -33,8 +33,10 @@ use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::dataset::{self, Dataset, Photo, Point};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::Model;
+use ibgs_core::output::cameras::{CameraRecord, Split};
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::render::Renderer;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -52,6 +54,18 @@ pub struct View {
 }
 
 impl View {
+    /// A view of a model, with its photo where there is one of its size under its name.
+    pub fn of(record: &CameraRecord, photos: &HashMap<String, Arc<Photo>>) -> View {
+        let size = (record.camera.width, record.camera.height);
+        let photo = photos.get(&record.name).filter(|photo| (photo.width, photo.height) == size);
+        View {
+            name: record.name.clone(),
+            camera: record.camera,
+            held_out: record.split == Some(Split::Test),
+            photo: photo.cloned(),
+        }
+    }
+
     /// The views of a scene.
     pub fn all(dataset: &Dataset) -> Vec<View> {
         let view = |(index, view): (usize, &dataset::View)| View {

@@ -388,20 +388,23 @@ impl State {
         }
         let Some((renderer, iteration)) = work.renderer() else { return Ok(()) };
         let start = Instant::now();
-        let mut presenter = match work.presenter.take() {
+        let presenter = match &mut work.presenter {
             Some(presenter) => presenter,
-            None => Presenter::new(self.gpu.clone())?,
+            none => none.insert(Presenter::new(self.gpu.clone())?),
         };
         let mut present = |frame: &Frame, look: Option<Look>| match sheet.filter(|sheet| sheet.mode.look() == look) {
             Some(sheet) => presenter.present(frame, &sheet.mode.shown(&sheet.style, None), &sheet.texture),
             None => Ok(()),
         };
         // Those of a training are of this iteration alone.
-        let keeps = matches!(work.content, Some(Content::Model(_)));
-        let mut kept = if keeps { std::mem::take(&mut work.looks) } else { Looks::default() };
+        let mut passing = Looks::default();
+        let looks = match work.content {
+            Some(Content::Model(_)) => &mut work.looks,
+            _ => &mut passing,
+        };
         // It has waited for the device's answer.
         let frame = rendered(&renderer, &request.camera, |frame| present(frame, None)).await?;
-        let looks = kept.frames(&renderer, request, |frame, look| present(frame, Some(look))).await?;
+        let looks = looks.frames(&renderer, request, |frame, look| present(frame, Some(look))).await?;
         let time = start.elapsed();
         let depths = if request.with_range { frame.depth_later().await? } else { None };
         let facts = ModelFacts {
@@ -409,10 +412,6 @@ impl State {
             sources: renderer.part().map(|part| part.cameras.clone()),
             most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
         };
-        work.presenter = Some(presenter);
-        if keeps {
-            work.looks = kept;
-        }
         let range = depths.as_ref().map(|depths| usual_range(depths));
         let (frame, depths, memory) = (Arc::new(frame), depths.map(Arc::from), self.memory(work));
         let whole = Rendered { frame, range, depths, looks, time, facts, memory, iteration };

@@ -44,7 +44,10 @@ pub struct Scene {
 pub async fn open(bundle: Vec<u8>) -> Result<Scene, Error> {
     console_error_panic_hook::set_once();
     let gpu = gpu().await?;
-    let (model, renderer) = opened(&bundle, &gpu)?;
+    let path = Path::new("the bundle");
+    let mut model = Model::from_bundle(&bundle, path, &ModelOptions::default()).map_err(sentence)?;
+    let renderer = model.renderer(&gpu).map_err(sentence)?;
+    gpu.check().map_err(sentence)?;
     Ok(Scene { model, renderer, gpu })
 }
 
@@ -54,20 +57,7 @@ pub async fn open(bundle: Vec<u8>) -> Result<Scene, Error> {
 /// As [`open`], or the canvas cannot be drawn into.
 #[wasm_bindgen]
 pub async fn view(canvas: web_sys::HtmlCanvasElement, bundle: Vec<u8>) -> Result<(), JsValue> {
-    console_error_panic_hook::set_once();
-    let gpu = gpu().await?;
-    let (model, renderer) = opened(&bundle, &gpu)?;
-    // The photos stay in the model.
-    drop(bundle);
-    viewer::show(canvas, gpu, model, renderer).await
-}
-
-fn opened(bundle: &[u8], gpu: &Arc<Gpu>) -> Result<(Model, Renderer), Error> {
-    let path = Path::new("the bundle");
-    let mut model = Model::from_bundle(bundle, path, &ModelOptions::default()).map_err(sentence)?;
-    let renderer = model.renderer(gpu).map_err(sentence)?;
-    gpu.check().map_err(sentence)?;
-    Ok((model, renderer))
+    viewer::show(canvas, open(bundle).await?).await
 }
 
 async fn gpu() -> Result<Arc<Gpu>, Error> {

@@ -3,12 +3,7 @@
 use crate::sentence;
 use anyhow::{Result, bail};
 use ibgs_core::gpu::Gpu;
-use ibgs_core::model::Model;
-use ibgs_core::output::cameras::{CameraRecord, Split};
-use ibgs_core::render::Renderer;
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Wanted};
-use std::collections::HashMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 use wasm_bindgen::JsValue;
 use web_sys::HtmlCanvasElement;
@@ -23,27 +18,12 @@ impl Open for Closed {
 }
 
 /// Shows a model for as long as the page lives.
-pub async fn show(canvas: HtmlCanvasElement, gpu: Arc<Gpu>, model: Model, renderer: Renderer) -> Result<(), JsValue> {
+pub async fn show(canvas: HtmlCanvasElement, opened: crate::Scene) -> Result<(), JsValue> {
+    let crate::Scene { model, renderer, gpu } = opened;
     let photos = model.training_photos().map_err(sentence)?;
-    let photos: HashMap<_, _> = model.training_views().iter().map(|record| record.name.clone()).zip(photos).collect();
-    let view = |record: &CameraRecord| {
-        let size = (record.camera.width, record.camera.height);
-        let photo = photos.get(&record.name).filter(|photo| (photo.width, photo.height) == size);
-        View {
-            name: record.name.clone(),
-            camera: record.camera,
-            held_out: record.split == Some(Split::Test),
-            photo: photo.cloned(),
-        }
-    };
-    let scene = Scene {
-        title: String::new(),
-        path: None,
-        views: model.cameras.iter().map(view).collect(),
-        points: Vec::new(),
-        pictures: PathBuf::new(),
-        model: None,
-    };
+    let photos = model.training_views().iter().map(|record| record.name.clone()).zip(photos).collect();
+    let views = model.cameras.iter().map(|record| View::of(record, &photos)).collect();
+    let scene = Scene { views, ..Scene::default() };
     let content = Content::Model(Arc::new(renderer.showing_surface()));
     let first = Outcome::Opened(Box::new(Opened { scene, content }));
     ibgs_viewer::run_in(canvas, gpu, Closed, Some(first)).await

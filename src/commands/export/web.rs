@@ -1,6 +1,7 @@
 //! A folder that shows a model in a browser.
 
 use super::Args;
+use crate::commands::report::page::escape;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
@@ -31,11 +32,9 @@ pub fn write(args: &Args, folder: &Path) -> Result<()> {
         bail!("{} is not empty; choose another folder or allow `--overwrite`", folder.display());
     }
     let module = module(args)?;
-    let mut model = args.model.read()?;
-    let title = escaped(&model.path.file_stem().unwrap_or_default().to_string_lossy());
-    let bars = Bars::default();
-    model.load_photos(&bars)?;
-    let bundle = model.into_bundle(&bars)?;
+    let model = args.model.read()?;
+    let title = escape(&model.path.file_stem().unwrap_or_default().to_string_lossy());
+    let bundle = model.into_bundle(&Bars::default())?;
     for name in MODULE {
         let bytes =
             fs::read(module.join(name)).with_context(|| format!("cannot read {}", module.join(name).display()))?;
@@ -86,9 +85,4 @@ fn module(args: &Args) -> Result<PathBuf> {
         );
     }
     Ok(folder)
-}
-
-/// A text in HTML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -77,7 +77,8 @@ impl Viewer {
         let delta = response.drag_delta() / image.height().max(1.0);
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
         let paints = self.edit.paints();
-        if let Some(touch) = ui.input(|input| input.multi_touch()) {
+        let touch = ui.input(|input| input.multi_touch());
+        if let Some(touch) = touch.filter(|touch| response.rect.contains(touch.center_pos)) {
             // Two fingers pan and zoom.
             let moved = touch.translation_delta / image.height().max(1.0);
             self.navigator.pan(DVec2::new(moved.x.into(), moved.y.into()));
