@@ -7,7 +7,8 @@ use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::model::is_bundle;
+use ibgs_core::bundle::{Bundle, Packing};
+use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::scene::{Format, Gaussians, PlyFlavor, read_gaussians, write_gaussians, write_ply};
 use std::path::{Path, PathBuf};
 
@@ -35,12 +36,49 @@ pub struct Args {
     /// the program].
     #[arg(long, value_name = "FOLDER", requires = "web")]
     module: Option<PathBuf>,
+    #[command(flatten)]
+    bundle: BundleArgs,
     /// Leave out the field `nd` of a PLY, which other programs do not know.
     #[arg(long)]
     plain: bool,
     /// Replace an existing file, or files of the same names in the folder.
     #[arg(long)]
     overwrite: bool,
+}
+
+/// How a bundle is kept.
+#[derive(ClapArgs)]
+struct BundleArgs {
+    /// For `.ibgs` and `--web`: JPEG quality of the photos, 1 to 100, with Gaussians as in a `.sog` file; or `lossless`
+    /// [default: lossless, with `--web` 90].
+    #[arg(long, value_name = "Q", value_parser = packing)]
+    quality: Option<Packing>,
+    /// For `.ibgs` and `--web`: longest side of the photos in pixels; larger ones are made smaller.
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..))]
+    photo_size: Option<u32>,
+}
+
+fn packing(text: &str) -> Result<Packing, String> {
+    match text.parse() {
+        Ok(photo_quality @ 1..=100) => Ok(Packing::Small { photo_quality }),
+        _ if text == "lossless" => Ok(Packing::Lossless),
+        _ => Err("it is neither a whole number from 1 to 100 nor `lossless`".to_owned()),
+    }
+}
+
+impl BundleArgs {
+    fn packing(&self, usual: Packing) -> Packing {
+        self.quality.unwrap_or(usual)
+    }
+
+    /// The model as a bundle; loads the scene where the model does not bring its photos.
+    fn of(&self, model: Model) -> Result<Bundle> {
+        let mut bundle = model.into_bundle(&Bars::default())?;
+        if let Some(longest) = self.photo_size {
+            bundle.shrink_photos(longest);
+        }
+        Ok(bundle)
+    }
 }
 
 /// Runs the command.
@@ -57,6 +95,9 @@ fn file(args: &Args, output: &Path) -> Result<()> {
         bail!("{} is there already; choose another name or allow `--overwrite`", output.display());
     }
     if let Some(format) = Format::of_name(output) {
+        if args.bundle.quality.is_some() || args.bundle.photo_size.is_some() {
+            bail!("`--quality` and `--photo-size` are for bundles; leave them out, or choose a name in `.ibgs`");
+        }
         return gaussians_alone(args, output, format);
     }
     if !is_bundle(output) {
@@ -66,7 +107,7 @@ fn file(args: &Args, output: &Path) -> Result<()> {
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
-    args.model.read()?.into_bundle(&Bars::default())?.write(output)?;
+    args.bundle.of(args.model.read()?)?.write(output, args.bundle.packing(Packing::Lossless))?;
     stderr!("{} written, {:.1} MB", output.display(), output.metadata()?.len() as f64 * 1e-6);
     Ok(())
 }

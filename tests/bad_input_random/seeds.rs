@@ -5,7 +5,7 @@ use exr::prelude::{
     Blocks, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage, write_rgba_file,
 };
 use glam::{DMat3, DVec2, DVec3};
-use ibgs_core::bundle::Bundle;
+use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::{Photo, Point};
@@ -221,7 +221,7 @@ pub fn bundle_parts() -> Parts {
             photos: vec![("a.png".to_owned(), photo(255)), ("sub/b.png".to_owned(), photo(0))],
             sources: Vec::new(),
         };
-        let bytes = written("a.ibgs", |path| bundle.write(path).unwrap());
+        let bytes = written("a.ibgs", |path| bundle.write(path, Packing::Lossless).unwrap());
         let mut zip = ZipArchive::new(Cursor::new(bytes)).unwrap();
         let names: Vec<String> = (0..zip.len()).map(|at| zip.name_for_index(at).unwrap().unwrap().into()).collect();
         let mut part = |name: String| {

@@ -1,10 +1,13 @@
 //! One-file bundles: everything comes back, and damage is told in a sentence.
 
 use super::{output, random_gaussians};
-use ibgs_core::bundle::{Bundle, BundleError};
+use glam::{DVec3, Vec3};
+use ibgs_core::bundle::{Bundle, BundleError, Packing};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::Exposure;
+use ibgs_core::local_space::LocalSpace;
+use ibgs_core::output::cameras::Split;
 use ibgs_core::output::{cameras, multi_view};
 use ibgs_core::sources::find::SourceOptions;
 use rand::{Rng, SeedableRng};
@@ -39,9 +42,13 @@ fn bundle() -> Bundle {
 }
 
 fn written(bundle: &Bundle) -> Vec<u8> {
+    packed(bundle, Packing::Lossless)
+}
+
+fn packed(bundle: &Bundle, packing: Packing) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("deep/model.ibgs");
-    bundle.write(&path).unwrap();
+    bundle.write(&path, packing).unwrap();
     fs::read(path).unwrap()
 }
 
@@ -70,6 +77,75 @@ fn bundle_round_trip() {
     let plain = Bundle { network: None, exposure: exposures, ..bundle };
     let back = read(&written(&plain)).unwrap();
     assert_eq!((back.network, back.exposure), (None, plain.exposure));
+}
+
+#[test]
+fn small_bundle_round_trip() {
+    let mut bundle = bundle();
+    // As smooth as photos are, but for the one with transparent pixels.
+    for (name, photo) in &mut bundle.photos {
+        if photo.rgba.chunks_exact(4).all(|pixel| pixel[3] == 255) {
+            let pixels =
+                (0..photo.height).flat_map(|y| (0..photo.width).map(move |x| [(3 * x) as u8, (5 * y) as u8, 90, 255]));
+            *photo = Arc::new(Photo { rgba: pixels.flatten().collect(), ..Photo::clone(photo) });
+            assert_eq!(name, "left/c.png");
+        }
+    }
+    bundle.gaussians.space = LocalSpace::at(DVec3::new(5e6, -4e6, 0.0));
+    let bytes = packed(&bundle, Packing::Small { photo_quality: 90 });
+    let back = read(&bytes).unwrap();
+    assert_eq!((&back.cameras, &back.config, &back.sources), (&bundle.cameras, &bundle.config, &bundle.sources));
+    assert_eq!((back.iteration, &back.network, back.gaussians.space), (123, &bundle.network, bundle.gaussians.space));
+    // They come back in another order; each mean has one beside it, with the same plane.
+    assert_eq!(back.gaussians.len(), 17);
+    for i in 0..17 {
+        let mean = Vec3::from(bundle.gaussians.means[i]);
+        let away = |&j: &usize| Vec3::from(back.gaussians.means[j]).distance(mean);
+        let j = (0..17).min_by(|a, b| away(a).total_cmp(&away(b))).unwrap();
+        let normal = Vec3::from(bundle.gaussians.normals[i]).normalize();
+        let turned = Vec3::from(back.gaussians.normals[j]).angle_between(normal);
+        assert!(away(&j) < 1e-3 && turned < 2e-3, "Gaussian {i}: {} away, turned by {turned}", away(&j));
+        let scale = bundle.gaussians.log_scales[i].iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b)).exp();
+        let offset = (back.gaussians.offsets[j] - bundle.gaussians.offsets[i]).abs();
+        assert!(
+            offset < 0.01 * scale.max(bundle.gaussians.offsets[i].abs()),
+            "Gaussian {i}: offset differs by {offset}"
+        );
+    }
+    for ((_, photo), (name, expected)) in back.photos.iter().zip(&bundle.photos) {
+        let most = photo.rgba.iter().zip(&expected.rgba).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        assert!(most <= if name == "left/c.png" { 12 } else { 0 }, "{name}: differs by {most}");
+    }
+    // The beginning has all but network and photos.
+    let first_photo = bytes.windows(7).position(|bytes| bytes == b"photos/").unwrap();
+    let start = |length: usize| Bundle::read_start(&bytes[..length], Path::new("a.ibgs")).unwrap();
+    let base = start(first_photo + 100).unwrap();
+    assert_eq!((&base.gaussians, &base.cameras), (&back.gaussians, &back.cameras));
+    assert!(base.network.is_none() && base.photos.is_empty());
+    assert!([0, 10, first_photo / 2, first_photo - 40].iter().all(|&length| start(length).is_none()));
+    for part in ["gaussians.sog", "planes.bin", "photos/left/c.png.jpg"] {
+        let at = bytes.windows(part.len()).position(|bytes| bytes == part.as_bytes()).unwrap() + part.len() + 25;
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 4;
+        let text = read(&damaged).unwrap_err().to_string();
+        assert!(text.contains(&format!("is damaged: its `{part}`")), "{text}");
+    }
+}
+
+#[test]
+fn photos_shrink_with_their_cameras() {
+    let mut bundle = bundle();
+    let cameras = bundle.cameras.clone();
+    bundle.shrink_photos(64);
+    assert_eq!(bundle.cameras, cameras);
+    bundle.shrink_photos(32);
+    for (now, before) in bundle.cameras.iter().zip(&cameras) {
+        let is_small = before.split == Some(Split::Train);
+        let expected = if is_small { before.camera.resized(32, 24) } else { before.camera };
+        assert_eq!(now.camera, expected, "{}", now.name);
+    }
+    assert!(bundle.photos.iter().all(|(_, photo)| (photo.width, photo.height) == (32, 24)));
+    assert_eq!(read(&written(&bundle)).unwrap().cameras, bundle.cameras);
 }
 
 #[test]

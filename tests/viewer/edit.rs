@@ -3,7 +3,7 @@
 use super::*;
 use eframe::egui::Theme;
 use egui_kittest::kittest::Queryable;
-use ibgs_core::bundle::Bundle;
+use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::edit::Mask;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::{cameras, multi_view};
@@ -56,7 +56,7 @@ fn bundle(path: &Path) {
         photos: dataset.train.iter().map(photo).collect(),
         config,
     };
-    bundle.write(path).unwrap();
+    bundle.write(path, Packing::Lossless).unwrap();
 }
 
 fn open(path: &Path) -> Opened {

@@ -260,3 +260,51 @@ fn shortened(file: &Path) -> serde_json::Value {
     }
     path
 }
+
+#[test]
+fn a_link_leads_to_a_place_and_a_mode() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(small(folder.path())));
+    assert_eq!(window.state().link().as_deref(), Some("mode=final&view=0"));
+    window.state_mut().follow_link("mode=depth&view=2");
+    settle(&mut window);
+    assert_eq!((window.state().mode(), window.state().on_view()), (Mode::Depth, Some(2)));
+    // A place beside all views comes back within a pixel.
+    drag(&mut window, PointerButton::Primary, CANVAS, Vec2::new(40.0, -15.0));
+    let (there, link) = (*window.state().navigator(), window.state().link().unwrap());
+    assert!(link.starts_with("mode=depth&at="), "{link}");
+    press(&mut window, Key::R);
+    window.state_mut().follow_link(&link);
+    settle(&mut window);
+    let back = *window.state().navigator();
+    assert!(back.position.distance(there.position) < 1e-4 * there.distance, "{back:?} is not {there:?}");
+    assert!(back.world_from_view.abs_diff_eq(there.world_from_view, 1e-5) && (back.fov - there.fov).abs() < 1e-4);
+    assert_eq!(window.state().on_view(), None);
+    // What makes no sense changes nothing.
+    for link in ["", "view=99", "at=1,2&turn=0,0,0,0", "mode=other&at=NaN,0,0&turn=1,0,0,0&distance=1&fov=1", "view=-1"]
+    {
+        window.state_mut().follow_link(link);
+        assert_eq!((*window.state().navigator(), window.state().mode()), (back, Mode::Depth), "{link}");
+    }
+}
+
+#[test]
+fn another_model_of_the_scene_takes_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = small(folder.path());
+    let Content::Model(renderer) = &whole.content else { unreachable!("it is a model") };
+    let base = Renderer::new(Arc::new(rasterizer()), renderer.splats().clone(), [0.0; 3], None).showing_surface();
+    let scene = Scene { views: whole.scene.views.clone(), ..Scene::default() };
+    let mut window = window(Some(Opened { scene, content: Content::Model(Arc::new(base)) }));
+    window.state_mut().follow_link("view=1");
+    settle(&mut window);
+    assert!(!window.state().offers(Mode::Residual));
+    let before = middle(&mut window);
+    window.state_mut().replace(whole);
+    until(&mut window, "complete", |viewer| viewer.offers(Mode::Residual));
+    settle(&mut window);
+    assert!(middle(&mut window) != before, "the residual does not show");
+    assert_eq!((window.state().mode(), window.state().on_view()), (Mode::Final, Some(1)));
+    press(&mut window, Key::Num3);
+    assert_eq!((window.state().mode(), window.state().error()), (Mode::Residual, None));
+}

@@ -9,20 +9,27 @@
 //! photos/NAME.png   the training views' photos as they were trained on: undistorted, resized, 8 bits, lossless
 //! ```
 //!
-//! Nothing is compressed a second time: photos are PNG, and numbers barely shrink. So no part can be larger than the file.
-//! The archive's own checksums show damage.
+//! A small bundle ([`Packing::Small`], format 2) has the Gaussians as `gaussians.sog` and `planes.bin` in place of
+//! `point_cloud.ply`, with the scene's offset in `ibgs.json`, and opaque photos as `photos/NAME.jpg`.
+//!
+//! Nothing is compressed a second time: photos are compressed already, and numbers barely shrink. So no part can be larger
+//! than the file. The archive's own checksums show damage.
 
 use crate::config::TrainConfig;
 use crate::dataset::Photo;
 use crate::exposure::{self, Exposure};
 use crate::files::{WriteError, write_seekable_atomically};
 use crate::image_io;
+use crate::local_space::LocalSpace;
 use crate::output::cameras::{self, CameraRecord, Split};
 use crate::output::multi_view::{self, ViewSources};
-use crate::scene::{Gaussians, PlyFlavor, SceneError, read_ply_from, write_ply_to};
+use crate::scene::{Gaussians, PlyFlavor, SceneError, packed, read_ply_from, write_ply_to};
 use crate::stored_zip::{self, StoredZip, add};
+use glam::DVec3;
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader};
+use image::imageops::{self, FilterType};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
@@ -33,8 +40,9 @@ use std::sync::Arc;
 use thiserror::Error;
 use zip::ZipWriter;
 
-/// Version of the layout.
+/// Version of the layout, and of that of small bundles.
 const FORMAT: u32 = 1;
+const SMALL_FORMAT: u32 = 2;
 /// Photos that are encoded at once.
 const BATCH: usize = 16;
 /// Limit on the decoded size of all photos together: this many times the file's size, plus this many bytes. PNG shrinks
@@ -73,7 +81,7 @@ pub enum BundleError {
         reason: String,
     },
     /// A later version wrote it.
-    #[error("the bundle {} has format {found}, this version of ibgs reads {FORMAT}; use a newer one", path.display())]
+    #[error("the bundle {} has format {found}, this version of ibgs reads {SMALL_FORMAT}; use a newer one", path.display())]
     Newer {
         /// The file.
         path: PathBuf,
@@ -109,14 +117,37 @@ pub struct Bundle {
     pub sources: Vec<ViewSources>,
 }
 
+/// How Gaussians and photos are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// Every value as it is.
+    #[default]
+    Lossless,
+    /// Gaussians in the steps of a SOG file, opaque photos as JPEG.
+    Small {
+        /// JPEG's quality, 1 to 100.
+        photo_quality: u8,
+    },
+}
+
 #[derive(Serialize, Deserialize)]
 struct Header {
     format: u32,
     iteration: u32,
+    /// Of a small bundle: where the coordinates of its Gaussians lie in the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    offset: Option<DVec3>,
 }
 
+/// Where photos are in the archive, after everything else.
+const PHOTOS: &str = "photos/";
+
 fn photo_part(name: &str) -> String {
-    format!("photos/{name}.png")
+    format!("{PHOTOS}{name}.png")
+}
+
+fn small_photo_part(name: &str) -> String {
+    format!("{PHOTOS}{name}.jpg")
 }
 
 impl Bundle {
@@ -124,19 +155,27 @@ impl Bundle {
     ///
     /// # Errors
     /// [`BundleError::Scene`] for Gaussians that are not valid, [`BundleError::Write`].
-    pub fn write(&self, path: &Path) -> Result<(), BundleError> {
+    pub fn write(&self, path: &Path, packing: Packing) -> Result<(), BundleError> {
         self.gaussians.validate()?;
-        write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip)))?;
+        write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip, packing)))?;
         Ok(())
     }
 
-    fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>) -> io::Result<()> {
-        let header = Header { format: FORMAT, iteration: self.iteration };
-        add(zip, "ibgs.json", &serde_json::to_vec(&header)?)?;
-        let mut ply = Vec::new();
-        write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
-        add(zip, "point_cloud.ply", &ply)?;
-        drop(ply);
+    fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>, packing: Packing) -> io::Result<()> {
+        let mut header = Header { format: FORMAT, iteration: self.iteration, offset: None };
+        if packing == Packing::Lossless {
+            add(zip, "ibgs.json", &serde_json::to_vec(&header)?)?;
+            let mut ply = Vec::new();
+            write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
+            add(zip, "point_cloud.ply", &ply)?;
+        } else {
+            (header.format, header.offset) = (SMALL_FORMAT, self.gaussians.space.file_offset());
+            add(zip, "ibgs.json", &serde_json::to_vec(&header)?)?;
+            let place = LocalSpace::at(header.offset.unwrap_or_default());
+            let [sog, planes] = packed::encode(&self.gaussians.in_space(place)).map_err(io::Error::other)?;
+            add(zip, "gaussians.sog", &sog)?;
+            add(zip, "planes.bin", &planes)?;
+        }
         if let Some(network) = &self.network {
             add(zip, "network.bin", network)?;
         }
@@ -150,12 +189,34 @@ impl Bundle {
         add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
         add(zip, "config.toml", self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
         for photos in self.photos.chunks(BATCH) {
-            let encoded: Vec<_> = photos.par_iter().map(|(_, photo)| encode(photo)).collect::<io::Result<_>>()?;
-            for ((name, _), bytes) in photos.iter().zip(encoded) {
-                add(zip, &photo_part(name), &bytes)?;
+            let encode = |(name, photo): &(String, Arc<Photo>)| encode(name, photo, packing);
+            for (part, bytes) in photos.par_iter().map(encode).collect::<io::Result<Vec<_>>>()? {
+                add(zip, &part, &bytes)?;
             }
         }
         Ok(())
+    }
+
+    /// Makes photos whose longest side has more than `longest` pixels smaller, together with their cameras.
+    pub fn shrink_photos(&mut self, longest: u32) {
+        let photos: HashMap<&str, &mut Arc<Photo>> =
+            self.photos.iter_mut().map(|(name, photo)| (name.as_str(), photo)).collect();
+        let training = self.cameras.iter_mut().filter(|record| record.split == Some(Split::Train));
+        let mut both: Vec<_> = training
+            .scan(photos, |photos, record| Some((photos.remove(record.name.as_str()), record)))
+            .filter_map(|(photo, record)| Some((photo?, record)))
+            .filter(|(photo, _)| photo.width.max(photo.height) > longest)
+            .collect();
+        both.par_iter_mut().for_each(|(photo, record)| {
+            let scale = f64::from(longest) / f64::from(photo.width.max(photo.height));
+            let [width, height] =
+                [photo.width, photo.height].map(|side| (scale * f64::from(side)).round().max(1.0) as u32);
+            let image =
+                RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone()).expect("a photo has its size");
+            let rgba = imageops::resize(&image, width, height, FilterType::Lanczos3).into_raw();
+            **photo = Arc::new(Photo { width, height, rgba });
+            record.camera = record.camera.resized(width, height);
+        });
     }
 
     /// Reads a bundle.
@@ -172,32 +233,21 @@ impl Bundle {
     /// # Errors
     /// As [`Bundle::read`].
     pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, BundleError> {
-        let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
-        let zip = StoredZip::open(reader).map_err(no_bundle)?;
-        let mut parts = Parts { path, zip };
-        if !parts.zip.has("ibgs.json") {
-            return Err(no_bundle("it is a ZIP archive of something else".to_owned()));
-        }
-        let header: Header = parts.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
-        if header.format > FORMAT {
-            return Err(BundleError::Newer { path: path.to_owned(), found: header.format });
-        }
-        let gaussians = parts.parse("point_cloud.ply", |bytes| {
-            read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new("point_cloud.ply"))
-        })?;
-        let has_network = parts.zip.has("network.bin");
-        let network = has_network.then(|| parts.bytes("network.bin")).transpose()?;
-        let has_exposure = parts.zip.has(exposure::FILE_NAME);
-        let exposure = has_exposure
-            .then(|| parts.parse(exposure::FILE_NAME, |bytes| exposure::from_json(&String::from_utf8_lossy(bytes))))
-            .transpose()?;
-        let cameras = parts.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
-        let sources = parts.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
-        let config = parts.parse("config.toml", |bytes| {
-            TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new("config.toml"))
-        })?;
-        let photos = parts.photos(&cameras)?;
-        Ok(Self { iteration: header.iteration, gaussians, network, exposure, cameras, config, photos, sources })
+        let mut parts = Parts::open(reader, path)?;
+        let bundle = parts.bundle()?;
+        let photos = parts.photos(&bundle.cameras)?;
+        Ok(Self { photos, ..bundle })
+    }
+
+    /// What the beginning of a bundle's bytes gives without the photos, which come last: the model without its network and
+    /// photos. None where the beginning is too short, or no bundle.
+    ///
+    /// # Errors
+    /// As [`Bundle::read`].
+    pub fn read_start(start: &[u8], path: &Path) -> Result<Option<Self>, BundleError> {
+        let Some(whole) = stored_zip::before(start, PHOTOS) else { return Ok(None) };
+        let bundle = Parts::open(Cursor::new(whole), path)?.bundle()?;
+        Ok(Some(Self { network: None, ..bundle }))
     }
 }
 
@@ -207,7 +257,46 @@ struct Parts<'a, R> {
     zip: StoredZip<R>,
 }
 
-impl<R: Read + Seek> Parts<'_, R> {
+impl<'a, R: Read + Seek> Parts<'a, R> {
+    fn open(reader: R, path: &'a Path) -> Result<Self, BundleError> {
+        let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
+        let zip = StoredZip::open(reader).map_err(no_bundle)?;
+        match zip.has("ibgs.json") {
+            true => Ok(Self { path, zip }),
+            false => Err(no_bundle("it is a ZIP archive of something else".to_owned())),
+        }
+    }
+
+    /// The bundle without its photos.
+    fn bundle(&mut self) -> Result<Bundle, BundleError> {
+        let header: Header = self.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
+        if header.format > SMALL_FORMAT {
+            return Err(BundleError::Newer { path: self.path.to_owned(), found: header.format });
+        }
+        let gaussians = if self.zip.has("gaussians.sog") {
+            let planes = self.bytes("planes.bin")?;
+            let gaussians = self.parse("gaussians.sog", |bytes| packed::decode(bytes, &planes))?;
+            Gaussians { space: LocalSpace::at(header.offset.unwrap_or_default()), ..gaussians }
+        } else {
+            self.parse("point_cloud.ply", |bytes| {
+                read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new("point_cloud.ply"))
+            })?
+        };
+        let has_network = self.zip.has("network.bin");
+        let network = has_network.then(|| self.bytes("network.bin")).transpose()?;
+        let has_exposure = self.zip.has(exposure::FILE_NAME);
+        let exposure = has_exposure
+            .then(|| self.parse(exposure::FILE_NAME, |bytes| exposure::from_json(&String::from_utf8_lossy(bytes))))
+            .transpose()?;
+        let cameras = self.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
+        let sources = self.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
+        let config = self.parse("config.toml", |bytes| {
+            TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new("config.toml"))
+        })?;
+        let photos = Vec::new();
+        Ok(Bundle { iteration: header.iteration, gaussians, network, exposure, cameras, config, photos, sources })
+    }
+
     fn damaged(&self, part: &str, reason: impl Into<String>) -> BundleError {
         BundleError::Damaged { path: self.path.to_owned(), part: part.to_owned(), reason: reason.into() }
     }
@@ -237,12 +326,20 @@ impl<R: Read + Seek> Parts<'_, R> {
             return Err(self.damaged("cameras.json", reason));
         }
         for batch in training.chunks(BATCH) {
-            let read = batch.iter().map(|record| self.bytes(&photo_part(&record.name)));
-            let bytes = read.collect::<Result<Vec<_>, _>>()?;
-            let decode = |(record, bytes): (&&CameraRecord, &Vec<u8>)| decode(bytes, record);
-            let decoded: Vec<_> = batch.par_iter().zip(&bytes).map(decode).collect();
-            for (record, photo) in batch.iter().zip(decoded) {
-                let photo = photo.map_err(|reason| self.damaged(&photo_part(&record.name), reason))?;
+            let read = batch.iter().map(|record| {
+                let small = small_photo_part(&record.name);
+                let (part, format) = match self.zip.has(&small) {
+                    true => (small, ImageFormat::Jpeg),
+                    false => (photo_part(&record.name), ImageFormat::Png),
+                };
+                Ok((self.bytes(&part)?, format, part))
+            });
+            let read = read.collect::<Result<Vec<_>, BundleError>>()?;
+            let decode =
+                |(record, (bytes, format, _)): (&&CameraRecord, &(Vec<u8>, _, _))| decode(bytes, *format, record);
+            let decoded: Vec<_> = batch.par_iter().zip(&read).map(decode).collect();
+            for ((record, (_, _, part)), photo) in batch.iter().zip(&read).zip(decoded) {
+                let photo = photo.map_err(|reason| self.damaged(part, reason))?;
                 photos.push((record.name.clone(), Arc::new(photo)));
             }
         }
@@ -250,25 +347,34 @@ impl<R: Read + Seek> Parts<'_, R> {
     }
 }
 
-fn encode(photo: &Photo) -> io::Result<Vec<u8>> {
+/// A photo's part of the archive, by name and contents. JPEG has no transparency.
+fn encode(name: &str, photo: &Photo, packing: Packing) -> io::Result<(String, Vec<u8>)> {
     let mut bytes = Vec::new();
     let opaque = photo.rgba.chunks_exact(4).all(|pixel| pixel[3] == u8::MAX);
-    let encoder = PngEncoder::new(&mut bytes);
     let (width, height) = (photo.width, photo.height);
-    let written = if opaque {
-        let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-        encoder.write_image(&rgb, width, height, ExtendedColorType::Rgb8)
-    } else {
-        encoder.write_image(&photo.rgba, width, height, ExtendedColorType::Rgba8)
+    let rgb = || -> Vec<u8> { photo.rgba.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect() };
+    let (part, written) = match packing {
+        Packing::Small { photo_quality } if opaque => {
+            let encoder = JpegEncoder::new_with_quality(&mut bytes, photo_quality);
+            (small_photo_part(name), encoder.write_image(&rgb(), width, height, ExtendedColorType::Rgb8))
+        }
+        _ if opaque => {
+            let encoder = PngEncoder::new(&mut bytes);
+            (photo_part(name), encoder.write_image(&rgb(), width, height, ExtendedColorType::Rgb8))
+        }
+        _ => {
+            let encoder = PngEncoder::new(&mut bytes);
+            (photo_part(name), encoder.write_image(&photo.rgba, width, height, ExtendedColorType::Rgba8))
+        }
     };
     written.map_err(io::Error::other)?;
-    Ok(bytes)
+    Ok((part, bytes))
 }
 
 /// The photo of a camera, or what is wrong with it.
-fn decode(bytes: &[u8], record: &CameraRecord) -> Result<Photo, String> {
+fn decode(bytes: &[u8], format: ImageFormat, record: &CameraRecord) -> Result<Photo, String> {
     // Before the pixels are decoded.
-    let reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let reader = ImageReader::with_format(Cursor::new(bytes), format);
     let (width, height) = reader.into_dimensions().map_err(|error| format!("is no usable picture ({error})"))?;
     let camera = &record.camera;
     if (width, height) != (camera.width, camera.height) {

@@ -111,6 +111,16 @@ impl Model {
         from_bundle(bundle, Some(bytes.len() as u64), path)?.with_options(options)
     }
 
+    /// The base image's part of a bundle, from the beginning of its bytes: all but network and photos. None where the
+    /// beginning is too short for that.
+    ///
+    /// # Errors
+    /// As [`Model::open`].
+    pub fn from_bundle_start(start: &[u8], path: &Path, options: &ModelOptions) -> Result<Option<Self>, ModelError> {
+        let Some(bundle) = Bundle::read_start(start, path)? else { return Ok(None) };
+        Ok(Some(from_bundle(bundle, None, path)?.with_options(options)?))
+    }
+
     fn with_options(self, options: &ModelOptions) -> Result<Self, ModelError> {
         let mut model = self;
         if let Some(wanted) = options.iteration.filter(|&n| n != model.iteration) {

@@ -1,6 +1,7 @@
 //! Our own ZIP archives, bundles and checkpoints: nothing in them is compressed, and their checksums show damage.
 
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, Cursor, Read, Seek, Write};
+use zip::read::read_zipfile_from_stream;
 use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
@@ -24,6 +25,26 @@ pub fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) ->
         .large_file(bytes.len() as u64 >= u64::from(u32::MAX));
     zip.start_file(part, options)?;
     zip.write_all(bytes)
+}
+
+/// An archive of the parts before the first one whose name begins with `name`, from the beginning of an archive's bytes; none
+/// where that part does not begin within it.
+pub fn before(mut start: &[u8], name: &str) -> Option<Vec<u8>> {
+    let mut out = Cursor::new(Vec::new());
+    let mut copied = false;
+    let written = write(&mut out, |zip| {
+        while let Some(mut part) = read_zipfile_from_stream(&mut start)? {
+            if part.name()?.starts_with(name) {
+                copied = true;
+                return Ok(());
+            }
+            let (part_name, mut bytes) = (part.name()?.into_owned(), Vec::new());
+            part.read_to_end(&mut bytes)?;
+            add(zip, &part_name, &bytes)?;
+        }
+        Ok(())
+    });
+    (written.is_ok() && copied).then(|| out.into_inner())
 }
 
 /// An open archive. Its errors are texts that say what is wrong.
@@ -75,7 +96,6 @@ impl<R: Read + Seek> StoredZip<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Cursor;
 
     /// Entries that share their bytes cannot make a small file a large one.
     #[test]

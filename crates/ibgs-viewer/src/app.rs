@@ -2,6 +2,7 @@
 
 mod framing;
 mod input;
+mod link;
 mod messages;
 mod screenshot;
 
@@ -14,7 +15,7 @@ use crate::navigator::Navigator;
 use crate::panels::{self, Panels, Start};
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
-use crate::{Open, Outcome, Scene, Wanted, marks};
+use crate::{Open, Opened, Outcome, Scene, Wanted, marks};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
 use framing::fitted;
 use glam::DVec3;
@@ -96,6 +97,8 @@ pub struct Viewer {
     /// What went wrong last, in one sentence.
     pub(crate) error: Option<String>,
     screenshots: u32,
+    /// Where to go once something is open.
+    link: Option<String>,
 }
 
 impl Viewer {
@@ -152,6 +155,7 @@ impl Viewer {
             message: None,
             error: None,
             screenshots: 0,
+            link: None,
         })
     }
 
@@ -327,6 +331,11 @@ impl Viewer {
         self.send(Command::Open(wanted));
     }
 
+    /// Shows another model of the same scene in place of the one that is open, from the same place.
+    pub fn replace(&mut self, opened: Opened) {
+        self.send(Command::Replace(Box::new(opened), self.edit.revision + 1));
+    }
+
     /// Asks the worker for something.
     pub(crate) fn send(&mut self, command: Command) {
         if !self.worker.send(command) {
@@ -427,6 +436,12 @@ impl Viewer {
 }
 
 impl eframe::App for Viewer {
+    /// How a page reaches its viewer.
+    #[cfg(target_arch = "wasm32")]
+    fn as_any_mut(&mut self) -> Option<&mut dyn std::any::Any> {
+        Some(self)
+    }
+
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.listen(ui.ctx());
         self.dropped(ui.ctx());

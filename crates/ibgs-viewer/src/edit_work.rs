@@ -3,6 +3,7 @@
 
 use crate::Content;
 use anyhow::{Result, bail};
+use ibgs_core::bundle::Packing;
 use ibgs_core::edit::Mask;
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::render::Renderer;
@@ -53,6 +54,11 @@ pub struct EditWork {
 }
 
 impl EditWork {
+    /// That of a model that nobody edits.
+    pub fn of_revision(revision: u32) -> Self {
+        Self { revision, ..Self::default() }
+    }
+
     /// Does what is asked for. Does nothing to a training.
     ///
     /// # Errors
@@ -126,6 +132,6 @@ fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
     };
     let mut model = Model::clone(model);
     model.gaussians = gaussians;
-    model.into_bundle(&())?.write(path)?;
+    model.into_bundle(&())?.write(path, Packing::Lossless)?;
     Ok(text)
 }

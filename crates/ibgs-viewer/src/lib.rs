@@ -25,6 +25,9 @@ pub mod worker;
 pub use app::Viewer;
 pub use mode::Mode;
 
+#[cfg(target_arch = "wasm32")]
+pub use eframe::WebRunner;
+
 use anyhow::Result;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
@@ -222,7 +225,7 @@ impl Closer {
     }
 }
 
-/// Shows what `first` says in a canvas of a page, until the page is left.
+/// Shows what `first` says in a canvas of a page, until the page is left or the runner is destroyed.
 ///
 /// # Errors
 /// The canvas cannot be drawn into.
@@ -232,12 +235,13 @@ pub async fn run_in(
     gpu: Arc<Gpu>,
     opener: impl Open,
     first: Option<Outcome>,
-) -> Result<(), wasm_bindgen::JsValue> {
+) -> Result<WebRunner, wasm_bindgen::JsValue> {
     let wgpu_options = WgpuConfiguration { wgpu_setup: wgpu_setup(&gpu), ..Default::default() };
     let options = eframe::WebOptions { wgpu_options, ..Default::default() };
     let make = move |cc: &eframe::CreationContext| Viewer::new(cc, gpu, opener, first);
-    let runner = eframe::WebRunner::new();
-    runner.start(canvas, options, Box::new(move |cc| Ok(Box::new(make(cc)?)))).await
+    let runner = WebRunner::new();
+    runner.start(canvas, options, Box::new(move |cc| Ok(Box::new(make(cc)?)))).await?;
+    Ok(runner)
 }
 
 /// Opens a window, on what `first` says or on an empty start page, and returns when it is closed. `handed` receives a

@@ -79,6 +79,22 @@ impl Mode {
         }
     }
 
+    /// Its word in links.
+    pub fn word(self) -> &'static str {
+        match self {
+            Mode::Final => "final",
+            Mode::Base => "base",
+            Mode::Residual => "residual",
+            Mode::Depth => "depth",
+            Mode::Normal => "normal",
+            Mode::Visibility => "visibility",
+            Mode::Difference => "difference",
+            Mode::Photo => "photo",
+            Mode::Points => "points",
+            Mode::Ellipsoids => "ellipsoids",
+        }
+    }
+
     /// What it means.
     pub fn meaning(self) -> &'static str {
         match self {

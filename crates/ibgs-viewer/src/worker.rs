@@ -54,6 +54,8 @@ pub struct Sheet {
 pub enum Command {
     /// Open something in place of what is open.
     Open(Wanted),
+    /// Show another model of the same scene, as this revision.
+    Replace(Box<Opened>, u32),
     /// Render a view; of several the last one counts.
     Render(Box<Request>, Option<Sheet>),
     /// Explain why a pixel of a frame looks as it does.
@@ -116,6 +118,8 @@ pub enum Message {
     Doing(String),
     /// Something was opened; with how far it is where it is a training.
     Opened(Box<Scene>, Option<TrainingProgress>),
+    /// Another model of the same scene is in place of the one before, as this revision.
+    Replaced(Box<Scene>, u32),
     /// What was to be opened is a scene.
     Scene(PathBuf),
     /// A finished frame.
@@ -332,6 +336,11 @@ impl State {
                     Ok(Outcome::Scene(path)) => self.send(Message::Scene(path)),
                     Err(error) => self.failed(&error),
                 }
+            }
+            Command::Replace(opened, revision) => {
+                let edit = EditWork::of_revision(revision);
+                *work = Work { content: Some(opened.content), edit, request: work.request.take(), ..Work::default() };
+                self.send(Message::Replaced(Box::new(opened.scene), revision));
             }
             Command::Render(request, sheet) => work.request = Some((request, sheet)),
             Command::Inspect { frame, pixel, focus } => match frame.inspect_later(pixel[0], pixel[1]).await {

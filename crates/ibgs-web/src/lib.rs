@@ -9,14 +9,14 @@
 //! context.putImageData(new ImageData(pixels, width, height), 0, 0);
 //! ```
 //!
-//! [`view`] shows the viewer in a canvas: the same as `ibgs view` opens in a window, without files and training.
+//! [`viewer::view`] shows the viewer in a canvas: the same as `ibgs view` opens in a window, without files and training.
 //!
 //! It is empty for any other target than wasm32.
 
 #![cfg(target_arch = "wasm32")]
 #![forbid(unsafe_code)]
 
-mod viewer;
+pub mod viewer;
 
 use ibgs_core::gpu::{Gpu, device_descriptor};
 use ibgs_core::model::{Model, ModelOptions};
@@ -24,8 +24,10 @@ use ibgs_core::render::Renderer;
 use js_sys::{Error, Uint8ClampedArray};
 use std::path::Path;
 use std::sync::Arc;
-use wasm_bindgen::JsValue;
 use wasm_bindgen::prelude::wasm_bindgen;
+
+/// Name of the bundle in messages.
+const BUNDLE: &str = "the bundle";
 
 /// A model on the browser's GPU.
 #[wasm_bindgen]
@@ -44,20 +46,10 @@ pub struct Scene {
 pub async fn open(bundle: Vec<u8>) -> Result<Scene, Error> {
     console_error_panic_hook::set_once();
     let gpu = gpu().await?;
-    let path = Path::new("the bundle");
-    let mut model = Model::from_bundle(&bundle, path, &ModelOptions::default()).map_err(sentence)?;
+    let mut model = Model::from_bundle(&bundle, Path::new(BUNDLE), &ModelOptions::default()).map_err(sentence)?;
     let renderer = model.renderer(&gpu).map_err(sentence)?;
     gpu.check().map_err(sentence)?;
     Ok(Scene { model, renderer, gpu })
-}
-
-/// Shows a bundle, given by its bytes, in a canvas, for as long as the page lives.
-///
-/// # Errors
-/// As [`open`], or the canvas cannot be drawn into.
-#[wasm_bindgen]
-pub async fn view(canvas: web_sys::HtmlCanvasElement, bundle: Vec<u8>) -> Result<(), JsValue> {
-    viewer::show(canvas, open(bundle).await?).await
 }
 
 async fn gpu() -> Result<Arc<Gpu>, Error> {

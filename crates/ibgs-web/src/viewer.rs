@@ -1,11 +1,16 @@
 //! The viewer in a canvas of the page.
 
-use crate::sentence;
+use crate::{BUNDLE, gpu, sentence};
 use anyhow::{Result, bail};
 use ibgs_core::gpu::Gpu;
+use ibgs_core::model::{Model, ModelOptions};
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Wanted};
+use js_sys::Error;
+use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
 use wasm_bindgen::JsValue;
+use wasm_bindgen::prelude::wasm_bindgen;
 use web_sys::HtmlCanvasElement;
 
 /// A page opens what it gives, and nothing else.
@@ -17,14 +22,84 @@ impl Open for Closed {
     }
 }
 
-/// Shows a model for as long as the page lives.
-pub async fn show(canvas: HtmlCanvasElement, opened: crate::Scene) -> Result<(), JsValue> {
-    let crate::Scene { model, renderer, gpu } = opened;
-    let photos = model.training_photos().map_err(sentence)?;
-    let photos = model.training_views().iter().map(|record| record.name.clone()).zip(photos).collect();
+/// A viewer that runs in a canvas.
+#[wasm_bindgen]
+pub struct Viewer {
+    runner: ibgs_viewer::WebRunner,
+    gpu: Arc<Gpu>,
+}
+
+/// Shows a bundle in a canvas, given by its bytes, or by its beginning (`isStart`): that gives the base image, until
+/// [`Viewer::complete`] brings the rest. `undefined` where the beginning is too short.
+///
+/// # Errors
+/// As [`crate::open`], or the canvas cannot be drawn into.
+#[wasm_bindgen]
+pub async fn view(canvas: HtmlCanvasElement, bundle: Vec<u8>, is_start: bool) -> Result<Option<Viewer>, JsValue> {
+    console_error_panic_hook::set_once();
+    let options = ModelOptions::default();
+    let model = match is_start {
+        true => Model::from_bundle_start(&bundle, Path::new(BUNDLE), &options).map_err(sentence)?,
+        false => Some(Model::from_bundle(&bundle, Path::new(BUNDLE), &options).map_err(sentence)?),
+    };
+    drop(bundle);
+    let Some(model) = model else { return Ok(None) };
+    let gpu = gpu().await?;
+    let first = Outcome::Opened(Box::new(opened(model, &gpu, !is_start)?));
+    let runner = ibgs_viewer::run_in(canvas, gpu.clone(), Closed, Some(first)).await?;
+    Ok(Some(Viewer { runner, gpu }))
+}
+
+#[wasm_bindgen]
+impl Viewer {
+    /// Shows the whole bundle in place of its beginning.
+    ///
+    /// # Errors
+    /// As [`crate::open`].
+    pub fn complete(&self, bundle: &[u8]) -> Result<(), Error> {
+        let model = Model::from_bundle(bundle, Path::new(BUNDLE), &ModelOptions::default()).map_err(sentence)?;
+        let opened = opened(model, &self.gpu, true)?;
+        if let Some(mut viewer) = self.runner.app_mut::<ibgs_viewer::Viewer>() {
+            viewer.replace(opened);
+        }
+        Ok(())
+    }
+
+    /// Camera and mode as text for a link; `undefined` before the first picture.
+    pub fn link(&self) -> Option<String> {
+        self.runner.app_mut::<ibgs_viewer::Viewer>()?.link()
+    }
+
+    /// Goes where such a text says.
+    #[wasm_bindgen(js_name = followLink)]
+    pub fn follow_link(&self, link: &str) {
+        if let Some(mut viewer) = self.runner.app_mut::<ibgs_viewer::Viewer>() {
+            viewer.follow_link(link);
+        }
+    }
+
+    /// Whether the browser has taken the GPU away: then nothing more is shown.
+    #[wasm_bindgen(js_name = isLost)]
+    pub fn is_lost(&self) -> bool {
+        self.gpu.check().is_err()
+    }
+
+    /// Ends the viewer and leaves the canvas.
+    pub fn end(&self) {
+        self.runner.destroy();
+    }
+}
+
+/// A model as the viewer shows it.
+fn opened(mut model: Model, gpu: &Arc<Gpu>, has_photos: bool) -> Result<Opened, Error> {
+    let renderer = model.renderer(gpu).map_err(sentence)?;
+    gpu.check().map_err(sentence)?;
+    let photos = match has_photos {
+        true => model.training_photos().map_err(sentence)?,
+        false => Vec::new(),
+    };
+    let photos: HashMap<_, _> = model.training_views().iter().map(|record| record.name.clone()).zip(photos).collect();
     let views = model.cameras.iter().map(|record| View::of(record, &photos)).collect();
     let scene = Scene { views, ..Scene::default() };
-    let content = Content::Model(Arc::new(renderer.showing_surface()));
-    let first = Outcome::Opened(Box::new(Opened { scene, content }));
-    ibgs_viewer::run_in(canvas, gpu, Closed, Some(first)).await
+    Ok(Opened { scene, content: Content::Model(Arc::new(renderer.showing_surface())) })
 }

@@ -2,9 +2,9 @@
 
 use super::Args;
 use crate::commands::report::page::escape;
-use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
+use ibgs_core::bundle::Packing;
 use ibgs_core::files::write_atomically;
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::FilterType;
@@ -20,6 +20,8 @@ const MODULE: [&str; 2] = ["ibgs_web.js", "ibgs_web_bg.wasm"];
 /// Where the module stands in the folder, and the model.
 const MODULE_FOLDER: &str = "pkg";
 const BUNDLE: &str = "scene.ibgs";
+/// How the model is kept unless options say otherwise.
+const SMALL: Packing = Packing::Small { photo_quality: 90 };
 const POSTER: &str = "poster.jpg";
 /// Longest side of the poster in pixels, and its quality.
 const POSTER_SIDE: u32 = 1280;
@@ -34,13 +36,13 @@ pub fn write(args: &Args, folder: &Path) -> Result<()> {
     let module = module(args)?;
     let model = args.model.read()?;
     let title = escape(&model.path.file_stem().unwrap_or_default().to_string_lossy());
-    let bundle = model.into_bundle(&Bars::default())?;
+    let bundle = args.bundle.of(model)?;
     for name in MODULE {
         let bytes =
             fs::read(module.join(name)).with_context(|| format!("cannot read {}", module.join(name).display()))?;
         write_atomically(&folder.join(MODULE_FOLDER).join(name), |out| out.write_all(&bytes))?;
     }
-    bundle.write(&folder.join(BUNDLE))?;
+    bundle.write(&folder.join(BUNDLE), args.bundle.packing(SMALL))?;
     let poster = match bundle.photos.first() {
         Some((_, photo)) => {
             let image =

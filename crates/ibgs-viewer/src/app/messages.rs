@@ -28,6 +28,10 @@ impl Viewer {
             match message {
                 Message::Doing(what) => self.doing = Some(what),
                 Message::Opened(scene, progress) => self.opened(*scene, progress, ctx),
+                Message::Replaced(scene, revision) => {
+                    (self.edit.revision, self.thumbnails) = (revision, Thumbnails::default());
+                    self.scene = Some(*scene);
+                }
                 Message::Scene(path) => {
                     self.doing = None;
                     self.start.ask_about(path);
@@ -91,6 +95,9 @@ impl Viewer {
         self.panels = Panels { always_sharp: self.panels.always_sharp, ..Panels::default() };
         self.canvas.clear();
         self.reset();
+        if let Some(link) = self.link.take() {
+            self.follow_link(&link);
+        }
     }
 
     fn inspected(&mut self, inspection: Inspection, focus: bool) {

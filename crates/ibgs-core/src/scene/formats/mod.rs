@@ -10,6 +10,7 @@ mod gltf;
 mod gltf_nodes;
 mod gltf_read;
 mod order;
+pub(crate) mod packed;
 mod palette;
 mod quantise;
 mod sog;
@@ -169,7 +170,7 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
             Box::new(move |out| gltf::write(&turned, out))
         }
         Format::Sog => {
-            let bytes = sog::encode(&gaussians).map_err(refused)?;
+            let bytes = sog::encode(&gaussians, order::morton(&gaussians)).map_err(refused)?;
             Box::new(move |out| out.write_all(&bytes))
         }
     };

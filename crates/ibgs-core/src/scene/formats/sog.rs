@@ -8,7 +8,7 @@
 
 use super::super::Gaussians;
 use super::palette::{Codebook, Palette};
-use super::{order, quantise};
+use super::quantise;
 use crate::stored_zip;
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::{Value, json};
@@ -27,17 +27,17 @@ pub(super) const FIRST_LARGEST: u8 = 252;
 /// Largest value of a position.
 pub(super) const MOST_POSITION: u32 = 65_535;
 
-/// The bytes of a file.
+/// The bytes of a file with the Gaussians in an order.
 ///
 /// # Errors
 /// Why the format cannot hold the model.
-pub(super) fn encode(g: &Gaussians) -> Result<Vec<u8>, String> {
+pub(super) fn encode(g: &Gaussians, order: Vec<usize>) -> Result<Vec<u8>, String> {
     let width = ((g.len() as f64).sqrt() as usize + 1).next_multiple_of(4);
     let height = g.len().div_ceil(width);
     if width > MOST_SIDE {
         return Err(format!("a SOG file holds up to {} Gaussians, the model has {}", MOST_SIDE * MOST_SIDE, g.len()));
     }
-    archive(&Planes { g, order: order::morton(g), width, height }).map_err(|error| error.to_string())
+    archive(&Planes { g, order, width, height }).map_err(|error| error.to_string())
 }
 
 fn archive(planes: &Planes) -> io::Result<Vec<u8>> {
