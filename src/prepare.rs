@@ -82,7 +82,7 @@ impl<'a> Preparation<'a> {
         let images = scene.join("images");
         let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
         match read_record(scene)? {
-            Some(earlier) if earlier.request == record.request => record = earlier,
+            Some(earlier) if earlier.request == record.request && !overwrite => record = earlier,
             Some(_) if !overwrite => bail!(
                 "{} was begun with other photos or options; choose another folder, or allow `--overwrite`",
                 scene.display()
@@ -164,7 +164,7 @@ impl<'a> Preparation<'a> {
             let folder = if inputs.len() == 1 { images.clone() } else { images.join(part_name(inputs, i)) };
             fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
             if input.is_dir() {
-                copy_photos(input, &folder, note)?;
+                copy_photos(input, &folder, &self.scene, note)?;
             } else {
                 let [chosen, all] = video::extract(ffmpeg, input, &folder, *frames)?;
                 note(format!("{}: {chosen} of {all} frames chosen", input.display()));
@@ -175,7 +175,8 @@ impl<'a> Preparation<'a> {
 
     /// Photos of one size from one input are of one camera.
     fn cameras(&self, photos: &[PathBuf]) -> Cameras {
-        let mut sizes = photos.iter().map(|path| image::image_dimensions(path).ok());
+        // One that cannot be read says nothing of the others.
+        let mut sizes = photos.iter().filter_map(|path| image::image_dimensions(path).ok()).map(Some);
         let first = sizes.next().flatten();
         let is_one_size = first.is_some() && sizes.all(|size| size == first);
         match (is_one_size, self.record.request.inputs.len()) {
@@ -190,6 +191,12 @@ impl<'a> Preparation<'a> {
 fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
     let mut photos = 0;
     for input in inputs {
+        if input.join("sparse").is_dir() {
+            bail!(
+                "{} has camera poses already: `ibgs train {0}`; to estimate others, name the folder of its photos",
+                input.display()
+            );
+        }
         if input.is_dir() {
             photos += photos_below(input)?.len();
         } else if is_video(input) {
@@ -309,10 +316,14 @@ fn unread_note(folder: &Path, left_out: &[PathBuf]) -> Option<String> {
     ))
 }
 
-/// Links, or where that cannot be copies, the photos of a folder; notes what is left out.
-fn copy_photos(from: &Path, to: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
-    for path in files_in(from)?.iter().filter(|path| has_extension(path, &PHOTOS)) {
-        let target = to.join(path.file_name().unwrap_or_default());
+/// Links, or where that cannot be copies, the photos of a folder and of the folders in it, but not those of the scene itself;
+/// notes what is left out.
+fn copy_photos(from: &Path, to: &Path, scene: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
+    let scene = std::path::absolute(scene).with_context(|| format!("cannot find {}", scene.display()))?;
+    for path in photos_below(from)?.iter().filter(|path| !path.starts_with(&scene)) {
+        let target = to.join(path.strip_prefix(from).unwrap_or(path));
+        let folder = target.parent().unwrap_or(to);
+        fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
         if !target.exists() && fs::hard_link(path, &target).is_err() {
             fs::copy(path, &target).with_context(|| format!("cannot copy {}", path.display()))?;
         }
@@ -331,12 +342,15 @@ fn copy_photos(from: &Path, to: &Path, note: &mut dyn FnMut(String)) -> Result<(
     Ok(())
 }
 
-/// The photos of a folder and of the folders in it.
+/// The visible photos of a folder and of the folders in it.
 fn photos_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut photos = Vec::new();
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     for entry in entries {
         let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
+        if path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.')) {
+            continue;
+        }
         if path.is_dir() {
             photos.extend(photos_below(&path)?);
         } else if has_extension(&path, &PHOTOS) {

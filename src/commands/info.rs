@@ -47,7 +47,6 @@ fn adapters() -> Result<()> {
         stdout!("   storage buffers    {} a stage", limits.max_storage_buffers_per_shader_stage);
         stdout!("   workgroup memory   {} KiB", limits.max_compute_workgroup_storage_size >> 10);
         stdout!("   subgroup size      {} to {}", info.subgroup_min_size, info.subgroup_max_size);
-        stdout!("   features           {:?}", adapter.features());
         for m in adapter.cooperative_matrix_properties() {
             stdout!(
                 "   matrix units       {:?} {}x{}x{}, sums in {:?}",

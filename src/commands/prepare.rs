@@ -118,5 +118,5 @@ fn tell(scene: &Path, Prepared { photos, quality, unposed }: &Prepared) {
              OPENCV_FISHEYE)."
         );
     }
-    stdout!("train on it: ibgs train {} --eval", scene.display());
+    stdout!("train on it: ibgs train {} --eval --iterations 7000", scene.display());
 }

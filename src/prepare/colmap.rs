@@ -61,6 +61,10 @@ pub struct Quality {
     pub error: f64,
 }
 
+/// What helps where poses fail.
+const MORE_OVERLAP: &str =
+    "take them with more overlap (each part of the scene in three or more), in even light and without blur";
+
 /// The program and the folder that it works in.
 pub struct Colmap {
     tool: Tool,
@@ -127,13 +131,18 @@ impl Colmap {
         fs::create_dir_all(&sparse).with_context(|| format!("cannot create {}", sparse.display()))?;
         let mut arguments = arguments!["mapper", "--database_path", self.database()].to_vec();
         arguments.extend(arguments!["--image_path", self.images(), "--output_path", &sparse]);
-        let mut most = 0;
-        self.follow(&arguments, ("poses", photos), progress, |line, _| {
+        let (mut most, mut has_start) = (0, true);
+        let mapped = self.follow(&arguments, ("poses", photos), progress, |line, _| {
+            has_start &= !line.to_ascii_lowercase().contains("no good initial");
             // A model that leads nowhere is begun again and counts from the start.
             let registered = registered(line).unwrap_or(0);
             let is_more = registered > most;
             most = most.max(registered);
             is_more
+        });
+        mapped.with_context(|| match has_start {
+            true => "the poses could not be estimated".to_owned(),
+            false => format!("no two photos overlap well enough to begin with; {MORE_OVERLAP}"),
         })
     }
 
@@ -146,10 +155,7 @@ impl Colmap {
         let models = models(&sparse)?;
         let Some((posed, largest)) = models.iter().max_by_key(|(posed, folder)| (*posed, std::cmp::Reverse(folder)))
         else {
-            bail!(
-                "COLMAP found no pose for any photo; take them with more overlap (each part of the scene in three or more), in even \
-                 light and without blur"
-            );
+            bail!("COLMAP found no pose for any photo; {MORE_OVERLAP}");
         };
         let first = sparse.join("0");
         if *largest != first {

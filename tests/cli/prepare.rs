@@ -68,7 +68,7 @@ fn a_failed_step_is_named_and_the_same_command_continues_with_it() {
     let sandbox = sandbox();
     sandbox.write("broken", "");
     let outcome = sandbox.run("prepare photos -o scene --colmap ./colmap");
-    outcome.assert_failure(1, &["no good initial pair", "scene/prepare.log"]);
+    outcome.assert_failure(1, &["no two photos overlap", "no good initial pair", "scene/prepare.log"]);
     fs::remove_file(sandbox.path("broken")).unwrap();
     fs::remove_file(sandbox.path("calls")).unwrap();
     let other = sandbox.run("prepare photos -o scene --colmap ./colmap --frames 9");
@@ -76,6 +76,27 @@ fn a_failed_step_is_named_and_the_same_command_continues_with_it() {
     sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
     let calls = sandbox.text("calls");
     assert!(calls.contains("mapper --database_path") && !calls.contains("feature_extractor"), "{calls}");
+}
+
+#[test]
+fn photos_in_folders_are_taken_and_overwriting_begins_anew() {
+    let sandbox = sandbox();
+    for name in ["trip/day1/a.jpg", "trip/day2/b.jpg", "trip/c.jpg", "trip/.hidden/d.jpg"] {
+        sandbox.write(name, "not looked at");
+    }
+    // The scene lies among the photos.
+    sandbox.succeeds("prepare trip -o trip/scene --colmap ./colmap");
+    let images = |name: &str| sandbox.path("trip/scene/images").join(name).exists();
+    assert!(["day1/a.jpg", "day2/b.jpg", "c.jpg"].into_iter().all(images));
+    assert!(![".hidden", "scene"].into_iter().any(images));
+    sandbox.write("trip/day2/e.jpg", "one more");
+    sandbox.succeeds("prepare trip -o trip/scene --colmap ./colmap");
+    assert!(!images("day2/e.jpg"), "the same command continues");
+    sandbox.succeeds("prepare trip -o trip/scene --colmap ./colmap --overwrite");
+    assert!(images("day2/e.jpg") && !images("scene"));
+    let outcome = sandbox.run("prepare trip/scene -o other --colmap ./colmap");
+    outcome.assert_failure(1, &["has camera poses already", "ibgs train"]);
+    assert!(!sandbox.path("other").exists());
 }
 
 #[test]
