@@ -96,6 +96,8 @@ fn bundles_that_cannot_be_used() {
         }
     };
     all_fail("nowhere.ibgs", &["check the path"]);
+    sandbox.write("some.ply", "ply");
+    sandbox.fails("render some.ply", &["some.ply is no model", "a bundle in `.ibgs`"]);
     sandbox.fails("render nowhere.ibgs", &["cannot read the bundle nowhere.ibgs"]);
     sandbox.write("b.ibgs", &whole[..whole.len() / 2]);
     all_fail("b.ibgs", &["is no whole `.ibgs` bundle"]);

@@ -97,6 +97,7 @@ impl Model {
     pub fn open(path: &Path, options: &ModelOptions) -> Result<Self, ModelError> {
         let model = match is_bundle(path) {
             true => from_bundle(Bundle::read(path)?, path.metadata().ok().map(|file| file.len()), path)?,
+            false if path.is_file() => return Err(ModelError::OtherFile { path: path.to_owned() }),
             false => from_folder(path, options)?,
         };
         model.with_options(options)

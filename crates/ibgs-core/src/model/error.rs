@@ -52,6 +52,14 @@ pub enum ModelError {
         /// The model.
         path: PathBuf,
     },
+    /// A file that is no bundle.
+    #[error(
+        "{} is no model: that is a folder, or a bundle in `.ibgs`; a file of Gaussians alone has no cameras and photos", path.display()
+    )]
+    OtherFile {
+        /// The file.
+        path: PathBuf,
+    },
     /// A folder without a trained model.
     #[error("{} holds no point cloud", path.display())]
     NoPointCloud {
