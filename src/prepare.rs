@@ -176,9 +176,8 @@ impl<'a> Preparation<'a> {
     /// Photos of one size from one input are of one camera.
     fn cameras(&self, photos: &[PathBuf]) -> Cameras {
         // One that cannot be read says nothing of the others.
-        let mut sizes = photos.iter().filter_map(|path| image::image_dimensions(path).ok()).map(Some);
-        let first = sizes.next().flatten();
-        let is_one_size = first.is_some() && sizes.all(|size| size == first);
+        let mut sizes = photos.iter().filter_map(|path| image::image_dimensions(path).ok());
+        let is_one_size = sizes.next().is_some_and(|first| sizes.all(|size| size == first));
         match (is_one_size, self.record.request.inputs.len()) {
             (true, 1) => Cameras::One,
             (true, _) => Cameras::PerFolder,

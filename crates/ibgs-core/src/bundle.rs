@@ -16,7 +16,7 @@
 //! than the file. The archive's own checksums show damage.
 
 use crate::config::TrainConfig;
-use crate::dataset::Photo;
+use crate::dataset::{Photo, Resampler, resample};
 use crate::exposure::{self, Exposure};
 use crate::files::{WriteError, write_seekable_atomically};
 use crate::image_io;
@@ -28,7 +28,6 @@ use crate::stored_zip::{self, StoredZip, add};
 use glam::DVec3;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
-use image::imageops::{self, FilterType};
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -162,16 +161,17 @@ impl Bundle {
     }
 
     fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>, packing: Packing) -> io::Result<()> {
-        let mut header = Header { format: FORMAT, iteration: self.iteration, offset: None };
+        let (format, offset) = match packing {
+            Packing::Lossless => (FORMAT, None),
+            Packing::Small { .. } => (SMALL_FORMAT, self.gaussians.space.file_offset()),
+        };
+        add(zip, "ibgs.json", &serde_json::to_vec(&Header { format, iteration: self.iteration, offset })?)?;
         if packing == Packing::Lossless {
-            add(zip, "ibgs.json", &serde_json::to_vec(&header)?)?;
             let mut ply = Vec::new();
             write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
             add(zip, "point_cloud.ply", &ply)?;
         } else {
-            (header.format, header.offset) = (SMALL_FORMAT, self.gaussians.space.file_offset());
-            add(zip, "ibgs.json", &serde_json::to_vec(&header)?)?;
-            let place = LocalSpace::at(header.offset.unwrap_or_default());
+            let place = LocalSpace::at(offset.unwrap_or_default());
             let [sog, planes] = packed::encode(&self.gaussians.in_space(place)).map_err(io::Error::other)?;
             add(zip, "gaussians.sog", &sog)?;
             add(zip, "planes.bin", &planes)?;
@@ -199,24 +199,22 @@ impl Bundle {
 
     /// Makes photos whose longest side has more than `longest` pixels smaller, together with their cameras.
     pub fn shrink_photos(&mut self, longest: u32) {
-        let photos: HashMap<&str, &mut Arc<Photo>> =
-            self.photos.iter_mut().map(|(name, photo)| (name.as_str(), photo)).collect();
-        let training = self.cameras.iter_mut().filter(|record| record.split == Some(Split::Train));
-        let mut both: Vec<_> = training
-            .scan(photos, |photos, record| Some((photos.remove(record.name.as_str()), record)))
-            .filter_map(|(photo, record)| Some((photo?, record)))
-            .filter(|(photo, _)| photo.width.max(photo.height) > longest)
-            .collect();
-        both.par_iter_mut().for_each(|(photo, record)| {
-            let scale = f64::from(longest) / f64::from(photo.width.max(photo.height));
-            let [width, height] =
-                [photo.width, photo.height].map(|side| (scale * f64::from(side)).round().max(1.0) as u32);
-            let image =
-                RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone()).expect("a photo has its size");
-            let rgba = imageops::resize(&image, width, height, FilterType::Lanczos3).into_raw();
-            **photo = Arc::new(Photo { width, height, rgba });
-            record.camera = record.camera.resized(width, height);
+        let is_large = |(_, photo): &&mut (String, Arc<Photo>)| photo.width.max(photo.height) > longest;
+        self.photos.par_iter_mut().filter(is_large).for_each(|(_, photo)| {
+            let Photo { width, height, rgba } = Photo::clone(photo);
+            let scale = f64::from(longest) / f64::from(width.max(height));
+            let [w, h] = [width, height].map(|side| (scale * f64::from(side)).round().max(1.0) as u32);
+            let image = RgbaImage::from_raw(width, height, rgba).expect("a photo has its size");
+            let rgba = resample(image, w, h, Resampler::Lanczos3).into_raw();
+            *photo = Arc::new(Photo { width: w, height: h, rgba });
         });
+        let photos: HashMap<&str, &Photo> = self.photos.iter().map(|(name, photo)| (name.as_str(), &**photo)).collect();
+        for record in self.cameras.iter_mut().filter(|record| record.split == Some(Split::Train)) {
+            let (camera, photo) = (&mut record.camera, photos.get(record.name.as_str()));
+            if let Some(photo) = photo.filter(|photo| (photo.width, photo.height) != (camera.width, camera.height)) {
+                *camera = camera.resized(photo.width, photo.height);
+            }
+        }
     }
 
     /// Reads a bundle.

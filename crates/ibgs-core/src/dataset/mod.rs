@@ -23,6 +23,7 @@ pub use decode::decode_photo;
 pub use error::DatasetError;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
+pub(crate) use photos::resample;
 pub use reality_capture::check_reality_capture;
 
 use crate::camera::Camera;
