@@ -1,6 +1,6 @@
 //! Rendering on a device that has no more than a browser's.
 
-use crate::common::{gpu, rasterizer};
+use crate::common::{device_of, gpu, rasterizer};
 use crate::train_smoke::image_based::small_model;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::raster::Rasterizer;
@@ -12,21 +12,16 @@ use std::sync::Arc;
 
 /// The tests' adapter with ten storage buffers a stage, 32 KiB of workgroup memory and no feature at all.
 fn limited() -> Arc<Gpu> {
-    let usual = gpu();
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    let same = |adapter: &wgpu::Adapter| adapter.get_info().name == usual.info.name;
-    let adapter = adapters.into_iter().find(same).expect("the tests' adapter");
-    let limits = wgpu::Limits {
-        max_storage_buffers_per_shader_stage: 10,
-        max_compute_workgroup_storage_size: 32 * 1024,
-        max_compute_invocations_per_workgroup: 256,
-        max_immediate_size: 0,
-        ..adapter.limits()
-    };
-    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    Gpu::from_wgpu(instance, adapter, device, queue).unwrap()
+    device_of(|adapter| wgpu::DeviceDescriptor {
+        required_limits: wgpu::Limits {
+            max_storage_buffers_per_shader_stage: 10,
+            max_compute_workgroup_storage_size: 32 * 1024,
+            max_compute_invocations_per_workgroup: 256,
+            max_immediate_size: 0,
+            ..adapter.limits()
+        },
+        ..Default::default()
+    })
 }
 
 #[test]

@@ -35,6 +35,17 @@ pub fn open_gpu() -> Arc<Gpu> {
     gpu
 }
 
+/// The tests' adapter as another device, as described.
+pub fn device_of(describe: impl FnOnce(&wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>) -> Arc<Gpu> {
+    let usual = gpu();
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let same = |adapter: &wgpu::Adapter| adapter.get_info().name == usual.info.name;
+    let adapter = adapters.into_iter().find(same).expect("the tests' adapter");
+    let (device, queue) = pollster::block_on(adapter.request_device(&describe(&adapter))).unwrap();
+    Gpu::from_wgpu(instance, adapter, device, queue).unwrap()
+}
+
 /// A file of `tests/fixtures`.
 pub fn fixture(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(file)

@@ -2,21 +2,30 @@
 //! struct offsets, full validation.
 
 use ibgs_shaders::{Access, Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS, types};
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use std::mem::offset_of;
 
-/// Every kernel's module as a GPU gets it; those for matrix units as an H100 and as a software adapter have them.
+/// Every kernel's module as a GPU gets it, without subgroups and with; those for matrix units as an H100 and as a software
+/// adapter have them.
 fn modules() -> Vec<(&'static Kernel, Module)> {
     let units = [MatrixUnits { side: 16, lanes: 32 }, MatrixUnits { side: 8, lanes: 8 }];
     let half = MATRIX_KERNELS.iter().flat_map(|&kernel| units.map(|u| (kernel, kernel.wgsl_for(u))));
-    let all = RENDER_KERNELS.iter().chain(TRAIN_KERNELS).map(|&kernel| (kernel, kernel.wgsl())).chain(half);
+    let usual = || RENDER_KERNELS.iter().chain(TRAIN_KERNELS);
+    let subgroups = usual().flat_map(|&kernel| [8, 16, 32].map(|lanes| (kernel, kernel.wgsl_with_subgroups(lanes))));
+    let all = usual().map(|&kernel| (kernel, kernel.wgsl())).chain(subgroups).chain(half);
     all.map(|(kernel, source)| (kernel, parse(kernel, &source))).collect()
 }
 
 fn validator() -> Validator {
-    let capabilities = Capabilities::IMMEDIATES | Capabilities::SHADER_FLOAT16 | Capabilities::COOPERATIVE_MATRIX;
-    Validator::new(ValidationFlags::all(), capabilities)
+    let capabilities = Capabilities::IMMEDIATES
+        | Capabilities::SHADER_FLOAT16
+        | Capabilities::COOPERATIVE_MATRIX
+        | Capabilities::SUBGROUP
+        | Capabilities::SUBGROUP_BARRIER;
+    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+    validator.subgroup_stages(ShaderStages::COMPUTE).subgroup_operations(SubgroupOperationSet::all());
+    validator
 }
 
 fn parse(kernel: &Kernel, source: &str) -> Module {
@@ -134,7 +143,8 @@ macro_rules! twin {
 
 #[test]
 fn host_structs_have_the_layout_of_their_twins() {
-    twin!(HalfWeightsParams {
+    twin!(HalfWeightsParams { layers, quads });
+    twin!(HalfWeights {
         weights,
         stride_out,
         stride_in,
@@ -152,8 +162,8 @@ fn host_structs_have_the_layout_of_their_twins() {
         size,
         source,
         mode,
-        quads_a,
-        quads_b,
+        pairs_a,
+        pairs_b,
         quads_out,
         outputs,
         bias,
@@ -165,7 +175,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(HalfHeadParams { pixels, fuse_bias, fuse, last_bias, last, keep });
     twin!(HalfHeadGradientParams { pixels, last, scale });
     twin!(HalfHeadBackwardParams { pixels, fuse });
-    twin!(HalfConvWeightsParams { size, source, mode, inputs, quads_in, quads_out, splits, pad });
+    twin!(HalfConvWeightsParams { size, source, mode, inputs, pairs_in, pairs_out, splits, pad });
     twin!(HalfSumParams { splits, groups_in, groups_out, taps, inputs, outputs, into, stride, bias, unscale });
     twin!(HalfUnpackParams { pixels, channels, quads, unscale });
     twin!(HalfResizeParams { size, source, quads, pad });
@@ -219,7 +229,22 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(OpacityResetParams { count, limit });
     twin!(MeanParams { count, weight });
     twin!(SurfaceParams { size, focal, principal, weight, pad });
-    twin!(FeatureParams { row0, row1, row2, focal, principal, size, low, visible, inputs, aggregation, groups });
+    twin!(FeatureParams {
+        row0,
+        row1,
+        row2,
+        focal,
+        principal,
+        size,
+        low,
+        visible,
+        inputs,
+        aggregation,
+        groups,
+        unscale,
+        pad0,
+        pad1,
+    });
     twin!(FeatureSumParams { count, groups, first, rest });
     twin!(ComposeParams { size, low, gain, full_color, seen_only, pad });
     twin!(MixParams { pixels, visible, share, angle, doubt });

@@ -23,5 +23,6 @@ mod reference_checks;
 mod scene;
 mod scene_files;
 mod sources;
+mod subgroups;
 mod train_smoke;
 mod viewer;

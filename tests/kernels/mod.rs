@@ -31,5 +31,6 @@ mod residual_mix;
 mod scan;
 mod shortest_axis;
 mod sort;
+mod sum_rows;
 mod tile;
 mod warp;

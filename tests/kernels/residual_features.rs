@@ -1,13 +1,15 @@
 //! The residual network's input and per-view MLP against their twin, forward and backward.
 
-use crate::common::gpu;
+use crate::common::{gpu, skipped};
 use crate::reference::features::{EMPTY, View};
 use crate::reference::finite::assert_gradient;
 use crate::reference::random_scene::{exact, random_camera, random_image};
 use crate::reference::relative_error;
 use half::f16;
 use ibgs_core::gpu::{Buffer, Gpu, Pass};
-use ibgs_core::residual::features::{FeatureGradients, FeatureInputs, Features, InputGradients, MLP_WEIGHTS};
+use ibgs_core::residual::features::{
+    FeatureGradients, FeatureInputs, Features, HalfGradient, InputGradients, MLP_WEIGHTS,
+};
 use ibgs_core::residual::layers::{CONFIDENCE, INPUT, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Factor, NetworkInputs, Output, Variant};
 use rand::{Rng, SeedableRng};
@@ -66,6 +68,16 @@ struct OnGpu {
 
 /// What the kernels give; v_base starts at one half everywhere, all that is assigned at NaN.
 fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
+    on_gpu_with(view, v_x, false)
+}
+
+/// Channels of a pixel in half precision, with padding.
+const PADDED: usize = 48;
+/// Of gradients in half precision.
+const SCALE: f32 = 8.0;
+
+/// The same with the gradient by the U-Net's input in half precision, if the matrix units have a kernel for it.
+fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     let gpu = gpu();
     let upload = |values: &[f64]| gpu.upload("test", &single(values)).unwrap();
     let nan = |count: usize| gpu.upload("test", &vec![f32::NAN; count]).unwrap();
@@ -89,11 +101,17 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
         centers: &centers,
         weights: &weights,
     };
+    let mut packed = vec![f16::ZERO.to_bits(); PADDED * n];
+    for (i, v) in v_x.iter().enumerate() {
+        packed[i % n * PADDED + i / n] = f16::from_f32(SCALE * *v as f32).to_bits();
+    }
+    let packed = gpu.upload("test", &packed).unwrap();
+    let half = halves.then_some(HalfGradient { v_x: &packed, unscale: SCALE.recip() });
     let (x, v_x) = (nan(INPUT * n), upload(v_x));
     let (v_weights, v_warped) = (nan(WEIGHTS), nan(4 * view.warped.len()));
     let v_base = upload(&vec![0.5; 3 * pixels]);
     let scratch = features.scratch(&gpu).unwrap();
-    let gradients = FeatureGradients { v_x: &v_x, v_weights: &v_weights, scratch: &scratch };
+    let gradients = FeatureGradients { v_x: &v_x, half, v_weights: &v_weights, scratch: &scratch };
     let mut pass = Pass::new(&gpu, "features");
     features.record(&mut pass, &inputs, &x);
     features.record_backward(&mut pass, &inputs, &gradients);
@@ -113,7 +131,6 @@ fn on_gpu(view: &View, v_x: &[f64]) -> OnGpu {
 
 /// The input of the U-Net on matrix units is the same, rounded and turned.
 fn assert_halves(gpu: &Gpu, features: &Features, inputs: &FeatureInputs, planes: &[f64]) {
-    const PADDED: usize = 48;
     let n = planes.len() / INPUT;
     let x = gpu.upload("test", &vec![u16::MAX; PADDED * n]).unwrap();
     let mut pass = Pass::new(gpu, "features");
@@ -158,6 +175,49 @@ fn every_variant_follows_the_twin() {
                 let view = random_view([33, 17], 3, 3, variant(inputs, aggregation, factor), 1);
                 check(&format!("{inputs:?} {aggregation:?} {factor:?}"), &view, 2);
             }
+        }
+    }
+}
+
+/// A view of numbers that halves hold without rounding up to the outputs of the per-view MLP: eighths, and few weights an output. No
+/// other value passes a ReLU then.
+fn view_of_eighths(size: [u32; 2], visible: usize, most_visible: usize, aggregation: Aggregation, seed: u64) -> View {
+    let variant = variant(NetworkInputs::Differences, aggregation, Factor::Full);
+    let mut view = random_view(size, visible, most_visible, variant, seed);
+    let eighth = |v: &mut f64| *v = (*v * 8.0).round() / 8.0;
+    view.base.as_flattened_mut().iter_mut().for_each(eighth);
+    view.warped.as_flattened_mut().iter_mut().for_each(eighth);
+    view.centers.as_flattened_mut().iter_mut().for_each(eighth);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let sparse = |v: &mut f64| *v = if rng.random_range(0..6) == 0 { v.signum() } else { 0.0 };
+    view.weights[..MLP_WEIGHTS].iter_mut().for_each(sparse);
+    view.weights[CONFIDENCE.offset..].iter_mut().for_each(|v| *v = (*v * 8.0).round() / 8.0);
+    view
+}
+
+/// The gradients on the matrix units are as near to the twin's as half precision is.
+#[test]
+fn matrix_units_follow_the_twin_to_half_precision() {
+    if gpu().matrix_units.is_none_or(|units| units.side != 16) {
+        skipped(
+            "kernels::residual_features::matrix_units_follow_the_twin_to_half_precision",
+            "no matrix units of 16 x 16",
+        );
+        return;
+    }
+    let sizes =
+        [([33, 17], 3, 3), ([40, 40], 4, 4), ([5, 3], 3, 2), ([1, 7], 3, 3), ([26, 11], 3, 0), ([256, 200], 3, 3)];
+    for (seed, (size, visible, most_visible)) in (10..).zip(sizes) {
+        for aggregation in [Aggregation::Mean, Aggregation::Soft] {
+            let what = format!("{size:?}, {most_visible} of {visible} sources, {aggregation:?}");
+            let view = view_of_eighths(size, visible, most_visible, aggregation, seed);
+            let v_x = random(INPUT * view.low()[0] * view.low()[1], seed);
+            let ours = on_gpu_with(&view, &v_x, true);
+            let twin = view.input_backward(&v_x);
+            let warped = relative_error(&ours.v_warped, twin.warped.as_flattened());
+            let weights = relative_error(&ours.v_weights, &twin.weights);
+            println!("{what}: v_warped {warped:.1e}, v_weights {weights:.1e}");
+            assert!(warped <= 1e-3 && weights <= 1e-3, "{what}: v_warped {warped:.1e}, v_weights {weights:.1e}");
         }
     }
 }

@@ -6,6 +6,9 @@
 const SHARED: &[(&str, &str)] = &[
     ("blend", include_str!("../wgsl/shared/blend.wgsl")),
     ("blend_backward", include_str!("../wgsl/shared/blend_backward.wgsl")),
+    ("blend_backward_pixel", include_str!("../wgsl/shared/blend_backward_pixel.wgsl")),
+    ("blend_backward_subgroups", include_str!("../wgsl/shared/blend_backward_subgroups.wgsl")),
+    ("block", include_str!("../wgsl/shared/block.wgsl")),
     ("cover", include_str!("../wgsl/shared/cover.wgsl")),
     ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
     ("expose_params", include_str!("../wgsl/shared/expose_params.wgsl")),
@@ -27,6 +30,7 @@ const SHARED: &[(&str, &str)] = &[
     ("residual_head_kernel", include_str!("../wgsl/shared/residual_head_kernel.wgsl")),
     ("residual_input", include_str!("../wgsl/shared/residual_input.wgsl")),
     ("residual_mlp", include_str!("../wgsl/shared/residual_mlp.wgsl")),
+    ("residual_mlp_layout", include_str!("../wgsl/shared/residual_mlp_layout.wgsl")),
     ("residual_output", include_str!("../wgsl/shared/residual_output.wgsl")),
     ("residual_source", include_str!("../wgsl/shared/residual_source.wgsl")),
     ("residual_weights_tile", include_str!("../wgsl/shared/residual_weights_tile.wgsl")),
@@ -42,17 +46,19 @@ const SHARED: &[(&str, &str)] = &[
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
     ("ssim_maps", include_str!("../wgsl/shared/ssim_maps.wgsl")),
     ("ssim_moments", include_str!("../wgsl/shared/ssim_moments.wgsl")),
+    ("subgroup_sums", include_str!("../wgsl/shared/subgroup_sums.wgsl")),
+    ("sum_rows", include_str!("../wgsl/shared/sum_rows.wgsl")),
     ("surface", include_str!("../wgsl/shared/surface.wgsl")),
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),
 ];
 
-/// The WGSL of a kernel's file: imports, variants and repetitions resolved.
+/// The WGSL of a kernel's file: imports, variants and repetitions resolved; `defined`: names that are defined before it.
 ///
 /// # Panics
 /// When a kernel imports a file that does not exist, a condition or a repetition has no end, or a repetition no count: mistakes in
 /// this crate, caught by its tests.
-pub fn resolve(source: &str) -> String {
-    let mut expansion = Expansion::default();
+pub fn resolve(source: &str, defined: &[&str]) -> String {
+    let mut expansion = Expansion { defined: defined.to_vec(), ..Expansion::default() };
     expansion.file(source);
     repeat(&expansion.text)
 }
@@ -136,21 +142,25 @@ impl<'a> Expansion<'a> {
 
 #[cfg(test)]
 mod tests {
+    fn resolve(source: &str) -> String {
+        super::resolve(source, &[])
+    }
+
     #[test]
     fn repeats_with_the_number_in_place() {
-        let text = super::resolve("a\n    #repeat k 2\n    let x$k = $ku;\n    #end\nb\n");
+        let text = resolve("a\n    #repeat k 2\n    let x$k = $ku;\n    #end\nb\n");
         assert_eq!(text, "a\n    let x0 = 0u;\n    let x1 = 1u;\nb\n");
     }
 
     #[test]
     fn repetitions_hold_others() {
-        let text = super::resolve("#repeat r 2\n#repeat k 2\nlet x$r$k;\n#end\nlet y$r;\n#end\n");
+        let text = resolve("#repeat r 2\n#repeat k 2\nlet x$r$k;\n#end\nlet y$r;\n#end\n");
         assert_eq!(text, "let x00;\nlet x01;\nlet y0;\nlet x10;\nlet x11;\nlet y1;\n");
     }
 
     #[test]
     fn imports_once() {
-        let text = super::resolve("#import index\n#import index\nfn f() {}\n");
+        let text = resolve("#import index\n#import index\nfn f() {}\n");
         assert_eq!(text.matches("fn linear_workgroup").count(), 1);
         assert!(text.ends_with("fn f() {}\n"));
     }
@@ -158,15 +168,16 @@ mod tests {
     #[test]
     fn a_definition_chooses_the_lines_of_its_variant() {
         let source = "#if A\na\n    #if B\nab\n    #endif\n#else\nb\n#endif\nc\n";
-        assert_eq!(super::resolve(source), "b\nc\n");
-        assert_eq!(super::resolve(&format!("#define A\n{source}")), "a\nc\n");
-        assert_eq!(super::resolve(&format!("#define A\n#define B\n{source}")), "a\nab\nc\n");
-        assert_eq!(super::resolve(&format!("#define B\n{source}")), "b\nc\n");
+        assert_eq!(resolve(source), "b\nc\n");
+        assert_eq!(resolve(&format!("#define A\n{source}")), "a\nc\n");
+        assert_eq!(resolve(&format!("#define A\n#define B\n{source}")), "a\nab\nc\n");
+        assert_eq!(resolve(&format!("#define B\n{source}")), "b\nc\n");
+        assert_eq!(super::resolve(source, &["A"]), "a\nc\n");
     }
 
     #[test]
     #[should_panic(expected = "without #endif")]
     fn a_condition_has_an_end() {
-        super::resolve("#if A\na\n");
+        resolve("#if A\na\n");
     }
 }

@@ -164,7 +164,7 @@ kernels! {
     PLANES = "planes" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("normals"), read("plane_offsets"), write("planes");
     /// Alpha blending.
-    RASTERIZE = "rasterize" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
+    RASTERIZE = "rasterize" [TILE * TILE, 1, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry");
     /// Opaque ellipsoids.
@@ -174,11 +174,11 @@ kernels! {
     PRESENT = "present" [256, 1, 1] (size_of::<types::PresentParams>()):
         read("values"), read("others"), read("words"), read("palette"), write("pixels");
     /// Alpha blending with normal map, median intersections and median depth, without what gradients need.
-    RASTERIZE_SURFACE_IMAGE = "rasterize_surface_image" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
+    RASTERIZE_SURFACE_IMAGE = "rasterize_surface_image" [TILE * TILE, 1, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("normal_map"), write("median_depth"), write("intersections");
     /// Median depth alone.
-    RASTERIZE_DEPTH = "rasterize_depth" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
+    RASTERIZE_DEPTH = "rasterize_depth" [TILE * TILE, 1, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"), write("median_depth");
     /// Colours of one source photo at the median intersections, visibility, packing.
     WARP = "warp" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
@@ -217,33 +217,41 @@ kernels! {
     FILTER_SIZES = "filter_sizes" [256, 1, 1] (size_of::<types::FilterParams>()):
         read("means"), read("cameras"), write("filters");
     /// Alpha blending with normal map, median intersections and median depth.
-    RASTERIZE_SURFACE = "rasterize_surface" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
+    RASTERIZE_SURFACE = "rasterize_surface" [TILE * TILE, 1, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("tile_ranges"),
         write("image"), write("final_t"), write("last_entry"), write("normal_map"), write("median_depth"),
         write("intersections"), write("intersection_entries");
     /// Gradient of the blending with surface by projected quantities and planes, a row an intersection.
-    RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE, TILE, 1] (size_of::<types::SurfaceUniforms>()):
+    RASTERIZE_SURFACE_BACKWARD = "rasterize_surface_backward" [TILE * TILE, 1, 1] (size_of::<types::SurfaceUniforms>()):
         read("projected"), read("planes"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"),
         read("final_t"), read("last_entry"), read("median_depth"), read("intersections"), read("intersection_entries"),
         read("v_image"), read("v_normal_map"), read("v_median_depth"), read("v_intersections"),
         write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov"), write("v_isect_plane");
     /// Gradient of the planes by means, normals and offsets.
     PLANES_BACKWARD = "planes_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("means"), read("normals"), read("plane_offsets"), read("planes"), read("depth_order"), read("offsets"),
-        read("tile_counts"), read("v_isect_plane"), write("v_means"), write("v_normals"), write("v_plane_offsets");
+        read("means"), read("normals"), read("plane_offsets"), read("planes"), read("tile_counts"), read("total"),
+        write("v_means"), write("v_normals"), write("v_plane_offsets");
+    /// Gradients of each Gaussian's intersections, summed.
+    SUM_ROWS = "sum_rows" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("depth_order"), read("offsets"), read("tile_counts"), read("total"), read("v_isect_color"),
+        read("v_isect_xy"), read("v_isect_cov"), write("v_rotations"), write("v_screen"), write("v_log_scales");
+    /// The same with the gradients by the planes.
+    SUM_ROWS_SURFACE = "sum_rows_surface" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("depth_order"), read("offsets"), read("tile_counts"), read("total"), read("v_isect_color"),
+        read("v_isect_xy"), read("v_isect_cov"), write("v_rotations"), write("v_screen"), write("v_log_scales"),
+        read("v_isect_plane"), write("v_normals"), write("v_plane_offsets");
     /// Gradient of one source's warping by the median intersections and the median depth.
     WARP_BACKWARD = "warp_backward" [TILE, TILE, 1] (size_of::<types::SourceParams>()):
         read("median_depth"), read("intersections"), read("photo"), read("warped"), read("seen"), read("v_warped"),
         write("v_intersections"), write("v_median_depth");
     /// Gradient of the blending by the projected quantities, a row an intersection.
-    RASTERIZE_BACKWARD = "rasterize_backward" [TILE, TILE, 1] (size_of::<types::ViewUniforms>()):
+    RASTERIZE_BACKWARD = "rasterize_backward" [TILE * TILE, 1, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"), read("final_t"),
         read("last_entry"), read("v_image"), write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov");
     /// Gradient of the projection by the raw parameters.
     PROJECT_BACKWARD = "project_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("means"), read("rotations"), read("log_scales"), read("sh"), read("projected"), read("depth_order"),
-        read("offsets"), read("tile_counts"), read("v_isect_color"), read("v_isect_xy"), read("v_isect_cov"),
-        write("v_means"), write("v_rotations"), write("v_log_scales"), write("v_opacity_logits"), write("v_sh"),
+        read("means"), read("rotations"), read("log_scales"), read("sh"), read("projected"), read("tile_counts"),
+        read("total"), write("v_means"), write("v_rotations"), write("v_log_scales"), write("v_opacity_logits"), write("v_sh"),
         write("v_screen"), read("filters");
     /// L1 + SSIM, forward.
     IMAGE_LOSS = "image_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
@@ -349,9 +357,13 @@ kernels! {
     /// The U-Net's input in half precision, channels last.
     HALF_FEATURES = "half_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
-    /// A layer's weights to half precision in the order in which the matrix units read them.
+    /// Gradient of the per-view MLP, rows of weight gradients.
+    HALF_FEATURES_BACKWARD = "half_features_backward" [64, 1, 1] (size_of::<types::FeatureParams>()):
+        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), read("v_x"),
+        write("v_features"), write("partials");
+    /// All layers' weights to half precision in the order in which the matrix units read them.
     HALF_WEIGHTS = "half_weights" [256, 1, 1] (size_of::<types::HalfWeightsParams>()):
-        read("weights"), write("packed");
+        read("weights"), read("layers"), write("packed");
     /// 3 x 3 convolution, forward or gradient by the input.
     HALF_CONV = "half_conv" [128, 1, 1] (size_of::<types::HalfConvParams>()):
         read("weights"), read("packed"), read("input_a"), read("input_b"), write("output");
@@ -453,7 +465,13 @@ pub fn constants() -> String {
 impl Kernel {
     /// The complete WGSL source: shared constants, imported files, the kernel.
     pub fn wgsl(&self) -> String {
-        format!("{}{}", constants(), resolve(self.source))
+        format!("{}{}", constants(), resolve(self.source, &[]))
+    }
+
+    /// The same for devices whose subgroups all have this number of lanes: 8, 16 or 32. Kernels that have a form for such
+    /// devices differ.
+    pub fn wgsl_with_subgroups(&self, lanes: u32) -> String {
+        format!("const LANES: u32 = {lanes}u;\n{}{}", constants(), resolve(self.source, &["SUBGROUPS"]))
     }
 
     /// The same for devices without immediate data, which is then a uniform at binding 0 of group 1.

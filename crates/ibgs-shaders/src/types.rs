@@ -315,6 +315,12 @@ pub struct FeatureParams {
     pub aggregation: u32,
     /// Workgroups of the backward pass.
     pub groups: u32,
+    /// Inverse of the scale of gradients in half precision.
+    pub unscale: f32,
+    /// Padding.
+    pub pad0: u32,
+    /// Padding.
+    pub pad1: [u32; 2],
 }
 
 /// Sum of the per-view MLP's gradients; the twin of `FeatureSumParams`.

@@ -14,14 +14,14 @@ struct HalfConvParams {
     size: vec2<u32>,
     source: vec2<u32>,
     mode: u32,
-    // Values a pixel, with padding, divided by 4: of input a, of input b (0: there is none), of the output.
-    quads_a: u32,
-    quads_b: u32,
+    // Values a pixel, with padding: of input a and of input b (0: there is none) divided by 8, of the output divided by 4.
+    pairs_a: u32,
+    pairs_b: u32,
     quads_out: u32,
     outputs: u32,
     // First bias.
     bias: u32,
-    // Where the packed weights begin, in groups of 4, and groups of SIDE outputs.
+    // Where the packed weights begin, in groups of 8, and groups of SIDE outputs.
     packed: u32,
     packed_groups: u32,
     // What becomes of the sums.
@@ -32,23 +32,24 @@ struct HalfConvParams {
 var<immediate> params: HalfConvParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
-@group(0) @binding(1) var<storage, read> packed: array<vec4<f16>>;
-@group(0) @binding(2) var<storage, read> input_a: array<vec4<f16>>;
-@group(0) @binding(3) var<storage, read> input_b: array<vec4<f16>>;
+@group(0) @binding(1) var<storage, read> packed: array<Pair>;
+@group(0) @binding(2) var<storage, read> input_a: array<Pair>;
+@group(0) @binding(3) var<storage, read> input_b: array<Pair>;
 @group(0) @binding(4) var<storage, read_write> output: array<vec4<f16>>;
 
 const THREADS: u32 = HALF_SUBGROUPS * LANES;
 const ROWS: u32 = HALF_CONV_ROWS + 2u;
 const COLUMNS: u32 = SIDE + 2u;
-// Groups of 4 channels that pass at a time, and distances in workgroup memory; the padding avoids bank conflicts.
+// Groups of 4 channels, and of 8, that pass at a time, and distances in workgroup memory; the padding avoids bank conflicts.
 const QUADS: u32 = SIDE / 4u;
+const PAIRS: u32 = SIDE / 8u;
 const PIXEL: u32 = QUADS + 2u;
 const LINE: u32 = COLUMNS * PIXEL;
 const OUTPUT: u32 = QUADS + 1u;
 const MATRIX: u32 = SIDE * OUTPUT;
 const SUMS: u32 = 3u * QUADS + 1u;
-// Pixels that the workgroup, or a subgroup, takes in one step.
-const PIXELS: u32 = THREADS / QUADS;
+// Pixels that the workgroup loads, or a subgroup stores, in one step.
+const PIXELS: u32 = THREADS / PAIRS;
 const OUT_PIXELS: u32 = LANES / QUADS;
 const NOWHERE: u32 = 0xffffffffu;
 // A lane stores two pixels of a row.
@@ -103,7 +104,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     #repeat g 3
     let add$g = biases(4u * (q + $gu * QUADS + lane % QUADS));
     #end
-    let chunks = (params.quads_a + params.quads_b) / QUADS;
+    let chunks = (params.pairs_a + params.pairs_b) / PAIRS;
     for (var n = 0u; n < chunks; n++) {
         workgroupBarrier();
         load_tile(local, origin, n);
@@ -156,6 +157,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let own_q = lane % QUADS;
     let left = lane / QUADS;
     let right = left + OUT_PIXELS;
+    // A subgroup reads no other's sums.
     #repeat r 4
     {
         // Output positions of the lane's two pixels, and the values that the sums are added to or masked by.
@@ -174,7 +176,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         #repeat g 3
         coopStoreT(c$r$g, &sums[sums$g], SUMS);
         #end
-        workgroupBarrier();
+        subgroupBarrier();
         #repeat g 3
         if goal_left$g != NOWHERE {
             output[goal_left$g] = finish(sums[sums$g + left * SUMS + own_q] + add$g, old_left$g);
@@ -183,7 +185,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             output[goal_right$g] = finish(sums[sums$g + right * SUMS + own_q] + add$g, old_right$g);
         }
         #end
-        workgroupBarrier();
+        subgroupBarrier();
     }
     #end
 }

@@ -4,6 +4,7 @@
 // workgroup) and 3 SIDE outputs (z): nine accumulators a subgroup, whose sums over a row's SIDE pixels are one product. The
 // first channel of the input's padding counts as 1, which makes the biases' gradient one more row of the middle tap. A 1 x 1
 // convolution uses the middle tap alone.
+#import half
 #import residual_source
 
 struct HalfConvWeightsParams {
@@ -11,10 +12,10 @@ struct HalfConvWeightsParams {
     size: vec2<u32>,
     source: vec2<u32>,
     mode: u32,
-    // Channels of the input; values a pixel with padding, divided by 4, of input and v.
+    // Channels of the input; values a pixel with padding, divided by 8, of input and v.
     inputs: u32,
-    quads_in: u32,
-    quads_out: u32,
+    pairs_in: u32,
+    pairs_out: u32,
     // Workgroups that share the tiles.
     splits: u32,
     pad: u32,
@@ -22,8 +23,8 @@ struct HalfConvWeightsParams {
 
 var<immediate> params: HalfConvWeightsParams;
 
-@group(0) @binding(0) var<storage, read> v: array<vec4<f16>>;
-@group(0) @binding(1) var<storage, read> input: array<vec4<f16>>;
+@group(0) @binding(0) var<storage, read> v: array<Pair>;
+@group(0) @binding(1) var<storage, read> input: array<Pair>;
 // [split][group of inputs][group of outputs][tap][input][output].
 @group(0) @binding(2) var<storage, read_write> partials: array<f32>;
 
@@ -34,12 +35,13 @@ const QUADS: u32 = SIDE / 4u;
 const GROUP: u32 = 3u * QUADS;
 // The padding avoids bank conflicts.
 const PIXEL: u32 = GROUP + 2u;
-// Groups of 4 values of the tiles.
-const X_VALUES: u32 = (ROWS + 2u) * COLUMNS * GROUP;
-const V_VALUES: u32 = ROWS * SIDE * GROUP;
+// Pairs of a pixel and of the tiles.
+const PAIRS: u32 = GROUP / 2u;
+const X_PAIRS: u32 = (ROWS + 2u) * COLUMNS * PAIRS;
+const V_PAIRS: u32 = ROWS * SIDE * PAIRS;
 // The repetitions below are enough.
-const_assert 5u * THREADS >= X_VALUES;
-const_assert 3u * THREADS >= V_VALUES;
+const_assert 3u * THREADS >= X_PAIRS;
+const_assert 2u * THREADS >= V_PAIRS;
 
 var<workgroup> x_tile: array<vec4<f16>, (ROWS + 2u) * COLUMNS * PIXEL>;
 var<workgroup> v_tile: array<vec4<f16>, ROWS * SIDE * PIXEL>;
@@ -48,34 +50,36 @@ var<workgroup> v_tile: array<vec4<f16>, ROWS * SIDE * PIXEL>;
 fn input_at(x: i32, y: i32) -> u32 {
     if params.mode == CONV_NEAREST {
         let at = vec2<u32>(vec2(x, y)) * params.source / params.size;
-        return (at.y * params.source.x + at.x) * params.quads_in;
+        return (at.y * params.source.x + at.x) * params.pairs_in;
     }
     let step = select(1u, 2u, params.mode == CONV_POOLED);
-    return (u32(y) * params.source.x + u32(x)) * params.quads_in * step;
+    return (u32(y) * params.source.x + u32(x)) * params.pairs_in * step;
 }
 
 // The first channel of the padding counts as 1.
-fn with_one(value: vec4<f16>, k: u32, first_in: u32) -> vec4<f16> {
-    let channel = 4u * (first_in + k % GROUP);
+fn with_one(value: vec4<f16>, channel: u32) -> vec4<f16> {
     return select(value, vec4(1.0h), vec4(channel, channel + 1u, channel + 2u, channel + 3u) == vec4(params.inputs));
 }
 
-fn read_pooled(at: u32) -> vec4<f16> {
-    let below = at + params.source.x * params.quads_in;
-    let upper = max(input[at], input[at + params.quads_in]);
-    let lower = max(input[below], input[below + params.quads_in]);
-    return max(upper, lower);
+fn read_pooled(at: u32) -> Pair {
+    let below = at + params.source.x * params.pairs_in;
+    let upper = larger(input[at], input[at + params.pairs_in]);
+    return larger(upper, larger(input[below], input[below + params.pairs_in]));
 }
 
-fn put_input(k: u32, first_in: u32, value: vec4<f16>, inside: bool) {
-    if k < X_VALUES {
-        x_tile[(k / GROUP) * PIXEL + k % GROUP] = select(vec4<f16>(), with_one(value, k, first_in), inside);
+fn put_input(k: u32, pair: u32, value: Pair, inside: bool) {
+    if k < X_PAIRS {
+        let at = (k / PAIRS) * PIXEL + 2u * (k % PAIRS);
+        x_tile[at] = select(vec4<f16>(), with_one(value.a, 8u * pair), inside);
+        x_tile[at + 1u] = select(vec4<f16>(), with_one(value.b, 8u * pair + 4u), inside);
     }
 }
 
-fn put_v(k: u32, value: vec4<f16>, inside: bool) {
-    if k < V_VALUES {
-        v_tile[(k / GROUP) * PIXEL + k % GROUP] = select(vec4<f16>(), value, inside);
+fn put_v(k: u32, value: Pair, inside: bool) {
+    if k < V_PAIRS {
+        let at = (k / PAIRS) * PIXEL + 2u * (k % PAIRS);
+        v_tile[at] = select(vec4<f16>(), value.a, inside);
+        v_tile[at + 1u] = select(vec4<f16>(), value.b, inside);
     }
 }
 
@@ -100,31 +104,31 @@ fn main(
     var c21 = MatrixC();
     var c22 = MatrixC();
     let first = wid.x * share;
-    let first_in = wid.y * GROUP;
-    let first_out = wid.z * GROUP;
-    // Pixel of the tile and group of channels of each step; a pixel far out where there is none.
+    let first_in = wid.y * PAIRS;
+    let first_out = wid.z * PAIRS;
+    // Pixel of the tile and pair of each step; a pixel far out where there is none.
     let far = i32(0x4000000);
-    #repeat n 5
-    let kx$n = local + $nu * THREADS;
-    let qx$n = first_in + kx$n % GROUP;
-    let px$n = vec2(select(far, i32((kx$n / GROUP) % COLUMNS) - 1, qx$n < params.quads_in), i32(kx$n / (GROUP * COLUMNS)) - 1);
-    var x$n = vec4<f16>();
-    #end
     #repeat n 3
+    let kx$n = local + $nu * THREADS;
+    let qx$n = first_in + kx$n % PAIRS;
+    let px$n = vec2(select(far, i32((kx$n / PAIRS) % COLUMNS) - 1, qx$n < params.pairs_in), i32(kx$n / (PAIRS * COLUMNS)) - 1);
+    var x$n = Pair();
+    #end
+    #repeat n 2
     let kv$n = local + $nu * THREADS;
-    let qv$n = first_out + kv$n % GROUP;
-    let pv$n = vec2(select(far, i32((kv$n / GROUP) % SIDE), qv$n < params.quads_out), i32(kv$n / (GROUP * SIDE)));
-    var v$n = vec4<f16>();
+    let qv$n = first_out + kv$n % PAIRS;
+    let pv$n = vec2(select(far, i32((kv$n / PAIRS) % SIDE), qv$n < params.pairs_out), i32(kv$n / (PAIRS * SIDE)));
+    var v$n = Pair();
     #end
     var inside = 0u;
     // One step ahead of the sums.
     for (var t = first; t < end + 1u; t++) {
         if t > first {
             workgroupBarrier();
-            #repeat n 5
-            put_input(kx$n, first_in, x$n, (inside & (1u << $nu)) != 0u);
-            #end
             #repeat n 3
+            put_input(kx$n, qx$n, x$n, (inside & (1u << $nu)) != 0u);
+            #end
+            #repeat n 2
             put_v(kv$n, v$n, (inside & (32u << $nu)) != 0u);
             #end
             workgroupBarrier();
@@ -133,25 +137,25 @@ fn main(
             let corner = vec2<i32>(vec2(t % tiles.x, t / tiles.x) * vec2(SIDE, ROWS));
             let size = vec2<i32>(params.size);
             inside = 0u;
-            #repeat n 5
+            #repeat n 3
             let c$n = corner + px$n;
             let in$n = c$n.x >= 0 && c$n.y >= 0 && c$n.x < size.x && c$n.y < size.y;
             let at$n = select(0u, input_at(c$n.x, c$n.y) + qx$n, in$n);
             inside |= select(0u, 1u << $nu, in$n);
             #end
             if params.mode == CONV_POOLED {
-                #repeat n 5
+                #repeat n 3
                 x$n = read_pooled(at$n);
                 #end
             } else {
-                #repeat n 5
+                #repeat n 3
                 x$n = input[at$n];
                 #end
             }
-            #repeat n 3
+            #repeat n 2
             let d$n = corner + pv$n;
             let iv$n = d$n.x < size.x && d$n.y < size.y;
-            v$n = v[select(0u, u32(d$n.y * size.x + d$n.x) * params.quads_out + qv$n, iv$n)];
+            v$n = v[select(0u, u32(d$n.y * size.x + d$n.x) * params.pairs_out + qv$n, iv$n)];
             inside |= select(0u, 32u << $nu, iv$n);
             #end
         }

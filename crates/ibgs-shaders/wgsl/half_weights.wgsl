@@ -1,10 +1,10 @@
-// One thread four inputs of an output and tap: a layer's weights in float32 to matrices in half precision, [input channels /
+// One thread four inputs of an output and tap: the weights of all layers in float32 to matrices in half precision, [input channels /
 // SIDE][tap][outputs / SIDE][output][input], padded with zeros. For the gradient by the input the layer's outputs are the inputs
 // here and the other way round, and the taps are turned by half a circle.
 #import half
 #import index
 
-struct HalfWeightsParams {
+struct HalfWeights {
     // First weight; distances between the weights of neighbouring outputs and inputs.
     weights: u32,
     stride_out: u32,
@@ -20,23 +20,30 @@ struct HalfWeightsParams {
     outputs: u32,
     // Groups of SIDE outputs.
     groups: u32,
-    // Where the result begins, in groups of 4.
+    // Where the result begins, in groups of 4; in rising order.
     into: u32,
+}
+
+struct HalfWeightsParams {
+    layers: u32,
+    // Groups of 4 in all.
+    quads: u32,
 }
 
 var<immediate> params: HalfWeightsParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
-@group(0) @binding(1) var<storage, read_write> packed: array<vec4<f16>>;
+@group(0) @binding(1) var<storage, read> layers: array<HalfWeights>;
+@group(0) @binding(2) var<storage, read_write> packed: array<vec4<f16>>;
 
 const QUADS: u32 = SIDE / 4u;
 
-fn weight(o: u32, i: u32, tap: u32) -> f32 {
-    let second = i >= params.padded_a;
-    let own = select(i, i - params.padded_a, second);
-    let inside = o < params.outputs && own < select(params.channels_a, params.channels_b, second);
-    let channel = own + select(0u, params.channels_a, second);
-    let at = params.weights + o * params.stride_out + channel * params.stride_in + tap;
+fn weight(layer: HalfWeights, o: u32, i: u32, tap: u32) -> f32 {
+    let second = i >= layer.padded_a;
+    let own = select(i, i - layer.padded_a, second);
+    let inside = o < layer.outputs && own < select(layer.channels_a, layer.channels_b, second);
+    let channel = own + select(0u, layer.channels_a, second);
+    let at = layer.weights + o * layer.stride_out + channel * layer.stride_in + tap;
     return select(0.0, weights[select(0u, at, inside)], inside);
 }
 
@@ -46,16 +53,25 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let k = linear_workgroup(wid, groups) * 256u + local;
-    let tap = k / (QUADS * SIDE * params.groups);
-    let chunk = tap / params.taps;
-    if chunk * SIDE >= params.padded {
+    let at = linear_workgroup(wid, groups) * 256u + local;
+    if at >= params.quads {
         return;
     }
-    let i = chunk * SIDE + 4u * (k % QUADS);
-    let o = (k / QUADS) % (SIDE * params.groups);
-    let own = tap % params.taps;
-    let source = select(own, params.taps - 1u - own, params.turned == 1u);
-    packed[params.into + k] =
-        to_half(vec4(weight(o, i, source), weight(o, i + 1u, source), weight(o, i + 2u, source), weight(o, i + 3u, source)));
+    var number = 0u;
+    while number + 1u < params.layers && layers[number + 1u].into <= at {
+        number++;
+    }
+    let layer = layers[number];
+    let k = at - layer.into;
+    let tap = k / (QUADS * SIDE * layer.groups);
+    let i = (tap / layer.taps) * SIDE + 4u * (k % QUADS);
+    let o = (k / QUADS) % (SIDE * layer.groups);
+    let own = tap % layer.taps;
+    let source = select(own, layer.taps - 1u - own, layer.turned == 1u);
+    packed[at] = to_half(vec4(
+        weight(layer, o, i, source),
+        weight(layer, o, i + 1u, source),
+        weight(layer, o, i + 2u, source),
+        weight(layer, o, i + 3u, source),
+    ));
 }

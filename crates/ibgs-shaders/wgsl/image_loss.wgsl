@@ -26,8 +26,7 @@ fn main(
             let texel = photo[p];
             y = select(x, target_channel(texel, c), target_counts(texel));
         }
-        xs[k] = x - shift;
-        ys[k] = y - shift;
+        values[k] = vec2(x, y) - shift;
     }
     let s = windowed_means(lid, local);
     var result = vec4(0.0);
@@ -37,8 +36,10 @@ fn main(
         let p = pixel.y * params.size.x + pixel.x;
         store_derivatives(c, p, derivatives);
         let at = (lid.y + RADIUS) * SIDE + lid.x + RADIUS;
-        let error = clamp(xs[at] + shift, 0.0, 1.0) - clamp(ys[at] + shift, 0.0, 1.0);
-        result = vec4(abs(xs[at] - ys[at]), derivatives.ssim, error * error, 0.0);
+        let v = values[at];
+        let seen = clamp(v + shift, vec2(0.0), vec2(1.0));
+        let error = seen.x - seen.y;
+        result = vec4(abs(v.x - v.y), derivatives.ssim, error * error, 0.0);
     }
     let sum = reduce(local, result);
     if local == 0u {

@@ -35,8 +35,7 @@ fn main(
                 x = warped[4u * (params.visible_index * plane + u32(p)) + c];
             }
         }
-        xs[k] = x - shift;
-        ys[k] = y - shift;
+        values[k] = vec2(x, y) - shift;
     }
     let s = windowed_means(lid, local);
     var result = vec2(0.0);

@@ -1,5 +1,6 @@
-// One thread a Gaussian in depth order: sums its intersections' rows of (n_c, D_c) and carries them to the mean (added),
-// the raw normal and the raw offset. Departs from the published code (method.md 10.1): each plane gets its derivative once.
+// One thread a Gaussian: carries the gradient from its plane (n_c, D_c), which sum_rows_surface.wgsl has left in v_normals and
+// v_plane_offsets, to the mean (added), the raw normal and the raw offset. Departs from the published code (method.md 10.1): each
+// plane gets its derivative once.
 #import index
 #import frame
 #import room
@@ -8,13 +9,11 @@
 @group(0) @binding(1) var<storage, read> normals: array<f32>;
 @group(0) @binding(2) var<storage, read> plane_offsets: array<f32>;
 @group(0) @binding(3) var<storage, read> planes: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> depth_order: array<u32>;
-@group(0) @binding(5) var<storage, read> offsets: array<u32>;
-@group(0) @binding(6) var<storage, read> tile_counts: array<u32>;
-@group(0) @binding(7) var<storage, read> v_isect_plane: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> v_means: array<f32>;
-@group(0) @binding(9) var<storage, read_write> v_normals: array<f32>;
-@group(0) @binding(10) var<storage, read_write> v_plane_offsets: array<f32>;
+@group(0) @binding(4) var<storage, read> tile_counts: array<u32>;
+@group(0) @binding(5) var<storage, read> total: array<u32>;
+@group(0) @binding(6) var<storage, read_write> v_means: array<f32>;
+@group(0) @binding(7) var<storage, read_write> v_normals: array<f32>;
+@group(0) @binding(8) var<storage, read_write> v_plane_offsets: array<f32>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -22,21 +21,14 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let rank = linear_workgroup(wid, groups) * 256u + local;
-    if rank >= frame.count {
+    let g = linear_workgroup(wid, groups) * 256u + local;
+    if g >= frame.count {
         return;
     }
-    let g = depth_order[rank];
-    let start = offsets[rank];
-    let end = start + tile_counts[g];
-    let overflow = ran_out_of_room();
     var v_normal = vec3(0.0);
     var v_offset = 0.0;
-    if start < end && !overflow && any(planes[g] != vec4(0.0)) {
-        var sum = vec4(0.0);
-        for (var i = start; i < end; i++) {
-            sum += v_isect_plane[i];
-        }
+    if tile_counts[g] > 0u && !ran_out_of_room() && any(planes[g] != vec4(0.0)) {
+        let sum = vec4(v_normals[3u * g], v_normals[3u * g + 1u], v_normals[3u * g + 2u], v_plane_offsets[g]);
         let to_camera = frame.center - vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
         let raw = vec3(normals[3u * g], normals[3u * g + 1u], normals[3u * g + 2u]);
         let size = length(raw);

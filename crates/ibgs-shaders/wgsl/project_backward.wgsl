@@ -1,5 +1,5 @@
-// One thread a Gaussian in depth order: sums its intersections' rows in order and carries the gradient from the
-// projected quantities to the raw parameters (method.md sections 1 and 2).
+// One thread a Gaussian: carries the gradient from the projected quantities to the raw parameters (method.md sections 1 and 2).
+// sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance).
 #import index
 #import frame
 #import room
@@ -12,20 +12,16 @@
 @group(0) @binding(2) var<storage, read> log_scales: array<f32>;
 @group(0) @binding(3) var<storage, read> sh: array<f32>;
 @group(0) @binding(4) var<storage, read> projected: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> depth_order: array<u32>;
-@group(0) @binding(6) var<storage, read> offsets: array<u32>;
-@group(0) @binding(7) var<storage, read> tile_counts: array<u32>;
-@group(0) @binding(8) var<storage, read> v_isect_color: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read> v_isect_xy: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read> v_isect_cov: array<vec4<f32>>;
-@group(0) @binding(11) var<storage, read_write> v_means: array<f32>;
-@group(0) @binding(12) var<storage, read_write> v_rotations: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read_write> v_log_scales: array<f32>;
-@group(0) @binding(14) var<storage, read_write> v_opacity_logits: array<f32>;
-@group(0) @binding(15) var<storage, read_write> v_sh: array<f32>;
+@group(0) @binding(5) var<storage, read> tile_counts: array<u32>;
+@group(0) @binding(6) var<storage, read> total: array<u32>;
+@group(0) @binding(7) var<storage, read_write> v_means: array<f32>;
+@group(0) @binding(8) var<storage, read_write> v_rotations: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> v_log_scales: array<f32>;
+@group(0) @binding(10) var<storage, read_write> v_opacity_logits: array<f32>;
+@group(0) @binding(11) var<storage, read_write> v_sh: array<f32>;
 // (x, y, |x|, |y|) by the projected mean in pixels, for densification.
-@group(0) @binding(16) var<storage, read_write> v_screen: array<vec4<f32>>;
-@group(0) @binding(17) var<storage, read> filters: array<f32>;
+@group(0) @binding(12) var<storage, read_write> v_screen: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read> filters: array<f32>;
 
 fn store_zero(g: u32) {
     for (var c = 0u; c < 3u; c++) {
@@ -83,28 +79,20 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let rank = linear_workgroup(wid, groups) * 256u + local;
-    if rank >= frame.count {
+    let g = linear_workgroup(wid, groups) * 256u + local;
+    if g >= frame.count {
         return;
     }
-    let g = depth_order[rank];
-    let start = offsets[rank];
-    let end = start + tile_counts[g];
     let overflow = ran_out_of_room();
-    if start == end || overflow {
+    if tile_counts[g] == 0u || overflow {
         store_zero(g);
         // An absolute value under zero: this view does not count for densification.
         v_screen[g].w = select(0.0, -1.0, overflow);
         return;
     }
-    var sum_color = vec4(0.0);
-    var sum_xy = vec4(0.0);
-    var sum_cov = vec4(0.0);
-    for (var i = start; i < end; i++) {
-        sum_color += v_isect_color[i];
-        sum_xy += v_isect_xy[i];
-        sum_cov += v_isect_cov[i];
-    }
+    let by_color = v_rotations[g];
+    let by_xy = v_screen[g].xy;
+    let by_cov = vec3(v_log_scales[3u * g], v_log_scales[3u * g + 1u], v_log_scales[3u * g + 2u]);
     let opacity = projected[3u * g + 1u].y;
     let color = projected[3u * g + 2u].rgb;
     let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
@@ -120,8 +108,8 @@ fn main(
     let e = ewa_project(view, axes, scale);
 
     // cov = M M^T with M = J axes diag(scale).
-    let v_m0 = 2.0 * sum_cov.x * e.m0 + sum_cov.y * e.m1;
-    let v_m1 = 2.0 * sum_cov.z * e.m1 + sum_cov.y * e.m0;
+    let v_m0 = 2.0 * by_cov.x * e.m0 + by_cov.y * e.m1;
+    let v_m1 = 2.0 * by_cov.z * e.m1 + by_cov.y * e.m0;
     let inv_z = 1.0 / view.z;
     let f = frame.focal * inv_z;
     let j0 = vec3(f.x, 0.0, -f.x * e.tangent.x);
@@ -141,13 +129,13 @@ fn main(
     let v_tangent = -f * vec2(v_j0.z, v_j1.z) * e.free;
     let v_inv_z = frame.focal.x * (v_j0.x - e.tangent.x * v_j0.z) + frame.focal.y * (v_j1.y - e.tangent.y * v_j1.z);
     // x / z and y / z: of the projected mean and of the Jacobian.
-    let v_ratio = frame.focal * sum_xy.xy + v_tangent;
+    let v_ratio = frame.focal * by_xy + v_tangent;
     let v_view = vec3(v_ratio * inv_z, -inv_z * (dot(v_ratio, view.xy * inv_z) + v_inv_z * inv_z));
 
     // By the logarithms of the scales: of the filtered ones s', d log s' / d log s = ratio; of the gain, 1 - ratio along each axis.
-    v_scale = v_scale * soft.ratio + sum_color.w * opacity * (1.0 - soft.ratio);
+    v_scale = v_scale * soft.ratio + by_color.w * opacity * (1.0 - soft.ratio);
 
-    let v_color = select(vec3(0.0), sum_color.rgb, color > vec3(0.0));
+    let v_color = select(vec3(0.0), by_color.rgb, color > vec3(0.0));
     let v_mean = view_rotate_transposed(v_view) + color_backward(g, mean - frame.center, v_color);
     let v_q = rotation_backward(q, v_axes);
     v_rotations[g] = (v_q - q * dot(q, v_q)) / q_length;
@@ -155,6 +143,5 @@ fn main(
         v_means[3u * g + c] = v_mean[c];
         v_log_scales[3u * g + c] = v_scale[c];
     }
-    v_opacity_logits[g] = sum_color.w * opacity * (1.0 - opacity / soft.gain);
-    v_screen[g] = sum_xy;
+    v_opacity_logits[g] = by_color.w * opacity * (1.0 - opacity / soft.gain);
 }

@@ -15,7 +15,7 @@ var<immediate> params: FeatureSumParams;
 @group(0) @binding(0) var<storage, read> partials: array<f32>;
 @group(0) @binding(1) var<storage, read_write> v_weights: array<f32>;
 
-const LANES: u32 = 8u;
+const ROWS: u32 = 8u;
 
 var<workgroup> sums: array<f32, 256>;
 
@@ -24,7 +24,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let weight = wid.x * 32u + local % 32u;
     var sum = 0.0;
     if weight < params.count {
-        for (var row = local / 32u; row < params.groups; row += LANES) {
+        for (var row = local / 32u; row < params.groups; row += ROWS) {
             sum += partials[row * params.count + weight];
         }
     }
@@ -32,8 +32,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     workgroupBarrier();
     if local < 32u && weight < params.count {
         var total = 0.0;
-        for (var lane = 0u; lane < LANES; lane++) {
-            total += sums[lane * 32u + local];
+        for (var row = 0u; row < ROWS; row++) {
+            total += sums[row * 32u + local];
         }
         v_weights[select(params.rest + weight - params.first, weight, weight < params.first)] = total;
     }

@@ -128,6 +128,8 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     /// Its matrix units for products of halves; none where the adapter has none that fit our kernels.
     pub matrix_units: Option<MatrixUnits>,
+    /// Lanes of a subgroup; none where their number is not fixed, or not one that fits our kernels.
+    pub subgroup_lanes: Option<u32>,
     /// What a library that shares the device keeps with it.
     companion: OnceLock<Box<dyn Any + Send + Sync>>,
     pub(super) transients: Arc<Transients>,
@@ -160,6 +162,13 @@ impl std::fmt::Debug for Gpu {
     }
 }
 
+/// Lanes of a device's subgroups, where they are always as many and our kernels have a form for them.
+fn subgroup_lanes(info: &wgpu::AdapterInfo, features: wgpu::Features) -> Option<u32> {
+    let lanes = info.subgroup_min_size;
+    let fits = lanes == info.subgroup_max_size && [8, 16, 32].contains(&lanes);
+    (fits && features.contains(wgpu::Features::SUBGROUP)).then_some(lanes)
+}
+
 impl Gpu {
     /// The device of another program, asked for by [`device_descriptor`](super::device_descriptor). Its callbacks stay. If
     /// they do not end the program, the next wait reports a lost device.
@@ -180,6 +189,7 @@ impl Gpu {
         Ok(Arc::new(Gpu {
             // Kernels for matrix units have immediate data.
             matrix_units: matrix_units(&adapter).filter(|_| experimental && immediates),
+            subgroup_lanes: subgroup_lanes(&info, features).filter(|_| immediates),
             uniforms: (!immediates).then(|| Uniforms::new(&device)),
             limits,
             instance,
@@ -354,7 +364,7 @@ impl Gpu {
         let source = match self.matrix_units.filter(|_| kernel.needs_matrix_units()) {
             Some(units) => kernel.wgsl_for(units),
             None if self.uniforms.is_some() => kernel.wgsl_with_uniform(),
-            None => kernel.wgsl(),
+            None => self.subgroup_lanes.map_or_else(|| kernel.wgsl(), |lanes| kernel.wgsl_with_subgroups(lanes)),
         };
         let module = self.module(kernel.name, &source);
         let entries: Vec<_> = (0u32..)

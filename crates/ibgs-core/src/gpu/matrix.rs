@@ -12,7 +12,8 @@ const SUBGROUPS: u32 = 9;
 pub(super) fn matrix_units(adapter: &wgpu::Adapter) -> Option<MatrixUnits> {
     use wgpu::CooperativeScalarType::{F16, F32};
     let (info, limits) = (adapter.get_info(), adapter.limits());
-    let features = wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SHADER_F16;
+    let features =
+        wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SHADER_F16 | wgpu::Features::SUBGROUP_BARRIER;
     let lanes = info.subgroup_min_size;
     let threads = SUBGROUPS * lanes <= limits.max_compute_invocations_per_workgroup;
     if !adapter.features().contains(features) || lanes != info.subgroup_max_size || lanes < 8 || !threads {

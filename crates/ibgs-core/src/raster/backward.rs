@@ -4,7 +4,9 @@ use super::{Forward, tile_grid};
 use crate::gpu::{Buffer, Gpu, Pass};
 use crate::scene::{PerGaussian, Splats};
 use bytemuck::bytes_of;
-use ibgs_shaders::{PLANES_BACKWARD, PROJECT_BACKWARD, RASTERIZE_BACKWARD, RASTERIZE_SURFACE_BACKWARD};
+use ibgs_shaders::{
+    PLANES_BACKWARD, PROJECT_BACKWARD, RASTERIZE_BACKWARD, RASTERIZE_SURFACE_BACKWARD, SUM_ROWS, SUM_ROWS_SURFACE,
+};
 
 /// Where the gradients of one backward pass go, float32; contents before are overwritten.
 #[derive(Clone, Debug)]
@@ -94,18 +96,25 @@ impl Forward {
         let PerGaussian { means, rotations, log_scales, sh, normals, offsets, .. } = &splats.parameters;
         let ws = &self.workspace;
         let (frame, order) = (bytes_of(&self.frame), &ws.depth_sort.values[0]);
-        let project: [&Buffer; 18] = [
+        let mut rows: Vec<&Buffer> = vec![order, &ws.offsets, &ws.tile_counts, &ws.total];
+        rows.extend(&ws.rows[..3]);
+        rows.extend([&v.rotations, &v.screen, &v.log_scales]);
+        let surface = self.surface.as_ref().zip(v.planes.as_ref());
+        match surface {
+            None => pass.linear(&SUM_ROWS, &rows, frame, splats.count),
+            Some((_, [v_normals, v_offsets])) => {
+                rows.extend([&ws.rows[3], v_normals, v_offsets]);
+                pass.linear(&SUM_ROWS_SURFACE, &rows, frame, splats.count);
+            }
+        }
+        let project: [&Buffer; 14] = [
             means,
             rotations,
             log_scales,
             sh,
             &ws.projected,
-            order,
-            &ws.offsets,
             &ws.tile_counts,
-            &ws.rows[0],
-            &ws.rows[1],
-            &ws.rows[2],
+            &ws.total,
             &v.means,
             &v.rotations,
             &v.log_scales,
@@ -115,20 +124,9 @@ impl Forward {
             &splats.filters,
         ];
         pass.linear(&PROJECT_BACKWARD, &project, frame, splats.count);
-        if let (Some(s), Some([v_normals, v_offsets])) = (&self.surface, &v.planes) {
-            let planes: [&Buffer; 11] = [
-                means,
-                normals,
-                offsets,
-                &s.planes,
-                order,
-                &ws.offsets,
-                &ws.tile_counts,
-                &ws.rows[3],
-                &v.means,
-                v_normals,
-                v_offsets,
-            ];
+        if let Some((s, [v_normals, v_offsets])) = surface {
+            let planes: [&Buffer; 9] =
+                [means, normals, offsets, &s.planes, &ws.tile_counts, &ws.total, &v.means, v_normals, v_offsets];
             pass.linear(&PLANES_BACKWARD, &planes, frame, splats.count);
         }
     }

@@ -9,8 +9,8 @@ use crate::sources::MAX_VISIBLE;
 use bytemuck::bytes_of;
 use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
 use ibgs_shaders::{
-    HALF_FEATURES, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD, RESIDUAL_FEATURES_SUM,
-    RESIDUAL_INPUTS_BACKWARD,
+    Aggregation, HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD,
+    RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
 };
 
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
@@ -60,11 +60,22 @@ pub struct FeatureScratch {
 pub struct FeatureGradients<'a> {
     /// Gradient by the U-Net's input, planes `[38][w h]`, read.
     pub v_x: &'a Buffer,
+    /// The same in half precision, where the U-Net has it.
+    pub half: Option<HalfGradient<'a>>,
     /// Gradient by the network's weights: those of the per-view MLP and of the confidence are assigned, zeros to the latter
     /// where it is not read.
     pub v_weights: &'a Buffer,
     /// Scratch memory.
     pub scratch: &'a FeatureScratch,
+}
+
+/// A gradient by the U-Net's input in half precision, for matrix units of 16 x 16.
+#[derive(Clone, Copy, Debug)]
+pub struct HalfGradient<'a> {
+    /// Channels last, `[w h][48]`.
+    pub v_x: &'a Buffer,
+    /// Inverse of the scale that they are multiplied by.
+    pub unscale: f32,
 }
 
 /// Gradients by what the rasterizer and the warp gave.
@@ -106,6 +117,7 @@ impl Features {
             inputs: variant.inputs as u32,
             aggregation: variant.aggregation as u32,
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
+            ..FeatureParams::default()
         };
         Self { params }
     }
@@ -152,10 +164,17 @@ impl Features {
     /// needs, where only the network learns.
     pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
-        let FeatureGradients { v_x, v_weights, scratch } = *gradients;
-        let buffers = [base, warped, seen, most_visible, centers, weights, v_x, &scratch.v_features, &scratch.partials];
+        let FeatureGradients { v_x, half, v_weights, scratch } = *gradients;
         let groups = self.params.groups;
-        pass.grid(&RESIDUAL_FEATURES_BACKWARD, &buffers, bytes_of(&self.params), [groups, 1, 1]);
+        // The kernel for the matrix units has no largest value.
+        let half = half.filter(|_| self.params.aggregation != Aggregation::Max as u32);
+        let (kernel, v_x, unscale) = match half {
+            Some(half) => (&HALF_FEATURES_BACKWARD, half.v_x, half.unscale),
+            None => (&RESIDUAL_FEATURES_BACKWARD, v_x, 1.0),
+        };
+        let buffers = [base, warped, seen, most_visible, centers, weights, v_x, &scratch.v_features, &scratch.partials];
+        let params = FeatureParams { unscale, ..self.params };
+        pass.grid(kernel, &buffers, bytes_of(&params), [groups, 1, 1]);
         let sum =
             FeatureSumParams { count: SUMS as u32, groups, first: MLP_WEIGHTS as u32, rest: CONFIDENCE.offset as u32 };
         pass.groups(&RESIDUAL_FEATURES_SUM, &[&scratch.partials, v_weights], bytes_of(&sum), SUMS.div_ceil(HIDDEN));

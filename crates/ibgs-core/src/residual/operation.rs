@@ -129,8 +129,8 @@ impl ResidualPass {
         self.compose().record_backward(&mut pass, &composed);
         scratch.network.backward(&mut pass, weights, &own.v_residual, v.weights);
         let inputs = feature_inputs(seen, base, warped, weights);
-        let v_x = scratch.network.v_x();
-        let gradients = FeatureGradients { v_x, v_weights: v.weights, scratch: &own.features };
+        let (v_x, half) = (scratch.network.v_x(), scratch.network.half_v_x());
+        let gradients = FeatureGradients { v_x, half, v_weights: v.weights, scratch: &own.features };
         self.features().record_backward(&mut pass, &inputs, &gradients);
         if let Some(v_warped) = v.warped {
             let v = InputGradients { v_warped, v_base: v.base };

@@ -19,7 +19,7 @@ mod full;
 mod half;
 mod memory;
 
-use super::features::{FeatureInputs, Features};
+use super::features::{FeatureInputs, Features, HalfGradient};
 use super::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, INPUT, Layer, Part, UP1, UP2};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
@@ -123,6 +123,11 @@ impl UNet {
     /// The gradient by the input after [`UNet::backward`], `[38][height * width]`.
     pub fn v_x(&self) -> &Buffer {
         &self.v_x
+    }
+
+    /// The same in half precision, where the matrix units have made it.
+    pub fn half_v_x(&self) -> Option<HalfGradient<'_>> {
+        self.backend.unscale().map(|unscale| HalfGradient { v_x: &self.maps.f.buffer, unscale })
     }
 
     /// From the input to the residual. `weights`: the network's flat weights ([`layers`](super::layers)).

@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// A layer's weights for the matrix units; the twin of `HalfWeightsParams`.
+/// A layer's weights for the matrix units; the twin of `HalfWeights`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct HalfWeightsParams {
+pub struct HalfWeights {
     /// First weight.
     pub weights: u32,
     /// Distance between the weights of neighbouring outputs.
@@ -28,8 +28,18 @@ pub struct HalfWeightsParams {
     pub outputs: u32,
     /// Groups of SIDE outputs.
     pub groups: u32,
-    /// Where the result begins, in groups of 4.
+    /// Where the result begins, in groups of 4; rises from layer to layer.
     pub into: u32,
+}
+
+/// All layers' weights for the matrix units; the twin of `HalfWeightsParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfWeightsParams {
+    /// How many layers there are.
+    pub layers: u32,
+    /// Groups of 4 weights in all.
+    pub quads: u32,
 }
 
 /// A 3 x 3 convolution on the matrix units; the twin of `HalfConvParams`.
@@ -42,17 +52,17 @@ pub struct HalfConvParams {
     pub source: [u32; 2],
     /// As [`ConvParams::mode`](super::ConvParams::mode).
     pub mode: u32,
-    /// Values a pixel of input a, with padding, divided by 4.
-    pub quads_a: u32,
+    /// Values a pixel of input a, with padding, divided by 8.
+    pub pairs_a: u32,
     /// The same of input b; 0: there is none.
-    pub quads_b: u32,
-    /// The same of the output.
+    pub pairs_b: u32,
+    /// Values a pixel of the output, with padding, divided by 4.
     pub quads_out: u32,
     /// Output channels.
     pub outputs: u32,
     /// First bias.
     pub bias: u32,
-    /// Where the packed weights begin, in groups of 4.
+    /// Where the packed weights begin, in groups of 8.
     pub packed: u32,
     /// Groups of SIDE outputs of the packed weights.
     pub packed_groups: u32,
@@ -114,10 +124,10 @@ pub struct HalfConvWeightsParams {
     pub mode: u32,
     /// Input channels.
     pub inputs: u32,
-    /// The same with padding, divided by 4.
-    pub quads_in: u32,
-    /// Output channels with padding, divided by 4.
-    pub quads_out: u32,
+    /// The same with padding, divided by 8.
+    pub pairs_in: u32,
+    /// Output channels with padding, divided by 8.
+    pub pairs_out: u32,
     /// Workgroups that share the image.
     pub splits: u32,
     /// Padding.

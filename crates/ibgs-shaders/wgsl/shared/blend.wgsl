@@ -1,8 +1,14 @@
 // Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour and transmittance.
 // PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
 // the intersections themselves too. ENTRIES: also the list entries that gradients need. The median depth alone is done with a pixel
-// when its buffer `after` is full.
+// when its buffer `after` is full. SUBGROUPS: a subgroup walks only the entries that may reach its pixels; the image is the same bit
+// for bit.
 
+#if SUBGROUPS
+#import block
+#endif
+
+// Threads, and list entries that they load at a time.
 const BATCH: u32 = TILE * TILE;
 // Vectors of a list entry in `batch`: the projected row, of which the last vector is the colour, and the plane.
 #if INTERSECTIONS
@@ -17,13 +23,21 @@ var<workgroup> batch: array<vec4<f32>, ENTRY * BATCH>;
 var<workgroup> finished: atomic<u32>;
 var<workgroup> finished_now: u32;
 
-@compute @workgroup_size(TILE, TILE)
+@compute @workgroup_size(BATCH)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
+    #if SUBGROUPS
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+    #endif
 ) {
-    let pixel = wid.xy * TILE + lid.xy;
+    #if SUBGROUPS
+    let pixel = wid.xy * TILE + block_pixel(subgroup, lane);
+    let block = vec2<f32>(wid.xy * TILE + block_pixel(subgroup, 0u));
+    #else
+    let pixel = wid.xy * TILE + vec2(local % TILE, local / TILE);
+    #endif
     let inside = all(pixel < frame.size);
     let at = vec2<f32>(pixel);
     let tile = wid.y * frame_tiles().x + wid.x;
@@ -86,9 +100,24 @@ fn main(
             #endif
         }
         workgroupBarrier();
+        let size = min(BATCH, end - first);
+        #if SUBGROUPS
+        for (var group = 0u; group < size; group += LANES) {
+            let own = group + lane;
+            let own_a = batch[ENTRY * own];
+            let own_b = batch[ENTRY * own + 1u];
+            let reaches = own < size && reaches_block(block - own_a.xy, vec3(own_a.zw, own_b.x), own_b.y);
+            var left = subgroupBallot(reaches).x;
+            if subgroupAll(done) {
+                break;
+            }
+            while left != 0u && !done {
+                let j = group + firstTrailingBit(left);
+                left &= left - 1u;
+        #else
         if !done {
-            let size = min(BATCH, end - first);
             for (var j = 0u; j < size; j++) {
+        #endif
                 let a = batch[ENTRY * j];
                 let b = batch[ENTRY * j + 1u];
                 let alpha = min(ALPHA_MAX, b.y * exp(-falloff(a.xy - at, vec3(a.zw, b.x))));
@@ -114,7 +143,12 @@ fn main(
                 #if INTERSECTIONS
                 normal += weight * plane.xyz;
                 #endif
-                let z = plane_depth(plane, ray);
+                // Nothing more to do once both buffers are closed.
+                let wanted = t > MEDIAN_T || after_count < half;
+                var z = 0.0;
+                if wanted {
+                    z = plane_depth(plane, ray);
+                }
                 if z > 0.0 {
                     if t > MEDIAN_T {
                         before_z = vec4(before_z.yzw, z);

@@ -1,25 +1,21 @@
 // Gradient of blend.wgsl, one workgroup a tile, back to front in chunks of CHUNK entries. First each thread is a pixel: it walks
-// the chunk and leaves two numbers for every entry, w = alpha T and q = dL/d(falloff) negated. Then each thread is an (entry, lane)
-// and sums what the gradients need over the pixels. Nothing is atomic: every intersection has a row of its own, written
-// at its emission index, so that one Gaussian's rows lie side by side and are summed in a fixed order.
-//
-// INTERSECTIONS: with the gradients of the normal map, the median depth and the median intersections. Where a pixel's list entry is
-// one of its K intersections, a third number joins w and q: h = -dL/dz z^2 / D, by which the ray times the pixel adds to the
-// plane's normal. Departs from the published code (method.md 10.2): the weights of the intersections know the transmittance in
-// front of them.
+// the chunk and leaves w, q and h for every entry. Then each thread is an (entry, lane) and sums what the gradients need over the
+// pixels. Nothing is atomic: every intersection has a row of its own, written at its emission index, so that one Gaussian's rows lie
+// side by side and are summed in a fixed order. Devices with subgroups of a fixed size have a faster form.
+#if SUBGROUPS
+#import blend_backward_subgroups
+#else
+#import blend_backward_pixel
 
-const PIXELS: u32 = TILE * TILE;
 // Entries a chunk, and threads an entry in the second part.
 const CHUNK: u32 = 8u;
 const LANES: u32 = PIXELS / CHUNK;
 #if INTERSECTIONS
-// Vectors of an entry, its numbers of the first part, gradients of a pixel and sums of the second part.
-const ENTRY: u32 = 4u;
+// Numbers of an entry of the first part, gradients of a pixel and sums of the second part.
 const NUMBERS: u32 = 3u;
 const PIXEL: u32 = 6u;
 const SUMS: u32 = 17u;
 #else
-const ENTRY: u32 = 3u;
 const NUMBERS: u32 = 2u;
 const PIXEL: u32 = 3u;
 const SUMS: u32 = 11u;
@@ -31,8 +27,6 @@ var<workgroup> parts: array<f32, NUMBERS * CHUNK * PIXELS>;
 // Gradients of the colour and of the normal map.
 var<workgroup> pixel_v: array<f32, PIXEL * PIXELS>;
 var<workgroup> entries: array<vec4<f32>, ENTRY * CHUNK>;
-var<workgroup> deepest: atomic<u32>;
-var<workgroup> deepest_now: u32;
 
 fn store_row(row: u32, color: vec4<f32>, xy: vec4<f32>, cov: vec4<f32>) {
     v_isect_color[row] = color;
@@ -44,72 +38,25 @@ fn sum_at(index: u32, entry: u32) -> f32 {
     return parts[SUMS * PIXELS + index * CHUNK + entry];
 }
 
-@compute @workgroup_size(TILE, TILE)
+@compute @workgroup_size(PIXELS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let pixel = wid.xy * TILE + lid.xy;
     let origin = vec2<f32>(wid.xy * TILE);
-    let at = vec2<f32>(pixel);
     let tile = wid.y * frame_tiles().x + wid.x;
     let start = tile_ranges[2u * tile];
     let length = tile_ranges[2u * tile + 1u] - start;
-    let p = pixel.y * frame.size.x + pixel.x;
-
-    var t = 1.0;
-    var last = 0u;
-    var v = vec3(0.0);
+    var pixel = load_pixel(wid.xy * TILE + vec2(local % TILE, local / TILE));
+    pixel_v[local] = pixel.v.r;
+    pixel_v[PIXELS + local] = pixel.v.g;
+    pixel_v[2u * PIXELS + local] = pixel.v.b;
     #if INTERSECTIONS
-    let plane_size = frame.size.x * frame.size.y;
-    var v_normal = vec3(0.0);
-    var median = 0.0;
-    // dL/d(median depth) over the sum of the weights.
-    var v_median = 0.0;
-    // Intersections from here on are done; `next` is the entry of the one before.
-    var cursor = 0u;
-    var next = NO_ENTRY;
+    pixel_v[3u * PIXELS + local] = pixel.v_normal.x;
+    pixel_v[4u * PIXELS + local] = pixel.v_normal.y;
+    pixel_v[5u * PIXELS + local] = pixel.v_normal.z;
     #endif
-    if all(pixel < frame.size) {
-        t = final_t[p];
-        last = last_entry[p];
-        v = vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
-        #if INTERSECTIONS
-        v_normal = vec3(v_normal_map[3u * p], v_normal_map[3u * p + 1u], v_normal_map[3u * p + 2u]);
-        median = median_depth[p];
-        var weights = SURFACE_EPSILON;
-        for (var k = 0u; k < frame.intersections; k++) {
-            weights += intersections[k * plane_size + p].y;
-        }
-        v_median = v_median_depth[p] / weights;
-        cursor = frame.intersections;
-        while cursor > 0u && next == NO_ENTRY {
-            cursor--;
-            next = intersection_entries[cursor * plane_size + p];
-        }
-        #endif
-    }
-    // dL/d(weight) times the weights behind the current entry, and the background.
-    var behind = t * dot(frame.background, v);
-    pixel_v[local] = v.r;
-    pixel_v[PIXELS + local] = v.g;
-    pixel_v[2u * PIXELS + local] = v.b;
-    #if INTERSECTIONS
-    pixel_v[3u * PIXELS + local] = v_normal.x;
-    pixel_v[4u * PIXELS + local] = v_normal.y;
-    pixel_v[5u * PIXELS + local] = v_normal.z;
-    #endif
-    if local == 0u {
-        atomicStore(&deepest, 0u);
-    }
-    workgroupBarrier();
-    atomicMax(&deepest, last);
-    workgroupBarrier();
-    if local == 0u {
-        deepest_now = atomicLoad(&deepest);
-    }
-    let walked = workgroupUniformLoad(&deepest_now);
+    let walked = deepest_entry(local, pixel.last);
 
     // Entries that no pixel reached have rows too.
     for (var k = walked + local; k < length; k += PIXELS) {
@@ -137,46 +84,18 @@ fn main(
         workgroupBarrier();
         for (var j = CHUNK; j > 0u; j--) {
             let e = j - 1u;
-            var w = 0.0;
-            var q = 0.0;
+            let a = entries[ENTRY * e];
+            let b = entries[ENTRY * e + 1u];
+            let c = entries[ENTRY * e + 2u];
             #if INTERSECTIONS
-            var h = 0.0;
+            let visited = visit(&pixel, first + e, a, b, c, entries[ENTRY * e + 3u]);
+            #else
+            let visited = visit(&pixel, first + e, a, b, c);
             #endif
-            if first + e < last {
-                let a = entries[ENTRY * e];
-                let b = entries[ENTRY * e + 1u];
-                let raw = b.y * exp(-falloff(a.xy - at, vec3(a.zw, b.x)));
-                let alpha = min(ALPHA_MAX, raw);
-                if alpha >= ALPHA_MIN {
-                    let pass_through = 1.0 - alpha;
-                    t = t / pass_through;
-                    w = alpha * t;
-                    var v_weight = dot(entries[ENTRY * e + 2u].rgb, v);
-                    #if INTERSECTIONS
-                    let plane = entries[ENTRY * e + 3u];
-                    v_weight += dot(plane.xyz, v_normal);
-                    if next == first + e {
-                        let intersection = intersections[cursor * plane_size + p];
-                        let v_intersection = v_intersections[cursor * plane_size + p];
-                        v_weight += v_intersection.y + v_median * (intersection.x - median);
-                        h = -(v_intersection.x + v_median * intersection.y) * intersection.x * intersection.x / plane.w;
-                        next = NO_ENTRY;
-                        while cursor > 0u && next == NO_ENTRY {
-                            cursor--;
-                            next = intersection_entries[cursor * plane_size + p];
-                        }
-                    }
-                    #endif
-                    if raw <= ALPHA_MAX {
-                        q = alpha * (t * v_weight - behind / pass_through);
-                    }
-                    behind += w * v_weight;
-                }
-            }
-            parts[e * PIXELS + local] = w;
-            parts[(CHUNK + e) * PIXELS + local] = q;
+            parts[e * PIXELS + local] = visited.w;
+            parts[(CHUNK + e) * PIXELS + local] = visited.q;
             #if INTERSECTIONS
-            parts[(2u * CHUNK + e) * PIXELS + local] = h;
+            parts[(2u * CHUNK + e) * PIXELS + local] = visited.h;
             #endif
         }
         workgroupBarrier();
@@ -271,3 +190,4 @@ fn main(
         workgroupBarrier();
     }
 }
+#endif

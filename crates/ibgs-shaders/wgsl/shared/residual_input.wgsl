@@ -22,6 +22,10 @@ struct FeatureParams {
     aggregation: u32,
     // Workgroups of the backward pass.
     groups: u32,
+    // Inverse of the scale of gradients in half precision.
+    unscale: f32,
+    pad0: u32,
+    pad1: vec2<u32>,
 }
 
 var<immediate> params: FeatureParams;

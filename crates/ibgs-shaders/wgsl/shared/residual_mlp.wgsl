@@ -1,15 +1,8 @@
 // The per-view MLP 7 -> 32 -> 32 on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
 // channels come and go four at a time in a loop: written out, software drivers take minutes to compile it.
-// Reads the kernel's binding `weights`, the flat vector of src/layers.rs: W1 [32][7], b1, W2 [32][32], b2 at its front, the
-// confidence in a source (w [33], b), which reads the hidden channels and the error of the depth, at its end.
+// Reads the kernel's binding `weights`.
+#import residual_mlp_layout
 
-const HIDDEN: u32 = MLP_CHANNELS;
-const FEATURES: u32 = MLP_FEATURES;
-const BIAS1: u32 = HIDDEN * FEATURES;
-const WEIGHT2: u32 = BIAS1 + HIDDEN;
-const BIAS2: u32 = WEIGHT2 + HIDDEN * HIDDEN;
-const MLP_WEIGHTS: u32 = BIAS2 + HIDDEN;
-const CONFIDENCE_WEIGHTS: u32 = HIDDEN + 2u;
 // Rows of `mlp`: one an input, the 32 outputs side by side, the biases behind.
 const ROW_BIAS1: u32 = FEATURES;
 const ROW_WEIGHT2: u32 = ROW_BIAS1 + 1u;

@@ -34,6 +34,8 @@ fn target_channel(texel: u32, c: u32) -> f32 {
 }
 
 const RADIUS: u32 = SSIM_RADIUS;
+// The sums over the window are written out, 11 terms each.
+const_assert 2u * RADIUS + 1u == 11u;
 // A tile with its halo.
 const SIDE: u32 = TILE + 2u * RADIUS;
 
@@ -53,14 +55,19 @@ struct SsimDerivatives {
     by_xy: f32,
 }
 
-// SSIM and its derivatives by mu_x, E[x x] and E[x y], from the windowed means of x, y, x x, y y, x y of values less
-// `shift`.
-fn ssim_derivatives(s: array<f32, 5>, shift: f32) -> SsimDerivatives {
-    let mu_x = s[0] + shift;
-    let mu_y = s[1] + shift;
-    let var_x = s[2] - s[0] * s[0];
-    let var_y = s[3] - s[1] * s[1];
-    let cov = s[4] - s[0] * s[1];
+// Windowed means of x, y, x x, y y, and of x y.
+struct Means {
+    own: vec4<f32>,
+    xy: f32,
+}
+
+// SSIM and its derivatives by mu_x, E[x x] and E[x y], from the windowed means of values less `shift`.
+fn ssim_derivatives(s: Means, shift: f32) -> SsimDerivatives {
+    let mu_x = s.own.x + shift;
+    let mu_y = s.own.y + shift;
+    let var_x = s.own.z - s.own.x * s.own.x;
+    let var_y = s.own.w - s.own.y * s.own.y;
+    let cov = s.xy - s.own.x * s.own.y;
     let a = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
     let b = var_x + var_y + SSIM_C2;
     let n = 2.0 * mu_x * mu_y + SSIM_C1;

@@ -1,10 +1,11 @@
-// Windowed means of a tile for SSIM, forward. The kernel fills xs and ys with the tile and its halo, less a shift, and
+// Windowed means of a tile for SSIM, forward. The kernel fills `values` with (x, y) of the tile and its halo, less a shift, and
 // declares the buffer `moments`: nine planes, for each channel dSSIM/d(mu_x), /d(E[x x]), /d(E[x y]).
 #import ssim
 
-var<workgroup> xs: array<f32, SIDE * SIDE>;
-var<workgroup> ys: array<f32, SIDE * SIDE>;
-var<workgroup> mean_rows: array<f32, 5u * SIDE * TILE>;
+var<workgroup> values: array<vec2<f32>, SIDE * SIDE>;
+// Sums along the rows, as in `Means`.
+var<workgroup> own_rows: array<vec4<f32>, SIDE * TILE>;
+var<workgroup> xy_rows: array<f32, SIDE * TILE>;
 
 // Moments are taken about the tile's middle photo value: E[x x] - mu mu would cancel in flat bright parts.
 fn moment_shift(tile: vec2<u32>, c: u32) -> f32 {
@@ -13,34 +14,28 @@ fn moment_shift(tile: vec2<u32>, c: u32) -> f32 {
     return select(0.5, target_channel(texel, c), target_counts(texel));
 }
 
-// Means of x, y, x x, y y, x y over the window of the thread's pixel. Every thread calls it.
-fn windowed_means(lid: vec3<u32>, local: u32) -> array<f32, 5> {
+// The means over the window of the thread's pixel. Every thread calls it.
+fn windowed_means(lid: vec3<u32>, local: u32) -> Means {
     workgroupBarrier();
     for (var k = local; k < SIDE * TILE; k += TILE * TILE) {
         let base = (k / TILE) * SIDE + k % TILE;
-        var s = array<f32, 5>();
-        for (var i = 0u; i < 2u * RADIUS + 1u; i++) {
-            let w = SSIM_WINDOW[i];
-            let x = xs[base + i];
-            let y = ys[base + i];
-            s[0] += w * x;
-            s[1] += w * y;
-            s[2] += w * x * x;
-            s[3] += w * y * y;
-            s[4] += w * x * y;
-        }
-        for (var i = 0u; i < 5u; i++) {
-            mean_rows[i * SIDE * TILE + k] = s[i];
-        }
+        var s = Means(vec4(0.0), 0.0);
+        #repeat i 11
+        let v$i = values[base + $iu];
+        let weighed$i = SSIM_WINDOW[$i] * v$i;
+        s.own += vec4(weighed$i, weighed$i * v$i);
+        s.xy += weighed$i.x * v$i.y;
+        #end
+        own_rows[k] = s.own;
+        xy_rows[k] = s.xy;
     }
     workgroupBarrier();
-    var s = array<f32, 5>();
-    for (var j = 0u; j < 2u * RADIUS + 1u; j++) {
-        let w = SSIM_WINDOW[j];
-        for (var i = 0u; i < 5u; i++) {
-            s[i] += w * mean_rows[i * SIDE * TILE + (lid.y + j) * TILE + lid.x];
-        }
-    }
+    var s = Means(vec4(0.0), 0.0);
+    let at = lid.y * TILE + lid.x;
+    #repeat j 11
+    s.own += SSIM_WINDOW[$j] * own_rows[at + $ju * TILE];
+    s.xy += SSIM_WINDOW[$j] * xy_rows[at + $ju * TILE];
+    #end
     return s;
 }
 

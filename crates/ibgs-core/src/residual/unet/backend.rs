@@ -5,9 +5,9 @@ use crate::gpu::{Buffer, Pass};
 use crate::residual::layers::{Layer, Part};
 use ibgs_shaders::{ConvInput, Store};
 
-/// Most workgroups that share the sums of one layer's weight gradient: two for each of a large GPU's 132
+/// Most workgroups that share the sums of one layer's weight gradient: one for each of a large GPU's 132
 /// multiprocessors.
-const MAX_SPLITS: u32 = 264;
+const MAX_SPLITS: u32 = 132;
 
 /// Workgroups that share `tiles` tiles; each has at least `fewest`.
 pub(super) fn splits(tiles: u32, fewest: u32) -> u32 {
@@ -67,6 +67,11 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
 
     /// Last of the backward pass: the gradient by x, which f holds by now, to float32 planes; nothing where f is `v_x`.
     fn finish(&self, _pass: &mut Pass, _f: &Map, _v_x: &Buffer) {}
+
+    /// Inverse of the scale of the gradient by x in half precision, where kernels can read that as it is.
+    fn unscale(&self) -> Option<f32> {
+        None
+    }
 
     /// Bytes of the partial sums of any layer's weight gradient, for images of `size` pixels.
     fn partial_bytes(&self, size: [u32; 2]) -> u64;

@@ -14,7 +14,7 @@ use bytemuck::bytes_of;
 use ibgs_shaders::layers::{HALF_CONV_ROWS, HALF_SUBGROUPS, HALF_WEIGHTS_ROWS};
 use ibgs_shaders::types::{
     HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
-    HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeightsParams,
+    HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeights, HalfWeightsParams,
 };
 use ibgs_shaders::{
     HALF_CONV, HALF_CONV_WEIGHTS, HALF_HEAD, HALF_HEAD_BACKWARD, HALF_HEAD_GRADIENT, HALF_POOL_BACKWARD, HALF_SUM,
@@ -27,7 +27,7 @@ const MIN_TILES: u32 = 4;
 /// A layer's weights as a convolution on the matrix units reads them: forward, or for the gradient by an input.
 #[derive(Clone, Copy, Debug)]
 struct Packed {
-    weights: HalfWeightsParams,
+    weights: HalfWeights,
     bias: u32,
 }
 
@@ -35,7 +35,7 @@ impl Packed {
     /// Forward.
     fn forward(layer: &Layer, units: MatrixUnits) -> Self {
         let [first, second] = layer.read;
-        let weights = HalfWeightsParams {
+        let weights = HalfWeights {
             weights: layer.offset as u32,
             stride_out: layer.row() as u32,
             stride_in: layer.taps as u32,
@@ -55,7 +55,7 @@ impl Packed {
     /// For the gradient by a part of the inputs: strides exchanged and taps turned.
     fn turned(part: Part, units: MatrixUnits) -> Self {
         let layer = part.layer;
-        let weights = HalfWeightsParams {
+        let weights = HalfWeights {
             weights: part.offset() as u32,
             stride_out: layer.taps as u32,
             stride_in: layer.row() as u32,
@@ -99,6 +99,9 @@ pub(super) struct Half {
     units: MatrixUnits,
     /// All packed weights, one behind the other.
     packed: Buffer,
+    /// Where each layer's lie: a [`HalfWeights`] each, those of `forward` and then those of `turned`.
+    layers: Buffer,
+    sizes: HalfWeightsParams,
     forward: Vec<Packed>,
     /// For the gradients by the inputs of the 3 x 3 layers, last layer first; empty without gradients.
     turned: Vec<Packed>,
@@ -125,17 +128,13 @@ impl Half {
             packed.weights.into = length;
             length += packed.quads(units);
         }
+        let layers: Vec<_> = forward.iter().chain(&turned).map(|packed| packed.weights).collect();
+        let sizes = HalfWeightsParams { layers: layers.len() as u32, quads: length };
+        let layers = gpu.upload("layers of the network", &layers)?;
         let packed = gpu.allocate("packed weights", 8 * u64::from(length))?;
         // A power of two costs no digit.
         let scale = 16.0 * (3 * size[0] * size[1]).next_power_of_two() as f32;
-        Ok(Self { units, packed, forward, turned, v_residual, scale })
-    }
-
-    fn pack(&self, pass: &mut Pass, weights: &Buffer, all: &[Packed]) {
-        for packed in all {
-            let quads = packed.quads(self.units) as usize;
-            pass.linear(&HALF_WEIGHTS, &[weights, &self.packed], bytes_of(&packed.weights), quads);
-        }
+        Ok(Self { units, packed, layers, sizes, forward, turned, v_residual, scale })
     }
 
     fn conv3x3(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed, inputs: &[&Map], output: &Map, store: Store) {
@@ -146,12 +145,12 @@ impl Half {
             size: output.size,
             source: a.size,
             mode: conv_input(a.size, output.size) as u32,
-            quads_a: quads(a),
-            quads_b: b.map_or(0, quads),
+            pairs_a: quads(a) / 2,
+            pairs_b: b.map_or(0, quads) / 2,
             quads_out: quads(output),
             outputs: output.channels as u32,
             bias: packed.bias,
-            packed: packed.weights.into,
+            packed: packed.weights.into / 2,
             packed_groups: packed.weights.groups,
             store: store as u32,
             pad: 0,
@@ -181,7 +180,8 @@ fn resize(pass: &mut Pass, kernel: &'static Kernel, buffers: &[&Buffer], [size, 
 
 impl Backend for Half {
     fn prepare(&self, pass: &mut Pass, weights: &Buffer) {
-        self.pack(pass, weights, &self.forward);
+        let buffers = [weights, &self.layers, &self.packed];
+        pass.linear(&HALF_WEIGHTS, &buffers, bytes_of(&self.sizes), self.sizes.quads as usize);
     }
 
     fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
@@ -204,14 +204,13 @@ impl Backend for Half {
     }
 
     fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
-        self.pack(pass, buffers.weights, &self.turned);
         let Activations { x, d1, f, .. } = buffers.maps;
         let v_residual = self.v_residual.as_ref().expect("an unet made with gradients");
         let v_f = &buffers.gradients.v_e1;
         let (pixels, groups) = (x.pixels(), self.head_groups(x));
         let params = HalfHeadGradientParams { pixels, last: FINAL.offset as u32, scale: self.scale };
         let bound = [buffers.weights, buffers.v_residual, &f.buffer, &v_residual.buffer, &v_f.buffer];
-        pass.linear(&HALF_HEAD_GRADIENT, &bound, bytes_of(&params), pixels as usize);
+        pass.linear(&HALF_HEAD_GRADIENT, &bound, bytes_of(&params), (pixels * quads(v_f)) as usize);
         let ([by_f, _], [by_d1, by_x]) = (FINAL.parts(), FUSE.parts());
         self.weight_gradient(pass, buffers, by_f, v_residual, f);
         self.weight_gradient(pass, buffers, by_d1, v_f, d1);
@@ -230,8 +229,8 @@ impl Backend for Half {
             source: input.size,
             mode: conv_input(input.size, v.size) as u32,
             inputs,
-            quads_in: quads(input),
-            quads_out: quads(v),
+            pairs_in: quads(input) / 2,
+            pairs_out: quads(v) / 2,
             splits,
             pad: 0,
         };
@@ -273,6 +272,10 @@ impl Backend for Half {
         let pixels = f.pixels();
         let params = HalfUnpackParams { pixels, channels: INPUT as u32, quads: quads(f), unscale: self.scale.recip() };
         pass.linear(&HALF_UNPACK, &[&f.buffer, v_x], bytes_of(&params), pixels as usize);
+    }
+
+    fn unscale(&self) -> Option<f32> {
+        (self.units.side == 16).then(|| self.scale.recip())
     }
 
     fn partial_bytes(&self, size: [u32; 2]) -> u64 {

@@ -1,0 +1,168 @@
+// Gradient of blend.wgsl, one workgroup a tile, back to front in chunks of LANES entries. A subgroup walks only the entries that may
+// reach its pixels and sums their gradients among its lanes; then the workgroup sums over the subgroups. Nothing is atomic: every
+// intersection has a row of its own, written at its emission index, so that one Gaussian's rows lie side by side and are summed in
+// a fixed order.
+#import block
+#import subgroup_sums
+#import blend_backward_pixel
+
+const SUBGROUPS: u32 = PIXELS / LANES;
+// Numbers of an intersection's row: four of each buffer.
+const ROW: u32 = 16u;
+
+// [subgroup][entry][number].
+var<workgroup> parts: array<f32, SUBGROUPS * LANES * ROW>;
+// Entries that each subgroup has summed, as bits.
+var<workgroup> summed: array<u32, SUBGROUPS>;
+// Of one chunk and of the next.
+var<workgroup> entries: array<vec4<f32>, 2u * ENTRY * LANES>;
+
+fn store(row: u32, number: u32, value: f32) {
+    let at = number % 4u;
+    switch number / 4u {
+        case 0u: {
+            v_isect_color[row][at] = value;
+        }
+        case 1u: {
+            v_isect_xy[row][at] = value;
+        }
+        #if INTERSECTIONS
+        case 3u: {
+            v_isect_plane[row][at] = value;
+        }
+        #endif
+        case 2u: {
+            v_isect_cov[row][at] = value;
+        }
+        default: {}
+    }
+}
+
+// What an entry's sum is multiplied by. q is taken by the logarithm of alpha: dL/d(opacity) = q / opacity. By the plane's distance D,
+// dz/dD = z / D.
+fn factor(entry: u32, number: u32) -> f32 {
+    if number == 3u {
+        return 1.0 / entries[entry + 1u].y;
+    }
+    #if INTERSECTIONS
+    if number == ROW - 1u {
+        let distance = entries[entry + 3u].w;
+        return select(0.0, 1.0 / distance, distance > 0.0);
+    }
+    #endif
+    return 1.0;
+}
+
+// The vector of a chunk's entries that a thread loads.
+fn load_entry(local: u32, first: u32, start: u32, length: u32) -> vec4<f32> {
+    let g = sorted_gaussians[start + min(first + local / ENTRY, length - 1u)];
+    #if INTERSECTIONS
+    if local % ENTRY == 3u {
+        return planes[g];
+    }
+    #endif
+    return projected[3u * g + local % ENTRY];
+}
+
+@compute @workgroup_size(PIXELS)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+) {
+    let tile = wid.y * frame_tiles().x + wid.x;
+    let start = tile_ranges[2u * tile];
+    let length = tile_ranges[2u * tile + 1u] - start;
+    let block = vec2<f32>(wid.xy * TILE + block_pixel(subgroup, 0u));
+    var pixel = load_pixel(wid.xy * TILE + block_pixel(subgroup, lane));
+    #if INTERSECTIONS
+    let ray = pixel_ray(pixel.at);
+    #endif
+    let walked = deepest_entry(local, pixel.last);
+    let own_walked = subgroupMax(pixel.last);
+
+    // Entries that no pixel reached have rows too.
+    for (var k = walked + local / ROW; k < length; k += PIXELS / ROW) {
+        store(sorted_isects[start + k], local % ROW, 0.0);
+    }
+
+    let chunks = (walked + LANES - 1u) / LANES;
+    if local < ENTRY * LANES && chunks > 0u {
+        entries[ENTRY * LANES * (chunks % 2u) + local] = load_entry(local, (chunks - 1u) * LANES, start, length);
+    }
+    for (var c = chunks; c > 0u; c--) {
+        let first = (c - 1u) * LANES;
+        let now = ENTRY * LANES * (c % 2u);
+        workgroupBarrier();
+        var ahead = vec4(0.0);
+        let loads_ahead = c > 1u && local < ENTRY * LANES;
+        if loads_ahead {
+            ahead = load_entry(local, first - LANES, start, length);
+        }
+        let own_a = entries[now + ENTRY * lane];
+        let own_b = entries[now + ENTRY * lane + 1u];
+        let reaches = first + lane < own_walked && reaches_block(block - own_a.xy, vec3(own_a.zw, own_b.x), own_b.y);
+        let reaching = subgroupBallot(reaches).x;
+        var left = reaching;
+        while left != 0u {
+            let e = firstLeadingBit(left);
+            left ^= 1u << e;
+            let a = entries[now + ENTRY * e];
+            let b = entries[now + ENTRY * e + 1u];
+            let color = entries[now + ENTRY * e + 2u];
+            #if INTERSECTIONS
+            let plane = entries[now + ENTRY * e + 3u];
+            let visited = visit(&pixel, first + e, a, b, color, plane);
+            #else
+            let visited = visit(&pixel, first + e, a, b, color);
+            #endif
+            let q = visited.q;
+            let d = a.xy - pixel.at;
+            // g = conic d, so that d(-falloff)/d(xy) = -g and d(-falloff)/d(cov) = g g^T / 2.
+            let gy = (d.y - a.w * d.x) * b.x;
+            let g = vec2(d.x * a.z - a.w * gy, gy);
+            let v_xy = -q * g;
+            #if INTERSECTIONS
+            // h (n_c . r + 1e-8) = z dL/dz.
+            let v_plane = vec4(
+                visited.w * pixel.v_normal - visited.h * ray,
+                visited.h * (dot(plane.xyz, ray) + SURFACE_EPSILON),
+            );
+            #else
+            let v_plane = vec4(0.0);
+            #endif
+            let sums = subgroup_sums(
+                lane,
+                vec4(visited.w * pixel.v, q),
+                vec4(v_xy, abs(v_xy)),
+                vec4(0.5 * q * vec3(g.x * g.x, 2.0 * g.x * g.y, g.y * g.y), 0.0),
+                v_plane,
+            );
+            let at = (subgroup * LANES + e) * ROW + lane * ROW / LANES;
+            if LANES == 8u {
+                parts[at] = sums.x;
+                parts[at + 1u] = sums.y;
+            } else if lane % max(LANES / ROW, 1u) == 0u {
+                parts[at] = sums.x;
+            }
+        }
+        if lane == 0u {
+            summed[subgroup] = reaching;
+        }
+        if loads_ahead {
+            entries[ENTRY * LANES - now + local] = ahead;
+        }
+        workgroupBarrier();
+        for (var i = local; i < min(walked - first, LANES) * ROW; i += PIXELS) {
+            let e = i / ROW;
+            var sum = 0.0;
+            for (var s = 0u; s < SUBGROUPS; s++) {
+                if (summed[s] & (1u << e)) != 0u {
+                    sum += parts[s * LANES * ROW + i];
+                }
+            }
+            store(sorted_isects[start + first + e], i % ROW, sum * factor(now + ENTRY * e, i % ROW));
+        }
+    }
+}
