@@ -173,14 +173,14 @@ impl Stage {
             (_, "rasterize" | "rasterize_surface" | "rasterize_surface_image") => Blend,
             (_, "rasterize_backward" | "rasterize_surface_backward") => BlendBackward,
             (_, "planes_backward") => PlanesBackward,
-            (_, "project_backward") => ProjectBackward,
+            (_, "project_backward" | "sum_rows" | "sum_rows_surface") => ProjectBackward,
             ("rasterize", _) => Sort,
             ("residual", "residual_features" | "half_features") => Features,
             ("residual", "residual_compose" | "residual_mix") => Compose,
             ("residual", _) => UNet,
             ("residual backward", "residual_compose_backward") => ComposeBackward,
             ("residual backward", kernel) if kernel.starts_with("residual_features") => FeaturesBackward,
-            ("residual backward", "residual_inputs_backward") => FeaturesBackward,
+            ("residual backward", "residual_inputs_backward" | "half_features_backward") => FeaturesBackward,
             (
                 "residual backward",
                 "residual_conv_weights" | "residual_head_weights" | "residual_sum" | "half_conv_weights" | "half_sum",
@@ -206,7 +206,9 @@ mod tests {
         assert_eq!(Stage::of("residual backward", "residual_conv"), UNetBackward);
         assert_eq!(Stage::of("residual backward", "residual_head_weights"), UNetWeights);
         assert_eq!(Stage::of("residual backward", "half_sum"), UNetWeights);
-        assert_eq!(Stage::of("residual backward", "half_weights"), UNetBackward);
+        assert_eq!(Stage::of("residual backward", "half_conv"), UNetBackward);
+        assert_eq!(Stage::of("residual backward", "half_features_backward"), FeaturesBackward);
+        assert_eq!(Stage::of("rasterize backward", "sum_rows_surface"), ProjectBackward);
         assert_eq!(Stage::of("depth map", "project"), DepthMaps);
         assert_eq!(Stage::of("shape normals", "shortest_axis"), Other("shortest_axis"));
     }

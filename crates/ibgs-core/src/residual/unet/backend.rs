@@ -5,13 +5,9 @@ use crate::gpu::{Buffer, Pass};
 use crate::residual::layers::{Layer, Part};
 use ibgs_shaders::{ConvInput, Store};
 
-/// Most workgroups that share the sums of one layer's weight gradient: one for each of a large GPU's 132
-/// multiprocessors.
-const MAX_SPLITS: u32 = 132;
-
-/// Workgroups that share `tiles` tiles; each has at least `fewest`.
-pub(super) fn splits(tiles: u32, fewest: u32) -> u32 {
-    tiles.div_ceil(fewest).min(MAX_SPLITS)
+/// Workgroups that share `tiles` tiles: at most `most`, each with at least `fewest`.
+pub(super) fn splits(tiles: u32, fewest: u32, most: u32) -> u32 {
+    tiles.div_ceil(fewest).min(most)
 }
 
 /// How a convolution of size `size` reads an input of size `source`.

@@ -17,6 +17,9 @@ use ibgs_shaders::{
 const HEAD_PIXELS: u32 = 512;
 /// Fewest tiles for a workgroup of its own.
 const MIN_TILES: u32 = 8;
+/// Most workgroups that share the sums of one layer's weight gradient: two for each of a large GPU's 132
+/// multiprocessors.
+const MAX_SPLITS: u32 = 264;
 /// Values of the longest row of partial sums: 38 x 38 x 9 weights and 38 biases.
 const LONGEST_ROW: u64 = (9 * INPUT * INPUT + INPUT) as u64;
 
@@ -91,7 +94,7 @@ impl Backend for Full {
         let params = head_params(maps);
         let (d1, x, f) = (&maps.d1.buffer, &maps.x.buffer, &maps.f.buffer);
         // Light workgroups: twice as many fit a multiprocessor, and their rows of sums are a quarter as long.
-        let splits = 2 * splits(params.pixels.div_ceil(32), MIN_TILES);
+        let splits = 2 * splits(params.pixels.div_ceil(32), MIN_TILES, MAX_SPLITS);
         let bound = [weights, d1, x, f, v_residual, &gradients.partials];
         pass.grid(&RESIDUAL_HEAD_WEIGHTS, &bound, bytes_of(&params), [splits, 1, 1]);
         // The two layers follow each other in the flat weights as in a row of partial sums.
@@ -105,7 +108,7 @@ impl Backend for Full {
 
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
         let (inputs, outputs) = (input.channels as u32, v.channels as u32);
-        let splits = splits(conv_tiles(v.size), MIN_TILES);
+        let splits = splits(conv_tiles(v.size), MIN_TILES, MAX_SPLITS);
         let mode = conv_input(input.size, v.size) as u32;
         let params = ConvWeightsParams { size: v.size, source: input.size, mode, inputs, outputs, splits };
         let bound = [&v.buffer, &input.buffer, &buffers.gradients.partials];
@@ -151,6 +154,6 @@ impl Backend for Full {
 
     fn partial_bytes(&self, size: [u32; 2]) -> u64 {
         // The head has twice as many rows a quarter as long, and its blocks of 32 pixels are no more than the tiles.
-        4 * LONGEST_ROW * u64::from(splits(conv_tiles(size), MIN_TILES))
+        4 * LONGEST_ROW * u64::from(splits(conv_tiles(size), MIN_TILES, MAX_SPLITS))
     }
 }

@@ -23,6 +23,9 @@ use ibgs_shaders::{
 
 /// Fewest tiles for a workgroup of its own.
 const MIN_TILES: u32 = 4;
+/// Most workgroups that share the sums of one layer's weight gradient: one for each of a large GPU's 132
+/// multiprocessors, which have registers for no more.
+const MAX_SPLITS: u32 = 132;
 
 /// A layer's weights as a convolution on the matrix units reads them: forward, or for the gradient by an input.
 #[derive(Clone, Copy, Debug)]
@@ -168,7 +171,7 @@ impl Half {
 
     /// Workgroups that share the tiles of a layer's size.
     fn splits(&self, size: [u32; 2]) -> u32 {
-        splits(size[0].div_ceil(self.units.side) * size[1].div_ceil(HALF_WEIGHTS_ROWS), MIN_TILES)
+        splits(size[0].div_ceil(self.units.side) * size[1].div_ceil(HALF_WEIGHTS_ROWS), MIN_TILES, MAX_SPLITS)
     }
 }
 
