@@ -285,10 +285,13 @@ impl Session {
         let telemetry = self.trainer.telemetry();
         // Until something has come back from the GPU both are zero.
         let known = telemetry.stats.loss != 0.0;
+        let stage_at = |iteration: u32| watch::stage(self.trainer.schedule(), iteration.max(1));
+        let stage = stage_at(self.trainer.iteration());
         TrainingProgress {
             iteration: self.trainer.iteration(),
             iterations: self.config.iterations,
-            stage: watch::stage(self.trainer.schedule(), self.trainer.iteration().max(1)),
+            stage,
+            is_slower_later: stage != stage_at(self.config.iterations),
             loss: known.then_some(telemetry.stats.loss),
             l1: known.then_some(telemetry.stats.l1),
             ssim: known.then_some(telemetry.stats.ssim),

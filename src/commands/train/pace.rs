@@ -23,7 +23,7 @@ impl Pace {
 
     /// The line that is due after an iteration, where one is; the last iteration has its own report.
     pub fn line(&mut self, progress: &TrainingProgress, now: Instant) -> Option<String> {
-        let TrainingProgress { iteration, iterations, loss, psnr, gaussians, .. } = *progress;
+        let TrainingProgress { iteration, iterations, is_slower_later, loss, psnr, gaussians, .. } = *progress;
         if iteration < self.iteration {
             // It has gone back to an earlier state.
             *self = Self::new(iteration, now);
@@ -40,8 +40,14 @@ impl Pace {
         if let (Some(loss), Some(psnr)) = (loss, psnr) {
             line += &format!("loss {loss:.4}, PSNR {psnr:.2} dB on training photos, ");
         }
-        Some(line + &format!("{gaussians} Gaussians, {} left", duration(left)))
+        let least = at_least(is_slower_later);
+        Some(line + &format!("{gaussians} Gaussians, {least}{} left", duration(left)))
     }
+}
+
+/// What stands before the time that is left: it is counted at the speed of the present stage.
+pub fn at_least(is_slower_later: bool) -> &'static str {
+    if is_slower_later { "at least " } else { "" }
 }
 
 #[cfg(test)]
@@ -60,6 +66,9 @@ mod tests {
         assert_eq!(pace.line(&at(49, 1000), after(10)), None);
         let line = pace.line(&at(50, 1000), after(10)).unwrap();
         assert_eq!(line, "iteration 50 of 1000 (5 %): 300 Gaussians, 3 min 10 s left");
+        let early = TrainingProgress { is_slower_later: true, ..at(50, 1000) };
+        let line = Pace::new(0, start).line(&early, after(10)).unwrap();
+        assert_eq!(line, "iteration 50 of 1000 (5 %): 300 Gaussians, at least 3 min 10 s left");
         // Slower now: the time counts, from the line before.
         assert_eq!(pace.line(&at(59, 1000), after(39)), None);
         let known = TrainingProgress { loss: Some(0.25), psnr: Some(20.0), ..at(60, 1000) };

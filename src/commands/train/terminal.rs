@@ -1,6 +1,6 @@
 //! A training on the terminal.
 
-use super::pace::Pace;
+use super::pace::{Pace, at_least};
 use crate::advice;
 use crate::signals::on_stop;
 use crate::stderr;
@@ -43,6 +43,7 @@ impl Observer for Terminal {
     fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
         let TrainingProgress { iteration, loss, psnr, gaussians, .. } = *progress;
         self.bar.set_position(u64::from(iteration));
+        self.bar.set_prefix(at_least(progress.is_slower_later));
         if let (true, Some(loss), Some(psnr)) = (iteration.is_multiple_of(REPORT), loss, psnr) {
             self.bar.set_message(format!("loss {loss:.4}  PSNR {psnr:5.2}  {gaussians} Gaussians"));
         }
@@ -79,7 +80,7 @@ pub fn print(event: &Event) {
 
 fn bar(progress: &TrainingProgress) -> ProgressBar {
     let bar = ProgressBar::new(u64::from(progress.iterations));
-    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {eta} left";
+    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {prefix}{eta} left";
     bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar
 }

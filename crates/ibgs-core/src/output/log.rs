@@ -30,6 +30,8 @@ pub struct TrainingProgress {
     pub iterations: u32,
     /// Stage of the schedule.
     pub stage: &'static str,
+    /// Whether another stage is to come, whose iterations take longer.
+    pub is_slower_later: bool,
     /// Mean loss of recent iterations; none where nothing has come back from the GPU yet.
     pub loss: Option<f32>,
     /// The mean absolute error in it, of values in 0 to 1.
