@@ -3,7 +3,8 @@
 //
 // A lane is a pixel. The MLP is two products of matrices over the pixels of a subgroup: hidden = ReLU(W1 F), (outputs, confidence) =
 // W2 [hidden, F], where F are the seven numbers of a source, a one, and the error of its depth; the weights of the one are the
-// biases. Values pass through workgroup memory in half precision, sums in float32. Gradients are multiplied by a scale. SIDE is 16.
+// biases. Values pass through workgroup memory in half precision, sums in float32. Gradients are multiplied by a scale. SIDE is 16,
+// LANES 32.
 #import half
 #import residual_feature
 #import residual_mlp_layout

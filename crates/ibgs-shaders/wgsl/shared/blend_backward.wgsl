@@ -70,16 +70,7 @@ fn main(
     for (var c = (walked + CHUNK - 1u) / CHUNK; c > 0u; c--) {
         let first = (c - 1u) * CHUNK;
         if local < ENTRY * CHUNK {
-            let g = sorted_gaussians[start + min(first + local / ENTRY, length - 1u)];
-            #if INTERSECTIONS
-            if local % ENTRY == 3u {
-                entries[local] = planes[g];
-            } else {
-                entries[local] = projected[3u * g + local % ENTRY];
-            }
-            #else
-            entries[local] = projected[3u * g + local % ENTRY];
-            #endif
+            entries[local] = load_entry(local, first, start, length);
         }
         workgroupBarrier();
         for (var j = CHUNK; j > 0u; j--) {

@@ -65,6 +65,17 @@ fn deepest_entry(local: u32, last: u32) -> u32 {
     return workgroupUniformLoad(&deepest_now);
 }
 
+// The vector of a chunk's entries that a thread loads.
+fn load_entry(local: u32, first: u32, start: u32, length: u32) -> vec4<f32> {
+    let g = sorted_gaussians[start + min(first + local / ENTRY, length - 1u)];
+    #if INTERSECTIONS
+    if local % ENTRY == 3u {
+        return planes[g];
+    }
+    #endif
+    return projected[3u * g + local % ENTRY];
+}
+
 #if INTERSECTIONS
 fn next_intersection(pixel: ptr<function, Pixel>) {
     (*pixel).next = NO_ENTRY;

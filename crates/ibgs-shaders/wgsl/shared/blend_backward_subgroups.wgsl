@@ -53,17 +53,6 @@ fn factor(entry: u32, number: u32) -> f32 {
     return 1.0;
 }
 
-// The vector of a chunk's entries that a thread loads.
-fn load_entry(local: u32, first: u32, start: u32, length: u32) -> vec4<f32> {
-    let g = sorted_gaussians[start + min(first + local / ENTRY, length - 1u)];
-    #if INTERSECTIONS
-    if local % ENTRY == 3u {
-        return planes[g];
-    }
-    #endif
-    return projected[3u * g + local % ENTRY];
-}
-
 @compute @workgroup_size(PIXELS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,

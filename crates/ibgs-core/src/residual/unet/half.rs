@@ -278,7 +278,8 @@ impl Backend for Half {
     }
 
     fn unscale(&self) -> Option<f32> {
-        (self.units.side == 16).then(|| self.scale.recip())
+        // With more lanes the kernel would need more workgroup memory than the units are asked for.
+        (self.units == MatrixUnits { side: 16, lanes: 32 }).then(|| self.scale.recip())
     }
 
     fn partial_bytes(&self, size: [u32; 2]) -> u64 {
