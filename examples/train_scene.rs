@@ -40,7 +40,7 @@ impl Observer for Printer {
 fn main() -> Result<(), Box<dyn Error>> {
     let paths: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let [scene, output] = &paths[..] else { return Err("give a scene folder and an output folder".into()) };
-    let mut config = TrainConfig { iterations: 7_000, ..TrainConfig::default() };
+    let mut config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
     config.data.source = Some(std::path::absolute(scene)?);
     config.data.eval = true;
     let dataset = load_scene(&config, scene, &())?;

@@ -226,6 +226,7 @@ fn model(error: &ModelError) -> Option<&'static str> {
         ModelError::OtherIteration { .. } => Some("leave `--iteration` out"),
         ModelError::KnowsItsPhotos { .. } => Some("leave `--resolution` out"),
         ModelError::NoScene { .. } => Some("give the scene folder with `--source`"),
+        ModelError::SceneGone { .. } => Some("say where it is with `--source`"),
         _ => None,
     }
 }

@@ -76,7 +76,7 @@ impl Sandbox {
         let eval = LoadOptions { eval: true, ..LoadOptions::default() };
         let dataset = dataset::load(&sandbox.path("scene"), &eval).unwrap();
         let folder = OutputFolder::create(&sandbox.path("model"), Existing::Keep).unwrap();
-        let mut config = TrainConfig { iterations: 3, ..TrainConfig::default() };
+        let mut config = TrainConfig { iterations: Some(3), ..TrainConfig::default() };
         config.data.source = Some(sandbox.path("scene"));
         config.data.eval = true;
         folder.write_start(&config, &dataset).unwrap();

@@ -30,7 +30,7 @@ fn dataset() -> Dataset {
 
 /// Options of a run without any densification or opacity reset.
 fn plain(iterations: u32) -> TrainConfig {
-    let mut config = TrainConfig { method: Method::Gs3, iterations, ..TrainConfig::default() };
+    let mut config = TrainConfig { method: Method::Gs3, iterations: Some(iterations), ..TrainConfig::default() };
     config.densify.start = Some(iterations);
     config.densify.end = Some(iterations);
     config.opacity_reset.interval = Some(10 * iterations);
@@ -55,7 +55,7 @@ fn trainer(dataset: &Dataset, config: &TrainConfig) -> Trainer {
 /// The model after all iterations.
 fn trained(dataset: &Dataset, config: &TrainConfig) -> Gaussians {
     let mut trainer = trainer(dataset, config);
-    run(&mut trainer, config.iterations);
+    run(&mut trainer, config.iterations());
     assert!(!trainer.overflowed());
     let model = trainer.splats().download(&gpu()).unwrap();
     model.validate().unwrap();

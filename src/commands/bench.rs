@@ -1,6 +1,6 @@
 //! `ibgs bench`
 
-mod lists;
+pub mod lists;
 mod tables;
 
 use super::open_gpu;

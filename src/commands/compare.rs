@@ -54,6 +54,11 @@ impl Run {
         Ok(Self { name: path.display().to_string(), folder, figures })
     }
 
+    /// Whether views were held out, as far as that is known.
+    fn has_held_out(&self) -> bool {
+        self.folder.read_config().map_or(true, |config| config.data.eval)
+    }
+
     /// What is missing, and which command adds it.
     fn missing(&self) -> Option<String> {
         let Figures { base, speed, time, iteration, .. } = &self.figures;
@@ -61,7 +66,11 @@ impl Run {
         let eval: Vec<&str> = parts.into_iter().filter(|(_, missing)| *missing).map(|(what, _)| what).collect();
         let eval = (!eval.is_empty()).then(|| {
             let what = eval.join(", ");
-            format!("{} has no {what} of iteration {iteration}; run `ibgs eval {}`", self.name, self.name)
+            let missing = format!("{} has no {what} of iteration {iteration}", self.name);
+            match self.has_held_out() {
+                true => format!("{missing}; run `ibgs eval {}`", self.name),
+                false => format!("{missing}, and no held-out views to measure; train with `--eval`"),
+            }
         });
         let untimed = || format!("{} does not say how long its training to iteration {iteration} took", self.name);
         eval.or_else(|| time.is_none().then(untimed))

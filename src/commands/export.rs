@@ -108,8 +108,7 @@ fn file(args: &Args, output: &Path) -> Result<()> {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
     args.bundle.of(args.model.read()?)?.write(output, args.bundle.packing(Packing::Lossless))?;
-    stderr!("{} written, {:.1} MB", output.display(), output.metadata()?.len() as f64 * 1e-6);
-    Ok(())
+    said(output)
 }
 
 /// Writes the Gaussians of a model, or of a file of them, and says what the format leaves out.
@@ -125,6 +124,12 @@ fn gaussians_alone(args: &Args, output: &Path, format: Format) -> Result<()> {
     for loss in format.losses(&gaussians) {
         stderr!("note: {}: {loss}", output.display());
     }
+    said(output)
+}
+
+/// Says that the file is there, and its size.
+fn said(output: &Path) -> Result<()> {
+    stderr!("{} written, {:.1} MB", output.display(), output.metadata()?.len() as f64 * 1e-6);
     Ok(())
 }
 

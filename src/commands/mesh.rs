@@ -73,10 +73,10 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(output) = &args.output {
         MeshFormat::of(output)?;
     }
+    args.compare.check()?;
     let truth = args.compare.read()?;
     // A triangle has one colour for all views, so all are rendered in the same exposure.
     let mut model = args.model.open()?.showing_surface().levelled();
-    args.compare.check(&model)?;
     model.renderer.shape_missing_planes()?;
     options.offset = model.renderer.space().file_offset().unwrap_or_default();
     let cameras = args.cameras(&model)?;

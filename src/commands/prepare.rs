@@ -16,7 +16,7 @@ const EXAMPLES: &str = "\
 Examples:
   ibgs prepare photos -o my-scene               # a folder of photos
   ibgs prepare walk.mp4 -o my-scene --frames 200
-  ibgs train my-scene --eval --iterations 7000  # what comes next";
+  ibgs train my-scene --eval                    # what comes next";
 
 const INSTALL_COLMAP: &str = "install COLMAP (Debian, Ubuntu: `apt install colmap`; macOS: `brew install colmap`; Windows: \
                               https://github.com/colmap/colmap/releases), or name it with `--colmap`";
@@ -118,5 +118,5 @@ fn tell(scene: &Path, Prepared { photos, quality, unposed }: &Prepared) {
              OPENCV_FISHEYE)."
         );
     }
-    stdout!("train on it: ibgs train {} --eval --iterations 7000", scene.display());
+    stdout!("train on it: ibgs train {} --eval", scene.display());
 }

@@ -12,28 +12,25 @@ mod window;
 pub use plan::Plan;
 pub use window::{Failure, Watched};
 
+use super::bench::lists::number;
 use super::{open_gpu, view};
 use crate::advice::value;
 use anyhow::Result;
 use clap::Args as ClapArgs;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use ibgs_core::config::{ConfigError, Method, Strategy, TrainConfig};
+use ibgs_core::config::{ConfigError, Method, Preset, Strategy, TrainConfig};
 use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler, Resolution};
 use ibgs_core::gpu::Use;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Session;
 use ibgs_train::session::JsonLines;
 use json_log::Before;
-use plan::DemoGiven;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use stages::StageArgs;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-/// Iterations of a run that starts from a finished model (`--init`), unless `--iterations` is given.
-const WARM_ITERATIONS: u32 = 3_000;
 
 /// Headings of `ibgs train --help`, in their order there.
 mod heading {
@@ -48,7 +45,7 @@ mod heading {
 
 const EXAMPLES: &str = "\
 Examples:
-  ibgs train my-scene --eval --iterations 7000   # short run with evaluation
+  ibgs train my-scene --eval --preset fast       # short run with evaluation
   ibgs train --resume -m output/my-scene         # resume a stopped training";
 
 /// Options of `ibgs train`; they override the options file.
@@ -64,6 +61,14 @@ pub struct Args {
     /// [default: ibgs].
     #[arg(long, value_parser = word::<Method>(&["ibgs", "3dgs"]))]
     method: Option<Method>,
+    /// Options to begin with, which the others override: `default`; `fast` (about half a minute on a fast GPU); `published` (those
+    /// of the published experiments) [default: default].
+    #[arg(
+        long,
+        value_parser = word::<Preset>(&["default", "fast", "published"]),
+        conflicts_with_all = ["config", "resume", "init"]
+    )]
+    preset: Option<Preset>,
     /// Options file (TOML), such as the `config.toml` of an earlier run; the command line overrides it.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -128,8 +133,9 @@ pub struct Args {
     #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
     log_json: Option<PathBuf>,
 
-    /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: 30000;
-    /// with `--init` 3000; demo scene 10000, on a software adapter 200].
+    /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: 200 for each
+    /// training photo, 7000 to 30000; with `--densify` 30000; with `--init` 3000; demo scene 10000, on a software adapter
+    /// 200].
     #[arg(long, alias = "total-train-iters", help_heading = heading::LENGTH)]
     iterations: Option<u32>,
     /// Do not scale: keep the milestones of a run of 30000 iterations.
@@ -165,9 +171,9 @@ pub struct Args {
     /// densification.
     #[arg(long, help_heading = heading::GAUSSIANS)]
     init: Option<PathBuf>,
-    /// Largest number of Gaussians [default: one per 45 pixels of the training photos, from 200000 to 3000000;
+    /// Largest number of Gaussians, such as `500000`, `500k` or `1.5M` [default: one per 45 pixels of the training photos, from 200000 to 3000000;
     /// with `published` and `absgs` 5000000; demo scene 1000000, on a software adapter 12000].
-    #[arg(long, help_heading = heading::GAUSSIANS)]
+    #[arg(long, value_parser = splats, help_heading = heading::GAUSSIANS)]
     max_splats: Option<u32>,
     /// Degree of the spherical harmonics (view dependence of the base colour), 0 to 3 [default: 2; with `--method 3dgs`
     /// 3; with `--init` that of its file].
@@ -224,6 +230,14 @@ where
     PossibleValuesParser::new(words).try_map(|word| serde_json::from_value(Value::String(word)))
 }
 
+/// Parses a number of Gaussians.
+fn splats(text: &str) -> Result<u32, String> {
+    match number(text) {
+        Some(count) if (1.0..=f64::from(u32::MAX)).contains(&count) => Ok(count as u32),
+        _ => Err("write it as 5000, 100k or 1.5M".to_owned()),
+    }
+}
+
 /// Parses a number of minutes, up to a year.
 fn minutes(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -265,7 +279,6 @@ impl Args {
             gpu_memory: self.gpu_memory,
             checkpoint_every: (self.checkpoint_every > 0.0)
                 .then(|| Duration::from_secs_f64(60.0 * self.checkpoint_every)),
-            demo: self.demo_given(file.map(|(text, _)| text)),
             ..Plan::new(config)
         })
     }
@@ -279,24 +292,10 @@ impl Args {
         Ok(text.zip(self.config.as_deref()))
     }
 
-    /// The options for which the demo scene has its own defaults. None with a file that gives the iterations, as that of an earlier
-    /// run does: it must repeat that run.
-    fn demo_given(&self, file: Option<&str>) -> Option<DemoGiven> {
-        // It has been parsed before.
-        let file: toml::Table = file.and_then(|text| text.parse().ok()).unwrap_or_default();
-        let option = |section: &str, key: &str| file.get(section)?.get(key).cloned();
-        let given = DemoGiven {
-            iterations: self.iterations,
-            max_splats: self.max_splats.or_else(|| option("densify", "max-splats")?.try_into().ok()),
-            residual_factor: self.stages.residual_factor.or_else(|| option("residual", "factor")?.try_into().ok()),
-        };
-        (!file.contains_key("iterations")).then_some(given)
-    }
-
     /// The options file, overridden by the command line.
     fn config(&self, file: Option<(&str, &Path)>) -> Result<TrainConfig> {
         let given = file.map(|(text, path)| TrainConfig::from_text(text, path)).transpose()?;
-        self.over(given.unwrap_or_default())
+        self.over(given.unwrap_or_else(|| TrainConfig::preset(self.preset.unwrap_or_default())))
     }
 
     /// `c`, overridden by the command line.
@@ -316,13 +315,10 @@ impl Args {
         set_some(&mut c.data.color_space, &self.color_space);
         c.data.filter_points |= self.filter_points;
         c.data.eval |= self.eval || self.eval_split_every.is_some();
-        set(&mut c.iterations, &self.iterations);
+        set_some(&mut c.iterations, &self.iterations);
         c.schedule_scaling &= !self.no_schedule_scaling;
         set_some(&mut c.sh_degree, &self.sh_degree);
         set_some(&mut c.init, &self.init.as_ref().map(std::path::absolute).transpose()?);
-        if self.init.is_some() && self.iterations.is_none() && self.config.is_none() {
-            c.iterations = WARM_ITERATIONS;
-        }
         set_some(&mut c.sh_interval, &self.sh_interval);
         set_some(&mut c.learning_rates.mean_iterations, &self.mean_iterations);
         set_some(&mut c.densify.start, &self.densify_start);
@@ -377,32 +373,4 @@ fn command_line() -> String {
     // No argument holds the zero byte that it refuses.
     let quoted = shlex::try_join(arguments.iter().map(String::as_str)).unwrap_or_else(|_| arguments.join(" "));
     format!("ibgs {quoted}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::Parser;
-
-    #[derive(Parser)]
-    struct Line {
-        #[command(flatten)]
-        args: Args,
-    }
-
-    #[test]
-    fn a_file_of_some_options_leaves_the_demo_its_defaults() {
-        let given = |text: &str, more: &[&str]| {
-            let line = ["train"].into_iter().chain(more.iter().copied());
-            let given = Line::parse_from(line).args.demo_given(Some(text));
-            given.map(|given| (given.iterations, given.max_splats, given.residual_factor))
-        };
-        assert_eq!(given("seed = 3\n", &[]), Some((None, None, None)));
-        assert_eq!(given("[residual]\ndropout = 0.0\n", &["--iterations", "7"]), Some((Some(7), None, None)));
-        let some = "[densify]\nmax-splats = 500\n[residual]\nfactor = 0.25\n";
-        assert_eq!(given(some, &[]), Some((None, Some(500), Some(0.25))));
-        assert_eq!(given(some, &["--max-splats", "600"]), Some((None, Some(600), Some(0.25))));
-        // A run's own file has all.
-        assert_eq!(given(&TrainConfig::default().to_text().unwrap(), &[]), None);
-    }
 }

@@ -19,7 +19,7 @@ use ibgs_core::output::OutputFolder;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
-use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Training, TrainingWish, UsualIterations, View, Wanted};
+use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Training, TrainingWish, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -192,8 +192,8 @@ impl Open for Opener {
         advice::sentence(error)
     }
 
-    fn usual_iterations(&self, gpu: &Gpu) -> UsualIterations {
-        Plan::usual_iterations(gpu)
+    fn demo_iterations(&self, gpu: &Gpu) -> u32 {
+        Plan::demo_iterations(gpu)
     }
 
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {

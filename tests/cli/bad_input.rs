@@ -177,6 +177,10 @@ fn wrong_usage_ends_with_2() {
     wrong("train scene --method other", &["other", "--method"]);
     wrong("train scene -s scene", &["cannot be used with"]);
     wrong("train scene --principal-point middle", &["middle"]);
+    wrong("train scene --preset fast --config run.toml", &["--preset", "--config"]);
+    for count in ["many", "0.5", "0"] {
+        wrong(&format!("train scene --max-splats {count}"), &["--max-splats", "1.5M"]);
+    }
     // The values that there are stand on the line below the error.
     let wrong_value = |option: &str, value: &str, possible: &str| {
         let arguments = format!("train scene {option} {value}");
@@ -185,6 +189,7 @@ fn wrong_usage_ends_with_2() {
         assert!(outcome.stderr.contains(&format!("[possible values: {possible}]")), "{outcome}");
     };
     wrong_value("--alpha", "half", "mask, composite");
+    wrong_value("--preset", "quick", "default, fast, published");
     wrong_value("--masks", "thing", "ignore, object");
     wrong_value("--color-space", "xyz", "srgb, linear");
     wrong("train scene --seed 1.5", &["1.5"]);

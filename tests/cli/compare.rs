@@ -98,7 +98,12 @@ fn other_views_and_absent_pictures_are_told() {
     );
     // Iteration 7 has no residual.
     let outcome = sandbox.succeeds("compare model other --iteration 7");
-    assert!(outcome.stderr.contains("speed and storage of iteration 7"), "{outcome}");
+    assert!(outcome.stderr.contains("speed and storage of iteration 7; run `ibgs eval model`"), "{outcome}");
+    // No view was held out.
+    let config = sandbox.text("model/config.toml");
+    sandbox.write("model/config.toml", config.replace("eval = true", "eval = false"));
+    let told = sandbox.succeeds("compare model other --iteration 7").stderr;
+    assert!(told.contains("no held-out views to measure; train with `--eval`"), "{told}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ fn models_become_files_of_every_format() {
     for format in Format::ALL {
         let name = format!("b{}", format.ending());
         let outcome = sandbox.succeeds(&format!("export model -o {name}"));
+        assert!(outcome.stderr.contains(&format!("{name} written, ")), "{outcome}");
         let says = outcome.stderr.contains("spherical harmonics of degree 0") && outcome.stderr.contains(&name);
         assert_eq!(says, format == Format::Splat, "{outcome}");
         let found = read_gaussians(&sandbox.path(&name)).unwrap();

@@ -5,7 +5,9 @@ use crate::scene_files::{Model, zip_of_folder};
 use exr::prelude::write_rgba_file;
 use glam::DVec2;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::{ExposureSwitch, Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, demo};
+use ibgs_core::sources::find::Draw;
 use image::{Rgba, RgbaImage};
 use std::fs;
 use std::path::Path;
@@ -54,6 +56,21 @@ fn a_zipped_scene_trains_and_is_found_again() {
     sandbox.write("far/away.zip", "nothing");
     sandbox.fails("train far/away.zip -m out", &["away.zip", "no whole ZIP archive"]);
     sandbox.fails("eval output/away", &["away.zip", "no whole ZIP archive"]);
+}
+
+#[test]
+fn a_preset_is_where_the_options_begin() {
+    let (sandbox, _) = Sandbox::with_scene();
+    let config = |more: &str, model: &str| {
+        let told = sandbox.succeeds(&format!("train scene --iterations 3 --method 3dgs {more} -m {model}"));
+        assert!(told.stderr.contains(", 3 iterations; writing to"), "{told}");
+        TrainConfig::load(&sandbox.path(&format!("{model}/config.toml"))).unwrap()
+    };
+    let published = config("--preset published --max-splats 2.5k --exposure on", "a");
+    assert_eq!((published.densify.strategy, published.sources.draw), (Strategy::Published, Draw::Nearest));
+    assert_eq!((published.iterations, published.densify.max_splats), (Some(3), Some(2_500)));
+    assert_eq!(published.exposure.enabled, ExposureSwitch::On);
+    assert_eq!(config("--preset fast", "b").densify.strategy, Strategy::Default);
 }
 
 /// The demo's photos, transparent in their upper third.

@@ -293,9 +293,9 @@ fn evaluate(sandbox: &Sandbox) {
     let report = sandbox.json("model/result_fps_mem.json");
     assert!(report["ours_7"]["FPS_warm"].is_f64() && report["ours_30"]["FPS_warm"].is_f64(), "{report}");
     fs::rename(sandbox.path("scene"), sandbox.path("moved")).unwrap();
-    sandbox.fails("eval model", &["scene"]);
+    sandbox.fails("eval model", &["scene", "where it is with `--source`"]);
     // The sources are photos.
-    sandbox.fails("render model", &["scene"]);
+    sandbox.fails("render model", &["scene", "where it is with `--source`"]);
     sandbox.succeeds("eval model --source moved");
     fs::rename(sandbox.path("moved"), sandbox.path("scene")).unwrap();
 }

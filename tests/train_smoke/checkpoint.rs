@@ -18,7 +18,7 @@ fn everything(iterations: u32) -> TrainConfig {
     let mut config = TrainConfig { method: Method::Ibgs, deterministic: true, ..densifying(iterations, 45) };
     let stages = staged(iterations);
     (config.surface, config.residual) = (stages.surface, stages.residual);
-    config.residual.factor = 0.25;
+    config.residual.factor = Some(0.25);
     config.opacity_reset.interval = Some(20);
     config.exposure.enabled = ExposureSwitch::On;
     config.exposure.from = Some(5);
@@ -218,7 +218,7 @@ fn damage_is_told() {
 fn what_is_no_number_is_found() {
     let dataset = dataset();
     let mut config = TrainConfig { method: Method::Ibgs, deterministic: true, ..staged(90) };
-    config.residual.factor = 0.25;
+    config.residual.factor = Some(0.25);
     let mut sound = trainer(&dataset, &config);
     run(&mut sound, 40);
     let good = sound.checkpoint(Value::Null).unwrap();

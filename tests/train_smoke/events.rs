@@ -51,7 +51,7 @@ fn milestones_come_when_the_schedule_says() {
 #[test]
 fn a_run_with_all_milestones_scaled_down_ends_well() {
     // 50 iterations: resets every 5, a degree every 2, densification off.
-    let config = ibgs_core::config::TrainConfig { iterations: 50, ..Default::default() };
+    let config = ibgs_core::config::TrainConfig { iterations: Some(50), ..Default::default() };
     assert_eq!(trained(&dataset(), &config).len(), 300);
 }
 

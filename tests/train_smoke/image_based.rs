@@ -104,7 +104,7 @@ fn the_network_can_learn_alone() {
     config.residual.dropout = 0.0;
     let trained = |config: &TrainConfig| {
         let mut trainer = trainer(&dataset, config);
-        run(&mut trainer, config.iterations);
+        run(&mut trainer, config.iterations());
         model(&trainer)
     };
     let (together, _) = trained(&config);
@@ -114,7 +114,7 @@ fn the_network_can_learn_alone() {
     run(&mut beginning, 15);
     let (_, early) = model(&beginning);
     assert!(early.is_some());
-    config.residual.start = Some(config.iterations);
+    config.residual.start = config.iterations;
     let (without, none) = trained(&config);
     assert!(none.is_none());
     assert!(gaussians == without, "the final image taught the Gaussians");

@@ -53,7 +53,7 @@ fn what_a_mask_covers_does_not_matter_to_other_views() {
     };
     let all = |dataset: &Dataset| {
         let mut trainer = trainer(dataset, &config);
-        run(&mut trainer, config.iterations);
+        run(&mut trainer, config.iterations());
         image_based::model(&trainer)
     };
     let first = all(&masked(0, 127));

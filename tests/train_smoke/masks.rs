@@ -85,7 +85,7 @@ fn what_lies_outside_of_an_object_is_empty() {
     let after = |masks: Masks| {
         let mut trainer = trainer(&dataset, &with(masks, config.clone()));
         assert_eq!(trainer.background(), [0.0; 3]);
-        run(&mut trainer, config.iterations);
+        run(&mut trainer, config.iterations());
         let [inside, outside] = opacities(&trainer, &dataset);
         let psnr = whole_psnr(&trainer, &dataset);
         println!("{masks:?}: opacity {inside:.3} inside, {outside:.4} outside, {psnr:.2} dB over black");

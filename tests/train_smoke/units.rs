@@ -37,7 +37,7 @@ fn every_copy_trains_alike(config: &TrainConfig, copies: &[(f64, DVec3)]) {
     let usual = dataset();
     let train = |dataset: &Dataset| {
         let mut trainer = trainer(dataset, config);
-        run(&mut trainer, config.iterations);
+        run(&mut trainer, config.iterations());
         let depth =
             trainer.renderer().unwrap().showing_surface().render(&dataset.views[dataset.test[0]].camera).unwrap();
         (scores(&trainer, dataset), depth.depth_at(24, 18).unwrap().unwrap())
@@ -66,7 +66,7 @@ fn plain_splatting_is_the_same_in_every_unit_and_place() {
 #[test]
 fn the_whole_method_is_the_same_in_every_unit_and_place() {
     let mut config = staged(26);
-    config.residual.factor = 0.5;
+    config.residual.factor = Some(0.5);
     config.exposure.enabled = ExposureSwitch::On;
     config.exposure.from = Some(5);
     every_copy_trains_alike(&config, &[(1e-4, FAR), (1e4, DVec3::ZERO)]);

@@ -6,9 +6,9 @@ use eframe::egui::{DroppedFile, Theme};
 use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::Plan;
-use ibgs_core::config::{ExposureSwitch, Method};
+use ibgs_core::config::{ExposureSwitch, Method, Preset};
 use ibgs_core::scene::{PlyFlavor, write_ply};
-use ibgs_viewer::{TrainingWish, UsualIterations, Wanted};
+use ibgs_viewer::{TrainingWish, Wanted};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -49,8 +49,8 @@ fn pick(window: &mut Window, label: &str) {
 struct Into(PathBuf);
 
 impl Open for Into {
-    fn usual_iterations(&self, gpu: &Gpu) -> UsualIterations {
-        Opener::default().usual_iterations(gpu)
+    fn demo_iterations(&self, gpu: &Gpu) -> u32 {
+        Opener::default().demo_iterations(gpu)
     }
 
     fn sentence(&self, error: &anyhow::Error) -> String {
@@ -177,7 +177,7 @@ fn a_scene_is_asked_about_and_trained_as_chosen() {
     assert_eq!((window.state().progress().unwrap().0.iterations, window.state().error()), (12, None));
     drop(window);
     let config = TrainConfig::load(&model.join("config.toml")).unwrap();
-    assert_eq!((config.iterations, config.method, config.exposure.enabled), (12, Method::Gs3, ExposureSwitch::Off));
+    assert_eq!((config.iterations(), config.method, config.exposure.enabled), (12, Method::Gs3, ExposureSwitch::Off));
     assert_eq!(config.data.source.as_deref(), Some(scene.path()));
 }
 
@@ -190,7 +190,7 @@ fn a_window_on_a_scene_begins_with_its_form() {
     pick(&mut window, "Train");
     until(&mut window, "begun", |viewer| viewer.progress().is_some());
     let config = TrainConfig::load(&folder.path().join("model/config.toml")).unwrap();
-    let usual = TrainConfig { iterations: 3, ..TrainConfig::default() };
+    let usual = TrainConfig { iterations: Some(3), ..TrainConfig::default() };
     assert_eq!((config.method, config.exposure), (usual.method, usual.exposure));
     // Back to the page and to the training.
     pick(&mut window, "Scene");
@@ -219,12 +219,13 @@ fn a_wish_becomes_the_options_of_a_training() {
     assert_eq!(usual, TrainConfig::default());
     let wish = TrainingWish {
         scene: Some("some/scene".into()),
+        preset: Preset::Fast,
         method: Method::Gs3,
         iterations: Some(77),
         exposure: ExposureSwitch::On,
     };
     let config = Plan::wished(&wish).unwrap().config;
-    let mut expected = TrainConfig { method: Method::Gs3, iterations: 77, ..TrainConfig::default() };
+    let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
     expected.data.source = Some(std::path::absolute("some/scene").unwrap());
     expected.data.eval = true;

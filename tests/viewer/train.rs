@@ -16,7 +16,7 @@ fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
 /// A training that keeps its errors.
 fn training_with(gpu: &Arc<Gpu>, folder: &Path, iterations: u32, failure: &Failure) -> Opened {
     let (dataset, mut config) = (dataset(), staged(iterations));
-    config.residual.factor = 0.25;
+    config.residual.factor = Some(0.25);
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
     let trainer = Trainer::new(raster.clone(), &dataset, &config).unwrap();
     let output = OutputFolder::create(&folder.join("model"), Existing::Keep).unwrap();

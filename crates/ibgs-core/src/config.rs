@@ -6,16 +6,19 @@
 mod check;
 mod defaults;
 mod error;
+mod preset;
 pub mod schedule;
 mod stages;
 mod text;
 
 pub use crate::sources::find::SourceOptions;
 pub use error::ConfigError;
+pub use preset::Preset;
 pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, SurfaceConfig};
 
 use crate::dataset::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::files::{self, TomlError};
+use schedule::REFERENCE_ITERATIONS;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -38,8 +41,8 @@ pub enum Method {
 pub struct TrainConfig {
     /// What is trained.
     pub method: Method,
-    /// Number of iterations, counted from 1.
-    pub iterations: u32,
+    /// Number of iterations, counted from 1; unset: by the photos, see [`TrainConfig::adapt_to_photos`].
+    pub iterations: Option<u32>,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
     /// PLY file of this scene to start from; it is neither densified nor reset; unset: the scene's points.
@@ -299,22 +302,35 @@ pub struct OpacityResetConfig {
     pub max_opacity: f64,
 }
 
+/// Iterations of a run that starts from a finished model.
+const WARM_ITERATIONS: u32 = 3_000;
 /// Iterations of the default strategy at full rates.
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
 /// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
 const VISITS_AT_FULL_RATES: f64 = 163.0;
+/// Visits of each photo in a run of the default strategy.
+const USUAL_VISITS: u32 = 200;
+/// Least and most iterations of such a run.
+const USUAL_ITERATIONS: [u32; 2] = [7_000, REFERENCE_ITERATIONS];
 
 impl TrainConfig {
-    /// Sets the options that depend on the training photos, unless they are given: the cap on Gaussians and the factor
-    /// on their learning rates. At full rates the default strategy overfits after 7000 iterations or 163 visits of each
-    /// photo, whichever is more. In a longer run the rates fall, and the rounds of densification move apart, in
-    /// proportion, so that the Gaussians move as far as in that many iterations. `pixels` counts those of all training
-    /// photos. A departure from method.md.
+    /// Sets the options that depend on the training photos, unless they are given: the number of iterations, the cap on
+    /// Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
+    ///
+    /// With the default strategy a run visits every photo 200 times, in 7000 iterations at least and 30,000 at most. At full
+    /// rates it overfits after 7000 iterations or 163 visits of each photo, whichever is more. In a longer run the rates
+    /// fall, and the rounds of densification move apart, in proportion, so that the Gaussians move as far as in that
+    /// many iterations. Departures from method.md.
     pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
         self.densify.choose_cap(pixels);
-        if self.densify.strategy == Strategy::Default && self.init.is_none() && self.learning_rates.factor.is_none() {
+        let adapts = self.densify.strategy == Strategy::Default && self.init.is_none();
+        let [least, most] = USUAL_ITERATIONS;
+        let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(USUAL_VISITS);
+        let usual = if adapts { visits.clamp(least, most) } else { self.iterations() };
+        self.iterations.get_or_insert(usual);
+        if adapts && self.learning_rates.factor.is_none() {
             let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
-            self.learning_rates.factor = Some((full / f64::from(self.iterations)).min(1.0));
+            self.learning_rates.factor = Some((full / f64::from(self.iterations())).min(1.0));
         }
     }
 
@@ -426,9 +442,24 @@ mod tests {
     }
 
     #[test]
+    fn the_length_follows_the_photos() {
+        let length = |photos, mut config: TrainConfig| {
+            config.adapt_to_photos(photos, 1);
+            config.iterations()
+        };
+        let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
+        assert_eq!(lengths, [7_000, 8_600, 14_000, 30_000, 30_000]);
+        let given = TrainConfig { iterations: Some(5), ..TrainConfig::default() };
+        let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
+        let mut published = TrainConfig::default();
+        published.densify.strategy = Strategy::Published;
+        assert_eq!([given, warm, published].map(|config| length(43, config)), [5, 3_000, 30_000]);
+    }
+
+    #[test]
     fn long_runs_of_the_default_strategy_learn_slowly() {
         let factor = |iterations, photos, config: TrainConfig| {
-            let mut config = TrainConfig { iterations, ..config };
+            let mut config = TrainConfig { iterations: Some(iterations), ..config };
             config.adapt_to_photos(photos, 1);
             config.learning_rates.factor
         };

@@ -245,6 +245,9 @@ impl Model {
     fn scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
         let config = &self.config;
         let mut dataset = match self.source.as_ref().or(config.data.source.as_ref()) {
+            Some(source) if self.source.is_none() && !source.exists() => {
+                return Err(ModelError::SceneGone { path: source.clone() });
+            }
             Some(source) => load_scene(config, source, progress)?,
             None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
             None => self.demo_scene(progress)?,
@@ -342,7 +345,7 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
     let latest = folder.latest_iteration()?.ok_or_else(|| ModelError::NoPointCloud { path: path.to_owned() })?;
     let iteration = options.iteration.unwrap_or(latest);
     let network_path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
-    let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations).residual_at(iteration);
+    let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations()).residual_at(iteration);
     if network_path.is_none() && residual && !foreign {
         let missing = folder.network_save_path(iteration);
         log::warn!("{} is missing; without its network the model gives the base image alone", missing.display());

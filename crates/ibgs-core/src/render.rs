@@ -50,7 +50,7 @@ impl ImageOptions {
                 inputs: residual.inputs,
                 output: residual.output,
                 aggregation: residual.aggregation,
-                factor: Factor::of(residual.factor),
+                factor: Factor::of(residual.factor()),
                 reach: match config.data.masks {
                     Masks::Ignore => Reach::Everywhere,
                     Masks::Object => Reach::Seen,

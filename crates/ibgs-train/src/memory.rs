@@ -100,7 +100,7 @@ struct Sizes {
 impl Sizes {
     fn of(demand: &Demand) -> Self {
         let config = demand.config;
-        let factor = Factor::of(config.residual.factor);
+        let factor = Factor::of(config.residual.factor());
         let largest = |of: &dyn Fn(&Camera) -> u64| demand.cameras.iter().map(of).max().unwrap_or(0);
         let area = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         let widest = demand.cameras.iter().max_by_key(|c| area([c.width, c.height]));

@@ -6,7 +6,7 @@
 //! use ibgs_core::model::load_scene;
 //! use ibgs_train::Session;
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let config = TrainConfig { iterations: 7_000, ..TrainConfig::default() };
+//! let config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
 //! let dataset = load_scene(&config, "my-scene".as_ref(), &())?;
 //! let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
 //! let mut session = Session::new(&gpu, dataset, config)?;
@@ -174,7 +174,7 @@ impl Session {
 
     /// Whether all iterations are done.
     pub fn is_done(&self) -> bool {
-        self.trainer.iteration() >= self.config.iterations
+        self.trainer.iteration() >= self.config.iterations()
     }
 
     /// Trains to the end, or until the observer ends it; then saves, measures and reports ([`Session::finish`]).
@@ -227,7 +227,7 @@ impl Session {
         let (keep, write) = self.keeper.due();
         // Keep a state before a new stage: its first iteration needs more memory, and the allocation may fail. After
         // the last iteration nothing remains to be resumed.
-        let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations;
+        let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations();
         let due = Due { save, evaluate, keep, write };
         // Wait, so that pending work counts as time of the iterations and not of what follows. The last iteration is
         // always saved.
@@ -289,9 +289,9 @@ impl Session {
         let stage = stage_at(self.trainer.iteration());
         TrainingProgress {
             iteration: self.trainer.iteration(),
-            iterations: self.config.iterations,
+            iterations: self.config.iterations(),
             stage,
-            is_slower_later: stage != stage_at(self.config.iterations),
+            is_slower_later: stage != stage_at(self.config.iterations()),
             loss: known.then_some(telemetry.stats.loss),
             l1: known.then_some(telemetry.stats.l1),
             ssim: known.then_some(telemetry.stats.ssim),

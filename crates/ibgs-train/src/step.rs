@@ -182,7 +182,7 @@ impl Trainer {
         };
         Ok(Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
-            schedule: Schedule::new(config, config.iterations),
+            schedule: Schedule::new(config, config.iterations()),
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), image_based)?,
             statistics: Statistics::new(&gpu, splats.len())?,
             filters,

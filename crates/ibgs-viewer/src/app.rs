@@ -114,7 +114,7 @@ impl Viewer {
     ) -> Result<Self, GpuError> {
         let settings = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY)).unwrap_or_default();
         let canvas = Canvas::new(gpu.clone())?;
-        let mut start = Start::new(opener.usual_iterations(&gpu));
+        let mut start = Start::new(opener.demo_iterations(&gpu));
         let opened = match first {
             Some(Outcome::Opened(opened)) => Some(*opened),
             Some(Outcome::Scene(path)) => {

@@ -32,7 +32,7 @@ use anyhow::Result;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use ibgs_core::camera::Camera;
-use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, Method, Preset, TrainConfig};
 use ibgs_core::dataset::{self, Dataset, Photo, Point};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::Model;
@@ -128,21 +128,14 @@ pub enum Wanted {
 pub struct TrainingWish {
     /// Scene folder or a ZIP archive of one; none: the built-in demo scene.
     pub scene: Option<PathBuf>,
+    /// The options to begin with.
+    pub preset: Preset,
     /// What is trained.
     pub method: Method,
-    /// Number of iterations; none: that of [`Open::usual_iterations`].
+    /// Number of iterations; none: that of the preset, otherwise by the photos, in the demo scene that of [`Open::demo_iterations`].
     pub iterations: Option<u32>,
     /// Whether the photos' exposures are corrected.
     pub exposure: ExposureSwitch,
-}
-
-/// Default numbers of iterations of a training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UsualIterations {
-    /// Of a scene on disk.
-    pub scene: u32,
-    /// Of the demo scene.
-    pub demo: u32,
 }
 
 /// What a wish leads to.
@@ -161,10 +154,9 @@ pub trait Open: Send + 'static {
     /// A sentence that names the file and what to do.
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
 
-    /// Default number of iterations of a training on this GPU.
-    fn usual_iterations(&self, _gpu: &Gpu) -> UsualIterations {
-        let iterations = TrainConfig::default().iterations;
-        UsualIterations { scene: iterations, demo: iterations }
+    /// Default number of iterations of the demo scene on this GPU.
+    fn demo_iterations(&self, _gpu: &Gpu) -> u32 {
+        TrainConfig::default().iterations()
     }
 
     /// An error in one line, with what the user can do about it where the program knows that.

@@ -25,15 +25,21 @@ pub fn sizes(text: &str) -> Result<Vec<[u32; 2]>> {
     text.split(',').map(size).collect()
 }
 
-fn count(text: &str) -> Result<usize> {
+/// A number such as `5000`, `100k` or `1.5M`; none for other text.
+pub fn number(text: &str) -> Option<f64> {
     let lower = text.trim().to_ascii_lowercase();
     let (number, factor) = match (lower.strip_suffix('k'), lower.strip_suffix('m')) {
         (Some(number), _) => (number, 1e3),
         (_, Some(number)) => (number, 1e6),
         _ => (lower.as_str(), 1.0),
     };
-    match number.parse::<f64>().map(|number| number * factor) {
-        Ok(value) if value.fract() == 0.0 && (1.0..=MOST_GAUSSIANS).contains(&value) => Ok(value as usize),
+    let value = number.parse::<f64>().ok()? * factor;
+    (value.fract() == 0.0).then_some(value)
+}
+
+fn count(text: &str) -> Result<usize> {
+    match number(text) {
+        Some(value) if (1.0..=MOST_GAUSSIANS).contains(&value) => Ok(value as usize),
         _ => bail!("option `--gaussians` is `{text}`; write it as 5000, 100k or 1.5M, from 1 to {MOST_GAUSSIANS}"),
     }
 }

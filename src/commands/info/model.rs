@@ -21,8 +21,10 @@ pub fn show(path: &Path) -> Result<()> {
     let model = Model::open(path, &ModelOptions::default())?;
     let figures = Figures::read(&model.folder, model.iteration)?;
     let kind = if model.bundle_bytes.is_some() { "bundle" } else { "model" };
-    stdout!("{}: {kind} of iteration {} of {}", path.display(), model.iteration, model.config.iterations);
-    let rows = [contents(&model)?, measured(&figures), files(&model)?, options(&trained_with(&model)?)?].concat();
+    stdout!("{}: {kind} of iteration {} of {}", path.display(), model.iteration, model.config.iterations());
+    let rows =
+        [contents(&model)?, measured(&figures), files(&model)?, options(&trained_with(&model)?, &photos_of(&model))?]
+            .concat();
     let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     rows.iter().for_each(|(name, value)| stdout!("   {name:<width$}   {value}"));
     Ok(())
@@ -150,14 +152,35 @@ fn trained_with(model: &Model) -> Result<TrainConfig> {
     Ok(config)
 }
 
-/// The options that differ from the defaults, by their names in the options file.
-fn options(config: &TrainConfig) -> Result<Rows> {
+/// How many photos the training had, and their pixels in all.
+fn photos_of(model: &Model) -> (usize, u64) {
+    let views = model.training_views();
+    (views.len(), views.iter().map(|record| record.camera.pixels() as u64).sum())
+}
+
+/// The options by default, where these are given: some follow from the photos, and the learning rates from the length.
+fn usual(config: &TrainConfig, (photos, pixels): (usize, u64)) -> TrainConfig {
+    let adapted = |iterations: Option<u32>| {
+        let mut config = TrainConfig { iterations, ..config.clone() };
+        (config.densify.max_splats, config.learning_rates.factor) = (None, None);
+        config.adapt_to_photos(photos, pixels);
+        config
+    };
+    let (by_photos, by_length) = (adapted(None), adapted(config.iterations));
+    let mut usual = TrainConfig { iterations: by_photos.iterations, ..TrainConfig::default() };
+    usual.densify.max_splats = by_photos.densify.max_splats;
+    usual.learning_rates.factor = by_length.learning_rates.factor;
+    usual
+}
+
+/// The options that differ from the defaults of a training with these photos, by their names in the options file.
+fn options(config: &TrainConfig, photos: &(usize, u64)) -> Result<Rows> {
     let leaves = |config: &TrainConfig| -> Result<BTreeMap<String, Value>> {
         let mut leaves = BTreeMap::new();
         flatten("", Table::try_from(config)?, &mut leaves);
         Ok(leaves)
     };
-    let usual = leaves(&TrainConfig::default())?;
+    let usual = leaves(&usual(config, *photos))?;
     let changed = leaves(config)?.into_iter().filter(|(name, value)| usual.get(name) != Some(value));
     // The path of the scene has no default to differ from.
     let changed = changed.filter(|(name, _)| name != "data.source");
@@ -186,13 +209,20 @@ mod tests {
     #[test]
     fn options_are_those_that_differ() {
         let mut config = TrainConfig::default();
-        assert_eq!(options(&config).unwrap(), [("options", "all at their defaults".to_owned())]);
+        let options = |config: &TrainConfig| options(config, &(20, 90_000_000)).unwrap();
+        let none = [("options", "all at their defaults".to_owned())];
+        let mut adapted = config.clone();
+        adapted.adapt_to_photos(20, 90_000_000);
+        assert_eq!(options(&adapted), none);
+        adapted.densify.max_splats = Some(3_000);
+        assert_eq!(options(&adapted), [("options", "densify.max-splats = 3000".to_owned())]);
         config.data.source = Some("scene".into());
-        config.iterations = 7;
+        config.iterations = Some(7);
         config.densify.growth.screen_size = 0.25;
         config.sh_degree = Some(1);
         let expected =
             [("options", "densify.growth.screen-size = 0.25"), ("", "iterations = 7"), ("", "sh-degree = 1")];
-        assert_eq!(options(&config).unwrap(), expected.map(|(name, value)| (name, value.to_owned())));
+        config.adapt_to_photos(20, 90_000_000);
+        assert_eq!(options(&config), expected.map(|(name, value)| (name, value.to_owned())));
     }
 }

@@ -23,8 +23,7 @@ const DENSITIES: f64 = 100.0;
 #[derive(ClapArgs)]
 #[command(next_help_heading = "Comparison with a true surface")]
 pub struct Options {
-    /// True surface to compare with: a PLY file (points or mesh), or `demo`: that of the demo scene [default: `demo` for
-    /// models of the demo scene, none for others].
+    /// True surface to compare with: a PLY file (points or mesh), or `demo`: that of the demo scene [default: none].
     #[arg(long)]
     compare: Option<PathBuf>,
     /// Largest distance of a match, for precision, recall and F1; several are separated by commas [default: 0.01,0.02
@@ -84,8 +83,8 @@ impl Options {
     }
 
     /// Fails if thresholds are given without a surface to compare with.
-    pub fn check(&self, model: &OpenModel) -> Result<()> {
-        if self.compare.is_none() && !model.is_demo() && !self.threshold.is_empty() {
+    pub fn check(&self) -> Result<()> {
+        if self.compare.is_none() && !self.threshold.is_empty() {
             bail!("`--threshold` needs `--compare` with a true surface");
         }
         Ok(())
@@ -121,7 +120,7 @@ impl Options {
                 let (mesh, truth) = (cropped(mesh), cropped(cloud));
                 self.compared(&Pair { mesh: &mesh, truth: &truth, wanted: &truth })?
             }
-            None if self.is_demo() || model.is_demo() => {
+            None if self.is_demo() => {
                 stderr!("comparing with the true surface of the demo scene");
                 let truth = TrueSurface::sample(cameras, self.spacing());
                 self.compared(&Pair { mesh: &sampled(), truth: &truth.all, wanted: &truth.seen })?

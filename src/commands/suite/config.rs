@@ -45,7 +45,7 @@ pub struct Scene {
     /// Options of this scene.
     #[serde(default)]
     options: Table,
-    /// The true surface to compare its mesh with; for the demo scene all entries are optional.
+    /// The true surface to compare its mesh with; that of the demo scene is known.
     mesh: Option<Surface>,
 }
 
@@ -62,14 +62,15 @@ struct Surface {
 }
 
 impl Surface {
-    /// The options of `ibgs mesh` for a scene folder.
-    fn arguments(&self, scene: &Path) -> Vec<OsString> {
+    /// The options of `ibgs mesh` for a scene folder, or for the demo scene.
+    fn arguments(&self, scene: &Path, is_demo: bool) -> Vec<OsString> {
+        let demo = is_demo.then(|| ("--compare", OsString::from("demo")));
         let files = [("--compare", &self.compare), ("--transform", &self.transform), ("--crop", &self.crop)];
         let numbers =
             [("--threshold", self.threshold), ("--density", self.density), ("--max-distance", self.max_distance)];
         let files = files.into_iter().filter_map(|(name, file)| Some((name, scene.join(file.as_ref()?).into())));
         let numbers = numbers.into_iter().filter_map(|(name, value)| Some((name, value?.to_string().into())));
-        files.chain(numbers).flat_map(|(name, value)| [name.into(), value]).collect()
+        demo.into_iter().chain(files).chain(numbers).flat_map(|(name, value)| [name.into(), value]).collect()
     }
 }
 
@@ -243,7 +244,7 @@ impl Suite {
         for scene in self.scenes.iter().filter(|scene| !missing.contains(scene.name.as_str())) {
             for run in &self.runs {
                 let mut config = self.config(scene, run)?;
-                config.iterations = iterations.unwrap_or(config.iterations);
+                config.iterations = iterations.or(config.iterations);
                 config.data.eval = true;
                 config.data.source = match scene.demo {
                     true => None,
@@ -252,7 +253,7 @@ impl Suite {
                 config.validate()?;
                 let folder = output.join(&run.name).join(&scene.name);
                 let surface = scene.mesh.as_ref().filter(|_| !bare.contains(scene.name.as_str()));
-                let mesh = surface.map(|surface| surface.arguments(&Self::source(scene, data)));
+                let mesh = surface.map(|surface| surface.arguments(&Self::source(scene, data), scene.demo));
                 let (run, scene, lpips) = (run.name.clone(), scene.name.clone(), lpips.to_vec());
                 jobs.push(Job { run, scene, config, folder, mesh, lpips });
             }
@@ -295,13 +296,13 @@ mod tests {
         let titles: Vec<String> = jobs.iter().map(Job::title).collect();
         assert_eq!(titles, ["one, plain", "one, wide", "demo, plain", "demo, wide"]);
         let [plain, wide] = [&jobs[0], &jobs[1]];
-        assert_eq!((plain.config.iterations, plain.config.data.resolution), (7000, Resolution::Factor(2)));
-        assert_eq!((wide.config.iterations, wide.config.data.resolution), (10, Resolution::Factor(4)));
+        assert_eq!((plain.config.iterations(), plain.config.data.resolution), (7000, Resolution::Factor(2)));
+        assert_eq!((wide.config.iterations(), wide.config.data.resolution), (10, Resolution::Factor(4)));
         assert_eq!((plain.config.data.max_resolution, wide.config.data.max_resolution), (Some(100), Some(100)));
         assert!(plain.config.data.source.is_some() && jobs[2].config.data.source.is_none());
         assert_eq!(wide.folder, Path::new("out/wide/one"));
         suite.keep(&["demo".to_owned()], &["wide".to_owned()]).unwrap();
-        assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3), &[]).unwrap()[0].config.iterations, 3);
+        assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3), &[]).unwrap()[0].config.iterations, Some(3));
         assert!(
             suite.keep(&["three".to_owned()], &[]).unwrap_err().to_string().contains("no scene `three`; it has demo")
         );

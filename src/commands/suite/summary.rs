@@ -51,7 +51,7 @@ pub struct Figures([Option<f64>; COLUMNS.len()]);
 impl Figures {
     /// Reads the figures in a job's model folder.
     pub fn read(job: &Job) -> Result<Self> {
-        let found = figures::Figures::read(&OutputFolder::at(&job.folder), job.config.iterations)?;
+        let found = figures::Figures::read(&OutputFolder::at(&job.folder), job.config.iterations())?;
         let means = |scores: &Option<figures::Scores>| scores.as_ref().map(|scores| scores.means.clone());
         let base = means(&found.base).unwrap_or_default();
         let image = means(&found.image).filter(|_| job.config.method == Method::Ibgs);
@@ -187,7 +187,7 @@ pub fn text(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> String {
 pub fn json(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> Value {
     let measured = jobs.iter().zip(figures).map(|(job, figures)| {
         json!({
-            "scene": job.scene, "run": job.run, "iterations": job.config.iterations, "folder": job.folder,
+            "scene": job.scene, "run": job.run, "iterations": job.config.iterations(), "folder": job.folder,
             "figures": figures.json(),
         })
     });

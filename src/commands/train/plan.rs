@@ -1,10 +1,10 @@
 //! A training as the command line or the viewer describes it.
 
-use super::{WARM_ITERATIONS, estimate};
+use super::estimate;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
-use ibgs_core::config::{DataConfig, TrainConfig};
+use ibgs_core::config::{DataConfig, ExposureSwitch, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::files;
@@ -16,7 +16,7 @@ use ibgs_core::scene::read_gaussians;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::checkpoint::Checkpoint;
 use ibgs_train::{Session, Trainer};
-use ibgs_viewer::{TrainingWish, UsualIterations};
+use ibgs_viewer::TrainingWish;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -27,14 +27,6 @@ const DEMO_ITERATIONS: [u32; 2] = [200, 10_000];
 const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
 /// Default cap on the number of Gaussians of the demo scene.
 const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
-
-/// The options for which the demo scene has its own defaults, where they are given.
-#[derive(Clone, Debug, Default)]
-pub struct DemoGiven {
-    pub iterations: Option<u32>,
-    pub max_splats: Option<u32>,
-    pub residual_factor: Option<f64>,
-}
 
 /// What to train, and where to write it.
 #[derive(Debug)]
@@ -51,8 +43,6 @@ pub struct Plan {
     pub gpu_memory: MemoryBudget,
     /// Time between two checkpoints; none: only when the training stops.
     pub checkpoint_every: Option<Duration>,
-    /// Overrides the demo scene's own defaults; none: `config` applies as it is.
-    pub demo: Option<DemoGiven>,
 }
 
 impl Plan {
@@ -65,7 +55,6 @@ impl Plan {
             overwrite: false,
             gpu_memory: MemoryBudget::Auto,
             checkpoint_every: Some(Duration::from_secs(120)),
-            demo: Some(DemoGiven::default()),
         }
     }
 
@@ -74,21 +63,23 @@ impl Plan {
     /// # Errors
     /// A path that cannot be made absolute, such as the empty one.
     pub fn wished(wish: &TrainingWish) -> Result<Self> {
-        let mut config = TrainConfig { method: wish.method, ..TrainConfig::default() };
+        let mut config = TrainConfig::preset(wish.preset);
+        config.method = wish.method;
         // Held-out photos let the window measure the training.
         config.data.eval = wish.scene.is_some();
         // Absolute: the model may be opened from another working directory.
         config.data.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
-        config.iterations = wish.iterations.unwrap_or(config.iterations);
-        config.exposure.enabled = wish.exposure;
-        let demo = Some(DemoGiven { iterations: wish.iterations, ..DemoGiven::default() });
-        Ok(Self { demo, ..Self::new(config) })
+        config.iterations = wish.iterations.or(config.iterations);
+        // Where the form is left as it is, the preset decides.
+        if wish.exposure != ExposureSwitch::default() {
+            config.exposure.enabled = wish.exposure;
+        }
+        Ok(Self::new(config))
     }
 
-    /// Default number of iterations of a training on this GPU.
-    pub fn usual_iterations(gpu: &Gpu) -> UsualIterations {
-        let demo = DEMO_ITERATIONS[usize::from(!gpu.is_software())];
-        UsualIterations { scene: TrainConfig::default().iterations, demo }
+    /// Default number of iterations of the demo scene on this GPU.
+    pub fn demo_iterations(gpu: &Gpu) -> u32 {
+        DEMO_ITERATIONS[usize::from(!gpu.is_software())]
     }
 
     /// Prepares the training. `status` is called with what is being done; `gpu` is called after the files have been read.
@@ -112,7 +103,7 @@ impl Plan {
             None => {
                 status("ray tracing the demo scene; this takes some minutes the first time");
                 if self.resumed.is_none() {
-                    self.demo_options(&mut config, &gpu);
+                    Self::demo_options(&mut config, &gpu);
                 }
                 demo_scene(&config, &gpu)?
             }
@@ -138,7 +129,7 @@ impl Plan {
         }
         let (folder, lock) = match (&self.resumed, &self.model) {
             (Some(checkpoint), Some(path)) => {
-                stderr!("resuming from iteration {} of {}", checkpoint.iteration(), config.iterations);
+                stderr!("resuming from iteration {} of {}", checkpoint.iteration(), config.iterations());
                 let folder = OutputFolder::at(path);
                 let lock = folder.lock()?;
                 // The scene may have moved.
@@ -148,10 +139,11 @@ impl Plan {
             _ => self.create_output(&config, &dataset)?,
         };
         stderr!(
-            "{} training views, {} test views, {} initial points; writing to {}",
+            "{} training views, {} test views, {} initial points, {} iterations; writing to {}",
             dataset.train.len(),
             dataset.test.len(),
             dataset.points.len(),
+            config.iterations(),
             folder.root().display()
         );
         stderr!("{}", needs.sentence());
@@ -163,16 +155,15 @@ impl Plan {
         })
     }
 
-    /// Sets the defaults of the demo scene where no option is given.
-    fn demo_options(&self, config: &mut TrainConfig, gpu: &Gpu) {
+    /// Sets the demo scene's own defaults where no option is given.
+    fn demo_options(config: &mut TrainConfig, gpu: &Gpu) {
         let size = usize::from(!gpu.is_software());
-        if let Some(given) = &self.demo {
-            let usual = DEMO_ITERATIONS[size];
-            let usual = if config.init.is_some() { usual.min(WARM_ITERATIONS) } else { usual };
-            config.iterations = given.iterations.unwrap_or(usual);
-            config.densify.max_splats = given.max_splats.or(Some(DEMO_SPLATS[size]));
-            config.residual.factor = given.residual_factor.unwrap_or(DEMO_RESIDUAL_FACTOR[size]);
-        }
+        let usual = Self::demo_iterations(gpu);
+        // Fewer from a finished model.
+        let usual = if config.init.is_some() { usual.min(config.iterations()) } else { usual };
+        config.iterations.get_or_insert(usual);
+        config.densify.max_splats.get_or_insert(DEMO_SPLATS[size]);
+        config.residual.factor.get_or_insert(DEMO_RESIDUAL_FACTOR[size]);
         config.data.eval = true;
     }
 

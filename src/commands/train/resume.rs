@@ -42,13 +42,13 @@ fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
     let saved = folder.latest_iteration()?.filter(|_| found.is_empty());
     // Killed before its first checkpoint, and after it was saved.
     if let (Some(iteration), Ok(config)) = (saved, folder.read_config())
-        && iteration < config.iterations
+        && iteration < config.iterations()
     {
         bail!(
             "{} has no checkpoint to resume from, only the model of iteration {iteration} of {}; train on from its Gaussians \
              (`--init {}`), or anew (`--overwrite`)",
             folder.root().display(),
-            config.iterations,
+            config.iterations(),
             folder.point_cloud_path(iteration).display()
         );
     }

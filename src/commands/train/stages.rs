@@ -51,7 +51,7 @@ pub struct StageArgs {
     /// Run the residual network at 1, 0.5 or 0.25 of the image's size [default: 1; demo scene on a software adapter
     /// 0.5].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
-    pub(super) residual_factor: Option<f64>,
+    residual_factor: Option<f64>,
     /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test, but
     /// not with `--deterministic`) [default: auto].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
@@ -80,7 +80,7 @@ impl StageArgs {
         }
         set(&mut c.sources.memory, &self.source_memory);
         set(&mut c.surface.intersections, &self.intersections);
-        set(&mut c.residual.factor, &self.residual_factor);
+        set_some(&mut c.residual.factor, &self.residual_factor);
         set(&mut c.residual.precision, &self.precision);
         set(&mut c.exposure.enabled, &self.exposure);
     }
@@ -113,7 +113,10 @@ mod tests {
         assert_eq!(s.memory, MemoryBudget::Bytes(2 << 30));
         let c = config("--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure on");
         assert_eq!((c.sources.distances, c.sources.max_distance), (Distances::Absolute, None));
-        assert_eq!((c.surface.intersections, c.residual.factor, c.exposure.enabled), (8, 0.5, ExposureSwitch::On));
+        assert_eq!(
+            (c.surface.intersections, c.residual.factor, c.exposure.enabled),
+            (8, Some(0.5), ExposureSwitch::On)
+        );
         for line in ["--source-distance far", "--source-distance -1", "--source-memory much"] {
             assert!(Line::try_parse_from(["ibgs"].into_iter().chain(line.split_whitespace())).is_err(), "{line}");
         }

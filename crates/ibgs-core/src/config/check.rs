@@ -126,7 +126,7 @@ impl TrainConfig {
 
     fn check_counts(&self, check: &Check<'_>) -> Result<(), ConfigError> {
         let at_least_1 = "it must be at least 1";
-        check.require(self.iterations >= 1, "iterations", self.iterations, at_least_1)?;
+        check.require(self.iterations() >= 1, "iterations", self.iterations(), at_least_1)?;
         // TOML has signed 64-bit integers, so a larger seed could not be written down.
         let demo = self.data.demo_exposure_seed.unwrap_or_default();
         for (field, seed) in [("seed", self.seed), ("data.demo-exposure-seed", demo)] {
@@ -219,7 +219,7 @@ fn check_sources(sources: &SourceOptions, check: &Check<'_>) -> Result<(), Confi
 }
 
 fn check_residual(residual: &ResidualConfig, check: &Check<'_>) -> Result<(), ConfigError> {
-    let factor = residual.factor;
+    let factor = residual.factor();
     let known = [1.0, 0.5, 0.25].contains(&factor);
     check.require(known, "residual.factor", factor, "it must be 1, 0.5 or 0.25")?;
     let counted = residual.halve_at.iter().flatten().all(|&iteration| iteration >= 1);

@@ -2,16 +2,17 @@
 
 use crate::dataset::{Masks, PrincipalPoint, Resampler, Resolution};
 
+use super::schedule::REFERENCE_ITERATIONS;
 use super::{
     AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method,
-    OpacityResetConfig, ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig,
+    OpacityResetConfig, ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
 };
 
 impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             method: Method::Ibgs,
-            iterations: 30_000,
+            iterations: None,
             schedule_scaling: true,
             init: None,
             seed: 0,
@@ -45,6 +46,12 @@ impl TrainConfig {
     pub fn start(&self) -> [f64; 2] {
         let [opacity, scale] = if self.densify.strategy == Strategy::Mcmc { [0.5, 0.1] } else { [0.1, 1.0] };
         [self.initial_opacity.unwrap_or(opacity), self.initial_scale.unwrap_or(scale)]
+    }
+
+    /// Number of iterations. Where none is given and [`adapt_to_photos`](Self::adapt_to_photos) was not called, that of the
+    /// published experiments; with `init` 3000.
+    pub fn iterations(&self) -> u32 {
+        self.iterations.unwrap_or(if self.init.is_some() { WARM_ITERATIONS } else { REFERENCE_ITERATIONS })
     }
 
     /// Degree of the spherical harmonics.

@@ -56,8 +56,8 @@ pub struct ResidualConfig {
     /// Share of the Gaussians that each iteration of the residual leaves out at random, 0 to below 1, so that the base errs in
     /// training as it does on views it was not trained on; 0: none, as published. A departure from method.md.
     pub dropout: f64,
-    /// Size at which the network runs: 1, 0.5 or 0.25 of the image's.
-    pub factor: f64,
+    /// Size at which the network runs: 1, 0.5 or 0.25 of the image's; unset: 1.
+    pub factor: Option<f64>,
     /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
     /// float32.
     pub precision: Precision,
@@ -142,6 +142,13 @@ pub struct ExposureConfig {
     pub epsilon: f64,
 }
 
+impl ResidualConfig {
+    /// Size at which the network runs, relative to the image's.
+    pub fn factor(&self) -> f64 {
+        self.factor.unwrap_or(1.0)
+    }
+}
+
 impl Default for SurfaceConfig {
     fn default() -> Self {
         Self { intersections: 4, start: None, normal_from: None, normal_weight: 0.01, photometric_weight: 0.05 }
@@ -161,7 +168,7 @@ impl Default for ResidualConfig {
             beta2: 0.999,
             epsilon: 1e-8,
             dropout: 0.1,
-            factor: 1.0,
+            factor: None,
             precision: Precision::Auto,
             inputs: NetworkInputs::Differences,
             output: Output::Residual,

@@ -30,6 +30,12 @@ pub enum ModelError {
     /// Its scene.
     #[error(transparent)]
     Scene(#[from] DatasetError),
+    /// The folder of its scene is gone.
+    #[error("the scene {}, whose photos the model needs, is not there any more", path.display())]
+    SceneGone {
+        /// Where it was.
+        path: PathBuf,
+    },
     /// The demo scene.
     #[error(transparent)]
     Demo(#[from] DemoError),

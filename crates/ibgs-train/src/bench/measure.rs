@@ -106,7 +106,7 @@ fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> R
         visible: u64::from(config.sources.visible),
         most_visible: 0,
         medians: u64::from(config.surface.intersections),
-        network_size: Factor::of(config.residual.factor).size([camera.width, camera.height]),
+        network_size: Factor::of(config.residual.factor()).size([camera.width, camera.height]),
     })
 }
 

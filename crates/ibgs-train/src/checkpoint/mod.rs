@@ -241,7 +241,7 @@ impl Checkpoint {
             return Err(CheckpointError::OtherScene);
         }
         require(state.gaussians > 0, "it has no Gaussian")?;
-        require(state.iteration <= self.config.iterations, "it is of an iteration beyond the last one")?;
+        require(state.iteration <= self.config.iterations(), "it is of an iteration beyond the last one")?;
         let steps = state.steps.into_iter().chain(state.network_steps);
         let steps = steps.chain(state.exposure.iter().flatten().map(|exposure| exposure.steps));
         let possible = |steps: i32| u32::try_from(steps).is_ok_and(|steps| steps <= state.iteration);

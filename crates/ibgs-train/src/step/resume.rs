@@ -60,7 +60,7 @@ impl Trainer {
         self.prune_length = state.prune_length;
         self.has_planes = state.has_planes;
         self.overflowed = state.overflowed;
-        self.schedule = Schedule::new(&self.config, self.config.iterations);
+        self.schedule = Schedule::new(&self.config, self.config.iterations());
         self.caution = 1.0;
         self.slow_down(state.caution);
         self.raster.set_capacity(state.room);

@@ -1,10 +1,10 @@
 //! The start page, and opening things.
 
 use super::train_form::{Asked, PathField, TrainForm};
+use crate::Wanted;
 use crate::app::Viewer;
 use crate::dialogs::{Dialog, Sought, native};
 use crate::recents::{Recent, Recents};
-use crate::{UsualIterations, Wanted};
 use eframe::egui::{
     self, Align2, Color32, ColorImage, Context, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle,
     TextureHandle, TextureOptions, Ui, UiBuilder, Vec2,
@@ -50,12 +50,12 @@ pub struct Start {
 }
 
 impl Start {
-    /// An empty page.
-    pub fn new(usual: UsualIterations) -> Self {
+    /// An empty page; `demo_iterations` is the default of the demo scene.
+    pub fn new(demo_iterations: u32) -> Self {
         Self {
             shown: true,
             address: PathField::default(),
-            form: TrainForm::new(usual),
+            form: TrainForm::new(demo_iterations),
             finds_form: false,
             dialog: Dialog::default(),
             recents: Recents::default(),

@@ -1,13 +1,19 @@
 //! The form that describes a training.
 
-use crate::{TrainingWish, UsualIterations, Wanted};
+use crate::{TrainingWish, Wanted};
 use eframe::egui::{Grid, TextEdit, Ui};
-use ibgs_core::config::{ExposureSwitch, Method};
+use ibgs_core::config::{ExposureSwitch, Method, Preset, TrainConfig};
 use std::path::PathBuf;
 
 const METHODS: [(Method, &str, &str); 2] = [
     (Method::Ibgs, "IBGS", "Gaussians, and a residual that a network reads from neighbouring photos"),
     (Method::Gs3, "3DGS", "Plain 3D Gaussian splatting: faster, and without the residual"),
+];
+
+const PRESETS: [(Preset, &str, &str); 3] = [
+    (Preset::Default, "default", "The best image that a training of minutes gives"),
+    (Preset::Fast, "fast", "A good image after half a minute on a fast GPU"),
+    (Preset::Published, "published", "The options of the published experiments"),
 ];
 
 const EXPOSURES: [(ExposureSwitch, &str, &str); 3] = [
@@ -52,25 +58,28 @@ pub enum Asked {
 pub struct TrainForm {
     pub scene: PathField,
     pub is_demo: bool,
+    preset: Preset,
     method: Method,
     /// As typed; empty: as usual.
     iterations: String,
     exposure: ExposureSwitch,
-    usual: UsualIterations,
+    /// Default number of the demo scene.
+    demo_iterations: u32,
     /// Why it cannot be used, in one sentence.
     error: Option<String>,
 }
 
 impl TrainForm {
     /// An empty form.
-    pub fn new(usual: UsualIterations) -> Self {
+    pub fn new(demo_iterations: u32) -> Self {
         Self {
             scene: PathField::default(),
             is_demo: false,
+            preset: Preset::default(),
             method: Method::default(),
             iterations: String::new(),
             exposure: ExposureSwitch::default(),
-            usual,
+            demo_iterations,
             error: None,
         }
     }
@@ -93,7 +102,8 @@ impl TrainForm {
             Ok(iterations) if iterations > 0 => Some(iterations),
             _ => return Err(format!("the length `{text}` is not a number of iterations; give a whole number from 1")),
         };
-        Ok(TrainingWish { scene, method: self.method, iterations, exposure: self.exposure })
+        let Self { preset, method, exposure, .. } = *self;
+        Ok(TrainingWish { scene, preset, method, iterations, exposure })
     }
 
     /// Shows the form; returns what was asked for.
@@ -118,10 +128,15 @@ impl TrainForm {
                 });
             });
             ui.end_row();
+            choices(ui, "Preset", &PRESETS, &mut self.preset);
             choices(ui, "Method", &METHODS, &mut self.method);
             let label = ui.label("Iterations").id;
-            let usual = if self.is_demo { self.usual.demo } else { self.usual.scene };
-            let field = TextEdit::singleline(&mut self.iterations).hint_text(format!("{usual} (default)"));
+            let usual = match TrainConfig::preset(self.preset).iterations {
+                Some(iterations) => iterations.to_string(),
+                None if self.is_demo => format!("{} (default)", self.demo_iterations),
+                None => "by the photos".to_owned(),
+            };
+            let field = TextEdit::singleline(&mut self.iterations).hint_text(usual);
             ui.add(field.desired_width(120.0))
                 .labelled_by(label)
                 .on_hover_text("Length of the training; 7000 is a short one");

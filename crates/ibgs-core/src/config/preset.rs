@@ -1,0 +1,88 @@
+//! Sets of options under a name.
+
+use super::{ExposureSwitch, Strategy, TrainConfig};
+use crate::residual::variant::Aggregation;
+use crate::sources::find::{Distances, Draw};
+use serde::{Deserialize, Serialize};
+
+/// A set of options under a name. What it leaves out has its default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// The best image that a training of minutes gives.
+    #[default]
+    Default,
+    /// A good image after half a minute on a fast GPU.
+    Fast,
+    /// The published experiments: 30,000 iterations, densification with opacity resets, the published weights of the losses and
+    /// choice of sources. The network still begins with weights that pass the sources' differences, and exposures
+    /// are not corrected.
+    Published,
+}
+
+impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Default, Self::Fast, Self::Published];
+}
+
+/// Iterations of [`Preset::Fast`].
+const FAST_ITERATIONS: u32 = 4_000;
+
+impl TrainConfig {
+    /// The options of a preset.
+    pub fn preset(preset: Preset) -> Self {
+        let mut config = Self::default();
+        match preset {
+            Preset::Default => {}
+            Preset::Fast => config.iterations = Some(FAST_ITERATIONS),
+            Preset::Published => config.publish(),
+        }
+        config
+    }
+
+    /// Sets the options of method.md that have another default here.
+    fn publish(&mut self) {
+        self.iterations = Some(super::schedule::REFERENCE_ITERATIONS);
+        self.sh_degree = Some(2);
+        self.learning_rates.sh_rest_decay = Some(0.0);
+        self.densify.strategy = Strategy::Published;
+        self.densify.near_depth = 0.0;
+        self.densify.prune_scale_by_distance = false;
+        self.sources.distances = Distances::Absolute;
+        self.sources.draw = Draw::Nearest;
+        (self.surface.normal_weight, self.surface.photometric_weight) = (0.03, 0.3);
+        self.residual.burn_in_gain = 0.5;
+        self.residual.dropout = 0.0;
+        self.residual.aggregation = Aggregation::Mean;
+        self.residual.source_share = 0.0;
+        self.exposure.enabled = ExposureSwitch::Off;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::schedule::Schedule;
+
+    #[test]
+    fn every_preset_is_valid_and_survives_its_file() {
+        for preset in Preset::ALL {
+            let config = TrainConfig::preset(preset);
+            config.validate().unwrap();
+            let text = config.to_text().unwrap();
+            assert_eq!(TrainConfig::from_text(&text, "preset.toml".as_ref()).unwrap(), config, "{preset:?}");
+        }
+        assert_eq!(TrainConfig::preset(Preset::Default), TrainConfig::default());
+    }
+
+    #[test]
+    fn the_published_one_has_the_published_milestones() {
+        let mut config = TrainConfig::preset(Preset::Published);
+        config.adapt_to_photos(43, 1);
+        let schedule = Schedule::new(&config, config.iterations());
+        assert_eq!((config.iterations, config.learning_rates.factor), (Some(30_000), None));
+        assert_eq!((schedule.surface_from(), schedule.residual_from()), (Some(7_001), Some(10_001)));
+        assert_eq!(schedule.burn_in(10_001).map(|gain| (gain * 100.0).round()), Some(50.0));
+        assert!(schedule.reset_opacity_at(3_000) && !schedule.reset_opacity_at(15_000));
+    }
+}
