@@ -17,6 +17,8 @@ use tool::{Tool, has_extension};
 const RECORD: &str = "prepare.json";
 /// Fewest photos that have poses.
 const FEWEST: usize = 3;
+/// Photos that are named one by one.
+const NAMED: usize = 5;
 const PHOTOS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
 /// Photos that neither COLMAP nor we read, with the name of their format and a program that converts them.
 const UNREAD: [(&[&str], &str, &str); 3] =
@@ -130,6 +132,7 @@ impl<'a> Preparation<'a> {
         if self.record.done < Step::Photos {
             self.collect(ffmpeg, note)?;
             self.done(Step::Photos)?;
+            self.unreadable()?.into_iter().for_each(&mut *note);
         }
         let images = self.scene.join("images");
         let photos = photos_below(&images)?;
@@ -171,6 +174,19 @@ impl<'a> Preparation<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Names the photos that cannot be read, where there are any; COLMAP passes over them.
+    fn unreadable(&self) -> Result<Option<String>> {
+        let images = self.scene.join("images");
+        let photos = photos_below(&images)?;
+        let names: Vec<_> = photos
+            .iter()
+            .filter(|path| image::image_dimensions(path).is_err())
+            .map(|path| path.strip_prefix(&images).unwrap_or(path).display().to_string())
+            .collect();
+        let count = names.len();
+        Ok((count > 0).then(|| format!("{count} of {} photos cannot be read: {}", photos.len(), listed(&names))))
     }
 
     /// Photos of one size from one input are of one camera.
@@ -260,6 +276,12 @@ fn clear(scene: &Path, with_photos: bool) -> Result<()> {
         true => fs::remove_file(&database).with_context(|| format!("cannot remove {}", database.display())),
         false => Ok(()),
     }
+}
+
+/// The first names of a list.
+pub fn listed(names: &[String]) -> String {
+    let dots = if names.len() > NAMED { ", ..." } else { "" };
+    names[..names.len().min(NAMED)].join(", ") + dots
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {

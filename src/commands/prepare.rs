@@ -2,7 +2,7 @@
 
 use crate::prepare::colmap::{Colmap, Matching};
 use crate::prepare::tool::Tool;
-use crate::prepare::{Preparation, Prepared, Request, is_video};
+use crate::prepare::{Preparation, Prepared, Request, is_video, listed};
 use crate::progress::Bars;
 use crate::signals::on_stop;
 use crate::{stderr, stdout};
@@ -27,8 +27,6 @@ const INSTALL_FFMPEG: &str = "install ffmpeg (Debian, Ubuntu: `apt install ffmpe
 const FEW: f64 = 0.8;
 /// Mean reprojection error in pixels over which poses are poor.
 const LARGE_ERROR: f64 = 1.5;
-/// Photos without a pose that are named.
-const NAMED: usize = 5;
 
 /// Options of `ibgs prepare`.
 #[derive(ClapArgs)]
@@ -95,9 +93,7 @@ fn tell(scene: &Path, Prepared { photos, quality, unposed }: &Prepared) {
         quality.points
     );
     if !unposed.is_empty() {
-        let dots = if unposed.len() > NAMED { ", ..." } else { "" };
-        let named = unposed[..unposed.len().min(NAMED)].join(", ");
-        stderr!("without a pose, and not used: {} of {photos} photos: {named}{dots}", unposed.len());
+        stderr!("without a pose, and not used: {} of {photos} photos: {}", unposed.len(), listed(unposed));
     }
     if quality.models > 1 {
         stderr!(

@@ -8,6 +8,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use ibgs_core::camera_path::turntable::Axis;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
+use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
 use ibgs_core::video::{self, frame_name};
@@ -41,7 +42,7 @@ const LONGEST_TURN: f64 = 3600.0;
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
-    /// Views of the scene to render into the model folder.
+    /// Views of the scene to render.
     #[arg(long, value_enum, default_value = "test")]
     views: Views,
     /// Render a camera path (nerfstudio's JSON) instead of the scene's views.
@@ -51,8 +52,9 @@ pub struct Args {
     /// to and fro where they show it from one side.
     #[arg(long, value_name = "SECONDS", value_parser = turn_seconds)]
     turntable: Option<f64>,
-    /// Folder for the frames of a camera path or turntable [default: MODEL/path/ours_N, MODEL/turntable/ours_N].
-    #[arg(short, long, requires = "frames")]
+    /// Folder for the pictures [default: the model folder; for a camera path MODEL/path/ours_N, for a turntable
+    /// MODEL/turntable/ours_N].
+    #[arg(short, long)]
     output: Option<PathBuf>,
     /// Outputs to write of each view, separated by commas [default: final, if the model has it, and base].
     #[arg(long, value_parser = outputs_parser(), value_delimiter = ',')]
@@ -169,11 +171,13 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
     };
     let names: Vec<&str> = outputs.iter().map(|output| output.name()).collect();
     stderr!("rendering {} {set}views of {}: {}", records.len(), model.cameras.len(), names.join(", "));
+    let target = args.output.as_deref().map(OutputFolder::at);
+    let target = target.as_ref().unwrap_or(&model.folder);
     let bar = bar("rendering", records.len());
     for record in &records {
         let frame = model.renderer.render(&record.camera)?;
         let split = record.split.unwrap_or(Split::Train);
-        let place = Place { folder: &model.folder, split, iteration: model.iteration, name: &record.name };
+        let place = Place { folder: target, split, iteration: model.iteration, name: &record.name };
         match args.exr {
             true => write_exr(&frame, &record.camera, outputs, &place.exr_path())?,
             false => place.write_outputs(&frame, outputs)?,
@@ -184,7 +188,7 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
     let mut folders: Vec<_> = records.iter().map(|record| record.split.unwrap_or(Split::Train).folder()).collect();
     folders.sort_unstable();
     folders.dedup();
-    let at = |split: &str| model.folder.root().join(split).join(format!("ours_{}", model.iteration));
+    let at = |split: &str| target.root().join(split).join(format!("ours_{}", model.iteration));
     let folders: Vec<String> = folders.into_iter().map(|split| at(split).display().to_string()).collect();
     stderr!("{} views in {}", records.len(), folders.join(" and "));
     Ok(())

@@ -200,7 +200,6 @@ fn wrong_usage_ends_with_2() {
     wrong("render model --outputs base,colour", &["colour"]);
     wrong("render model --source-memory -1", &["-1"]);
     wrong("export model", &["required"]);
-    wrong("render model -o frames", &["required"]);
     wrong("paint", &["paint"]);
     assert_eq!(sandbox.run("").code, Some(2));
     assert!(!sandbox.succeeds("--version").stdout.is_empty());

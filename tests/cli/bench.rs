@@ -32,6 +32,9 @@ fn a_growth_table_of_a_tiny_scene() {
         assert_eq!(works, Work::ALL);
         for timing in &configuration.timings {
             assert!(timing.ms > 0.0 && timing.fastest_ms <= timing.ms && timing.in_a_row_ms > 0.0, "{timing:?}");
+            assert!(0.0 < timing.host_ms && timing.host_ms <= timing.in_a_row_ms, "{timing:?}");
+            assert_eq!(timing.busy().is_some(), report.device.timestamps, "{timing:?}");
+            assert!(timing.busy().is_none_or(|busy| 0.0 < busy && busy <= 1.0), "{timing:?}");
             assert!(timing.floor_ms > 0.0, "{timing:?}");
             for stage in timing.work.stages().into_iter().map(Stage::name) {
                 let found = timing.stages.iter().find(|timing| timing.stage == stage);

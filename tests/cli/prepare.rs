@@ -157,9 +157,12 @@ fn photos_without_a_pose_and_formats_that_are_left_out_are_named() {
     for name in ["photos/x.HEIC", "photos/y.heic"] {
         sandbox.write(name, "not looked at");
     }
+    image::RgbImage::new(4, 3).save(sandbox.path("photos/b.jpg")).unwrap();
     write_models(&sandbox, &["a.PNG"], &["b.jpg", "d.tiff", "e.WebP"]);
     let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
     assert!(outcome.stdout.contains("3 of 9 photos have a pose"), "{outcome}");
+    let unreadable = "8 of 9 photos cannot be read: a.PNG, c.jpeg, d.tiff, e.WebP, f.png, ...";
+    assert!(outcome.stderr.contains(unreadable), "{outcome}");
     let without = "6 of 9 photos: images/a.PNG, images/c.jpeg, images/f.png, images/g.png, images/h.png, ...";
     assert!(outcome.stderr.contains(without), "{outcome}");
     assert!(outcome.stderr.contains("3 files are left out, such as notes.txt"), "{outcome}");

@@ -211,7 +211,10 @@ fn render_camera_path(sandbox: &Sandbox, camera: &Camera) {
     make_video(sandbox);
     let picture = |path: &str| image::open(sandbox.path(path)).unwrap().into_rgb8();
     assert_eq!(picture("frames/00000.png"), picture("model/path/ours_30/renders/00000.png"));
+    sandbox.succeeds("render model -o apart");
     for kind in ["renders", "renders_aggregate"] {
+        let place = format!("test/ours_30/{kind}/images/view_000.png");
+        assert_eq!(picture(&format!("apart/{place}")), picture(&format!("model/{place}")));
         let frame = picture(&format!("model/path/ours_30/{kind}/00000.png"));
         assert_ne!(frame, picture(&format!("model/path/ours_30/{kind}/00001.png")));
         let view = picture(&format!("model/test/ours_30/{kind}/images/view_000.png"));
@@ -235,7 +238,6 @@ fn render_turntable(sandbox: &Sandbox) {
     }
     for (wrong, words) in [
         ("render model --turntable 1 --camera-path path.json", "cannot be used with"),
-        ("render model -o frames", "required arguments"),
         ("render model --video", "required arguments"),
     ] {
         super::Outcome::of(wrong, &mut sandbox.command(wrong)).assert_failure(2, &[words]);

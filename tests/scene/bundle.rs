@@ -116,13 +116,7 @@ fn small_bundle_round_trip() {
         let most = photo.rgba.iter().zip(&expected.rgba).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(most <= if name == "left/c.png" { 12 } else { 0 }, "{name}: differs by {most}");
     }
-    // The beginning has all but network and photos.
-    let first_photo = bytes.windows(7).position(|bytes| bytes == b"photos/").unwrap();
-    let start = |length: usize| Bundle::read_start(&bytes[..length], Path::new("a.ibgs")).unwrap();
-    let base = start(first_photo + 100).unwrap();
-    assert_eq!((&base.gaussians, &base.cameras), (&back.gaussians, &back.cameras));
-    assert!(base.network.is_none() && base.photos.is_empty());
-    assert!([0, 10, first_photo / 2, first_photo - 40].iter().all(|&length| start(length).is_none()));
+    begins_with_the_base_image(&bytes, &back);
     for part in ["gaussians.sog", "planes.bin", "photos/left/c.png.jpg"] {
         let at = bytes.windows(part.len()).position(|bytes| bytes == part.as_bytes()).unwrap() + part.len() + 25;
         let mut damaged = bytes.clone();
@@ -130,6 +124,38 @@ fn small_bundle_round_trip() {
         let text = read(&damaged).unwrap_err().to_string();
         assert!(text.contains(&format!("is damaged: its `{part}`")), "{text}");
     }
+}
+
+/// Up to the spherical harmonics a small bundle gives the Gaussians in their constant colours, without planes.
+fn begins_with_the_base_image(bytes: &[u8], whole: &Bundle) {
+    // Behind the list of its pictures it stands in its own header.
+    let name = b"shN_centroids.webp";
+    let mut places = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(name));
+    let start = |length: usize| Bundle::read_start(&bytes[..length], Path::new("a.ibgs")).unwrap();
+    let harmonics = places.nth(1).unwrap() + name.len();
+    let base = start(harmonics).unwrap();
+    assert_eq!((base.iteration, &base.cameras, &base.config), (whole.iteration, &whole.cameras, &whole.config));
+    assert!(base.network.is_none() && base.photos.is_empty());
+    let (found, expected) = (&base.gaussians, &whole.gaussians);
+    assert_eq!((&found.means, &found.rotations, found.space), (&expected.means, &expected.rotations, expected.space));
+    assert!(found.sh_degree == 0 && found.lacks_planes() && !expected.lacks_planes());
+    let row = 3 * expected.sh_coefficients();
+    let constant: Vec<f32> = expected.sh.chunks_exact(row).flat_map(|sh| &sh[..3]).copied().collect();
+    assert_eq!(found.sh, constant);
+    assert_eq!(start(bytes.len()).unwrap().gaussians, base.gaussians);
+    for length in (0..harmonics).step_by(harmonics / 97).chain([harmonics - 1]) {
+        assert!(start(length).is_none(), "{length} of {harmonics} bytes");
+    }
+}
+
+#[test]
+fn a_lossless_bundle_begins_with_its_gaussians() {
+    let bundle = bundle();
+    let bytes = written(&bundle);
+    let at = bytes.windows(11).position(|bytes| bytes == b"network.bin").unwrap() - 30;
+    let start = |length: usize| Bundle::read_start(&bytes[..length], Path::new("a.ibgs")).unwrap();
+    assert_eq!(start(at).unwrap().gaussians, bundle.gaussians);
+    assert!(start(at - 1).is_none() && start(0).is_none());
 }
 
 #[test]

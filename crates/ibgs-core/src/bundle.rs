@@ -2,15 +2,18 @@
 //!
 //! ```text
 //! ibgs.json         {"format": 1, "iteration": N}
-//! point_cloud.ply   the Gaussians with planes
-//! network.bin       the residual network, as its own module wrote it; absent without one
 //! exposure.json     the training photos' exposures, as in the output folder; absent where they were not corrected
 //! cameras.json  multi_view.json  config.toml     as in the output folder
+//! point_cloud.ply   the Gaussians with planes
+//! network.bin       the residual network, as its own module wrote it; absent without one
 //! photos/NAME.png   the training views' photos as they were trained on: undistorted, resized, 8 bits, lossless
 //! ```
 //!
 //! A small bundle ([`Packing::Small`], format 2) has the Gaussians as `gaussians.sog` and `planes.bin` in place of
 //! `point_cloud.ply`, with the scene's offset in `ibgs.json`, and opaque photos as `photos/NAME.jpg`.
+//!
+//! The order lets a browser show the base image early: with the constant colours as soon as the SOG file has come to its
+//! spherical harmonics, see [`Bundle::read_start`].
 //!
 //! Nothing is compressed a second time: photos are compressed already, and numbers barely shrink. So no part can be larger
 //! than the file. The archive's own checksums show damage.
@@ -138,15 +141,25 @@ struct Header {
     offset: Option<DVec3>,
 }
 
-/// Where photos are in the archive, after everything else.
-const PHOTOS: &str = "photos/";
+impl Header {
+    /// Where a small bundle's Gaussians are.
+    fn space(&self) -> LocalSpace {
+        LocalSpace::at(self.offset.unwrap_or_default())
+    }
+}
+
+/// The Gaussians' part, and that of a small bundle.
+const CLOUD: &str = "point_cloud.ply";
+const SOG: &str = "gaussians.sog";
+/// The options' part.
+const OPTIONS: &str = "config.toml";
 
 fn photo_part(name: &str) -> String {
-    format!("{PHOTOS}{name}.png")
+    format!("photos/{name}.png")
 }
 
 fn small_photo_part(name: &str) -> String {
-    format!("{PHOTOS}{name}.jpg")
+    format!("photos/{name}.jpg")
 }
 
 impl Bundle {
@@ -166,19 +179,6 @@ impl Bundle {
             Packing::Small { .. } => (SMALL_FORMAT, self.gaussians.space.file_offset()),
         };
         add(zip, "ibgs.json", &serde_json::to_vec(&Header { format, iteration: self.iteration, offset })?)?;
-        if packing == Packing::Lossless {
-            let mut ply = Vec::new();
-            write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
-            add(zip, "point_cloud.ply", &ply)?;
-        } else {
-            let place = LocalSpace::at(offset.unwrap_or_default());
-            let [sog, planes] = packed::encode(&self.gaussians.in_space(place)).map_err(io::Error::other)?;
-            add(zip, "gaussians.sog", &sog)?;
-            add(zip, "planes.bin", &planes)?;
-        }
-        if let Some(network) = &self.network {
-            add(zip, "network.bin", network)?;
-        }
         if let Some(exposure) = &self.exposure {
             // In the order of their names, so that equal bundles have equal bytes.
             let photos: BTreeMap<_, _> = exposure.iter().collect();
@@ -187,7 +187,20 @@ impl Bundle {
         }
         add(zip, "cameras.json", &serde_json::to_vec(&cameras::to_json(&self.cameras))?)?;
         add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
-        add(zip, "config.toml", self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
+        add(zip, OPTIONS, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
+        if packing == Packing::Lossless {
+            let mut ply = Vec::new();
+            write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
+            add(zip, CLOUD, &ply)?;
+        } else {
+            let place = LocalSpace::at(offset.unwrap_or_default());
+            let [sog, planes] = packed::encode(&self.gaussians.in_space(place)).map_err(io::Error::other)?;
+            add(zip, SOG, &sog)?;
+            add(zip, "planes.bin", &planes)?;
+        }
+        if let Some(network) = &self.network {
+            add(zip, "network.bin", network)?;
+        }
         for photos in self.photos.chunks(BATCH) {
             let encode = |(name, photo): &(String, Arc<Photo>)| encode(name, photo, packing);
             for (part, bytes) in photos.par_iter().map(encode).collect::<io::Result<Vec<_>>>()? {
@@ -232,21 +245,43 @@ impl Bundle {
     /// As [`Bundle::read`].
     pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, BundleError> {
         let mut parts = Parts::open(reader, path)?;
-        let bundle = parts.bundle()?;
+        let bundle = parts.bundle(Parts::gaussians)?;
         let photos = parts.photos(&bundle.cameras)?;
         Ok(Self { photos, ..bundle })
     }
 
-    /// What the beginning of a bundle's bytes gives without the photos, which come last: the model without its network and
-    /// photos. None where the beginning is too short, or no bundle.
+    /// What the beginning of a bundle's bytes gives: the model without network and photos. Gaussians of a small bundle have
+    /// their constant colours alone, and no planes. None where the beginning is too short, or no bundle.
     ///
     /// # Errors
     /// As [`Bundle::read`].
     pub fn read_start(start: &[u8], path: &Path) -> Result<Option<Self>, BundleError> {
-        let Some(whole) = stored_zip::before(start, PHOTOS) else { return Ok(None) };
-        let bundle = Parts::open(Cursor::new(whole), path)?.bundle()?;
-        Ok(Some(Self { network: None, ..bundle }))
+        let Some(archive) = beginning(start).ok().flatten() else { return Ok(None) };
+        Parts::open(Cursor::new(archive), path)?.bundle(Parts::base_gaussians).map(Some)
     }
+}
+
+/// An archive of a bundle's first parts, up to what the base image needs of the Gaussians; none where that is not all there, as
+/// in bundles of earlier versions, whose Gaussians come first.
+fn beginning(start: &[u8]) -> io::Result<Option<Vec<u8>>> {
+    let (mut out, mut has_options, mut is_long_enough) = (Cursor::new(Vec::new()), false, false);
+    stored_zip::write(&mut out, |zip| {
+        for part in stored_zip::first_parts(start) {
+            let base = if part.name == SOG { packed::base_of(part.bytes) } else { None };
+            match base {
+                Some(base) => add(zip, part.name, &base)?,
+                None if part.is_whole => add(zip, part.name, part.bytes)?,
+                None => break,
+            }
+            has_options |= part.name == OPTIONS;
+            if [SOG, CLOUD].contains(&part.name) {
+                is_long_enough = has_options;
+                break;
+            }
+        }
+        Ok(())
+    })?;
+    Ok(is_long_enough.then(|| out.into_inner()))
 }
 
 /// The parts of an open bundle.
@@ -265,21 +300,38 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         }
     }
 
+    /// The Gaussians.
+    fn gaussians(&mut self, header: &Header) -> Result<Gaussians, BundleError> {
+        if !self.zip.has(SOG) {
+            return self.cloud();
+        }
+        let planes = self.bytes("planes.bin")?;
+        let gaussians = self.parse(SOG, |bytes| packed::decode(bytes, &planes))?;
+        Ok(Gaussians { space: header.space(), ..gaussians })
+    }
+
+    /// The same, as far as the base image needs them.
+    fn base_gaussians(&mut self, header: &Header) -> Result<Gaussians, BundleError> {
+        if !self.zip.has(SOG) {
+            return self.cloud();
+        }
+        Ok(Gaussians { space: header.space(), ..self.parse(SOG, packed::decode_base)? })
+    }
+
+    fn cloud(&mut self) -> Result<Gaussians, BundleError> {
+        self.parse(CLOUD, |bytes| read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(CLOUD)))
+    }
+
     /// The bundle without its photos.
-    fn bundle(&mut self) -> Result<Bundle, BundleError> {
+    fn bundle(
+        &mut self,
+        gaussians: fn(&mut Self, &Header) -> Result<Gaussians, BundleError>,
+    ) -> Result<Bundle, BundleError> {
         let header: Header = self.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
         if header.format > SMALL_FORMAT {
             return Err(BundleError::Newer { path: self.path.to_owned(), found: header.format });
         }
-        let gaussians = if self.zip.has("gaussians.sog") {
-            let planes = self.bytes("planes.bin")?;
-            let gaussians = self.parse("gaussians.sog", |bytes| packed::decode(bytes, &planes))?;
-            Gaussians { space: LocalSpace::at(header.offset.unwrap_or_default()), ..gaussians }
-        } else {
-            self.parse("point_cloud.ply", |bytes| {
-                read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new("point_cloud.ply"))
-            })?
-        };
+        let gaussians = gaussians(self, &header)?;
         let has_network = self.zip.has("network.bin");
         let network = has_network.then(|| self.bytes("network.bin")).transpose()?;
         let has_exposure = self.zip.has(exposure::FILE_NAME);
@@ -288,9 +340,8 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
             .transpose()?;
         let cameras = self.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
         let sources = self.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
-        let config = self.parse("config.toml", |bytes| {
-            TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new("config.toml"))
-        })?;
+        let config =
+            self.parse(OPTIONS, |bytes| TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new(OPTIONS)))?;
         let photos = Vec::new();
         Ok(Bundle { iteration: header.iteration, gaussians, network, exposure, cameras, config, photos, sources })
     }

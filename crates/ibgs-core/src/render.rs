@@ -203,12 +203,16 @@ impl Renderer {
     /// # Errors
     /// When the device is lost.
     pub fn shape_missing_planes(&self) -> Result<(), SceneError> {
-        let gaussians = self.splats.download(self.gpu())?;
-        if gaussians.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0]) {
-            self.raster.shape_normals(&self.splats);
-            self.forget_depths();
+        if self.splats.download(self.gpu())?.lacks_planes() {
+            self.shape_planes();
         }
         Ok(())
+    }
+
+    /// Sets all planes: normals to the Gaussians' shortest axes, offsets to 0.
+    pub fn shape_planes(&self) {
+        self.raster.shape_normals(&self.splats);
+        self.forget_depths();
     }
 
     /// The GPU it works on.

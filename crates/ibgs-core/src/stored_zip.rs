@@ -6,6 +6,9 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
+/// Bytes of a part's own header before its name.
+const HEADER: usize = 30;
+
 /// Writes an archive by its parts.
 pub fn write<W: Write + Seek>(out: W, parts: impl FnOnce(&mut ZipWriter<W>) -> io::Result<()>) -> io::Result<()> {
     let mut zip = ZipWriter::new(out);
@@ -45,6 +48,32 @@ pub fn before(mut start: &[u8], name: &str) -> Option<Vec<u8>> {
         Ok(())
     });
     (written.is_ok() && copied).then(|| out.into_inner())
+}
+
+/// A part at the beginning of an archive.
+pub struct FirstPart<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// As many of its bytes as are there.
+    pub bytes: &'a [u8],
+    /// Whether that is all of them.
+    pub is_whole: bool,
+}
+
+/// The parts at the beginning of an archive's bytes, by their own headers (APPNOTE.TXT, 4.3.7); ends with the last one whose
+/// header is there.
+pub fn first_parts(mut start: &[u8]) -> impl Iterator<Item = FirstPart<'_>> {
+    std::iter::from_fn(move || {
+        let word = |at: usize| Some(usize::from(u16::from_le_bytes(start.get(at..at + 2)?.try_into().ok()?)));
+        let name_end = HEADER + word(26)?;
+        let data = name_end + word(28)?;
+        let size = u32::from_le_bytes(start.get(18..22)?.try_into().ok()?) as usize;
+        let name = std::str::from_utf8(start.get(HEADER..name_end)?).ok()?;
+        let rest = start.get(data..).filter(|_| start.starts_with(b"PK\x03\x04"))?;
+        let (bytes, left) = rest.split_at_checked(size).unwrap_or((rest, &[]));
+        start = left;
+        Some(FirstPart { name, bytes, is_whole: bytes.len() == size })
+    })
 }
 
 /// An open archive. Its errors are texts that say what is wrong.

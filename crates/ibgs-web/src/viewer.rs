@@ -92,7 +92,11 @@ impl Viewer {
 
 /// A model as the viewer shows it.
 fn opened(mut model: Model, gpu: &Arc<Gpu>, has_photos: bool) -> Result<Opened, Error> {
+    let lacks_planes = model.gaussians.lacks_planes();
     let renderer = model.renderer(gpu).map_err(sentence)?;
+    if lacks_planes {
+        renderer.shape_planes();
+    }
     gpu.check().map_err(sentence)?;
     let photos = match has_photos {
         true => model.training_photos().map_err(sentence)?,

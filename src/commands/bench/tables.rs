@@ -50,6 +50,11 @@ fn print_timing(timing: &Timing) {
     let whole = ratio(Some(timing.ms / timing.floor_ms).filter(|ratio| ratio.is_finite()));
     stdout!("  {:<48} {:>10.4} {:>10.4} {whole:>7}", "whole, wall clock", timing.ms, timing.floor_ms);
     stdout!("  {:<48} {:>10.4}", "one after the other without waiting", timing.in_a_row_ms);
+    stdout!("  {:<48} {:>10.4}", "host's part of that", timing.host_ms);
+    if let Some((ms, busy)) = timing.kernels_ms().zip(timing.busy()) {
+        let all = format!("all kernels: GPU busy for {:.0} %", 100.0 * busy);
+        stdout!("  {all:<48} {ms:>10.4}");
+    }
 }
 
 /// Prints one row per configuration; nothing if there is only one.

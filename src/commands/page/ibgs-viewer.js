@@ -18,15 +18,28 @@ const STYLE = `
                   background: #1b1b1bd0; }
   ibgs-viewer progress { width: min(20em, 80%); }`;
 
-/** Where the first photo begins in a ZIP archive of which `done` bytes are there, past its header; 0: not there yet. */
+/** How many bytes of a bundle, of which `done` are there, give the base image: its Gaussians, in a SOG file up to the spherical
+    harmonics, and the next header of the ZIP archive; 0: not there yet. */
 function startLength(bytes, done) {
   const view = new DataView(bytes.buffer);
-  for (let at = 0; at + 30 <= done && view.getUint32(at, true) === 0x04034b50; ) {
+  // Where the SOG file ends that is being walked; whether the Gaussians lie behind.
+  let [sogEnd, isPast] = [0, false];
+  for (let at = 0; at + 30 <= done; ) {
+    if (view.getUint32(at, true) !== 0x04034b50) {
+      // Its list of parts.
+      if (!sogEnd) return 0;
+      [at, sogEnd, isPast] = [sogEnd, 0, true];
+      continue;
+    }
     const [name, extra] = [view.getUint16(at + 26, true), view.getUint16(at + 28, true)];
     const end = at + 30 + name + extra;
     if (end > done) return 0;
-    if (new TextDecoder().decode(bytes.subarray(at + 30, at + 30 + name)).startsWith("photos/")) return end;
-    at = end + view.getUint32(at + 18, true);
+    const text = new TextDecoder().decode(bytes.subarray(at + 30, at + 30 + name));
+    if (isPast || (sogEnd && text.startsWith("shN_"))) return end;
+    const next = end + view.getUint32(at + 18, true);
+    isPast = text === "point_cloud.ply";
+    if (text === "gaussians.sog") sogEnd = next;
+    at = text === "gaussians.sog" ? end : next;
   }
   return 0;
 }

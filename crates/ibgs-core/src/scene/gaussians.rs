@@ -106,6 +106,17 @@ impl Gaussians {
         if self.space == space { Cow::Borrowed(self) } else { Cow::Owned(self.clone().into_space(space)) }
     }
 
+    /// Takes the planes away: from a format that has none.
+    pub(super) fn remove_planes(&mut self) {
+        self.normals = vec![[0.0, 0.0, 1.0]; self.len()];
+        self.offsets = vec![0.0; self.len()];
+    }
+
+    /// Whether the planes are those of a format that has none.
+    pub fn lacks_planes(&self) -> bool {
+        self.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0])
+    }
+
     /// Checks that all fields have the length that `means` asks for and that every value is finite.
     ///
     /// # Errors

@@ -35,24 +35,30 @@ struct Clock<'a> {
 impl Clock<'_> {
     /// Milliseconds of `count` runs together, the GPU's work included.
     fn elapsed(&self, count: u32, run: Run) -> Result<f64, TrainError> {
+        Ok(self.host_and_all(count, run)?[1])
+    }
+
+    /// Milliseconds until the host has handed over `count` runs, and until the GPU has done them.
+    fn host_and_all(&self, count: u32, run: Run) -> Result<[f64; 2], TrainError> {
         self.gpu.wait()?;
         let start = Instant::now();
         for _ in 0..count {
             run()?;
         }
+        let host = start.elapsed();
         self.gpu.wait()?;
-        Ok(1e3 * start.elapsed().as_secs_f64())
+        Ok([host, start.elapsed()].map(|time| 1e3 * time.as_secs_f64()))
     }
 
     fn timing(&self, work: Work, run: Run) -> Result<Timing, TrainError> {
         self.elapsed(2, run)?;
         // Also the warm-up of the single runs.
-        let in_a_row_ms = self.elapsed(self.runs, run)? / f64::from(self.runs);
+        let [host_ms, in_a_row_ms] = self.host_and_all(self.runs, run)?.map(|ms| ms / f64::from(self.runs));
         let single = (0..self.runs).map(|_| self.elapsed(1, run)).collect::<Result<Vec<_>, _>>()?;
         let stages = self.stages(work, run)?;
         let fastest_ms = single.iter().copied().fold(f64::INFINITY, f64::min);
         let floor_ms = stages.iter().filter_map(|stage| stage.floor_ms).sum();
-        Ok(Timing { work, ms: median(single), fastest_ms, in_a_row_ms, floor_ms, stages })
+        Ok(Timing { work, ms: median(single), fastest_ms, in_a_row_ms, host_ms, floor_ms, stages })
     }
 
     /// Every stage of the work, and the kernels outside of them that ran in most runs.

@@ -114,10 +114,25 @@ pub struct Timing {
     pub fastest_ms: f64,
     /// Mean of runs that follow each other without waiting for the GPU, as a training or a viewer runs.
     pub in_a_row_ms: f64,
+    /// The host's part of that: until it has handed over the last run.
+    pub host_ms: f64,
     /// Sum of the stages' floors.
     pub floor_ms: f64,
     /// Its stages in order, then kernels that belong to none.
     pub stages: Vec<StageTiming>,
+}
+
+impl Timing {
+    /// Milliseconds of all kernels together; none where the device has no timestamps.
+    pub fn kernels_ms(&self) -> Option<f64> {
+        let timed = self.stages.iter().filter_map(|stage| stage.ms);
+        timed.reduce(|a, b| a + b)
+    }
+
+    /// Share of the time of runs in a row in which the GPU has a kernel to run, at most 1.
+    pub fn busy(&self) -> Option<f64> {
+        self.kernels_ms().map(|ms| (ms / self.in_a_row_ms).min(1.0))
+    }
 }
 
 /// Milliseconds of a stage.

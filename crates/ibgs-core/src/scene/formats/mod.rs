@@ -231,7 +231,6 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
 /// # Errors
 /// As [`finite::only`].
 fn without_planes(mut gaussians: Gaussians, path: &Path) -> Result<Gaussians, SceneError> {
-    gaussians.normals = vec![[0.0, 0.0, 1.0]; gaussians.len()];
-    gaussians.offsets = vec![0.0; gaussians.len()];
+    gaussians.remove_planes();
     finite::only(gaussians, path)
 }

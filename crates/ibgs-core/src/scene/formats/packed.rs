@@ -6,6 +6,7 @@
 
 use super::super::Gaussians;
 use super::{order, quantise, sog, sog_read};
+use crate::stored_zip;
 use glam::{DVec2, DVec3};
 use half::f16;
 
@@ -40,6 +41,23 @@ pub(crate) fn decode(sog: &[u8], planes: &[u8]) -> Result<Gaussians, String> {
         g.normals.push(normal.as_vec3().to_array());
         g.offsets.push((f64::from(f16::from_le_bytes([low, high])) * largest(scales)) as f32);
     }
+    g.validate().map_err(|error| error.to_string())?;
+    Ok(g)
+}
+
+/// The part of a SOG file that [`decode_base`] needs, from the beginning of its bytes; none where its harmonics do not begin
+/// within them.
+pub(crate) fn base_of(start: &[u8]) -> Option<Vec<u8>> {
+    stored_zip::before(start, sog::HARMONICS)
+}
+
+/// The Gaussians with their constant colours alone, and without planes.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn decode_base(sog: &[u8]) -> Result<Gaussians, String> {
+    let mut g = sog_read::read_base(sog)?;
+    g.remove_planes();
     g.validate().map_err(|error| error.to_string())?;
     Ok(g)
 }

@@ -24,6 +24,8 @@ const MOST_ENTRIES: usize = 64 * ENTRY_STEP;
 const ENTRY_STEP: usize = 1024;
 /// Alpha of quaternions whose first component is the largest.
 pub(super) const FIRST_LARGEST: u8 = 252;
+/// What the names of the higher coefficients' pictures begin with; they are the last ones.
+pub(super) const HARMONICS: &str = "shN_";
 /// Largest value of a position.
 pub(super) const MOST_POSITION: u32 = 65_535;
 

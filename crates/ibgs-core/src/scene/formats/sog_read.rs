@@ -63,6 +63,21 @@ struct Version {
 /// # Errors
 /// What is wrong.
 pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
+    let (mut archive, meta) = open(bytes)?;
+    gaussians(&mut archive, &meta)
+}
+
+/// Reads a file as if its spherical harmonics had degree 0; it may lack the pictures of the others.
+///
+/// # Errors
+/// What is wrong.
+pub(super) fn read_base(bytes: &[u8]) -> Result<Gaussians, String> {
+    let (mut archive, meta) = open(bytes)?;
+    gaussians(&mut archive, &Meta { harmonics: None, ..meta })
+}
+
+/// The pictures and what they mean.
+fn open(bytes: &[u8]) -> Result<(Archive<'_>, Meta), String> {
     let zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("it is no whole ZIP archive ({error})"))?;
     // Pictures do not compress, so an archive holds hardly more than its own length.
     let mut archive = Archive { zip, left: 2 * bytes.len() as u64 + MOST_META };
@@ -75,15 +90,19 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
     if meta.count > bytes.len().saturating_mul(MOST_COUNT_A_BYTE) || meta.count > MOST_SIDE * MOST_SIDE {
         return Err(format!("it promises {} Gaussians, more than its {} bytes can hold", meta.count, bytes.len()));
     }
+    Ok((archive, meta))
+}
+
+fn gaussians(archive: &mut Archive, meta: &Meta) -> Result<Gaussians, String> {
     let degree = meta.harmonics.as_ref().map_or(0, |harmonics| harmonics.bands);
     if degree > MAX_SH_DEGREE {
         return Err(format!("its spherical harmonics have degree {degree}; degrees 0 to {MAX_SH_DEGREE} are read"));
     }
     let mut g = Gaussians::with_capacity(meta.count, degree);
-    means(&mut archive, &meta, &mut g)?;
-    rotations(&mut archive, &meta, &mut g)?;
-    scales(&mut archive, &meta, &mut g)?;
-    colors(&mut archive, &meta, &mut g)?;
+    means(archive, meta, &mut g)?;
+    rotations(archive, meta, &mut g)?;
+    scales(archive, meta, &mut g)?;
+    colors(archive, meta, &mut g)?;
     Ok(g)
 }
 
