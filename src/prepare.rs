@@ -5,9 +5,11 @@ pub mod tool;
 mod video;
 
 use anyhow::{Context, Result, bail};
-use colmap::{Cameras, Colmap, Matching, Quality};
+use colmap::{Cameras, Colmap, Matching, Origin, Quality};
 use ibgs_core::dataset;
+use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
+use image::ImageReader;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -78,21 +80,23 @@ impl<'a> Preparation<'a> {
     ///
     /// # Errors
     /// The folder holds something else, or cannot be written.
-    pub fn begin(scene: &Path, request: Request, overwrite: bool, progress: &'a dyn Progress) -> Result<Self> {
+    pub fn begin(scene: &Path, request: Request, existing: Existing, progress: &'a dyn Progress) -> Result<Self> {
         check_inputs(&request.inputs)?;
         let mut record = Record { request, done: Step::Nothing };
         let images = scene.join("images");
         let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
         match read_record(scene)? {
-            Some(earlier) if earlier.request == record.request && !overwrite => record = earlier,
-            Some(_) if !overwrite => bail!(
+            Some(earlier) if earlier.request == record.request && existing == Existing::Keep => record = earlier,
+            Some(_) if existing == Existing::Keep => bail!(
                 "{} was begun with other photos or options; choose another folder, or allow `--overwrite`",
                 scene.display()
             ),
             Some(earlier) if own_photos(&earlier) && !own_photos(&record) => {
                 bail!("{} holds photos that were there before; choose another folder", images.display())
             }
-            Some(_) => clear(scene, !own_photos(&record))?,
+            // Photos of the user's own stay.
+            Some(_) if own_photos(&record) => clear(scene, &["sparse"])?,
+            Some(_) => clear(scene, &["sparse", "images"])?,
             None if scene.join("sparse").exists() => {
                 bail!("{} has camera poses already: train on it, or choose another folder", scene.display())
             }
@@ -142,8 +146,9 @@ impl<'a> Preparation<'a> {
             self.done(Step::Features)?;
         }
         if self.record.done < Step::Matches {
-            let is_video = self.record.request.inputs.iter().all(|input| is_video(input));
-            colmap.matches(matching.decided(count, is_video), count, progress)?;
+            let are_videos = self.record.request.inputs.iter().all(|input| is_video(input));
+            let origin = if are_videos { Origin::Videos } else { Origin::Photos };
+            colmap.matches(matching.decided(count, origin), count, progress)?;
             self.done(Step::Matches)?;
         }
         if self.record.done < Step::Poses {
@@ -182,7 +187,7 @@ impl<'a> Preparation<'a> {
         let photos = photos_below(&images)?;
         let names: Vec<_> = photos
             .iter()
-            .filter(|path| image::image_dimensions(path).is_err())
+            .filter(|path| size_of(path).is_none())
             .map(|path| path.strip_prefix(&images).unwrap_or(path).display().to_string())
             .collect();
         let count = names.len();
@@ -192,7 +197,7 @@ impl<'a> Preparation<'a> {
     /// Photos of one size from one input are of one camera.
     fn cameras(&self, photos: &[PathBuf]) -> Cameras {
         // One that cannot be read says nothing of the others.
-        let mut sizes = photos.iter().filter_map(|path| image::image_dimensions(path).ok());
+        let mut sizes = photos.iter().filter_map(|path| size_of(path));
         let is_one_size = sizes.next().is_some_and(|first| sizes.all(|size| size == first));
         match (is_one_size, self.record.request.inputs.len()) {
             (true, 1) => Cameras::One,
@@ -200,6 +205,11 @@ impl<'a> Preparation<'a> {
             (false, _) => Cameras::ByMetadata,
         }
     }
+}
+
+/// Width and height of a photo, whose format its contents tell; none where it cannot be read.
+fn size_of(path: &Path) -> Option<(u32, u32)> {
+    ImageReader::open(path).ok()?.with_guessed_format().ok()?.into_dimensions().ok()
 }
 
 /// Whether there are photos enough.
@@ -265,11 +275,10 @@ fn read_record(scene: &Path) -> Result<Option<Record>> {
     record.map(Some).with_context(|| format!("{} is damaged; remove it, or choose another folder", path.display()))
 }
 
-/// Removes what an earlier preparation has made.
-fn clear(scene: &Path, with_photos: bool) -> Result<()> {
-    let made = ["sparse", "images"].map(|name| scene.join(name));
-    for folder in made.iter().take(if with_photos { 2 } else { 1 }).filter(|folder| folder.exists()) {
-        fs::remove_dir_all(folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+/// Removes folders that an earlier preparation has made, and its database.
+fn clear(scene: &Path, folders: &[&str]) -> Result<()> {
+    for folder in folders.iter().map(|name| scene.join(name)).filter(|folder| folder.exists()) {
+        fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     }
     let database = scene.join("database.db");
     match database.exists() {

@@ -69,7 +69,7 @@ impl Run {
             let missing = format!("{} has no {what} of iteration {iteration}", self.name);
             match self.has_held_out() {
                 true => format!("{missing}; run `ibgs eval {}`", self.name),
-                false => format!("{missing}, and no held-out views to measure; train with `--eval`"),
+                false => format!("{missing}; no views were held out: train with `--eval` to measure it"),
             }
         });
         let untimed = || format!("{} does not say how long its training to iteration {iteration} took", self.name);

@@ -8,6 +8,7 @@ use crate::signals::on_stop;
 use crate::{stderr, stdout};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
+use ibgs_core::output::Existing;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -79,7 +80,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let request = Request { inputs, frames: args.frames as usize, camera_model: args.camera_model.clone() };
     let bars = Bars::default();
-    let preparation = Preparation::begin(&args.output, request, args.overwrite, &bars)?;
+    let existing = if args.overwrite { Existing::Replace } else { Existing::Keep };
+    let preparation = Preparation::begin(&args.output, request, existing, &bars)?;
     let prepared = preparation.run(&colmap, &ffmpeg, args.matching, &mut |note| stderr!("{note}"))?;
     tell(&args.output, &prepared);
     Ok(())

@@ -9,7 +9,7 @@ mod stages;
 mod terminal;
 mod window;
 
-pub use plan::Plan;
+pub use plan::{DemoDefaults, Plan};
 pub use window::{Failure, Watched};
 
 use super::bench::lists::number;
@@ -61,7 +61,7 @@ pub struct Args {
     /// [default: ibgs].
     #[arg(long, value_parser = word::<Method>(&["ibgs", "3dgs"]))]
     method: Option<Method>,
-    /// Options to begin with, which the others override: `default`; `fast` (about half a minute on a fast GPU); `published` (those
+    /// Options to begin with, which the others override: `default`; `fast` (4000 iterations, about half a minute on a fast GPU); `published` (those
     /// of the published experiments) [default: default].
     #[arg(
         long,
@@ -134,7 +134,7 @@ pub struct Args {
     log_json: Option<PathBuf>,
 
     /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: 200 for each
-    /// training photo, 7000 to 30000; with `--densify` 30000; with `--init` 3000; demo scene 10000, on a software adapter
+    /// training photo, 7000 to 30000; with another `--densify` or without scaling 30000; with `--init` 3000; demo scene 10000, on a software adapter
     /// 200].
     #[arg(long, alias = "total-train-iters", help_heading = heading::LENGTH)]
     iterations: Option<u32>,
@@ -171,8 +171,8 @@ pub struct Args {
     /// densification.
     #[arg(long, help_heading = heading::GAUSSIANS)]
     init: Option<PathBuf>,
-    /// Largest number of Gaussians, such as `500000`, `500k` or `1.5M` [default: one per 45 pixels of the training photos, from 200000 to 3000000;
-    /// with `published` and `absgs` 5000000; demo scene 1000000, on a software adapter 12000].
+    /// Largest number of Gaussians, such as `500000`, `500k` or `1.5M` [default: one per 45 pixels of the training photos,
+    /// from 200000 to 3000000; with `published` and `absgs` 5000000; demo scene 1000000, on a software adapter 12000].
     #[arg(long, value_parser = splats, help_heading = heading::GAUSSIANS)]
     max_splats: Option<u32>,
     /// Degree of the spherical harmonics (view dependence of the base colour), 0 to 3 [default: 2; with `--method 3dgs`

@@ -2,7 +2,7 @@
 
 use super::model::{FileArgs, ModelArgs};
 use super::open_gpu;
-use super::train::{Failure, Plan, Watched};
+use super::train::{DemoDefaults, Failure, Plan, Watched};
 use crate::advice::{self, value};
 use crate::progress::Bars;
 use crate::signals::on_stop;
@@ -193,7 +193,7 @@ impl Open for Opener {
     }
 
     fn demo_iterations(&self, gpu: &Gpu) -> u32 {
-        Plan::demo_iterations(gpu)
+        DemoDefaults::of(gpu).iterations
     }
 
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {

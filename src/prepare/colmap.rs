@@ -26,11 +26,20 @@ pub enum Matching {
     Sequential,
 }
 
+/// What photos come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Photos, in any order.
+    Photos,
+    /// Frames of videos, in the order of time.
+    Videos,
+}
+
 impl Matching {
-    /// Resolves `auto` for a number of photos, from a video or not.
-    pub fn decided(self, photos: usize, is_video: bool) -> Self {
+    /// Resolves `auto` for a number of photos.
+    pub fn decided(self, photos: usize, origin: Origin) -> Self {
         match self {
-            Self::Auto if is_video && photos > EXHAUSTIVE => Self::Sequential,
+            Self::Auto if origin == Origin::Videos && photos > EXHAUSTIVE => Self::Sequential,
             Self::Auto => Self::Exhaustive,
             decided => decided,
         }
@@ -273,9 +282,9 @@ mod tests {
 
     #[test]
     fn a_long_video_is_matched_in_order() {
-        assert_eq!(Matching::Auto.decided(250, true), Matching::Exhaustive);
-        assert_eq!(Matching::Auto.decided(251, true), Matching::Sequential);
-        assert_eq!(Matching::Auto.decided(900, false), Matching::Exhaustive);
-        assert_eq!(Matching::Sequential.decided(3, false), Matching::Sequential);
+        assert_eq!(Matching::Auto.decided(250, Origin::Videos), Matching::Exhaustive);
+        assert_eq!(Matching::Auto.decided(251, Origin::Videos), Matching::Sequential);
+        assert_eq!(Matching::Auto.decided(900, Origin::Photos), Matching::Exhaustive);
+        assert_eq!(Matching::Sequential.decided(3, Origin::Photos), Matching::Sequential);
     }
 }

@@ -178,6 +178,7 @@ fn wrong_usage_ends_with_2() {
     wrong("train scene -s scene", &["cannot be used with"]);
     wrong("train scene --principal-point middle", &["middle"]);
     wrong("train scene --preset fast --config run.toml", &["--preset", "--config"]);
+    wrong("train scene --preset fast --resume -m model", &["--preset", "--resume"]);
     for count in ["many", "0.5", "0"] {
         wrong(&format!("train scene --max-splats {count}"), &["--max-splats", "1.5M"]);
     }

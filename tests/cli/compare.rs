@@ -103,7 +103,7 @@ fn other_views_and_absent_pictures_are_told() {
     let config = sandbox.text("model/config.toml");
     sandbox.write("model/config.toml", config.replace("eval = true", "eval = false"));
     let told = sandbox.succeeds("compare model other --iteration 7").stderr;
-    assert!(told.contains("no held-out views to measure; train with `--eval`"), "{told}");
+    assert!(told.contains("no views were held out: train with `--eval` to measure it"), "{told}");
 }
 
 #[test]

@@ -157,7 +157,9 @@ fn photos_without_a_pose_and_formats_that_are_left_out_are_named() {
     for name in ["photos/x.HEIC", "photos/y.heic"] {
         sandbox.write(name, "not looked at");
     }
-    image::RgbImage::new(4, 3).save(sandbox.path("photos/b.jpg")).unwrap();
+    // A PNG by its contents.
+    image::RgbImage::new(4, 3).save(sandbox.path("b.png")).unwrap();
+    fs::rename(sandbox.path("b.png"), sandbox.path("photos/b.jpg")).unwrap();
     write_models(&sandbox, &["a.PNG"], &["b.jpg", "d.tiff", "e.WebP"]);
     let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
     assert!(outcome.stdout.contains("3 of 9 photos have a pose"), "{outcome}");

@@ -257,7 +257,8 @@ impl Bundle {
     /// As [`Bundle::read`].
     pub fn read_start(start: &[u8], path: &Path) -> Result<Option<Self>, BundleError> {
         let Some(archive) = beginning(start).ok().flatten() else { return Ok(None) };
-        Parts::open(Cursor::new(archive), path)?.bundle(Parts::base_gaussians).map(Some)
+        let bundle = Parts::open(Cursor::new(archive), path)?.bundle(Parts::base_gaussians)?;
+        Ok(Some(Self { network: None, ..bundle }))
     }
 }
 

@@ -317,7 +317,8 @@ impl TrainConfig {
     /// Sets the options that depend on the training photos, unless they are given: the number of iterations, the cap on
     /// Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
     ///
-    /// With the default strategy a run visits every photo 200 times, in 7000 iterations at least and 30,000 at most. At full
+    /// With the default strategy and `schedule_scaling` a run visits every photo 200 times, in 7000 iterations at least and 30,000
+    /// at most. At full
     /// rates it overfits after 7000 iterations or 163 visits of each photo, whichever is more. In a longer run the rates
     /// fall, and the rounds of densification move apart, in proportion, so that the Gaussians move as far as in that
     /// many iterations. Departures from method.md.
@@ -326,7 +327,8 @@ impl TrainConfig {
         let adapts = self.densify.strategy == Strategy::Default && self.init.is_none();
         let [least, most] = USUAL_ITERATIONS;
         let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(USUAL_VISITS);
-        let usual = if adapts { visits.clamp(least, most) } else { self.iterations() };
+        // Milestones that are not scaled need the whole length.
+        let usual = if adapts && self.schedule_scaling { visits.clamp(least, most) } else { self.iterations() };
         self.iterations.get_or_insert(usual);
         if adapts && self.learning_rates.factor.is_none() {
             let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
@@ -453,7 +455,9 @@ mod tests {
         let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
         let mut published = TrainConfig::default();
         published.densify.strategy = Strategy::Published;
-        assert_eq!([given, warm, published].map(|config| length(43, config)), [5, 3_000, 30_000]);
+        let unscaled = TrainConfig { schedule_scaling: false, ..TrainConfig::default() };
+        let lengths = [given, warm, published, unscaled].map(|config| length(43, config));
+        assert_eq!(lengths, [5, 3_000, 30_000, 30_000]);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Our own ZIP archives, bundles and checkpoints: nothing in them is compressed, and their checksums show damage.
 
 use std::io::{self, Cursor, Read, Seek, Write};
-use zip::read::read_zipfile_from_stream;
 use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
@@ -32,22 +31,20 @@ pub fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) ->
 
 /// An archive of the parts before the first one whose name begins with `name`, from the beginning of an archive's bytes; none
 /// where that part does not begin within it.
-pub fn before(mut start: &[u8], name: &str) -> Option<Vec<u8>> {
+pub fn before(start: &[u8], name: &str) -> Option<Vec<u8>> {
     let mut out = Cursor::new(Vec::new());
-    let mut copied = false;
+    let mut begins = false;
     let written = write(&mut out, |zip| {
-        while let Some(mut part) = read_zipfile_from_stream(&mut start)? {
-            if part.name()?.starts_with(name) {
-                copied = true;
-                return Ok(());
+        for part in first_parts(start) {
+            begins = part.name.starts_with(name);
+            if begins || !part.is_whole {
+                break;
             }
-            let (part_name, mut bytes) = (part.name()?.into_owned(), Vec::new());
-            part.read_to_end(&mut bytes)?;
-            add(zip, &part_name, &bytes)?;
+            add(zip, part.name, part.bytes)?;
         }
         Ok(())
     });
-    (written.is_ok() && copied).then(|| out.into_inner())
+    (written.is_ok() && begins).then(|| out.into_inner())
 }
 
 /// A part at the beginning of an archive.
@@ -61,7 +58,7 @@ pub struct FirstPart<'a> {
 }
 
 /// The parts at the beginning of an archive's bytes, by their own headers (APPNOTE.TXT, 4.3.7); ends with the last one whose
-/// header is there.
+/// header is there, or before one that is compressed.
 pub fn first_parts(mut start: &[u8]) -> impl Iterator<Item = FirstPart<'_>> {
     std::iter::from_fn(move || {
         let word = |at: usize| Some(usize::from(u16::from_le_bytes(start.get(at..at + 2)?.try_into().ok()?)));
@@ -69,7 +66,9 @@ pub fn first_parts(mut start: &[u8]) -> impl Iterator<Item = FirstPart<'_>> {
         let data = name_end + word(28)?;
         let size = u32::from_le_bytes(start.get(18..22)?.try_into().ok()?) as usize;
         let name = std::str::from_utf8(start.get(HEADER..name_end)?).ok()?;
-        let rest = start.get(data..).filter(|_| start.starts_with(b"PK\x03\x04"))?;
+        // Flags and method: stored, its size in the header.
+        let is_plain = start.starts_with(b"PK\x03\x04") && word(6)? & 8 == 0 && word(8)? == 0;
+        let rest = start.get(data..).filter(|_| is_plain)?;
         let (bytes, left) = rest.split_at_checked(size).unwrap_or((rest, &[]));
         start = left;
         Some(FirstPart { name, bytes, is_whole: bytes.len() == size })
@@ -139,5 +138,24 @@ mod tests {
         let read: Vec<_> = (0..5).map(|part| zip.bytes(&format!("part.{part}"))).collect();
         assert_eq!(read[0].as_ref().unwrap().len(), 10_000);
         assert!(read[4].is_err(), "{read:?}");
+    }
+
+    /// What is unpacked could be a thousand times as large.
+    #[test]
+    fn the_first_parts_end_before_a_compressed_one() {
+        let mut out = Cursor::new(Vec::new());
+        write(&mut out, |zip| {
+            add(zip, "a", b"one")?;
+            zip.start_file("b", SimpleFileOptions::default().compression_method(CompressionMethod::Deflated))?;
+            zip.write_all(&[7; 100])?;
+            add(zip, "c", b"three")
+        })
+        .unwrap();
+        let bytes = out.into_inner();
+        let parts: Vec<_> = first_parts(&bytes).map(|part| (part.name, part.bytes, part.is_whole)).collect();
+        assert_eq!(parts, [("a", &b"one"[..], true)]);
+        let cut: Vec<_> = first_parts(&bytes[..33]).map(|part| (part.bytes, part.is_whole)).collect();
+        assert_eq!(cut, [(&b"on"[..], false)]);
+        assert!(before(&bytes, "b").is_none() && before(&bytes, "a").is_some());
     }
 }

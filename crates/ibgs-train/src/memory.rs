@@ -136,8 +136,8 @@ impl Estimate {
         let image_based = demand.config.method == Method::Ibgs;
         let mut estimate = Self { parts: Vec::new() };
         estimate.add_photos(demand);
-        estimate.add_gaussians(&sizes, image_based, demand.grows);
-        estimate.add_raster(&sizes, image_based);
+        estimate.add_gaussians(&sizes, demand);
+        estimate.add_raster(&sizes, demand.config.method);
         estimate.add("images", "base image and its gradient", 12 * sizes.pixels, 2);
         if demand.config.exposure.enabled != ExposureSwitch::Off {
             estimate.add("images", "base image in the photo's exposure and its gradient", 12 * sizes.pixels, 2);
@@ -167,8 +167,8 @@ impl Estimate {
         self.add("photos", "training photos", largest, kept.div_ceil(largest.max(1)));
     }
 
-    fn add_gaussians(&mut self, sizes: &Sizes, image_based: bool, grows: bool) {
-        let n = sizes.n;
+    fn add_gaussians(&mut self, sizes: &Sizes, demand: &Demand) {
+        let (n, grows, image_based) = (sizes.n, demand.grows, demand.config.method == Method::Ibgs);
         for (at, (what, values)) in sizes.tensors().into_iter().enumerate() {
             // Normals and offsets are only trained with the surface.
             let trained = at < 5 || image_based;
@@ -187,7 +187,8 @@ impl Estimate {
         }
     }
 
-    fn add_raster(&mut self, sizes: &Sizes, image_based: bool) {
+    fn add_raster(&mut self, sizes: &Sizes, method: Method) {
+        let image_based = method == Method::Ibgs;
         let Sizes { n, room, pixels, tiles, .. } = *sizes;
         let bins = |keys: u64| 4 * (keys.div_ceil(SORT_BLOCK.into()) + 1) * u64::from(SORT_BINS);
         // The views whose depth maps are made have a workspace beside the iteration's.

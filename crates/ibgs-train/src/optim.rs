@@ -4,7 +4,7 @@ use crate::autodiff::SplatGradients;
 use crate::tensor::{bind, primitive};
 use burn_cubecl::tensor::CubeTensor;
 use bytemuck::bytes_of;
-use ibgs_core::config::{AdamConfig, TrainConfig};
+use ibgs_core::config::{AdamConfig, Method, TrainConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::types::{AdamParams, OpacityResetParams};
@@ -153,21 +153,21 @@ pub struct Optimizer {
     steps: [i32; 2],
 }
 
-fn parameters(splats: &Splats, planes: bool) -> Vec<(Buffer, usize, usize)> {
+/// The first `count` parameters: memory, values, values of a Gaussian.
+fn parameters(splats: &Splats, count: usize) -> Vec<(Buffer, usize, usize)> {
     let rows = PerGaussian::rows(splats.coefficients);
     let all = splats.parameters.clone().zip(rows).into_array().into_iter();
-    all.take(if planes { BASE + PLANES } else { BASE })
-        .map(|(parameter, row)| (parameter, row * splats.count, row))
-        .collect()
+    all.take(count).map(|(parameter, row)| (parameter, row * splats.count, row)).collect()
 }
 
 impl Optimizer {
-    /// Moments at zero; `planes`: normals and offsets are trained too.
+    /// Moments at zero; with [`Method::Ibgs`] normals and offsets are trained too.
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, planes: bool) -> Result<Self, GpuError> {
-        let parameters = parameters(splats, planes).into_iter();
+    pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, method: Method) -> Result<Self, GpuError> {
+        let count = if method == Method::Ibgs { BASE + PLANES } else { BASE };
+        let parameters = parameters(splats, count).into_iter();
         let tensors = parameters.map(|parameter| Learned::new(gpu, parameter)).collect::<Result<_, _>>()?;
         Ok(Self { tensors, config, steps: [0; 2] })
     }
@@ -195,7 +195,7 @@ impl Optimizer {
 
     /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the tensors.
     pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer; 2]>) -> Self {
-        let parameters = parameters(splats, self.tensors.len() > BASE).into_iter();
+        let parameters = parameters(splats, self.tensors.len()).into_iter();
         let tensor = |((parameter, count, row), moments)| Learned { parameter, moments, count, row };
         let tensors = parameters.zip(moments).map(tensor).collect();
         Self { tensors, config: self.config.clone(), steps: self.steps }

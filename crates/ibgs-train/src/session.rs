@@ -65,8 +65,9 @@ struct Records {
 struct Due {
     save: bool,
     evaluate: bool,
-    /// The state is to be taken, and written.
+    /// The state is to be taken.
     keep: bool,
+    /// And then written.
     write: bool,
 }
 
@@ -228,7 +229,7 @@ impl Session {
         // Keep a state before a new stage: its first iteration needs more memory, and the allocation may fail. After
         // the last iteration nothing remains to be resumed.
         let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations();
-        let due = Due { save, evaluate, keep, write };
+        let due = Due { save, evaluate, keep, write: keep && write };
         // Wait, so that pending work counts as time of the iterations and not of what follows. The last iteration is
         // always saved.
         if save || evaluate || keep {
@@ -242,17 +243,23 @@ impl Session {
     /// Does what is due after an iteration, and then keeps the state: a resumed run does nothing of the rest.
     fn follow(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
         if due.save || due.evaluate {
-            self.settle(due.save, due.evaluate, observer)?;
+            self.settle(due, observer)?;
         }
-        if due.keep { self.keep(due.write, observer) } else { Ok(()) }
+        if due.keep {
+            self.keep()?;
+        }
+        if due.write {
+            self.keeper.begin(observer);
+        }
+        Ok(())
     }
 
-    /// Takes the state as it is now, and begins to write it where that is wanted.
-    fn keep(&mut self, write: bool, observer: &mut dyn Observer) -> Result<()> {
+    /// Takes the state as it is now.
+    fn keep(&mut self) -> Result<()> {
         if self.trainer.iteration() > 0 {
             let start = Instant::now();
             let checkpoint = self.trainer.checkpoint(serde_json::to_value(&self.records)?)?;
-            self.keeper.take(checkpoint, write, start.elapsed(), observer);
+            self.keeper.take(checkpoint, start.elapsed());
         }
         Ok(())
     }

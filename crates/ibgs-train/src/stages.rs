@@ -50,12 +50,6 @@ pub(super) struct ImageStages {
     network_optimizer: TensorOptimizer,
 }
 
-/// What the image-based stages keep, on the host.
-pub(super) struct StagesState {
-    pub network: NetworkState,
-    pub depths: BTreeMap<usize, Vec<f32>>,
-}
-
 /// An iteration in progress: the view, its photo, and the rasterizer's pass.
 pub(super) struct Work<'a> {
     pub iteration: u32,
@@ -144,17 +138,21 @@ impl ImageStages {
         self.network_optimizer.record_check(pass, broken);
     }
 
-    /// Network and, where `all` is wanted, depth maps on the host; waits for the GPU.
-    pub fn state(&mut self, all: bool) -> Result<StagesState, TrainError> {
+    /// The network on the host; waits for the GPU.
+    pub fn network_state(&self) -> Result<NetworkState, TrainError> {
         let (moments, steps) = self.network_optimizer.state(&self.gpu)?;
-        let network = NetworkState { weights: self.network.network().to_values(&self.gpu)?, moments, steps };
+        Ok(NetworkState { weights: self.network.network().to_values(&self.gpu)?, moments, steps })
+    }
+
+    /// The depth maps on the host, by view; waits for the GPU.
+    pub fn depths(&mut self) -> Result<BTreeMap<usize, Vec<f32>>, TrainError> {
         let mut depths = BTreeMap::new();
-        for (view, camera) in self.cameras.iter().enumerate().filter(|_| all) {
+        for (view, camera) in self.cameras.iter().enumerate() {
             if let Some(map) = self.depths.get(view) {
                 depths.insert(view, self.gpu.read(&map, camera.pixels())?);
             }
         }
-        Ok(StagesState { network, depths })
+        Ok(depths)
     }
 
     /// Resumes from there; a depth map that is missing is rendered when it is needed.

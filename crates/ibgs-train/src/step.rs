@@ -183,7 +183,7 @@ impl Trainer {
         Ok(Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations()),
-            optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), image_based)?,
+            optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
             statistics: Statistics::new(&gpu, splats.len())?,
             filters,
             exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,

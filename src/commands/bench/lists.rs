@@ -34,7 +34,9 @@ pub fn number(text: &str) -> Option<f64> {
         _ => (lower.as_str(), 1.0),
     };
     let value = number.parse::<f64>().ok()? * factor;
-    (value.fract() == 0.0).then_some(value)
+    // 4.1 times a million is a little less than 4,100,000.
+    let whole = value.round();
+    ((value - whole).abs() <= 1e-9 * whole).then_some(whole)
 }
 
 fn count(text: &str) -> Result<usize> {
@@ -65,7 +67,7 @@ mod tests {
 
     #[test]
     fn counts_have_suffixes() {
-        assert_eq!(counts("5,100k,1.5M").unwrap(), [5, 100_000, 1_500_000]);
+        assert_eq!(counts("5,100k,1.5M,4.1M,2.01k").unwrap(), [5, 100_000, 1_500_000, 4_100_000, 2_010]);
         for text in ["", "0", "-5", "1.5", "k", "1,,2", "60M", "nan"] {
             assert!(counts(text).is_err(), "{text}");
         }

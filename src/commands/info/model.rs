@@ -1,6 +1,7 @@
 //! What `ibgs info` says of a model folder or a bundle.
 
 use crate::commands::report::{duration, megabytes};
+use crate::commands::train::DemoDefaults;
 use crate::stdout;
 use anyhow::Result;
 use glam::DVec3;
@@ -22,9 +23,9 @@ pub fn show(path: &Path) -> Result<()> {
     let figures = Figures::read(&model.folder, model.iteration)?;
     let kind = if model.bundle_bytes.is_some() { "bundle" } else { "model" };
     stdout!("{}: {kind} of iteration {} of {}", path.display(), model.iteration, model.config.iterations());
+    let config = trained_with(&model)?;
     let rows =
-        [contents(&model)?, measured(&figures), files(&model)?, options(&trained_with(&model)?, &photos_of(&model))?]
-            .concat();
+        [contents(&model)?, measured(&figures), files(&model)?, options(&config, &usual(&model, &config))?].concat();
     let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     rows.iter().for_each(|(name, value)| stdout!("   {name:<width$}   {value}"));
     Ok(())
@@ -152,14 +153,34 @@ fn trained_with(model: &Model) -> Result<TrainConfig> {
     Ok(config)
 }
 
-/// How many photos the training had, and their pixels in all.
-fn photos_of(model: &Model) -> (usize, u64) {
+/// The options that the training of a model would have had by default.
+fn usual(model: &Model, config: &TrainConfig) -> TrainConfig {
     let views = model.training_views();
-    (views.len(), views.iter().map(|record| record.camera.pixels() as u64).sum())
+    let pixels = views.iter().map(|record| record.camera.pixels() as u64).sum();
+    let mut usual = by_photos(config, views.len(), pixels);
+    // Written by earlier versions.
+    usual.residual.factor = config.residual.factor.filter(|&factor| factor == 1.0);
+    if model.is_demo() {
+        let demo = [DemoDefaults::SOFTWARE, DemoDefaults::GPU];
+        let [software, gpu] = demo.map(|defaults| {
+            let mut filled = TrainConfig { init: config.init.clone(), ..TrainConfig::default() };
+            defaults.fill(&mut filled);
+            filled
+        });
+        let filled = if config.residual.factor == software.residual.factor { software } else { gpu };
+        usual.iterations = filled.iterations;
+        usual.densify.max_splats = filled.densify.max_splats;
+        usual.residual.factor = filled.residual.factor;
+    }
+    if model.bundle_bytes.is_some() {
+        // Its photos may be smaller than those of the training.
+        usual.densify.max_splats = config.densify.max_splats;
+    }
+    usual
 }
 
-/// The options by default, where these are given: some follow from the photos, and the learning rates from the length.
-fn usual(config: &TrainConfig, (photos, pixels): (usize, u64)) -> TrainConfig {
+/// The default options with those that follow from the photos, and the learning rates from the length.
+fn by_photos(config: &TrainConfig, photos: usize, pixels: u64) -> TrainConfig {
     let adapted = |iterations: Option<u32>| {
         let mut config = TrainConfig { iterations, ..config.clone() };
         (config.densify.max_splats, config.learning_rates.factor) = (None, None);
@@ -173,14 +194,14 @@ fn usual(config: &TrainConfig, (photos, pixels): (usize, u64)) -> TrainConfig {
     usual
 }
 
-/// The options that differ from the defaults of a training with these photos, by their names in the options file.
-fn options(config: &TrainConfig, photos: &(usize, u64)) -> Result<Rows> {
+/// The options that differ from the usual ones, by their names in the options file.
+fn options(config: &TrainConfig, usual: &TrainConfig) -> Result<Rows> {
     let leaves = |config: &TrainConfig| -> Result<BTreeMap<String, Value>> {
         let mut leaves = BTreeMap::new();
         flatten("", Table::try_from(config)?, &mut leaves);
         Ok(leaves)
     };
-    let usual = leaves(&usual(config, *photos))?;
+    let usual = leaves(usual)?;
     let changed = leaves(config)?.into_iter().filter(|(name, value)| usual.get(name) != Some(value));
     // The path of the scene has no default to differ from.
     let changed = changed.filter(|(name, _)| name != "data.source");
@@ -209,7 +230,7 @@ mod tests {
     #[test]
     fn options_are_those_that_differ() {
         let mut config = TrainConfig::default();
-        let options = |config: &TrainConfig| options(config, &(20, 90_000_000)).unwrap();
+        let options = |config: &TrainConfig| options(config, &by_photos(config, 20, 90_000_000)).unwrap();
         let none = [("options", "all at their defaults".to_owned())];
         let mut adapted = config.clone();
         adapted.adapt_to_photos(20, 90_000_000);

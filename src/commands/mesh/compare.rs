@@ -127,9 +127,8 @@ impl Options {
             }
             None => return Ok(()),
         };
-        let compared = self.compare.as_deref().unwrap_or(Path::new("demo"));
-        report["compared_with"] = json!(compared);
-        if compared == Path::new("demo") {
+        report["compared_with"] = json!(self.compare);
+        if self.is_demo() {
             report["normal_map"] = normal_map(model)?;
             report["recall_of"] = json!("true triangles whose centre some training view sees");
         }

@@ -1,5 +1,5 @@
 // <ibgs-viewer src="scene.ibgs" poster="poster.jpg" linked></ibgs-viewer> shows a bundle in the place and size of the element.
-// Its attribute `state` is "loading", "base" once the base image shows while the photos still load, then "ready" or "error",
+// Its attribute `state` is "loading", "base" once the base image shows while the rest still loads, then "ready" or "error",
 // and it fires "ready", or "error" with a sentence in `detail`. With `linked` the page's address keeps camera and mode.
 
 import init, { view } from "./pkg/ibgs_web.js";
@@ -113,7 +113,7 @@ class IbgsViewer extends HTMLElement {
     const report = (bytes, done, total) => {
       if (total >= done) [bar.max, bar.value] = [total, done];
       text.textContent = `${(done / MEBIBYTE).toFixed(1)} MiB` + (total >= done ? ` of ${(total / MEBIBYTE).toFixed(1)}` : "");
-      // What comes first gives the base image, while the photos still load.
+      // What comes first gives the base image, while the rest still loads.
       const length = base || !initialised || done === total ? 0 : startLength(bytes, done);
       if (length) base = this.show(bytes.slice(0, length), true);
     };

@@ -62,13 +62,13 @@ struct Surface {
 }
 
 impl Surface {
-    /// The options of `ibgs mesh` for a scene folder, or for the demo scene.
-    fn arguments(&self, scene: &Path, is_demo: bool) -> Vec<OsString> {
-        let demo = is_demo.then(|| ("--compare", OsString::from("demo")));
+    /// The options of `ibgs mesh`; the demo scene has no folder.
+    fn arguments(&self, folder: Option<&Path>) -> Vec<OsString> {
+        let demo = folder.is_none().then(|| ("--compare", OsString::from("demo")));
         let files = [("--compare", &self.compare), ("--transform", &self.transform), ("--crop", &self.crop)];
         let numbers =
             [("--threshold", self.threshold), ("--density", self.density), ("--max-distance", self.max_distance)];
-        let files = files.into_iter().filter_map(|(name, file)| Some((name, scene.join(file.as_ref()?).into())));
+        let files = files.into_iter().filter_map(|(name, file)| Some((name, folder?.join(file.as_ref()?).into())));
         let numbers = numbers.into_iter().filter_map(|(name, value)| Some((name, value?.to_string().into())));
         demo.into_iter().chain(files).chain(numbers).flat_map(|(name, value)| [name.into(), value]).collect()
     }
@@ -244,7 +244,7 @@ impl Suite {
         for scene in self.scenes.iter().filter(|scene| !missing.contains(scene.name.as_str())) {
             for run in &self.runs {
                 let mut config = self.config(scene, run)?;
-                config.iterations = iterations.or(config.iterations);
+                config.iterations = Some(iterations.unwrap_or_else(|| config.iterations()));
                 config.data.eval = true;
                 config.data.source = match scene.demo {
                     true => None,
@@ -253,7 +253,8 @@ impl Suite {
                 config.validate()?;
                 let folder = output.join(&run.name).join(&scene.name);
                 let surface = scene.mesh.as_ref().filter(|_| !bare.contains(scene.name.as_str()));
-                let mesh = surface.map(|surface| surface.arguments(&Self::source(scene, data), scene.demo));
+                let source = Some(Self::source(scene, data)).filter(|_| !scene.demo);
+                let mesh = surface.map(|surface| surface.arguments(source.as_deref()));
                 let (run, scene, lpips) = (run.name.clone(), scene.name.clone(), lpips.to_vec());
                 jobs.push(Job { run, scene, config, folder, mesh, lpips });
             }
@@ -303,6 +304,10 @@ mod tests {
         assert_eq!(wide.folder, Path::new("out/wide/one"));
         suite.keep(&["demo".to_owned()], &["wide".to_owned()]).unwrap();
         assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3), &[]).unwrap()[0].config.iterations, Some(3));
+        // Without a length its jobs say which one they have: results are found by it.
+        let unset = Suite::from_text(&TEXT.replace("iterations = 7000, ", "")).unwrap();
+        let jobs = unset.jobs(folder.path(), Path::new("out"), None, &[]).unwrap();
+        assert_eq!(jobs[0].config.iterations, Some(30_000));
         assert!(
             suite.keep(&["three".to_owned()], &[]).unwrap_err().to_string().contains("no scene `three`; it has demo")
         );

@@ -23,7 +23,7 @@ impl Pace {
 
     /// The line that is due after an iteration, where one is; the last iteration has its own report.
     pub fn line(&mut self, progress: &TrainingProgress, now: Instant) -> Option<String> {
-        let TrainingProgress { iteration, iterations, is_slower_later, loss, psnr, gaussians, .. } = *progress;
+        let TrainingProgress { iteration, iterations, loss, psnr, gaussians, .. } = *progress;
         if iteration < self.iteration {
             // It has gone back to an earlier state.
             *self = Self::new(iteration, now);
@@ -40,14 +40,14 @@ impl Pace {
         if let (Some(loss), Some(psnr)) = (loss, psnr) {
             line += &format!("loss {loss:.4}, PSNR {psnr:.2} dB on training photos, ");
         }
-        let least = at_least(is_slower_later);
+        let least = at_least(progress);
         Some(line + &format!("{gaussians} Gaussians, {least}{} left", duration(left)))
     }
 }
 
 /// What stands before the time that is left: it is counted at the speed of the present stage.
-pub fn at_least(is_slower_later: bool) -> &'static str {
-    if is_slower_later { "at least " } else { "" }
+pub fn at_least(progress: &TrainingProgress) -> &'static str {
+    if progress.is_slower_later { "at least " } else { "" }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::estimate;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
-use ibgs_core::config::{DataConfig, ExposureSwitch, TrainConfig};
+use ibgs_core::config::{DataConfig, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::DemoOptions;
 use ibgs_core::files;
@@ -21,12 +21,35 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Default iterations of the demo scene: on a software adapter, on a GPU.
-const DEMO_ITERATIONS: [u32; 2] = [200, 10_000];
-/// Default size of the residual network's images in the demo scene, relative to the photos.
-const DEMO_RESIDUAL_FACTOR: [f64; 2] = [0.5, 1.0];
-/// Default cap on the number of Gaussians of the demo scene.
-const DEMO_SPLATS: [u32; 2] = [12_000, 1_000_000];
+/// The demo scene's own defaults.
+pub struct DemoDefaults {
+    /// Number of iterations.
+    pub iterations: u32,
+    /// Largest number of Gaussians.
+    pub max_splats: u32,
+    /// Size of the residual network's images, relative to the photos.
+    pub residual_factor: f64,
+}
+
+impl DemoDefaults {
+    /// On a software adapter.
+    pub const SOFTWARE: Self = Self { iterations: 200, max_splats: 12_000, residual_factor: 0.5 };
+    /// On a GPU.
+    pub const GPU: Self = Self { iterations: 10_000, max_splats: 1_000_000, residual_factor: 1.0 };
+
+    /// Those of an adapter.
+    pub fn of(gpu: &Gpu) -> Self {
+        if gpu.is_software() { Self::SOFTWARE } else { Self::GPU }
+    }
+
+    /// Sets them where no option is given. A run from a finished model is no longer than usual.
+    pub fn fill(&self, config: &mut TrainConfig) {
+        let usual = if config.init.is_some() { self.iterations.min(config.iterations()) } else { self.iterations };
+        config.iterations.get_or_insert(usual);
+        config.densify.max_splats.get_or_insert(self.max_splats);
+        config.residual.factor.get_or_insert(self.residual_factor);
+    }
+}
 
 /// What to train, and where to write it.
 #[derive(Debug)]
@@ -70,16 +93,8 @@ impl Plan {
         // Absolute: the model may be opened from another working directory.
         config.data.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
         config.iterations = wish.iterations.or(config.iterations);
-        // Where the form is left as it is, the preset decides.
-        if wish.exposure != ExposureSwitch::default() {
-            config.exposure.enabled = wish.exposure;
-        }
+        config.exposure.enabled = wish.exposure;
         Ok(Self::new(config))
-    }
-
-    /// Default number of iterations of the demo scene on this GPU.
-    pub fn demo_iterations(gpu: &Gpu) -> u32 {
-        DEMO_ITERATIONS[usize::from(!gpu.is_software())]
     }
 
     /// Prepares the training. `status` is called with what is being done; `gpu` is called after the files have been read.
@@ -103,7 +118,8 @@ impl Plan {
             None => {
                 status("ray tracing the demo scene; this takes some minutes the first time");
                 if self.resumed.is_none() {
-                    Self::demo_options(&mut config, &gpu);
+                    DemoDefaults::of(&gpu).fill(&mut config);
+                    config.data.eval = true;
                 }
                 demo_scene(&config, &gpu)?
             }
@@ -153,18 +169,6 @@ impl Plan {
             Some(checkpoint) => session.with_records_of(checkpoint),
             None => session,
         })
-    }
-
-    /// Sets the demo scene's own defaults where no option is given.
-    fn demo_options(config: &mut TrainConfig, gpu: &Gpu) {
-        let size = usize::from(!gpu.is_software());
-        let usual = Self::demo_iterations(gpu);
-        // Fewer from a finished model.
-        let usual = if config.init.is_some() { usual.min(config.iterations()) } else { usual };
-        config.iterations.get_or_insert(usual);
-        config.densify.max_splats.get_or_insert(DEMO_SPLATS[size]);
-        config.residual.factor.get_or_insert(DEMO_RESIDUAL_FACTOR[size]);
-        config.data.eval = true;
     }
 
     /// Fails if the output folder exists and may not be used; changes nothing.
@@ -242,4 +246,24 @@ fn demo_scene(config: &TrainConfig, gpu: &Gpu) -> Result<Dataset> {
         stderr!("note: {note}");
     }
     Ok(dataset)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demo_scene_has_its_defaults_where_no_option_is_given() {
+        let filled = |mut config: TrainConfig| {
+            DemoDefaults::SOFTWARE.fill(&mut config);
+            (config.iterations(), config.densify.most(), config.residual.factor())
+        };
+        assert_eq!(filled(TrainConfig::default()), (200, 12_000, 0.5));
+        let mut given = TrainConfig { iterations: Some(7), ..TrainConfig::default() };
+        (given.densify.max_splats, given.residual.factor) = (Some(500), Some(0.25));
+        assert_eq!(filled(given), (7, 500, 0.25));
+        let mut warm = TrainConfig { init: Some("model.ply".into()), ..TrainConfig::default() };
+        DemoDefaults::GPU.fill(&mut warm);
+        assert_eq!(warm.iterations(), 3_000);
+    }
 }

@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// The best image that a training of minutes gives.
+    /// The defaults: a length that follows the photos.
     #[default]
     Default,
     /// A good image after half a minute on a fast GPU.
     Fast,
     /// The published experiments: 30,000 iterations, densification with opacity resets, the published weights of the losses and
-    /// choice of sources. The network still begins with weights that pass the sources' differences, and exposures
+    /// choice of sources by distances in scene units. The network still begins with weights that pass the sources' differences, and exposures
     /// are not corrected.
     Published,
 }
@@ -43,7 +43,6 @@ impl TrainConfig {
     /// Sets the options of method.md that have another default here.
     fn publish(&mut self) {
         self.iterations = Some(super::schedule::REFERENCE_ITERATIONS);
-        self.sh_degree = Some(2);
         self.learning_rates.sh_rest_decay = Some(0.0);
         self.densify.strategy = Strategy::Published;
         self.densify.near_depth = 0.0;

@@ -61,17 +61,18 @@ impl Keeper {
         self.last.as_ref()
     }
 
-    /// Takes a good state and the time that reading it took, and begins to write it where that is due; an earlier failure
-    /// is returned as a warning, because the training itself is sound.
-    pub fn take(&mut self, checkpoint: Checkpoint, write: bool, cost: Duration, observer: &mut dyn Observer) {
+    /// Takes a good state and the time that reading it took.
+    pub fn take(&mut self, checkpoint: Checkpoint, cost: Duration) {
         self.last = Some(Arc::new(checkpoint));
         self.taken = Instant::now();
         self.pause = (100 * cost).clamp(IN_MEMORY[0], IN_MEMORY[1]);
-        if write {
-            self.began = self.taken;
-            self.settle(observer);
-            self.begin();
-        }
+    }
+
+    /// Begins to write the last state; an earlier failure is a warning, because the training itself is sound.
+    pub fn begin(&mut self, observer: &mut dyn Observer) {
+        self.began = Instant::now();
+        self.settle(observer);
+        self.write_last();
     }
 
     /// Waits until nothing is being written.
@@ -82,7 +83,7 @@ impl Keeper {
     }
 
     /// Begins to write the last state, unless that is done already.
-    fn begin(&mut self) {
+    fn write_last(&mut self) {
         let (Some(checkpoint), Some(folder)) = (self.last.clone(), self.folder.clone()) else { return };
         let iteration = checkpoint.iteration();
         if self.written == Some(iteration) {
@@ -102,7 +103,7 @@ impl Keeper {
     /// Writes the last state to its end.
     pub fn write(&mut self, observer: &mut dyn Observer) -> Result<()> {
         self.settle(observer);
-        self.begin();
+        self.write_last();
         self.finish()
     }
 

@@ -1,6 +1,6 @@
 //! What a session writes.
 
-use super::{Event, ExposureSummary, Observer, Result, Session, SessionError, Summary};
+use super::{Due, Event, ExposureSummary, Observer, Result, Session, SessionError, Summary};
 use ibgs_core::config::{ExposureSwitch, Method};
 use ibgs_core::eval::Score;
 use ibgs_core::eval::scores::{protocol, score_test_views};
@@ -25,14 +25,14 @@ struct Parts<'a> {
 
 impl Session {
     /// Saves and measures.
-    pub(super) fn settle(&mut self, save: bool, evaluate: bool, observer: &mut dyn Observer) -> Result<()> {
-        if save {
+    pub(super) fn settle(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
+        if due.save {
             // Wait for a checkpoint that is being written: on a small disk its temporary file could take the space
             // needed here.
             self.keeper.settle(observer);
             self.save()?;
         }
-        if evaluate {
+        if due.evaluate {
             self.evaluate(observer)?;
         }
         match &self.folder {
@@ -45,7 +45,7 @@ impl Session {
     pub(super) fn rescue(&mut self, error: SessionError, observer: &mut dyn Observer) -> SessionError {
         // If this fails, the last good state is saved: a lost device returns nothing, and a state that is not finite
         // cannot be resumed from.
-        let _ = self.keep(false, observer);
+        let _ = self.keep();
         let (Some(checkpoint), Some(folder)) = (self.keeper.last().cloned(), self.folder.clone()) else { return error };
         let exposure = checkpoint.exposures();
         let saved = self.write(
@@ -149,11 +149,12 @@ impl Session {
         }
         let is_whole = self.is_done();
         // The checkpoint comes first, because the rest takes a while.
-        let kept = if is_whole { Ok(()) } else { self.keep(true, observer).and_then(|()| self.keeper.finish()) };
+        let kept = if is_whole { Ok(()) } else { self.keep().and_then(|()| self.keeper.write(observer)) };
         // One that was stopped in between, or before it was saved.
         let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
-        let settled = self.settle(save, evaluate, observer);
+        let due = Due { save, evaluate, keep: false, write: false };
+        let settled = self.settle(due, observer);
         match &kept {
             Ok(()) if !is_whole => {
                 settled.map_err(|error| SessionError::Unsettled { iteration, source: Box::new(error) })?

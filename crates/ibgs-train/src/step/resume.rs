@@ -6,6 +6,7 @@ use crate::densify::Statistics;
 use crate::exposing::Exposing;
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
+use crate::stages::ImageStages;
 use crate::telemetry::Recorder;
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::dataset::Dataset;
@@ -34,10 +35,9 @@ impl Trainer {
     /// Not enough memory, or the device is lost.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), TrainError> {
         let (gpu, state) = (self.gpu.clone(), &checkpoint.state);
-        let image_based = self.stages.is_some();
         self.parameters = Parameters::upload(&checkpoint.gaussians, &gpu)?;
         self.splats().set_filters(&gpu, &checkpoint.filters);
-        self.optimizer = Optimizer::new(&gpu, self.splats(), self.config.adam.clone(), image_based)?;
+        self.optimizer = Optimizer::new(&gpu, self.splats(), self.config.adam.clone(), self.config.method)?;
         self.optimizer.restore(&gpu, &checkpoint.moments, state.steps)?;
         self.statistics = Statistics::from_values(&gpu, &checkpoint.statistics)?;
         if let (Some(stages), Some(network)) = (&mut self.stages, &checkpoint.network) {
@@ -90,14 +90,15 @@ impl Trainer {
         }
         let gpu = self.gpu.clone();
         let (moments, steps) = self.optimizer.state(&gpu)?;
-        let stages = self.stages.as_mut().map(|stages| stages.state(self.config.deterministic)).transpose()?;
+        let network = self.stages.as_ref().map(ImageStages::network_state).transpose()?;
+        let exact = self.stages.as_mut().filter(|_| self.config.deterministic);
+        let depths = exact.map(ImageStages::depths).transpose()?.unwrap_or_default();
         let (gaussians, filters) = self.splats().download_raw(&gpu)?;
         let statistics = self.statistics.values(&gpu)?;
         let exposure = self.exposing.as_ref().map(Exposing::states).transpose()?;
         let recorder = self.recorder.state(&gpu)?;
         // Data read from a lost device looks like any other result.
         gpu.check()?;
-        let (network, depths) = stages.map_or_else(Default::default, |s| (Some(s.network), s.depths));
         let state = State {
             iteration: self.iteration,
             space: gaussians.space,

@@ -11,7 +11,7 @@ const METHODS: [(Method, &str, &str); 2] = [
 ];
 
 const PRESETS: [(Preset, &str, &str); 3] = [
-    (Preset::Default, "default", "The best image that a training of minutes gives"),
+    (Preset::Default, "default", "A length that follows the photos: the usual choice"),
     (Preset::Fast, "fast", "A good image after half a minute on a fast GPU"),
     (Preset::Published, "published", "The options of the published experiments"),
 ];
@@ -128,7 +128,11 @@ impl TrainForm {
                 });
             });
             ui.end_row();
+            let before = self.preset;
             choices(ui, "Preset", &PRESETS, &mut self.preset);
+            if self.preset != before {
+                self.exposure = TrainConfig::preset(self.preset).exposure.enabled;
+            }
             choices(ui, "Method", &METHODS, &mut self.method);
             let label = ui.label("Iterations").id;
             let usual = match TrainConfig::preset(self.preset).iterations {
