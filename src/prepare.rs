@@ -9,7 +9,6 @@ use colmap::{Cameras, Colmap, Matching, Origin, Quality};
 use ibgs_core::dataset;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
-use image::ImageReader;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -187,7 +186,7 @@ impl<'a> Preparation<'a> {
         let photos = photos_below(&images)?;
         let names: Vec<_> = photos
             .iter()
-            .filter(|path| size_of(path).is_none())
+            .filter(|path| dataset::photo_size(path).is_err())
             .map(|path| path.strip_prefix(&images).unwrap_or(path).display().to_string())
             .collect();
         let count = names.len();
@@ -197,7 +196,7 @@ impl<'a> Preparation<'a> {
     /// Photos of one size from one input are of one camera.
     fn cameras(&self, photos: &[PathBuf]) -> Cameras {
         // One that cannot be read says nothing of the others.
-        let mut sizes = photos.iter().filter_map(|path| size_of(path));
+        let mut sizes = photos.iter().filter_map(|path| dataset::photo_size(path).ok());
         let is_one_size = sizes.next().is_some_and(|first| sizes.all(|size| size == first));
         match (is_one_size, self.record.request.inputs.len()) {
             (true, 1) => Cameras::One,
@@ -205,11 +204,6 @@ impl<'a> Preparation<'a> {
             (false, _) => Cameras::ByMetadata,
         }
     }
-}
-
-/// Width and height of a photo, whose format its contents tell; none where it cannot be read.
-fn size_of(path: &Path) -> Option<(u32, u32)> {
-    ImageReader::open(path).ok()?.with_guessed_format().ok()?.into_dimensions().ok()
 }
 
 /// Whether there are photos enough.

@@ -1,6 +1,6 @@
 //! `ibgs bench`
 
-pub mod lists;
+mod lists;
 mod tables;
 
 use super::open_gpu;

@@ -12,8 +12,7 @@ mod window;
 pub use plan::{DemoDefaults, Plan};
 pub use window::{Failure, Watched};
 
-use super::bench::lists::number;
-use super::{open_gpu, view};
+use super::{number, open_gpu, view};
 use crate::advice::value;
 use anyhow::Result;
 use clap::Args as ClapArgs;
@@ -61,8 +60,8 @@ pub struct Args {
     /// [default: ibgs].
     #[arg(long, value_parser = word::<Method>(&["ibgs", "3dgs"]))]
     method: Option<Method>,
-    /// Options to begin with, which the others override: `default`; `fast` (4000 iterations, about half a minute on a fast GPU); `published` (those
-    /// of the published experiments) [default: default].
+    /// Options to begin with, which the others override: `default`; `fast` (4000 iterations, about half a minute on a fast
+    /// GPU); `published` (those of the published experiments) [default: default].
     #[arg(
         long,
         value_parser = word::<Preset>(&["default", "fast", "published"]),
@@ -134,8 +133,8 @@ pub struct Args {
     log_json: Option<PathBuf>,
 
     /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: 200 for each
-    /// training photo, 7000 to 30000; with another `--densify` or without scaling 30000; with `--init` 3000; demo scene 10000, on a software adapter
-    /// 200].
+    /// training photo, 7000 to 30000; with another `--densify` or without scaling 30000; with `--init` 3000; demo scene
+    /// 10000, on a software adapter 200].
     #[arg(long, alias = "total-train-iters", help_heading = heading::LENGTH)]
     iterations: Option<u32>,
     /// Do not scale: keep the milestones of a run of 30000 iterations.

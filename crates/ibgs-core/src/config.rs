@@ -3,6 +3,7 @@
 //! Written to `config.toml` of the output folder and read back from there. A milestone that is left out
 //! follows the number of iterations (see [`Schedule`](schedule::Schedule)).
 
+mod adapt;
 mod check;
 mod defaults;
 mod error;
@@ -18,7 +19,6 @@ pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, Surfa
 
 use crate::dataset::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::files::{self, TomlError};
-use schedule::REFERENCE_ITERATIONS;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -278,14 +278,6 @@ pub struct McmcConfig {
 }
 
 impl DensifyConfig {
-    /// Sets the cap on Gaussians from the scene, for the strategies that do so, unless it is given: one Gaussian per 45
-    /// pixels of the training photos, at least 200,000 and at most 3 million. MCMC grows to it.
-    fn choose_cap(&mut self, pixels: u64) {
-        if matches!(self.strategy, Strategy::Default | Strategy::Mcmc) && self.max_splats.is_none() {
-            self.max_splats = Some((pixels / 45).clamp(200_000, 3_000_000) as u32);
-        }
-    }
-
     /// Gaussians in all.
     pub fn most(&self) -> u32 {
         self.max_splats.unwrap_or(if self.strategy == Strategy::Mcmc { 1_000_000 } else { 5_000_000 })
@@ -304,38 +296,7 @@ pub struct OpacityResetConfig {
 
 /// Iterations of a run that starts from a finished model.
 const WARM_ITERATIONS: u32 = 3_000;
-/// Iterations of the default strategy at full rates.
-const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
-/// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
-const VISITS_AT_FULL_RATES: f64 = 163.0;
-/// Visits of each photo in a run of the default strategy.
-const USUAL_VISITS: u32 = 200;
-/// Least and most iterations of such a run.
-const USUAL_ITERATIONS: [u32; 2] = [7_000, REFERENCE_ITERATIONS];
-
 impl TrainConfig {
-    /// Sets the options that depend on the training photos, unless they are given: the number of iterations, the cap on
-    /// Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
-    ///
-    /// With the default strategy and `schedule_scaling` a run visits every photo 200 times, in 7000 iterations at least and 30,000
-    /// at most. At full
-    /// rates it overfits after 7000 iterations or 163 visits of each photo, whichever is more. In a longer run the rates
-    /// fall, and the rounds of densification move apart, in proportion, so that the Gaussians move as far as in that
-    /// many iterations. Departures from method.md.
-    pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
-        self.densify.choose_cap(pixels);
-        let adapts = self.densify.strategy == Strategy::Default && self.init.is_none();
-        let [least, most] = USUAL_ITERATIONS;
-        let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(USUAL_VISITS);
-        // Milestones that are not scaled need the whole length.
-        let usual = if adapts && self.schedule_scaling { visits.clamp(least, most) } else { self.iterations() };
-        self.iterations.get_or_insert(usual);
-        if adapts && self.learning_rates.factor.is_none() {
-            let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
-            self.learning_rates.factor = Some((full / f64::from(self.iterations())).min(1.0));
-        }
-    }
-
     /// How its scene is loaded.
     pub fn load_options(&self) -> LoadOptions {
         let data = &self.data;
@@ -425,58 +386,6 @@ mod tests {
         let path = folder.path().join("config.toml");
         std::fs::write(&path, text).unwrap();
         TrainConfig::load(&path)
-    }
-
-    #[test]
-    fn the_cap_follows_the_photos() {
-        let cap = |strategy, pixels| {
-            let mut densify = DensifyConfig { strategy, ..DensifyConfig::default() };
-            densify.choose_cap(pixels);
-            densify.most()
-        };
-        for strategy in [Strategy::Default, Strategy::Mcmc] {
-            assert_eq!([1, 45_000_000, u64::MAX].map(|p| cap(strategy, p)), [200_000, 1_000_000, 3_000_000]);
-        }
-        assert_eq!(cap(Strategy::Published, 1), 5_000_000);
-        let mut given = DensifyConfig { max_splats: Some(7), ..DensifyConfig::default() };
-        given.choose_cap(45_000_000);
-        assert_eq!(given.most(), 7);
-    }
-
-    #[test]
-    fn the_length_follows_the_photos() {
-        let length = |photos, mut config: TrainConfig| {
-            config.adapt_to_photos(photos, 1);
-            config.iterations()
-        };
-        let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
-        assert_eq!(lengths, [7_000, 8_600, 14_000, 30_000, 30_000]);
-        let given = TrainConfig { iterations: Some(5), ..TrainConfig::default() };
-        let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
-        let mut published = TrainConfig::default();
-        published.densify.strategy = Strategy::Published;
-        let unscaled = TrainConfig { schedule_scaling: false, ..TrainConfig::default() };
-        let lengths = [given, warm, published, unscaled].map(|config| length(43, config));
-        assert_eq!(lengths, [5, 3_000, 30_000, 30_000]);
-    }
-
-    #[test]
-    fn long_runs_of_the_default_strategy_learn_slowly() {
-        let factor = |iterations, photos, config: TrainConfig| {
-            let mut config = TrainConfig { iterations: Some(iterations), ..config };
-            config.adapt_to_photos(photos, 1);
-            config.learning_rates.factor
-        };
-        let runs = [(7_000, 17), (7_000, 200), (14_000, 17), (30_000, 43), (30_000, 100), (30_000, 1_000)];
-        let chosen = runs.map(|(iterations, photos)| factor(iterations, photos, TrainConfig::default()));
-        let expected = [1.0, 1.0, 0.5, 7_009.0 / 30_000.0, 16_300.0 / 30_000.0, 1.0];
-        assert_eq!(chosen, expected.map(Some));
-        let mut published = TrainConfig::default();
-        published.densify.strategy = Strategy::Published;
-        let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
-        let mut given = TrainConfig::default();
-        given.learning_rates.factor = Some(0.7);
-        assert_eq!([published, warm, given].map(|config| factor(30_000, 43, config)), [None, None, Some(0.7)]);
     }
 
     #[test]

@@ -61,7 +61,7 @@ struct Records {
 }
 
 /// What is to be done after an iteration.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Due {
     save: bool,
     evaluate: bool,

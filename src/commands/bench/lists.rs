@@ -1,5 +1,6 @@
 //! Lists of counts and image sizes on the command line.
 
+use crate::commands::number;
 use anyhow::{Result, bail};
 
 /// Largest image side in pixels.
@@ -23,20 +24,6 @@ pub fn counts(text: &str) -> Result<Vec<usize>> {
 /// Widths and heights such as `1600x1064` or `1080p`, separated by commas.
 pub fn sizes(text: &str) -> Result<Vec<[u32; 2]>> {
     text.split(',').map(size).collect()
-}
-
-/// A number such as `5000`, `100k` or `1.5M`; none for other text.
-pub fn number(text: &str) -> Option<f64> {
-    let lower = text.trim().to_ascii_lowercase();
-    let (number, factor) = match (lower.strip_suffix('k'), lower.strip_suffix('m')) {
-        (Some(number), _) => (number, 1e3),
-        (_, Some(number)) => (number, 1e6),
-        _ => (lower.as_str(), 1.0),
-    };
-    let value = number.parse::<f64>().ok()? * factor;
-    // 4.1 times a million is a little less than 4,100,000.
-    let whole = value.round();
-    ((value - whole).abs() <= 1e-9 * whole).then_some(whole)
 }
 
 fn count(text: &str) -> Result<usize> {

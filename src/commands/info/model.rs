@@ -161,13 +161,10 @@ fn usual(model: &Model, config: &TrainConfig) -> TrainConfig {
     // Written by earlier versions.
     usual.residual.factor = config.residual.factor.filter(|&factor| factor == 1.0);
     if model.is_demo() {
-        let demo = [DemoDefaults::SOFTWARE, DemoDefaults::GPU];
-        let [software, gpu] = demo.map(|defaults| {
-            let mut filled = TrainConfig { init: config.init.clone(), ..TrainConfig::default() };
-            defaults.fill(&mut filled);
-            filled
-        });
-        let filled = if config.residual.factor == software.residual.factor { software } else { gpu };
+        let is_software = config.residual.factor == Some(DemoDefaults::SOFTWARE.residual_factor);
+        let defaults = if is_software { DemoDefaults::SOFTWARE } else { DemoDefaults::GPU };
+        let mut filled = TrainConfig { init: config.init.clone(), ..TrainConfig::default() };
+        defaults.fill(&mut filled);
         usual.iterations = filled.iterations;
         usual.densify.max_splats = filled.densify.max_splats;
         usual.residual.factor = filled.residual.factor;

@@ -38,8 +38,8 @@ function startLength(bytes, done) {
     if (isPast || (sogEnd && text.startsWith("shN_"))) return end;
     const next = end + view.getUint32(at + 18, true);
     isPast = text === "point_cloud.ply";
-    if (text === "gaussians.sog") sogEnd = next;
-    at = text === "gaussians.sog" ? end : next;
+    if (text === "gaussians.sog") [at, sogEnd] = [end, next];
+    else at = next;
   }
   return 0;
 }

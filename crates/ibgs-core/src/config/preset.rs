@@ -1,5 +1,6 @@
 //! Sets of options under a name.
 
+use super::schedule::REFERENCE_ITERATIONS;
 use super::{ExposureSwitch, Strategy, TrainConfig};
 use crate::residual::variant::Aggregation;
 use crate::sources::find::{Distances, Draw};
@@ -15,8 +16,8 @@ pub enum Preset {
     /// A good image after half a minute on a fast GPU.
     Fast,
     /// The published experiments: 30,000 iterations, densification with opacity resets, the published weights of the losses and
-    /// choice of sources by distances in scene units. The network still begins with weights that pass the sources' differences, and exposures
-    /// are not corrected.
+    /// choice of sources by distances in scene units. The network still begins with weights that pass the sources'
+    /// differences, and exposures are not corrected.
     Published,
 }
 
@@ -42,7 +43,7 @@ impl TrainConfig {
 
     /// Sets the options of method.md that have another default here.
     fn publish(&mut self) {
-        self.iterations = Some(super::schedule::REFERENCE_ITERATIONS);
+        self.iterations = Some(REFERENCE_ITERATIONS);
         self.learning_rates.sh_rest_decay = Some(0.0);
         self.densify.strategy = Strategy::Published;
         self.densify.near_depth = 0.0;

@@ -22,8 +22,11 @@ const EXR_BLOCK: usize = 1 << 25;
 const EXR_FRAME_PIXELS: usize = 4096 * 2160;
 const EXR_FRAME_TIMES: usize = 16;
 
-/// Width and height in the file's header.
-pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
+/// Width and height in a photo's header; its contents tell its format.
+///
+/// # Errors
+/// [`DatasetError`] naming the file, where it is no photo that is read.
+pub fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
     let unreadable = |cause: std::io::Error| DatasetError::read(path, &cause);
     let broken = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
     let mut file = BufReader::new(std::fs::File::open(path).map_err(unreadable)?);

@@ -19,7 +19,7 @@ mod undistort;
 
 pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
-pub use decode::decode_photo;
+pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};

@@ -153,8 +153,7 @@ impl Session {
         // One that was stopped in between, or before it was saved.
         let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
-        let due = Due { save, evaluate, keep: false, write: false };
-        let settled = self.settle(due, observer);
+        let settled = self.settle(Due { save, evaluate, ..Due::default() }, observer);
         match &kept {
             Ok(()) if !is_whole => {
                 settled.map_err(|error| SessionError::Unsettled { iteration, source: Box::new(error) })?
