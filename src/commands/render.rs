@@ -12,7 +12,7 @@ use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
 use ibgs_core::video::{self, frame_name};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Which of the scene's views to render.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -86,6 +86,9 @@ fn turn_seconds(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let path = args.camera_path.as_deref().map(CameraPath::load).transpose()?;
+    if let Some(output) = &args.output {
+        spare_other_models(output, &args.model.files.model)?;
+    }
     let mut model = args.model.open()?;
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
@@ -103,6 +106,18 @@ pub fn run(args: &Args) -> Result<()> {
         (None, Some(seconds)) => render_path(&model, &turntable(&model, seconds)?, args, &outputs),
         (None, None) => render_views(&model, args, &outputs),
     }
+}
+
+/// Refuses the folder of a model that is not the rendered one: its own pictures have the same names.
+fn spare_other_models(output: &Path, model: &Path) -> Result<()> {
+    let is_rendered = || output.canonicalize().ok().zip(model.canonicalize().ok()).is_some_and(|(a, b)| a == b);
+    if OutputFolder::at(output).config_path().exists() && !is_rendered() {
+        bail!(
+            "{} is the folder of another model, whose pictures would be replaced; choose another `--output`",
+            output.display()
+        );
+    }
+    Ok(())
 }
 
 /// A turn around what the model's photos show, on the sides that they show, in the size of its first view.

@@ -211,6 +211,9 @@ fn render_camera_path(sandbox: &Sandbox, camera: &Camera) {
     make_video(sandbox);
     let picture = |path: &str| image::open(sandbox.path(path)).unwrap().into_rgb8();
     assert_eq!(picture("frames/00000.png"), picture("model/path/ours_30/renders/00000.png"));
+    sandbox.write("another/config.toml", "");
+    sandbox.fails("render model -o another", &["another is the folder of another model", "--output"]);
+    assert_eq!(files_in(&sandbox.path("another")), ["config.toml"]);
     sandbox.succeeds("render model -o apart");
     for kind in ["renders", "renders_aggregate"] {
         let place = format!("test/ours_30/{kind}/images/view_000.png");
