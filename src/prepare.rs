@@ -7,6 +7,7 @@ mod video;
 use anyhow::{Context, Result, bail};
 use colmap::{Cameras, Colmap, Matching, Origin, Quality};
 use ibgs_core::dataset;
+use ibgs_core::files::is_same;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
 use serde::{Deserialize, Serialize};
@@ -285,10 +286,6 @@ fn clear(scene: &Path, folders: &[&str]) -> Result<()> {
 pub fn listed(names: &[String]) -> String {
     let dots = if names.len() > NAMED { ", ..." } else { "" };
     names[..names.len().min(NAMED)].join(", ") + dots
-}
-
-fn is_same(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// A folder name for the i-th of several inputs, different for each.

@@ -8,6 +8,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use ibgs_core::camera_path::turntable::Axis;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
+use ibgs_core::files::is_same;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
@@ -110,8 +111,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 /// Refuses the folder of a model that is not the rendered one: its own pictures have the same names.
 fn spare_other_models(output: &Path, model: &Path) -> Result<()> {
-    let is_rendered = || output.canonicalize().ok().zip(model.canonicalize().ok()).is_some_and(|(a, b)| a == b);
-    if OutputFolder::at(output).config_path().exists() && !is_rendered() {
+    if OutputFolder::at(output).config_path().exists() && !is_same(output, model) {
         bail!(
             "{} is the folder of another model, whose pictures would be replaced; choose another `--output`",
             output.display()

@@ -36,6 +36,11 @@ impl WriteError {
     }
 }
 
+/// Whether two paths exist and lead to the same file or folder.
+pub fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
 /// Writes `path` in one step: `write` fills a temporary file in the same folder, which is synchronised to the disk
 /// and then renamed over `path`, with the permissions of an older file there. Missing parent folders are made.
 ///

@@ -174,9 +174,7 @@ impl Plan {
     /// Fails if the output folder exists and may not be used; changes nothing.
     fn refuse_output(&self) -> Result<()> {
         let Some(path) = self.model.as_ref().filter(|path| path.exists()) else { return Ok(()) };
-        let same =
-            |source: &PathBuf| source.canonicalize().ok().zip(path.canonicalize().ok()).is_some_and(|(a, b)| a == b);
-        if self.config.data.source.as_ref().is_some_and(same) {
+        if self.config.data.source.as_ref().is_some_and(|source| files::is_same(source, path)) {
             bail!("{} is the scene itself; choose another `--model`", path.display());
         }
         OutputFolder::at(path).lock()?;
