@@ -37,6 +37,10 @@ enum Command {
     Compare(commands::compare::Args),
     /// Train and measure all scenes of a benchmark or all runs of a study.
     Suite(commands::suite::Args),
+    /// Cut a scene into blocks that are trained apart, on less memory or on several GPUs.
+    Split(commands::split::Args),
+    /// Merge the trained blocks of a scene into one model.
+    Merge(commands::merge::Args),
     /// Look at a trained model in a window.
     View(commands::view::Args),
     /// Make a triangle mesh of a trained model, and measure it.
@@ -68,6 +72,8 @@ impl Cli {
             Command::Eval(args) => commands::eval::run(&args),
             Command::Compare(args) => commands::compare::run(&args),
             Command::Suite(args) => commands::suite::run(&args),
+            Command::Split(args) => commands::split::run(&args),
+            Command::Merge(args) => commands::merge::run(&args),
             Command::View(args) => commands::view::run(&args),
             Command::Mesh(args) => commands::mesh::run(&args),
             Command::Export(args) => commands::export::run(&args),

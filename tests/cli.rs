@@ -5,6 +5,7 @@ mod bad_input;
 mod bad_machine;
 mod bad_model;
 mod bench;
+mod blocks;
 mod bundle;
 mod compare;
 mod docs;

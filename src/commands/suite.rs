@@ -1,5 +1,6 @@
 //! `ibgs suite`: all scenes of a benchmark, or all runs of a study.
 
+mod blocks;
 mod config;
 mod processes;
 mod summary;
@@ -39,9 +40,10 @@ fn shard(text: &str) -> Result<Shard, String> {
 }
 
 /// Options of `ibgs suite`.
-#[derive(ClapArgs)]
+#[derive(ClapArgs, Clone)]
 pub struct Args {
-    /// Configuration (TOML) of scenes, options, runs and published figures; `configs/` has the usual benchmarks.
+    /// Configuration (TOML) of scenes, options, runs and published figures; `configs/` has the usual benchmarks. Or the folder of
+    /// a plan of `ibgs split`: its blocks are trained, merged and measured.
     config: PathBuf,
     /// Folder of the scenes, each in a folder of its name.
     #[arg(long, default_value = ".")]
@@ -90,6 +92,9 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    if args.config.is_dir() {
+        return blocks::run(args);
+    }
     let mut suite = Suite::load(&args.config)?;
     suite.keep(&args.scenes, &args.runs)?;
     let name = args.config.file_stem().and_then(|name| name.to_str()).unwrap_or("suite");
@@ -105,7 +110,7 @@ pub fn run(args: &Args) -> Result<()> {
     if jobs.is_empty() {
         bail!("{} has none of the scenes of {}", args.data.display(), args.config.display());
     }
-    let failed = if args.summary_only { Vec::new() } else { work(&jobs, args)? };
+    let failed = if args.summary_only { Vec::new() } else { work(&jobs, args, &stopped_by_signals())? };
     let figures: Vec<Figures> = jobs.iter().map(Figures::read).collect::<Result<_>>()?;
     let text = summary::text(&suite, &jobs, &figures);
     stdout!("{text}");
@@ -125,19 +130,47 @@ pub fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// Runs the unfinished jobs, one process per job and one job per adapter at a time; returns the logs of failed jobs.
-fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
-    let mine = |(index, _): &(usize, &Job)| args.shard.is_none_or(|s| index % s.of == s.part - 1);
-    let todo: Vec<&Job> = jobs.iter().enumerate().filter(mine).map(|(_, job)| job).collect();
-    let (done, todo): (Vec<&Job>, Vec<&Job>) = todo.into_iter().partition(|job| job.is_done());
+/// Work for one adapter, in processes of its own.
+trait Task: Sync {
+    /// What it is, for the terminal.
+    fn title(&self) -> String;
+
+    /// The file with the output of the processes.
+    fn log(&self) -> PathBuf;
+
+    /// Whether nothing is left to do.
+    fn is_done(&self) -> bool;
+
+    /// Does what is left, in one process after the other, until one fails or none may start. Returns the last one's status; none
+    /// where no process was started.
+    fn run(&self, program: &Path, adapter: Option<&String>, processes: &Processes) -> Result<Option<ExitStatus>>;
+
+    /// What the processes said last.
+    fn last_line(&self) -> String {
+        let text = std::fs::read_to_string(self.log()).unwrap_or_default();
+        text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no word").to_owned()
+    }
+}
+
+/// Processes to which a signal is passed on: they save and end, and no new one starts.
+fn stopped_by_signals() -> Arc<Processes> {
+    let processes = Arc::new(Processes::default());
+    let running = processes.clone();
+    on_stop(move || running.terminate());
+    processes
+}
+
+/// Does the unfinished jobs, one per adapter at a time; returns the logs of failed jobs.
+fn work<T: Task>(jobs: &[T], args: &Args, processes: &Processes) -> Result<Vec<PathBuf>> {
+    let mine = |(index, _): &(usize, &T)| args.shard.is_none_or(|s| index % s.of == s.part - 1);
+    let todo: Vec<&T> = jobs.iter().enumerate().filter(mine).map(|(_, job)| job).collect();
+    let (done, todo): (Vec<&T>, Vec<&T>) = todo.into_iter().partition(|job| job.is_done());
     let todo = VecDeque::from(todo);
     if !done.is_empty() {
         stderr!("{} of {} runs are there already", done.len(), done.len() + todo.len());
     }
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let (count, queue, failed) = (todo.len(), Mutex::new(todo), Mutex::new(Vec::new()));
-    // A signal is passed on: the processes save and end, and no new one starts.
-    let processes = Arc::new(Processes::default());
     let next = || {
         let mut queue = queue.lock().expect("queue");
         let job = queue.pop_front().filter(|_| !processes.is_closed());
@@ -147,13 +180,11 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
         true => vec![None],
         false => args.adapters.iter().map(Some).collect(),
     };
-    let running = processes.clone();
-    on_stop(move || running.terminate());
     std::thread::scope(|scope| {
         let worker = |adapter| {
             while let Some((job, number)) = next() {
-                stderr!("{number}/{count} {}: training (log: {})", job.title(), job.log().display());
-                let error = match job.run(&program, adapter, &processes) {
+                stderr!("{number}/{count} {} (log: {})", job.title(), job.log().display());
+                let error = match job.run(&program, adapter, processes) {
                     Ok(Some(status)) if status.success() && job.is_done() => continue,
                     // A signal stopped this process alone: the user wants the suite to end.
                     Ok(Some(status)) if signals::is_stopped(status.code()) => {
@@ -179,16 +210,6 @@ fn work(jobs: &[Job], args: &Args) -> Result<Vec<PathBuf>> {
 }
 
 impl Job {
-    /// The file with the output of the processes.
-    fn log(&self) -> PathBuf {
-        self.folder.with_extension("log")
-    }
-
-    fn last_line(&self) -> String {
-        let text = std::fs::read_to_string(self.log()).unwrap_or_default();
-        text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no word").to_owned()
-    }
-
     /// The steps that are left when these figures exist.
     fn steps(&self, figures: &Figures) -> Vec<Step> {
         // A training measures at its end and then removes its checkpoints.
@@ -206,14 +227,22 @@ impl Job {
     fn is_stopped(&self) -> bool {
         OutputFolder::at(&self.folder).checkpoints().is_ok_and(|found| !found.is_empty())
     }
+}
+
+impl Task for Job {
+    fn title(&self) -> String {
+        format!("{}: training", self.name())
+    }
+
+    fn log(&self) -> PathBuf {
+        self.folder.with_extension("log")
+    }
 
     /// Whether everything is measured.
     fn is_done(&self) -> bool {
         Figures::read(self).is_ok_and(|figures| self.steps(&figures).is_empty())
     }
 
-    /// Runs the steps that are left, each in its own process, until one fails or none may start. Returns the last one's
-    /// status; none where no process was started.
     fn run(&self, program: &Path, adapter: Option<&String>, processes: &Processes) -> Result<Option<ExitStatus>> {
         if let Some(parent) = self.folder.parent() {
             files::create_folder(parent)?;

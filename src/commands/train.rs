@@ -1,5 +1,6 @@
 //! `ibgs train`
 
+pub mod block;
 mod estimate;
 mod json_log;
 mod pace;
@@ -9,14 +10,16 @@ mod stages;
 mod terminal;
 mod window;
 
+pub use estimate::Needs;
 pub use plan::{DemoDefaults, Plan};
+pub use resume::newest;
 pub use window::{Failure, Watched};
 
 use super::{number, open_gpu, view};
 use crate::advice::value;
-use anyhow::Result;
-use clap::Args as ClapArgs;
+use anyhow::{Result, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args as ClapArgs, Parser};
 use ibgs_core::config::{ConfigError, Method, Preset, Strategy, TrainConfig};
 use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler, Resolution};
 use ibgs_core::gpu::Use;
@@ -27,6 +30,7 @@ use json_log::Before;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use stages::StageArgs;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -74,6 +78,18 @@ pub struct Args {
     /// Resume the stopped training in the output folder `--model`, with its options.
     #[arg(long, requires = "model", conflicts_with_all = ["overwrite", "config", "init"])]
     resume: bool,
+    /// Train this block of a scene that `ibgs split` has cut, counted from 0; SCENE is then the folder of the plan. A stopped
+    /// training is resumed, and nothing is done for a block that is trained.
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "scene",
+        conflicts_with_all = ["preset", "config", "resume", "model", "init"]
+    )]
+    block: Option<u32>,
+    /// The options to begin with, for a block.
+    #[arg(skip)]
+    base: Option<TrainConfig>,
     /// Train in the viewer's window; closing it stops the training as Ctrl-C does.
     #[arg(long)]
     with_viewer: bool,
@@ -221,6 +237,13 @@ pub struct Args {
     adapter: Option<String>,
 }
 
+/// A line of options alone.
+#[derive(Parser)]
+struct Line {
+    #[command(flatten)]
+    args: Args,
+}
+
 /// Parses one of these words, as the options file has them.
 fn word<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
 where
@@ -294,7 +317,50 @@ impl Args {
     /// The options file, overridden by the command line.
     fn config(&self, file: Option<(&str, &Path)>) -> Result<TrainConfig> {
         let given = file.map(|(text, path)| TrainConfig::from_text(text, path)).transpose()?;
-        self.over(given.unwrap_or_else(|| TrainConfig::preset(self.preset.unwrap_or_default())))
+        let base = || self.base.clone().unwrap_or_else(|| TrainConfig::preset(self.preset.unwrap_or_default()));
+        self.over(given.unwrap_or_else(base))
+    }
+
+    /// The options that the command line describes, for trainings of blocks.
+    ///
+    /// # Errors
+    /// The options file is damaged, or an option has nothing to do with what is trained.
+    pub fn shared_config(&self) -> Result<TrainConfig> {
+        let usual = Self::usual();
+        let refused = [
+            ("SCENE", self.scene.is_some() || self.source.is_some()),
+            ("--block", self.block.is_some()),
+            ("--resume", self.resume),
+            ("--init", self.init.is_some()),
+            ("--model", self.model.is_some()),
+            ("--overwrite", self.overwrite),
+            ("--log-json", self.log_json.is_some()),
+            ("--with-viewer", self.with_viewer),
+            ("--checkpoint-every", self.checkpoint_every != usual.checkpoint_every),
+            ("--gpu-memory", self.gpu_memory != usual.gpu_memory),
+            ("--adapter", self.adapter.is_some()),
+        ];
+        if let Some((option, _)) = refused.iter().find(|(_, given)| *given) {
+            bail!(
+                "`{option}` is no option that all blocks share; leave it out here, and give it to `ibgs train PLAN --block N`"
+            );
+        }
+        let file = self.file()?;
+        let config = self.config(file.as_ref().map(|(text, path)| (&**text, *path)))?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Parses options of `ibgs train`.
+    ///
+    /// # Errors
+    /// An option that is unknown or has a wrong value, in clap's words.
+    pub fn parse(options: &[OsString]) -> Result<Self, clap::Error> {
+        Line::try_parse_from(std::iter::once(&OsString::from("ibgs train")).chain(options)).map(|line| line.args)
+    }
+
+    fn usual() -> Self {
+        Self::parse(&[]).expect("no option is required")
     }
 
     /// `c`, overridden by the command line.
@@ -339,6 +405,13 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    match args.block {
+        Some(number) => block::train(args, number),
+        None => run_whole(args),
+    }
+}
+
+fn run_whole(args: &Args) -> Result<()> {
     if args.with_viewer {
         view::check_display()?;
     }
@@ -350,13 +423,21 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;
     }
-    let session =
-        args.plan()?.start(|| open_gpu(args.adapter.as_ref(), Use::Training), &|_| {})?.with_command(command_line());
+    let session = start(args.plan()?, args.adapter.as_ref())?;
     let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
     match args.with_viewer {
         true => view::look(|failure| Watched::new(session, failure).with_log(log)),
         false => terminal::train(session, log),
     }
+}
+
+/// Trains to the end, with progress on the terminal.
+pub fn train(plan: Plan, adapter: Option<&String>) -> Result<()> {
+    terminal::train(start(plan, adapter)?, None)
+}
+
+fn start(plan: Plan, adapter: Option<&String>) -> Result<Session> {
+    Ok(plan.start(|| open_gpu(adapter, Use::Training), &|_| {})?.with_command(command_line()))
 }
 
 /// Opens the log of a training, and notes that it starts.

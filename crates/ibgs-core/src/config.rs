@@ -112,6 +112,9 @@ pub struct DataConfig {
     pub eval: bool,
     /// Hold out every Nth photo (by name, from the first) as a test view.
     pub eval_split_every: u32,
+    /// A file with the names of training and held-out photos, such as those of `ibgs split`, in place of the scene's own
+    /// `split.json`. Photos that it does not name are not loaded, nor points that none of its training photos shows.
+    pub split: Option<PathBuf>,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     #[serde(with = "text")]
     pub principal_point: PrincipalPoint,
@@ -307,6 +310,7 @@ impl TrainConfig {
             max_resolution: data.max_resolution,
             eval: data.eval,
             eval_split_every: data.eval_split_every as usize,
+            split: data.split.clone(),
             principal_point: data.principal_point,
             masks: data.masks,
             alpha: data.alpha,

@@ -31,6 +31,7 @@
 //!
 //! A model is rendered in a line: see [`model`].
 
+pub mod blocks;
 pub mod bundle;
 pub mod camera;
 pub mod camera_path;

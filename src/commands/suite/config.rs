@@ -139,7 +139,7 @@ pub struct Job {
 
 impl Job {
     /// `scene, run`.
-    pub fn title(&self) -> String {
+    pub fn name(&self) -> String {
         format!("{}, {}", self.scene, self.run)
     }
 }
@@ -294,7 +294,7 @@ mod tests {
         let mut suite = Suite::from_text(TEXT).unwrap();
         assert_eq!(suite.missing(folder.path()).collect::<Vec<_>>(), ["two"]);
         let jobs = suite.jobs(folder.path(), Path::new("out"), None, &[]).unwrap();
-        let titles: Vec<String> = jobs.iter().map(Job::title).collect();
+        let titles: Vec<String> = jobs.iter().map(Job::name).collect();
         assert_eq!(titles, ["one, plain", "one, wide", "demo, plain", "demo, wide"]);
         let [plain, wide] = [&jobs[0], &jobs[1]];
         assert_eq!((plain.config.iterations(), plain.config.data.resolution), (7000, Resolution::Factor(2)));

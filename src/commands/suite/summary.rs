@@ -176,7 +176,7 @@ pub fn text(suite: &Suite, jobs: &[Job], figures: &[Figures]) -> String {
         text += &format!("\n## Published: {on}\n\n{}", table(&head, &published(on)));
     }
     let left: Vec<String> =
-        jobs.iter().zip(figures).filter(|(job, f)| !job.steps(f).is_empty()).map(|(job, _)| job.title()).collect();
+        jobs.iter().zip(figures).filter(|(job, f)| !job.steps(f).is_empty()).map(|(job, _)| job.name()).collect();
     if !left.is_empty() {
         text += &format!("\nNot measured yet: {}.\n", left.join("; "));
     }

@@ -14,6 +14,10 @@ use ibgs_train::memory::{Demand, Estimate};
 
 /// Share of the free device memory that `auto` may use; other programs and the driver need some.
 const PART: f64 = 0.9;
+/// Tile intersections of a Gaussian at the start of a training, where they are not counted yet.
+const INTERSECTIONS: u64 = 8;
+/// Device memory for source photos where that is `auto` and the card has memory of its own.
+const AUTO_PHOTOS: u64 = 4 << 30;
 
 /// Estimates the memory that a training needs, by the number of Gaussians.
 pub struct Needs {
@@ -40,6 +44,53 @@ impl Needs {
             photo_budget: config.sources.memory.bytes(raster.gpu()),
             evaluates: !dataset.test.is_empty(),
         }
+    }
+
+    /// For a training that is planned, from this number of points on; its options know the photos already.
+    pub fn planned(config: &TrainConfig, cameras: Vec<Camera>, points: usize, evaluates: bool) -> Self {
+        let gaussians = points as u64;
+        Self {
+            config: config.clone(),
+            cameras,
+            gaussians,
+            most: u64::from(config.densify.most()).max(gaussians),
+            sh_degree: config.sh_degree(),
+            // As a training finds that its Gaussians meet many tiles.
+            room: 4 * INTERSECTIONS * gaussians,
+            photo_budget: match config.sources.memory {
+                MemoryBudget::Bytes(bytes) => Some(bytes),
+                MemoryBudget::Auto => Some(AUTO_PHOTOS),
+                MemoryBudget::Unlimited => None,
+            },
+            evaluates,
+        }
+    }
+
+    /// Most Gaussians of the training, and the bytes that it needs with them.
+    pub fn most(&self) -> (u64, u64) {
+        (self.most, self.bytes(self.most))
+    }
+
+    /// The same within a budget: with fewer Gaussians where that is needed. None where it does not even begin.
+    pub fn within(&self, budget: u64) -> Option<(u64, u64)> {
+        let most = self.fitting(budget)?;
+        Some((most, self.bytes(most)))
+    }
+
+    /// The largest number of Gaussians, up to the cap of the options, that fits into a budget; none if the initial ones do not.
+    fn fitting(&self, budget: u64) -> Option<u64> {
+        if self.bytes(self.gaussians) > budget {
+            return None;
+        }
+        if !self.grows() || self.bytes(self.most) <= budget {
+            return Some(self.most);
+        }
+        let (mut fits, mut too_many) = (self.gaussians, self.most);
+        while too_many - fits > 1 {
+            let middle = (fits + too_many) / 2;
+            if self.bytes(middle) <= budget { fits = middle } else { too_many = middle }
+        }
+        Some(fits)
     }
 
     fn grows(&self) -> bool {
@@ -73,23 +124,17 @@ impl Needs {
             MemoryBudget::Bytes(bytes) => Some(bytes),
         };
         let Some(budget) = budget else { return Ok(None) };
-        let first = self.bytes(self.gaussians);
-        if first > budget {
+        let Some(fits) = self.fitting(budget) else {
             bail!(
                 "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`); train on smaller \
-                 photos (`--resolution`) or give the source photos less (`--source-memory`)",
-                Bytes(first),
+                 photos (`--resolution`), give the source photos less (`--source-memory`), or cut the scene into blocks (`ibgs split`)",
+                Bytes(self.bytes(self.gaussians)),
                 self.gaussians,
                 Bytes(budget)
             );
-        }
-        if !self.grows() || self.bytes(self.most) <= budget {
+        };
+        if fits >= self.most {
             return Ok(None);
-        }
-        let (mut fits, mut too_many) = (self.gaussians, self.most);
-        while too_many - fits > 1 {
-            let middle = (fits + too_many) / 2;
-            if self.bytes(middle) <= budget { fits = middle } else { too_many = middle }
         }
         stderr!(
             "warning: {} Gaussians would need {} of device memory, and {} is there (`--gpu-memory`): their number stops at {fits}",

@@ -11,8 +11,13 @@ use toml::{Table, Value};
 /// The checkpoint to resume from. The scene may have moved; no other option may differ.
 pub fn checkpoint(args: &Args, path: &Path) -> Result<Checkpoint> {
     let mut checkpoint = newest(&OutputFolder::at(path))?;
-    let wanted = args.over(checkpoint.config.clone())?;
+    let mut wanted = args.over(checkpoint.config.clone())?;
     checkpoint.config.data.source.clone_from(&wanted.data.source);
+    // So may a plan of blocks.
+    if let Some(plan) = &args.base {
+        checkpoint.config.data.split.clone_from(&plan.data.split);
+        wanted.data.split.clone_from(&plan.data.split);
+    }
     let (kept, given) = (Table::try_from(&checkpoint.config)?, Table::try_from(&wanted)?);
     if let Some((name, kept, given)) = difference(&kept, &given) {
         let value = |value: Option<&Value>| value.map_or("unset".to_owned(), Value::to_string);
@@ -37,7 +42,10 @@ fn difference<'a>(a: &'a Table, b: &'a Table) -> Option<(String, Option<&'a Valu
 }
 
 /// The newest intact checkpoint of a model folder; warns of each damaged one.
-fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
+///
+/// # Errors
+/// There is none, or none that is intact.
+pub fn newest(folder: &OutputFolder) -> Result<Checkpoint> {
     let found = folder.checkpoints()?;
     let saved = folder.latest_iteration()?.filter(|_| found.is_empty());
     // Killed before its first checkpoint, and after it was saved.

@@ -80,6 +80,7 @@ impl Default for DataConfig {
             max_resolution: None,
             eval: false,
             eval_split_every: 8,
+            split: None,
             principal_point: PrincipalPoint::True,
             masks: Masks::Ignore,
             alpha: None,

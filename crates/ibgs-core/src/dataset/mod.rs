@@ -14,6 +14,7 @@ mod photos;
 mod points;
 mod points_ply;
 mod reality_capture;
+mod shown;
 mod split;
 mod undistort;
 
@@ -25,6 +26,7 @@ pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub(crate) use photos::resample;
 pub use reality_capture::check_reality_capture;
+pub use shown::shown;
 
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
@@ -228,7 +230,44 @@ pub fn load_with(path: &Path, options: &LoadOptions, progress: &dyn Progress) ->
     Ok(Dataset { path: path.to_owned(), notes, ..dataset })
 }
 
-fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
+/// A scene without its photos: cameras in the size that the photos will have, split and points.
+#[derive(Clone, Debug)]
+pub struct PosedScene {
+    /// Names and cameras of all views, sorted by name.
+    pub views: Vec<(String, Camera)>,
+    /// Indices into `views` that train.
+    pub train: Vec<usize>,
+    /// Indices into `views` that are held out.
+    pub test: Vec<usize>,
+    /// The scene's own points; none where random ones would stand in.
+    pub points: Vec<Point>,
+}
+
+/// As [`load`], but of the photos only their sizes are read.
+///
+/// # Errors
+/// As [`load`], but for photos that do not decode.
+pub fn load_poses(path: &Path, options: &LoadOptions) -> Result<PosedScene, DatasetError> {
+    options.check()?;
+    if !is_archive(path) {
+        return poses_in_folder(path, options);
+    }
+    let unpacked = Unpacked::new(path)?;
+    poses_in_folder(&unpacked.root(), options).map_err(|error| unpacked.error(error))
+}
+
+fn poses_in_folder(path: &Path, options: &LoadOptions) -> Result<PosedScene, DatasetError> {
+    let (scene, root) = (read_sorted(path, options)?, root(path));
+    let camera = |photo: &ListedPhoto| Ok((photo.name.clone(), photos::camera(photo, options)?));
+    let views = scene.frames.par_iter().map(camera).collect::<Result<Vec<_>, DatasetError>>()?;
+    let names: Vec<String> = views.iter().map(|(name, _)| name.clone()).collect();
+    let split = split::divided(&names, scene.split, root, options)?;
+    let (points, _) = points::own(scene.points, scene.point_files, root)?;
+    Ok(PosedScene { views, train: split.train, test: split.test, points })
+}
+
+/// The views of a scene by name, none twice.
+fn read_sorted(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let mut scene = match format_of(path)? {
         Format::Colmap => colmap::read(path, options)?,
         Format::Transforms => nerf::read(path, options)?,
@@ -240,6 +279,11 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
         let name = pair[0].name.clone();
         return Err(DatasetError::DuplicateImage { path: scene.listing, name });
     }
+    Ok(scene)
+}
+
+fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
+    let mut scene = read_sorted(path, options)?;
     let mut dataset = Dataset {
         path: path.to_owned(),
         views: Vec::new(),
@@ -254,6 +298,9 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
     let root = root(path);
     let unposed = info::unposed(root, &scene.beside, scene.frames.iter().map(|frame| frame.photo.as_path()));
     dataset.notes.extend(unposed_note(&unposed));
+    if let Some(split) = &options.split {
+        split::keep_named(&mut scene.frames, split)?;
+    }
     let usual = match (scene.kind, options.masks) {
         (SceneKind::Blender, Masks::Ignore) => Alpha::Composite,
         _ => Alpha::Mask,

@@ -3,6 +3,7 @@
 use super::DatasetError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 /// Photo size to train at, in the numbers of the published command line: 1, 2, 4, 8 divide, a larger number is
@@ -239,6 +240,9 @@ pub struct LoadOptions {
     pub eval: bool,
     /// With `eval`, every n-th view of the name-sorted list, from the first on, is held out (published: 8).
     pub eval_split_every: usize,
+    /// The split of a file like `split.json`, in place of the scene's own. Views that it does not name are not loaded, nor points
+    /// that none of its training views shows.
+    pub split: Option<PathBuf>,
     /// Which principal point the cameras get.
     pub principal_point: PrincipalPoint,
     /// What lies outside of the masks.
@@ -267,6 +271,7 @@ impl Default for LoadOptions {
             max_resolution: None,
             eval: false,
             eval_split_every: 8,
+            split: None,
             principal_point: PrincipalPoint::True,
             masks: Masks::Ignore,
             alpha: None,

@@ -1,11 +1,12 @@
 //! Finding, loading and resampling photos.
 
-use super::decode::{apply_mask, decode};
+use super::decode::{apply_mask, decode, photo_size};
 use super::error::{DatasetError, read_bytes};
 use super::lens::{Lens, Pose};
 use super::names::{Inside, points_into};
 use super::undistort::undistort;
 use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
+use crate::camera::Camera;
 use crate::progress::Progress;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
@@ -133,20 +134,32 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<Loaded, Datase
         outside = GrayImage::from_raw(width, height, undistorted.blank);
         image = to_image(undistorted.photo, &frame.photo)?;
     }
-    let (width, height) = options.target_size(width, height, frame.prescaled);
+    let camera = resized_camera(&lens, frame, options);
+    let (width, height) = (camera.width, camera.height);
     let mut image = resample(image, width, height, options.resampler);
     if options.masks == Masks::Object {
         mark_empty(&mut image, outside.as_ref());
-    }
-    let mut camera = lens.pinhole(&frame.pose).resized(width, height);
-    if options.principal_point == PrincipalPoint::Centred {
-        camera = camera.centred();
     }
     let photo = Arc::new(Photo { width, height, rgba: image.into_raw() });
     let view = View { name: frame.name.clone(), camera, photo };
     let (prescaled, masked) = (frame.prescaled, frame.mask.is_some());
     let fisheye = lens.is_fisheye().then(|| lens.field_of_view());
     Ok(Loaded { view, rescaled, prescaled, masked, fisheye, blank })
+}
+
+/// The camera of a photo once it is loaded, by its size alone.
+pub(crate) fn camera(frame: &ListedPhoto, options: &LoadOptions) -> Result<Camera, DatasetError> {
+    let (width, height) = photo_size(&frame.photo)?;
+    Ok(resized_camera(&frame.lens.resized(width, height), frame, options))
+}
+
+fn resized_camera(lens: &Lens, frame: &ListedPhoto, options: &LoadOptions) -> Camera {
+    let (width, height) = options.target_size(lens.width, lens.height, frame.prescaled);
+    let camera = lens.pinhole(&frame.pose).resized(width, height);
+    match options.principal_point {
+        PrincipalPoint::True => camera,
+        PrincipalPoint::Centred => camera.centred(),
+    }
 }
 
 fn to_image(photo: Photo, path: &Path) -> Result<RgbaImage, DatasetError> {

@@ -2,13 +2,15 @@
 
 use super::error::{DatasetError, read_bytes};
 use super::points_ply;
-use super::{Alpha, Dataset, LoadOptions, Masks, Point, View};
+use super::{Alpha, Dataset, LoadOptions, Masks, Point, View, shown};
 use crate::camera::scene_extent;
 use crate::local_space::LocalSpace;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A cloud and where it came from.
 pub(crate) struct Cloud {
@@ -27,25 +29,32 @@ pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, Datase
     Ok(None)
 }
 
-/// Fills `dataset.points`: from `init.ply` if the scene has one, else from `model`, else from a file of points, else
-/// random ones. Never leaves it empty.
-pub(crate) fn fill(
-    dataset: &mut Dataset,
+/// A scene's own points: from `init.ply` if it has one, else from `model`, else from a file of points; with the file that they
+/// are from, unless that is the model.
+pub(crate) fn own(
     model: Vec<Point>,
     mut files: Vec<PathBuf>,
     root: &Path,
-    options: &LoadOptions,
-) -> Result<(), DatasetError> {
+) -> Result<(Vec<Point>, Option<PathBuf>), DatasetError> {
     files.push(root.join("points3D.ply"));
-    let mut points = model;
     let mut cloud = from_files(&[root.join("init.ply")])?;
-    if cloud.is_none() && points.is_empty() {
+    if cloud.is_none() && model.is_empty() {
         cloud = from_files(&files)?;
     }
-    if let Some(cloud) = cloud {
-        let count = cloud.points.len();
-        dataset.notes.push(format!("{count} initial points from {}", cloud.path.display()));
-        points = cloud.points;
+    Ok(cloud.map_or((model, None), |cloud| (cloud.points, Some(cloud.path))))
+}
+
+/// Fills `dataset.points`: with the scene's own ([`own`]), else with random ones. Never leaves it empty.
+pub(crate) fn fill(
+    dataset: &mut Dataset,
+    model: Vec<Point>,
+    files: Vec<PathBuf>,
+    root: &Path,
+    options: &LoadOptions,
+) -> Result<(), DatasetError> {
+    let (mut points, path) = own(model, files, root)?;
+    if let Some(path) = path {
+        dataset.notes.push(format!("{} initial points from {}", points.len(), path.display()));
     }
     let count = points.len();
     points.retain(|point| point.position.as_vec3().is_finite());
@@ -57,6 +66,9 @@ pub(crate) fn fill(
         let dropped = count - points.len();
         dataset.notes.push(format!("{dropped} initial points are not finite and were dropped"));
     }
+    if options.split.is_some() {
+        keep_shown(&mut points, dataset);
+    }
     if points.is_empty() {
         points = random(&dataset.views, options);
         dataset.notes.push(format!(
@@ -67,6 +79,19 @@ pub(crate) fn fill(
     }
     dataset.points = points;
     Ok(())
+}
+
+/// Keeps the points that a training view shows.
+fn keep_shown(points: &mut Vec<Point>, dataset: &Dataset) {
+    let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
+    let seen: Vec<AtomicBool> = positions.iter().map(|_| AtomicBool::new(false)).collect();
+    dataset.train.par_iter().for_each(|&view| {
+        for (_, point) in shown(&dataset.views[view].camera, &positions) {
+            seen[point as usize].store(true, Ordering::Relaxed);
+        }
+    });
+    let mut seen = seen.into_iter();
+    points.retain(|_| seen.next().is_some_and(AtomicBool::into_inner));
 }
 
 /// Depths of random points, in scene extents: near enough for a camera ring that looks inward (its subject lies

@@ -2,6 +2,7 @@
 
 use super::error::{DatasetError, read_json};
 use super::names::spelling;
+use super::photos::ListedPhoto;
 use super::{Dataset, LoadOptions};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,8 +61,8 @@ pub(crate) fn divided(
     root: &Path,
     options: &LoadOptions,
 ) -> Result<Divided, DatasetError> {
-    let path = root.join("split.json");
-    if path.is_file() {
+    let path = options.split.clone().unwrap_or_else(|| root.join("split.json"));
+    if options.split.is_some() || path.is_file() {
         return from_file(names, &path);
     }
     let all = 0..names.len();
@@ -103,6 +104,15 @@ fn from_file(names: &[String], path: &Path) -> Result<Divided, DatasetError> {
     let (train, test) = (resolve("train", &file.train)?, resolve("test", &file.test)?);
     let unused = names.len() - train.len() - test.len();
     let tail = if unused > 0 { format!(", {unused} unused") } else { String::new() };
-    let note = format!("split.json: {} training and {} test views{tail}", train.len(), test.len());
-    Ok(Divided { train, test, by: "split.json".to_owned(), note: Some(note) })
+    let by = path.file_name().map_or_else(|| "split.json".into(), |name| name.to_string_lossy().into_owned());
+    let note = format!("{by}: {} training and {} test views{tail}", train.len(), test.len());
+    Ok(Divided { train, test, by, note: Some(note) })
+}
+
+/// Keeps the photos that a split names.
+pub(crate) fn keep_named(photos: &mut Vec<ListedPhoto>, path: &Path) -> Result<(), DatasetError> {
+    let SplitJson { train, test } = read_json(path)?;
+    let named: BTreeSet<String> = train.iter().chain(&test).map(|name| spelling(name)).collect();
+    photos.retain(|photo| named.contains(&spelling(&photo.name)));
+    Ok(())
 }

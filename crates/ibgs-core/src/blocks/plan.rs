@@ -1,0 +1,266 @@
+//! The plan of a scene's blocks, and its folder.
+
+use super::Core;
+use crate::config::{ConfigError, TrainConfig};
+use crate::files::{self, WriteError};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Number of the format.
+const FORMAT: u32 = 1;
+/// File of the plan in its folder.
+const FILE: &str = "plan.json";
+
+/// A block: its part of space, and the photos that it is trained and measured on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    /// Where its Gaussians are kept.
+    pub core: Core,
+    /// Number of the scene's points in the core.
+    pub points: usize,
+    /// Names of its training photos.
+    pub train: Vec<String>,
+    /// Names of the held-out photos that show it.
+    pub test: Vec<String>,
+    /// Most Gaussians that its training makes.
+    pub gaussians: u64,
+    /// Number of iterations of its training.
+    pub iterations: u32,
+    /// Device memory that its training needs at that number of Gaussians, estimated, in bytes.
+    pub memory: u64,
+    /// Minutes of its training on an NVIDIA H100, roughly estimated.
+    pub minutes: f64,
+}
+
+/// The blocks of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockPlan {
+    /// They are numbered from 0.
+    pub blocks: Vec<Block>,
+    /// Device memory that a training may take, in bytes; none: as is there.
+    pub memory_limit: Option<u64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlanFile {
+    format: u32,
+    memory_limit: Option<u64>,
+    blocks: Vec<Block>,
+}
+
+/// The names of a block's photos, as a scene's `split.json` has them.
+#[derive(Serialize)]
+struct SplitFile<'a> {
+    train: &'a [String],
+    test: &'a [String],
+}
+
+/// Why a scene cannot be cut, or a plan not be used.
+#[derive(Debug, Error)]
+pub enum PlanError {
+    /// The scene has too few points.
+    #[error(
+        "the scene has {points} points, too few for {blocks} blocks; cut it into fewer, or use a model with more points"
+    )]
+    Points {
+        /// Number of points in different places.
+        points: usize,
+        /// Number of blocks.
+        blocks: usize,
+    },
+    /// A block has too few photos.
+    #[error("block {block} of {blocks} would have {photos} training photos; cut the scene into fewer blocks")]
+    Photos {
+        /// Number of the block.
+        block: usize,
+        /// Number of its training photos.
+        photos: usize,
+        /// Number of blocks.
+        blocks: usize,
+    },
+    /// The folder holds no plan.
+    #[error("{} is no plan of blocks: it has no plan.json; `ibgs split` makes one", path.display())]
+    NoPlan {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file cannot be read.
+    #[error("cannot read {}: {reason}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// The plan has no such block.
+    #[error("{} has no block {block}: its blocks have the numbers 0 to {last}", path.display())]
+    NoBlock {
+        /// The folder.
+        path: PathBuf,
+        /// The number asked for.
+        block: u32,
+        /// The largest number.
+        last: usize,
+    },
+    /// A file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// The options cannot be read or written.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+}
+
+/// The folder of a plan.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlanFolder {
+    root: PathBuf,
+}
+
+impl PlanFolder {
+    /// The folder of a plan, whether it is there or not.
+    pub fn at(path: &Path) -> Self {
+        Self { root: path.to_owned() }
+    }
+
+    /// Whether a plan was written there.
+    pub fn holds_plan(&self) -> bool {
+        self.root.join(FILE).is_file()
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Options of all trainings.
+    pub fn config_path(&self) -> PathBuf {
+        self.root.join("config.toml")
+    }
+
+    /// Names of a block's photos.
+    pub fn split_path(&self, block: u32) -> PathBuf {
+        self.root.join("blocks").join(format!("{block}.json"))
+    }
+
+    /// Model folder of a block.
+    pub fn block_path(&self, block: u32) -> PathBuf {
+        self.root.join("blocks").join(block.to_string())
+    }
+
+    /// The joined Gaussians.
+    pub fn joined_path(&self) -> PathBuf {
+        self.root.join("joined.ply")
+    }
+
+    /// Model folder of the whole, unless another one is named.
+    pub fn model_path(&self) -> PathBuf {
+        self.root.join("model")
+    }
+
+    /// Writes a plan, and the options that its trainings have in common.
+    ///
+    /// # Errors
+    /// [`PlanError::Write`], [`PlanError::Config`]; the plan itself comes last.
+    pub fn write(&self, plan: &BlockPlan, config: &TrainConfig) -> Result<(), PlanError> {
+        let json = |path: &Path, text: serde_json::Result<String>| {
+            files::write_atomically(path, |out| out.write_all((text? + "\n").as_bytes()))
+        };
+        config.save(&self.config_path())?;
+        for (number, Block { train, test, .. }) in (0..).zip(&plan.blocks) {
+            json(&self.split_path(number), serde_json::to_string_pretty(&SplitFile { train, test }))?;
+        }
+        let BlockPlan { blocks, memory_limit } = plan.clone();
+        let file = PlanFile { format: FORMAT, memory_limit, blocks };
+        Ok(json(&self.root.join(FILE), serde_json::to_string_pretty(&file))?)
+    }
+
+    /// Reads the plan.
+    ///
+    /// # Errors
+    /// [`PlanError::NoPlan`], [`PlanError::Read`] with line and column.
+    pub fn read(&self) -> Result<BlockPlan, PlanError> {
+        let path = self.root.join(FILE);
+        if !path.is_file() {
+            return Err(PlanError::NoPlan { path: self.root.clone() });
+        }
+        let text = std::fs::read_to_string(&path).map_err(|error| self.unreadable(&path, error))?;
+        let file: PlanFile = serde_json::from_str(&text).map_err(|error| self.unreadable(&path, error))?;
+        match file {
+            PlanFile { format: FORMAT, memory_limit, blocks } if !blocks.is_empty() => {
+                Ok(BlockPlan { blocks, memory_limit })
+            }
+            PlanFile { format: FORMAT, .. } => Err(self.unreadable(&path, "it has no blocks")),
+            PlanFile { format, .. } => {
+                Err(self.unreadable(&path, format!("its format {format} is not {FORMAT}, that of this version")))
+            }
+        }
+    }
+
+    /// Reads the options of the trainings, for a block of a plan.
+    ///
+    /// # Errors
+    /// [`PlanError::NoBlock`], [`PlanError::Config`].
+    pub fn block_config(&self, plan: &BlockPlan, block: u32) -> Result<TrainConfig, PlanError> {
+        if block as usize >= plan.blocks.len() {
+            let last = plan.blocks.len().saturating_sub(1);
+            return Err(PlanError::NoBlock { path: self.root.clone(), block, last });
+        }
+        let mut config = self.config()?;
+        let split = std::path::absolute(self.split_path(block)).map_err(|error| self.unreadable(&self.root, error))?;
+        config.data.split = Some(split);
+        Ok(config)
+    }
+
+    /// Reads the options of the trainings.
+    ///
+    /// # Errors
+    /// [`PlanError::Config`].
+    pub fn config(&self) -> Result<TrainConfig, PlanError> {
+        Ok(TrainConfig::load(&self.config_path())?)
+    }
+
+    fn unreadable(&self, path: &Path, reason: impl ToString) -> PlanError {
+        PlanError::Read { path: path.to_owned(), reason: reason.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_is_read_as_written_and_damage_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let plan_folder = PlanFolder::at(folder.path());
+        let error = |wanted: &str| {
+            let found = plan_folder.read().unwrap_err().to_string();
+            assert!(found.contains(wanted), "{found}");
+        };
+        error("`ibgs split` makes one");
+        let core = Core { min: [Some(0.1), None, Some(-3.5)], max: [None; 3] };
+        let block = Block { core, train: vec!["a.png".into()], memory: 7, minutes: 1.5, ..Block::default() };
+        let plan = BlockPlan { blocks: vec![Block::default(), block], memory_limit: Some(8 << 30) };
+        let mut config = TrainConfig::default();
+        config.data.source = Some("scene".into());
+        plan_folder.write(&plan, &config).unwrap();
+        assert_eq!(plan_folder.read().unwrap(), plan);
+        let split = std::fs::read_to_string(plan_folder.split_path(1)).unwrap();
+        assert!(split.contains("a.png"), "{split}");
+        config.data.split = Some(std::path::absolute(plan_folder.split_path(1)).unwrap());
+        assert_eq!(plan_folder.block_config(&plan, 1).unwrap(), config);
+        let last = plan_folder.block_config(&plan, 2).unwrap_err().to_string();
+        assert!(last.contains("0 to 1"), "{last}");
+        for (text, wanted) in [
+            ("{\"format\": 2, \"blocks\": []}", "format 2"),
+            ("{\"format\": 1, \"blocks\": []}", "no blocks"),
+            ("{\"format\": 1, \"blocks\": [{}]}", "missing field"),
+            ("{", "line 1"),
+        ] {
+            std::fs::write(folder.path().join(FILE), text).unwrap();
+            error(wanted);
+        }
+    }
+}

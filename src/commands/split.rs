@@ -1,0 +1,191 @@
+//! `ibgs split`
+
+mod slurm;
+
+use super::train::{self, Needs};
+use crate::stdout;
+use anyhow::{Context, Result, bail};
+use clap::Args as ClapArgs;
+use ibgs_core::blocks::{BlockPlan, CutOptions, PlanFolder};
+use ibgs_core::camera::Camera;
+use ibgs_core::config::{Method, TrainConfig};
+use ibgs_core::dataset::{PosedScene, load_poses};
+use ibgs_core::gpu::Bytes;
+use ibgs_core::sources::memory::MemoryBudget;
+use std::collections::HashMap;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// Number of blocks where neither it nor a limit is given.
+const USUAL_BLOCKS: u32 = 4;
+/// Most blocks that a limit on the memory leads to.
+const MOST_BLOCKS: u32 = 256;
+
+const EXAMPLES: &str = "\
+Examples:
+  ibgs split city -o plan --gpu-memory 8GiB -- --eval    # as many blocks as that memory asks for
+  ibgs suite plan --adapters 0,1                         # train the blocks on two GPUs, merge, evaluate
+  sh plan/slurm.sh --partition=gpu                       # the same as Slurm jobs";
+
+/// Options of `ibgs split`.
+#[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Scene folder or a .zip of one; it must have points.
+    scene: PathBuf,
+    /// Folder for the plan and the blocks; it must not exist yet.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Number of blocks [default: 4; with `--gpu-memory` as few as that allows].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    blocks: Option<u32>,
+    /// Device memory that the training of a block may take, such as `8GiB`.
+    #[arg(long, value_name = "SIZE")]
+    gpu_memory: Option<MemoryBudget>,
+    /// Enlarge each block by this part of its size on every side, for the choice of its photos.
+    #[arg(long, default_value_t = CutOptions::default().overlap, value_parser = part)]
+    overlap: f64,
+    /// A photo belongs to a block if at least this part of it shows the enlarged block.
+    #[arg(long, default_value_t = CutOptions::default().least_share, value_parser = part)]
+    least_share: f64,
+    /// Options of `ibgs train` for all blocks, such as `-- --eval --resolution 2`.
+    #[arg(last = true, value_name = "TRAIN OPTIONS")]
+    options: Vec<OsString>,
+}
+
+/// Parses a number from 0 to 1.
+fn part(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(part) if (0.0..=1.0).contains(&part) => Ok(part),
+        _ => Err("give a number from 0 to 1".to_owned()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let folder = PlanFolder::at(&args.output);
+    if args.output.exists() && args.output.read_dir().map_or(true, |mut entries| entries.next().is_some()) {
+        bail!("{} exists already; give `--output` a new folder", args.output.display());
+    }
+    let options = train::Args::parse(&args.options).map_err(|error| {
+        let text = error.render().to_string();
+        let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+        anyhow::anyhow!("the options after `--` are not those of `ibgs train`: {first}")
+    })?;
+    let mut config = options.shared_config()?;
+    config.data.source = Some(std::path::absolute(&args.scene)?);
+    let scene = load_poses(&args.scene, &config.load_options())?;
+    if scene.points.is_empty() {
+        bail!("{} has no points, by which blocks are cut; use a model with points", args.scene.display());
+    }
+    let budget = match args.gpu_memory {
+        Some(MemoryBudget::Bytes(bytes)) => Some(bytes),
+        Some(_) => bail!("give `--gpu-memory` a size, such as `8GiB`"),
+        None => None,
+    };
+    let plan = match (args.blocks, budget) {
+        (None, Some(budget)) => as_few_as_fit(args, &scene, &config, budget)?,
+        (blocks, budget) => planned(args, &scene, &config, blocks.unwrap_or(USUAL_BLOCKS), budget)?,
+    };
+    let plan = BlockPlan { memory_limit: budget, ..plan };
+    folder.write(&plan, &config)?;
+    slurm::write(&folder, &plan, config.data.eval)?;
+    print(&plan);
+    let path = args.output.display();
+    stdout!(
+        "\nNext: `ibgs suite {path}` trains the blocks, merges and measures them; so does `sh {path}/slurm.sh` with Slurm."
+    );
+    Ok(())
+}
+
+/// The plan of the fewest blocks that fit into the memory with all their Gaussians.
+fn as_few_as_fit(args: &Args, scene: &PosedScene, config: &TrainConfig, budget: u64) -> Result<BlockPlan> {
+    let mut most = 0;
+    for blocks in 1..=MOST_BLOCKS {
+        let plan = match planned(args, scene, config, blocks, None) {
+            Ok(plan) => plan,
+            Err(error) if blocks == 1 => return Err(error),
+            Err(error) => return Err(error.context(too_large(blocks - 1, most, budget))),
+        };
+        most = plan.blocks.iter().map(|block| block.memory).max().unwrap_or(0);
+        if most <= budget {
+            return Ok(plan);
+        }
+    }
+    bail!(too_large(MOST_BLOCKS, most, budget))
+}
+
+fn too_large(blocks: u32, most: u64, budget: u64) -> String {
+    format!(
+        "no number of blocks keeps each within {}: with {blocks} the largest one needs {}; give `--blocks` to train with fewer Gaussians",
+        Bytes(budget),
+        Bytes(most)
+    )
+}
+
+/// The plan with its estimates.
+fn planned(
+    args: &Args,
+    scene: &PosedScene,
+    config: &TrainConfig,
+    blocks: u32,
+    budget: Option<u64>,
+) -> Result<BlockPlan> {
+    let options = CutOptions { blocks: blocks as usize, overlap: args.overlap, least_share: args.least_share };
+    let mut plan = BlockPlan::cut(scene, &options)?;
+    let cameras: HashMap<&str, Camera> = scene.views.iter().map(|(name, camera)| (name.as_str(), *camera)).collect();
+    for (number, block) in plan.blocks.iter_mut().enumerate() {
+        let training: Vec<Camera> = block.train.iter().map(|name| cameras[name.as_str()]).collect();
+        let pixels: u64 = training.iter().map(|camera| camera.pixels() as u64).sum();
+        let mut config = config.clone();
+        config.adapt_to_photos(training.len(), pixels);
+        let mean_pixels = pixels as f64 / training.len() as f64;
+        let needs = Needs::planned(&config, training, block.points, !block.test.is_empty());
+        (block.gaussians, block.memory) = match budget {
+            None => needs.most(),
+            Some(budget) => needs.within(budget).with_context(|| {
+                let (needed, limit) = (Bytes(needs.most().1), Bytes(budget));
+                format!("block {number} of {blocks} does not fit into {limit}, it needs {needed}; cut the scene into more blocks")
+            })?,
+        };
+        block.iterations = config.iterations();
+        block.minutes = f64::from(block.iterations) * milliseconds(config.method, mean_pixels) / 60_000.0;
+    }
+    Ok(plan)
+}
+
+/// Milliseconds of an iteration on an NVIDIA H100, the mean over a whole run: a line through the times of five scenes of
+/// 0.3 to 0.8 megapixels with up to 400,000 Gaussians (docs/benchmarks.md).
+fn milliseconds(method: Method, pixels: f64) -> f64 {
+    match method {
+        Method::Ibgs => 2.2 + 7.5e-6 * pixels,
+        Method::Gs3 => 1.0 + 2.2e-6 * pixels,
+    }
+}
+
+fn print(plan: &BlockPlan) {
+    stdout!(
+        "{:>5} | {:>9} | {:>15} | {:>9} | {:>10} | {:>10} | {:>11}",
+        "block",
+        "points",
+        "photos, test",
+        "Gaussians",
+        "iterations",
+        "memory",
+        "H100"
+    );
+    for (number, block) in plan.blocks.iter().enumerate() {
+        stdout!(
+            "{number:>5} | {:>9} | {:>15} | {:>9} | {:>10} | {:>10} | {:>7.1} min",
+            block.points,
+            format!("{}, {}", block.train.len(), block.test.len()),
+            block.gaussians,
+            block.iterations,
+            Bytes(block.memory).to_string(),
+            block.minutes
+        );
+    }
+    stdout!(
+        "Gaussians: at most. Memory: the device's at that number, estimated. H100: minutes on such a GPU, roughly."
+    );
+}

@@ -1,0 +1,149 @@
+//! `ibgs split`, `train --block`, `merge`: a scene in blocks, on one machine and by Slurm.
+
+use super::{Outcome, PATIENCE, Sandbox, wait_for};
+use ibgs_core::blocks::PlanFolder;
+use ibgs_core::output::OutputFolder;
+use ibgs_core::scene::read_ply;
+use std::process::{Command, Stdio};
+
+/// Cuts the tiny demo into three blocks.
+fn cut(sandbox: &Sandbox, options: &str) -> PlanFolder {
+    let told = sandbox.succeeds(&format!("split scene -o plan --blocks 3 -- --eval {options}"));
+    assert!(told.stdout.contains("photos, test") && told.stdout.contains("`ibgs suite plan`"), "{told}");
+    PlanFolder::at(&sandbox.path("plan"))
+}
+
+fn has_model(plan: &PlanFolder, block: u32) -> bool {
+    OutputFolder::at(&plan.block_path(block)).latest_iteration().unwrap().is_some()
+}
+
+#[test]
+fn three_blocks_are_trained_merged_and_measured() {
+    let (sandbox, dataset) = Sandbox::with_scene();
+    let plan = cut(&sandbox, "--iterations 12 --eval-iterations 12 --save-iterations 3");
+    let cores = plan.read().unwrap().blocks;
+    // A block is killed, and trained on by the same command.
+    let arguments = "train plan --block 1 --checkpoint-every 0.0001";
+    let mut child = sandbox.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let folder = OutputFolder::at(&plan.block_path(1));
+    let stopped = wait_for(PATIENCE, || {
+        (!folder.checkpoints().unwrap().is_empty() || child.try_wait().unwrap().is_some()).then_some(())
+    });
+    child.kill().unwrap();
+    let killed = !child.wait().unwrap().success();
+    assert!(stopped.is_some() && killed, "it ended before it was killed");
+    let resumed = sandbox.succeeds("train plan --block 1");
+    assert!(resumed.stderr.contains("resuming from iteration"), "{resumed}");
+    let again = sandbox.succeeds("train plan --block 1");
+    assert!(again.stderr.contains("block 1 is trained") && !again.stderr.contains("resuming"), "{again}");
+    assert!(!has_model(&plan, 0));
+    sandbox.fails("merge plan", &["block 0 is not trained yet", "`ibgs train plan --block 0`"]);
+
+    // One part, then the rest, the merging and the evaluation.
+    let part = sandbox.succeeds("suite plan --shard 1/3");
+    assert!(part.stderr.contains("nothing is merged yet") && has_model(&plan, 0), "{part}");
+    let whole = sandbox.succeeds("suite plan");
+    assert!(whole.stderr.contains("2 of 3 runs are there already") && whole.stderr.contains("merging"), "{whole}");
+    let model = OutputFolder::open(&plan.model_path()).unwrap();
+    assert_eq!(model.latest_iteration().unwrap(), Some(12));
+    let joined = read_ply(&plan.joined_path()).unwrap();
+    let mut inside = 0;
+    for (number, block) in (0..).zip(&cores) {
+        let folder = OutputFolder::at(&plan.block_path(number));
+        let trained = read_ply(&folder.point_cloud_path(12)).unwrap();
+        inside += trained.positions().filter(|&mean| block.core.contains(mean)).count();
+        // It has its own photos only, in the split of the scene.
+        let cameras = folder.read_cameras().unwrap();
+        assert_eq!(cameras.len(), block.train.len() + block.test.len());
+        assert!(cameras.iter().all(|camera| block.train.contains(&camera.name) || block.test.contains(&camera.name)));
+    }
+    assert_eq!(joined.len(), inside);
+    let scores = sandbox.json("plan/model/results_renders_aggregate.json");
+    assert_eq!(scores["ours_12"]["views"], dataset.test.len(), "{scores}");
+    assert!(sandbox.path("plan/model/report.html").is_file());
+    // Everything is there.
+    let nothing = sandbox.succeeds("suite plan");
+    assert!(!nothing.stderr.contains("merging (log"), "{nothing}");
+    let merged = sandbox.succeeds("merge plan");
+    assert!(merged.stderr.contains("the blocks are merged"), "{merged}");
+}
+
+#[test]
+fn what_cannot_be_split_or_trained_says_why() {
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.fails("split scene -o plan --blocks 9", &["the scene has 300 points, too few for 9 blocks"]);
+    sandbox.fails("split scene -o scene", &["scene exists already"]);
+    sandbox.fails("split scene -o plan -- --resume -m x", &["`--resume`"]);
+    sandbox.fails("split scene -o plan -- --nonsense", &["not those of `ibgs train`", "--nonsense"]);
+    sandbox.fails("split scene -o plan --gpu-memory 1MiB", &["1 MiB"]);
+    sandbox.fails("split nowhere -o plan", &["nowhere"]);
+    sandbox.fails("train scene --block 0", &["scene is no plan of blocks", "`ibgs split` makes one"]);
+    sandbox.fails("merge scene", &["scene is no plan of blocks"]);
+    sandbox.fails("suite scene", &["scene is no plan of blocks"]);
+    let plan = cut(&sandbox, "");
+    sandbox.fails("train plan --block 3", &["has no block 3", "0 to 2"]);
+    sandbox.fails("suite plan --iterations 5", &["`--iterations` does not apply to a plan"]);
+    sandbox.fails("split scene -o plan", &["plan exists already"]);
+    // A block that fails names itself.
+    std::fs::rename(sandbox.path("scene"), sandbox.path("gone")).unwrap();
+    let failed = sandbox.run("train plan --block 2");
+    failed.assert_failure(1, &["block 2 of plan", "scene"]);
+    let suite = sandbox.run("suite plan");
+    suite.assert_failure(1, &["3 of 3 blocks failed", "0.log"]);
+    assert!(suite.stderr.contains("2/3 block 1: training: failed: "), "{suite}");
+    assert!(!has_model(&plan, 0));
+}
+
+/// A stand-in for Slurm's `sbatch`: it writes down how it was called, and answers with the number of a job.
+const SBATCH: &str = r#"#!/bin/sh
+calls=$(dirname "$0")/calls
+for word in "$@"; do printf '%s\n' "$word" >> "$calls"; done
+echo -- >> "$calls"
+echo "$((100 + $(grep -c '^--$' "$calls")));cluster"
+"#;
+
+#[cfg(unix)]
+#[test]
+fn a_plan_is_handed_to_slurm() {
+    use std::os::unix::fs::PermissionsExt;
+    let (sandbox, _) = Sandbox::with_scene();
+    let plan = cut(&sandbox, "--iterations 4");
+    sandbox.write("bin/sbatch", SBATCH);
+    let program = sandbox.path("bin/sbatch");
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let paths = format!("{}:{}", sandbox.path("bin").display(), std::env::var("PATH").unwrap());
+    let mut shell = Command::new("sh");
+    shell.arg(plan.root().join("slurm.sh")).args(["--partition=gpu", "--time=1:00:00"]).env("PATH", paths);
+    shell.env("IBGS", env!("CARGO_BIN_EXE_ibgs")).current_dir(sandbox.path("bin"));
+    let outcome = Outcome::of("slurm.sh", &mut shell);
+    outcome.assert_success();
+    assert_eq!(outcome.stdout.trim(), "103;cluster");
+    let calls = sandbox.text("bin/calls");
+    let calls: Vec<Vec<&str>> = calls.split("--\n").map(|call| call.lines().collect()).collect();
+    assert_eq!(calls.len(), 4, "three calls and what comes after the last: {calls:?}");
+    for call in &calls[..3] {
+        assert!(call.contains(&"--partition=gpu") && call.contains(&"--time=1:00:00"), "{call:?}");
+    }
+    assert!(calls[0].contains(&"--array=0-2") && !calls[0].iter().any(|word| word.contains("dependency")));
+    assert!(calls[1].contains(&"--dependency=afterok:101") && calls[2].contains(&"--dependency=afterok:102"));
+    // What Slurm would run, run by a shell.
+    let wrapped = |call: &[&str]| call.iter().find_map(|word| word.strip_prefix("--wrap=")).unwrap().to_owned();
+    let run = |text: &str, block: &str| {
+        let mut shell = sandbox.command("");
+        let environment: Vec<_> = shell.get_envs().map(|(k, v)| (k.to_owned(), v.map(ToOwned::to_owned))).collect();
+        shell = Command::new("sh");
+        shell.args(["-c", text]).env("SLURM_ARRAY_TASK_ID", block).current_dir(sandbox.path("bin"));
+        for (name, value) in environment {
+            _ = match value {
+                Some(value) => shell.env(name, value),
+                None => shell.env_remove(name),
+            };
+        }
+        Outcome::of(text, &mut shell).assert_success();
+    };
+    for block in ["0", "1", "2"] {
+        run(&wrapped(&calls[0]), block);
+    }
+    assert!((0..3).all(|block| has_model(&plan, block)));
+    assert!(wrapped(&calls[1]).contains(" merge '") && wrapped(&calls[2]).contains("/model'"));
+}
