@@ -193,7 +193,7 @@ fn load(path: &Path) -> Result<Scene> {
 
 fn scene(name: String, gaussians: Gaussians, cameras: &[CameraRecord], config: TrainConfig) -> Result<Scene> {
     let camera = cameras.first().context("the model has no cameras")?.camera;
-    let space = model::space(cameras, &gaussians);
+    let space = model::space(cameras, &gaussians, config.data.extent);
     Ok(Scene { name, gaussians: gaussians.into_space(space), camera, config })
 }
 

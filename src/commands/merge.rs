@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::blocks::{BlockPlan, PlanFolder, join};
 use ibgs_core::config::TrainConfig;
+use ibgs_core::local_space::LocalSpace;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
 use ibgs_core::sources::memory::MemoryBudget;
@@ -63,7 +64,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 /// Joins the blocks, and returns the options of the training that follows.
 fn joined(plan: &PlanFolder, blocks: &BlockPlan, iterations: Option<u32>) -> Result<TrainConfig> {
-    let mut parts = Vec::with_capacity(blocks.blocks.len());
+    let (mut parts, mut extents) = (Vec::with_capacity(blocks.blocks.len()), Vec::new());
     for (number, block) in (0..).zip(&blocks.blocks) {
         let folder = OutputFolder::at(&plan.block_path(number));
         if !block::is_trained(&folder)? {
@@ -71,8 +72,14 @@ fn joined(plan: &PlanFolder, blocks: &BlockPlan, iterations: Option<u32>) -> Res
             bail!("block {number} is not trained yet; run `ibgs train {path} --block {number}` or `ibgs suite {path}`");
         }
         let iteration = folder.latest_iteration()?.context("it is trained")?;
+        let cameras = folder.read_cameras()?;
+        extents.extend(LocalSpace::of_cameras(cameras.iter().map(|record| &record.camera)).map(|space| space.extent()));
         parts.push((block.core, read_ply(&folder.point_cloud_path(iteration))?));
     }
+    // The network of the block with most photos has seen most of the scene.
+    let largest = (0..).zip(&blocks.blocks).max_by_key(|(_, block)| block.train.len()).map(|(number, _)| number);
+    let folder = OutputFolder::at(&plan.block_path(largest.context("a plan has blocks")?));
+    let network = folder.latest_iteration()?.and_then(|iteration| folder.network_path(iteration));
     let degree = parts[0].1.sh_degree;
     if let Some(other) = parts.iter().position(|(_, part)| part.sh_degree != degree) {
         bail!("block {other} has spherical harmonics of another degree than block 0; train both with the same options");
@@ -84,6 +91,10 @@ fn joined(plan: &PlanFolder, blocks: &BlockPlan, iterations: Option<u32>) -> Res
     write_ply(&path, &joined, PlyFlavor::Full)?;
     let mut config = plan.config()?;
     config.init = Some(path);
+    // What was near for a block must not be too near for the whole.
+    extents.sort_by(f64::total_cmp);
+    config.data.extent = extents.get(extents.len() / 2).copied();
+    config.residual.init = network.map(std::path::absolute).transpose()?;
     let given = config.iterations.take();
     config.iterations = Some(iterations.unwrap_or_else(|| given.unwrap_or(u32::MAX).min(config.iterations())));
     (config.save_iterations, config.eval_iterations) = (Some(Vec::new()), Some(Vec::new()));

@@ -34,6 +34,7 @@ pub fn dataset() -> Dataset {
         }
     });
     Dataset {
+        extent: None,
         path: "scene".into(),
         views: views.into(),
         train: vec![1, 2],

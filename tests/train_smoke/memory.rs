@@ -24,7 +24,15 @@ fn dataset(camera: &Camera) -> Dataset {
     };
     let views: Vec<View> = (0..3).map(view).collect();
     let train = (0..views.len()).collect();
-    Dataset { path: Default::default(), views, train, test: Vec::new(), points: Vec::new(), notes: Vec::new() }
+    Dataset {
+        path: Default::default(),
+        views,
+        train,
+        test: Vec::new(),
+        points: Vec::new(),
+        extent: None,
+        notes: Vec::new(),
+    }
 }
 
 /// Estimated and allocated bytes of three iterations with everything at work.

@@ -127,6 +127,9 @@ pub struct DataConfig {
     pub color_space: Option<ColorSpace>,
     /// Leave out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images.
     pub filter_points: bool,
+    /// Extent of the cameras in scene units, by which near plane, learning rates and other lengths are measured; unset: 1.1
+    /// times the distance of the farthest cameras from the middle. `ibgs merge` takes that of a block.
+    pub extent: Option<f64>,
     /// Number of random points where the scene has none.
     pub random_points: u32,
     /// Gives every photo of the demo scene another exposure, by this seed; unset: the same for all.
@@ -318,6 +321,7 @@ impl TrainConfig {
             background: self.background().map(|v| (v * 255.0).round() as u8),
             color_space: data.color_space,
             filter_points: data.filter_points,
+            extent: data.extent,
             seed: self.seed,
             random_points: data.random_points as usize,
         }

@@ -76,8 +76,19 @@ impl LocalSpace {
         if is_rounding { None } else { Self::usable(origin, distance / POINT_DISTANCE) }
     }
 
+    /// The same with another extent of the cameras, in scene units; as it is without one.
+    pub fn with_extent(self, extent: Option<f64>) -> Self {
+        let usable = extent.and_then(|extent| Self::usable(self.origin, extent / EXTENT));
+        usable.unwrap_or(self)
+    }
+
     fn usable(origin: DVec3, scale: f64) -> Option<Self> {
         (scale >= MIN_SCALE && scale.is_finite()).then_some(Self { origin, scale })
+    }
+
+    /// The extent of the cameras, in scene units.
+    pub fn extent(&self) -> f64 {
+        self.scale * EXTENT
     }
 
     /// A point of the scene in local coordinates.

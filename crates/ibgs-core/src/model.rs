@@ -183,7 +183,7 @@ impl Model {
     /// The local coordinates in which it is rendered: those of its training, from its cameras; without cameras, those
     /// of the Gaussians.
     pub fn space(&self) -> LocalSpace {
-        space(&self.cameras, &self.gaussians)
+        space(&self.cameras, &self.gaussians, self.config.data.extent)
     }
 
     /// The views that it was trained on, in their order.
@@ -306,10 +306,11 @@ pub fn load_demo(
     Ok(dataset)
 }
 
-/// The local coordinates in which a model is rendered: those of its training, from its cameras; without cameras, those
-/// of the Gaussians.
-pub fn space(cameras: &[CameraRecord], gaussians: &Gaussians) -> LocalSpace {
-    LocalSpace::of_scene(cameras.iter().map(|record| &record.camera), gaussians.positions())
+/// The local coordinates in which a model is rendered: those of its training, from its cameras and the extent that they were
+/// given; without cameras, those of the Gaussians.
+pub fn space(cameras: &[CameraRecord], gaussians: &Gaussians, extent: Option<f64>) -> LocalSpace {
+    let space = LocalSpace::of_scene(cameras.iter().map(|record| &record.camera), gaussians.positions());
+    space.with_extent(extent)
 }
 
 /// Whether a path names a one-file bundle, there or not.

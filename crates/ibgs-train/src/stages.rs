@@ -157,17 +157,23 @@ impl ImageStages {
 
     /// Resumes from there; a depth map that is missing is rendered when it is needed.
     pub fn restore(&mut self, network: &NetworkState, depths: &BTreeMap<usize, Vec<f32>>) -> Result<(), TrainError> {
-        if network.weights.len() != WEIGHTS {
-            return Err(NetworkError::Count { found: network.weights.len() }.into());
-        }
-        self.network = NetworkParameters::upload(&self.gpu, &network.weights)?;
-        let (weights, adam) = (&self.network.network().weights, self.network_optimizer.config());
-        self.network_optimizer = TensorOptimizer::new(&self.gpu, weights, WEIGHTS, adam)?;
+        self.set_network(&network.weights)?;
         self.network_optimizer.restore(&self.gpu, &network.moments, network.steps)?;
         self.depths.clear();
         for (&view, depth) in depths {
             self.depths.insert(view, self.gpu.upload("median depth", depth)?);
         }
+        Ok(())
+    }
+
+    /// Begins with a trained network.
+    pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
+        if weights.len() != WEIGHTS {
+            return Err(NetworkError::Count { found: weights.len() }.into());
+        }
+        self.network = NetworkParameters::upload(&self.gpu, weights)?;
+        let (weights, adam) = (&self.network.network().weights, self.network_optimizer.config());
+        self.network_optimizer = TensorOptimizer::new(&self.gpu, weights, WEIGHTS, adam)?;
         Ok(())
     }
 

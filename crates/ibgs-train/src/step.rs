@@ -148,6 +148,14 @@ impl Trainer {
         Ok(trainer)
     }
 
+    /// Begins with a trained residual network, flat weights `[WEIGHTS]`; without one of its own it ignores it.
+    ///
+    /// # Errors
+    /// Another number of weights, not enough memory.
+    pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
+        self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
+    }
+
     /// The same without counting the intersections; the data set comes with its checksum.
     fn with_default_room(
         raster: Arc<Rasterizer>,
@@ -175,7 +183,8 @@ impl Trainer {
             filters.update(&gpu, splats);
         }
         let (centre, extent) = scene_extent(scene_cameras.iter());
-        let (centre, extent) = (space.to_local(centre), usable_extent(extent / space.scale));
+        let extent = usable_extent(dataset.extent.unwrap_or(extent) / space.scale);
+        let centre = space.to_local(centre);
         let prune_length = match config.densify.prune_scale_by_distance {
             true => densify::distance_length(&start.means, centre, extent),
             false => extent,

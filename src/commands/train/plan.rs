@@ -12,6 +12,7 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{load_demo, load_scene};
 use ibgs_core::output::{Existing, FolderLock, OutputFolder};
 use ibgs_core::raster::Rasterizer;
+use ibgs_core::residual::weights;
 use ibgs_core::scene::read_gaussians;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::checkpoint::Checkpoint;
@@ -106,6 +107,8 @@ impl Plan {
             self.refuse_output()?;
         }
         let start = config.init.as_deref().filter(|_| self.resumed.is_none()).map(read_gaussians).transpose()?;
+        let network = config.residual.init.as_deref().filter(|_| self.resumed.is_none());
+        let network = network.map(weights::load).transpose()?;
         status("loading the photos");
         let source = config.data.source.clone();
         let scene = source.map(|source| load_scene(&config, &source, &Bars::default())).transpose()?;
@@ -138,6 +141,9 @@ impl Plan {
             }
             (None, None) => Trainer::new(raster.clone(), &dataset, &config)?,
         };
+        if let Some(network) = &network {
+            trainer.set_network(network)?;
+        }
         let mut needs = estimate::Needs::of(&trainer, &raster, &dataset, &config);
         if let Some(most) = needs.limit(self.gpu_memory, &gpu)? {
             config.densify.max_splats = Some(most);

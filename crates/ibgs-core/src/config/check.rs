@@ -137,6 +137,9 @@ impl TrainConfig {
         check.require(every >= 2, "data.eval-split-every", every, "it must be at least 2")?;
         let side = self.data.max_resolution;
         check.require(side != Some(0), "data.max-resolution", 0, at_least_1)?;
+        let extent = self.data.extent;
+        let is_length = extent.is_none_or(|extent| extent.is_finite() && extent > 0.0);
+        check.require(is_length, "data.extent", extent.unwrap_or_default(), "it must be a finite number above 0")?;
         let random = self.data.random_points;
         check.require(random >= 1, "data.random-points", random, at_least_1)?;
         let splats = self.densify.most();

@@ -86,6 +86,7 @@ impl Default for DataConfig {
             alpha: None,
             color_space: None,
             filter_points: false,
+            extent: None,
             random_points: 100_000,
             demo_exposure_seed: None,
         }

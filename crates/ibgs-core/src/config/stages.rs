@@ -2,6 +2,7 @@
 
 use crate::residual::variant::{Aggregation, NetworkInputs, Output, Precision};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Median intersections and the losses on the surface that they give (method.md sections 3 and 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,9 +36,12 @@ pub enum Learners {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ResidualConfig {
+    /// File of a trained network to begin with, such as `residual_network.safetensors` of a model; unset: one that has learned
+    /// nothing.
+    pub init: Option<PathBuf>,
     /// The residual begins after this iteration; unset: 10000, scaled.
     pub start: Option<u32>,
-    /// Number of iterations in which only the network learns from the final image; unset: 3000, scaled; 0: none.
+    /// Number of iterations in which only the network learns from the final image; unset: 3000, scaled, and with `init` 0; 0: none.
     pub burn_in: Option<u32>,
     /// Gain of the base image when the burn-in begins; it rises to 1 (published: 0.5, for a network that passes nothing at first).
     pub burn_in_gain: f64,
@@ -158,6 +162,7 @@ impl Default for SurfaceConfig {
 impl Default for ResidualConfig {
     fn default() -> Self {
         Self {
+            init: None,
             start: None,
             burn_in: None,
             burn_in_gain: 1.0,

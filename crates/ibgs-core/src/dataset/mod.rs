@@ -119,6 +119,8 @@ pub struct Dataset {
     pub test: Vec<usize>,
     /// Initial points (never empty: random points stand in, and `notes` says so).
     pub points: Vec<Point>,
+    /// Extent of the cameras in scene units, where it is given and not to be that of all views.
+    pub extent: Option<f64>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
     pub notes: Vec<String>,
 }
@@ -128,7 +130,7 @@ impl Dataset {
     /// from the points if all cameras stand at one place.
     pub fn space(&self) -> LocalSpace {
         let cameras = self.views.iter().map(|view| &view.camera);
-        LocalSpace::of_scene(cameras, self.points.iter().map(|point| point.position))
+        LocalSpace::of_scene(cameras, self.points.iter().map(|point| point.position)).with_extent(self.extent)
     }
 
     /// CRC-32 of what a training sees: names, cameras and photos of the training and the held-out views.
@@ -290,6 +292,7 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
         train: Vec::new(),
         test: Vec::new(),
         points: Vec::new(),
+        extent: options.extent,
         notes: scene.notes,
     };
     if !scene.missing.is_empty() {

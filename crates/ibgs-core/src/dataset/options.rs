@@ -225,7 +225,7 @@ impl FromStr for ColorSpace {
 }
 
 /// How to load a scene.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LoadOptions {
     /// Photo size.
@@ -256,6 +256,8 @@ pub struct LoadOptions {
     /// Leaves out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images (method.md
     /// section 10.9).
     pub filter_points: bool,
+    /// [`Dataset::extent`](super::Dataset::extent).
+    pub extent: Option<f64>,
     /// Seed of the random points.
     pub seed: u64,
     /// Number of random points where the scene has none.
@@ -278,6 +280,7 @@ impl Default for LoadOptions {
             background: [0; 3],
             color_space: None,
             filter_points: false,
+            extent: None,
             seed: 0,
             random_points: 100_000,
         }

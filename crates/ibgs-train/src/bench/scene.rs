@@ -77,7 +77,15 @@ pub(super) fn views(
         views.push(View { name: index.to_string(), camera: moved, photo });
     }
     let train = (0..views.len()).collect();
-    Ok(Dataset { path: Default::default(), views, train, test: Vec::new(), points: Vec::new(), notes: Vec::new() })
+    Ok(Dataset {
+        path: Default::default(),
+        views,
+        train,
+        test: Vec::new(),
+        points: Vec::new(),
+        extent: None,
+        notes: Vec::new(),
+    })
 }
 
 /// Options of a training in which every stage of the method is at work from the second iteration on, no Gaussian is

@@ -43,11 +43,12 @@ impl Stages {
         let (surface, residual) = (&config.surface, &config.residual);
         let surface_start = surface.start.unwrap_or_else(|| scaled(7_000));
         let halve_at = residual.halve_at.clone();
+        let usual_burn_in = || if residual.init.is_some() { 0 } else { scaled(3_000) };
         Some(Self {
             surface_start,
             normal_start: surface.normal_from.unwrap_or(surface_start).max(surface_start),
             residual_start: residual.start.unwrap_or_else(|| scaled(10_000)),
-            burn_in: residual.burn_in.unwrap_or_else(|| scaled(3_000)),
+            burn_in: residual.burn_in.unwrap_or_else(usual_burn_in),
             burn_in_gain: residual.burn_in_gain,
             network_lr: residual.learning_rate,
             halve_at: halve_at.unwrap_or_else(|| vec![scaled(18_000), scaled(25_000)]),
@@ -171,6 +172,10 @@ mod tests {
         assert_eq!((s.surface_from(), s.residual_from(), s.depth_cache_from(10)), (Some(51), Some(41), Some(20)));
         assert_eq!((first(99, |i| s.normal_loss_at(i)), first(99, |i| s.exposure_at(i))), (Some(71), Some(4)));
         assert!((1..=3_000).all(|i| s.burn_in(i).is_none() && s.network_lr(i) == 1e-3));
+        // A network that is trained already.
+        let mut trained = TrainConfig::default();
+        trained.residual.init = Some("network.safetensors".into());
+        assert!((1..=3_000).all(|i| Schedule::new(&trained, 3_000).burn_in(i).is_none()));
         // The shortest of runs.
         let s = Schedule::new(&TrainConfig::default(), 1);
         assert!(!s.surface_loss_at(1) && !s.residual_at(1) && s.shapes_normals_at(1, 8));

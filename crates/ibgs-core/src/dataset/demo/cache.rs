@@ -36,6 +36,11 @@ impl Cache {
         Cache { folder: base.map(|base| base.join(key)) }
     }
 
+    /// A folder that is named.
+    pub fn at(folder: &Path) -> Self {
+        Cache { folder: Some(folder.to_owned()) }
+    }
+
     /// The scene folder.
     pub fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
@@ -69,7 +74,7 @@ impl Cache {
     }
 
     /// Writes `transforms.json` and `points3D.ply` unless they are there already; the error is a note.
-    pub fn describe(&self, options: &DemoOptions, cameras: &[Camera], points: &[Point]) -> Result<(), String> {
+    pub fn describe(&self, options: &impl Serialize, cameras: &[Camera], points: &[Point]) -> Result<(), String> {
         let transforms = serde_json::to_vec_pretty(&Transforms::new(options, cameras))
             .map_err(|error| self.note(&Error::other(error)))?;
         self.write(PathBuf::from("points3D.ply"), &ply(points))?;
@@ -100,7 +105,7 @@ impl Cache {
 
 /// nerfstudio's `transforms.json`: one pinhole for all frames, OpenGL axes (x right, y up, z backwards).
 #[derive(Serialize)]
-struct Transforms<'a> {
+struct Transforms<'a, T> {
     camera_model: &'static str,
     w: u32,
     h: u32,
@@ -114,7 +119,7 @@ struct Transforms<'a> {
     p2: f64,
     ply_file_path: &'static str,
     frames: Vec<CachedView>,
-    ibgs_demo: Origin<'a>,
+    ibgs_demo: Origin<'a, T>,
 }
 
 #[derive(Serialize)]
@@ -124,13 +129,13 @@ struct CachedView {
 }
 
 #[derive(Serialize)]
-struct Origin<'a> {
+struct Origin<'a, T> {
     version: u32,
-    options: &'a DemoOptions,
+    options: &'a T,
 }
 
-impl<'a> Transforms<'a> {
-    fn new(options: &'a DemoOptions, cameras: &[Camera]) -> Self {
+impl<'a, T> Transforms<'a, T> {
+    fn new(options: &'a T, cameras: &[Camera]) -> Self {
         let first = cameras[0];
         let frame = |(index, camera): (usize, &Camera)| CachedView {
             file_path: format!("images/{}", view_name(index)),

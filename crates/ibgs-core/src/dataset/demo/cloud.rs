@@ -1,9 +1,7 @@
 //! The initial points: what structure from motion would find, with its noise and its outliers.
 
-use super::DemoOptions;
 use super::numeric::Stream;
-use super::scene::{LAMP, ROOM_CENTER, is_view_dependent};
-use super::texture::ROOM_HALF;
+use super::scene::{LAMP, Scene, is_view_dependent};
 use super::trace::hit_at;
 use crate::dataset::{Point, View};
 use glam::DVec3;
@@ -18,31 +16,33 @@ const OUTLIERS: f64 = 0.02;
 const KEPT_ON_MIRRORS: f64 = 0.25;
 
 /// Points seen in random pixels of the training photos, with the colour of that pixel.
-pub(super) fn points(options: &DemoOptions, views: &[View], train: &[usize]) -> Vec<Point> {
-    (0..options.points)
+pub(super) fn points(scene: &Scene, (count, seed): (usize, u64), views: &[View], train: &[usize]) -> Vec<Point> {
+    (0..count)
         .into_par_iter()
         .map(|index| {
-            let mut random = Stream::new(options.seed, 2, index as u64);
+            let mut random = Stream::new(seed, 2, index as u64);
             if random.uniform() < OUTLIERS {
-                return outlier(&mut random);
+                return outlier(scene, &mut random);
             }
-            (0..64).find_map(|_| surface_point(&mut random, views, train)).unwrap_or_else(|| outlier(&mut random))
+            (0..64)
+                .find_map(|_| surface_point(scene, &mut random, views, train))
+                .unwrap_or_else(|| outlier(scene, &mut random))
         })
         .collect()
 }
 
-fn outlier(random: &mut Stream) -> Point {
+fn outlier(scene: &Scene, random: &mut Stream) -> Point {
     let place = DVec3::new(random.signed(), random.signed(), random.signed());
     let color = random.bits().to_le_bytes();
-    Point { position: ROOM_CENTER + place * ROOM_HALF, color: [color[0], color[1], color[2]] }
+    Point { position: scene.center() + place * scene.half(), color: [color[0], color[1], color[2]] }
 }
 
-fn surface_point(random: &mut Stream, views: &[View], train: &[usize]) -> Option<Point> {
+fn surface_point(scene: &Scene, random: &mut Stream, views: &[View], train: &[usize]) -> Option<Point> {
     let view = &views[train[random.below(train.len())]];
     let x = random.below(view.camera.width as usize);
     let y = random.below(view.camera.height as usize);
     let keep = random.uniform() < KEPT_ON_MIRRORS;
-    let (hit, ray) = hit_at(&view.camera, x as f64, y as f64);
+    let (hit, ray) = hit_at(scene, &view.camera, x as f64, y as f64);
     if hit.id == LAMP || (is_view_dependent(hit.id) && !keep) {
         return None;
     }

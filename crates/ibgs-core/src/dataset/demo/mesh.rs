@@ -1,8 +1,7 @@
 //! The true surface as a triangle mesh: the yardstick for extracted meshes.
 
-use super::scene::{ROOM_CENTER, scene};
+use super::scene::scene;
 use super::shape::{Form, Ray, Solid};
-use super::texture::ROOM_HALF;
 use crate::camera::Camera;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -23,13 +22,13 @@ pub struct TriangleMesh {
 /// no camera sees, such as the underside of the table, are included; [`TriangleMesh::visible_from`] drops them.
 pub fn mesh(tessellation: u32) -> TriangleMesh {
     let steps = tessellation.max(1);
-    let room = Solid { form: Form::Cuboid(ROOM_HALF), center: ROOM_CENTER, world_from_local: DMat3::IDENTITY };
+    let scene = scene();
+    let room = Solid { form: Form::Cuboid(scene.half()), center: scene.center(), world_from_local: DMat3::IDENTITY };
     let mut mesh = TriangleMesh::default();
     mesh.add_solid(&room, steps);
     for triangle in &mut mesh.triangles {
         triangle.swap(1, 2);
     }
-    let scene = scene();
     for object in &scene.objects {
         mesh.add_solid(&object.solid, steps);
     }

@@ -12,6 +12,7 @@ mod numeric;
 mod poses;
 mod scene;
 mod shape;
+mod street;
 mod texture;
 mod trace;
 
@@ -29,6 +30,7 @@ pub use exposure::change_exposure;
 pub use mesh::{TriangleMesh, mesh};
 pub use poses::{cameras, look_at};
 pub use scene::{BALL, CUBE, GLOSSY_SPHERE, LAMP, MIRROR, RING, ROOM, STAND, TABLE, is_view_dependent};
+pub use street::{StreetOptions, street};
 pub use trace::{Truth, render_photo, truth};
 
 /// Version of the scene; any change to a traced pixel, a pose or a point raises it, and old caches are left behind.
@@ -110,21 +112,25 @@ pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: &dyn Prog
         Some(dir) => Some(dir.to_path_buf()),
         None => dirs::cache_dir().map(|dir| dir.join("ibgs")),
     };
-    let cache = Cache::new(base, options);
-    let cameras = cameras(options);
-    let mut notes = Vec::new();
-    let (photos, trouble) = load_photos(&cache, options, &cameras, progress, &mut notes);
-    let views: Vec<View> = cameras
-        .iter()
-        .zip(photos)
-        .enumerate()
-        .map(|(index, (&camera, photo))| View { name: view_name(index), camera, photo: Arc::new(photo) })
-        .collect();
-    let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);
-    let points = cloud::points(options, &views, &train);
-    notes.extend(trouble.or_else(|| cache.describe(options, &cameras, &points).err()));
-    let path = cache.folder().map_or_else(|| PathBuf::from("demo"), Path::to_path_buf);
-    Ok(Dataset { path, views, train, test, points, notes })
+    let traced = Traced {
+        scene: scene::scene(),
+        cache: Cache::new(base, options),
+        cameras: cameras(options),
+        samples: options.samples,
+        points: (options.points, options.seed),
+    };
+    Ok(traced.load(options, progress))
+}
+
+/// A scene to trace: what it is made of.
+struct Traced<'a> {
+    scene: &'a scene::Scene,
+    cache: Cache,
+    cameras: Vec<Camera>,
+    /// Rays a pixel along each side.
+    samples: u32,
+    /// Number of points, and their seed.
+    points: (usize, u64),
 }
 
 /// Distance in metres from a point inside the room to the nearest true surface (lamps included).
@@ -137,45 +143,61 @@ fn view_name(index: usize) -> String {
     format!("view_{index:03}.png")
 }
 
-/// The photos, and a note if they could not be cached.
-fn load_photos(
-    cache: &Cache,
-    options: &DemoOptions,
-    cameras: &[Camera],
-    progress: &dyn Progress,
-    notes: &mut Vec<String>,
-) -> (Vec<Photo>, Option<String>) {
-    let found: Vec<Found> = (0..cameras.len())
-        .into_par_iter()
-        .map(|index| cache.read_photo(&view_name(index), options.width, options.height))
-        .collect();
-    let damaged = found.iter().filter(|found| matches!(found, Found::Damaged)).count();
-    if damaged > 0 {
-        notes.push(format!("{damaged} cached photo(s) of the demo scene were damaged and traced again"));
+impl Traced<'_> {
+    /// Reads what the cache has, traces the rest, and writes it there with the `options` that it was made with.
+    fn load(&self, options: &impl Serialize, progress: &dyn Progress) -> Dataset {
+        let mut notes = Vec::new();
+        let (photos, trouble) = self.photos(progress, &mut notes);
+        let views: Vec<View> = self
+            .cameras
+            .iter()
+            .zip(photos)
+            .enumerate()
+            .map(|(index, (&camera, photo))| View { name: view_name(index), camera, photo: Arc::new(photo) })
+            .collect();
+        let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);
+        let points = cloud::points(self.scene, self.points, &views, &train);
+        notes.extend(trouble.or_else(|| self.cache.describe(options, &self.cameras, &points).err()));
+        let path = self.cache.folder().map_or_else(|| PathBuf::from("demo"), Path::to_path_buf);
+        Dataset { path, views, train, test, points, extent: None, notes }
     }
-    let missing = found.iter().filter(|found| !matches!(found, Found::Photo(_))).count();
-    if missing > 0 {
-        progress.begin("ray tracing the demo scene", missing);
+
+    /// The photos, and a note if they could not be cached.
+    fn photos(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> (Vec<Photo>, Option<String>) {
+        let Self { cache, cameras, .. } = self;
+        let found: Vec<Found> = cameras
+            .par_iter()
+            .enumerate()
+            .map(|(index, camera)| cache.read_photo(&view_name(index), camera.width, camera.height))
+            .collect();
+        let damaged = found.iter().filter(|found| matches!(found, Found::Damaged)).count();
+        if damaged > 0 {
+            notes.push(format!("{damaged} cached photo(s) of the demo scene were damaged and traced again"));
+        }
+        let missing = found.iter().filter(|found| !matches!(found, Found::Photo(_))).count();
+        if missing > 0 {
+            progress.begin("ray tracing the demo scene", missing);
+        }
+        let trouble: Mutex<Option<String>> = Mutex::new(None);
+        let note = || trouble.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let photos = found
+            .into_par_iter()
+            .enumerate()
+            .map(|(index, found)| {
+                if let Found::Photo(photo) = found {
+                    return photo;
+                }
+                let photo = trace::render_in(self.scene, &cameras[index], self.samples);
+                let given_up = note().is_some();
+                if !given_up && let Err(message) = cache.write_photo(&view_name(index), &photo) {
+                    note().get_or_insert(message);
+                }
+                progress.step();
+                photo
+            })
+            .collect();
+        progress.end();
+        let trouble = note().take();
+        (photos, trouble)
     }
-    let trouble: Mutex<Option<String>> = Mutex::new(None);
-    let note = || trouble.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let photos = found
-        .into_par_iter()
-        .enumerate()
-        .map(|(index, found)| {
-            if let Found::Photo(photo) = found {
-                return photo;
-            }
-            let photo = render_photo(&cameras[index], options.samples);
-            let given_up = note().is_some();
-            if !given_up && let Err(message) = cache.write_photo(&view_name(index), &photo) {
-                note().get_or_insert(message);
-            }
-            progress.step();
-            photo
-        })
-        .collect();
-    progress.end();
-    let trouble = note().take();
-    (photos, trouble)
 }

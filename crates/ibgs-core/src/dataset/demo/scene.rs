@@ -31,7 +31,11 @@ pub fn is_view_dependent(object: u8) -> bool {
 }
 
 /// Centre of the room.
-pub(super) const ROOM_CENTER: DVec3 = DVec3::new(0.0, 0.0, ROOM_HALF.z);
+const ROOM_CENTER: DVec3 = DVec3::new(0.0, 0.0, ROOM_HALF.z);
+/// Distance of the rooms of a street, which lie side by side along x without walls between them.
+pub(super) const ROOM_PITCH: f64 = 2.0 * ROOM_HALF.x;
+/// Lamps of a room light up so many rooms on either side of it.
+const LIT_ROOMS: usize = 2;
 /// Height of the table top.
 pub(super) const TABLE_TOP: f64 = 0.42;
 
@@ -68,9 +72,11 @@ pub(super) struct Lamp {
 
 /// Everything a ray can hit.
 pub(super) struct Scene {
-    /// Solids on and including the table.
+    /// Number of rooms, each with the same furniture and lamps.
+    rooms: usize,
+    /// Solids on and including the table, of the first room.
     pub objects: Vec<Object>,
-    /// The lights.
+    /// The lights of the first room.
     pub lamps: Vec<Lamp>,
     /// Box around all objects: centre and half extents.
     cluster: (DVec3, DVec3),
@@ -98,7 +104,7 @@ const MATT: DVec3 = DVec3::ZERO;
 
 /// The one scene.
 pub(super) fn scene() -> &'static Scene {
-    static SCENE: LazyLock<Scene> = LazyLock::new(Scene::build);
+    static SCENE: LazyLock<Scene> = LazyLock::new(|| Scene::street(1));
     &SCENE
 }
 
@@ -127,7 +133,8 @@ fn object(
 }
 
 impl Scene {
-    fn build() -> Scene {
+    /// Rooms side by side; one of them is the demo scene.
+    pub fn street(rooms: usize) -> Scene {
         let objects = furniture();
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
         for Object { solid, .. } in &objects {
@@ -144,6 +151,7 @@ impl Scene {
             intensity: DVec3::new(r, g, b),
         };
         Scene {
+            rooms,
             objects,
             lamps: vec![
                 lamp(-1.15, -1.05, 2.25, 1.95, 1.64, 1.25),
@@ -154,41 +162,89 @@ impl Scene {
         }
     }
 
+    /// Centre of all rooms.
+    pub fn center(&self) -> DVec3 {
+        ROOM_CENTER + DVec3::X * (ROOM_PITCH / 2.0 * (self.rooms - 1) as f64)
+    }
+
+    /// Half extents of all rooms.
+    pub fn half(&self) -> DVec3 {
+        ROOM_HALF * DVec3::new(self.rooms as f64, 1.0, 1.0)
+    }
+
+    /// The room of a point.
+    fn room_of(&self, point: DVec3) -> usize {
+        ((point.x / ROOM_PITCH).round().max(0.0) as usize).min(self.rooms - 1)
+    }
+
+    /// The lamps that light up a point: each with the offset of its room.
+    pub fn lamps_near(&self, point: DVec3) -> impl Iterator<Item = (&Lamp, DVec3)> {
+        let room = self.room_of(point);
+        let rooms = room.saturating_sub(LIT_ROOMS)..=(room + LIT_ROOMS).min(self.rooms - 1);
+        rooms.flat_map(|room| self.lamps.iter().map(move |lamp| (lamp, room_offset(room))))
+    }
+
     /// The first surface along a ray that starts inside the room.
     pub fn nearest(&self, ray: &Ray) -> Hit {
-        let mut hit = room_hit(ray);
-        let mut offer = |id: u8, index: usize, solid: &Solid| {
-            if let Some(Entry { t, normal, local }) = solid.enter(ray, hit.t) {
-                let facing = solid.world_from_local * normal;
-                hit = Hit { id, index, t, normal: facing, local: (local, normal) };
+        let mut hit = self.room_hit(ray);
+        for room in 0..self.rooms {
+            let ray = in_room(ray, room);
+            let mut offer = |id: u8, index: usize, solid: &Solid| {
+                if let Some(Entry { t, normal, local }) = solid.enter(&ray, hit.t) {
+                    let facing = solid.world_from_local * normal;
+                    hit = Hit { id, index, t, normal: facing, local: (local, normal) };
+                }
+            };
+            if self.meets_cluster(&ray) {
+                for (index, object) in self.objects.iter().enumerate() {
+                    offer(object.id, index, &object.solid);
+                }
             }
-        };
-        if self.meets_cluster(ray) {
-            for (index, object) in self.objects.iter().enumerate() {
-                offer(object.id, index, &object.solid);
+            for (index, lamp) in self.lamps.iter().enumerate() {
+                offer(LAMP, index, &lamp.solid);
             }
-        }
-        for (index, lamp) in self.lamps.iter().enumerate() {
-            offer(LAMP, index, &lamp.solid);
         }
         hit
     }
 
     /// Whether an object (not a lamp, not a wall) lies on the ray before distance `reach`.
     pub fn blocked(&self, ray: &Ray, reach: f64) -> bool {
-        self.meets_cluster(ray) && self.objects.iter().any(|object| object.solid.enter(ray, reach).is_some())
+        (0..self.rooms).map(|room| in_room(ray, room)).any(|ray| {
+            self.meets_cluster(&ray) && self.objects.iter().any(|object| object.solid.enter(&ray, reach).is_some())
+        })
     }
 
     /// Distance in metres from a point inside the room to the nearest surface, lamps included.
     pub fn distance(&self, point: DVec3) -> f64 {
+        let walls = self.room_clearance(point).abs();
+        let point = point - room_offset(self.room_of(point));
         let lamps = self.lamps.iter().map(|lamp| lamp.solid.distance(point).abs());
         let objects = self.objects.iter().map(|object| object.solid.distance(point).abs());
-        lamps.chain(objects).fold(room_clearance(point).abs(), f64::min)
+        lamps.chain(objects).fold(walls, f64::min)
+    }
+
+    /// Distance of a point to the nearest wall, positive inside the room.
+    fn room_clearance(&self, point: DVec3) -> f64 {
+        (self.half() - (point - self.center()).abs()).min_element()
+    }
+
+    /// The wall a ray from inside the room ends at.
+    fn room_hit(&self, ray: &Ray) -> Hit {
+        let (center, half) = (self.center(), self.half());
+        let shifted = Ray { origin: ray.origin - center, ..*ray };
+        let t = box_span(&shifted, half).map_or(0.0, |(_, leave)| leave);
+        let at = shifted.at(t);
+        let outward = box_normal(at, half);
+        // Every room has the same walls.
+        let along = center.x - room_offset(self.room_of(at + center)).x;
+        let local = DVec3::new(at.x + along, at.y, at.z);
+        Hit { id: ROOM, index: 0, t, normal: -outward, local: (local, outward) }
     }
 
     /// Signed distance to the walls and, near the table, to the objects: what dims ambient light.
     pub fn clearance(&self, point: DVec3) -> f64 {
-        let mut nearest = room_clearance(point);
+        let mut nearest = self.room_clearance(point);
+        let point = point - room_offset(self.room_of(point));
         let margin = (point - self.cluster.0).abs() - self.cluster.1;
         if margin.max_element() < nearest {
             for object in &self.objects {
@@ -262,16 +318,12 @@ fn shiny_objects() -> Vec<Object> {
     ]
 }
 
-/// Distance of a point to the nearest wall, positive inside the room.
-fn room_clearance(point: DVec3) -> f64 {
-    (ROOM_HALF - (point - ROOM_CENTER).abs()).min_element()
+/// Where a room of a street lies.
+pub(super) fn room_offset(room: usize) -> DVec3 {
+    DVec3::X * (ROOM_PITCH * room as f64)
 }
 
-/// The wall a ray from inside the room ends at.
-fn room_hit(ray: &Ray) -> Hit {
-    let shifted = Ray { origin: ray.origin - ROOM_CENTER, ..*ray };
-    let t = box_span(&shifted, ROOM_HALF).map_or(0.0, |(_, leave)| leave);
-    let local = shifted.at(t);
-    let outward = box_normal(local, ROOM_HALF);
-    Hit { id: ROOM, index: 0, t, normal: -outward, local: (local, outward) }
+/// A ray in the coordinates of a room.
+fn in_room(ray: &Ray, room: usize) -> Ray {
+    Ray { origin: ray.origin - room_offset(room), ..*ray }
 }

@@ -31,12 +31,16 @@ pub struct Truth {
 /// Ray traces a photo from a camera inside the room: sRGB, opaque, `samples` x `samples` rays a pixel averaged in
 /// linear light (0 counts as 1).
 pub fn render_photo(camera: &Camera, samples: u32) -> Photo {
+    render_in(scene(), camera, samples)
+}
+
+pub(super) fn render_in(scene: &Scene, camera: &Camera, samples: u32) -> Photo {
     let samples = samples.max(1);
     let mut rgba = vec![255u8; camera.width as usize * camera.height as usize * 4];
     let row_bytes = (camera.width as usize * 4).max(1);
     rgba.par_chunks_mut(row_bytes).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(4).enumerate() {
-            let linear = pixel_color(camera, x as f64, y as f64, samples);
+            let linear = pixel_color(scene, camera, x as f64, y as f64, samples);
             for channel in 0..3 {
                 pixel[channel] = srgb_code(linear[channel]);
             }
@@ -51,7 +55,7 @@ pub fn truth(camera: &Camera) -> Truth {
     let hits: Vec<(f32, [f32; 3], u8)> = (0..width * camera.height as usize)
         .into_par_iter()
         .map(|pixel| {
-            let (hit, ray) = hit_at(camera, (pixel % width) as f64, (pixel / width) as f64);
+            let (hit, ray) = hit_at(scene(), camera, (pixel % width) as f64, (pixel / width) as f64);
             let depth = hit.t * ray.direction.dot(forward);
             (depth as f32, hit.normal.as_vec3().to_array(), hit.id)
         })
@@ -64,14 +68,14 @@ pub fn truth(camera: &Camera) -> Truth {
 }
 
 /// What the centre of a pixel shows, and the ray that found it.
-pub(super) fn hit_at(camera: &Camera, x: f64, y: f64) -> (Hit, Ray) {
+pub(super) fn hit_at(scene: &Scene, camera: &Camera, x: f64, y: f64) -> (Hit, Ray) {
     let direction = camera.ray(DVec2::new(x + 0.5, y + 0.5));
     let ray = Ray { origin: camera.center(), direction };
-    (scene().nearest(&ray), ray)
+    (scene.nearest(&ray), ray)
 }
 
 /// Average over a grid of rays; each ray also looks at its own point of every lamp, which makes shadows soft.
-fn pixel_color(camera: &Camera, x: f64, y: f64, samples: u32) -> DVec3 {
+fn pixel_color(scene: &Scene, camera: &Camera, x: f64, y: f64, samples: u32) -> DVec3 {
     static SPOTS: LazyLock<[DVec3; 16]> = LazyLock::new(lamp_spots);
     let (step, origin) = (1.0 / f64::from(samples), camera.center());
     let mut sum = DVec3::ZERO;
@@ -84,7 +88,7 @@ fn pixel_color(camera: &Camera, x: f64, y: f64, samples: u32) -> DVec3 {
                 2..=4 => SPOTS[((j * samples + i) * 7 % 16) as usize],
                 _ => SPOTS[(hash(u64::from(j * samples + i)) % 16) as usize],
             };
-            sum += shoulder(radiance(Ray { origin, direction }, spot));
+            sum += shoulder(radiance(scene, Ray { origin, direction }, spot));
         }
     }
     sum / f64::from(samples * samples)
@@ -108,8 +112,7 @@ fn shoulder(color: DVec3) -> DVec3 {
 }
 
 /// Light that arrives against a ray; `spot` picks a point of each lamp (in units of its radius).
-pub(super) fn radiance(mut ray: Ray, spot: DVec3) -> DVec3 {
-    let scene = scene();
+pub(super) fn radiance(scene: &Scene, mut ray: Ray, spot: DVec3) -> DVec3 {
     let (mut sum, mut throughput) = (DVec3::ZERO, DVec3::ONE);
     for _ in 0..BOUNCES {
         let hit = scene.nearest(&ray);
@@ -153,8 +156,8 @@ fn fresnel(reflectance: DVec3, facing: f64) -> DVec3 {
 /// Direct light of all lamps: the irradiance of a matt surface and the Blinn-Phong highlight.
 fn lamp_light(scene: &Scene, point: DVec3, normal: DVec3, incoming: DVec3, spot: DVec3, sheen: f64) -> (DVec3, DVec3) {
     let (mut matt, mut highlight) = (DVec3::ZERO, DVec3::ZERO);
-    for lamp in &scene.lamps {
-        let to_lamp = lamp.solid.center + spot * lamp.radius - point;
+    for (lamp, offset) in scene.lamps_near(point) {
+        let to_lamp = lamp.solid.center + spot * lamp.radius + offset - point;
         let squared = to_lamp.length_squared();
         let distance = squared.sqrt();
         let direction = to_lamp / distance;
