@@ -66,6 +66,12 @@ fn three_blocks_are_trained_merged_and_measured() {
     assert!(!nothing.stderr.contains("merging (log"), "{nothing}");
     let merged = sandbox.succeeds("merge plan");
     assert!(merged.stderr.contains("the blocks are merged"), "{merged}");
+    // The same without a training.
+    sandbox.succeeds("merge plan -o as-it-is --iterations 0");
+    let as_it_is = OutputFolder::open(&sandbox.path("as-it-is")).unwrap();
+    assert_eq!(read_ply(&as_it_is.point_cloud_path(12)).unwrap().len(), inside);
+    let rendered = sandbox.succeeds("render as-it-is --outputs final");
+    assert!(rendered.stderr.contains("as-it-is"), "{rendered}");
 }
 
 #[test]
