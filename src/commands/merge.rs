@@ -65,7 +65,7 @@ pub fn run(args: &Args) -> Result<()> {
             if args.iterations == Some(0) {
                 return joined.write(&plan, &model, args.overwrite);
             }
-            Plan { overwrite: args.overwrite, ..Plan::new(joined.config(&plan, args.iterations)?) }
+            Plan { overwrite: args.overwrite, ..Plan::new(joined.config(&plan, args.iterations, blocks.memory_limit)?) }
         }
     };
     merge.model = Some(model);
@@ -121,7 +121,7 @@ impl Joined {
     }
 
     /// The options of the training that follows.
-    fn config(&self, plan: &PlanFolder, iterations: Option<u32>) -> Result<TrainConfig> {
+    fn config(&self, plan: &PlanFolder, iterations: Option<u32>, limit: Option<u64>) -> Result<TrainConfig> {
         let path = std::path::absolute(plan.joined_path())?;
         write_ply(&path, &self.gaussians, PlyFlavor::Full)?;
         let mut config = plan.config()?;
@@ -129,6 +129,10 @@ impl Joined {
         // What was near for a block must not be too near for the whole.
         config.data.extent = self.extent;
         config.residual.init = self.network.as_ref().map(std::path::absolute).transpose()?;
+        // All photos of the scene have a depth map here.
+        if let Some(bytes) = limit {
+            config.surface.depth_memory = MemoryBudget::Bytes(bytes / 4);
+        }
         let given = config.iterations.take();
         config.iterations = Some(iterations.unwrap_or_else(|| given.unwrap_or(u32::MAX).min(config.iterations())));
         (config.save_iterations, config.eval_iterations) = (Some(Vec::new()), Some(Vec::new()));

@@ -154,6 +154,26 @@ fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
     assert!(ours == theirs && ours.iter().any(|&v| v > 0.0), "streamed sources gave another frame");
 }
 
+/// Depth maps that were dropped are rendered again: another model, but one that learns all the same.
+#[test]
+fn depth_maps_may_be_dropped() {
+    let dataset = dataset();
+    let mut config = staged(26);
+    let mut all = trainer(&dataset, &config);
+    run(&mut all, 26);
+    config.surface.depth_memory = MemoryBudget::Bytes(2 * 4 * 48 * 36);
+    let mut few = trainer(&dataset, &config);
+    run(&mut few, 26);
+    let ((gaussians, network), (others, other)) = (model(&all), model(&few));
+    assert!(gaussians != others && network != other && other.is_some(), "the limit changed nothing");
+    let psnr = |trainer: &Trainer| {
+        let view = &dataset.views[dataset.train[0]];
+        score_view(&trainer.renderer().unwrap(), view, None).unwrap().1.base.psnr
+    };
+    let (usual, limited) = (psnr(&all), psnr(&few));
+    assert!((usual - limited).abs() < 1.0, "{usual} dB and {limited} dB");
+}
+
 /// Drawing other sources each time makes another network than reading the nearest ones; without more candidates than are
 /// read both are the same.
 #[test]

@@ -17,7 +17,7 @@
 //! | surface | {16 N + (32 + 20 K) P} |
 //! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
 //! | losses | 36 P {twice, and 36 V P} |
-//! | depth maps | {4 a pixel of all training photos} |
+//! | depth maps | {4 a pixel of all training photos, within `surface.depth-memory`} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {608 p + (64 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 
@@ -26,6 +26,7 @@ use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::residual::Factor;
 use ibgs_core::residual::features::SUMS_BYTES;
 use ibgs_core::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
+use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
 
 /// Tile intersections of a Gaussian that trained scenes of about a megapixel do not exceed on average.
@@ -135,7 +136,7 @@ impl Estimate {
         let sizes = Sizes::of(demand);
         let image_based = demand.config.method == Method::Ibgs;
         let mut estimate = Self { parts: Vec::new() };
-        estimate.add_photos(demand);
+        estimate.add_kept("photos", "training photos", demand, demand.photo_budget);
         estimate.add_gaussians(&sizes, demand);
         estimate.add_raster(&sizes, demand.config.method);
         estimate.add("images", "base image and its gradient", 12 * sizes.pixels, 2);
@@ -146,9 +147,12 @@ impl Estimate {
         if image_based {
             estimate.add_surface(&sizes);
             estimate.add_network(&sizes, demand);
-            let maps = demand.cameras.iter().map(|c| 4 * u64::from(c.width) * u64::from(c.height));
-            let (count, bytes) = (demand.cameras.len() as u64, maps.sum::<u64>());
-            estimate.add("depth maps", "depth maps of the training views", bytes / count.max(1), count);
+            let budget = match demand.config.surface.depth_memory {
+                MemoryBudget::Bytes(bytes) => Some(bytes),
+                MemoryBudget::Auto => demand.photo_budget,
+                MemoryBudget::Unlimited => None,
+            };
+            estimate.add_kept("depth maps", "depth maps of the training views", demand, budget);
         }
         estimate
     }
@@ -157,14 +161,15 @@ impl Estimate {
         self.parts.push(Part { part, what, bytes, buffers });
     }
 
-    fn add_photos(&mut self, demand: &Demand) {
-        let photo = |c: &Camera| (4 * u64::from(c.width) * u64::from(c.height)).next_multiple_of(16);
-        let all: u64 = demand.cameras.iter().map(photo).sum();
-        let largest = demand.cameras.iter().map(photo).max().unwrap_or(0);
+    /// Adds images of four bytes a pixel, one for each training view, within a budget.
+    fn add_kept(&mut self, part: &'static str, what: &'static str, demand: &Demand, budget: Option<u64>) {
+        let image = |c: &Camera| (4 * u64::from(c.width) * u64::from(c.height)).next_multiple_of(16);
+        let all: u64 = demand.cameras.iter().map(image).sum();
+        let largest = demand.cameras.iter().map(image).max().unwrap_or(0);
         // A view and its sources are there at the same time under any budget.
         let least = largest * (1 + u64::from(demand.config.sources.used)).min(demand.cameras.len() as u64);
-        let kept = demand.photo_budget.map_or(all, |budget| all.min(budget.max(least)));
-        self.add("photos", "training photos", largest, kept.div_ceil(largest.max(1)));
+        let kept = budget.map_or(all, |budget| all.min(budget.max(least)));
+        self.add(part, what, largest, kept.div_ceil(largest.max(1)));
     }
 
     fn add_gaussians(&mut self, sizes: &Sizes, demand: &Demand) {

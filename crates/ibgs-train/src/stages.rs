@@ -118,8 +118,7 @@ impl ImageStages {
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,
-            // All of them: one that is rendered again would be of another model, and the training would differ.
-            depths: DepthCache::new(None),
+            depths: DepthCache::new(config.surface.depth_memory.bytes(gpu)),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
             normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),

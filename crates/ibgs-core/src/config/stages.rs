@@ -1,6 +1,7 @@
 //! Options of the image-based stages, surface losses and residual network (method.md sections 3, 6 and 7), and of exposure.
 
 use crate::residual::variant::{Aggregation, NetworkInputs, Output, Precision};
+use crate::sources::memory::MemoryBudget;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -18,6 +19,9 @@ pub struct SurfaceConfig {
     pub normal_weight: f64,
     /// Weight of the photometric loss (published: 0.3).
     pub photometric_weight: f64,
+    /// Device memory for the median depths of the training views, as `sources.memory`; none: all are kept. One that was dropped
+    /// is rendered again when it is needed, by the Gaussians of that moment, so a limit changes what is learned.
+    pub depth_memory: MemoryBudget,
 }
 
 /// What learns from the final image once the burn-in is over (method.md section 7).
@@ -155,7 +159,14 @@ impl ResidualConfig {
 
 impl Default for SurfaceConfig {
     fn default() -> Self {
-        Self { intersections: 4, start: None, normal_from: None, normal_weight: 0.01, photometric_weight: 0.05 }
+        Self {
+            intersections: 4,
+            start: None,
+            normal_from: None,
+            normal_weight: 0.01,
+            photometric_weight: 0.05,
+            depth_memory: MemoryBudget::Unlimited,
+        }
     }
 }
 
