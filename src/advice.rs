@@ -2,6 +2,7 @@
 //! about it with the flags of this program is added here.
 
 use crate::prepare;
+use ibgs_core::blocks::PlanError;
 use ibgs_core::config::ConfigError;
 use ibgs_core::dataset::DatasetError;
 use ibgs_core::eval::EvalError;
@@ -105,6 +106,11 @@ fn passed_on(error: AnyError) -> Option<AnyError> {
         })
         .or_else(|| match error.downcast_ref()? {
             OutputError::Config(error) => Some(error as AnyError),
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
+            PlanError::Config(error) => Some(error as AnyError),
+            PlanError::Write(error) => Some(error),
             _ => None,
         })
 }
@@ -214,6 +220,10 @@ fn advice(error: AnyError) -> Option<String> {
             CheckpointError::Version { .. } => {
                 Some("continue with that version, or start again from its Gaussians with `--init`")
             }
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
+            PlanError::NoPlan { .. } => Some("`ibgs split` makes one"),
             _ => None,
         })
         .map(str::to_owned)

@@ -67,5 +67,6 @@ survive!(
     zip_scene,
     photo,
     config,
-    model_folder
+    model_folder,
+    plan
 );

@@ -2,10 +2,12 @@
 
 mod model;
 
+use super::split;
 use crate::stdout;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
+use ibgs_core::blocks::PlanFolder;
 use ibgs_core::dataset::{self, SceneInfo};
 use ibgs_core::gpu::{Use, lacking, list_adapters};
 use ibgs_core::local_space::Length;
@@ -16,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// Options of `ibgs info`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene folder, model folder, `.ibgs` bundle or file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG) [default: list the
-    /// adapters of this machine].
+    /// Scene folder, model folder, `.ibgs` bundle, file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG) or plan of `ibgs split`
+    /// [default: list the adapters of this machine].
     path: Option<PathBuf>,
 }
 
@@ -29,8 +31,15 @@ pub fn run(args: &Args) -> Result<()> {
         Some(path) if is_bundle(path) => model::show(path),
         Some(path) if !dataset::is_archive(path) && is_gaussians(path) => model_file(path),
         Some(path) if path.join("point_cloud").is_dir() => model::show(path),
+        Some(path) if PlanFolder::at(path).holds_plan() => plan(&PlanFolder::at(path)),
         Some(path) => scene(path),
     }
+}
+
+fn plan(folder: &PlanFolder) -> Result<()> {
+    let source = folder.config()?.data.source.unwrap_or_default();
+    stdout!("{}: a plan of blocks for {}", folder.root().display(), source.display());
+    split::print(folder, &folder.read()?)
 }
 
 fn adapters() -> Result<()> {

@@ -3,14 +3,14 @@
 use super::train::{self, Plan, block};
 use crate::progress::Bars;
 use crate::stderr;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::blocks::{BlockPlan, PlanFolder, join};
+use ibgs_core::blocks::{BlockPlan, Joiner, PlanFolder};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::files;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::load_scene;
-use ibgs_core::output::{Existing, OutputFolder};
+use ibgs_core::output::OutputFolder;
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, read_ply, write_ply};
 use ibgs_core::sources::memory::MemoryBudget;
@@ -50,27 +50,66 @@ pub fn run(args: &Args) -> Result<()> {
     let plan = PlanFolder::at(&args.plan);
     let blocks = plan.read()?;
     let model = args.output.clone().unwrap_or_else(|| plan.model_path());
-    let folder = OutputFolder::at(&model);
-    let mut merge = match &folder.checkpoints()?[..] {
-        [_, ..] if !args.overwrite => {
-            let resumed = train::newest(&folder)?;
-            Plan { resumed: Some(resumed.clone()), ..Plan::new(resumed.config.clone()) }
-        }
-        _ if block::is_trained(&folder)? && !args.overwrite => {
-            stderr!("the blocks are merged: {}", model.display());
-            return Ok(());
-        }
-        _ => {
+    refuse_folder(&plan, &model)?;
+    let gpu_memory = block::limit(args.gpu_memory, &blocks);
+    let is_own = !args.overwrite && belongs_to(&plan, &OutputFolder::at(&model))?;
+    if is_own && is_merged(&plan, &model)? {
+        stderr!("the blocks are merged: {}", model.display());
+        return Ok(());
+    }
+    let checkpoints = OutputFolder::at(&model).checkpoints()?;
+    let started = match is_own && !checkpoints.is_empty() {
+        true => resumed(&plan, &model, args.iterations)?,
+        false => {
             let joined = Joined::read(&plan, &blocks)?;
+            let config = joined.config(&plan, args.iterations, gpu_memory)?;
+            let merge = Plan { model: Some(model), overwrite: args.overwrite || is_own, ..Plan::new(config) };
             if args.iterations == Some(0) {
-                return joined.write(&plan, &model, args.overwrite);
+                return joined.write(&merge);
             }
-            Plan { overwrite: args.overwrite, ..Plan::new(joined.config(&plan, args.iterations, blocks.memory_limit)?) }
+            merge
         }
     };
-    merge.model = Some(model);
-    merge.gpu_memory = block::limit(args.gpu_memory, &blocks);
-    train::train(merge, args.adapter.as_ref())
+    train::train(Plan { gpu_memory, ..started }, args.adapter.as_ref())
+}
+
+/// Refuses the plan's own folder, whose files a model would replace.
+pub fn refuse_folder(plan: &PlanFolder, model: &Path) -> Result<()> {
+    if files::is_same(plan.root(), model) {
+        bail!("{} is the plan itself; choose another `--output`", model.display());
+    }
+    Ok(())
+}
+
+/// Whether a folder holds the merged model of a plan.
+pub fn is_merged(plan: &PlanFolder, model: &Path) -> Result<bool> {
+    let folder = OutputFolder::at(model);
+    Ok(belongs_to(plan, &folder)? && block::is_trained(&folder)?)
+}
+
+/// Whether a folder is that of a merge of this plan: its training began with the joined Gaussians.
+fn belongs_to(plan: &PlanFolder, folder: &OutputFolder) -> Result<bool> {
+    if !folder.config_path().is_file() {
+        return Ok(false);
+    }
+    let start = folder.read_config()?.init;
+    Ok(start.is_some_and(|start| files::is_same(&start, &plan.joined_path())))
+}
+
+/// The training of a merge that was stopped.
+fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<Plan> {
+    let mut checkpoint = train::newest(&OutputFolder::at(model))?;
+    let own = checkpoint.config.iterations();
+    if let Some(iterations) = iterations.filter(|&wanted| wanted != own) {
+        let path = model.display();
+        bail!(
+            "the merge in {path} has {own} iterations, not {iterations}; leave `--iterations` out, or give `--overwrite`"
+        );
+    }
+    // The scene may have moved.
+    checkpoint.config.data.source = plan.config()?.data.source;
+    let config = checkpoint.config.clone();
+    Ok(Plan { resumed: Some(checkpoint), model: Some(model.to_owned()), ..Plan::new(config) })
 }
 
 /// The blocks, joined.
@@ -86,7 +125,7 @@ struct Joined {
 
 impl Joined {
     fn read(plan: &PlanFolder, blocks: &BlockPlan) -> Result<Self> {
-        let (mut parts, mut extents) = (Vec::with_capacity(blocks.blocks.len()), Vec::new());
+        let (mut joiner, mut extents) = (Joiner::default(), Vec::new());
         let (mut network, mut most, mut last) = (None, 0, 0);
         for (number, block) in (0..).zip(&blocks.blocks) {
             let folder = OutputFolder::at(&plan.block_path(number));
@@ -104,24 +143,21 @@ impl Joined {
             let cameras = folder.read_cameras()?;
             let space = LocalSpace::of_cameras(cameras.iter().map(|record| &record.camera));
             extents.extend(space.map(|space| space.extent()));
-            parts.push((block.core, read_ply(&folder.point_cloud_path(iteration))?));
+            let trained = read_ply(&folder.point_cloud_path(iteration))?;
+            joiner.add(&block.core, trained).map_err(|[own, before]| {
+                anyhow!("block {number} has spherical harmonics of degree {own}, the blocks before it {before}; train it anew")
+            })?;
         }
-        let degree = parts[0].1.sh_degree;
-        if let Some(other) = parts.iter().position(|(_, part)| part.sh_degree != degree) {
-            bail!(
-                "block {other} has spherical harmonics of another degree than block 0; train both with the same options"
-            );
-        }
-        let all: usize = parts.iter().map(|(_, part)| part.len()).sum();
-        let gaussians = join(parts);
+        let all = joiner.given();
+        let gaussians = joiner.joined();
         stderr!("{} of {all} Gaussians lie in the cores of their blocks", gaussians.len());
         extents.sort_by(f64::total_cmp);
         let extent = extents.get(extents.len() / 2).copied();
         Ok(Self { gaussians, iteration: last, network, extent })
     }
 
-    /// The options of the training that follows.
-    fn config(&self, plan: &PlanFolder, iterations: Option<u32>, limit: Option<u64>) -> Result<TrainConfig> {
+    /// The options of the model; its Gaussians are written for them.
+    fn config(&self, plan: &PlanFolder, iterations: Option<u32>, limit: MemoryBudget) -> Result<TrainConfig> {
         let path = std::path::absolute(plan.joined_path())?;
         write_ply(&path, &self.gaussians, PlyFlavor::Full)?;
         let mut config = plan.config()?;
@@ -130,32 +166,30 @@ impl Joined {
         config.data.extent = self.extent;
         config.residual.init = self.network.as_ref().map(std::path::absolute).transpose()?;
         // All photos of the scene have a depth map here.
-        if let Some(bytes) = limit {
+        if let (MemoryBudget::Bytes(bytes), MemoryBudget::Unlimited, false) =
+            (limit, config.surface.depth_memory, config.deterministic)
+        {
             config.surface.depth_memory = MemoryBudget::Bytes(bytes / 4);
         }
-        let given = config.iterations.take();
-        config.iterations = Some(iterations.unwrap_or_else(|| given.unwrap_or(u32::MAX).min(config.iterations())));
+        let given = config.iterations.take().unwrap_or(u32::MAX);
+        let usual = config.iterations().min(given);
+        config.iterations = Some(iterations.map_or(usual, |wanted| if wanted == 0 { self.iteration } else { wanted }));
         (config.save_iterations, config.eval_iterations) = (Some(Vec::new()), Some(Vec::new()));
         Ok(config)
     }
 
     /// Writes the model as it is, without a training.
-    fn write(&self, plan: &PlanFolder, model: &Path, overwrite: bool) -> Result<()> {
-        let mut config = plan.config()?;
-        config.data.extent = self.extent;
-        config.iterations = Some(self.iteration);
-        let source = config.data.source.clone().context("a plan has a scene")?;
-        let dataset = load_scene(&config, &source, &Bars::default())?;
-        files::create_folder(model)?;
-        // Before anything in it is removed.
-        let _lock = OutputFolder::at(model).lock()?;
-        let folder = OutputFolder::create(model, if overwrite { Existing::Replace } else { Existing::Keep })?;
-        folder.write_start(&config, &dataset)?;
+    fn write(&self, merge: &Plan) -> Result<()> {
+        merge.refuse_output()?;
+        let source = merge.config.data.source.clone().context("a plan has a scene")?;
+        let dataset = load_scene(&merge.config, &source, &Bars::default())?;
+        let (folder, _lock) = merge.create_output(&merge.config, &dataset)?;
         if let Some(network) = &self.network {
             weights::write(&folder.network_save_path(self.iteration), &weights::load(network)?)?;
         }
         write_ply(&folder.point_cloud_path(self.iteration), &self.gaussians, PlyFlavor::Full)?;
-        stderr!("written to {}; `ibgs eval {}` measures it", model.display(), model.display());
+        let path = folder.root().display();
+        stderr!("written to {path}; `ibgs eval {path}` measures it");
         Ok(())
     }
 }

@@ -2,15 +2,17 @@
 
 mod slurm;
 
+use super::train::block::is_trained;
 use super::train::{self, Needs};
 use crate::stdout;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::blocks::{BlockPlan, CutOptions, PlanFolder};
+use ibgs_core::blocks::{BlockPlan, CutOptions, Cutter, PlanFolder};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::{PosedScene, load_poses};
 use ibgs_core::gpu::Bytes;
+use ibgs_core::output::OutputFolder;
 use ibgs_core::sources::memory::MemoryBudget;
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -33,7 +35,7 @@ Examples:
 pub struct Args {
     /// Scene folder or a .zip of one; it must have points.
     scene: PathBuf,
-    /// Folder for the plan and the blocks; it must not exist yet.
+    /// Folder for the plan and the blocks; a new or empty one.
     #[arg(short, long)]
     output: PathBuf,
     /// Number of blocks [default: 4; with `--gpu-memory` as few as that allows].
@@ -83,75 +85,83 @@ pub fn run(args: &Args) -> Result<()> {
         Some(_) => bail!("give `--gpu-memory` a size, such as `8GiB`"),
         None => None,
     };
+    let planner = Planner { args, scene: &scene, cutter: Cutter::new(&scene), config: &config };
     let plan = match (args.blocks, budget) {
-        (None, Some(budget)) => as_few_as_fit(args, &scene, &config, budget)?,
-        (blocks, budget) => planned(args, &scene, &config, blocks.unwrap_or(USUAL_BLOCKS), budget)?,
+        (None, Some(budget)) => planner.as_few_as_fit(budget)?,
+        (blocks, budget) => planner.planned(blocks.unwrap_or(USUAL_BLOCKS), budget)?,
     };
     let plan = BlockPlan { memory_limit: budget, ..plan };
     folder.write(&plan, &config)?;
-    slurm::write(&folder, &plan, config.data.eval)?;
-    print(&plan);
+    slurm::write(&folder, &plan)?;
+    print(&folder, &plan)?;
     let path = args.output.display();
-    stdout!(
-        "\nNext: `ibgs suite {path}` trains the blocks, merges and measures them; so does `sh {path}/slurm.sh` with Slurm."
-    );
+    let measures = if plan.holds_out() { ", merges and measures" } else { " and merges" };
+    stdout!("\nNext: `ibgs suite {path}` trains{measures} the blocks; so does `sh {path}/slurm.sh` with Slurm.");
     Ok(())
 }
 
-/// The plan of the fewest blocks that fit into the memory with all their Gaussians.
-fn as_few_as_fit(args: &Args, scene: &PosedScene, config: &TrainConfig, budget: u64) -> Result<BlockPlan> {
-    let mut most = 0;
-    for blocks in 1..=MOST_BLOCKS {
-        let plan = match planned(args, scene, config, blocks, None) {
-            Ok(plan) => plan,
-            Err(error) if blocks == 1 => return Err(error),
-            Err(error) => return Err(error.context(too_large(blocks - 1, most, budget))),
-        };
-        most = plan.blocks.iter().map(|block| block.memory).max().unwrap_or(0);
-        if most <= budget {
-            return Ok(plan);
+/// Makes plans of a scene.
+struct Planner<'a> {
+    args: &'a Args,
+    scene: &'a PosedScene,
+    cutter: Cutter<'a>,
+    config: &'a TrainConfig,
+}
+
+impl Planner<'_> {
+    /// The plan of the fewest blocks that fit into the memory with all their Gaussians.
+    fn as_few_as_fit(&self, budget: u64) -> Result<BlockPlan> {
+        let mut most = 0;
+        for blocks in 1..=MOST_BLOCKS {
+            let plan = match self.planned(blocks, None) {
+                Ok(plan) => plan,
+                Err(error) if blocks == 1 => return Err(error),
+                Err(error) => return Err(error.context(too_large(blocks - 1, most, budget))),
+            };
+            most = plan.blocks.iter().map(|block| block.memory).max().unwrap_or(0);
+            if most <= budget {
+                return Ok(plan);
+            }
         }
+        bail!(too_large(MOST_BLOCKS, most, budget))
     }
-    bail!(too_large(MOST_BLOCKS, most, budget))
+
+    /// The plan with its estimates.
+    fn planned(&self, blocks: u32, budget: Option<u64>) -> Result<BlockPlan> {
+        let Self { args, scene, cutter, config } = self;
+        let options = CutOptions { blocks: blocks as usize, overlap: args.overlap, least_share: args.least_share };
+        let mut plan = cutter.cut(&options)?;
+        let cameras: HashMap<&str, Camera> =
+            scene.views.iter().map(|(name, camera)| (name.as_str(), *camera)).collect();
+        for (number, block) in plan.blocks.iter_mut().enumerate() {
+            let training: Vec<Camera> = block.train.iter().map(|name| cameras[name.as_str()]).collect();
+            let pixels: u64 = training.iter().map(|camera| camera.pixels() as u64).sum();
+            let mut config = (*config).clone();
+            config.adapt_to_photos(training.len(), pixels);
+            let mean_pixels = pixels as f64 / training.len() as f64;
+            let needs = Needs::planned(&config, training, block.start_points, !block.test.is_empty());
+            (block.gaussians, block.memory) = match budget {
+                None => needs.most(),
+                Some(budget) => needs.within(budget).with_context(|| {
+                    let (needed, limit) = (Bytes(needs.most().1), Bytes(budget));
+                    format!(
+                        "block {number} of {blocks} does not fit into {limit}, it needs {needed}; cut the scene into more blocks"
+                    )
+                })?,
+            };
+            block.iterations = config.iterations();
+            block.minutes = f64::from(block.iterations) * milliseconds(config.method, mean_pixels) / 60_000.0;
+        }
+        Ok(plan)
+    }
 }
 
 fn too_large(blocks: u32, most: u64, budget: u64) -> String {
     format!(
-        "no number of blocks keeps each within {}: with {blocks} the largest one needs {}; give `--blocks` to train with fewer Gaussians",
+        "not within {} with up to {blocks} blocks: the largest one then needs {}; give `--blocks` to train with fewer Gaussians",
         Bytes(budget),
         Bytes(most)
     )
-}
-
-/// The plan with its estimates.
-fn planned(
-    args: &Args,
-    scene: &PosedScene,
-    config: &TrainConfig,
-    blocks: u32,
-    budget: Option<u64>,
-) -> Result<BlockPlan> {
-    let options = CutOptions { blocks: blocks as usize, overlap: args.overlap, least_share: args.least_share };
-    let mut plan = BlockPlan::cut(scene, &options)?;
-    let cameras: HashMap<&str, Camera> = scene.views.iter().map(|(name, camera)| (name.as_str(), *camera)).collect();
-    for (number, block) in plan.blocks.iter_mut().enumerate() {
-        let training: Vec<Camera> = block.train.iter().map(|name| cameras[name.as_str()]).collect();
-        let pixels: u64 = training.iter().map(|camera| camera.pixels() as u64).sum();
-        let mut config = config.clone();
-        config.adapt_to_photos(training.len(), pixels);
-        let mean_pixels = pixels as f64 / training.len() as f64;
-        let needs = Needs::planned(&config, training, block.points, !block.test.is_empty());
-        (block.gaussians, block.memory) = match budget {
-            None => needs.most(),
-            Some(budget) => needs.within(budget).with_context(|| {
-                let (needed, limit) = (Bytes(needs.most().1), Bytes(budget));
-                format!("block {number} of {blocks} does not fit into {limit}, it needs {needed}; cut the scene into more blocks")
-            })?,
-        };
-        block.iterations = config.iterations();
-        block.minutes = f64::from(block.iterations) * milliseconds(config.method, mean_pixels) / 60_000.0;
-    }
-    Ok(plan)
 }
 
 /// Milliseconds of an iteration on an NVIDIA H100, the mean over a whole run: a line through the times of five scenes of
@@ -163,29 +173,37 @@ fn milliseconds(method: Method, pixels: f64) -> f64 {
     }
 }
 
-fn print(plan: &BlockPlan) {
-    stdout!(
-        "{:>5} | {:>9} | {:>15} | {:>9} | {:>10} | {:>10} | {:>11}",
-        "block",
-        "points",
-        "photos, test",
-        "Gaussians",
-        "iterations",
-        "memory",
-        "H100"
-    );
-    for (number, block) in plan.blocks.iter().enumerate() {
-        stdout!(
-            "{number:>5} | {:>9} | {:>15} | {:>9} | {:>10} | {:>10} | {:>7.1} min",
-            block.points,
+/// Prints the blocks of a plan and how far each of them is.
+pub fn print(folder: &PlanFolder, plan: &BlockPlan) -> Result<()> {
+    let headings = ["block", "points", "photos, test", "Gaussians", "iterations", "memory", "H100", "state"];
+    let mut rows = vec![headings.map(str::to_owned)];
+    for (number, block) in (0..).zip(&plan.blocks) {
+        rows.push([
+            number.to_string(),
+            block.points.to_string(),
             format!("{}, {}", block.train.len(), block.test.len()),
-            block.gaussians,
-            block.iterations,
+            block.gaussians.to_string(),
+            block.iterations.to_string(),
             Bytes(block.memory).to_string(),
-            block.minutes
-        );
+            format!("{:.1} min", block.minutes),
+            state(&OutputFolder::at(&folder.block_path(number)))?,
+        ]);
     }
-    stdout!(
-        "Gaussians: at most. Memory: the device's at that number, estimated. H100: minutes on such a GPU, roughly."
-    );
+    for row in &rows {
+        let width = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
+        let cells: Vec<String> =
+            row.iter().enumerate().map(|(column, cell)| format!("{cell:>width$}", width = width(column))).collect();
+        stdout!("{}", cells.join(" | "));
+    }
+    stdout!("Gaussians: at most. Memory: the device's at that number, estimated. H100: time on such a GPU, roughly.");
+    Ok(())
+}
+
+/// How far the training of a block is.
+fn state(folder: &OutputFolder) -> Result<String> {
+    Ok(match folder.checkpoints()?.first() {
+        Some((iteration, _)) => format!("at {iteration}"),
+        None if is_trained(folder)? => "trained".to_owned(),
+        None => "to train".to_owned(),
+    })
 }

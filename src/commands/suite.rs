@@ -48,7 +48,8 @@ pub struct Args {
     /// Folder of the scenes, each in a folder of its name.
     #[arg(long, default_value = ".")]
     data: PathBuf,
-    /// Folder for models, logs and summary [default: output/NAME, by the name of the configuration].
+    /// Folder for models, logs and summary [default: output/NAME, by the name of the configuration]; for a plan the folder of the
+    /// merged model [default: PLAN/model].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Names of the scenes to train, separated by commas [default: all].

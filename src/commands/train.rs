@@ -20,6 +20,7 @@ use crate::advice::value;
 use anyhow::{Result, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, Parser};
+use ibgs_core::blocks::PlanFolder;
 use ibgs_core::config::{ConfigError, Method, Preset, Strategy, TrainConfig};
 use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler, Resolution};
 use ibgs_core::gpu::Use;
@@ -318,7 +319,12 @@ impl Args {
     fn config(&self, file: Option<(&str, &Path)>) -> Result<TrainConfig> {
         let given = file.map(|(text, path)| TrainConfig::from_text(text, path)).transpose()?;
         let base = || self.base.clone().unwrap_or_else(|| TrainConfig::preset(self.preset.unwrap_or_default()));
-        self.over(given.unwrap_or_else(base))
+        let mut config = self.over(given.unwrap_or_else(base))?;
+        // As the scene: the model may be opened from another working directory.
+        for path in [&mut config.init, &mut config.residual.init, &mut config.data.split].into_iter().flatten() {
+            *path = std::path::absolute(&*path)?;
+        }
+        Ok(config)
     }
 
     /// The options that the command line describes, for trainings of blocks.
@@ -326,7 +332,7 @@ impl Args {
     /// # Errors
     /// The options file is damaged, or an option has nothing to do with what is trained.
     pub fn shared_config(&self) -> Result<TrainConfig> {
-        let usual = Self::usual();
+        let usual = Self::parse(&[])?;
         let refused = [
             ("SCENE", self.scene.is_some() || self.source.is_some()),
             ("--block", self.block.is_some()),
@@ -341,13 +347,14 @@ impl Args {
             ("--adapter", self.adapter.is_some()),
         ];
         if let Some((option, _)) = refused.iter().find(|(_, given)| *given) {
-            bail!(
-                "`{option}` is no option that all blocks share; leave it out here, and give it to `ibgs train PLAN --block N`"
-            );
+            bail!("`{option}` is no option that all blocks share; leave it out after `--`");
         }
         let file = self.file()?;
         let config = self.config(file.as_ref().map(|(text, path)| (&**text, *path)))?;
         config.validate()?;
+        if config.init.is_some() {
+            bail!("blocks begin with their own points; leave the option `init` out of the options file");
+        }
         Ok(config)
     }
 
@@ -357,10 +364,6 @@ impl Args {
     /// An option that is unknown or has a wrong value, in clap's words.
     pub fn parse(options: &[OsString]) -> Result<Self, clap::Error> {
         Line::try_parse_from(std::iter::once(&OsString::from("ibgs train")).chain(options)).map(|line| line.args)
-    }
-
-    fn usual() -> Self {
-        Self::parse(&[]).expect("no option is required")
     }
 
     /// `c`, overridden by the command line.
@@ -405,21 +408,20 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    match args.block {
-        Some(number) => block::train(args, number),
-        None => run_whole(args),
+    if let Some(number) = args.block {
+        return block::train(args, number);
     }
+    if let Some(path) = args.scene.as_ref().filter(|path| PlanFolder::at(path).holds_plan()) {
+        let path = path.display();
+        bail!("{path} is a plan of blocks; train one of them (`--block 0`), or all (`ibgs suite {path}`)");
+    }
+    run_whole(args, Before::of(args.resume, args.overwrite))
 }
 
-fn run_whole(args: &Args) -> Result<()> {
+fn run_whole(args: &Args, before: Before) -> Result<()> {
     if args.with_viewer {
         view::check_display()?;
     }
-    let before = match (args.resume, args.overwrite) {
-        (true, _) => Before::Continued,
-        (false, true) => Before::Replaced,
-        (false, false) => Before::Kept,
-    };
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;
     }

@@ -3,6 +3,7 @@
 //! names the file. Whether it was accepted comes back.
 
 use super::seeds;
+use ibgs_core::blocks::BlockPlan;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
@@ -25,7 +26,7 @@ use tempfile::TempDir;
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// All readers.
-pub const READERS: [Reader; 15] = [
+pub const READERS: [Reader; 16] = [
     ("colmap_binary", colmap_binary),
     ("colmap_text", colmap_text),
     ("transforms_json", transforms_json),
@@ -41,6 +42,7 @@ pub const READERS: [Reader; 15] = [
     ("photo", photo),
     ("config", config),
     ("model_folder", model_folder),
+    ("plan", plan),
 ];
 
 /// Whether it was accepted; an error names the file.
@@ -276,6 +278,13 @@ pub fn config(bytes: &[u8]) -> bool {
     accepted(TrainConfig::from_text(text, path), "config.toml", |config| {
         let text = config.to_text().unwrap();
         assert_eq!(TrainConfig::from_text(&text, path).unwrap(), config);
+    })
+}
+
+/// The plan of a scene in blocks.
+pub fn plan(bytes: &[u8]) -> bool {
+    accepted(BlockPlan::from_json(bytes, Path::new("plan.json")), "plan.json", |plan| {
+        assert!(!plan.blocks.is_empty());
     })
 }
 

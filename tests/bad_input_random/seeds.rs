@@ -5,6 +5,7 @@ use exr::prelude::{
     Blocks, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage, write_rgba_file,
 };
 use glam::{DMat3, DVec2, DVec3};
+use ibgs_core::blocks::{Block, BlockPlan, PlanFolder};
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
@@ -64,6 +65,7 @@ pub fn of(reader: &str) -> Vec<Vec<u8>> {
         "photo" => photos(),
         "config" => vec![TrainConfig::default().to_text().unwrap().into_bytes(), b"iterations = 3\n".to_vec()],
         "model_folder" => numbered(model_files()),
+        "plan" => vec![plan()],
         other => panic!("no seeds for {other}"),
     }
 }
@@ -303,6 +305,14 @@ fn safetensors() -> Vec<u8> {
     let view =
         |bytes| safetensors::tensor::TensorView::new(safetensors::Dtype::F32, TENSOR_SHAPE.into(), bytes).unwrap();
     safetensors::serialize([(TENSOR, view(&values()))], None).unwrap()
+}
+
+fn plan() -> Vec<u8> {
+    let block = Block { train: vec!["a.png".to_owned()], minutes: 0.5, ..Block::default() };
+    let plan = BlockPlan { blocks: vec![block.clone(), block], memory_limit: Some(1 << 33) };
+    let folder = tempfile::tempdir().unwrap();
+    PlanFolder::at(folder.path()).write(&plan, &TrainConfig::default()).unwrap();
+    std::fs::read(folder.path().join("plan.json")).unwrap()
 }
 
 fn reality_capture() -> Vec<Vec<u8>> {

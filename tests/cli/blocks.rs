@@ -32,6 +32,8 @@ fn three_blocks_are_trained_merged_and_measured() {
     child.kill().unwrap();
     let killed = !child.wait().unwrap().success();
     assert!(stopped.is_some() && killed, "it ended before it was killed");
+    let info = sandbox.succeeds("info plan");
+    assert!(info.stdout.contains("a plan of blocks for") && info.stdout.contains(" at "), "{info}");
     let resumed = sandbox.succeeds("train plan --block 1");
     assert!(resumed.stderr.contains("resuming from iteration"), "{resumed}");
     let again = sandbox.succeeds("train plan --block 1");
@@ -41,7 +43,7 @@ fn three_blocks_are_trained_merged_and_measured() {
 
     // One part, then the rest, the merging and the evaluation.
     let part = sandbox.succeeds("suite plan --shard 1/3");
-    assert!(part.stderr.contains("nothing is merged yet") && has_model(&plan, 0), "{part}");
+    assert!(part.stderr.contains("without `--shard`") && has_model(&plan, 0), "{part}");
     let whole = sandbox.succeeds("suite plan");
     assert!(whole.stderr.contains("2 of 3 runs are there already") && whole.stderr.contains("merging"), "{whole}");
     let model = OutputFolder::open(&plan.model_path()).unwrap();
@@ -61,17 +63,30 @@ fn three_blocks_are_trained_merged_and_measured() {
     let scores = sandbox.json("plan/model/results_renders_aggregate.json");
     assert_eq!(scores["ours_12"]["views"], dataset.test.len(), "{scores}");
     assert!(sandbox.path("plan/model/report.html").is_file());
+    let info = sandbox.succeeds("info plan");
+    assert_eq!(info.stdout.matches("| trained").count(), 3, "{info}");
     // Everything is there.
     let nothing = sandbox.succeeds("suite plan");
     assert!(!nothing.stderr.contains("merging (log"), "{nothing}");
     let merged = sandbox.succeeds("merge plan");
     assert!(merged.stderr.contains("the blocks are merged"), "{merged}");
+    // The same in another folder, and not in one that is taken.
+    sandbox.fails("merge plan -o plan", &["plan is the plan itself"]);
+    sandbox.fails("suite plan -o plan", &["plan is the plan itself"]);
+    sandbox.fails("merge plan -o plan/blocks/0 --iterations 0", &["plan/blocks/0", "model"]);
     // The same without a training.
     sandbox.succeeds("merge plan -o as-it-is --iterations 0");
     let as_it_is = OutputFolder::open(&sandbox.path("as-it-is")).unwrap();
     assert_eq!(read_ply(&as_it_is.point_cloud_path(12)).unwrap().len(), inside);
     let rendered = sandbox.succeeds("render as-it-is --outputs final");
     assert!(rendered.stderr.contains("as-it-is"), "{rendered}");
+    let again = sandbox.succeeds("merge plan -o as-it-is --iterations 0");
+    assert!(again.stderr.contains("the blocks are merged"), "{again}");
+    // A plan may move; its blocks are models all the same.
+    std::fs::rename(sandbox.path("plan"), sandbox.path("moved")).unwrap();
+    sandbox.succeeds("eval moved/blocks/0");
+    let trained = sandbox.succeeds("train moved --block 2");
+    assert!(trained.stderr.contains("block 2 is trained"), "{trained}");
 }
 
 #[test]
@@ -86,7 +101,12 @@ fn what_cannot_be_split_or_trained_says_why() {
     sandbox.fails("train scene --block 0", &["scene is no plan of blocks", "`ibgs split` makes one"]);
     sandbox.fails("merge scene", &["scene is no plan of blocks"]);
     sandbox.fails("suite scene", &["scene is no plan of blocks"]);
+    sandbox.write("start.toml", "init = \"start.ply\"\n");
+    sandbox.fails("split scene -o plan -- --config start.toml", &["leave the option `init` out"]);
     let plan = cut(&sandbox, "");
+    sandbox.fails("train plan", &["plan is a plan of blocks", "`--block 0`"]);
+    sandbox.write("log.jsonl", "kept\n");
+    sandbox.fails("train plan --block 0 --log-json log.jsonl", &["log.jsonl is there already"]);
     sandbox.fails("train plan --block 3", &["has no block 3", "0 to 2"]);
     sandbox.fails("suite plan --iterations 5", &["`--iterations` does not apply to a plan"]);
     sandbox.fails("split scene -o plan", &["plan exists already"]);
@@ -98,6 +118,20 @@ fn what_cannot_be_split_or_trained_says_why() {
     suite.assert_failure(1, &["3 of 3 blocks failed", "0.log"]);
     assert!(suite.stderr.contains("2/3 block 1: training: failed: "), "{suite}");
     assert!(!has_model(&plan, 0));
+}
+
+#[test]
+fn a_scene_with_a_split_of_its_own_is_measured_by_it() {
+    let (sandbox, dataset) = Sandbox::with_scene();
+    let names: Vec<String> = dataset.views.iter().map(|view| format!("images/{}", view.name)).collect();
+    let train = names[3..].iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    sandbox.write("scene/split.json", format!("{{\"train\": [{train}], \"test\": [\"{}\"]}}", names[0]));
+    let told = sandbox.succeeds("split scene -o plan --blocks 2");
+    assert!(told.stdout.contains("merges and measures"), "{told}");
+    let plan = PlanFolder::at(&sandbox.path("plan")).read().unwrap();
+    let mut named = plan.blocks.iter().flat_map(|block| block.train.iter().chain(&block.test));
+    assert!(named.all(|name| !names[1..3].contains(name)), "{plan:?}");
+    assert!(sandbox.text("plan/slurm.sh").contains("submit evaluate"));
 }
 
 /// A stand-in for Slurm's `sbatch`: it writes down how it was called, and answers with the number of a job.

@@ -1,18 +1,17 @@
 //! A scene cut into blocks that are trained apart and joined again.
 //!
-//! [`BlockPlan::cut`] divides space by planes across the axes, so that the points, and the photos that show them, are about
+//! [`Cutter::cut`] divides space by planes across the axes, so that the points, and the photos that show them, are about
 //! equally many on both sides. The *cores* of the blocks fill all of space without overlap, the outer ones without end. A block
 //! is trained on the photos that show enough of its core, enlarged by an overlap; what they show beyond it is trained too, so
-//! that nothing inside has to stand for it. [`join`] keeps of each block the Gaussians inside its core. This is the way of Lin et
+//! that nothing inside has to stand for it. [`Joiner`] keeps of each block the Gaussians inside its core. This is the way of Lin et
 //! al., "VastGaussian" (CVPR 2024), with points in place of projected boxes to tell what a photo shows.
 
 mod cut;
 mod plan;
 
-pub use cut::CutOptions;
+pub use cut::{CutOptions, Cutter};
 pub use plan::{Block, BlockPlan, PlanError, PlanFolder};
 
-use crate::local_space::LocalSpace;
 use crate::scene::Gaussians;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -37,7 +36,7 @@ impl Core {
         point.to_array().into_iter().enumerate().all(|(axis, value)| inside(axis, value))
     }
 
-    /// The same with its finite faces moved outwards by these lengths.
+    /// The same with its finite faces moved outwards by these lengths, in scene units.
     pub fn enlarged(&self, by: DVec3) -> Self {
         let moved = |faces: [Option<f64>; 3], by: DVec3| {
             let mut by = by.to_array().into_iter();
@@ -47,28 +46,43 @@ impl Core {
     }
 }
 
-/// The Gaussians of all blocks, each from the block in whose core its mean lies, in the local space of the first block.
-///
-/// # Panics
-/// The blocks have different degrees of the spherical harmonics.
-pub fn join(parts: impl IntoIterator<Item = (Core, Gaussians)>) -> Gaussians {
-    let mut joined: Option<Gaussians> = None;
-    for (core, part) in parts {
-        let space = joined.as_ref().map_or(part.space, |joined| joined.space);
-        let part = part.into_space(space);
-        let inside: Vec<usize> =
-            part.positions().enumerate().filter(|(_, mean)| core.contains(*mean)).map(|(index, _)| index).collect();
-        append(joined.get_or_insert_with(|| empty(space, part.sh_degree)), &part, &inside);
-    }
-    joined.unwrap_or_default()
+/// Joins the Gaussians of blocks, each from the block in whose core its mean lies, in the local space of the first block.
+#[derive(Default)]
+pub struct Joiner {
+    joined: Option<Gaussians>,
+    given: usize,
 }
 
-fn empty(space: LocalSpace, sh_degree: u32) -> Gaussians {
-    Gaussians { space, ..Gaussians::with_capacity(0, sh_degree) }
+impl Joiner {
+    /// Adds those of a block that lie in its core.
+    ///
+    /// # Errors
+    /// Spherical harmonics of another degree than those of the blocks before it: its degree and theirs.
+    pub fn add(&mut self, core: &Core, block: Gaussians) -> Result<(), [u32; 2]> {
+        self.given += block.len();
+        let empty = || Gaussians { space: block.space, ..Gaussians::with_capacity(0, block.sh_degree) };
+        let joined = self.joined.get_or_insert_with(empty);
+        if joined.sh_degree != block.sh_degree {
+            return Err([block.sh_degree, joined.sh_degree]);
+        }
+        let block = block.into_space(joined.space);
+        let inside = block.positions().enumerate().filter(|(_, mean)| core.contains(*mean)).map(|(index, _)| index);
+        append(joined, &block, &inside.collect::<Vec<_>>());
+        Ok(())
+    }
+
+    /// Number of all Gaussians that were given.
+    pub fn given(&self) -> usize {
+        self.given
+    }
+
+    /// Those in the cores.
+    pub fn joined(self) -> Gaussians {
+        self.joined.unwrap_or_default()
+    }
 }
 
 fn append(to: &mut Gaussians, from: &Gaussians, chosen: &[usize]) {
-    assert_eq!(to.sh_degree, from.sh_degree, "blocks of one training have one degree");
     let row = 3 * from.sh_coefficients();
     to.means.extend(chosen.iter().map(|&index| from.means[index]));
     to.rotations.extend(chosen.iter().map(|&index| from.rotations[index]));
@@ -82,6 +96,7 @@ fn append(to: &mut Gaussians, from: &Gaussians, chosen: &[usize]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::local_space::LocalSpace;
 
     #[test]
     fn a_core_has_its_lower_faces_only() {
@@ -109,7 +124,12 @@ mod tests {
         let left = Core { max: [Some(0.0), None, None], ..Core::default() };
         let right = Core { min: [Some(0.0), None, None], ..Core::default() };
         let spaces = [LocalSpace::at(DVec3::ONE), LocalSpace { origin: DVec3::ZERO, scale: 2.0 }];
-        let joined = join([(left, part(spaces[0], [-1.0, 0.5], 1.0)), (right, part(spaces[1], [-1.0, 0.0], 10.0))]);
+        let mut joiner = Joiner::default();
+        joiner.add(&left, part(spaces[0], [-1.0, 0.5], 1.0)).unwrap();
+        joiner.add(&right, part(spaces[1], [-1.0, 0.0], 10.0)).unwrap();
+        assert_eq!(joiner.add(&right, Gaussians::with_capacity(0, 3)), Err([3, 1]));
+        assert_eq!(joiner.given(), 4);
+        let joined = joiner.joined();
         joined.validate().unwrap();
         assert_eq!(joined.space, spaces[0]);
         assert_eq!(joined.positions().collect::<Vec<_>>(), [DVec3::new(-1.0, 2.0, 3.0), DVec3::new(0.0, 2.0, 3.0)]);
@@ -118,6 +138,6 @@ mod tests {
         assert_eq!(joined.log_scales, [[0.0; 3], [2.0_f32.ln(); 3]]);
         assert_eq!(joined.offsets, [0.25, 0.5]);
         assert_eq!((joined.sh[11], joined.sh[12]), (12.0, 22.0));
-        assert!(join([]).is_empty());
+        assert!(Joiner::default().joined().is_empty());
     }
 }

@@ -342,7 +342,12 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
 fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError> {
     let folder = OutputFolder::open(path)?;
     let foreign = !folder.config_path().exists();
-    let config = if foreign { published_options(options) } else { folder.read_config()? };
+    let mut config = if foreign { published_options(options) } else { folder.read_config()? };
+    // The plan of a block may have moved; its photos' names are here too.
+    let own_split = folder.split_path();
+    if config.data.split.is_some() && own_split.is_file() {
+        config.data.split = Some(own_split);
+    }
     let latest = folder.latest_iteration()?.ok_or_else(|| ModelError::NoPointCloud { path: path.to_owned() })?;
     let iteration = options.iteration.unwrap_or(latest);
     let network_path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);

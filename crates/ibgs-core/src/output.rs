@@ -196,6 +196,11 @@ impl OutputFolder {
         self.root.join("cameras.json")
     }
 
+    /// `split.json`.
+    pub fn split_path(&self) -> PathBuf {
+        self.root.join("split.json")
+    }
+
     /// `point_cloud/iteration_N/point_cloud.ply`; the PLY writer makes the folders.
     pub fn point_cloud_path(&self, iteration: u32) -> PathBuf {
         self.root.join("point_cloud").join(format!("iteration_{iteration}")).join("point_cloud.ply")
@@ -293,7 +298,7 @@ impl OutputFolder {
         config.save(&self.config_path())?;
         let records = cameras::records(dataset);
         write_json(&self.cameras_path(), &cameras::to_json(&records))?;
-        write_json(&self.root.join("split.json"), &cameras::split_json(&records))?;
+        write_json(&self.split_path(), &cameras::split_json(&records))?;
         write_points_ply(&self.root.join("input.ply"), &dataset.points, dataset.space())?;
         if config.method == Method::Ibgs {
             self.write_multi_view(&multi_view::records(dataset, &config.sources))?;

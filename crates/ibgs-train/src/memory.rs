@@ -30,7 +30,7 @@ use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
 
 /// Tile intersections of a Gaussian that trained scenes of about a megapixel do not exceed on average.
-const INTERSECTIONS: u64 = 8;
+pub const INTERSECTIONS: u64 = 8;
 
 /// What a training has to hold in memory.
 #[derive(Clone, Copy, Debug)]

@@ -111,6 +111,14 @@ pub struct Trainer {
 }
 
 impl Trainer {
+    /// Begins with a trained residual network, flat weights `[WEIGHTS]`; without one of its own it ignores it.
+    ///
+    /// # Errors
+    /// Another number of weights, not enough memory.
+    pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
+        self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
+    }
+
     /// Uploads the training photos and makes the first Gaussians from the data set's points.
     ///
     /// # Errors
@@ -146,14 +154,6 @@ impl Trainer {
         }
         trainer.raster.reserve(2 * most);
         Ok(trainer)
-    }
-
-    /// Begins with a trained residual network, flat weights `[WEIGHTS]`; without one of its own it ignores it.
-    ///
-    /// # Errors
-    /// Another number of weights, not enough memory.
-    pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
-        self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
     }
 
     /// The same without counting the intersections; the data set comes with its checksum.

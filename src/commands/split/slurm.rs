@@ -5,9 +5,9 @@ use ibgs_core::blocks::{BlockPlan, PlanFolder};
 use ibgs_core::files;
 
 /// Writes `slurm.sh`: it submits an array of the blocks, and the steps after it that wait for it.
-pub fn write(folder: &PlanFolder, plan: &BlockPlan, evaluates: bool) -> Result<()> {
+pub fn write(folder: &PlanFolder, plan: &BlockPlan) -> Result<()> {
     let last = plan.blocks.len() - 1;
-    let evaluation = match evaluates {
+    let evaluation = match plan.holds_out() {
         true => {
             "submit evaluate --dependency=\"afterok:$merged\" --kill-on-invalid-dep=yes \\\n  \
                  --wrap=\"exec '$ibgs' eval '$plan/model'\" \"$@\"\n"
@@ -18,8 +18,8 @@ pub fn write(folder: &PlanFolder, plan: &BlockPlan, evaluates: bool) -> Result<(
         r#"#!/bin/sh
 # Trains the blocks of this plan as a Slurm array, and merges them when all are trained. Arguments go to every `sbatch`, for
 # instance: sh slurm.sh --partition=gpu --time=4:00:00
-# IBGS names the program, if it is not `ibgs`. A block that was stopped continues when it is requeued or submitted again;
-# one that is trained ends at once. Logs: slurm-*.log beside this script.
+# IBGS names the program, if it is not `ibgs`. A job that reaches its time limit or is preempted saves first. Slurm requeues
+# the latter; after the former run this script again: blocks that are trained end at once. Logs: slurm-*.log beside it.
 set -eu
 plan=$(cd "$(dirname "$0")" && pwd)
 ibgs=${{IBGS:-ibgs}}
@@ -29,7 +29,7 @@ submit() {{
   name=$1
   shift
   sbatch --parsable --job-name="ibgs-$name" --gres=gpu:1 --requeue --signal=B:TERM@120 \
-    --output="$plan/slurm-$name-%A_%a.log" "$@"
+    --output="$plan/slurm-$name-%j.log" "$@"
 }}
 
 blocks=$(submit train --array=0-{last} \

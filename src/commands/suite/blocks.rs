@@ -2,6 +2,7 @@
 
 use super::processes::Processes;
 use super::{Args, Task, stopped_by_signals, work};
+use crate::commands::merge::{is_merged, refuse_folder};
 use crate::commands::train::block::is_trained;
 use crate::{stderr, stdout};
 use anyhow::{Context, Result, bail};
@@ -28,9 +29,11 @@ struct PlanTask<'a> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let plan = PlanFolder::at(&args.config);
-    let blocks = plan.read()?.blocks.len();
+    let read = plan.read()?;
+    let blocks = read.blocks.len();
     refuse(args)?;
     let model = args.output.clone().unwrap_or_else(|| plan.model_path());
+    refuse_folder(&plan, &model)?;
     let task = |step| PlanTask { step, plan: &plan, model: &model };
     let processes = stopped_by_signals();
     let trainings: Vec<PlanTask> = (0..).take(blocks).map(|number| task(Step::Block(number))).collect();
@@ -38,19 +41,19 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(first) = failed.first() {
         bail!("{} of {blocks} blocks failed; the first one's log is {}", failed.len(), first.display());
     }
-    if let Some(left) = trainings.iter().position(|training| !training.is_done()) {
-        stderr!("the blocks of this part are trained; block {left} is another part's, so nothing is merged yet");
+    if args.shard.is_some() {
+        stderr!("the blocks of this part are trained; without `--shard` the same command merges when all are");
         return Ok(());
     }
     let one = |step| {
         let tasks = [task(step)];
-        match work(&tasks, &Args { shard: None, ..first_adapter(args) }, &processes)?.first() {
+        match work(&tasks, &first_adapter(args), &processes)?.first() {
             None => Ok(()),
             Some(log) => bail!("{} failed; its log is {}", tasks[0].title(), log.display()),
         }
     };
     one(Step::Merge)?;
-    if plan.config()?.data.eval {
+    if read.holds_out() {
         one(Step::Eval)?;
     }
     stdout!("{}", model.display());
@@ -65,6 +68,7 @@ fn refuse(args: &Args) -> Result<()> {
         ("--iterations", args.iterations.is_some()),
         ("--lpips-weights", !args.lpips_weights.is_empty()),
         ("--summary-only", args.summary_only),
+        ("--data", args.data != Path::new(".")),
     ];
     match given.iter().find(|(_, given)| *given) {
         Some((option, _)) => bail!("`{option}` does not apply to a plan of blocks; leave it out"),
@@ -94,10 +98,9 @@ impl Task for PlanTask<'_> {
     }
 
     fn is_done(&self) -> bool {
-        let trained = |path: &Path| is_trained(&OutputFolder::at(path)).unwrap_or(false);
         match self.step {
-            Step::Block(number) => trained(&self.plan.block_path(number)),
-            Step::Merge => trained(self.model),
+            Step::Block(number) => is_trained(&OutputFolder::at(&self.plan.block_path(number))).unwrap_or(false),
+            Step::Merge => is_merged(self.plan, self.model).unwrap_or(false),
             Step::Eval => self.model.join(SPEED_FILE).is_file(),
         }
     }

@@ -1,5 +1,6 @@
 //! `ibgs train PLAN --block N`
 
+use super::json_log::Before;
 use super::{Args, run_whole};
 use crate::stderr;
 use anyhow::{Context, Result};
@@ -20,6 +21,7 @@ pub fn train(args: &Args, number: u32) -> Result<()> {
         return Ok(());
     }
     let resume = is_stopped && !args.overwrite;
+    let before = Before::of(resume, args.overwrite);
     let block = Args {
         scene: None,
         block: None,
@@ -31,7 +33,7 @@ pub fn train(args: &Args, number: u32) -> Result<()> {
         gpu_memory: limit(args.gpu_memory, &blocks),
         ..args.clone()
     };
-    run_whole(&block).with_context(|| format!("block {number} of {}", plan.root().display()))
+    run_whole(&block, before).with_context(|| format!("block {number} of {}", plan.root().display()))
 }
 
 /// The memory that a training may take: what is given, else what the plan allows.
@@ -43,12 +45,12 @@ pub fn limit(given: MemoryBudget, plan: &BlockPlan) -> MemoryBudget {
 }
 
 /// Whether a training has come to its end.
+///
+/// # Errors
+/// Its options cannot be read.
 pub fn is_trained(folder: &OutputFolder) -> Result<bool> {
-    let saved = folder.latest_iteration()?;
-    Ok(match saved {
-        Some(iteration) if folder.checkpoints()?.is_empty() => {
-            folder.read_config().is_ok_and(|config| iteration >= config.iterations())
-        }
+    Ok(match folder.latest_iteration()? {
+        Some(iteration) if folder.checkpoints()?.is_empty() => iteration >= folder.read_config()?.iterations(),
         _ => false,
     })
 }

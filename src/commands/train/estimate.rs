@@ -10,14 +10,10 @@ use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Trainer;
-use ibgs_train::memory::{Demand, Estimate};
+use ibgs_train::memory::{Demand, Estimate, INTERSECTIONS};
 
 /// Share of the free device memory that `auto` may use; other programs and the driver need some.
 const PART: f64 = 0.9;
-/// Tile intersections of a Gaussian at the start of a training, where they are not counted yet.
-const INTERSECTIONS: u64 = 8;
-/// Device memory for source photos where that is `auto` and the card has memory of its own.
-const AUTO_PHOTOS: u64 = 4 << 30;
 
 /// Estimates the memory that a training needs, by the number of Gaussians.
 pub struct Needs {
@@ -59,7 +55,7 @@ impl Needs {
             room: 4 * INTERSECTIONS * gaussians,
             photo_budget: match config.sources.memory {
                 MemoryBudget::Bytes(bytes) => Some(bytes),
-                MemoryBudget::Auto => Some(AUTO_PHOTOS),
+                MemoryBudget::Auto => Some(MemoryBudget::AUTO_OF_CARDS),
                 MemoryBudget::Unlimited => None,
             },
             evaluates,

@@ -17,6 +17,17 @@ pub enum Before {
     Continued,
 }
 
+impl Before {
+    /// For a training that is resumed, or may overwrite.
+    pub fn of(resumes: bool, overwrites: bool) -> Self {
+        match (resumes, overwrites) {
+            (true, _) => Self::Continued,
+            (false, true) => Self::Replaced,
+            (false, false) => Self::Kept,
+        }
+    }
+}
+
 /// Refuses a file that cannot become the log; nothing is written.
 pub fn check(path: &Path, before: Before) -> Result<()> {
     if path.is_dir() {

@@ -178,7 +178,7 @@ impl Plan {
     }
 
     /// Fails if the output folder exists and may not be used; changes nothing.
-    fn refuse_output(&self) -> Result<()> {
+    pub(in crate::commands) fn refuse_output(&self) -> Result<()> {
         let Some(path) = self.model.as_ref().filter(|path| path.exists()) else { return Ok(()) };
         if self.config.data.source.as_ref().is_some_and(|source| files::is_same(source, path)) {
             bail!("{} is the scene itself; choose another `--model`", path.display());
@@ -192,7 +192,11 @@ impl Plan {
 
     /// Creates the output folder and writes the files that are known before the training; removes a new folder if that
     /// fails.
-    fn create_output(&self, config: &TrainConfig, dataset: &Dataset) -> Result<(OutputFolder, FolderLock)> {
+    pub(in crate::commands) fn create_output(
+        &self,
+        config: &TrainConfig,
+        dataset: &Dataset,
+    ) -> Result<(OutputFolder, FolderLock)> {
         let path = match &self.model {
             Some(path) => path.clone(),
             None => self.free_folder(config.data.source.as_deref())?,
@@ -235,6 +239,8 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
         ("--alpha", data.alpha != usual.alpha),
         ("--color-space", data.color_space != usual.color_space),
         ("--filter-points", data.filter_points != usual.filter_points),
+        ("data.split", data.split != usual.split),
+        ("data.extent", data.extent != usual.extent),
         ("--principal-point", data.principal_point != usual.principal_point),
     ];
     match given.iter().find(|(_, given)| *given) {

@@ -15,8 +15,10 @@ pub fn checkpoint(args: &Args, path: &Path) -> Result<Checkpoint> {
     checkpoint.config.data.source.clone_from(&wanted.data.source);
     // So may a plan of blocks.
     if let Some(plan) = &args.base {
-        checkpoint.config.data.split.clone_from(&plan.data.split);
-        wanted.data.split.clone_from(&plan.data.split);
+        for config in [&mut checkpoint.config, &mut wanted] {
+            config.data.source.clone_from(&plan.data.source);
+            config.data.split.clone_from(&plan.data.split);
+        }
     }
     let (kept, given) = (Table::try_from(&checkpoint.config)?, Table::try_from(&wanted)?);
     if let Some((name, kept, given)) = difference(&kept, &given) {

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::dataset::{PosedScene, shown};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Most points that are looked at: evenly chosen from more.
 const MOST_POINTS: usize = 300_000;
@@ -38,20 +38,36 @@ struct Weighted {
     weight: f64,
 }
 
-impl BlockPlan {
-    /// Cuts a scene.
-    ///
-    /// # Errors
-    /// [`PlanError::Points`] where the scene has too few points, [`PlanError::Photos`] where a block has too few photos.
-    pub fn cut(scene: &PosedScene, options: &CutOptions) -> Result<Self, PlanError> {
+/// A scene with what its photos show, to be cut.
+pub struct Cutter<'a> {
+    scene: &'a PosedScene,
+    /// Points that are looked at, one of so many.
+    points: Vec<DVec3>,
+    step: usize,
+    /// Cells and points that the views show.
+    shown: Vec<Vec<(u32, u32)>>,
+}
+
+impl<'a> Cutter<'a> {
+    /// Looks at the points through all photos.
+    pub fn new(scene: &'a PosedScene) -> Self {
         let step = scene.points.len().div_ceil(MOST_POINTS).max(1);
         let all = scene.points.iter().map(|point| point.position);
         let points: Vec<DVec3> = all.filter(|position| position.is_finite()).step_by(step).collect();
-        let too_few = || PlanError::Points { points: points.len(), blocks: options.blocks };
+        let shown = scene.views.par_iter().map(|(_, camera)| shown(camera, &points)).collect();
+        Self { scene, points, step, shown }
+    }
+
+    /// Cuts the scene.
+    ///
+    /// # Errors
+    /// [`PlanError::Points`] where the scene has too few points, [`PlanError::Photos`] where a block has too few photos.
+    pub fn cut(&self, options: &CutOptions) -> Result<BlockPlan, PlanError> {
+        let Self { scene, points, shown, .. } = self;
+        let too_few = || PlanError::Points { points: scene.points.len(), blocks: options.blocks };
         if options.blocks == 0 || points.len() / LEAST_POINTS < options.blocks {
             return Err(too_few());
         }
-        let shown: Vec<Vec<(u32, u32)>> = scene.views.par_iter().map(|(_, camera)| shown(camera, &points)).collect();
         let mut seen = vec![0_u32; points.len()];
         for &view in &scene.train {
             shown[view].iter().for_each(|(_, point)| seen[*point as usize] += 1);
@@ -64,21 +80,24 @@ impl BlockPlan {
         divide(&mut weighted, options.blocks, Core::default(), &mut cores).ok_or_else(too_few)?;
         let blocks = cores.into_iter().enumerate().map(|(index, (core, extent))| {
             let large = core.enlarged(extent * options.overlap);
-            let chosen = |views: &[usize]| -> Vec<String> {
+            let chosen = |views: &[usize]| -> Vec<usize> {
                 let belongs = |&&view: &&usize| {
                     let (_, camera) = &scene.views[view];
-                    belongs(&large, camera, &shown[view], &points, options.least_share)
+                    belongs(&large, camera, &shown[view], points, options.least_share)
                 };
-                views.iter().filter(belongs).map(|&view| scene.views[view].0.clone()).collect()
+                views.iter().filter(belongs).copied().collect()
             };
             let (train, test) = (chosen(&scene.train), chosen(&scene.test));
             if train.len() < 2 {
                 return Err(PlanError::Photos { block: index, photos: train.len(), blocks: options.blocks });
             }
             let inside = scene.points.iter().filter(|point| core.contains(point.position)).count();
-            Ok(Block { core, points: inside, train, test, ..Block::default() })
+            let start: HashSet<u32> = train.iter().flat_map(|&view| &shown[view]).map(|(_, point)| *point).collect();
+            let names = |views: Vec<usize>| views.into_iter().map(|view| scene.views[view].0.clone()).collect();
+            let (train, test) = (names(train), names(test));
+            Ok(Block { core, points: inside, start_points: start.len() * self.step, train, test, ..Block::default() })
         });
-        Ok(Self { blocks: blocks.collect::<Result<_, _>>()?, memory_limit: None })
+        Ok(BlockPlan { blocks: blocks.collect::<Result<_, _>>()?, memory_limit: None })
     }
 }
 
@@ -157,7 +176,7 @@ mod tests {
     #[test]
     fn blocks_share_space_points_and_photos_evenly() {
         let scene = wall();
-        let plan = BlockPlan::cut(&scene, &CutOptions { blocks: 4, ..CutOptions::default() }).unwrap();
+        let plan = Cutter::new(&scene).cut(&CutOptions { blocks: 4, ..CutOptions::default() }).unwrap();
         for point in &scene.points {
             let owners = plan.blocks.iter().filter(|block| block.core.contains(point.position)).count();
             assert_eq!(owners, 1);
@@ -170,12 +189,14 @@ mod tests {
             let (own, far) = (format!("{:02}.png", 4 * index + 2), format!("{:02}.png", (4 * index + 10) % 16));
             assert!(block.train.contains(&own) && !block.train.contains(&far), "{index}: {:?}", block.train);
             assert!(block.test.contains(&format!("{:02}.png", 4 * index)));
+            // It begins with what its photos show, beyond its core too.
+            assert!((block.points..600).contains(&block.start_points), "{index}: {} points", block.start_points);
         }
         let (first, last) = (plan.blocks[0].core, plan.blocks[3].core);
         assert_eq!((first.min, last.max), ([None; 3], [None; 3]));
         assert!(first.contains(DVec3::new(-1e9, 5.0, 5.0)) && last.contains(DVec3::splat(1e9)));
         // A larger overlap takes more photos.
-        let wide = BlockPlan::cut(&scene, &CutOptions { overlap: 0.8, ..CutOptions::default() }).unwrap();
+        let wide = Cutter::new(&scene).cut(&CutOptions { overlap: 0.8, ..CutOptions::default() }).unwrap();
         assert!(wide.blocks[1].train.len() > plan.blocks[1].train.len());
     }
 
@@ -183,10 +204,10 @@ mod tests {
     fn what_cannot_be_cut_is_refused() {
         let mut scene = wall();
         let options = |blocks| CutOptions { blocks, ..CutOptions::default() };
-        assert!(matches!(BlockPlan::cut(&scene, &options(17)), Err(PlanError::Points { points: 800, blocks: 17 })));
-        assert!(matches!(BlockPlan::cut(&scene, &options(0)), Err(PlanError::Points { .. })));
-        assert!(matches!(BlockPlan::cut(&scene, &options(16)), Err(PlanError::Photos { .. })));
+        assert!(matches!(Cutter::new(&scene).cut(&options(17)), Err(PlanError::Points { points: 800, blocks: 17 })));
+        assert!(matches!(Cutter::new(&scene).cut(&options(0)), Err(PlanError::Points { .. })));
+        assert!(matches!(Cutter::new(&scene).cut(&options(16)), Err(PlanError::Photos { .. })));
         scene.points.iter_mut().for_each(|point| point.position = DVec3::ONE);
-        assert!(matches!(BlockPlan::cut(&scene, &options(2)), Err(PlanError::Points { .. })));
+        assert!(matches!(Cutter::new(&scene).cut(&options(2)), Err(PlanError::Points { .. })));
     }
 }

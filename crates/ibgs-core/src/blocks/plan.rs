@@ -4,6 +4,7 @@ use super::Core;
 use crate::config::{ConfigError, TrainConfig};
 use crate::files::{self, WriteError};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -20,6 +21,8 @@ pub struct Block {
     pub core: Core,
     /// Number of the scene's points in the core.
     pub points: usize,
+    /// Number of points that its training photos show: so many Gaussians it begins with.
+    pub start_points: usize,
     /// Names of its training photos.
     pub train: Vec<String>,
     /// Names of the held-out photos that show it.
@@ -51,13 +54,6 @@ struct PlanFile {
     blocks: Vec<Block>,
 }
 
-/// The names of a block's photos, as a scene's `split.json` has them.
-#[derive(Serialize)]
-struct SplitFile<'a> {
-    train: &'a [String],
-    test: &'a [String],
-}
-
 /// Why a scene cannot be cut, or a plan not be used.
 #[derive(Debug, Error)]
 pub enum PlanError {
@@ -82,7 +78,7 @@ pub enum PlanError {
         blocks: usize,
     },
     /// The folder holds no plan.
-    #[error("{} is no plan of blocks: it has no plan.json; `ibgs split` makes one", path.display())]
+    #[error("{} is no plan of blocks: it has no plan.json", path.display())]
     NoPlan {
         /// The folder.
         path: PathBuf,
@@ -113,6 +109,34 @@ pub enum PlanError {
     Config(#[from] ConfigError),
 }
 
+impl BlockPlan {
+    /// Reads the contents of `plan.json`; `path` is for messages.
+    ///
+    /// # Errors
+    /// [`PlanError::Read`] with line and column.
+    pub fn from_json(bytes: &[u8], path: &Path) -> Result<Self, PlanError> {
+        let file: PlanFile = serde_json::from_slice(bytes).map_err(|error| unreadable(path, error))?;
+        match file {
+            PlanFile { format: FORMAT, memory_limit, blocks } if !blocks.is_empty() => {
+                Ok(Self { blocks, memory_limit })
+            }
+            PlanFile { format: FORMAT, .. } => Err(unreadable(path, "it has no blocks")),
+            PlanFile { format, .. } => {
+                Err(unreadable(path, format!("its format {format} is not {FORMAT}, that of this version")))
+            }
+        }
+    }
+
+    /// Whether a photo was held out.
+    pub fn holds_out(&self) -> bool {
+        self.blocks.iter().any(|block| !block.test.is_empty())
+    }
+}
+
+fn unreadable(path: &Path, reason: impl ToString) -> PlanError {
+    PlanError::Read { path: path.to_owned(), reason: reason.to_string() }
+}
+
 /// The folder of a plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlanFolder {
@@ -137,7 +161,7 @@ impl PlanFolder {
 
     /// Options of all trainings.
     pub fn config_path(&self) -> PathBuf {
-        self.root.join("config.toml")
+        self.root.join("options.toml")
     }
 
     /// Names of a block's photos.
@@ -165,16 +189,17 @@ impl PlanFolder {
     /// # Errors
     /// [`PlanError::Write`], [`PlanError::Config`]; the plan itself comes last.
     pub fn write(&self, plan: &BlockPlan, config: &TrainConfig) -> Result<(), PlanError> {
-        let json = |path: &Path, text: serde_json::Result<String>| {
+        let write = |path: &Path, text: serde_json::Result<String>| {
             files::write_atomically(path, |out| out.write_all((text? + "\n").as_bytes()))
         };
         config.save(&self.config_path())?;
         for (number, Block { train, test, .. }) in (0..).zip(&plan.blocks) {
-            json(&self.split_path(number), serde_json::to_string_pretty(&SplitFile { train, test }))?;
+            let names = json!({ "train": train, "test": test });
+            write(&self.split_path(number), serde_json::to_string_pretty(&names))?;
         }
         let BlockPlan { blocks, memory_limit } = plan.clone();
         let file = PlanFile { format: FORMAT, memory_limit, blocks };
-        Ok(json(&self.root.join(FILE), serde_json::to_string_pretty(&file))?)
+        Ok(write(&self.root.join(FILE), serde_json::to_string_pretty(&file))?)
     }
 
     /// Reads the plan.
@@ -186,30 +211,21 @@ impl PlanFolder {
         if !path.is_file() {
             return Err(PlanError::NoPlan { path: self.root.clone() });
         }
-        let text = std::fs::read_to_string(&path).map_err(|error| self.unreadable(&path, error))?;
-        let file: PlanFile = serde_json::from_str(&text).map_err(|error| self.unreadable(&path, error))?;
-        match file {
-            PlanFile { format: FORMAT, memory_limit, blocks } if !blocks.is_empty() => {
-                Ok(BlockPlan { blocks, memory_limit })
-            }
-            PlanFile { format: FORMAT, .. } => Err(self.unreadable(&path, "it has no blocks")),
-            PlanFile { format, .. } => {
-                Err(self.unreadable(&path, format!("its format {format} is not {FORMAT}, that of this version")))
-            }
-        }
+        let bytes = std::fs::read(&path).map_err(|error| unreadable(&path, error))?;
+        BlockPlan::from_json(&bytes, &path)
     }
 
     /// Reads the options of the trainings, for a block of a plan.
     ///
     /// # Errors
-    /// [`PlanError::NoBlock`], [`PlanError::Config`].
+    /// [`PlanError::NoBlock`], [`PlanError::Config`], [`PlanError::Read`] where the working directory is gone.
     pub fn block_config(&self, plan: &BlockPlan, block: u32) -> Result<TrainConfig, PlanError> {
         if block as usize >= plan.blocks.len() {
             let last = plan.blocks.len().saturating_sub(1);
             return Err(PlanError::NoBlock { path: self.root.clone(), block, last });
         }
         let mut config = self.config()?;
-        let split = std::path::absolute(self.split_path(block)).map_err(|error| self.unreadable(&self.root, error))?;
+        let split = std::path::absolute(self.split_path(block)).map_err(|error| unreadable(&self.root, error))?;
         config.data.split = Some(split);
         Ok(config)
     }
@@ -220,10 +236,6 @@ impl PlanFolder {
     /// [`PlanError::Config`].
     pub fn config(&self) -> Result<TrainConfig, PlanError> {
         Ok(TrainConfig::load(&self.config_path())?)
-    }
-
-    fn unreadable(&self, path: &Path, reason: impl ToString) -> PlanError {
-        PlanError::Read { path: path.to_owned(), reason: reason.to_string() }
     }
 }
 
@@ -239,7 +251,7 @@ mod tests {
             let found = plan_folder.read().unwrap_err().to_string();
             assert!(found.contains(wanted), "{found}");
         };
-        error("`ibgs split` makes one");
+        error("has no plan.json");
         let core = Core { min: [Some(0.1), None, Some(-3.5)], max: [None; 3] };
         let block = Block { core, train: vec!["a.png".into()], memory: 7, minutes: 1.5, ..Block::default() };
         let plan = BlockPlan { blocks: vec![Block::default(), block], memory_limit: Some(8 << 30) };

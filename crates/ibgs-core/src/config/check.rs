@@ -4,6 +4,7 @@ use super::{
     ConfigError, DensifyConfig, ExposureConfig, LearningRates, McmcConfig, ResidualConfig, SourceOptions, TrainConfig,
 };
 use crate::scene::MAX_SH_DEGREE;
+use crate::sources::memory::MemoryBudget;
 use crate::sources::{MAX_SOURCES, MAX_VISIBLE};
 use std::path::Path;
 
@@ -140,6 +141,9 @@ impl TrainConfig {
         let extent = self.data.extent;
         let is_length = extent.is_none_or(|extent| extent.is_finite() && extent > 0.0);
         check.require(is_length, "data.extent", extent.unwrap_or_default(), "it must be a finite number above 0")?;
+        let keeps_all = !self.deterministic || self.surface.depth_memory == MemoryBudget::Unlimited;
+        let memory = String::from(self.surface.depth_memory);
+        check.require(keeps_all, "surface.depth-memory", memory, "a deterministic run keeps all depth maps: `none`")?;
         let random = self.data.random_points;
         check.require(random >= 1, "data.random-points", random, at_least_1)?;
         let splats = self.densify.most();

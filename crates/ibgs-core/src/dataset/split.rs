@@ -111,8 +111,10 @@ fn from_file(names: &[String], path: &Path) -> Result<Divided, DatasetError> {
 
 /// Keeps the photos that a split names.
 pub(crate) fn keep_named(photos: &mut Vec<ListedPhoto>, path: &Path) -> Result<(), DatasetError> {
-    let SplitJson { train, test } = read_json(path)?;
-    let named: BTreeSet<String> = train.iter().chain(&test).map(|name| spelling(name)).collect();
-    photos.retain(|photo| named.contains(&spelling(&photo.name)));
+    let names: Vec<String> = photos.iter().map(|photo| photo.name.clone()).collect();
+    let Divided { train, test, .. } = from_file(&names, path)?;
+    let named: BTreeSet<usize> = train.into_iter().chain(test).collect();
+    let mut index = 0..;
+    photos.retain(|_| index.next().is_some_and(|index| named.contains(&index)));
     Ok(())
 }

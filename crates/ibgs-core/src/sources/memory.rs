@@ -27,6 +27,9 @@ pub enum MemoryBudget {
 }
 
 impl MemoryBudget {
+    /// Bytes of `auto` on a card with memory of its own.
+    pub const AUTO_OF_CARDS: u64 = 4 * GIB;
+
     /// The budget in bytes on this adapter; none: no limit.
     ///
     /// wgpu does not report how much memory a device has or has left, so `auto` is a guess: 4 GiB on a card with memory of its
@@ -38,7 +41,7 @@ impl MemoryBudget {
             Self::Unlimited => None,
             Self::Bytes(bytes) => Some(bytes),
             Self::Auto => match gpu.info.device_type {
-                wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => Some(4 * GIB),
+                wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => Some(Self::AUTO_OF_CARDS),
                 _ => Some(GIB),
             },
         }

@@ -13,6 +13,9 @@ use serde::Serialize;
 use std::io::Error;
 use std::path::{Path, PathBuf};
 
+/// The file that lists the photos.
+const LISTING: &str = "transforms.json";
+
 /// What the cache holds for one photo.
 pub(super) enum Found {
     /// The photo.
@@ -44,6 +47,16 @@ impl Cache {
     /// The scene folder.
     pub fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
+    }
+
+    /// Whether the folder holds nothing else than a scene of these options, or a part of one.
+    pub fn is_for(&self, options: &impl Serialize) -> bool {
+        let Some(text) = self.folder.as_ref().and_then(|folder| std::fs::read(folder.join(LISTING)).ok()) else {
+            return true;
+        };
+        let listed: Option<serde_json::Value> = serde_json::from_slice(&text).ok();
+        let own = listed.as_ref().and_then(|listed| listed.get("ibgs_demo")?.get("options"));
+        own.is_some_and(|own| serde_json::to_value(options).is_ok_and(|options| *own == options))
     }
 
     /// Reads one photo.
@@ -78,7 +91,7 @@ impl Cache {
         let transforms = serde_json::to_vec_pretty(&Transforms::new(options, cameras))
             .map_err(|error| self.note(&Error::other(error)))?;
         self.write(PathBuf::from("points3D.ply"), &ply(points))?;
-        self.write(PathBuf::from("transforms.json"), &transforms)
+        self.write(PathBuf::from(LISTING), &transforms)
     }
 
     fn write(&self, name: PathBuf, bytes: &[u8]) -> Result<(), String> {
@@ -138,7 +151,7 @@ impl<'a, T> Transforms<'a, T> {
     fn new(options: &'a T, cameras: &[Camera]) -> Self {
         let first = cameras[0];
         let frame = |(index, camera): (usize, &Camera)| CachedView {
-            file_path: format!("images/{}", view_name(index)),
+            file_path: format!("images/{}", view_name(index, cameras.len())),
             transform_matrix: opengl_pose(camera),
         };
         Transforms {

@@ -99,6 +99,12 @@ pub enum DemoError {
         /// Largest allowed value.
         most: u64,
     },
+    /// The folder holds something else.
+    #[error("{} holds another scene; name a new folder", path.display())]
+    OtherScene {
+        /// The folder.
+        path: PathBuf,
+    },
 }
 
 /// Reads the demo scene from the cache and traces what is missing or damaged there.
@@ -138,9 +144,10 @@ pub fn distance_to_surface(point: DVec3) -> f64 {
     scene::scene().distance(point)
 }
 
-/// File name of a photo.
-fn view_name(index: usize) -> String {
-    format!("view_{index:03}.png")
+/// File name of a photo among `count`: in the order of the names.
+fn view_name(index: usize, count: usize) -> String {
+    let digits = count.saturating_sub(1).to_string().len().max(3);
+    format!("view_{index:0digits$}.png")
 }
 
 impl Traced<'_> {
@@ -153,7 +160,11 @@ impl Traced<'_> {
             .iter()
             .zip(photos)
             .enumerate()
-            .map(|(index, (&camera, photo))| View { name: view_name(index), camera, photo: Arc::new(photo) })
+            .map(|(index, (&camera, photo))| View {
+                name: view_name(index, self.cameras.len()),
+                camera,
+                photo: Arc::new(photo),
+            })
             .collect();
         let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);
         let points = cloud::points(self.scene, self.points, &views, &train);
@@ -168,7 +179,7 @@ impl Traced<'_> {
         let found: Vec<Found> = cameras
             .par_iter()
             .enumerate()
-            .map(|(index, camera)| cache.read_photo(&view_name(index), camera.width, camera.height))
+            .map(|(index, camera)| cache.read_photo(&view_name(index, cameras.len()), camera.width, camera.height))
             .collect();
         let damaged = found.iter().filter(|found| matches!(found, Found::Damaged)).count();
         if damaged > 0 {
@@ -189,7 +200,7 @@ impl Traced<'_> {
                 }
                 let photo = trace::render_in(self.scene, &cameras[index], self.samples);
                 let given_up = note().is_some();
-                if !given_up && let Err(message) = cache.write_photo(&view_name(index), &photo) {
+                if !given_up && let Err(message) = cache.write_photo(&view_name(index, cameras.len()), &photo) {
                     note().get_or_insert(message);
                 }
                 progress.step();

@@ -22,7 +22,7 @@ pub struct StreetOptions {
 /// photos that are traced.
 ///
 /// # Errors
-/// Options outside of their range. A folder that cannot be written is a note of the data set.
+/// Options outside of their range, a folder that holds another scene. A folder that cannot be written is a note of the data set.
 pub fn street(options: &StreetOptions, folder: &Path, progress: &dyn Progress) -> Result<Dataset, DemoError> {
     let StreetOptions { rooms, room } = options;
     room.validate()?;
@@ -31,8 +31,12 @@ pub fn street(options: &StreetOptions, folder: &Path, progress: &dyn Progress) -
         let (value, least, most) = (*rooms as u64, least as u64, most as u64);
         return Err(DemoError::Option { field: "rooms", value, least, most });
     }
+    let cache = Cache::at(folder);
+    if !cache.is_for(options) {
+        return Err(DemoError::OtherScene { path: folder.to_owned() });
+    }
     let cameras_of = |number: usize| {
-        let seed = room.seed + number as u64;
+        let seed = room.seed.wrapping_add(number as u64);
         let moved = move |camera: Camera| {
             let translation = camera.translation - camera.view_from_world * room_offset(number);
             Camera { translation, ..camera }
@@ -41,7 +45,7 @@ pub fn street(options: &StreetOptions, folder: &Path, progress: &dyn Progress) -
     };
     let traced = Traced {
         scene: &Scene::street(*rooms),
-        cache: Cache::at(folder),
+        cache,
         cameras: (0..*rooms).flat_map(cameras_of).collect(),
         samples: room.samples,
         points: (rooms * room.points, room.seed),
@@ -78,6 +82,10 @@ mod tests {
         let read = crate::dataset::load(&three.path, &crate::dataset::LoadOptions::default()).unwrap();
         assert_eq!((read.views.len(), read.points.len()), (12, 1_200));
         assert!(read.views[5].photo.rgba == three.views[5].photo.rgba);
+        let other = StreetOptions { rooms: 2, room: room.clone() };
+        let error = street(&other, &three.path, &()).unwrap_err().to_string();
+        assert!(error.contains("holds another scene"), "{error}");
+        assert!(street(&StreetOptions { rooms: 3, room: room.clone() }, &three.path, &()).is_ok());
         let refused = StreetOptions { rooms: 0, room };
         assert!(street(&refused, folder.path(), &()).unwrap_err().to_string().contains("`rooms` is 0"));
     }
