@@ -11,6 +11,7 @@ use ibgs_core::files;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::load_scene;
 use ibgs_core::output::OutputFolder;
+use ibgs_core::output::figures::TIME_FILE;
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, read_ply, write_ply};
 use ibgs_core::sources::memory::MemoryBudget;
@@ -54,8 +55,7 @@ pub fn run(args: &Args) -> Result<()> {
     let gpu_memory = block::limit(args.gpu_memory, &blocks);
     let is_own = !args.overwrite && belongs_to(&plan, &OutputFolder::at(&model))?;
     if is_own && is_merged(&plan, &model)? {
-        stderr!("the blocks are merged: {}", model.display());
-        return Ok(());
+        return say_merged(&model, args.iterations);
     }
     let checkpoints = OutputFolder::at(&model).checkpoints()?;
     let started = match is_own && !checkpoints.is_empty() {
@@ -81,6 +81,25 @@ pub fn refuse_folder(plan: &PlanFolder, model: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Says that a model is there already, if it is the one that is asked for.
+fn say_merged(model: &Path, iterations: Option<u32>) -> Result<()> {
+    let (folder, path) = (OutputFolder::at(model), model.display());
+    let trained = match folder.root().join(TIME_FILE).is_file() {
+        true => folder.read_config()?.iterations(),
+        false => 0,
+    };
+    if let Some(wanted) = iterations.filter(|&wanted| wanted != trained) {
+        bail!(
+            "{path} is a merge with {trained} iterations, not {wanted}; choose another `--output`, or give `--overwrite`"
+        );
+    }
+    match trained {
+        0 => stderr!("the blocks are merged without a training: {path}; `--overwrite` trains the whole"),
+        _ => stderr!("the blocks are merged: {path}"),
+    }
+    Ok(())
+}
+
 /// Whether a folder holds the merged model of a plan.
 pub fn is_merged(plan: &PlanFolder, model: &Path) -> Result<bool> {
     let folder = OutputFolder::at(model);
@@ -92,8 +111,12 @@ fn belongs_to(plan: &PlanFolder, folder: &OutputFolder) -> Result<bool> {
     if !folder.config_path().is_file() {
         return Ok(false);
     }
+    let joined = plan.joined_path();
+    // In its usual place it may have moved with the plan.
+    let has_moved =
+        |start: &Path| start.file_name() == joined.file_name() && files::is_same(folder.root(), &plan.model_path());
     let start = folder.read_config()?.init;
-    Ok(start.is_some_and(|start| files::is_same(&start, &plan.joined_path())))
+    Ok(start.is_some_and(|start| files::is_same(&start, &joined) || has_moved(&start)))
 }
 
 /// The training of a merge that was stopped.

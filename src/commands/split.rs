@@ -143,9 +143,9 @@ impl Planner<'_> {
             (block.gaussians, block.memory) = match budget {
                 None => needs.most(),
                 Some(budget) => needs.within(budget).with_context(|| {
-                    let (needed, limit) = (Bytes(needs.most().1), Bytes(budget));
+                    let (least, limit) = (Bytes(needs.least()), Bytes(budget));
                     format!(
-                        "block {number} of {blocks} does not fit into {limit}, it needs {needed}; cut the scene into more blocks"
+                        "block {number} of {blocks} does not fit into {limit}, it needs at least {least}; cut the scene into more blocks"
                     )
                 })?,
             };

@@ -33,7 +33,8 @@ fn three_blocks_are_trained_merged_and_measured() {
     let killed = !child.wait().unwrap().success();
     assert!(stopped.is_some() && killed, "it ended before it was killed");
     let info = sandbox.succeeds("info plan");
-    assert!(info.stdout.contains("a plan of blocks for") && info.stdout.contains(" at "), "{info}");
+    let stopped = |line: &str| line.trim_start().starts_with("1 |") && line.contains(" at ");
+    assert!(info.stdout.contains("a plan of blocks for") && info.stdout.lines().any(stopped), "{info}");
     let resumed = sandbox.succeeds("train plan --block 1");
     assert!(resumed.stderr.contains("resuming from iteration"), "{resumed}");
     let again = sandbox.succeeds("train plan --block 1");
@@ -81,9 +82,12 @@ fn three_blocks_are_trained_merged_and_measured() {
     let rendered = sandbox.succeeds("render as-it-is --outputs final");
     assert!(rendered.stderr.contains("as-it-is"), "{rendered}");
     let again = sandbox.succeeds("merge plan -o as-it-is --iterations 0");
-    assert!(again.stderr.contains("the blocks are merged"), "{again}");
+    assert!(again.stderr.contains("merged without a training"), "{again}");
+    sandbox.fails("merge plan -o as-it-is --iterations 5", &["as-it-is is a merge with 0 iterations, not 5"]);
     // A plan may move; its blocks are models all the same.
     std::fs::rename(sandbox.path("plan"), sandbox.path("moved")).unwrap();
+    let merged = sandbox.succeeds("merge moved");
+    assert!(merged.stderr.contains("the blocks are merged"), "{merged}");
     sandbox.succeeds("eval moved/blocks/0");
     let trained = sandbox.succeeds("train moved --block 2");
     assert!(trained.stderr.contains("block 2 is trained"), "{trained}");

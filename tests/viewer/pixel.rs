@@ -16,6 +16,14 @@ fn a_click_tells_why_a_pixel_looks_as_it_does() {
     settle(&mut window);
     snapshot(&mut window, "pixel", 1000);
     assert_eq!(window.state().on_view(), Some(0), "looking at a pixel moves no camera");
+    // On a phone all of it stands below the image.
+    window.set_size(Vec2::new(420.0, 640.0));
+    window.run_steps(30);
+    settle(&mut window);
+    snapshot(&mut window, "pixel on a phone", 1000);
+    window.set_size(Vec2::new(1100.0, 640.0));
+    window.run_steps(30);
+    settle(&mut window);
     // The next click tells of another pixel.
     click(&mut window, Pos2::new(600.0, 250.0));
     until(&mut window, "inspected again", |viewer| viewer.inspection().is_some_and(|other| other.pixel != found.pixel));

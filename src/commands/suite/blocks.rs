@@ -42,7 +42,9 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("{} of {blocks} blocks failed; the first one's log is {}", failed.len(), first.display());
     }
     if args.shard.is_some() {
-        stderr!("the blocks of this part are trained; without `--shard` the same command merges when all are");
+        stderr!(
+            "the blocks of this part are trained; once the others are too, the same command without `--shard` merges"
+        );
         return Ok(());
     }
     let one = |step| {

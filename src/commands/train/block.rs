@@ -16,7 +16,7 @@ pub fn train(args: &Args, number: u32) -> Result<()> {
     let base = plan.block_config(&blocks, number)?;
     let (path, folder) = (plan.block_path(number), OutputFolder::at(&plan.block_path(number)));
     let is_stopped = !folder.checkpoints()?.is_empty();
-    if is_trained(&folder)? && !args.overwrite {
+    if !args.overwrite && is_trained(&folder)? {
         stderr!("block {number} is trained: {}", path.display());
         return Ok(());
     }

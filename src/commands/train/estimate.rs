@@ -67,7 +67,12 @@ impl Needs {
         (self.most, self.bytes(self.most))
     }
 
-    /// The same within a budget: with fewer Gaussians where that is needed. None where it does not even begin.
+    /// Bytes needed at the start.
+    pub fn least(&self) -> u64 {
+        self.bytes(self.gaussians)
+    }
+
+    /// [`Needs::most`] within a budget: with fewer Gaussians where that is needed. None where it does not even begin.
     pub fn within(&self, budget: u64) -> Option<(u64, u64)> {
         let most = self.fitting(budget)?;
         Some((most, self.bytes(most)))
@@ -75,7 +80,7 @@ impl Needs {
 
     /// The largest number of Gaussians, up to the cap of the options, that fits into a budget; none if the initial ones do not.
     fn fitting(&self, budget: u64) -> Option<u64> {
-        if self.bytes(self.gaussians) > budget {
+        if self.least() > budget {
             return None;
         }
         if !self.grows() || self.bytes(self.most) <= budget {
@@ -121,10 +126,17 @@ impl Needs {
         };
         let Some(budget) = budget else { return Ok(None) };
         let Some(fits) = self.fitting(budget) else {
+            let advice = match self.config.residual.init {
+                // A merge, whose photos and Gaussians are what they are.
+                Some(_) => "allow it more, or begin without it (`ibgs merge --iterations 0`)",
+                None => {
+                    "train on smaller photos (`--resolution`), give the source photos less (`--source-memory`), or cut the scene \
+                     into more blocks (`ibgs split`)"
+                }
+            };
             bail!(
-                "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`); train on smaller \
-                 photos (`--resolution`), give the source photos less (`--source-memory`), or cut the scene into blocks (`ibgs split`)",
-                Bytes(self.bytes(self.gaussians)),
+                "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`); {advice}",
+                Bytes(self.least()),
                 self.gaussians,
                 Bytes(budget)
             );

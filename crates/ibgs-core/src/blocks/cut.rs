@@ -189,8 +189,9 @@ mod tests {
             let (own, far) = (format!("{:02}.png", 4 * index + 2), format!("{:02}.png", (4 * index + 10) % 16));
             assert!(block.train.contains(&own) && !block.train.contains(&far), "{index}: {:?}", block.train);
             assert!(block.test.contains(&format!("{:02}.png", 4 * index)));
-            // It begins with what its photos show, beyond its core too.
-            assert!((block.points..600).contains(&block.start_points), "{index}: {} points", block.start_points);
+            // It begins with what its photos show: beyond its core too, but for the ends of the wall, where one is held out.
+            let least = if index == 0 { block.points - 40 } else { block.points };
+            assert!((least..600).contains(&block.start_points), "{index}: {} points", block.start_points);
         }
         let (first, last) = (plan.blocks[0].core, plan.blocks[3].core);
         assert_eq!((first.min, last.max), ([None; 3], [None; 3]));

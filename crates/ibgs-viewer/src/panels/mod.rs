@@ -43,14 +43,27 @@ pub struct Panels {
     pub path: PathEditor,
 }
 
+/// Windows that are narrower, in points, have below the image what others have beside it.
+const NARROW: f32 = 480.0;
+
 /// The panels left, right and below.
 pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
     viewer.thumbnails.begin();
     views::views(viewer, ui);
     let shows_pixel = viewer.panels.shows_pixel && viewer.found.is_some();
     if viewer.training.is_some() || shows_pixel || viewer.panels.shows_path || viewer.edit.shown {
-        let most = (0.5 * ui.available_width()).max(120.0);
-        egui::Panel::right("facts").default_size(300.0_f32.min(most)).max_size(most).show(ui, |ui| {
+        // On a phone the canvas would be nothing but a stripe beside it.
+        let panel = match ui.ctx().content_rect().width() < NARROW {
+            true => {
+                let most = (0.35 * ui.available_height()).max(80.0);
+                egui::Panel::bottom("facts below").default_size(200.0_f32.min(most)).max_size(most)
+            }
+            false => {
+                let most = (0.5 * ui.available_width()).max(120.0);
+                egui::Panel::right("facts").default_size(300.0_f32.min(most)).max_size(most)
+            }
+        };
+        panel.show(ui, |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 training::training(viewer, ui);
                 edit::panel(viewer, ui);

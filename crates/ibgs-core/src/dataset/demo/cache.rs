@@ -49,14 +49,13 @@ impl Cache {
         self.folder.as_deref()
     }
 
-    /// Whether the folder holds nothing else than a scene of these options, or a part of one.
+    /// Whether the folder is new, or lists a scene of these options and this version.
     pub fn is_for(&self, options: &impl Serialize) -> bool {
-        let Some(text) = self.folder.as_ref().and_then(|folder| std::fs::read(folder.join(LISTING)).ok()) else {
-            return true;
-        };
+        let Some(folder) = &self.folder else { return true };
+        let Ok(text) = std::fs::read(folder.join(LISTING)) else { return !folder.join("images").exists() };
         let listed: Option<serde_json::Value> = serde_json::from_slice(&text).ok();
-        let own = listed.as_ref().and_then(|listed| listed.get("ibgs_demo")?.get("options"));
-        own.is_some_and(|own| serde_json::to_value(options).is_ok_and(|options| *own == options))
+        let own = serde_json::to_value(Origin { version: VERSION, options }).ok();
+        own.is_some() && own.as_ref() == listed.as_ref().and_then(|listed| listed.get("ibgs_demo"))
     }
 
     /// Reads one photo.
@@ -88,9 +87,14 @@ impl Cache {
 
     /// Writes `transforms.json` and `points3D.ply` unless they are there already; the error is a note.
     pub fn describe(&self, options: &impl Serialize, cameras: &[Camera], points: &[Point]) -> Result<(), String> {
+        self.write(PathBuf::from("points3D.ply"), &ply(points))?;
+        self.list(options, cameras)
+    }
+
+    /// Writes `transforms.json` unless it is there already; the error is a note.
+    pub fn list(&self, options: &impl Serialize, cameras: &[Camera]) -> Result<(), String> {
         let transforms = serde_json::to_vec_pretty(&Transforms::new(options, cameras))
             .map_err(|error| self.note(&Error::other(error)))?;
-        self.write(PathBuf::from("points3D.ply"), &ply(points))?;
         self.write(PathBuf::from(LISTING), &transforms)
     }
 

@@ -50,6 +50,8 @@ pub fn street(options: &StreetOptions, folder: &Path, progress: &dyn Progress) -
         samples: room.samples,
         points: (rooms * room.points, room.seed),
     };
+    // First, so that a trace that was interrupted is told from another scene's; a failure becomes a note of the whole.
+    let _ = traced.cache.list(options, &traced.cameras);
     Ok(traced.load(options, progress))
 }
 
@@ -85,6 +87,9 @@ mod tests {
         let other = StreetOptions { rooms: 2, room: room.clone() };
         let error = street(&other, &three.path, &()).unwrap_err().to_string();
         assert!(error.contains("holds another scene"), "{error}");
+        // A trace that was interrupted goes on.
+        std::fs::remove_file(three.path.join("images/view_005.png")).unwrap();
+        std::fs::remove_file(three.path.join("points3D.ply")).unwrap();
         assert!(street(&StreetOptions { rooms: 3, room: room.clone() }, &three.path, &()).is_ok());
         let refused = StreetOptions { rooms: 0, room };
         assert!(street(&refused, folder.path(), &()).unwrap_err().to_string().contains("`rooms` is 0"));
