@@ -3,7 +3,7 @@
 use super::{Outcome, Sandbox, files_in};
 use std::process::Command;
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 16] = [
     "prepare",
     "train",
     "render",
@@ -11,6 +11,8 @@ const COMMANDS: [&str; 14] = [
     "eval",
     "compare",
     "suite",
+    "split",
+    "merge",
     "view",
     "mesh",
     "export",
