@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> Result<()> {
     refuse_folder(&plan, &model)?;
     let gpu_memory = block::limit(args.gpu_memory, &blocks);
     let is_own = !args.overwrite && belongs_to(&plan, &OutputFolder::at(&model))?;
-    if is_own && is_merged(&plan, &model)? {
+    if is_own && block::is_trained(&OutputFolder::at(&model))? {
         return say_merged(&model, args.iterations);
     }
     let checkpoints = OutputFolder::at(&model).checkpoints()?;

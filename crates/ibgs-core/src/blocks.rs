@@ -12,6 +12,7 @@ mod plan;
 pub use cut::{CutOptions, Cutter};
 pub use plan::{Block, BlockPlan, PlanError, PlanFolder};
 
+use crate::edit::Mask;
 use crate::scene::Gaussians;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -66,8 +67,8 @@ impl Joiner {
             return Err([block.sh_degree, joined.sh_degree]);
         }
         let block = block.into_space(joined.space);
-        let inside = block.positions().enumerate().filter(|(_, mean)| core.contains(*mean)).map(|(index, _)| index);
-        append(joined, &block, &inside.collect::<Vec<_>>());
+        let inside: Vec<bool> = block.positions().map(|mean| core.contains(mean)).collect();
+        joined.append(block.only(&Mask::of(inside.len(), |index| inside[index])));
         Ok(())
     }
 
@@ -80,17 +81,6 @@ impl Joiner {
     pub fn joined(self) -> Gaussians {
         self.joined.unwrap_or_default()
     }
-}
-
-fn append(to: &mut Gaussians, from: &Gaussians, chosen: &[usize]) {
-    let row = 3 * from.sh_coefficients();
-    to.means.extend(chosen.iter().map(|&index| from.means[index]));
-    to.rotations.extend(chosen.iter().map(|&index| from.rotations[index]));
-    to.log_scales.extend(chosen.iter().map(|&index| from.log_scales[index]));
-    to.opacity_logits.extend(chosen.iter().map(|&index| from.opacity_logits[index]));
-    chosen.iter().for_each(|&index| to.sh.extend_from_slice(&from.sh[index * row..(index + 1) * row]));
-    to.normals.extend(chosen.iter().map(|&index| from.normals[index]));
-    to.offsets.extend(chosen.iter().map(|&index| from.offsets[index]));
 }
 
 #[cfg(test)]

@@ -156,8 +156,7 @@ impl Needs {
 
     /// `memory: needs about 310 MiB at 5000 Gaussians, 1.2 GiB at 1000000 (--max-splats)`.
     pub fn sentence(&self) -> String {
-        let mut text =
-            format!("memory: needs about {} at {} Gaussians", Bytes(self.bytes(self.gaussians)), self.gaussians);
+        let mut text = format!("memory: needs about {} at {} Gaussians", Bytes(self.least()), self.gaussians);
         if self.grows() {
             text += &format!(", {} at {} (`--max-splats`)", Bytes(self.bytes(self.most)), self.most);
         }

@@ -62,7 +62,7 @@ pub enum PlanError {
         "the scene has {points} points, too few for {blocks} blocks; cut it into fewer, or use a model with more points"
     )]
     Points {
-        /// Number of points in different places.
+        /// Number of points.
         points: usize,
         /// Number of blocks.
         blocks: usize,

@@ -106,6 +106,21 @@ impl Gaussians {
         if self.space == space { Cow::Borrowed(self) } else { Cow::Owned(self.clone().into_space(space)) }
     }
 
+    /// Adds those of another part of the same model: of the same degree, in the same space.
+    ///
+    /// # Panics
+    /// Another degree of the spherical harmonics: a bug of ours.
+    pub(crate) fn append(&mut self, part: Self) {
+        assert_eq!(self.sh_degree, part.sh_degree, "parts of one model have one degree");
+        self.means.extend(part.means);
+        self.rotations.extend(part.rotations);
+        self.log_scales.extend(part.log_scales);
+        self.opacity_logits.extend(part.opacity_logits);
+        self.sh.extend(part.sh);
+        self.normals.extend(part.normals);
+        self.offsets.extend(part.offsets);
+    }
+
     /// Takes the planes away: from a format that has none.
     pub(super) fn remove_planes(&mut self) {
         self.normals = vec![[0.0, 0.0, 1.0]; self.len()];

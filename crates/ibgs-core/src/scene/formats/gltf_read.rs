@@ -102,7 +102,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
             all.space = part.space;
         }
         let space = all.space;
-        append(&mut all, part.into_space(space));
+        all.append(part.into_space(space));
     }
     Ok(all)
 }
@@ -137,14 +137,6 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), String> {
 fn sh_degree(primitive: &Primitive) -> u32 {
     let has = |degree: &u32| primitive.attributes.contains_key(&harmonic(coefficients(*degree) - 1));
     (0..=MAX_SH_DEGREE).take_while(has).last().unwrap_or_default()
-}
-
-fn append(all: &mut Gaussians, part: Gaussians) {
-    all.means.extend(part.means);
-    all.rotations.extend(part.rotations);
-    all.log_scales.extend(part.log_scales);
-    all.opacity_logits.extend(part.opacity_logits);
-    all.sh.extend(part.sh);
 }
 
 struct File<'a> {
