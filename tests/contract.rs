@@ -242,11 +242,11 @@ fn host_structs_have_the_layout_of_their_twins() {
         aggregation,
         groups,
         unscale,
-        pad0,
+        output,
         pad1,
     });
     twin!(FeatureSumParams { count, groups, first, rest });
-    twin!(ComposeParams { size, low, gain, full_color, seen_only, pad });
+    twin!(ComposeParams { size, low, gain, output, seen_only, visible });
     twin!(MixParams { pixels, visible, share, angle, doubt });
     twin!(ConvParams {
         size,

@@ -65,8 +65,8 @@ pub struct Args {
     /// [default: ibgs].
     #[arg(long, value_parser = word::<Method>(&["ibgs", "3dgs"]))]
     method: Option<Method>,
-    /// Options to begin with, which the others override: `default`; `fast` (4000 iterations, about half a minute on a fast
-    /// GPU); `published` (those of the published experiments) [default: default].
+    /// Options to begin with, which the others override: `default`; `fast` (6000 iterations with the network at half size,
+    /// about half a minute on a fast GPU); `published` (those of the published experiments) [default: default].
     #[arg(
         long,
         value_parser = word::<Preset>(&["default", "fast", "published"]),

@@ -11,7 +11,7 @@ use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::Exposer;
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
-use ibgs_core::residual::{Aggregation, Factor, Precision, Residual, ResidualTask, Variant};
+use ibgs_core::residual::{Aggregation, Factor, Output, Precision, Residual, ResidualTask, Variant};
 use ibgs_core::sources::DevicePhoto;
 use ibgs_core::sources::Warper;
 use ibgs_shaders::EXPOSURE_PULL;
@@ -265,6 +265,15 @@ fn the_whole_loss_with_confidences_follows_the_twin() {
             source.depth.iter_mut().enumerate().for_each(beyond);
         }
         assert_follows_twin(&format!("confidences {seed}"), &case);
+    }
+}
+
+#[test]
+fn the_whole_loss_with_a_gated_output_follows_the_twin() {
+    for (seed, exposed, factor) in [(1, false, Factor::Full), (3, true, Factor::Half)] {
+        let mut case = case(seed, exposed, factor);
+        case.variant.output = Output::Gated;
+        assert_follows_twin(&format!("gated {seed}"), &case);
     }
 }
 

@@ -6,7 +6,7 @@ use crate::reference::relative_error;
 use crate::reference::unet::{Map, backward, forward};
 use ibgs_core::raster::Keep;
 use ibgs_core::residual::Arithmetic;
-use ibgs_core::residual::layers::{ENC1, FINAL, UNET};
+use ibgs_core::residual::layers::{ENC1, FINAL, OUTPUTS, UNET};
 use ibgs_core::residual::unet::choice::{self, WholeNumbers};
 
 /// Forward and backward on the matrix units; none where the adapter has none.
@@ -22,7 +22,7 @@ fn on_matrix_units(weights: &[f64], x: &Map, v_residual: &Map) -> Option<OnGpu> 
 fn whole_numbers(width: usize, height: usize, seed: u64) -> (Vec<f64>, Map, Map) {
     let numbers = WholeNumbers::new(width as u32, height as u32, seed);
     let n = width * height;
-    let v_residual = (0..3 * n).map(|i| f64::from(numbers.v_residual[(i % n) * 3 + i / n])).collect();
+    let v_residual = (0..OUTPUTS * n).map(|i| f64::from(numbers.v_residual[(i % n) * OUTPUTS + i / n])).collect();
     let planes = Map::new(double(&numbers.planes), width, height);
     (double(&numbers.weights), planes, Map::new(v_residual, width, height))
 }

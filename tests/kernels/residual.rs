@@ -13,7 +13,7 @@ use ibgs_core::gpu::profile::Measured;
 use ibgs_core::gpu::{Gpu, Pass};
 use ibgs_core::raster::Keep;
 use ibgs_core::residual::layers::{
-    DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, UNET, UP1, UP2, WEIGHTS,
+    DEC1, DEC2, ENC1, ENC2, ENC3, FINAL, FUSE, INPUT, LAYERS, Layer, OUTPUTS, UNET, UP1, UP2, WEIGHTS,
 };
 use ibgs_core::residual::{Arithmetic, UNet};
 use ibgs_train::tensor::device;
@@ -35,11 +35,11 @@ pub(super) fn random_weights(seed: u64) -> Vec<f64> {
     LAYERS.iter().flat_map(layer).collect()
 }
 
-/// Random x and v_residual (three planes).
+/// Random x and v_residual (four planes).
 pub(super) fn random_maps(width: usize, height: usize, seed: u64) -> (Map, Map) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut planes = |channels| Map::new(uniform(channels * width * height, 1.0, &mut rng), width, height);
-    (planes(INPUT), planes(3))
+    (planes(INPUT), planes(OUTPUTS))
 }
 
 pub(super) fn single(values: &[f64]) -> Vec<f32> {
@@ -53,7 +53,7 @@ pub(super) fn double(values: &[f32]) -> Vec<f64> {
 /// Planes to an interleaved image.
 pub(super) fn interleaved(map: &Map) -> Vec<f64> {
     let n = map.width * map.height;
-    (0..3 * n).map(|i| map.data[(i % 3) * n + i / 3]).collect()
+    (0..OUTPUTS * n).map(|i| map.data[(i % OUTPUTS) * n + i / OUTPUTS]).collect()
 }
 
 /// What stands in `v_weights` before the backward pass.
@@ -80,7 +80,7 @@ pub(super) fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: A
     let mut pass = Pass::new(&gpu, "unet");
     unet.forward(&mut pass, &weights);
     pass.submit();
-    gpu.read(unet.residual(), 3 * x.width * x.height).unwrap()
+    gpu.read(unet.residual(), OUTPUTS * x.width * x.height).unwrap()
 }
 
 /// Forward and backward, twice over: the second time must not see anything of the first.
@@ -97,7 +97,7 @@ pub(super) fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Ari
         unet.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
         OnGpu {
-            residual: gpu.read(unet.residual(), 3 * n).unwrap(),
+            residual: gpu.read(unet.residual(), OUTPUTS * n).unwrap(),
             v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
         }
@@ -258,7 +258,7 @@ fn unet_speed() {
     let mut rng = ChaCha8Rng::seed_from_u64(10);
     let planes = uniform(INPUT * width * height, 1.0, &mut rng);
     let weights = gpu.upload("weights", &single(&random_weights(11))).unwrap();
-    let v_residual = gpu.upload("v_residual", &single(&uniform(3 * width * height, 1.0, &mut rng))).unwrap();
+    let v_residual = gpu.upload("v_residual", &single(&uniform(OUTPUTS * width * height, 1.0, &mut rng))).unwrap();
     let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
     for (precision, arithmetic) in [("full", Arithmetic::Full), ("half", Arithmetic::Half)] {
         let path = UNet::new(&gpu, [width as u32, height as u32], Keep::Gradients, arithmetic).unwrap();

@@ -1,7 +1,7 @@
 //! The residual network's input and per-view MLP against their twin, forward and backward.
 
 use crate::common::{gpu, skipped};
-use crate::reference::features::{EMPTY, View};
+use crate::reference::features::{Composition, EMPTY, View};
 use crate::reference::finite::assert_gradient;
 use crate::reference::random_scene::{exact, random_camera, random_image};
 use crate::reference::relative_error;
@@ -10,7 +10,7 @@ use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_core::residual::features::{
     FeatureGradients, FeatureInputs, Features, HalfGradient, InputGradients, MLP_WEIGHTS,
 };
-use ibgs_core::residual::layers::{CONFIDENCE, INPUT, WEIGHTS};
+use ibgs_core::residual::layers::{CONFIDENCE, INPUT, OUTPUTS, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Factor, NetworkInputs, Output, Variant};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -57,6 +57,13 @@ fn without_unet(weights: &[f64]) -> Vec<f64> {
 
 fn single(values: &[f64]) -> Vec<f32> {
     values.iter().map(|v| *v as f32).collect()
+}
+
+/// The network's output and the gradient by the final colour: with a gated output the sources' gradients depend on them.
+fn composed(view: &View) -> (Vec<[f64; OUTPUTS]>, Vec<[f64; 3]>) {
+    let low = view.low();
+    let output = random(OUTPUTS * low[0] * low[1], 31).as_chunks().0.to_vec();
+    (output, random(3 * view.base.len(), 32).as_chunks().0.to_vec())
 }
 
 struct OnGpu {
@@ -115,7 +122,9 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     let mut pass = Pass::new(&gpu, "features");
     features.record(&mut pass, &inputs, &x);
     features.record_backward(&mut pass, &inputs, &gradients);
-    let out = InputGradients { v_warped: &v_warped, v_base: &v_base };
+    let (residual, v_image) = composed(view);
+    let (residual, v_image) = (upload(residual.as_flattened()), upload(v_image.as_flattened()));
+    let out = InputGradients { residual: &residual, v_image: &v_image, v_warped: &v_warped, v_base: &v_base };
     features.record_inputs_backward(&mut pass, &inputs, &gradients, &out);
     pass.submit();
     if gpu.matrix_units.is_some() {
@@ -148,7 +157,20 @@ fn check(what: &str, view: &View, seed: u64) {
     let n = view.low()[0] * view.low()[1];
     let v_x = random(INPUT * n, seed);
     let ours = on_gpu(view, &v_x);
-    let grads = view.input_backward(&v_x);
+    let mut grads = view.input_backward(&v_x);
+    let composition = Composition {
+        size: view.size(),
+        variant: view.variant,
+        gain: 1.0,
+        most_visible: view.most_visible,
+        seen: view.seen.clone(),
+        warped: view.warped.clone(),
+    };
+    let (output, v_image) = composed(view);
+    let of_mean = composition.compose_backward(&view.base, &output, &v_image);
+    let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+    add(grads.warped.as_flattened_mut(), of_mean.warped.as_flattened());
+    add(grads.base.as_flattened_mut(), of_mean.base[1].as_flattened());
     let expected = view.input();
     let errors = [
         relative_error(&ours.x, &expected),
@@ -172,8 +194,11 @@ fn every_variant_follows_the_twin() {
     for inputs in [NetworkInputs::Differences, NetworkInputs::SourceColors, NetworkInputs::DifferencesOnly] {
         for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
             for factor in FACTORS {
-                let view = random_view([33, 17], 3, 3, variant(inputs, aggregation, factor), 1);
-                check(&format!("{inputs:?} {aggregation:?} {factor:?}"), &view, 2);
+                for output in [Output::Residual, Output::Gated] {
+                    let variant = Variant { output, ..variant(inputs, aggregation, factor) };
+                    let view = random_view([33, 17], 3, 3, variant, 1);
+                    check(&format!("{inputs:?} {aggregation:?} {factor:?} {output:?}"), &view, 2);
+                }
             }
         }
     }

@@ -3,7 +3,7 @@
 //! the MLP.
 
 use ibgs_core::camera::Camera;
-use ibgs_core::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, MLP2, WEIGHTS};
+use ibgs_core::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, MLP2, OUTPUTS, WEIGHTS};
 use ibgs_core::residual::{Aggregation, NetworkInputs, Output, Variant};
 use ibgs_core::sources::Reach;
 
@@ -263,10 +263,29 @@ pub struct Composition {
     pub size: Size,
     pub variant: Variant,
     pub gain: f64,
-    /// Whether any source is seen in the image.
-    pub seen: bool,
-    /// Which pixels see one; read where the variant reaches these alone.
-    pub sees: Vec<bool>,
+    /// Most visible sources of any pixel.
+    pub most_visible: usize,
+    /// As in [`View`]: read where the variant reaches pixels that see a source alone, and with a gated output.
+    pub seen: Vec<[u8; 4]>,
+    /// As in [`View`]; read with a gated output.
+    pub warped: Vec<[f64; 4]>,
+}
+
+/// Gradients of the final colour.
+#[derive(Clone, Debug)]
+pub struct CompositionGrads {
+    pub residual: Vec<[f64; OUTPUTS]>,
+    /// In two parts: that of the base colour itself, and that through the mean difference.
+    pub base: [Vec<[f64; 3]>; 2],
+    pub warped: Vec<[f64; 4]>,
+}
+
+/// Difference 1 - cosine at which a source counts 1/e, and what stands against the sources' weights.
+const SPREAD: f64 = 0.05;
+const DOUBT: f64 = 0.05;
+
+fn logistic(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
 }
 
 impl Composition {
@@ -274,35 +293,90 @@ impl Composition {
         self.variant.factor.size(self.size.map(|n| n as u32)).map(|n| n as usize)
     }
 
+    pub fn sees(&self, pixel: usize) -> bool {
+        self.seen[pixel][0] != EMPTY
+    }
+
     fn is_reached(&self, pixel: usize) -> bool {
-        self.variant.reach == Reach::Everywhere || self.sees[pixel]
+        self.variant.reach == Reach::Everywhere || self.sees(pixel)
+    }
+
+    /// Whether the network's output counts at a pixel.
+    fn is_added(&self, pixel: usize) -> bool {
+        self.most_visible > 0 && self.is_reached(pixel)
     }
 
     fn base_share(&self, pixel: usize) -> f64 {
         match self.variant.output {
             _ if !self.is_reached(pixel) => 1.0,
-            Output::Residual => self.gain,
-            Output::Color if self.seen => 0.0,
+            Output::Residual | Output::Gated => self.gain,
+            Output::Color if self.most_visible > 0 => 0.0,
             Output::Color => 1.0,
         }
     }
 
+    /// Place in `warped`, difference from the base colour and weight of every source that a pixel sees.
+    fn differences(&self, pixel: usize, base: [f64; 3]) -> Vec<(usize, [f64; 3], f64)> {
+        let places = self.warped.len() / self.seen.len();
+        let of = |m: usize| {
+            let at = m * self.seen.len() + pixel;
+            let ([r, g, b, cosine], error) = (self.warped[at], f64::from(self.seen[pixel][m] >> 4) / 3.0);
+            let weight = (-0.5 * error * error - (1.0 - cosine) / SPREAD).exp();
+            (at, [r - base[0], g - base[1], b - base[2]], weight)
+        };
+        (0..places).filter(|m| self.seen[pixel][*m] != EMPTY).map(of).collect()
+    }
+
+    /// The mean difference of all sources, and the sum of their weights.
+    fn mean_difference(&self, pixel: usize, base: [f64; 3]) -> ([f64; 3], f64) {
+        let all = self.differences(pixel, base);
+        let sum = DOUBT + all.iter().map(|(_, _, weight)| weight).sum::<f64>();
+        (std::array::from_fn(|c| all.iter().map(|(_, d, weight)| weight * d[c]).sum::<f64>() / sum), sum)
+    }
+
     /// The final colour.
-    pub fn compose(&self, base: &[[f64; 3]], residual: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    pub fn compose(&self, base: &[[f64; 3]], residual: &[[f64; OUTPUTS]]) -> Vec<[f64; 3]> {
         let full = resize(residual, self.low(), self.size);
-        let added = |p: usize| if self.seen && self.is_reached(p) { 1.0 } else { 0.0 };
-        let pixel = |p: usize| std::array::from_fn(|c| self.base_share(p) * base[p][c] + added(p) * full[p][c]);
+        let pixel = |p: usize| {
+            let shared = base[p].map(|v| self.base_share(p) * v);
+            if !self.is_added(p) {
+                return shared;
+            }
+            let gate = if self.variant.output == Output::Gated { logistic(full[p][3]) } else { 0.0 };
+            let (mean, _) = self.mean_difference(p, base[p]);
+            std::array::from_fn(|c| shared[c] + full[p][c] + gate * mean[c])
+        };
         (0..base.len()).map(pixel).collect()
     }
 
-    /// Gradients by residual and base colour.
-    pub fn compose_backward(&self, v_image: &[[f64; 3]]) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
-        let reached = |(p, v): (usize, &[f64; 3])| if self.is_reached(p) { *v } else { [0.0; 3] };
-        let v_reached: Vec<[f64; 3]> = v_image.iter().enumerate().map(reached).collect();
-        let mut v_residual = resize_backward(&v_reached, self.low(), self.size);
-        if !self.seen {
-            v_residual.fill([0.0; 3]);
+    /// Gradients by the network's output, the base colour and the sources.
+    pub fn compose_backward(
+        &self,
+        base: &[[f64; 3]],
+        residual: &[[f64; OUTPUTS]],
+        v_image: &[[f64; 3]],
+    ) -> CompositionGrads {
+        let full = resize(residual, self.low(), self.size);
+        let mut v_full = vec![[0.0; OUTPUTS]; base.len()];
+        let mut through = vec![[0.0; 3]; base.len()];
+        let mut warped = vec![[0.0; 4]; self.warped.len()];
+        for (p, v) in v_image.iter().enumerate().filter(|(p, _)| self.is_added(*p)) {
+            v_full[p][..3].copy_from_slice(v);
+            if self.variant.output != Output::Gated {
+                continue;
+            }
+            let dot = |a: [f64; 3]| (0..3).map(|c| a[c] * v[c]).sum::<f64>();
+            let (gate, (mean, sum)) = (logistic(full[p][3]), self.mean_difference(p, base[p]));
+            v_full[p][3] = gate * (1.0 - gate) * dot(mean);
+            for (at, difference, weight) in self.differences(p, base[p]) {
+                (0..3).for_each(|c| warped[at][c] = gate * weight / sum * v[c]);
+                (0..3).for_each(|c| through[p][c] -= warped[at][c]);
+                let apart = std::array::from_fn(|c| difference[c] - mean[c]);
+                warped[at][3] = gate * weight / SPREAD * dot(apart) / sum;
+            }
         }
-        (v_residual, v_image.iter().enumerate().map(|(p, v)| v.map(|x| self.base_share(p) * x)).collect())
+        let own = v_image.iter().enumerate().map(|(p, v)| v.map(|x| self.base_share(p) * x)).collect();
+        let residual = resize_backward(&v_full, self.low(), self.size);
+        CompositionGrads { residual, base: [own, through], warped }
     }
 }

@@ -199,11 +199,11 @@ pub struct Forward {
     pub u1: Map,
     pub d1: Map,
     pub f: Map,
-    /// Three planes.
+    /// Four planes.
     pub residual: Map,
 }
 
-/// From x (38 planes) to the residual (3 planes).
+/// From x (38 planes) to the output (4 planes).
 pub fn forward(weights: &[f64], x: &Map) -> Forward {
     assert_eq!(weights.len(), WEIGHTS, "weights of the whole network");
     let e1 = conv(weights, &ENC1, x).relu();

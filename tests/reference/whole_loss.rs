@@ -2,6 +2,7 @@
 //! its gradients by the Gaussians and by the network's weights: the other twins chained by hand.
 
 use ibgs_core::residual::Variant;
+use ibgs_core::residual::layers::OUTPUTS;
 
 use super::exposure::{Exposure, Image};
 use super::features::{Composition, EMPTY, Grads as FeatureGrads, View};
@@ -85,13 +86,13 @@ impl CaseGrads {
 /// Every trained tensor: those of the Gaussians, then the network's weights.
 pub const NAMES: [&str; 8] = ["mean", "rotation", "log_scale", "opacity_logit", "sh", "normal", "offset", "network"];
 
-fn pixels_of(planes: &Planes) -> Map {
+fn pixels_of(planes: &Planes) -> Vec<[f64; OUTPUTS]> {
     let n = planes.width * planes.height;
     (0..n).map(|i| std::array::from_fn(|c| planes.data[c * n + i])).collect()
 }
 
-fn planes_of(map: &[[f64; 3]], [width, height]: [usize; 2]) -> Planes {
-    let data = (0..3).flat_map(|c| map.iter().map(move |v| v[c])).collect();
+fn planes_of(map: &[[f64; OUTPUTS]], [width, height]: [usize; 2]) -> Planes {
+    let data = (0..OUTPUTS).flat_map(|c| map.iter().map(move |v| v[c])).collect();
     Planes::new(data, width, height)
 }
 
@@ -111,8 +112,14 @@ impl Case {
     }
 
     fn composition(&self, view: &View) -> Composition {
-        let sees = view.seen.iter().map(|sources| sources[0] != EMPTY).collect();
-        Composition { size: self.size(), variant: self.variant, gain: self.gain, seen: view.most_visible > 0, sees }
+        Composition {
+            size: self.size(),
+            variant: self.variant,
+            gain: self.gain,
+            most_visible: view.most_visible,
+            seen: view.seen.clone(),
+            warped: view.warped.clone(),
+        }
     }
 
     /// One tensor of [`NAMES`].
@@ -201,12 +208,15 @@ impl Case {
         let [width, height] = self.size();
         let v_image = halved(image_loss_backward(&run.image, &self.photo, width, height, LAMBDA));
         let composition = self.composition(&run.view);
-        let (v_residual, v_corrected) = composition.compose_backward(&v_image);
-        let v_residual = planes_of(&v_residual, composition.low());
+        let composed = composition.compose_backward(&run.view.base, &pixels_of(&run.network.residual), &v_image);
+        let v_residual = planes_of(&composed.residual, composition.low());
         let (v_x, mut weights) = unet::backward(&self.weights, &run.network, &v_residual);
         let mut v = run.view.input_backward(&v_x.data);
         weights.iter_mut().zip(&v.weights).for_each(|(w, v)| *w += v);
-        add(&mut v.base, &v_corrected);
+        composed.base.iter().for_each(|part| add(&mut v.base, part));
+        for (v, composed) in v.warped.as_flattened_mut().iter_mut().zip(composed.warped.as_flattened()) {
+            *v += composed;
+        }
         (v, weights)
     }
 

@@ -21,7 +21,7 @@ pub use error::ModelError;
 use crate::bundle::Bundle;
 use crate::camera::Camera;
 use crate::config::schedule::Schedule;
-use crate::config::{Method, TrainConfig};
+use crate::config::{Method, Preset, TrainConfig};
 use crate::dataset::demo::{self, DemoOptions};
 use crate::dataset::{self, Dataset, Photo, PrincipalPoint, Resampler, Resolution};
 use crate::exposure::{Exposure, ExposureField};
@@ -32,9 +32,8 @@ use crate::output::cameras::{self, CameraRecord, Split};
 use crate::progress::Progress;
 use crate::raster::Rasterizer;
 use crate::render::{ImageOptions, ImagePart, Renderer};
-use crate::residual::{Aggregation, Precision, ResidualNetwork, weights};
+use crate::residual::{Precision, ResidualNetwork, weights};
 use crate::scene::{Gaussians, Splats, read_ply};
-use crate::sources::find::Distances;
 use crate::sources::memory::MemoryBudget;
 use crate::sources::source_store::SourceStore;
 use std::collections::HashMap;
@@ -381,13 +380,10 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
 
 /// How the published code trains and measures: its model folders have no options file of ours.
 fn published_options(options: &ModelOptions) -> TrainConfig {
-    let mut config = TrainConfig::default();
+    let mut config = TrainConfig::preset(Preset::Published);
     config.data.eval = true;
     config.data.principal_point = PrincipalPoint::Centred;
     config.data.resampler = Resampler::Bicubic;
     config.data.resolution = options.resolution.unwrap_or_default();
-    config.sources.distances = Distances::Absolute;
-    config.residual.aggregation = Aggregation::Mean;
-    config.residual.source_share = 0.0;
     config
 }

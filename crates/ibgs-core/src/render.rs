@@ -48,7 +48,7 @@ impl ImageOptions {
             surface: SurfaceOptions { intersections: config.surface.intersections, ..SurfaceOptions::default() },
             variant: Variant {
                 inputs: residual.inputs,
-                output: residual.output,
+                output: residual.output(),
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor()),
                 reach: match config.data.masks {

@@ -56,6 +56,20 @@ choices! {
         DifferencesOnly = INPUTS_DIFFERENCES_ONLY,
     }
 
+    /// What the residual network gives.
+    #[derive(Default, Serialize, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    Output {
+        /// A residual that is added to the base colour.
+        #[default]
+        Residual = OUTPUT_RESIDUAL,
+        /// The final colour itself.
+        Color = OUTPUT_COLOR,
+        /// A residual, and the share of the sources' mean difference from the base colour that is added too. The share has the
+        /// network's size, the difference is taken at the image's: fine detail then needs no network of that size.
+        Gated = OUTPUT_GATED,
+    }
+
     /// How the features of the visible sources become one.
     #[derive(Default, Serialize, Deserialize)]
     #[serde(rename_all = "kebab-case")]

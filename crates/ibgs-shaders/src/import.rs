@@ -24,6 +24,7 @@ const SHARED: &[(&str, &str)] = &[
     ("quaternion", include_str!("../wgsl/shared/quaternion.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),
+    ("residual_difference", include_str!("../wgsl/shared/residual_difference.wgsl")),
     ("residual_feature", include_str!("../wgsl/shared/residual_feature.wgsl")),
     ("residual_features_main", include_str!("../wgsl/shared/residual_features_main.wgsl")),
     ("residual_head", include_str!("../wgsl/shared/residual_head.wgsl")),

@@ -6,6 +6,10 @@ pub const FEATURES: usize = 7;
 pub const HIDDEN: usize = 32;
 /// Channels of the U-Net's input: aggregated features, unit viewing ray, base colour.
 pub const INPUT: usize = HIDDEN + 6;
+/// Channels of the output: the residual's three colours and the share's one.
+pub const OUTPUTS: usize = 4;
+/// Channels of the residual.
+pub const COLORS: usize = 3;
 /// Channels at a half of the size.
 pub const HALF: usize = INPUT / 2;
 /// Channels at a quarter of the size.
@@ -103,8 +107,9 @@ pub const UP1: Layer = Layer::new("conv_decoder.up1_conv.0", INPUT, HALF, 9, DEC
 pub const DEC1: Layer = Layer::joining("conv_decoder.dec1.0", INPUT, [INPUT; 2], 9, UP1.end());
 /// f, reads `[d1, x]`.
 pub const FUSE: Layer = Layer::joining("conv_decoder.fuse_input.0", INPUT, [INPUT; 2], 1, DEC1.end());
-/// The residual.
-pub const FINAL: Layer = Layer::new("conv_decoder.final", 3, INPUT, 1, FUSE.end());
+/// The output: the residual, and what is the share of the sources' mean difference before the logistic function. The published
+/// network has the former alone.
+pub const FINAL: Layer = Layer::new("conv_decoder.final", OUTPUTS, INPUT, 1, FUSE.end());
 
 /// The confidence in a source, from the first layer of the per-view MLP and the error of the source's depth; not in the published
 /// network. Read with
@@ -135,6 +140,7 @@ pub const HALF_WEIGHTS_ROWS: u32 = 4;
 mod tests {
     #[test]
     fn as_many_parameters_as_published() {
-        assert_eq!(super::FINAL.end(), 66_095);
+        let own = super::FINAL.inputs + 1;
+        assert_eq!(super::FINAL.end() - own, 66_095);
     }
 }

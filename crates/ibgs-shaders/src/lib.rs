@@ -8,7 +8,7 @@ mod import;
 pub mod layers;
 pub mod types;
 
-pub use choices::{Aggregation, ConvInput, NetworkInputs, Presented, Store};
+pub use choices::{Aggregation, ConvInput, NetworkInputs, Output, Presented, Store};
 pub use import::resolve;
 
 /// Side of a square tile in pixels.
@@ -196,9 +196,9 @@ kernels! {
     /// Features and per-view MLP: the U-Net's input.
     RESIDUAL_FEATURES = "residual_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
-    /// Base colour and residual to the final colour.
+    /// Base colour, sources and the network's output to the final colour.
     RESIDUAL_COMPOSE = "residual_compose" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("most_visible"), read("seen"), read("base"), read("residual"), write("image");
+        read("most_visible"), read("seen"), read("base"), read("warped"), read("residual"), write("image");
     /// The final colour towards the sources' mean colour.
     RESIDUAL_MIX = "residual_mix" [256, 1, 1] (size_of::<types::MixParams>()):
         read("warped"), read("seen"), write("image");
@@ -322,10 +322,12 @@ kernels! {
         read("partials"), write("v_weights");
     /// Gradient by warped colours, cosines and base colour.
     RESIDUAL_INPUTS_BACKWARD = "residual_inputs_backward" [256, 1, 1] (size_of::<types::FeatureParams>()):
-        read("seen"), read("most_visible"), read("v_x"), read("v_features"), write("v_warped"), write("v_base");
+        read("seen"), read("most_visible"), read("v_x"), read("v_features"), read("base"), read("warped"),
+        read("residual"), read("v_image"), write("v_warped"), write("v_base");
     /// Gradient of the composition.
     RESIDUAL_COMPOSE_BACKWARD = "residual_compose_backward" [256, 1, 1] (size_of::<types::ComposeParams>()):
-        read("most_visible"), read("seen"), read("v_image"), write("v_residual"), write("v_base");
+        read("most_visible"), read("seen"), read("base"), read("warped"), read("residual"), read("v_image"),
+        write("v_residual"), write("v_base");
     // The U-Net of the residual network.
     /// 3 x 3 convolution, partial sums of the gradient by weights and biases.
     RESIDUAL_CONV_WEIGHTS = "residual_conv_weights" [192, 1, 1] (size_of::<types::ConvWeightsParams>()):
@@ -427,6 +429,7 @@ pub fn constants() -> String {
         ("MLP_FEATURES", layers::FEATURES as u32),
         ("MLP_CHANNELS", layers::HIDDEN as u32),
         ("NETWORK_CHANNELS", layers::INPUT as u32),
+        ("NETWORK_OUTPUTS", layers::OUTPUTS as u32),
         ("CONV_COLUMNS", layers::CONV_TILE[0]),
         ("CONV_ROWS", layers::CONV_TILE[1]),
         ("CONV_OUTPUTS", layers::CONV_OUTPUTS),

@@ -317,8 +317,8 @@ pub struct FeatureParams {
     pub groups: u32,
     /// Inverse of the scale of gradients in half precision.
     pub unscale: f32,
-    /// Padding.
-    pub pad0: u32,
+    /// An [`Output`](crate::Output).
+    pub output: u32,
     /// Padding.
     pub pad1: [u32; 2],
 }
@@ -347,12 +347,12 @@ pub struct ComposeParams {
     pub low: [u32; 2],
     /// Factor of the base colour.
     pub gain: f32,
-    /// 1: the network gives the colour itself.
-    pub full_color: u32,
+    /// An [`Output`](crate::Output).
+    pub output: u32,
     /// 1: pixels that see no source have the base colour.
     pub seen_only: u32,
-    /// Padding.
-    pub pad: u32,
+    /// Visible sources a pixel, V.
+    pub visible: u32,
 }
 
 /// The sources' share in the final colour; the twin of `MixParams`.

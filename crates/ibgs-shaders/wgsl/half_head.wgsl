@@ -1,11 +1,11 @@
-// The last two layers of the residual network on the matrix units: f = ReLU(1 x 1 of [d1, x]), residual = 1 x 1 of f
+// The last two layers of the residual network on the matrix units: f = ReLU(1 x 1 of [d1, x]), output = 1 x 1 of f
 // (method.md section 6). A subgroup takes SIDE pixels; f passes through workgroup memory.
 #import half
 #import index
 
 struct HalfHeadParams {
     pixels: u32,
-    // First bias and first packed weight (in groups of 4) of f, then of the residual.
+    // First bias and first packed weight (in groups of 4) of f, then of the output.
     fuse_bias: u32,
     fuse: u32,
     last_bias: u32,
@@ -20,7 +20,7 @@ var<immediate> params: HalfHeadParams;
 @group(0) @binding(1) var<storage, read> packed: array<vec4<f16>>;
 @group(0) @binding(2) var<storage, read> d1: array<vec4<f16>>;
 @group(0) @binding(3) var<storage, read> x: array<vec4<f16>>;
-@group(0) @binding(4) var<storage, read_write> residual: array<f32>;
+@group(0) @binding(4) var<storage, read_write> residual: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> kept: array<vec4<f16>>;
 
 const THREADS: u32 = HALF_SUBGROUPS * LANES;
@@ -94,7 +94,7 @@ fn main(
             }
         }
     }
-    put_bias(own, lane, params.last_bias, 3u, 0u);
+    put_bias(own, lane, params.last_bias, NETWORK_OUTPUTS, 0u);
     var r = coopLoadT<MatrixC>(&sums[own], SUMS);
     for (var k = 0u; k < MATRICES; k++) {
         let a = coopLoadT<MatrixA>(&f[own_f + k * (SIDE / 4u)], LINE);
@@ -102,10 +102,9 @@ fn main(
     }
     coopStoreT(r, &sums[own], SUMS);
     workgroupBarrier();
-    for (var k = lane; k < 3u * SIDE; k += LANES) {
-        let pixel = p + k / 3u;
-        if pixel < params.pixels {
-            residual[3u * pixel + k % 3u] = sums[own + (k / 3u) * SUMS][k % 3u];
+    for (var k = lane; k < SIDE; k += LANES) {
+        if p + k < params.pixels {
+            residual[p + k] = sums[own + k * SUMS];
         }
     }
 }

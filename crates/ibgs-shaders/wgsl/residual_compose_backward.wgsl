@@ -1,28 +1,40 @@
-// One thread a pixel of either size: gradient of the final colour by base colour and residual; the resize is transposed
-// as a gather.
+// One thread a pixel of either size: gradient of the final colour by the network's output and, but for the sources' differences, by
+// the base colour; the resize is transposed as a gather.
 #import index
 #import residual_output
+#import residual_difference
 
 @group(0) @binding(0) var<storage, read> most_visible: array<u32>;
 // Visible sources of the pixels.
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
-@group(0) @binding(2) var<storage, read> v_image: array<f32>;
-@group(0) @binding(3) var<storage, read_write> v_residual: array<f32>;
-@group(0) @binding(4) var<storage, read_write> v_base: array<f32>;
+@group(0) @binding(2) var<storage, read> base: array<f32>;
+@group(0) @binding(3) var<storage, read> warped: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> residual: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> v_image: array<f32>;
+@group(0) @binding(6) var<storage, read_write> v_residual: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> v_base: array<f32>;
 
 fn v_at(p: u32) -> vec3<f32> {
     return vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
 }
 
 // The gradient by the network's output at a pixel.
-fn v_reached(p: u32) -> vec3<f32> {
-    return select(vec3(0.0), v_at(p), is_reached(seen[p]));
+fn v_reached(p: u32) -> vec4<f32> {
+    if !is_reached(seen[p]) {
+        return vec4(0.0);
+    }
+    let v = v_at(p);
+    if params.output != OUTPUT_GATED {
+        return vec4(v, 0.0);
+    }
+    let gate = logistic(output_at(p).w);
+    return vec4(v, gate * (1.0 - gate) * dot(v, mean_difference(p).xyz));
 }
 
-fn gathered(pixel: vec2<u32>) -> vec3<f32> {
+fn gathered(pixel: vec2<u32>) -> vec4<f32> {
     let columns = resize_readers(pixel.x, params.low.x, params.size.x);
     let rows = resize_readers(pixel.y, params.low.y, params.size.y);
-    var sum = vec3(0.0);
+    var sum = vec4(0.0);
     for (var y = rows.x; y <= rows.y; y++) {
         let down = resize_weight(y, pixel.y, params.low.y, params.size.y);
         for (var x = columns.x; x <= columns.y; x++) {
@@ -48,7 +60,7 @@ fn main(
         v_base[3u * i + 2u] = v.z;
     }
     if i < params.low.x * params.low.y {
-        var v = vec3(0.0);
+        var v = vec4(0.0);
         if used {
             if all(params.size == params.low) {
                 v = v_reached(i);
@@ -56,8 +68,6 @@ fn main(
                 v = gathered(vec2(i % params.low.x, i / params.low.x));
             }
         }
-        v_residual[3u * i] = v.x;
-        v_residual[3u * i + 1u] = v.y;
-        v_residual[3u * i + 2u] = v.z;
+        v_residual[i] = v;
     }
 }

@@ -1,11 +1,11 @@
-// One thread four pixels: f and the residual of the U-Net's last two layers.
+// One thread four pixels: f and the output of the U-Net's last two layers.
 #import index
 #import residual_head_kernel
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
 @group(0) @binding(1) var<storage, read> d1: array<f32>;
 @group(0) @binding(2) var<storage, read> x: array<f32>;
-@group(0) @binding(3) var<storage, read_write> residual: array<f32>;
+@group(0) @binding(3) var<storage, read_write> residual: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> f: array<f32>;
 
 // Rows: pixels, columns: output channels.
@@ -105,14 +105,17 @@ fn main(
     m7 = finish(7u, p, m7);
     m8 = finish(8u, p, m8);
     m9 = finish(9u, p, m9);
-    for (var c = 0u; c < 3u; c++) {
+    // Rows: pixels, columns: outputs.
+    var given = mat4x4<f32>();
+    for (var c = 0u; c < OUTPUTS; c++) {
         var sum = m0 * last[c][0] + m1 * last[c][1] + m2 * last[c][2] + m3 * last[c][3] + m4 * last[c][4];
         sum += m5 * last[c][5] + m6 * last[c][6] + m7 * last[c][7] + m8 * last[c][8] + m9 * last[c][9];
-        sum += weights[params.last_bias + c];
-        for (var k = 0u; k < 4u; k++) {
-            if p[k] < params.pixels {
-                residual[3u * p[k] + c] = sum[k];
-            }
+        given[c] = sum + weights[params.last_bias + c];
+    }
+    let rows = transpose(given);
+    for (var k = 0u; k < 4u; k++) {
+        if p[k] < params.pixels {
+            residual[p[k]] = rows[k];
         }
     }
 }

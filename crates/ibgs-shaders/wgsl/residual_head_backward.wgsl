@@ -4,13 +4,13 @@
 #import residual_head_kernel
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
-@group(0) @binding(1) var<storage, read> v_residual: array<f32>;
+@group(0) @binding(1) var<storage, read> v_residual: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> d1: array<f32>;
 @group(0) @binding(3) var<storage, read_write> f: array<f32>;
 
-fn upstream(c: u32, p: vec4<u32>) -> vec4<f32> {
-    let i = 3u * p + c;
-    return vec4(v_residual[i.x], v_residual[i.y], v_residual[i.z], v_residual[i.w]);
+// Rows: outputs, columns: pixels.
+fn upstream(p: vec4<u32>) -> mat4x4<f32> {
+    return mat4x4(v_residual[p.x], v_residual[p.y], v_residual[p.z], v_residual[p.w]);
 }
 
 // Channels over 38 have no weights in the last layer, so it does not matter what is read for them.
@@ -24,17 +24,17 @@ fn masked(o: u32, p: vec4<u32>, v: vec4<f32>) -> vec4<f32> {
     return select(vec4(0.0), v, feature(o, p) > vec4(0.0));
 }
 
-// Rows: pixels, columns: channels of f. v: gradients by the three channels of the residual.
-fn gradient(quad: u32, p: vec4<u32>, v0: vec4<f32>, v1: vec4<f32>, v2: vec4<f32>) -> mat4x4<f32> {
+// Rows: pixels, columns: channels of f. v: gradients by the outputs, rows: outputs, columns: pixels.
+fn gradient(quad: u32, p: vec4<u32>, v: mat4x4<f32>) -> mat4x4<f32> {
     let o = 4u * quad;
-    let r = last[0][quad];
-    let g = last[1][quad];
-    let b = last[2][quad];
+    // Rows: channels, columns: outputs.
+    let w = mat4x4(last[0][quad], last[1][quad], last[2][quad], last[3][quad]);
+    let sums = transpose(w * v);
     return mat4x4(
-        masked(o, p, r.x * v0 + g.x * v1 + b.x * v2),
-        masked(o + 1u, p, r.y * v0 + g.y * v1 + b.y * v2),
-        masked(o + 2u, p, r.z * v0 + g.z * v1 + b.z * v2),
-        masked(o + 3u, p, r.w * v0 + g.w * v1 + b.w * v2),
+        masked(o, p, sums[0]),
+        masked(o + 1u, p, sums[1]),
+        masked(o + 2u, p, sums[2]),
+        masked(o + 3u, p, sums[3]),
     );
 }
 
@@ -61,19 +61,17 @@ fn main(
     let p = pixels_of(linear_workgroup(wid, groups), local);
     // Beyond the end the last pixel is read, and nothing written.
     let q = min(p, vec4(params.pixels - 1u));
-    let v0 = upstream(0u, q);
-    let v1 = upstream(1u, q);
-    let v2 = upstream(2u, q);
-    let m0 = gradient(0u, q, v0, v1, v2);
-    let m1 = gradient(1u, q, v0, v1, v2);
-    let m2 = gradient(2u, q, v0, v1, v2);
-    let m3 = gradient(3u, q, v0, v1, v2);
-    let m4 = gradient(4u, q, v0, v1, v2);
-    let m5 = gradient(5u, q, v0, v1, v2);
-    let m6 = gradient(6u, q, v0, v1, v2);
-    let m7 = gradient(7u, q, v0, v1, v2);
-    let m8 = gradient(8u, q, v0, v1, v2);
-    let m9 = gradient(9u, q, v0, v1, v2);
+    let v = upstream(q);
+    let m0 = gradient(0u, q, v);
+    let m1 = gradient(1u, q, v);
+    let m2 = gradient(2u, q, v);
+    let m3 = gradient(3u, q, v);
+    let m4 = gradient(4u, q, v);
+    let m5 = gradient(5u, q, v);
+    let m6 = gradient(6u, q, v);
+    let m7 = gradient(7u, q, v);
+    let m8 = gradient(8u, q, v);
+    let m9 = gradient(9u, q, v);
     for (var i = 0u; i < WIDTH; i++) {
         let at = q + i * params.pixels;
         let activation = vec4(d1[at.x], d1[at.y], d1[at.z], d1[at.w]);

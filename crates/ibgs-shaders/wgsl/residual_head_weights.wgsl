@@ -6,12 +6,12 @@
 @group(0) @binding(1) var<storage, read> d1: array<f32>;
 @group(0) @binding(2) var<storage, read> x: array<f32>;
 @group(0) @binding(3) var<storage, read> f: array<f32>;
-@group(0) @binding(4) var<storage, read> v_residual: array<f32>;
-// [split][38 * 76 weights, 38 biases, 3 * 38 weights, 3 biases].
+@group(0) @binding(4) var<storage, read> v_residual: array<vec4<f32>>;
+// [split][38 * 76 weights, 38 biases, 4 * 38 weights, 4 biases].
 @group(0) @binding(5) var<storage, read_write> partials: array<f32>;
 
 const BLOCK: u32 = 32u;
-const STRIDE: u32 = WIDTH * INPUTS + WIDTH + 3u * WIDTH + 3u;
+const STRIDE: u32 = WIDTH * INPUTS + WIDTH + OUTPUTS * WIDTH + OUTPUTS;
 
 // [pixel][input quad], and v_f as [pixel][output quad], one more against bank conflicts.
 var<workgroup> x_tile: array<array<vec4<f32>, 19>, BLOCK>;
@@ -95,12 +95,14 @@ fn main(
     let w0 = last_weight(0u, feature_quad);
     let w1 = last_weight(1u, feature_quad);
     let w2 = last_weight(2u, feature_quad);
+    let w3 = last_weight(3u, feature_quad);
     let quad = local % 10u;
     let input_quad = min(local / 10u, 18u);
     var bias = vec4(0.0);
     var last0 = vec4(0.0);
     var last1 = vec4(0.0);
     var last2 = vec4(0.0);
+    var last3 = vec4(0.0);
     var last_bias = vec4(0.0);
     var s0 = vec4(0.0);
     var s1 = vec4(0.0);
@@ -114,14 +116,14 @@ fn main(
                 let inside = t * BLOCK + pixel < params.pixels;
                 let p = min(t * BLOCK + pixel, params.pixels - 1u);
                 let value = features(feature_quad, p);
-                let upstream = vec4(v_residual[3u * p], v_residual[3u * p + 1u], v_residual[3u * p + 2u], 0.0);
-                let v = select(vec4(0.0), upstream, inside);
-                let v_f = select(vec4(0.0), v.x * w0 + v.y * w1 + v.z * w2, value > vec4(0.0));
+                let v = select(vec4(0.0), v_residual[p], inside);
+                let v_f = select(vec4(0.0), v.x * w0 + v.y * w1 + v.z * w2 + v.w * w3, value > vec4(0.0));
                 v_tile[pixel][local / 16u] = v_f;
                 bias += v_f;
                 last0 += v.x * value;
                 last1 += v.y * value;
                 last2 += v.z * value;
+                last3 += v.w * value;
                 last_bias += v;
             }
         }
@@ -147,5 +149,6 @@ fn main(
     reduce(local, last0, behind + WIDTH, WIDTH);
     reduce(local, last1, behind + 2u * WIDTH, WIDTH);
     reduce(local, last2, behind + 3u * WIDTH, WIDTH);
-    reduce(local, last_bias, behind + 4u * WIDTH, 3u);
+    reduce(local, last3, behind + 4u * WIDTH, WIDTH);
+    reduce(local, last_bias, behind + 5u * WIDTH, OUTPUTS);
 }

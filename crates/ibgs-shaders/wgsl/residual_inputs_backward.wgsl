@@ -1,15 +1,21 @@
 // One thread a pixel of the image: the resize of features and base colour transposed as a gather, then the gradient by
-// warped colours and cosines (assigned) and by the base colour (added).
+// warped colours and cosines (assigned) and by the base colour (added). With OUTPUT_GATED also through the sources' mean
+// difference.
 #import index
 #import residual_input
+#import residual_difference
 
 @group(0) @binding(0) var<storage, read> seen: array<u32>;
 @group(0) @binding(1) var<storage, read> most_visible: array<u32>;
 // Planes [38][pixels of the network's size].
 @group(0) @binding(2) var<storage, read> v_x: array<f32>;
 @group(0) @binding(3) var<storage, read> v_features: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> v_warped: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read_write> v_base: array<f32>;
+@group(0) @binding(4) var<storage, read> base: array<f32>;
+@group(0) @binding(5) var<storage, read> warped: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> residual: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read> v_image: array<f32>;
+@group(0) @binding(8) var<storage, read_write> v_warped: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> v_base: array<f32>;
 
 struct Sums {
     base: vec3<f32>,
@@ -36,14 +42,38 @@ fn add(q: u32, used: u32, weight: f32, sums: ptr<function, Sums>) {
     (*sums).source3 += weight * of_source(3u, used, q);
 }
 
+// The gradient by the mean difference, and the mean difference with its sum of weights.
+struct Gated {
+    v: vec3<f32>,
+    mean: vec4<f32>,
+}
+
+fn gated(p: u32) -> Gated {
+    if params.output != OUTPUT_GATED {
+        return Gated(vec3(0.0), vec4(1.0));
+    }
+    let v = vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
+    return Gated(logistic(output_at(p).w) * v, mean_difference(p));
+}
+
 // Writes one source's gradient and gives its share of the base colour's.
-fn put(m: u32, p: u32, v: vec4<f32>) -> vec3<f32> {
+fn put(m: u32, p: u32, v: vec4<f32>, through: Gated) -> vec3<f32> {
     if m >= params.visible {
         return vec3(0.0);
     }
-    let own = select(vec4(0.0), v, is_seen(seen[p], m));
-    v_warped[m * params.size.x * params.size.y + p] = own;
-    return select(-own.rgb, vec3(0.0), params.inputs == INPUTS_SOURCE_COLORS);
+    let at = m * params.size.x * params.size.y + p;
+    if !is_seen(seen[p], m) {
+        v_warped[at] = vec4(0.0);
+        return vec3(0.0);
+    }
+    var of_mean = vec4(0.0);
+    if params.output == OUTPUT_GATED {
+        let d = difference(p, m);
+        let weight = d.w / through.mean.w;
+        of_mean = weight * vec4(through.v, dot(through.v, d.xyz - through.mean.xyz) / SPREAD);
+    }
+    v_warped[at] = v + of_mean;
+    return select(-v.rgb, vec3(0.0), params.inputs == INPUTS_SOURCE_COLORS) - of_mean.rgb;
 }
 
 @compute @workgroup_size(256)
@@ -74,7 +104,9 @@ fn main(
         add(p, used, 1.0, &sums);
     }
     var v = select(sums.base, vec3(0.0), params.inputs == INPUTS_DIFFERENCES_ONLY);
-    v += put(0u, p, sums.source0) + put(1u, p, sums.source1) + put(2u, p, sums.source2) + put(3u, p, sums.source3);
+    let through = gated(p);
+    v += put(0u, p, sums.source0, through) + put(1u, p, sums.source1, through);
+    v += put(2u, p, sums.source2, through) + put(3u, p, sums.source3, through);
     v_base[3u * p] += v.x;
     v_base[3u * p + 1u] += v.y;
     v_base[3u * p + 2u] += v.z;

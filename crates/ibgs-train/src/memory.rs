@@ -232,7 +232,7 @@ impl Estimate {
         self.add("network", "activations and gradients at full size", 4 * INPUT as u64 * low, 6);
         self.add("network", "activations and gradients at half size", 4 * HALF as u64 * half, 4);
         self.add("network", "activations at quarter size", 4 * QUARTER as u64 * quarter, 1);
-        self.add("network", "residual and its gradient", 12 * low, 2);
+        self.add("network", "output and its gradient", 16 * low, 2);
         self.add("network", "gradients of the features", 16 * visible * low, 1);
         self.add("network", "seen sources", 4 * pixels, 1);
         let tiles = sizes.low[0].div_ceil(16) * sizes.low[1].div_ceil(2);

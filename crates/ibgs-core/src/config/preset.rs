@@ -2,7 +2,7 @@
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{ExposureSwitch, Strategy, TrainConfig};
-use crate::residual::variant::Aggregation;
+use crate::residual::variant::{Aggregation, Output};
 use crate::sources::find::{Distances, Draw};
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ pub enum Preset {
     /// The defaults: a length that follows the photos.
     #[default]
     Default,
-    /// A good image after half a minute on a fast GPU.
+    /// A good image after half a minute on a fast GPU: the network at half of the image's size.
     Fast,
     /// The published experiments: 30,000 iterations, densification with opacity resets, the published weights of the losses and
     /// choice of sources by distances in scene units. The network still begins with weights that pass the sources'
@@ -27,7 +27,7 @@ impl Preset {
 }
 
 /// Iterations of [`Preset::Fast`].
-const FAST_ITERATIONS: u32 = 4_000;
+const FAST_ITERATIONS: u32 = 6_000;
 
 impl TrainConfig {
     /// The options of a preset.
@@ -35,7 +35,9 @@ impl TrainConfig {
         let mut config = Self::default();
         match preset {
             Preset::Default => {}
-            Preset::Fast => config.iterations = Some(FAST_ITERATIONS),
+            Preset::Fast => {
+                (config.iterations, config.residual.factor) = (Some(FAST_ITERATIONS), Some(0.5));
+            }
             Preset::Published => config.publish(),
         }
         config
@@ -53,6 +55,7 @@ impl TrainConfig {
         (self.surface.normal_weight, self.surface.photometric_weight) = (0.03, 0.3);
         self.residual.burn_in_gain = 0.5;
         self.residual.dropout = 0.0;
+        self.residual.output = Some(Output::Residual);
         self.residual.aggregation = Aggregation::Mean;
         self.residual.source_share = 0.0;
         self.exposure.enabled = ExposureSwitch::Off;
@@ -84,5 +87,18 @@ mod tests {
         assert_eq!((schedule.surface_from(), schedule.residual_from()), (Some(7_001), Some(10_001)));
         assert_eq!(schedule.burn_in(10_001).map(|gain| (gain * 100.0).round()), Some(50.0));
         assert!(schedule.reset_opacity_at(3_000) && !schedule.reset_opacity_at(15_000));
+    }
+
+    #[test]
+    fn a_small_network_is_gated_unless_told_otherwise() {
+        let output = |preset, factor| {
+            let mut config = TrainConfig::preset(preset);
+            config.residual.factor = factor;
+            config.residual.output()
+        };
+        assert_eq!(TrainConfig::preset(Preset::Fast).residual.output(), Output::Gated);
+        assert_eq!([None, Some(1.0)].map(|factor| output(Preset::Default, factor)), [Output::Residual; 2]);
+        assert_eq!(output(Preset::Default, Some(0.25)), Output::Gated);
+        assert_eq!(output(Preset::Published, Some(0.5)), Output::Residual);
     }
 }

@@ -71,8 +71,9 @@ pub struct ResidualConfig {
     pub precision: Precision,
     /// What the network reads: `differences`, `source-colors`, `differences-only`.
     pub inputs: NetworkInputs,
-    /// What its output is: `residual`, `color`.
-    pub output: Output,
+    /// What its output is: `residual`, as published; `color`; `gated`, a residual and a share of the sources' mean difference,
+    /// which is taken at the image's size. Unset: `residual` at the factor 1, `gated` at a smaller one.
+    pub output: Option<Output>,
     /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published; `max`.
     pub aggregation: Aggregation,
     /// Most weight of the sources' mean colour in a rendered view, 0 to 1, see [`crate::residual::mix`]; 0: none, as published.
@@ -155,6 +156,11 @@ impl ResidualConfig {
     pub fn factor(&self) -> f64 {
         self.factor.unwrap_or(1.0)
     }
+
+    /// What the network gives.
+    pub fn output(&self) -> Output {
+        self.output.unwrap_or(if self.factor() < 1.0 { Output::Gated } else { Output::Residual })
+    }
 }
 
 impl Default for SurfaceConfig {
@@ -187,7 +193,7 @@ impl Default for ResidualConfig {
             factor: None,
             precision: Precision::Auto,
             inputs: NetworkInputs::Differences,
-            output: Output::Residual,
+            output: None,
             aggregation: Aggregation::Soft,
             source_share: 0.15,
         }

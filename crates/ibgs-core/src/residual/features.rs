@@ -23,7 +23,7 @@ const CONFIDENCE_WEIGHTS: usize = CONFIDENCE.end() - CONFIDENCE.offset;
 // wgsl/shared/residual_mlp.wgsl relies on this layout.
 const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == 7 * HIDDEN && MLP2.offset == 8 * HIDDEN);
 const _: () = assert!(MLP2.bias() == 40 * HIDDEN && MLP_WEIGHTS == 41 * HIDDEN && INPUT == 38);
-const _: () = assert!(CONFIDENCE.offset == 66_095 && CONFIDENCE_WEIGHTS == HIDDEN + 2);
+const _: () = assert!(CONFIDENCE.offset == 66_134 && CONFIDENCE_WEIGHTS == HIDDEN + 2);
 
 /// Sums of a workgroup of the backward pass.
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;
@@ -81,6 +81,10 @@ pub struct HalfGradient<'a> {
 /// Gradients by what the rasterizer and the warp gave.
 #[derive(Clone, Copy, Debug)]
 pub struct InputGradients<'a> {
+    /// The network's output, `[w h, 4]`.
+    pub residual: &'a Buffer,
+    /// Gradient by the final colour, `[P, 3]`.
+    pub v_image: &'a Buffer,
     /// `[V][P]` of (colour, cosine), assigned; zero where there is no visible source.
     pub v_warped: &'a Buffer,
     /// `[P, 3]`, added to.
@@ -116,6 +120,7 @@ impl Features {
             visible,
             inputs: variant.inputs as u32,
             aggregation: variant.aggregation as u32,
+            output: variant.output as u32,
             groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
             ..FeatureParams::default()
         };
@@ -189,7 +194,10 @@ impl Features {
         out: &InputGradients<'_>,
     ) {
         let v_features = &gradients.scratch.v_features;
-        let buffers = [inputs.seen, inputs.most_visible, gradients.v_x, v_features, out.v_warped, out.v_base];
+        let FeatureInputs { base, warped, seen, most_visible, .. } = *inputs;
+        let InputGradients { residual, v_image, v_warped, v_base } = *out;
+        let buffers =
+            [seen, most_visible, gradients.v_x, v_features, base, warped, residual, v_image, v_warped, v_base];
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
         pass.linear(&RESIDUAL_INPUTS_BACKWARD, &buffers, bytes_of(&self.params), pixels);

@@ -89,7 +89,7 @@ impl ResidualPass {
     }
 
     fn compose(&self) -> Compose {
-        Compose::new(self.scratch.size, self.variant, self.task.gain)
+        Compose::new(self.scratch.size, self.scratch.visible, self.variant, self.task.gain)
     }
 
     fn record(&self, pass: &mut Pass) {
@@ -104,6 +104,7 @@ impl ResidualPass {
             most_visible: &seen.most_visible,
             seen: &seen.visible,
             base,
+            warped,
             residual,
             image: &self.image,
         };
@@ -122,6 +123,9 @@ impl ResidualPass {
         let composed = ComposeGradients {
             most_visible: &seen.most_visible,
             seen: &seen.visible,
+            base,
+            warped,
+            residual: scratch.network.residual(),
             v_image,
             v_residual: &own.v_residual,
             v_base: v.base,
@@ -133,7 +137,8 @@ impl ResidualPass {
         let gradients = FeatureGradients { v_x, half, v_weights: v.weights, scratch: &own.features };
         self.features().record_backward(&mut pass, &inputs, &gradients);
         if let Some(v_warped) = v.warped {
-            let v = InputGradients { v_warped, v_base: v.base };
+            let residual = scratch.network.residual();
+            let v = InputGradients { residual, v_image, v_warped, v_base: v.base };
             self.features().record_inputs_backward(&mut pass, &inputs, &gradients, &v);
         }
         pass.submit();
@@ -185,7 +190,7 @@ impl Residual {
         let backward = || {
             Ok(BackwardScratch {
                 features: Features::new(&task.camera, visible, self.variant).scratch(gpu)?,
-                v_residual: gpu.allocate("residual gradients", 12 * u64::from(low[0]) * u64::from(low[1]))?,
+                v_residual: gpu.allocate("residual gradients", 16 * u64::from(low[0]) * u64::from(low[1]))?,
             })
         };
         Ok(Scratch {

@@ -100,7 +100,7 @@ fn after_pickle(mut bytes: &[u8]) -> Option<&[u8]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual::layers::{CONFIDENCE, WEIGHTS};
+    use crate::residual::layers::{COLORS, FINAL, WEIGHTS};
 
     /// Made up, but written by PyTorch as the published code does.
     const PUBLISHED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/color_aggregation_network.pth");
@@ -109,11 +109,14 @@ mod tests {
     fn published_network_loads() {
         let weights = read_pth(Path::new(PUBLISHED)).unwrap();
         assert_eq!(weights.len(), WEIGHTS);
-        let (published, confidence) = weights.split_at(CONFIDENCE.offset);
-        for (i, weight) in (0_u64..).zip(published) {
-            assert_eq!(*weight, ((i * (i + 856) % 1009) as f32 - 504.0) / 4096.0, "weight {i}");
+        let share = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
+        let is_ours = |i: usize| share.contains(&i) || i >= FINAL.bias() + COLORS;
+        let (ours, published): (Vec<_>, Vec<_>) = weights.into_iter().enumerate().partition(|(i, _)| is_ours(*i));
+        assert_eq!(published.len(), 66_095);
+        for (i, (_, weight)) in (0_u64..).zip(published) {
+            assert_eq!(weight, ((i * (i + 856) % 1009) as f32 - 504.0) / 4096.0, "weight {i}");
         }
-        assert!(confidence.iter().all(|weight| *weight == 0.0), "the published network has none");
+        assert!(ours.iter().all(|(_, weight)| *weight == 0.0), "the published network has none");
     }
 
     /// `posix.system("mkdir FOLDER")` as a pickle: any Python would make the folder.

@@ -1,4 +1,4 @@
-//! The U-Net of the residual network: 38 channels in, the residual out, and back (method.md section 6).
+//! The U-Net of the residual network: 38 channels in, the output of four out, and back (method.md section 6).
 //!
 //! This file has the schedule: which layer reads and writes which activation, and where each gradient goes. Two backends
 //! have the layers: one in float32, the other in half precision on matrix units.
@@ -8,10 +8,10 @@
 //!
 //! Memory in bytes a pixel, the input and the residual included:
 //!
-//! - Float32: 620 for rendering (x, e1, the residual, and two more buffers of 38 planes that the other activations share
-//!   by turns), 1003 with gradients (x, e1, u1, d1, v_e1, and f with v_x in its place; gradients replace the activations
+//! - Float32: 624 for rendering (x, e1, the residual, and two more buffers of 38 planes that the other activations share
+//!   by turns), 1007 with gradients (x, e1, u1, d1, v_e1, and f with v_x in its place; gradients replace the activations
 //!   whose ReLU they have passed), and up to 14 MB for partial sums of the weights' gradients, whatever the size.
-//! - Half precision: 446 for rendering, 868 with gradients, partial sums besides.
+//! - Half precision: 450 for rendering, 872 with gradients, partial sums besides.
 
 mod backend;
 pub mod choice;
@@ -115,7 +115,8 @@ impl UNet {
         self.maps.x.write(gpu, planes);
     }
 
-    /// The output of [`UNet::forward`], `[height * width * 3]`.
+    /// The output of [`UNet::forward`], `[height * width * 4]`: the residual, and what the share of the sources' mean difference
+    /// is made from.
     pub fn residual(&self) -> &Buffer {
         &self.maps.residual
     }
@@ -130,7 +131,7 @@ impl UNet {
         self.backend.unscale().map(|unscale| HalfGradient { v_x: &self.maps.f.buffer, unscale })
     }
 
-    /// From the input to the residual. `weights`: the network's flat weights ([`layers`](super::layers)).
+    /// From the input to the output. `weights`: the network's flat weights ([`layers`](super::layers)).
     pub fn forward(&self, pass: &mut Pass, weights: &Buffer) {
         let Activations { x, e1, e2, b, u2, d2, u1, d1, .. } = &self.maps;
         self.backend.prepare(pass, weights);
@@ -149,7 +150,7 @@ impl UNet {
         self.backend.head(pass, weights, &self.maps);
     }
 
-    /// From `v_residual`, `[height * width * 3]`, to [`UNet::v_x`] and the U-Net's part of `v_weights` (from the
+    /// From `v_residual`, `[height * width * 4]`, to [`UNet::v_x`] and the U-Net's part of `v_weights` (from the
     /// first weight of e1 to the end), which is assigned; the rest of `v_weights` is left alone.
     ///
     /// Consumes what the last [`UNet::forward`] kept (gradients replace activations): one backward for each forward,

@@ -1,19 +1,8 @@
 //! The studied variants of the residual network (method.md section 6).
 
 use crate::sources::Reach;
-pub use ibgs_shaders::{Aggregation, NetworkInputs};
+pub use ibgs_shaders::{Aggregation, NetworkInputs, Output};
 use serde::{Deserialize, Serialize};
-
-/// What the network gives.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Output {
-    /// A residual that is added to the base colour.
-    #[default]
-    Residual,
-    /// The final colour itself.
-    Color,
-}
 
 /// The size at which the network runs, relative to the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! The residual network's weights on the host: names and shapes of the published state dict, initial values, files.
 
-use super::layers::{CONFIDENCE, FINAL, FUSE, INPUT, LAYERS, Layer, MLP1, MLP2, WEIGHTS};
+use super::layers::{COLORS, CONFIDENCE, FINAL, FUSE, INPUT, LAYERS, Layer, MLP1, MLP2, OUTPUTS, WEIGHTS};
 use super::pth::read_pth;
 use super::state_dict::StateDict;
 use super::variant::{NetworkInputs, Output, Variant};
@@ -94,11 +94,14 @@ pub enum NetworkError {
     Write(#[from] WriteError),
 }
 
-/// One tensor of the published state dict and its place in the flat weights.
+/// One tensor of a state dict and its place in the flat weights.
 struct Named {
     name: String,
     shape: Vec<usize>,
     first: usize,
+    layer: Layer,
+    /// Not of the published network: zeros where a file has none.
+    ours: bool,
 }
 
 impl Named {
@@ -107,15 +110,30 @@ impl Named {
     }
 }
 
+/// Name of the output that the published network does not have: the share of the sources' mean difference.
+const SHARE: &str = "conv_decoder.share";
+
 /// Weight and bias of every layer, in the flat order.
 fn tensors() -> Vec<Named> {
-    let shape = |layer: &Layer| match layer {
-        l if [MLP1, MLP2, CONFIDENCE].contains(l) => vec![l.outputs, l.inputs],
-        l => vec![l.outputs, l.inputs, l.taps.isqrt(), l.taps.isqrt()],
-    };
-    let pair = |l: &Layer| {
-        let weight = Named { name: format!("{}.weight", l.name), shape: shape(l), first: l.offset };
-        [weight, Named { name: format!("{}.bias", l.name), shape: vec![l.outputs], first: l.bias() }]
+    let pair = |layer: &Layer| {
+        // The last layer's outputs are two tensors: those of the published network and ours.
+        let parts = match *layer {
+            FINAL => vec![(FINAL.name, 0..COLORS, false), (SHARE, COLORS..OUTPUTS, true)],
+            l => vec![(l.name, 0..l.outputs, l == CONFIDENCE)],
+        };
+        let weight = parts.clone().into_iter().map(|(name, outputs, ours)| {
+            let mut shape = vec![outputs.len(), layer.inputs];
+            if ![MLP1, MLP2, CONFIDENCE].contains(layer) {
+                shape.extend([layer.taps.isqrt(); 2]);
+            }
+            let first = layer.offset + outputs.start * layer.row();
+            Named { name: format!("{name}.weight"), shape, first, layer: *layer, ours }
+        });
+        let bias = parts.clone().into_iter().map(|(name, outputs, ours)| {
+            let first = layer.bias() + outputs.start;
+            Named { name: format!("{name}.bias"), shape: vec![outputs.len()], first, layer: *layer, ours }
+        });
+        weight.chain(bias).collect::<Vec<_>>()
     };
     LAYERS.iter().flat_map(pair).collect()
 }
@@ -129,8 +147,7 @@ pub(super) fn assemble(
     for tensor in tensors() {
         match find(&tensor.name, &tensor.shape)? {
             Some(values) => weights.extend(values),
-            // The published network has none.
-            None if tensor.first >= CONFIDENCE.offset => weights.resize(weights.len() + tensor.len(), 0.0),
+            None if tensor.ours => weights.resize(weights.len() + tensor.len(), 0.0),
             None => return Err(NetworkError::MissingTensor { path: path.to_owned(), tensor: tensor.name }),
         }
     }
@@ -163,12 +180,16 @@ const PASSED: f32 = 0.5;
 const QUIET: f32 = 0.1;
 
 /// Initial weights of a variant: those of [`random`], and where the network reads differences to the base colour and gives a
-/// residual, the residual is half of the sources' mean difference at first. Without that, a run of some hundred
-/// iterations ends before the network has learned to pass anything. A departure from method.md.
+/// residual, the residual is half of the sources' mean difference at first; where it gives a share of that difference, the share is
+/// a half. Without that, a run of some hundred iterations ends before the network has learned to pass anything. A departure from
+/// method.md.
 pub fn initial(variant: &Variant, seed: u64) -> Vec<f32> {
     let mut weights = random(seed);
-    if variant.output == Output::Residual && variant.inputs != NetworkInputs::SourceColors {
-        pass_differences(&mut weights);
+    match variant.output {
+        Output::Residual if variant.inputs != NetworkInputs::SourceColors => pass_differences(&mut weights),
+        // The logistic function of zero is a half.
+        Output::Gated => weights[FINAL.offset..FINAL.end()].iter_mut().for_each(|weight| *weight *= QUIET),
+        Output::Residual | Output::Color => {}
     }
     weights
 }
@@ -182,7 +203,7 @@ fn pass_differences(weights: &mut [f32]) {
         weights[row + input] = weight;
         weights[layer.bias() + output] = 0.0;
     };
-    for color in 0..3 {
+    for color in 0..COLORS {
         for (channel, sign) in [(color, 1.0), (color + 3, -1.0)] {
             only(&MLP1, channel, color, sign);
             only(&MLP2, channel, channel, 1.0);
@@ -190,7 +211,7 @@ fn pass_differences(weights: &mut [f32]) {
             only(&FUSE, channel, INPUT + channel, 1.0);
         }
     }
-    for color in 0..3 {
+    for color in 0..COLORS {
         let row = FINAL.offset + color * FINAL.row();
         weights[row..row + 6].fill(0.0);
         weights[row + 6..row + FINAL.row()].iter_mut().for_each(|weight| *weight *= QUIET);
@@ -200,13 +221,13 @@ fn pass_differences(weights: &mut [f32]) {
 }
 
 /// Random weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6), but the two of the
-/// confidence above. The same seed gives the same ones on every machine.
+/// confidence above and those of the share, which are zero. The same seed gives the same ones on every machine.
 pub fn random(seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut weights = Vec::with_capacity(WEIGHTS);
-    for layer in LAYERS {
-        let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
-        weights.extend((layer.offset..layer.end()).map(|_| rng.random_range(-bound..=bound)));
+    let mut weights = vec![0.0; WEIGHTS];
+    for tensor in tensors().into_iter().filter(|tensor| !tensor.name.starts_with(SHARE)) {
+        let bound = 1.0 / ((tensor.layer.inputs * tensor.layer.taps) as f32).sqrt();
+        weights[tensor.first..tensor.first + tensor.len()].fill_with(|| rng.random_range(-bound..=bound));
     }
     weights[CONFIDENCE.bias() - 1] = BY_ERROR;
     weights[CONFIDENCE.bias()] = TRUSTING;
@@ -300,15 +321,19 @@ mod tests {
         assert_eq!(weights, random(7));
         assert_ne!(weights, random(8));
         assert_eq!(weights[CONFIDENCE.bias()], TRUSTING);
-        for layer in LAYERS.into_iter().filter(|layer| *layer != CONFIDENCE) {
+        for Named { name, shape, first, layer, ours } in tensors() {
+            let own = &weights[first..first + shape.iter().product::<usize>()];
+            if ours {
+                assert!(layer == CONFIDENCE || own.iter().all(|w| *w == 0.0), "{name}");
+                continue;
+            }
             let bound = 1.0 / ((layer.inputs * layer.taps) as f32).sqrt();
-            let own = &weights[layer.offset..layer.bias()];
             let largest = own.iter().fold(0f32, |a, w| a.max(w.abs()));
-            assert!(largest <= bound && largest > 0.9 * bound, "{}: {largest} of {bound}", layer.name);
-            let square = own.iter().map(|w| w * w).sum::<f32>() / own.len() as f32;
-            assert!((square / (bound * bound / 3.0) - 1.0).abs() < 0.25, "{}: variance", layer.name);
-            let biases = &weights[layer.bias()..layer.end()];
-            assert!(biases.iter().all(|b| b.abs() <= bound) && biases.iter().any(|b| *b != 0.0));
+            assert!(largest <= bound && largest > 0.0, "{name}: {largest} of {bound}");
+            if name.ends_with("weight") {
+                let square = own.iter().map(|w| w * w).sum::<f32>() / own.len() as f32;
+                assert!(largest > 0.9 * bound && (square / (bound * bound / 3.0) - 1.0).abs() < 0.25, "{name}");
+            }
         }
     }
 
@@ -322,9 +347,11 @@ mod tests {
         ] {
             assert_eq!(of(inputs, output), random(5), "{inputs:?} {output:?}");
         }
+        let (gated, random) = (of(NetworkInputs::Differences, Output::Gated), random(5));
+        assert_eq!(gated[..FINAL.offset], random[..FINAL.offset]);
+        assert_eq!(gated[FINAL.offset], QUIET * random[FINAL.offset]);
         let passing = of(NetworkInputs::Differences, Output::Residual);
         assert_eq!(passing, of(NetworkInputs::DifferencesOnly, Output::Residual));
-        let random = random(5);
         let changed = |layer: &Layer| (layer.offset..layer.end()).any(|i| passing[i] != random[i]);
         let layers: Vec<&str> = LAYERS.iter().filter(|layer| changed(layer)).map(|layer| layer.name).collect();
         assert_eq!(layers, [MLP1.name, MLP2.name, FUSE.name, FINAL.name]);
@@ -372,9 +399,12 @@ mod tests {
         assert_eq!(edited(|_| ()).unwrap(), random(3));
         let text = edited(|t| t.retain(|(name, ..)| name != "conv_decoder.dec2.0.bias")).unwrap_err().to_string();
         assert!(text.contains("no tensor `conv_decoder.dec2.0.bias`") && text.contains("a.safetensors"), "{text}");
-        let published = edited(|t| t.retain(|(name, ..)| !name.starts_with("per_view_confidence"))).unwrap();
+        let ours = |name: &str| name.starts_with("per_view_confidence") || name.starts_with(SHARE);
+        let published = edited(|t| t.retain(|(name, ..)| !ours(name))).unwrap();
         assert_eq!(published[..CONFIDENCE.offset], random(3)[..CONFIDENCE.offset]);
         assert_eq!(published[CONFIDENCE.offset..], [0.0; 34]);
+        let share = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
+        assert!(published[share].iter().chain(&published[FINAL.bias() + COLORS..FINAL.end()]).all(|w| *w == 0.0));
         let text = edited(|t| t[2].1 = vec![32, 16, 2]).unwrap_err().to_string();
         assert!(text.contains("`per_view_mlp.2.weight`") && text.contains("[32, 32]"), "{text}");
         let text = edited(|t| t[4].2[17] = f32::NAN).unwrap_err().to_string();
@@ -387,7 +417,7 @@ mod tests {
         let path = folder.path().join(FILE_NAME);
         assert!(matches!(write(&path, &[0.0; 9]), Err(NetworkError::Count { found: 9 })));
         let mut weights = random(1);
-        weights[CONFIDENCE.offset - 1] = f32::INFINITY;
+        weights[FINAL.bias() + 2] = f32::INFINITY;
         let text = write(&path, &weights).unwrap_err().to_string();
         assert!(text.contains("value 2") && text.contains("`conv_decoder.final.bias`"), "{text}");
         assert!(!path.exists());

@@ -1,4 +1,4 @@
-// The two 1 x 1 convolutions at the U-Net's end: f = relu(fuse [d1, x]) and the residual, linear in f. A thread owns
+// The two 1 x 1 convolutions at the U-Net's end: f = relu(fuse [d1, x]) and the network's output, linear in f. A thread owns
 // four pixels; 38 channels are ten quads.
 
 struct HeadParams {
@@ -16,3 +16,4 @@ var<immediate> params: HeadParams;
 
 const WIDTH: u32 = NETWORK_CHANNELS;
 const INPUTS: u32 = 2u * WIDTH;
+const OUTPUTS: u32 = NETWORK_OUTPUTS;

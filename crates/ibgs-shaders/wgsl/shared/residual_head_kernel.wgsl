@@ -1,9 +1,9 @@
 // The head's weights in workgroup memory.
 #import residual_head
 
-// [input][output quad], and the last layer's [channel][quad of f].
+// [input][output quad], and the last layer's [output][quad of f].
 var<workgroup> fuse: array<array<vec4<f32>, 10>, INPUTS>;
-var<workgroup> last: array<array<vec4<f32>, 10>, 3>;
+var<workgroup> last: array<array<vec4<f32>, 10>, OUTPUTS>;
 
 fn fuse_weight(o: u32, i: u32) -> f32 {
     if o >= WIDTH {
@@ -26,7 +26,7 @@ fn load_head(local: u32) {
         fuse[i][k / INPUTS] =
             vec4(fuse_weight(o, i), fuse_weight(o + 1u, i), fuse_weight(o + 2u, i), fuse_weight(o + 3u, i));
     }
-    if local < 30u {
+    if local < 10u * OUTPUTS {
         let c = local / 10u;
         let o = 4u * (local % 10u);
         last[c][local % 10u] = vec4(last_weight(c, o), last_weight(c, o + 1u), last_weight(c, o + 2u), last_weight(c, o + 3u));

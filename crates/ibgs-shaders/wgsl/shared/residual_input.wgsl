@@ -24,7 +24,8 @@ struct FeatureParams {
     groups: u32,
     // Inverse of the scale of gradients in half precision.
     unscale: f32,
-    pad0: u32,
+    // What the network gives: see OUTPUT_*.
+    output: u32,
     pad1: vec2<u32>,
 }
 

@@ -1,5 +1,4 @@
 // How the residual network's output becomes the final colour.
-#import resize
 #import seen
 
 struct ComposeParams {
@@ -8,11 +7,12 @@ struct ComposeParams {
     low: vec2<u32>,
     // Factor of the base colour (burn-in).
     gain: f32,
-    // 1: the network gives the colour itself.
-    full_color: u32,
+    // What the network gives: see OUTPUT_*.
+    output: u32,
     // 1: pixels that see no source have the base colour.
     seen_only: u32,
-    pad: u32,
+    // Visible sources a pixel, V.
+    visible: u32,
 }
 
 var<immediate> params: ComposeParams;
@@ -24,5 +24,5 @@ fn is_reached(packed: u32) -> bool {
 
 // Factor of the base colour; where no source is seen at all there is no network output.
 fn base_share(used: bool) -> f32 {
-    return select(params.gain, select(1.0, 0.0, used), params.full_color == 1u);
+    return select(params.gain, select(1.0, 0.0, used), params.output == OUTPUT_COLOR);
 }

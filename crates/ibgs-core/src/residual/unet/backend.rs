@@ -26,7 +26,7 @@ pub(super) struct BackwardBuffers<'a> {
     pub gradients: &'a Gradients,
     /// The network's flat weights.
     pub weights: &'a Buffer,
-    /// Gradient by the residual, `[height * width * 3]`.
+    /// Gradient by the output, `[height * width * 4]`.
     pub v_residual: &'a Buffer,
     /// Gradient by the flat weights.
     pub v_weights: &'a Buffer,

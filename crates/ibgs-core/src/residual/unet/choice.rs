@@ -25,7 +25,7 @@ pub struct WholeNumbers {
     pub weights: Vec<f32>,
     /// `[38][height * width]`.
     pub planes: Vec<f32>,
-    /// `[height * width * 3]`; of the size that a mean over all values gives.
+    /// `[height * width * 4]`; of the size that a mean over all values gives.
     pub v_residual: Vec<f32>,
 }
 
@@ -50,7 +50,7 @@ impl WholeNumbers {
         let mut values =
             |count: usize, most: i8| (0..count).map(|_| f32::from(rng.random_range(-most..=most))).collect::<Vec<_>>();
         let planes = values(INPUT * pixels, 3);
-        let v_residual = values(3 * pixels, 1).iter().map(|v| v * unit).collect();
+        let v_residual = values(layers::OUTPUTS * pixels, 1).iter().map(|v| v * unit).collect();
         Self { weights, planes, v_residual }
     }
 }
@@ -98,7 +98,7 @@ impl<'a> Trial<'a> {
     fn results(&self) -> Result<Results, GpuError> {
         let read = |buffer, count| self.gpu.read(buffer, count);
         Ok([
-            read(self.unet.residual(), 3 * self.pixels)?,
+            read(self.unet.residual(), layers::OUTPUTS * self.pixels)?,
             read(self.unet.v_x(), INPUT * self.pixels)?,
             read(&self.v_weights, WEIGHTS)?,
         ])

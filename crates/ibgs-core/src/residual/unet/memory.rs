@@ -3,7 +3,7 @@
 use super::Arithmetic;
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::raster::Keep;
-use crate::residual::layers::{HALF, INPUT, QUARTER};
+use crate::residual::layers::{HALF, INPUT, OUTPUTS, QUARTER};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
@@ -84,7 +84,7 @@ pub(super) struct Activations {
     pub d1: Map,
     /// The last layer's input; after the backward pass the gradient by x. A stub without gradients.
     pub f: Map,
-    /// Float32, `[height * width * 3]`.
+    /// Float32, `[height * width * 4]`.
     pub residual: Buffer,
     /// Whether f is kept.
     pub keep: Keep,
@@ -96,7 +96,7 @@ impl Activations {
         let map = |what, channels, size| Map::new(gpu, what, arithmetic, channels, size);
         let (x, e1) = (map("unet x", INPUT, full)?, map("unet e1", INPUT, full)?);
         let (u1, d1) = (map("unet u1", INPUT, full)?, map("unet d1", INPUT, full)?);
-        let residual = gpu.allocate("residual", 12 * u64::from(x.pixels()))?;
+        let residual = gpu.allocate("residual", 4 * OUTPUTS as u64 * u64::from(x.pixels()))?;
         if (arithmetic, keep) == (Arithmetic::Full, Keep::Image) {
             // What a layer reads never lies in the buffer that it writes: e2, u2 and then u1 share one, b, d2, d1 the
             // other.
