@@ -243,7 +243,7 @@ fn host_structs_have_the_layout_of_their_twins() {
         groups,
         unscale,
         output,
-        pad1,
+        pad,
     });
     twin!(FeatureSumParams { count, groups, first, rest });
     twin!(ComposeParams { size, low, gain, output, seen_only, visible });

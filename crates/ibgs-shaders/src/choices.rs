@@ -65,7 +65,7 @@ choices! {
         Residual = OUTPUT_RESIDUAL,
         /// The final colour itself.
         Color = OUTPUT_COLOR,
-        /// A residual, and the share of the sources' mean difference from the base colour that is added too. The share has the
+        /// A residual, and a gate: how much of the sources' mean difference from the base colour is added too. The gate has the
         /// network's size, the difference is taken at the image's: fine detail then needs no network of that size.
         Gated = OUTPUT_GATED,
     }

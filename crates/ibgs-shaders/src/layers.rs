@@ -6,7 +6,7 @@ pub const FEATURES: usize = 7;
 pub const HIDDEN: usize = 32;
 /// Channels of the U-Net's input: aggregated features, unit viewing ray, base colour.
 pub const INPUT: usize = HIDDEN + 6;
-/// Channels of the output: the residual's three colours and the share's one.
+/// Channels of the output: the residual's three colours and the gate's one.
 pub const OUTPUTS: usize = 4;
 /// Channels of the residual.
 pub const COLORS: usize = 3;
@@ -107,8 +107,8 @@ pub const UP1: Layer = Layer::new("conv_decoder.up1_conv.0", INPUT, HALF, 9, DEC
 pub const DEC1: Layer = Layer::joining("conv_decoder.dec1.0", INPUT, [INPUT; 2], 9, UP1.end());
 /// f, reads `[d1, x]`.
 pub const FUSE: Layer = Layer::joining("conv_decoder.fuse_input.0", INPUT, [INPUT; 2], 1, DEC1.end());
-/// The output: the residual, and what is the share of the sources' mean difference before the logistic function. The published
-/// network has the former alone.
+/// The output: the residual, and the gate of the sources' mean difference before its sigmoid. The published network has the
+/// residual alone.
 pub const FINAL: Layer = Layer::new("conv_decoder.final", OUTPUTS, INPUT, 1, FUSE.end());
 
 /// The confidence in a source, from the first layer of the per-view MLP and the error of the source's depth; not in the published

@@ -320,7 +320,7 @@ pub struct FeatureParams {
     /// An [`Output`](crate::Output).
     pub output: u32,
     /// Padding.
-    pub pad1: [u32; 2],
+    pub pad: [u32; 2],
 }
 
 /// Sum of the per-view MLP's gradients; the twin of `FeatureSumParams`.

@@ -24,12 +24,12 @@ fn main(
     }
     let used = most_visible[0] > 0u;
     let reached = is_reached(seen[p]);
-    var color = select(1.0, base_share(used), reached) * base_of(p);
+    var color = select(1.0, base_share(used), reached) * base_at(p);
     if used && reached {
         let given = output_at(p);
         color += given.xyz;
         if params.output == OUTPUT_GATED {
-            color += logistic(given.w) * mean_difference(p).xyz;
+            color += sigmoid(given.w) * mean_difference(p).xyz;
         }
     }
     image[3u * p] = color.x;

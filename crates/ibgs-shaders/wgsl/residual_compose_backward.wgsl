@@ -1,5 +1,5 @@
-// One thread a pixel of either size: gradient of the final colour by the network's output and, but for the sources' differences, by
-// the base colour; the resize is transposed as a gather.
+// One thread a pixel of either size: gradient of the final colour by the network's output, and by the base colour as far as it does
+// not pass through the sources' mean difference. The resize is transposed as a gather.
 #import index
 #import residual_output
 #import residual_difference
@@ -27,7 +27,7 @@ fn v_reached(p: u32) -> vec4<f32> {
     if params.output != OUTPUT_GATED {
         return vec4(v, 0.0);
     }
-    let gate = logistic(output_at(p).w);
+    let gate = sigmoid(output_at(p).w);
     return vec4(v, gate * (1.0 - gate) * dot(v, mean_difference(p).xyz));
 }
 
@@ -38,8 +38,10 @@ fn gathered(pixel: vec2<u32>) -> vec4<f32> {
     for (var y = rows.x; y <= rows.y; y++) {
         let down = resize_weight(y, pixel.y, params.low.y, params.size.y);
         for (var x = columns.x; x <= columns.y; x++) {
-            let across = resize_weight(x, pixel.x, params.low.x, params.size.x);
-            sum += down * across * v_reached(y * params.size.x + x);
+            let weight = down * resize_weight(x, pixel.x, params.low.x, params.size.x);
+            if weight > 0.0 {
+                sum += weight * v_reached(y * params.size.x + x);
+            }
         }
     }
     return sum;

@@ -53,7 +53,7 @@ fn gated(p: u32) -> Gated {
         return Gated(vec3(0.0), vec4(1.0));
     }
     let v = vec3(v_image[3u * p], v_image[3u * p + 1u], v_image[3u * p + 2u]);
-    return Gated(logistic(output_at(p).w) * v, mean_difference(p));
+    return Gated(sigmoid(output_at(p).w) * v, mean_difference(p));
 }
 
 // Writes one source's gradient and gives its share of the base colour's.

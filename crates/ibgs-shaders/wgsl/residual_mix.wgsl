@@ -42,7 +42,7 @@ fn main(
     for (var m = 0u; m < params.visible; m++) {
         if is_seen(seen[p], m) {
             let read = warped[m * params.pixels + p];
-            sum += weight(f32(seen_error(seen[p], m)) / f32(ERROR_STEPS), read.w) * vec4(read.rgb, 1.0);
+            sum += weight(relative_error(seen[p], m), read.w) * vec4(read.rgb, 1.0);
         }
     }
     if sum.w > 0.0 {

@@ -15,11 +15,11 @@
 //! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
-//! | network | {(912 + 76 + 2.25 + 12 + 12) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
+//! | network | {(912 + 76 + 2.25 + 16 + 16) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
 //! | losses | 36 P {twice, and 36 V P} |
 //! | depth maps | {4 a pixel of all training photos, within `surface.depth-memory`} |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
-//! | evaluation | {608 p + (64 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
+//! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
@@ -245,7 +245,8 @@ impl Estimate {
         }
         if demand.evaluates {
             self.add("evaluation", "activations", 4 * INPUT as u64 * low, 4);
-            self.add("evaluation", "residual and images", 12 * pixels, 3);
+            self.add("evaluation", "output", 16 * low, 1);
+            self.add("evaluation", "images", 12 * pixels, 2);
             self.add("evaluation", "warped colours", 16 * visible * pixels, 1);
             self.add("evaluation", "depth maps of the sources", 4 * pixels, sources);
             self.add("evaluation", "surface", (28 + 8 * medians) * pixels, 1);

@@ -10,6 +10,7 @@ use ibgs_core::local_space::Length;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::figures::{Figures, Means};
+use ibgs_core::residual::Output;
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::{Table, Value};
@@ -160,8 +161,10 @@ fn usual(model: &Model, config: &TrainConfig) -> TrainConfig {
     let mut usual = by_photos(config, views.len(), pixels);
     // Written by earlier versions.
     usual.residual.factor = config.residual.factor.filter(|&factor| factor == 1.0);
+    usual.residual.output =
+        config.residual.output.filter(|&output| output == Output::Residual && config.residual.factor() == 1.0);
     if model.is_demo() {
-        let is_software = config.residual.factor == Some(DemoDefaults::SOFTWARE.residual_factor);
+        let is_software = config.densify.max_splats == Some(DemoDefaults::SOFTWARE.max_splats);
         let defaults = if is_software { DemoDefaults::SOFTWARE } else { DemoDefaults::GPU };
         let mut filled = TrainConfig { init: config.init.clone(), ..TrainConfig::default() };
         defaults.fill(&mut filled);

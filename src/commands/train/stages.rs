@@ -48,8 +48,8 @@ pub struct StageArgs {
     /// Median intersections per pixel, at which the sources are read: 2, 4, 6 or 8 [default: 4].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
     intersections: Option<u32>,
-    /// Run the residual network at 1, 0.5 or 0.25 of the image's size [default: 1; demo scene on a software adapter
-    /// 0.5].
+    /// Run the residual network at 1, 0.5 or 0.25 of the image's size; below 1 its output is gated [default: 1; with
+    /// `--preset fast`, and demo scene on a software adapter, 0.5].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
     residual_factor: Option<f64>,
     /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test, but

@@ -40,8 +40,8 @@ pub enum Learners {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ResidualConfig {
-    /// File of a trained network to begin with, such as `residual_network.safetensors` of a model; unset: one that has learned
-    /// nothing.
+    /// File of a trained network to begin with, such as `residual_network.safetensors` of a model with the same `output`; unset:
+    /// one that has learned nothing.
     pub init: Option<PathBuf>,
     /// The residual begins after this iteration; unset: 10000, scaled.
     pub start: Option<u32>,

@@ -1,4 +1,4 @@
-//! The final colour from base colour and residual (method.md section 6), and its derivative.
+//! The final colour from base colour, sources and the network's output (method.md section 6), and its derivative.
 
 use super::variant::Variant;
 use crate::gpu::{Buffer, Pass};
@@ -11,7 +11,7 @@ use ibgs_shaders::{RESIDUAL_COMPOSE, RESIDUAL_COMPOSE_BACKWARD};
 /// [`Output::Gated`](super::Output::Gated) (a departure from method.md)
 ///
 /// ```text
-/// C' = gain C + residual + g D,   g the logistic function of the fourth output
+/// C' = gain C + residual + g D,   g the sigmoid of the fourth output
 /// D  = sum w_m (c_m - C) / (0.05 + sum w_m)
 /// w_m = exp(-e_m^2 / 2 - (1 - cos_m) / 0.05)          e_m the error of the depth in units of what agrees
 /// ```
@@ -79,7 +79,7 @@ impl Compose {
         pass.linear(&RESIDUAL_COMPOSE, &buffers, bytes_of(&self.params), pixels);
     }
 
-    /// Records the gradients by residual and base colour.
+    /// Records the gradients by the network's output and the base colour; those through D by the sources' colours are the features'.
     pub fn record_backward(&self, pass: &mut Pass<'_>, gradients: &ComposeGradients<'_>) {
         let ComposeGradients { most_visible, seen, base, warped, residual, v_image, v_residual, v_base } = *gradients;
         let ComposeParams { size, low, .. } = self.params;

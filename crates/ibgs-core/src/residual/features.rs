@@ -78,7 +78,7 @@ pub struct HalfGradient<'a> {
     pub unscale: f32,
 }
 
-/// Gradients by what the rasterizer and the warp gave.
+/// Gradients by what the rasterizer and the warp gave, and what those through the gated mean difference are made from.
 #[derive(Clone, Copy, Debug)]
 pub struct InputGradients<'a> {
     /// The network's output, `[w h, 4]`.

@@ -109,8 +109,8 @@ mod tests {
     fn published_network_loads() {
         let weights = read_pth(Path::new(PUBLISHED)).unwrap();
         assert_eq!(weights.len(), WEIGHTS);
-        let share = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
-        let is_ours = |i: usize| share.contains(&i) || i >= FINAL.bias() + COLORS;
+        let gate = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
+        let is_ours = |i: usize| gate.contains(&i) || i >= FINAL.bias() + COLORS;
         let (ours, published): (Vec<_>, Vec<_>) = weights.into_iter().enumerate().partition(|(i, _)| is_ours(*i));
         assert_eq!(published.len(), 66_095);
         for (i, (_, weight)) in (0_u64..).zip(published) {

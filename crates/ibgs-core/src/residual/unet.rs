@@ -6,9 +6,9 @@
 //! Concatenations, the 2 x 2 maxima and the enlargements by nearest are never stored: the next convolution reads through
 //! them.
 //!
-//! Memory in bytes a pixel, the input and the residual included:
+//! Memory in bytes a pixel, the input and the output included:
 //!
-//! - Float32: 624 for rendering (x, e1, the residual, and two more buffers of 38 planes that the other activations share
+//! - Float32: 624 for rendering (x, e1, the output, and two more buffers of 38 planes that the other activations share
 //!   by turns), 1007 with gradients (x, e1, u1, d1, v_e1, and f with v_x in its place; gradients replace the activations
 //!   whose ReLU they have passed), and up to 14 MB for partial sums of the weights' gradients, whatever the size.
 //! - Half precision: 450 for rendering, 872 with gradients, partial sums besides.
@@ -115,8 +115,7 @@ impl UNet {
         self.maps.x.write(gpu, planes);
     }
 
-    /// The output of [`UNet::forward`], `[height * width * 4]`: the residual, and what the share of the sources' mean difference
-    /// is made from.
+    /// The output of [`UNet::forward`], `[height * width * 4]`: the residual, and the gate before its sigmoid.
     pub fn residual(&self) -> &Buffer {
         &self.maps.residual
     }

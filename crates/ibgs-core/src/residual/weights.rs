@@ -110,15 +110,15 @@ impl Named {
     }
 }
 
-/// Name of the output that the published network does not have: the share of the sources' mean difference.
-const SHARE: &str = "conv_decoder.share";
+/// Name of the output that the published network does not have: the gate of the sources' mean difference.
+const GATE: &str = "conv_decoder.gate";
 
 /// Weight and bias of every layer, in the flat order.
 fn tensors() -> Vec<Named> {
     let pair = |layer: &Layer| {
         // The last layer's outputs are two tensors: those of the published network and ours.
         let parts = match *layer {
-            FINAL => vec![(FINAL.name, 0..COLORS, false), (SHARE, COLORS..OUTPUTS, true)],
+            FINAL => vec![(FINAL.name, 0..COLORS, false), (GATE, COLORS..OUTPUTS, true)],
             l => vec![(l.name, 0..l.outputs, l == CONFIDENCE)],
         };
         let weight = parts.clone().into_iter().map(|(name, outputs, ours)| {
@@ -180,14 +180,14 @@ const PASSED: f32 = 0.5;
 const QUIET: f32 = 0.1;
 
 /// Initial weights of a variant: those of [`random`], and where the network reads differences to the base colour and gives a
-/// residual, the residual is half of the sources' mean difference at first; where it gives a share of that difference, the share is
-/// a half. Without that, a run of some hundred iterations ends before the network has learned to pass anything. A departure from
+/// residual, the residual is half of the sources' mean difference at first; where it gives a gate of that difference, the gate is
+/// half open. Without that, a run of some hundred iterations ends before the network has learned to pass anything. A departure from
 /// method.md.
 pub fn initial(variant: &Variant, seed: u64) -> Vec<f32> {
     let mut weights = random(seed);
     match variant.output {
         Output::Residual if variant.inputs != NetworkInputs::SourceColors => pass_differences(&mut weights),
-        // The logistic function of zero is a half.
+        // The sigmoid of zero is a half.
         Output::Gated => weights[FINAL.offset..FINAL.end()].iter_mut().for_each(|weight| *weight *= QUIET),
         Output::Residual | Output::Color => {}
     }
@@ -221,11 +221,11 @@ fn pass_differences(weights: &mut [f32]) {
 }
 
 /// Random weights and biases: uniform in +-1/sqrt(fan in) of their layer (method.md section 6), but the two of the
-/// confidence above and those of the share, which are zero. The same seed gives the same ones on every machine.
+/// confidence above and those of the gate, which are zero. The same seed gives the same ones on every machine.
 pub fn random(seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut weights = vec![0.0; WEIGHTS];
-    for tensor in tensors().into_iter().filter(|tensor| !tensor.name.starts_with(SHARE)) {
+    for tensor in tensors().into_iter().filter(|tensor| !tensor.name.starts_with(GATE)) {
         let bound = 1.0 / ((tensor.layer.inputs * tensor.layer.taps) as f32).sqrt();
         weights[tensor.first..tensor.first + tensor.len()].fill_with(|| rng.random_range(-bound..=bound));
     }
@@ -399,12 +399,12 @@ mod tests {
         assert_eq!(edited(|_| ()).unwrap(), random(3));
         let text = edited(|t| t.retain(|(name, ..)| name != "conv_decoder.dec2.0.bias")).unwrap_err().to_string();
         assert!(text.contains("no tensor `conv_decoder.dec2.0.bias`") && text.contains("a.safetensors"), "{text}");
-        let ours = |name: &str| name.starts_with("per_view_confidence") || name.starts_with(SHARE);
+        let ours = |name: &str| name.starts_with("per_view_confidence") || name.starts_with(GATE);
         let published = edited(|t| t.retain(|(name, ..)| !ours(name))).unwrap();
         assert_eq!(published[..CONFIDENCE.offset], random(3)[..CONFIDENCE.offset]);
         assert_eq!(published[CONFIDENCE.offset..], [0.0; 34]);
-        let share = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
-        assert!(published[share].iter().chain(&published[FINAL.bias() + COLORS..FINAL.end()]).all(|w| *w == 0.0));
+        let gate = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
+        assert!(published[gate].iter().chain(&published[FINAL.bias() + COLORS..FINAL.end()]).all(|w| *w == 0.0));
         let text = edited(|t| t[2].1 = vec![32, 16, 2]).unwrap_err().to_string();
         assert!(text.contains("`per_view_mlp.2.weight`") && text.contains("[32, 32]"), "{text}");
         let text = edited(|t| t[4].2[17] = f32::NAN).unwrap_err().to_string();

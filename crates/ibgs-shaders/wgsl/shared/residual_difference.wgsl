@@ -1,6 +1,6 @@
 // Mean difference between the colours of a pixel's sources and its base colour, D = sum w_m (c_m - C) / (DOUBT + sum w_m) with
 // w_m = exp(-e_m^2 / 2 - (1 - cosine) / SPREAD), e_m the error of the source's depth in units of what agrees; 0 where the pixel
-// sees no source. With OUTPUT_GATED the network's fourth output, through the logistic function, is its share in the final colour.
+// sees no source. With OUTPUT_GATED the network's fourth output, through the sigmoid, is its share in the final colour.
 // Reads the kernel's bindings base, warped, seen and residual, and size, low and visible of its parameters.
 #import resize
 #import seen
@@ -10,7 +10,7 @@ const SPREAD: f32 = 0.05;
 // What stands against the sources' weights.
 const DOUBT: f32 = 0.05;
 
-fn base_of(p: u32) -> vec3<f32> {
+fn base_at(p: u32) -> vec3<f32> {
     return vec3(base[3u * p], base[3u * p + 1u], base[3u * p + 2u]);
 }
 
@@ -20,8 +20,8 @@ fn difference(p: u32, m: u32) -> vec4<f32> {
         return vec4(0.0);
     }
     let read = warped[m * params.size.x * params.size.y + p];
-    let error = f32(seen_error(seen[p], m)) / f32(ERROR_STEPS);
-    return vec4(read.rgb - base_of(p), exp(-0.5 * error * error - (1.0 - read.w) / SPREAD));
+    let error = relative_error(seen[p], m);
+    return vec4(read.rgb - base_at(p), exp(-0.5 * error * error - (1.0 - read.w) / SPREAD));
 }
 
 // (D, DOUBT + sum w_m).
@@ -44,6 +44,6 @@ fn output_at(p: u32) -> vec4<f32> {
         + c.weight.z * residual[c.at.z] + c.weight.w * residual[c.at.w];
 }
 
-fn logistic(x: f32) -> f32 {
+fn sigmoid(x: f32) -> f32 {
     return 1.0 / (1.0 + exp(-x));
 }

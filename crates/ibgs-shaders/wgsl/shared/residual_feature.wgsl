@@ -46,7 +46,7 @@ fn filling(p: u32, m: u32) -> vec2<f32> {
     if !is_seen(seen[p], m) {
         return vec2(0.0);
     }
-    return vec2(1.0, f32(seen_error(seen[p], m)) / f32(ERROR_STEPS));
+    return vec2(1.0, relative_error(seen[p], m));
 }
 
 // How much of a pixel of the network's size has an m-th visible source, and the error of its depth there.

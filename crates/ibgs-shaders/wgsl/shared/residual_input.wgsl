@@ -26,7 +26,7 @@ struct FeatureParams {
     unscale: f32,
     // What the network gives: see OUTPUT_*.
     output: u32,
-    pad1: vec2<u32>,
+    pad: vec2<u32>,
 }
 
 var<immediate> params: FeatureParams;

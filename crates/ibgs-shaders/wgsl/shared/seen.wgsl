@@ -23,6 +23,11 @@ fn seen_error(packed: u32, m: u32) -> u32 {
     return seen_byte(packed, m) >> 4u;
 }
 
+// The error of its depth as a part of what agrees.
+fn relative_error(packed: u32, m: u32) -> f32 {
+    return f32(seen_error(packed, m)) / f32(ERROR_STEPS);
+}
+
 // Whether the source's depth agrees with the point's.
 fn seen_agrees(packed: u32, m: u32) -> bool {
     return seen_error(packed, m) < ERROR_STEPS;

@@ -41,7 +41,7 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
     /// through the 2 x 2 maximum, a smaller one through the enlargement by nearest.
     fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map);
 
-    /// The last two layers: from d1 and x to the residual, and to f where it is kept.
+    /// The last two layers: from d1 and x to the output, and to f where it is kept.
     fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations);
 
     /// First of the backward pass, back through the last two layers: their weight gradients, then d1 becomes its

@@ -108,7 +108,7 @@ pub(super) struct Half {
     forward: Vec<Packed>,
     /// For the gradients by the inputs of the 3 x 3 layers, last layer first; empty without gradients.
     turned: Vec<Packed>,
-    /// The gradient by the residual; none without gradients.
+    /// The gradient by the output; none without gradients.
     v_residual: Option<Map>,
     /// Of the gradients while they are halves. A mean over all values makes the residual's gradients of the size of one
     /// over their number.

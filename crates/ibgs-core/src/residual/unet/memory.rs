@@ -71,7 +71,7 @@ impl Map {
     }
 }
 
-/// The activations of one image size, input and residual included.
+/// The activations of one image size, input and output included.
 #[derive(Debug)]
 pub(super) struct Activations {
     pub x: Map,
