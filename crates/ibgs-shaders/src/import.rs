@@ -29,6 +29,7 @@ const SHARED: &[(&str, &str)] = &[
     ("residual_features_main", include_str!("../wgsl/shared/residual_features_main.wgsl")),
     ("residual_head", include_str!("../wgsl/shared/residual_head.wgsl")),
     ("residual_head_kernel", include_str!("../wgsl/shared/residual_head_kernel.wgsl")),
+    ("residual_image", include_str!("../wgsl/shared/residual_image.wgsl")),
     ("residual_input", include_str!("../wgsl/shared/residual_input.wgsl")),
     ("residual_mlp", include_str!("../wgsl/shared/residual_mlp.wgsl")),
     ("residual_mlp_layout", include_str!("../wgsl/shared/residual_mlp_layout.wgsl")),

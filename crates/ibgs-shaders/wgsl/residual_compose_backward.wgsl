@@ -64,10 +64,10 @@ fn main(
     if i < params.low.x * params.low.y {
         var v = vec4(0.0);
         if used {
-            if all(params.size == params.low) {
-                v = v_reached(i);
-            } else {
+            if resized() {
                 v = gathered(vec2(i % params.low.x, i / params.low.x));
+            } else {
+                v = v_reached(i);
             }
         }
         v_residual[i] = v;

@@ -2,6 +2,7 @@
 
 use super::compose::{Compose, ComposeBuffers, ComposeGradients};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
+use super::layers::OUTPUTS;
 use super::unet::{Arithmetic, UNet, choice};
 use super::variant::{Precision, Variant};
 use crate::camera::Camera;
@@ -190,7 +191,8 @@ impl Residual {
         let backward = || {
             Ok(BackwardScratch {
                 features: Features::new(&task.camera, visible, self.variant).scratch(gpu)?,
-                v_residual: gpu.allocate("residual gradients", 16 * u64::from(low[0]) * u64::from(low[1]))?,
+                v_residual: gpu
+                    .allocate("residual gradients", 4 * OUTPUTS as u64 * u64::from(low[0]) * u64::from(low[1]))?,
             })
         };
         Ok(Scratch {

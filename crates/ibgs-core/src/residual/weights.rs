@@ -129,7 +129,7 @@ fn tensors() -> Vec<Named> {
             let first = layer.offset + outputs.start * layer.row();
             Named { name: format!("{name}.weight"), shape, first, layer: *layer, ours }
         });
-        let bias = parts.clone().into_iter().map(|(name, outputs, ours)| {
+        let bias = parts.into_iter().map(|(name, outputs, ours)| {
             let first = layer.bias() + outputs.start;
             Named { name: format!("{name}.bias"), shape: vec![outputs.len()], first, layer: *layer, ours }
         });

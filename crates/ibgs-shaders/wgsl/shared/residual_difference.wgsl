@@ -2,6 +2,7 @@
 // w_m = exp(-e_m^2 / 2 - (1 - cosine) / SPREAD), e_m the error of the source's depth in units of what agrees; 0 where the pixel
 // sees no source. With OUTPUT_GATED the network's fourth output, through the sigmoid, is its share in the final colour.
 // Reads the kernel's bindings base, warped, seen and residual, and size, low and visible of its parameters.
+#import residual_image
 #import resize
 #import seen
 
@@ -9,10 +10,6 @@
 const SPREAD: f32 = 0.05;
 // What stands against the sources' weights.
 const DOUBT: f32 = 0.05;
-
-fn base_at(p: u32) -> vec3<f32> {
-    return vec3(base[3u * p], base[3u * p + 1u], base[3u * p + 2u]);
-}
 
 // (c_m - C, w_m) of the m-th visible source; zeros where there is none.
 fn difference(p: u32, m: u32) -> vec4<f32> {
@@ -36,7 +33,7 @@ fn mean_difference(p: u32) -> vec4<f32> {
 
 // The network's output at a pixel of the image: resized with corners aligned.
 fn output_at(p: u32) -> vec4<f32> {
-    if all(params.size == params.low) {
+    if !resized() {
         return residual[p];
     }
     let c = resize_corners(vec2(p % params.size.x, p / params.size.x), params.low, params.size);

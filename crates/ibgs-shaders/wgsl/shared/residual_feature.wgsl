@@ -8,10 +8,6 @@ struct Feature {
     tail: vec4<f32>,
 }
 
-fn base_at(p: u32) -> vec3<f32> {
-    return vec3(base[3u * p], base[3u * p + 1u], base[3u * p + 2u]);
-}
-
 fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
     if !is_seen(seen[p], m) {
         return;

@@ -1,5 +1,6 @@
 // What all kernels of the residual network's input share (method.md section 6). Reads the kernel's binding most_visible:
 // its first number is that of the visible sources of the pixel that has most.
+#import residual_image
 #import resize
 #import seen
 
@@ -34,10 +35,6 @@ var<immediate> params: FeatureParams;
 // Channels of the U-Net's input: aggregated features, ray, base colour.
 const RAY_CHANNEL: u32 = MLP_CHANNELS;
 const BASE_CHANNEL: u32 = RAY_CHANNEL + 3u;
-
-fn resized() -> bool {
-    return any(params.size != params.low);
-}
 
 // Visible sources of the pixel that has most.
 fn used_sources() -> u32 {
