@@ -216,7 +216,6 @@ fn host_structs_have_the_layout_of_their_twins() {
         pad0,
         pad1,
     });
-    twin!(SortParams { shift, blocks, capacity, first });
     twin!(PresentParams { size, stride, mode, range, most, gain });
     twin!(LossParams { size, tiles, background, object, lambda, visible_index, pad });
     twin!(AdamParams { count, row, head, rate, rate_rest, beta1, beta2, eps, correction1, correction2, decay_rest });

@@ -1,12 +1,13 @@
 //! The prefix sum against its twin.
 
-use super::sort::SIZES;
 use crate::common::gpu;
 use crate::reference::sort::exclusive_scan;
 use ibgs_core::gpu::Pass;
 use ibgs_core::gpu::scan::Scan;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+const SIZES: [usize; 12] = [0, 1, 2, 255, 256, 257, 2047, 2048, 2049, 65_537, 600_001, 1 << 20];
 
 #[test]
 fn prefix_sums_of_every_size() {

@@ -42,7 +42,6 @@ const SHARED: &[(&str, &str)] = &[
     ("scan_length", include_str!("../wgsl/shared/scan_length.wgsl")),
     ("seen", include_str!("../wgsl/shared/seen.wgsl")),
     ("sh", include_str!("../wgsl/shared/sh.wgsl")),
-    ("sort_params", include_str!("../wgsl/shared/sort_params.wgsl")),
     ("visible_params", include_str!("../wgsl/shared/visible_params.wgsl")),
     ("source", include_str!("../wgsl/shared/source.wgsl")),
     ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),

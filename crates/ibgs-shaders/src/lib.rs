@@ -34,10 +34,8 @@ pub const ELLIPSOID_EDGE: f32 = 0.4;
 /// any positive depth counts: depth grows with the inverse of that product and its derivative with the square, so that
 /// float32 has no digits left there and a few such pixels would rule the gradients.
 pub const SLANT_MIN: f32 = 1e-3;
-/// Keys a workgroup of the radix sort handles.
+/// Entries of a tile's list that are sorted in workgroup memory at once.
 pub const SORT_BLOCK: u32 = 2048;
-/// Digits of one radix pass (8 bits).
-pub const SORT_BINS: u32 = 256;
 /// Values a workgroup of the prefix sum handles.
 pub const SCAN_BLOCK: u32 = 2048;
 /// First stabiliser of SSIM, 0.01 squared.
@@ -132,34 +130,31 @@ macro_rules! kernels {
 kernels! {
     /// The kernels of rendering, which keep to the limits of a browser.
     RENDER_KERNELS:
-    /// Culling, projection, colour, depth keys, tile counts.
+    /// Culling, projection, colour, tile counts.
     PROJECT = "project" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
-        write("projected"), write("depth_keys"), write("tile_counts"), read("filters");
-    /// `gathered[i] = values[order[i]]`.
-    GATHER = "gather" [256, 1, 1] (4): read("values"), read("order"), write("gathered");
+        write("projected"), write("tile_counts"), read("filters");
     /// Prefix sum, block sums.
     SCAN_REDUCE = "scan_reduce" [256, 1, 1] (4): read("values"), write("block_sums");
     /// Prefix sum of the block sums, grand total.
     SCAN_BLOCKS = "scan_blocks" [256, 1, 1] (4): write("block_sums"), write("total");
     /// Prefix sum inside the blocks.
     SCAN_APPLY = "scan_apply" [256, 1, 1] (4): read("values"), read("block_sums"), write("sums");
-    /// Radix sort, digit histograms.
-    SORT_COUNT = "sort_count" [256, 1, 1] (size_of::<types::SortParams>()):
-        read("keys"), read("count"), write("histogram");
-    /// Radix sort, prefix sums along the rows of the histogram.
-    SORT_ROWS = "sort_rows" [256, 1, 1] (size_of::<types::SortParams>()): read("count"), write("histogram");
-    /// Radix sort, stable scatter.
-    SORT_SCATTER = "sort_scatter" [256, 1, 1] (size_of::<types::SortParams>()):
-        read("keys_in"), read("values_in"), read("count"), read("histogram"), write("keys_out"), write("values_out");
-    /// Tile intersections in depth order.
+    /// Tile of each intersection, its place in the tile's list, its Gaussian.
     TILE_EMIT = "tile_emit" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("projected"), read("depth_order"), read("offsets"), read("count"),
-        write("isect_tiles"), write("isect_to_gaussian");
+        read("projected"), read("offsets"), read("count"),
+        write("isect_tiles"), write("isect_places"), write("isect_to_gaussian"), write("list_lengths"), write("tile_counts");
     /// Start and end of each tile's list.
-    TILE_RANGES = "tile_ranges" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("sorted_tiles"), read("sorted_isects"), read("isect_to_gaussian"), read("count"),
-        write("sorted_gaussians"), write("tile_ranges");
+    TILE_STARTS = "tile_starts" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        write("list_lengths"), write("tile_ranges");
+    /// Intersections into the lists of their tiles.
+    TILE_PLACE = "tile_place" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("projected"), read("count"), read("isect_tiles"), read("isect_places"), read("isect_to_gaussian"),
+        read("tile_ranges"), write("list_keys"), write("list_isects");
+    /// Each tile's list by depth.
+    TILE_SORT = "tile_sort" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("tile_ranges"), read("isect_to_gaussian"), write("list_keys"), write("list_isects"),
+        write("scratch_keys"), write("scratch_isects");
     /// Plane of each Gaussian in camera space.
     PLANES = "planes" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("normals"), read("plane_offsets"), write("planes");
@@ -233,11 +228,11 @@ kernels! {
         write("v_means"), write("v_normals"), write("v_plane_offsets");
     /// Gradients of each Gaussian's intersections, summed.
     SUM_ROWS = "sum_rows" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("depth_order"), read("offsets"), read("tile_counts"), read("total"), read("v_isect_color"),
+        read("offsets"), read("tile_counts"), read("total"), read("v_isect_color"),
         read("v_isect_xy"), read("v_isect_cov"), write("v_rotations"), write("v_screen"), write("v_log_scales");
     /// The same with the gradients by the planes.
     SUM_ROWS_SURFACE = "sum_rows_surface" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("depth_order"), read("offsets"), read("tile_counts"), read("total"), read("v_isect_color"),
+        read("offsets"), read("tile_counts"), read("total"), read("v_isect_color"),
         read("v_isect_xy"), read("v_isect_cov"), write("v_rotations"), write("v_screen"), write("v_log_scales"),
         read("v_isect_plane"), write("v_normals"), write("v_plane_offsets");
     /// Gradient of one source's warping by the median intersections and the median depth.
@@ -421,7 +416,6 @@ pub fn constants() -> String {
         ("TILE", TILE),
         ("ALPHA_EMPTY", ALPHA_EMPTY),
         ("SORT_BLOCK", SORT_BLOCK),
-        ("SORT_BINS", SORT_BINS),
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),
         ("BENCH_FMAS", BENCH_FMAS),

@@ -99,20 +99,6 @@ pub struct SourceParams {
     pub pad1: [u32; 2],
 }
 
-/// One radix pass; the twin of `SortParams`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct SortParams {
-    /// First bit of the digit.
-    pub shift: u32,
-    /// Blocks of the dispatch.
-    pub blocks: u32,
-    /// Keys the buffers hold.
-    pub capacity: u32,
-    /// 1: the values are the keys' positions.
-    pub first: u32,
-}
-
 /// What is shown of a frame; the twin of `PresentParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

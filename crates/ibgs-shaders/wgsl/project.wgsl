@@ -1,4 +1,4 @@
-// One thread a Gaussian: cull, project, colour, depth key, number of tiles touched (method.md section 2).
+// One thread a Gaussian: cull, project, colour, number of tiles touched (method.md section 2).
 #import index
 #import frame
 #import gaussian
@@ -15,10 +15,9 @@
 @group(0) @binding(4) var<storage, read> sh: array<f32>;
 // Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
 @group(0) @binding(5) var<storage, read_write> projected: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> depth_keys: array<u32>;
-@group(0) @binding(7) var<storage, read_write> tile_counts: array<u32>;
+@group(0) @binding(6) var<storage, read_write> tile_counts: array<u32>;
 // Size of each Gaussian's 3D smoothing filter; 0: none.
-@group(0) @binding(8) var<storage, read> filters: array<f32>;
+@group(0) @binding(7) var<storage, read> filters: array<f32>;
 
 fn load3(i: u32) -> vec3<f32> {
     return vec3(means[3u * i], means[3u * i + 1u], means[3u * i + 2u]);
@@ -28,7 +27,6 @@ fn cull(i: u32) {
     projected[3u * i] = vec4(0.0);
     projected[3u * i + 1u] = vec4(0.0);
     projected[3u * i + 2u] = vec4(0.0);
-    depth_keys[i] = 0xffffffffu;
     tile_counts[i] = 0u;
 }
 
@@ -93,6 +91,5 @@ fn main(
     projected[3u * i] = vec4(e.xy, shape.xy);
     projected[3u * i + 1u] = vec4(shape.z, opacity, view.z, radius);
     projected[3u * i + 2u] = vec4(max(color, vec3(0.0)), 0.0);
-    depth_keys[i] = bitcast<u32>(view.z);
     tile_counts[i] = hits;
 }

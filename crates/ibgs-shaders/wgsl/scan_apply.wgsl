@@ -14,20 +14,19 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let block = linear_workgroup(wid, groups);
-    var carry = 0u;
-    if block * SCAN_BLOCK < scan.count {
-        carry = block_sums[block];
+    // Each thread has values in a row.
+    let first = block * SCAN_BLOCK + local * (SCAN_BLOCK / 256u);
+    let behind = min(first + SCAN_BLOCK / 256u, scan.count);
+    var own = 0u;
+    for (var i = first; i < behind; i++) {
+        own += values[i];
     }
-    for (var k = 0u; k < SCAN_BLOCK / 256u; k++) {
-        let i = block * SCAN_BLOCK + k * 256u + local;
-        var value = 0u;
-        if i < scan.count {
-            value = values[i];
-        }
-        let result = scan_block(local, value);
-        if i < scan.count {
-            sums[i] = carry + result.exclusive;
-        }
-        carry += result.total;
+    var sum = scan_block(local, own).exclusive;
+    if first < behind {
+        sum += block_sums[block];
+    }
+    for (var i = first; i < behind; i++) {
+        sums[i] = sum;
+        sum += values[i];
     }
 }

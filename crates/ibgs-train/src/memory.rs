@@ -27,7 +27,7 @@ use ibgs_core::residual::Factor;
 use ibgs_core::residual::features::SUMS_BYTES;
 use ibgs_core::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
 use ibgs_core::sources::memory::MemoryBudget;
-use ibgs_shaders::{SORT_BINS, SORT_BLOCK, TILE};
+use ibgs_shaders::TILE;
 
 /// Tile intersections of a Gaussian that trained scenes of about a megapixel do not exceed on average.
 pub const INTERSECTIONS: u64 = 8;
@@ -195,18 +195,14 @@ impl Estimate {
     fn add_raster(&mut self, sizes: &Sizes, method: Method) {
         let image_based = method == Method::Ibgs;
         let Sizes { n, room, pixels, tiles, .. } = *sizes;
-        let bins = |keys: u64| 4 * (keys.div_ceil(SORT_BLOCK.into()) + 1) * u64::from(SORT_BINS);
         // The views whose depth maps are made have a workspace beside the iteration's.
         let workspaces = if image_based { 2 } else { 1 };
         self.add("raster", "projected Gaussians", 48 * n, workspaces);
-        self.add("raster", "tile counts and offsets", 4 * n, 3 * workspaces);
-        self.add("raster", "depth sort", 4 * n, 4 * workspaces);
-        self.add("raster", "depth sort histograms", bins(n), workspaces);
-        self.add("raster", "tile sort", 4 * room, 4 * workspaces);
-        self.add("raster", "tile sort histograms", bins(room), workspaces);
-        self.add("raster", "intersections", 4 * room, workspaces);
+        self.add("raster", "tile counts and offsets", 4 * n, 2 * workspaces);
+        self.add("raster", "intersections", 4 * room, 3 * workspaces);
+        self.add("raster", "tile lists", 4 * room, 2 * workspaces);
         self.add("raster", "intersection gradients", 16 * room, if image_based { 4 } else { 3 });
-        self.add("raster", "tile ranges", 8 * tiles, workspaces);
+        self.add("raster", "tile ranges", 12 * tiles, workspaces);
         self.add("raster", "last contributors", 4 * pixels, 2 * workspaces);
         if image_based {
             self.add("raster", "planes of a depth map", 16 * n, 1);

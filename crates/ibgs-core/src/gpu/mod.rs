@@ -12,7 +12,6 @@ mod open;
 pub mod pool;
 pub mod profile;
 pub mod scan;
-pub mod sort;
 mod uniforms;
 
 pub use adapter::{Use, backends, device_descriptor, lacking};

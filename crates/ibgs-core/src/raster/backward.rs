@@ -44,9 +44,8 @@ impl Forward {
     fn record_blend(&self, pass: &mut Pass, v_image: &Buffer) {
         let ws = &self.workspace;
         let frame = &self.frame;
-        let sorted = self.sorted;
         let grid = tile_grid(frame);
-        let (list, isects) = (self.sorted_gaussians(), &ws.tile_sort.values[sorted]);
+        let (list, isects) = (&ws.sorted_gaussians, &ws.sorted_isects);
         match &self.surface {
             None => {
                 let [v_color, v_xy, v_cov] = [0, 1, 2].map(|i| &ws.rows[i]);
@@ -95,8 +94,8 @@ impl Forward {
     fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
         let PerGaussian { means, rotations, log_scales, sh, normals, offsets, .. } = &splats.parameters;
         let ws = &self.workspace;
-        let (frame, order) = (bytes_of(&self.frame), &ws.depth_sort.values[0]);
-        let mut rows: Vec<&Buffer> = vec![order, &ws.offsets, &ws.tile_counts, &ws.total];
+        let frame = bytes_of(&self.frame);
+        let mut rows: Vec<&Buffer> = vec![&ws.offsets, &ws.tile_counts, &ws.total];
         rows.extend(&ws.rows[..3]);
         rows.extend([&v.rotations, &v.screen, &v.log_scales]);
         let surface = self.surface.as_ref().zip(v.planes.as_ref());

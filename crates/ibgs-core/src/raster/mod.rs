@@ -1,7 +1,6 @@
 //! The Gaussian rasterizer: its passes and its memory.
 //!
-//! Forward: `project`, depth sort, prefix sum of the tile counts, `tile_emit`, stable tile sort, `tile_ranges`,
-//! `rasterize`, or `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view
+//! Forward: `project`, prefix sum of the tile counts, `tile_emit`, `tile_starts`, `tile_place`, `tile_sort`, `rasterize`, or `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view
 //! depth, then Gaussian index, and nothing depends on the order in which threads run: the same input gives the same bits.
 //! Backward: `rasterize_backward`, `project_backward`.
 //!
@@ -114,7 +113,7 @@ pub enum Keep {
 pub enum Room {
     /// Waits for their number and repeats the pass with more room where they do not.
     Checked,
-    /// Does not wait: where there are too many the farthest are lost. For timing, and for viewers that have rendered about
+    /// Does not wait: where there are too many, those of the last Gaussians are lost. For timing, and for viewers that have rendered about
     /// the same view before.
     Assumed,
 }
@@ -126,19 +125,10 @@ pub struct Forward {
     pub image: Buffer,
     /// Uniforms of the view.
     pub frame: ViewUniforms,
-    /// Which of the tile sort's buffer pairs holds the sorted list.
-    sorted: usize,
     /// Memory of the pass.
     pub workspace: Arc<Lease<Workspace>>,
     /// What the view's [`RasterView::surface`] asked for.
     surface: Option<Arc<Lease<Surface>>>,
-}
-
-impl Forward {
-    /// The Gaussians of every tile, front to back.
-    pub fn sorted_gaussians(&self) -> &Buffer {
-        self.workspace.sorted_gaussians(self.sorted)
-    }
 }
 
 const LABEL: &str = "rasterize";
@@ -249,12 +239,12 @@ impl Rasterizer {
             (Keep::Gradients, Some(_)) => 4,
         };
         let ws = self.leased_workspace(splats, view, rows)?;
-        let frame = view.frame(splats, ws.isects());
+        let frame = view.frame(splats, ws.capacity);
         let surface = view.surface.map(|o| self.leased_surface(splats.count, view, o, keep)).transpose()?;
         pass.relabel(LABEL);
-        let sorted = record_lists(pass, &ws, splats, &frame);
+        record_lists(pass, &ws, splats, &frame);
         let grid = tile_grid(&frame);
-        let list = ws.sorted_gaussians(sorted);
+        let list = &ws.sorted_gaussians;
         match &surface {
             None if view.shape == Shape::Ellipsoids => {
                 let buffers = [&ws.projected, list, &ws.tile_ranges, &image];
@@ -270,7 +260,7 @@ impl Rasterizer {
                 s.record(pass, (&ws, list), &image, grid);
             }
         }
-        Ok(Forward { image, frame, sorted, workspace: Arc::new(self.pool.lease(ws)), surface })
+        Ok(Forward { image, frame, workspace: Arc::new(self.pool.lease(ws)), surface })
     }
 
     fn leased_workspace(&self, splats: &Splats, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {
@@ -278,7 +268,6 @@ impl Rasterizer {
         let tiles = width.div_ceil(TILE) as usize * height.div_ceil(TILE) as usize;
         self.image_bytes(&view.camera)?;
         let ws = self.workspace(splats.count, tiles, view.camera.pixels(), rows)?;
-        self.gpu.queue.write_buffer(&ws.count.buffer, 0, bytes_of(&(splats.count as u32)));
         Ok(ws)
     }
 
@@ -314,11 +303,11 @@ impl Rasterizer {
         let planes = gpu.allocate("planes", 16 * splats.count as u64)?;
         loop {
             let ws = self.leased_workspace(splats, &view, 0)?;
-            let frame = view.frame(splats, ws.isects());
+            let frame = view.frame(splats, ws.capacity);
             let mut pass = Pass::new(gpu, "depth map");
-            let sorted = record_lists(&mut pass, &ws, splats, &frame);
+            record_lists(&mut pass, &ws, splats, &frame);
             surface::record_planes(&mut pass, splats, &planes, &frame);
-            let buffers: [&Buffer; 5] = [&ws.projected, &planes, ws.sorted_gaussians(sorted), &ws.tile_ranges, &depth];
+            let buffers: [&Buffer; 5] = [&ws.projected, &planes, &ws.sorted_gaussians, &ws.tile_ranges, &depth];
             let params = options.frame(&view);
             pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), tile_grid(&frame));
             pass.submit();
@@ -410,44 +399,24 @@ fn tile_grid(frame: &ViewUniforms) -> [u32; 3] {
     [frame.size[0].div_ceil(TILE), frame.size[1].div_ceil(TILE), 1]
 }
 
-/// Records everything up to the tile lists; returns which buffer pair of the tile sort holds them.
-fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) -> usize {
+/// Records everything up to the tile lists.
+fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
     let n = frame.count as usize;
     let bytes = bytes_of(frame);
     let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
-    let project: [&Buffer; 9] = [
-        means,
-        rotations,
-        log_scales,
-        opacity_logits,
-        sh,
-        &ws.projected,
-        &ws.depth_sort.keys[0],
-        &ws.tile_counts,
-        &splats.filters,
-    ];
+    let project: [&Buffer; 8] =
+        [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.tile_counts, &splats.filters];
     pass.linear(&PROJECT, &project, bytes, n);
-    let by_depth = ws.depth_sort.record(pass, &ws.count, 32);
-    debug_assert_eq!(by_depth, 0, "four passes end where they began");
-    let depth_order = &ws.depth_sort.values[0];
-    pass.linear(&GATHER, &[&ws.tile_counts, depth_order, &ws.counts_by_depth], bytes_of(&frame.count), n);
-    ws.scan.record(pass, &ws.counts_by_depth, &ws.offsets, &ws.total, n);
-    let emit: [&Buffer; 6] =
-        [&ws.projected, depth_order, &ws.offsets, &ws.total, &ws.tile_sort.keys[0], &ws.isect_to_gaussian];
-    pass.linear(&TILE_EMIT, &emit, bytes, ws.isects());
-    // The number of tiles itself stands for padding, so it must be representable.
-    let [x, y, _] = tile_grid(frame);
-    let bits = 32 - (x * y).leading_zeros();
-    let sorted = ws.tile_sort.record(pass, &ws.total, bits);
-    pass.clear(&ws.tile_ranges);
-    let ranges: [&Buffer; 6] = [
-        &ws.tile_sort.keys[sorted],
-        &ws.tile_sort.values[sorted],
-        &ws.isect_to_gaussian,
-        &ws.total,
-        ws.sorted_gaussians(sorted),
-        &ws.tile_ranges,
-    ];
-    pass.linear(&TILE_RANGES, &ranges, bytes, ws.isects());
-    sorted
+    ws.scan.record(pass, &ws.tile_counts, &ws.offsets, &ws.total, n);
+    let [tiles, places] = &ws.isects;
+    let gaussians = &ws.isect_to_gaussian;
+    let counts = [&ws.list_lengths, &ws.tile_counts];
+    let emit: [&Buffer; 8] = [&ws.projected, &ws.offsets, &ws.total, tiles, places, gaussians, counts[0], counts[1]];
+    pass.linear(&TILE_EMIT, &emit, bytes, ws.capacity);
+    pass.grid(&TILE_STARTS, &[&ws.list_lengths, &ws.tile_ranges], bytes, [1, 1, 1]);
+    let [keys, isects] = [&ws.sorted_gaussians, &ws.sorted_isects];
+    let place: [&Buffer; 8] = [&ws.projected, &ws.total, tiles, places, gaussians, &ws.tile_ranges, keys, isects];
+    pass.linear(&TILE_PLACE, &place, bytes, ws.capacity);
+    let sort: [&Buffer; 6] = [&ws.tile_ranges, gaussians, keys, isects, tiles, places];
+    pass.grid(&TILE_SORT, &sort, bytes, tile_grid(frame));
 }

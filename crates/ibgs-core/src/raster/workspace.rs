@@ -1,7 +1,6 @@
 //! Scratch memory of one rasterizer pass, reused from pass to pass.
 
 use crate::gpu::scan::Scan;
-use crate::gpu::sort::Sort;
 use crate::gpu::{Buffer, Gpu, GpuError};
 
 /// Buffers between the kernels; those of the forward pass live on until the backward pass has read them.
@@ -11,22 +10,22 @@ pub struct Workspace {
     pub projected: Buffer,
     /// Tiles that each Gaussian touches.
     pub tile_counts: Buffer,
-    /// The number of Gaussians, for the depth sort.
-    pub count: Buffer,
-    /// Keys: depth; values: Gaussians in depth order.
-    pub depth_sort: Sort,
-    /// Tile counts in depth order.
-    pub counts_by_depth: Buffer,
     /// Their exclusive prefix sum: where each Gaussian's intersections start.
     pub offsets: Buffer,
     /// Intersections in all.
     pub total: Buffer,
     pub(super) scan: Scan,
-    /// Keys: tile; values: emission indices in tile order.
-    pub tile_sort: Sort,
+    /// Tile of each emission index, and its place in the tile's list; then scratch of the sort.
+    pub(super) isects: [Buffer; 2],
     /// Gaussian of each emission index.
     pub isect_to_gaussian: Buffer,
-    /// (start, end) a tile.
+    /// Gaussian of each list entry; before the sort the key, the bits of its depth.
+    pub sorted_gaussians: Buffer,
+    /// Emission index of each list entry.
+    pub sorted_isects: Buffer,
+    /// Entries of each tile's list while they are counted, then zeros; one list more, of the tile that does not exist.
+    pub(super) list_lengths: Buffer,
+    /// (start, end) of the same.
     pub tile_ranges: Buffer,
     /// Transmittance behind the last contributor.
     pub final_t: Buffer,
@@ -36,6 +35,8 @@ pub struct Workspace {
     /// none, three, or four with a surface.
     pub rows: Vec<Buffer>,
     gaussians: usize,
+    /// Intersections it holds.
+    pub(super) capacity: usize,
     tiles: usize,
     pixels: usize,
 }
@@ -56,19 +57,20 @@ impl Workspace {
         Ok(Self {
             projected: words("projected Gaussians", 12 * n)?,
             tile_counts: words("tile counts", n)?,
-            count: words("Gaussian count", 1)?,
-            depth_sort: Sort::new(gpu, n)?,
-            counts_by_depth: words("tile counts", n)?,
             offsets: words("intersection offsets", n)?,
             total: words("intersection count", 1)?,
             scan: Scan::new(gpu, n)?,
-            tile_sort: Sort::new(gpu, capacity)?,
+            isects: [words("intersections", capacity)?, words("intersections", capacity)?],
             isect_to_gaussian: words("intersections", capacity)?,
-            tile_ranges: words("tile ranges", 2 * tiles)?,
+            sorted_gaussians: words("tile lists", capacity)?,
+            sorted_isects: words("tile lists", capacity)?,
+            list_lengths: words("tile lists", tiles + 1)?,
+            tile_ranges: words("tile ranges", 2 * (tiles + 1))?,
             final_t: words("transmittance", pixels)?,
             last_entry: words("last contributors", pixels)?,
             rows,
             gaussians: n,
+            capacity,
             tiles,
             pixels,
         })
@@ -78,7 +80,7 @@ impl Workspace {
     pub(super) fn fits(&self, count: usize, capacity: usize, tiles: usize, pixels: usize, rows: usize) -> bool {
         self.gaussians >= count
             && self.gaussians <= 2 * count.max(1024)
-            && self.isects() >= capacity
+            && self.capacity >= capacity
             && self.tiles >= tiles
             && self.pixels >= pixels
             && self.rows.len() >= rows
@@ -92,15 +94,5 @@ impl Workspace {
     /// Pixels it holds.
     pub(super) fn pixels(&self) -> usize {
         self.pixels
-    }
-
-    /// Intersections it holds.
-    pub fn isects(&self) -> usize {
-        self.tile_sort.capacity()
-    }
-
-    /// The Gaussian of each sorted list entry: lies in the key buffer that the tile sort left free.
-    pub(super) fn sorted_gaussians(&self, sorted: usize) -> &Buffer {
-        &self.tile_sort.keys[1 - sorted]
     }
 }

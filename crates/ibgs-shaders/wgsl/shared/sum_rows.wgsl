@@ -9,23 +9,22 @@
 #import frame
 #import room
 
-@group(0) @binding(0) var<storage, read> depth_order: array<u32>;
-@group(0) @binding(1) var<storage, read> offsets: array<u32>;
-@group(0) @binding(2) var<storage, read> tile_counts: array<u32>;
-@group(0) @binding(3) var<storage, read> total: array<u32>;
-@group(0) @binding(4) var<storage, read> v_isect_color: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> v_isect_xy: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> v_isect_cov: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> v_rotations: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> v_screen: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> v_log_scales: array<f32>;
+@group(0) @binding(0) var<storage, read> offsets: array<u32>;
+@group(0) @binding(1) var<storage, read> tile_counts: array<u32>;
+@group(0) @binding(2) var<storage, read> total: array<u32>;
+@group(0) @binding(3) var<storage, read> v_isect_color: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> v_isect_xy: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> v_isect_cov: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> v_rotations: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> v_screen: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> v_log_scales: array<f32>;
 #if SURFACE
-@group(0) @binding(10) var<storage, read> v_isect_plane: array<vec4<f32>>;
-@group(0) @binding(11) var<storage, read_write> v_normals: array<f32>;
-@group(0) @binding(12) var<storage, read_write> v_plane_offsets: array<f32>;
+@group(0) @binding(9) var<storage, read> v_isect_plane: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> v_normals: array<f32>;
+@group(0) @binding(11) var<storage, read_write> v_plane_offsets: array<f32>;
 #endif
 
-// Parts of the depth order, of which neighbouring threads take one Gaussian each.
+// Parts of the Gaussians, of which neighbouring threads take one each.
 const SPREAD: u32 = 32u;
 
 struct Rows {
@@ -93,16 +92,15 @@ fn main(
     @builtin(subgroup_invocation_id) lane: u32,
     #endif
 ) {
-    // Neighbours in depth order are often large together, such as those of the background: they go to different subgroups.
+    // Neighbours are often large together, such as those that were split from one: they go to different subgroups.
     let thread = linear_workgroup(wid, groups) * 256u + local;
     let stride = (frame.count + SPREAD - 1u) / SPREAD;
     let column = thread / SPREAD;
-    let rank = select(frame.count, (thread % SPREAD) * stride + column, column < stride);
+    let g = select(frame.count, (thread % SPREAD) * stride + column, column < stride);
     let last = frame.count - 1u;
-    let g = depth_order[min(rank, last)];
     // Without room there is not a row for every intersection.
-    let count = select(0u, tile_counts[g], rank <= last && !ran_out_of_room());
-    let start = offsets[min(rank, last)];
+    let count = select(0u, tile_counts[min(g, last)], g <= last && !ran_out_of_room());
+    let start = offsets[min(g, last)];
     #if SUBGROUPS
     let sum = sum_rows(start, count, lane);
     #else

@@ -25,7 +25,7 @@ pub enum Stage {
     DepthMaps,
     /// Culling, projection, colour.
     Project,
-    /// Depth sort, prefix sum, tile lists, tile sort.
+    /// Prefix sum, tile intersections, lists of the tiles, each by depth.
     Sort,
     /// Planes in camera space.
     Planes,

@@ -146,7 +146,7 @@ pub fn covered_errors(
     let workspace = &forward.workspace;
     let buffers: [&Buffer; 8] = [
         &workspace.projected,
-        forward.sorted_gaussians(),
+        &workspace.sorted_gaussians,
         &workspace.tile_ranges,
         &workspace.last_entry,
         &image,
