@@ -37,12 +37,24 @@ pub struct Request {
     pub frames: usize,
     /// COLMAP's camera model.
     pub camera_model: String,
+    /// Which photos are compared with each other.
+    #[serde(default)]
+    pub matching: Matching,
+}
+
+/// How much the inputs hold: tells whether they have changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Contents {
+    files: usize,
+    bytes: u64,
 }
 
 /// Where a scene stands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Record {
     request: Request,
+    #[serde(default)]
+    contents: Contents,
     /// The last step that is done.
     done: Step,
 }
@@ -81,14 +93,19 @@ impl<'a> Preparation<'a> {
     /// # Errors
     /// The folder holds something else, or cannot be written.
     pub fn begin(scene: &Path, request: Request, existing: Existing, progress: &'a dyn Progress) -> Result<Self> {
-        check_inputs(&request.inputs)?;
-        let mut record = Record { request, done: Step::Nothing };
+        check_inputs(&request.inputs, scene)?;
         let images = scene.join("images");
+        let contents = contents(&request.inputs, &images)?;
+        let mut record = Record { request, contents, done: Step::Nothing };
         let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
         match read_record(scene)? {
-            Some(earlier) if earlier.request == record.request && existing == Existing::Keep => record = earlier,
+            Some(earlier)
+                if existing == Existing::Keep && (Record { done: record.done, ..earlier.clone() }) == record =>
+            {
+                record = earlier;
+            }
             Some(_) if existing == Existing::Keep => bail!(
-                "{} was begun with other photos or options; choose another folder, or allow `--overwrite`",
+                "{} was begun with other photos or options; to begin anew, add `--overwrite`, or choose another folder",
                 scene.display()
             ),
             Some(earlier) if own_photos(&earlier) && !own_photos(&record) => {
@@ -97,7 +114,7 @@ impl<'a> Preparation<'a> {
             // Photos of the user's own stay.
             Some(_) if own_photos(&record) => clear(scene, &["sparse"])?,
             Some(_) => clear(scene, &["sparse", "images"])?,
-            None if scene.join("sparse").exists() => {
+            None if has_poses(scene) => {
                 bail!("{} has camera poses already: train on it, or choose another folder", scene.display())
             }
             None if images.exists() && !own_photos(&record) => {
@@ -126,13 +143,7 @@ impl<'a> Preparation<'a> {
     ///
     /// # Errors
     /// A program is missing or fails, no photos, no poses.
-    pub fn run(
-        mut self,
-        colmap: &Colmap,
-        ffmpeg: &Tool,
-        matching: Matching,
-        note: &mut dyn FnMut(String),
-    ) -> Result<Prepared> {
+    pub fn run(mut self, colmap: &Colmap, ffmpeg: &Tool, note: &mut dyn FnMut(String)) -> Result<Prepared> {
         if self.record.done < Step::Photos {
             self.collect(ffmpeg, note)?;
             self.done(Step::Photos)?;
@@ -142,16 +153,21 @@ impl<'a> Preparation<'a> {
         let photos = photos_below(&images)?;
         let (count, progress) = (photos.len(), self.progress);
         if self.record.done < Step::Features {
+            note(format!("finding features in {count} photos"));
             colmap.features(&self.record.request.camera_model, self.cameras(&photos), count, progress)?;
             self.done(Step::Features)?;
         }
         if self.record.done < Step::Matches {
             let are_videos = self.record.request.inputs.iter().all(|input| is_video(input));
             let origin = if are_videos { Origin::Videos } else { Origin::Photos };
-            colmap.matches(matching.decided(count, origin), count, progress)?;
+            let matching = self.record.request.matching.decided(count, origin);
+            let what = if matching == Matching::Sequential { "neighbours" } else { "each photo with each other one" };
+            note(format!("comparing {what}; this takes longest"));
+            colmap.matches(matching, count, progress)?;
             self.done(Step::Matches)?;
         }
         if self.record.done < Step::Poses {
+            note("estimating the poses".to_owned());
             colmap.map(count, progress)?;
             self.done(Step::Poses)?;
         }
@@ -172,7 +188,7 @@ impl<'a> Preparation<'a> {
             let folder = if inputs.len() == 1 { images.clone() } else { images.join(part_name(inputs, i)) };
             fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
             if input.is_dir() {
-                copy_photos(input, &folder, &self.scene, note)?;
+                copy_photos(input, &folder, &images, note)?;
             } else {
                 let [chosen, all] = video::extract(ffmpeg, input, &folder, *frames)?;
                 note(format!("{}: {chosen} of {all} frames chosen", input.display()));
@@ -207,11 +223,11 @@ impl<'a> Preparation<'a> {
     }
 }
 
-/// Whether there are photos enough.
-fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
+/// Whether there are photos enough, and none of another scene.
+fn check_inputs(inputs: &[PathBuf], scene: &Path) -> Result<()> {
     let mut photos = 0;
     for input in inputs {
-        if input.join("sparse").is_dir() {
+        if has_poses(input) && !is_same(input, scene) {
             bail!(
                 "{} has camera poses already: `ibgs train {0}`; to estimate others, name the folder of its photos",
                 input.display()
@@ -240,6 +256,31 @@ fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// Whether a folder is a scene. A preparation that failed leaves `sparse` empty.
+fn has_poses(folder: &Path) -> bool {
+    fs::read_dir(folder.join("sparse")).is_ok_and(|mut entries| entries.next().is_some())
+}
+
+/// What the inputs hold, without the scene's own photos where those are not meant.
+fn contents(inputs: &[PathBuf], images: &Path) -> Result<Contents> {
+    let mut contents = Contents::default();
+    for input in inputs {
+        let files = if input.is_dir() { photos_to_copy(input, images)? } else { vec![input.clone()] };
+        contents.files += files.len();
+        contents.bytes += files.iter().filter_map(|path| Some(fs::metadata(path).ok()?.len())).sum::<u64>();
+    }
+    Ok(contents)
+}
+
+/// The photos of an input, without copies that lie in the scene's `images`, unless that is the input.
+fn photos_to_copy(input: &Path, images: &Path) -> Result<Vec<PathBuf>> {
+    let images = std::path::absolute(images).with_context(|| format!("cannot find {}", images.display()))?;
+    let images = images.canonicalize().unwrap_or(images);
+    let mut photos = photos_below(input)?;
+    photos.retain(|path| is_same(input, &images) || !path.starts_with(&images));
+    Ok(photos)
 }
 
 /// Whether one of the inputs needs ffmpeg.
@@ -337,11 +378,10 @@ fn unread_note(folder: &Path, left_out: &[PathBuf]) -> Option<String> {
     ))
 }
 
-/// Links, or where that cannot be copies, the photos of a folder and of the folders in it, but not those of the scene itself;
-/// notes what is left out.
-fn copy_photos(from: &Path, to: &Path, scene: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
-    let scene = std::path::absolute(scene).with_context(|| format!("cannot find {}", scene.display()))?;
-    for path in photos_below(from)?.iter().filter(|path| !path.starts_with(&scene)) {
+/// Links, or where that cannot be copies, the photos of a folder and of the folders in it, but not those of the scene's
+/// `images`; notes what is left out.
+fn copy_photos(from: &Path, to: &Path, images: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
+    for path in &photos_to_copy(from, images)? {
         let target = to.join(path.strip_prefix(from).unwrap_or(path));
         let folder = target.parent().unwrap_or(to);
         fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;

@@ -132,7 +132,7 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
     notes.extend(scores.masked_sentence());
     notes.push(match &protocol.lpips {
         Some(how) => format!("LPIPS: {how}"),
-        None => "LPIPS not computed".to_owned(),
+        None => "LPIPS not computed (`--lpips-weights` names its weights)".to_owned(),
     });
     Ok(notes)
 }

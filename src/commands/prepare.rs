@@ -54,7 +54,7 @@ pub struct Args {
     /// ffmpeg's program; only videos need it.
     #[arg(long, default_value = "ffmpeg")]
     ffmpeg: PathBuf,
-    /// Replace what an earlier preparation of other inputs has made in the folder.
+    /// Begin anew in a folder that was begun with other photos or options.
     #[arg(long)]
     overwrite: bool,
 }
@@ -65,7 +65,9 @@ pub fn run(args: &Args) -> Result<()> {
         if !path.exists() {
             bail!("{} does not exist", path.display());
         }
-        std::path::absolute(path).with_context(|| format!("cannot find {}", path.display()))
+        // On Windows the canonical form is one that other programs may not read.
+        let found = if cfg!(windows) { std::path::absolute(path) } else { path.canonicalize() };
+        found.with_context(|| format!("cannot find {}", path.display()))
     };
     let inputs = args.inputs.iter().map(absolute).collect::<Result<Vec<_>>>()?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -78,11 +80,12 @@ pub fn run(args: &Args) -> Result<()> {
     if inputs.iter().any(|input| is_video(input)) {
         ffmpeg.output(&["-version"])?;
     }
-    let request = Request { inputs, frames: args.frames as usize, camera_model: args.camera_model.clone() };
+    let (frames, camera_model) = (args.frames as usize, args.camera_model.clone());
+    let request = Request { inputs, frames, camera_model, matching: args.matching };
     let bars = Bars::default();
     let existing = if args.overwrite { Existing::Replace } else { Existing::Keep };
     let preparation = Preparation::begin(&args.output, request, existing, &bars)?;
-    let prepared = preparation.run(&colmap, &ffmpeg, args.matching, &mut |note| stderr!("{note}"))?;
+    let prepared = preparation.run(&colmap, &ffmpeg, &mut |note| stderr!("{note}"))?;
     tell(&args.output, &prepared);
     Ok(())
 }
@@ -107,13 +110,13 @@ fn tell(scene: &Path, Prepared { photos, quality, unposed }: &Prepared) {
     if (quality.posed as f64) < FEW * *photos as f64 {
         stderr!(
             "warning: many photos have no pose. More overlap helps: each part of the scene in three photos or more, small steps, no \
-             blur; for photos in the order of a walk also `--matching sequential`."
+             blur; for photos in the order of a walk also `--matching sequential`. Then run it again with `--overwrite`."
         );
     }
     if quality.error > LARGE_ERROR {
         stderr!(
             "warning: the poses are not exact. Photos of one camera with one zoom help, or another `--camera-model` (a wide lens: \
-             OPENCV_FISHEYE)."
+             OPENCV_FISHEYE); run it again with `--overwrite`."
         );
     }
     stdout!("train on it: ibgs train {} --eval", scene.display());

@@ -5,6 +5,7 @@ use crate::arguments;
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use ibgs_core::progress::Progress;
+use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,8 +17,10 @@ const OLDEST: [u32; 2] = [3, 6];
 const EXHAUSTIVE: usize = 250;
 
 /// Which photos are compared with each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Matching {
+    #[default]
     /// Each with each up to 250 photos, and always where they are no video; else neighbours in time.
     Auto,
     /// Each with each.

@@ -69,13 +69,31 @@ fn a_failed_step_is_named_and_the_same_command_continues_with_it() {
     sandbox.write("broken", "");
     let outcome = sandbox.run("prepare photos -o scene --colmap ./colmap");
     outcome.assert_failure(1, &["no two photos overlap", "no good initial pair", "scene/prepare.log"]);
+    // What a failed preparation leaves is no scene.
+    sandbox.run("prepare scene -o other --colmap ./colmap").assert_failure(1, &["no two photos overlap"]);
     fs::remove_file(sandbox.path("broken")).unwrap();
     fs::remove_file(sandbox.path("calls")).unwrap();
     let other = sandbox.run("prepare photos -o scene --colmap ./colmap --frames 9");
     other.assert_failure(1, &["begun with other photos or options", "--overwrite"]);
-    sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
+    // The same photos by another path.
+    sandbox.succeeds("prepare scene/../photos -o scene --colmap ./colmap");
     let calls = sandbox.text("calls");
     assert!(calls.contains("mapper --database_path") && !calls.contains("feature_extractor"), "{calls}");
+    let other = sandbox.run("prepare photos -o scene --colmap ./colmap --matching sequential");
+    other.assert_failure(1, &["begun with other photos or options", "--overwrite"]);
+}
+
+#[test]
+fn a_scene_may_be_made_around_its_photos() {
+    let sandbox = sandbox();
+    fs::create_dir(sandbox.path("place")).unwrap();
+    fs::rename(sandbox.path("photos"), sandbox.path("place/photos")).unwrap();
+    for (photos, scene) in [("place/photos", "place"), ("place/photos", "place/photos")] {
+        let command = format!("prepare {photos} -o {scene} --colmap ./colmap");
+        assert!(sandbox.succeeds(&command).stdout.contains("3 of 3 photos have a pose"));
+        assert!(sandbox.path(scene).join("images/c.jpeg").exists());
+        sandbox.succeeds(&command);
+    }
 }
 
 #[test]
@@ -90,8 +108,8 @@ fn photos_in_folders_are_taken_and_overwriting_begins_anew() {
     assert!(["day1/a.jpg", "day2/b.jpg", "c.jpg"].into_iter().all(images));
     assert!(![".hidden", "scene"].into_iter().any(images));
     sandbox.write("trip/day2/e.jpg", "one more");
-    sandbox.succeeds("prepare trip -o trip/scene --colmap ./colmap");
-    assert!(!images("day2/e.jpg"), "the same command continues");
+    let changed = sandbox.run("prepare trip -o trip/scene --colmap ./colmap");
+    changed.assert_failure(1, &["begun with other photos or options", "--overwrite"]);
     sandbox.succeeds("prepare trip -o trip/scene --colmap ./colmap --overwrite");
     assert!(images("day2/e.jpg") && !images("scene"));
     let outcome = sandbox.run("prepare trip/scene -o other --colmap ./colmap");
