@@ -42,7 +42,17 @@ pub struct Request {
     pub matching: Matching,
 }
 
-/// How much the inputs hold: tells whether they have changed.
+impl Request {
+    /// Whether it asks for the same, by other paths or not.
+    fn is_same(&self, other: &Self) -> bool {
+        let Self { inputs, frames, camera_model, matching } = other;
+        (self.frames, &self.camera_model, self.matching) == (*frames, camera_model, *matching)
+            && self.inputs.len() == inputs.len()
+            && self.inputs.iter().zip(inputs).all(|(a, b)| is_same(a, b))
+    }
+}
+
+/// How much the inputs hold: photos that are added or removed change it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Contents {
     files: usize,
@@ -53,8 +63,8 @@ struct Contents {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Record {
     request: Request,
-    #[serde(default)]
-    contents: Contents,
+    /// None where an earlier version has begun it.
+    contents: Option<Contents>,
     /// The last step that is done.
     done: Step,
 }
@@ -93,14 +103,16 @@ impl<'a> Preparation<'a> {
     /// # Errors
     /// The folder holds something else, or cannot be written.
     pub fn begin(scene: &Path, request: Request, existing: Existing, progress: &'a dyn Progress) -> Result<Self> {
-        check_inputs(&request.inputs, scene)?;
+        let photos = photos_of(&request.inputs, scene)?;
+        check_inputs(&request.inputs, &photos, scene)?;
         let images = scene.join("images");
-        let contents = contents(&request.inputs, &images)?;
-        let mut record = Record { request, contents, done: Step::Nothing };
+        let mut record = Record { request, contents: Some(contents(&photos)), done: Step::Nothing };
         let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
         match read_record(scene)? {
             Some(earlier)
-                if existing == Existing::Keep && (Record { done: record.done, ..earlier.clone() }) == record =>
+                if existing == Existing::Keep
+                    && earlier.request.is_same(&record.request)
+                    && earlier.contents.is_none_or(|contents| Some(contents) == record.contents) =>
             {
                 record = earlier;
             }
@@ -181,14 +193,14 @@ impl<'a> Preparation<'a> {
     fn collect(&self, ffmpeg: &Tool, note: &mut dyn FnMut(String)) -> Result<()> {
         let images = self.scene.join("images");
         let Request { inputs, frames, .. } = &self.record.request;
-        for (i, input) in inputs.iter().enumerate() {
+        for (i, (input, photos)) in inputs.iter().zip(photos_of(inputs, &self.scene)?).enumerate() {
             if is_same(input, &images) {
                 continue;
             }
             let folder = if inputs.len() == 1 { images.clone() } else { images.join(part_name(inputs, i)) };
             fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
             if input.is_dir() {
-                copy_photos(input, &folder, &images, note)?;
+                copy_photos(input, &photos, &folder, note)?;
             } else {
                 let [chosen, all] = video::extract(ffmpeg, input, &folder, *frames)?;
                 note(format!("{}: {chosen} of {all} frames chosen", input.display()));
@@ -224,9 +236,9 @@ impl<'a> Preparation<'a> {
 }
 
 /// Whether there are photos enough, and none of another scene.
-fn check_inputs(inputs: &[PathBuf], scene: &Path) -> Result<()> {
+fn check_inputs(inputs: &[PathBuf], found: &[Vec<PathBuf>], scene: &Path) -> Result<()> {
     let mut photos = 0;
-    for input in inputs {
+    for (input, found) in inputs.iter().zip(found) {
         if has_poses(input) && !is_same(input, scene) {
             bail!(
                 "{} has camera poses already: `ibgs train {0}`; to estimate others, name the folder of its photos",
@@ -234,7 +246,7 @@ fn check_inputs(inputs: &[PathBuf], scene: &Path) -> Result<()> {
             );
         }
         if input.is_dir() {
-            photos += photos_below(input)?.len();
+            photos += found.len();
         } else if is_video(input) {
             photos += FEWEST;
         } else {
@@ -263,24 +275,47 @@ fn has_poses(folder: &Path) -> bool {
     fs::read_dir(folder.join("sparse")).is_ok_and(|mut entries| entries.next().is_some())
 }
 
-/// What the inputs hold, without the scene's own photos where those are not meant.
-fn contents(inputs: &[PathBuf], images: &Path) -> Result<Contents> {
-    let mut contents = Contents::default();
-    for input in inputs {
-        let files = if input.is_dir() { photos_to_copy(input, images)? } else { vec![input.clone()] };
-        contents.files += files.len();
-        contents.bytes += files.iter().filter_map(|path| Some(fs::metadata(path).ok()?.len())).sum::<u64>();
-    }
-    Ok(contents)
+/// What the files of all inputs hold.
+fn contents(photos: &[Vec<PathBuf>]) -> Contents {
+    let bytes = |path: &PathBuf| Some(fs::metadata(path).ok()?.len());
+    Contents { files: photos.iter().map(Vec::len).sum(), bytes: photos.iter().flatten().filter_map(bytes).sum() }
 }
 
-/// The photos of an input, without copies that lie in the scene's `images`, unless that is the input.
-fn photos_to_copy(input: &Path, images: &Path) -> Result<Vec<PathBuf>> {
-    let images = std::path::absolute(images).with_context(|| format!("cannot find {}", images.display()))?;
-    let images = images.canonicalize().unwrap_or(images);
-    let mut photos = photos_below(input)?;
-    photos.retain(|path| is_same(input, &images) || !path.starts_with(&images));
-    Ok(photos)
+/// The photos of each input, or its video, without the copies that the scene has of them.
+///
+/// # Errors
+/// An input lies within the copies.
+fn photos_of(inputs: &[PathBuf], scene: &Path) -> Result<Vec<Vec<PathBuf>>> {
+    // Also of a folder that is not there yet.
+    let canonical = |path: &Path| match path.canonicalize() {
+        Ok(path) => Ok(path),
+        Err(_) => std::path::absolute(path).with_context(|| format!("cannot find {}", path.display())),
+    };
+    let scene = canonical(scene)?;
+    let images = canonical(&scene.join("images"))?;
+    let photos = |input: &PathBuf| -> Result<Vec<PathBuf>> {
+        if !input.is_dir() {
+            return Ok(vec![input.clone()]);
+        }
+        let folder = canonical(input)?;
+        if folder.starts_with(&images) && folder != images {
+            bail!("{} lies in {}; name that folder, or choose another scene", input.display(), images.display());
+        }
+        let is_copy_of_another = |i: usize, path: &Path| {
+            !is_same(&inputs[i], &images) && path.starts_with(images.join(part_name(inputs, i)))
+        };
+        let is_left_out = |path: &Path| {
+            if folder == images {
+                return (0..inputs.len()).any(|i| is_copy_of_another(i, path));
+            }
+            let is_around = scene.starts_with(&folder) && scene != folder;
+            path.starts_with(if is_around { &scene } else { &images })
+        };
+        let mut photos = photos_below(input)?;
+        photos.retain(|path| !is_left_out(&path.strip_prefix(input).map_or(path.clone(), |rest| folder.join(rest))));
+        Ok(photos)
+    };
+    inputs.iter().map(photos).collect()
 }
 
 /// Whether one of the inputs needs ffmpeg.
@@ -378,10 +413,9 @@ fn unread_note(folder: &Path, left_out: &[PathBuf]) -> Option<String> {
     ))
 }
 
-/// Links, or where that cannot be copies, the photos of a folder and of the folders in it, but not those of the scene's
-/// `images`; notes what is left out.
-fn copy_photos(from: &Path, to: &Path, images: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
-    for path in &photos_to_copy(from, images)? {
+/// Links, or where that cannot be copies, photos of a folder and of the folders in it; notes what is left out.
+fn copy_photos(from: &Path, photos: &[PathBuf], to: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
+    for path in photos {
         let target = to.join(path.strip_prefix(from).unwrap_or(path));
         let folder = target.parent().unwrap_or(to);
         fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;

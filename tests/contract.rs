@@ -63,6 +63,11 @@ fn bindings_and_workgroups_match_the_table() {
 fn every_kernel_has_a_module_of_tests() {
     let lines = include_str!("kernels/mod.rs").lines();
     let modules: Vec<&str> = lines.filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).collect();
+    for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/kernels")).unwrap() {
+        let path = entry.unwrap().path();
+        let file = path.file_stem().unwrap().to_str().unwrap();
+        assert!(file == "mod" || modules.contains(&file), "tests/kernels/{file}.rs is no module");
+    }
     for kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS).chain(MATRIX_KERNELS) {
         let starts = |module: &&str| {
             kernel.name.strip_prefix(module).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))

@@ -65,9 +65,7 @@ pub fn run(args: &Args) -> Result<()> {
         if !path.exists() {
             bail!("{} does not exist", path.display());
         }
-        // On Windows the canonical form is one that other programs may not read.
-        let found = if cfg!(windows) { std::path::absolute(path) } else { path.canonicalize() };
-        found.with_context(|| format!("cannot find {}", path.display()))
+        std::path::absolute(path).with_context(|| format!("cannot find {}", path.display()))
     };
     let inputs = args.inputs.iter().map(absolute).collect::<Result<Vec<_>>>()?;
     let stop = Arc::new(AtomicBool::new(false));

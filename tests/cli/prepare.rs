@@ -94,6 +94,41 @@ fn a_scene_may_be_made_around_its_photos() {
         assert!(sandbox.path(scene).join("images/c.jpeg").exists());
         sandbox.succeeds(&command);
     }
+    // Where the originals are gone, the copies are not taken for them.
+    for name in ["a.PNG", "b.jpg", "c.jpeg"] {
+        fs::remove_file(sandbox.path("place/photos").join(name)).unwrap();
+    }
+    let outcome = sandbox.run("prepare place/photos -o place/photos --colmap ./colmap --overwrite");
+    outcome.assert_failure(1, &["place/photos has 0 photos"]);
+    assert!(sandbox.path("place/photos/images/c.jpeg").exists());
+}
+
+#[test]
+fn own_photos_and_more_continue_and_a_part_of_the_scene_is_no_input() {
+    let sandbox = sandbox();
+    fs::create_dir(sandbox.path("scene")).unwrap();
+    fs::rename(sandbox.path("photos"), sandbox.path("scene/images")).unwrap();
+    sandbox.write("more/d.jpg", "another");
+    for _ in 0..2 {
+        let outcome = sandbox.succeeds("prepare scene/images more -o scene --colmap ./colmap");
+        assert!(outcome.stdout.contains("of 4 photos have a pose"), "{outcome}");
+    }
+    let outcome = sandbox.run("prepare scene/images/02_more -o scene --colmap ./colmap --overwrite");
+    outcome.assert_failure(1, &["02_more lies in", "name that folder"]);
+    assert!(sandbox.path("scene/images/02_more/d.jpg").exists());
+}
+
+#[test]
+fn a_scene_of_an_earlier_version_is_continued() {
+    let sandbox = sandbox();
+    sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
+    let mut record: serde_json::Value = serde_json::from_str(&sandbox.text("scene/prepare.json")).unwrap();
+    record.as_object_mut().unwrap().remove("contents").unwrap();
+    record["request"].as_object_mut().unwrap().remove("matching").unwrap();
+    sandbox.write("scene/prepare.json", record.to_string());
+    fs::remove_file(sandbox.path("calls")).unwrap();
+    sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
+    assert!(!sandbox.text("calls").contains("mapper"));
 }
 
 #[test]

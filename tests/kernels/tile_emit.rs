@@ -9,6 +9,8 @@ use ibgs_core::gpu::{Gpu, Pass};
 use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::{TILE, TILE_EMIT};
 
+const UNTOUCHED: u32 = u32::MAX;
+
 struct Emitted {
     tiles: Vec<u32>,
     places: Vec<u32>,
@@ -17,14 +19,15 @@ struct Emitted {
     counts: Vec<u32>,
 }
 
-fn emit(gpu: &Gpu, frame: &ViewUniforms, projected: &[f32], counts: &[u32]) -> Emitted {
+/// With room for `capacity` of them.
+fn emit(gpu: &Gpu, frame: &ViewUniforms, projected: &[f32], counts: &[u32], capacity: u32) -> Emitted {
     let (offsets, total) = exclusive_scan(counts);
-    let frame = ViewUniforms { capacity: total, ..*frame };
+    let frame = ViewUniforms { capacity, ..*frame };
     let [columns, rows] = frame.size.map(|side| side.div_ceil(TILE));
     let lists = (columns * rows + 1) as usize;
     let upload = |values: &[u32]| gpu.upload("test", values).unwrap();
     let inputs = [gpu.upload("test", projected).unwrap(), upload(&offsets), upload(&[total])];
-    let out = [(); 3].map(|()| upload(&vec![0; total as usize]));
+    let out = [(); 3].map(|()| upload(&vec![UNTOUCHED; total as usize]));
     let (lengths, counted) = (upload(&vec![0; lists]), upload(counts));
     let mut pass = Pass::new(gpu, "test");
     let buffers: Vec<_> = inputs.iter().chain(&out).chain([&lengths, &counted]).collect();
@@ -44,7 +47,8 @@ fn what_was_counted_and_is_not_found_counts_no_more() {
     let count = forward.frame.count as usize;
     let projected: Vec<f32> = gpu.read(&forward.workspace.projected, 12 * count).unwrap();
     let counts: Vec<u32> = gpu.read(&forward.workspace.tile_counts, count).unwrap();
-    let right = emit(&gpu, &forward.frame, &projected, &counts);
+    let total: u32 = counts.iter().sum();
+    let right = emit(&gpu, &forward.frame, &projected, &counts, total);
     assert_eq!(right.counts, counts);
     assert_eq!(right.lengths.last(), Some(&0), "entries of the tile that does not exist");
 
@@ -52,10 +56,10 @@ fn what_was_counted_and_is_not_found_counts_no_more() {
     let seen: Vec<usize> = (0..count).filter(|&g| counts[g] > 0).step_by(7).collect();
     assert!(seen.len() > 10, "{} Gaussians", seen.len());
     seen.iter().for_each(|&g| wrong[g] += 1 + g as u32 % 3);
-    let found = emit(&gpu, &forward.frame, &projected, &wrong);
+    let found = emit(&gpu, &forward.frame, &projected, &wrong, wrong.iter().sum());
     assert_eq!(found.counts, counts);
     let nowhere = found.lengths.len() as u32 - 1;
-    assert_eq!(found.lengths[nowhere as usize], wrong.iter().sum::<u32>() - counts.iter().sum::<u32>());
+    assert_eq!(found.lengths[nowhere as usize], wrong.iter().sum::<u32>() - total);
     assert_eq!(found.lengths[..nowhere as usize], right.lengths[..nowhere as usize]);
     // Without those, the lists are the same.
     let entries = |emitted: &Emitted| -> Vec<(u32, u32)> {
@@ -69,4 +73,12 @@ fn what_was_counted_and_is_not_found_counts_no_more() {
     let all: Vec<(u32, u32)> =
         (0u32..).zip(&found.lengths).flat_map(|(tile, &length)| (0..length).map(move |k| (tile, k))).collect();
     assert!(places == all, "places");
+
+    // Too little room: the first ones, and nothing behind them.
+    let room = total / 2;
+    let cut = emit(&gpu, &forward.frame, &projected, &counts, room);
+    assert_eq!(cut.counts, counts);
+    assert_eq!(cut.lengths.iter().sum::<u32>(), room);
+    let (kept, behind) = cut.tiles.split_at(room as usize);
+    assert!(kept == &right.tiles[..room as usize] && behind.iter().all(|tile| *tile == UNTOUCHED), "tiles");
 }

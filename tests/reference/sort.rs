@@ -1,4 +1,4 @@
-//! Twins of the prefix sum and of the key-value sort.
+//! Twins of the prefix sum and of the sort of the tile lists.
 
 /// Exclusive prefix sum modulo 2^32, and the total.
 pub fn exclusive_scan(values: &[u32]) -> (Vec<u32>, u32) {

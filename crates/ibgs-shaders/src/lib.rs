@@ -36,6 +36,7 @@ pub const ELLIPSOID_EDGE: f32 = 0.4;
 pub const SLANT_MIN: f32 = 1e-3;
 /// Entries of a tile's list that are sorted in workgroup memory at once.
 pub const SORT_BLOCK: u32 = 2048;
+const _: () = assert!(SORT_BLOCK.is_power_of_two() && 8 * SORT_BLOCK <= 16384, "runs of blocks; a browser's memory");
 /// Values a workgroup of the prefix sum handles.
 pub const SCAN_BLOCK: u32 = 2048;
 /// First stabiliser of SSIM, 0.01 squared.

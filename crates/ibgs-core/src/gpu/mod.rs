@@ -1,4 +1,4 @@
-//! The GPU: adapter and device, kernel launches, prefix sum and radix sort.
+//! The GPU: adapter and device, kernel launches, prefix sum.
 
 mod adapter;
 pub mod buffer;

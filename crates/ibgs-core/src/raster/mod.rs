@@ -1,8 +1,9 @@
 //! The Gaussian rasterizer: its passes and its memory.
 //!
-//! Forward: `project`, prefix sum of the tile counts, `tile_emit`, `tile_starts`, `tile_place`, `tile_sort`, `rasterize`, or `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view
-//! depth, then Gaussian index, and nothing depends on the order in which threads run: the same input gives the same bits.
-//! Backward: `rasterize_backward`, `project_backward`.
+//! Forward: `project`, prefix sum of the tile counts, `tile_emit`, `tile_starts`, `tile_place`, `tile_sort`, `rasterize`, or
+//! `rasterize_ellipsoids` for a look at single Gaussians. The blending order is exactly tile, then float32 view depth, then
+//! Gaussian index, and nothing depends on the order in which threads run: the same input gives the same bits.
+//! Backward: `rasterize_backward`, `sum_rows`, `project_backward`.
 //!
 //! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface`, or `rasterize_surface_image`
 //! without gradients, takes the place of `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.

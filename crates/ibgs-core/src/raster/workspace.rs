@@ -8,7 +8,7 @@ use crate::gpu::{Buffer, Gpu, GpuError};
 pub struct Workspace {
     /// Three vec4 a Gaussian, see `project.wgsl`.
     pub projected: Buffer,
-    /// Tiles that each Gaussian touches.
+    /// Tiles that each Gaussian touches; after `tile_emit` those that it has found.
     pub tile_counts: Buffer,
     /// Their exclusive prefix sum: where each Gaussian's intersections start.
     pub offsets: Buffer,
@@ -64,7 +64,7 @@ impl Workspace {
             isect_to_gaussian: words("intersections", capacity)?,
             sorted_gaussians: words("tile lists", capacity)?,
             sorted_isects: words("tile lists", capacity)?,
-            list_lengths: words("tile lists", tiles + 1)?,
+            list_lengths: words("tile ranges", tiles + 1)?,
             tile_ranges: words("tile ranges", 2 * (tiles + 1))?,
             final_t: words("transmittance", pixels)?,
             last_entry: words("last contributors", pixels)?,

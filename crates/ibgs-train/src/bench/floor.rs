@@ -10,7 +10,7 @@
 //! | stage | bytes | operations |
 //! |---|---|---|
 //! | project | 44 n + 12 C n + 56 N | (200 + 10 C) n |
-//! | sort | 12 N + 48 n + 12 I for the intersections, 20 I + 12 T for the lists, 20 I by depth | 0 |
+//! | sort | 12 N + 48 n + 12 I for the intersections, 20 I + 24 T for the lists, 20 I by depth | 0 |
 //! | planes | 44 N | 40 N |
 //! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P, in a frame 4 P + 4 K P less | 14 B |
 //! | depth maps | M times project with C = 1, sort, planes, and 64 n + 4 I + 8 T + 4 P | M times theirs |
@@ -35,7 +35,7 @@
 //! | Adam | 28 a value: 11 + 3 C a Gaussian, with planes 4 more, and W | 14 a value |
 //!
 //! What was assumed:
-//! - sort: the lists are sorted where they are read, without memory traffic. Integer operations are not counted.
+//! - sort: the lists are sorted in workgroup memory; merges of long lists and integer operations are not counted.
 //! - B, read back, is the sum over the pixels of the list entries up to the last contributor. 14 operations (the
 //!   exponent, the alpha) are what every pair costs; how many pairs go on to blend is not known, so their share is not
 //!   counted. A Gaussian is read once, whichever tiles need it.
@@ -147,7 +147,7 @@ impl Load {
     fn sort(&self) -> Floor {
         let [n, seen, i, t] =
             [self.gaussians, self.gaussians_in_view, self.intersections, self.tiles].map(|count| count as f64);
-        Floor::new(12.0 * n + 48.0 * seen + (12.0 + 20.0 + 20.0) * i + 12.0 * t, 0.0)
+        Floor::new(12.0 * n + 48.0 * seen + (12.0 + 20.0 + 20.0) * i + 24.0 * t, 0.0)
     }
 
     fn features(&self) -> Floor {
