@@ -53,7 +53,7 @@ impl Request {
 }
 
 /// How much the inputs hold: photos that are added or removed change it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Contents {
     files: usize,
     bytes: u64,
@@ -301,18 +301,18 @@ fn photos_of(inputs: &[PathBuf], scene: &Path) -> Result<Vec<Vec<PathBuf>>> {
         if folder.starts_with(&images) && folder != images {
             bail!("{} lies in {}; name that folder, or choose another scene", input.display(), images.display());
         }
-        let is_copy_of_another = |i: usize, path: &Path| {
-            !is_same(&inputs[i], &images) && path.starts_with(images.join(part_name(inputs, i)))
+        let left_out = if folder == images {
+            // What the other inputs were copied to.
+            let others = (0..inputs.len()).filter(|&i| !is_same(&inputs[i], &images));
+            others.map(|i| images.join(part_name(inputs, i))).collect()
+        } else if scene.starts_with(&folder) && scene != folder {
+            vec![scene.clone()]
+        } else {
+            vec![images.clone()]
         };
-        let is_left_out = |path: &Path| {
-            if folder == images {
-                return (0..inputs.len()).any(|i| is_copy_of_another(i, path));
-            }
-            let is_around = scene.starts_with(&folder) && scene != folder;
-            path.starts_with(if is_around { &scene } else { &images })
-        };
+        let below = |path: &PathBuf| path.strip_prefix(input).map_or(path.clone(), |rest| folder.join(rest));
         let mut photos = photos_below(input)?;
-        photos.retain(|path| !is_left_out(&path.strip_prefix(input).map_or(path.clone(), |rest| folder.join(rest))));
+        photos.retain(|path| !left_out.iter().any(|folder| below(path).starts_with(folder)));
         Ok(photos)
     };
     inputs.iter().map(photos).collect()

@@ -144,7 +144,8 @@ kernels! {
     /// Tile of each intersection, its place in the tile's list, its Gaussian.
     TILE_EMIT = "tile_emit" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("offsets"), read("count"),
-        write("isect_tiles"), write("isect_places"), write("isect_to_gaussian"), write("list_lengths"), write("tile_counts");
+        write("isect_tiles"), write("isect_places"), write("isect_to_gaussian"), write("list_lengths"),
+        write("tile_counts");
     /// Start and end of each tile's list.
     TILE_STARTS = "tile_starts" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         write("list_lengths"), write("tile_ranges");

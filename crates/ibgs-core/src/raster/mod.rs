@@ -114,8 +114,8 @@ pub enum Keep {
 pub enum Room {
     /// Waits for their number and repeats the pass with more room where they do not.
     Checked,
-    /// Does not wait: where there are too many, those of the last Gaussians are lost. For timing, and for viewers that have rendered about
-    /// the same view before.
+    /// Does not wait: where there are too many, those of the last Gaussians are lost. For timing, and for viewers that have
+    /// rendered about the same view before.
     Assumed,
 }
 
@@ -268,8 +268,7 @@ impl Rasterizer {
         let Camera { width, height, .. } = view.camera;
         let tiles = width.div_ceil(TILE) as usize * height.div_ceil(TILE) as usize;
         self.image_bytes(&view.camera)?;
-        let ws = self.workspace(splats.count, tiles, view.camera.pixels(), rows)?;
-        Ok(ws)
+        self.workspace(splats.count, tiles, view.camera.pixels(), rows)
     }
 
     /// Median depth of a view, `[H * W]`, 0 where nothing is met.
@@ -411,10 +410,10 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUn
     ws.scan.record(pass, &ws.tile_counts, &ws.offsets, &ws.total, n);
     let [tiles, places] = &ws.isects;
     let gaussians = &ws.isect_to_gaussian;
-    let counts = [&ws.list_lengths, &ws.tile_counts];
-    let emit: [&Buffer; 8] = [&ws.projected, &ws.offsets, &ws.total, tiles, places, gaussians, counts[0], counts[1]];
+    let (lengths, counts) = (&ws.list_lengths, &ws.tile_counts);
+    let emit: [&Buffer; 8] = [&ws.projected, &ws.offsets, &ws.total, tiles, places, gaussians, lengths, counts];
     pass.linear(&TILE_EMIT, &emit, bytes, ws.capacity);
-    pass.grid(&TILE_STARTS, &[&ws.list_lengths, &ws.tile_ranges], bytes, [1, 1, 1]);
+    pass.grid(&TILE_STARTS, &[lengths, &ws.tile_ranges], bytes, [1, 1, 1]);
     let [keys, isects] = [&ws.sorted_gaussians, &ws.sorted_isects];
     let place: [&Buffer; 8] = [&ws.projected, &ws.total, tiles, places, gaussians, &ws.tile_ranges, keys, isects];
     pass.linear(&TILE_PLACE, &place, bytes, ws.capacity);
