@@ -13,6 +13,7 @@ use ibgs_core::sources::{DevicePhoto, Outside};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
 use ibgs_shaders::{ALPHA_EMPTY, DENSIFY_GATHER, DENSIFY_OBSERVE, TILE};
 use ibgs_train::autodiff::{Leaves, rasterized};
+use ibgs_train::densify::free_space::NOWHERE;
 use ibgs_train::densify::{Observations, Plan, Round, covered_errors, distance_length, plan};
 use ibgs_train::loss::ImageLoss;
 use rand::SeedableRng;
@@ -20,8 +21,17 @@ use rand_chacha::ChaCha8Rng;
 
 const FRESH: u32 = 1 << 31;
 
-fn round() -> Round {
-    Round { extent: 1.0, prune_length: 1.0, transparent: true, large: false, grows: true, progress: 0.0, until_half: 0 }
+fn round() -> Round<'static> {
+    Round {
+        extent: 1.0,
+        prune_length: 1.0,
+        transparent: true,
+        large: false,
+        grows: true,
+        progress: 0.0,
+        until_half: 0,
+        free_space: &NOWHERE,
+    }
 }
 
 fn published() -> DensifyConfig {
@@ -39,7 +49,7 @@ fn observations(rows: &[([f32; 4], f32, f32)]) -> Observations {
     }
 }
 
-fn planned(rows: &[([f32; 4], f32, f32)], config: &DensifyConfig, round: &Round) -> Plan {
+fn planned(rows: &[([f32; 4], f32, f32)], config: &DensifyConfig, round: &Round<'_>) -> Plan {
     plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
 }
 

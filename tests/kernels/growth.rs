@@ -1,6 +1,10 @@
 //! The default strategy's rounds.
 
+use glam::{DMat3, DVec2, DVec3};
+use ibgs_core::camera::Camera;
 use ibgs_core::config::{DensifyConfig, GrowthConfig};
+use ibgs_core::dataset::Point;
+use ibgs_train::densify::free_space::{FreeSpace, NOWHERE};
 use ibgs_train::densify::growth::{half_opacity, halves};
 use ibgs_train::densify::{Observations, Plan, Round, plan};
 use rand::SeedableRng;
@@ -19,11 +23,20 @@ fn observations(rows: &[(f32, f32, f64)]) -> Observations {
     }
 }
 
-fn round(grows: bool, progress: f64) -> Round {
-    Round { extent: 1.0, prune_length: 1.0, transparent: false, large: false, grows, progress, until_half: 0 }
+fn round(grows: bool, progress: f64) -> Round<'static> {
+    Round {
+        extent: 1.0,
+        prune_length: 1.0,
+        transparent: false,
+        large: false,
+        grows,
+        progress,
+        until_half: 0,
+        free_space: &NOWHERE,
+    }
 }
 
-fn planned(rows: &[(f32, f32, f64)], config: &DensifyConfig, round: &Round) -> Plan {
+fn planned(rows: &[(f32, f32, f64)], config: &DensifyConfig, round: &Round<'_>) -> Plan {
     plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
 }
 
@@ -115,6 +128,20 @@ fn what_is_not_finite_or_beyond_the_scene_is_pruned() {
     o.rotations[2][0] = f32::INFINITY;
     let plan = plan(&o, &DensifyConfig::default(), &round(false, 0.0), &mut ChaCha8Rng::seed_from_u64(1));
     assert_eq!(plan.sources, [3]);
+}
+
+#[test]
+fn what_is_in_free_space_is_pruned_and_replaced() {
+    let (focal, principal) = (DVec2::splat(50.0), DVec2::splat(50.0));
+    let (view_from_world, translation) = (DMat3::IDENTITY, DVec3::ZERO);
+    let camera = Camera { width: 100, height: 100, focal, principal, view_from_world, translation };
+    let points = vec![Point { position: DVec3::new(0.0, 0.0, 5.0), color: [0; 3] }; 20];
+    let free_space = FreeSpace::new(&[camera], &points, 0.5);
+    // One unit apart; the first three are nearer to the camera than 2.5.
+    let rows = [(0.0, 0.1, 0.5); 10];
+    let plan = planned(&rows, &DensifyConfig::default(), &Round { free_space: &free_space, ..round(true, 0.0) });
+    assert_eq!((plan.counts, plan.sources.len()), ([0, 3, 3], 10));
+    assert!(plan.sources.iter().all(|s| s & !FRESH >= 3));
 }
 
 #[test]

@@ -7,6 +7,7 @@ use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::gpu::Pass;
 use ibgs_shaders::MCMC_NOISE;
 use ibgs_shaders::types::McmcNoiseParams;
+use ibgs_train::densify::free_space::NOWHERE;
 use ibgs_train::densify::mcmc::shared;
 use ibgs_train::densify::{Observations, Plan, Round, plan};
 use rand::{Rng, SeedableRng};
@@ -36,6 +37,7 @@ fn planned(opacities: &[f32], config: &DensifyConfig) -> Plan {
         grows: true,
         progress: 0.0,
         until_half: 0,
+        free_space: &NOWHERE,
     };
     plan(&observations, config, &round, &mut ChaCha8Rng::seed_from_u64(2))
 }

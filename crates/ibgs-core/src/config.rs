@@ -264,6 +264,9 @@ pub struct GrowthConfig {
     pub opacity_decay: f64,
     /// Gaussians with a larger radius, in units of the image's longer side, are always split; 0: none are.
     pub screen_size: f64,
+    /// Gaussians nearer to a training camera than this part of the median depth of the points in its image are removed, except
+    /// where points are as near; 0: none are.
+    pub free_space: f64,
 }
 
 /// Constants of the strategy `mcmc`.

@@ -172,6 +172,7 @@ impl Model {
     /// Not enough memory, or as [`Model::load_photos`].
     pub fn renderer(&mut self, gpu: &Arc<Gpu>) -> Result<Renderer, ModelError> {
         self.load_photos(&())?;
+        gpu.warm_up_rendering(self.network.is_some());
         let part = self.network.as_ref().map(|network| self.image_part(gpu, network)).transpose()?;
         let splats = Splats::upload(&self.gaussians.in_space(self.space()), gpu)?;
         let field = self.exposure_field()?;

@@ -46,6 +46,7 @@ pub(super) struct ImageStages {
     residual: Residual,
     normal_loss: NormalLoss,
     photometric_loss: PhotometricLoss,
+    photometric_every: u32,
     network: NetworkParameters,
     network_optimizer: TensorOptimizer,
 }
@@ -114,6 +115,7 @@ impl ImageStages {
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = NetworkParameters::init(gpu, &options.variant, config.seed)?;
         let residual = &config.residual;
+        let photometric_weight = config.surface.photometric_weight * f64::from(config.surface.photometric_every);
         let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
@@ -122,7 +124,8 @@ impl ImageStages {
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
             normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
-            photometric_loss: PhotometricLoss::new(gpu.clone(), config.surface.photometric_weight as f32),
+            photometric_loss: PhotometricLoss::new(gpu.clone(), photometric_weight as f32),
+            photometric_every: config.surface.photometric_every,
             network_optimizer: TensorOptimizer::new(gpu, &network.network().weights, WEIGHTS, adam)?,
             gpu: gpu.clone(),
             network,
@@ -218,6 +221,13 @@ impl ImageStages {
 
     /// Adds the losses of the sources: the photometric loss, and the final image's.
     fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
+        let camera = self.cameras[work.index];
+        let is_photometric =
+            work.iteration.is_multiple_of(self.photometric_every) && self.photometric_loss.weight > 0.0;
+        let is_final = work.schedule.residual_at(work.iteration) && self.residual.fits(&camera);
+        if !is_photometric && !is_final {
+            return Ok(());
+        }
         let sources = self.sources(work)?;
         let (colors, warped) = autodiff::warped(&self.warper, work.image, work.forward, &sources)?;
         let colors = match work.exposures {
@@ -225,9 +235,10 @@ impl ImageStages {
             None => colors,
         };
         let seen = warped.seen;
-        total.add_surface_loss(self.photometric_loss.tracked(colors.clone(), &seen.visible, work.target)?);
-        let camera = self.cameras[work.index];
-        if !work.schedule.residual_at(work.iteration) || !self.residual.fits(&camera) {
+        if is_photometric {
+            total.add_surface_loss(self.photometric_loss.tracked(colors.clone(), &seen.visible, work.target)?);
+        }
+        if !is_final {
             return Ok(());
         }
         let burn_in = work.schedule.burn_in(work.iteration);

@@ -4,6 +4,7 @@ mod resume;
 
 use super::background::iteration_background;
 use super::checkpoint::CheckpointError;
+use super::densify::free_space::FreeSpace;
 use super::densify::{self, Over, Round, Statistics, mcmc};
 use super::exposing::Exposing;
 use super::filter::FilterSizes;
@@ -99,6 +100,7 @@ pub struct Trainer {
     extent: f64,
     /// What the pruning by scale measures by.
     prune_length: f64,
+    free_space: FreeSpace,
     rng: ChaCha8Rng,
     iteration: u32,
     overflowed: bool,
@@ -189,6 +191,8 @@ impl Trainer {
             true => densify::distance_length(&start.means, centre, extent),
             false => extent,
         };
+        let points: Vec<Point> = dataset.points.iter().map(|point| point.to_local(&space)).collect();
+        let free_space = FreeSpace::new(&cameras, &points, config.densify.growth.free_space);
         Ok(Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations()),
@@ -201,6 +205,7 @@ impl Trainer {
             queue: Vec::new(),
             extent,
             prune_length,
+            free_space,
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,
             overflowed: false,
@@ -472,6 +477,7 @@ impl Trainer {
             grows: self.schedule.grows_at(self.iteration),
             progress: self.schedule.progress(self.iteration),
             until_half: self.schedule.rounds_until_half(self.iteration),
+            free_space: &self.free_space,
         };
         let plan = densify::plan(&observations, &self.config.densify, &round, &mut self.rng);
         (self.parameters, self.optimizer) = densify::apply(&self.gpu, &self.parameters, &self.optimizer, plan)?;

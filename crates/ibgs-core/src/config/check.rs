@@ -114,6 +114,8 @@ impl TrainConfig {
         let count = self.surface.intersections;
         let even = matches!(count, 2 | 4 | 6 | 8);
         check.require(even, "surface.intersections", count, "it must be 2, 4, 6 or 8")?;
+        let every = self.surface.photometric_every;
+        check.require(every > 0, "surface.photometric-every", every, "it must be at least 1")?;
         check.numbers(
             "surface.",
             &[
@@ -196,6 +198,7 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
             ("growth.prune-opacity", densify.growth.prune_opacity, Range::Decay),
             ("growth.opacity-decay", densify.growth.opacity_decay, Range::Decay),
             ("growth.screen-size", densify.growth.screen_size, Range::NotNegative),
+            ("growth.free-space", densify.growth.free_space, Range::Decay),
             ("mcmc.noise", densify.mcmc.noise, Range::NotNegative),
             ("mcmc.opacity-weight", densify.mcmc.opacity_weight, Range::NotNegative),
             ("mcmc.scale-weight", densify.mcmc.scale_weight, Range::NotNegative),

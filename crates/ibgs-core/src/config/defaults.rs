@@ -155,6 +155,7 @@ impl Default for GrowthConfig {
             prune_opacity: 1.0 / 255.0,
             opacity_decay: 0.004,
             screen_size: 0.5,
+            free_space: 0.2,
         }
     }
 }

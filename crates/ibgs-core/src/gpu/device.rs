@@ -5,7 +5,8 @@ use super::buffer::Transients;
 use super::matrix::matrix_units;
 use super::profile::Profiler;
 use super::uniforms::Uniforms;
-use ibgs_shaders::{Kernel, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
+use ibgs_shaders::{Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
@@ -137,13 +138,14 @@ pub struct Gpu {
     pub(crate) matrix_units_pay: OnceLock<bool>,
     /// Where kernels find their immediate data on a device that has none.
     pub(super) uniforms: Option<Uniforms>,
-    pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
+    pipelines: Mutex<HashMap<&'static str, Arc<OnceLock<Pipeline>>>>,
     pub(super) profiler: Mutex<Option<Profiler>>,
     /// What went wrong first, once something has.
     fault: Arc<OnceLock<String>>,
 }
 
 /// A compiled kernel.
+#[derive(Clone)]
 pub(super) struct Pipeline {
     pub layout: wgpu::BindGroupLayout,
     pub pipeline: wgpu::ComputePipeline,
@@ -254,10 +256,29 @@ impl Gpu {
     /// The device can render, but lacks a limit that training needs.
     pub fn warm_up(&self) -> Result<(), GpuError> {
         require(&self.info, &self.limits, Use::Training)?;
-        for kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS) {
-            let _ = self.pipeline(kernel);
-        }
+        self.compile_all(|_| true);
         Ok(())
+    }
+
+    /// Compiles the kernels that rendering needs, so that the first frame does not wait for one after the other; `network`: also
+    /// those of the residual network. A browser compiles while the page goes on.
+    pub fn warm_up_rendering(&self, network: bool) {
+        // The test of the matrix units has backward passes too.
+        let tested = network && self.matrix_units.is_some();
+        let renders = |kernel: &Kernel| RENDER_KERNELS.iter().any(|render| render.name == kernel.name);
+        if !cfg!(target_arch = "wasm32") {
+            self.compile_all(|kernel| {
+                if kernel.is_of_network() { tested || network && renders(kernel) } else { renders(kernel) }
+            });
+        }
+    }
+
+    /// Compiles those that are wanted, several at once: a driver may take two seconds for one of them.
+    fn compile_all(&self, wanted: impl Fn(&Kernel) -> bool) {
+        let matrix = if self.matrix_units.is_some() { MATRIX_KERNELS } else { &[] };
+        let mut kernels = [RENDER_KERNELS, TRAIN_KERNELS, matrix].concat();
+        kernels.retain(|kernel| wanted(kernel));
+        kernels.into_par_iter().for_each(|kernel| drop(self.pipeline(kernel)));
     }
 
     /// Use of device memory now; none where the driver does not report it.
@@ -342,10 +363,11 @@ impl Gpu {
         self.wait_until(Some(mark.0))
     }
 
-    pub(super) fn pipeline(&self, kernel: &'static Kernel) -> Arc<Pipeline> {
-        let mut pipelines = self.pipelines.lock().expect("pipeline cache");
-        let entry = pipelines.entry(kernel.name);
-        entry.or_insert_with(|| Arc::new(self.compile(kernel))).clone()
+    /// The kernel, compiled at its first use.
+    pub(super) fn pipeline(&self, kernel: &'static Kernel) -> Pipeline {
+        let pipeline = self.pipelines.lock().expect("pipeline cache").entry(kernel.name).or_default().clone();
+        // Not under that lock, so that several threads compile several kernels.
+        pipeline.get_or_init(|| self.compile(kernel)).clone()
     }
 
     /// A kernel of ours, with bounds checks but without wgpu's guard against endless loops: it nearly doubles the time of a

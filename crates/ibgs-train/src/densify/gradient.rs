@@ -77,7 +77,7 @@ fn fates(o: &Observations, config: &DensifyConfig, extent: f64) -> Vec<Fate> {
 }
 
 /// Clones come first, then splits, then pruning of old and new alike.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
+pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     let fates = fates(o, config, round.extent);
     let mut plan = Plan::default();
     let shrink = config.split_divisor.ln() as f32;

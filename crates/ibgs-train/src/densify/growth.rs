@@ -84,12 +84,13 @@ fn draw(
 }
 
 /// Prunes, chooses what is split, splits, and lets the opacities fade.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
+pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let growth = &config.growth;
     let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();
     let candidates = Candidates { o, config: growth, opacities };
-    let living: Vec<usize> = (0..n).filter(|&i| candidates.lives(i, round.extent)).collect();
+    let in_free_space = round.free_space.contains(&o.means);
+    let living: Vec<usize> = (0..n).filter(|&i| candidates.lives(i, round.extent) && !in_free_space[i]).collect();
     let pruned = n - living.len();
     let mut split = vec![false; n];
     if round.grows {

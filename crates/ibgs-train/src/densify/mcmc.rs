@@ -36,7 +36,7 @@ pub fn shared(o: f64, copies: u32) -> (f64, f64) {
 }
 
 /// Moves what is transparent or broken to places drawn by opacity, and adds as many as the growth allows.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
+pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();
     let lives = |i: usize| opacities[i] > config.mcmc.dead_opacity && o.is_finite(i);

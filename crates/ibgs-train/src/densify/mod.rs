@@ -1,6 +1,7 @@
 //! Densification and pruning: statistics on the GPU, the plan on the host by one of several strategies, the new model
 //! gathered on the GPU.
 
+pub mod free_space;
 mod gradient;
 pub mod growth;
 pub mod mcmc;
@@ -10,6 +11,7 @@ use crate::parameters::Parameters;
 use crate::tensor::{self, bind, primitive};
 use burn::tensor::Tensor;
 use bytemuck::bytes_of;
+use free_space::FreeSpace;
 use glam::{DVec3, Vec3};
 use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -48,7 +50,7 @@ impl Observations {
 
 /// Which prunings apply in a round.
 #[derive(Clone, Copy, Debug)]
-pub struct Round {
+pub struct Round<'a> {
     /// Scene extent in local units.
     pub extent: f64,
     /// The largest scale is `prune-scale` times this length.
@@ -63,6 +65,8 @@ pub struct Round {
     pub progress: f64,
     /// Rounds from this one on in the first half of the run.
     pub until_half: u32,
+    /// Where the strategy `default` removes everything.
+    pub free_space: &'a FreeSpace,
 }
 
 /// The next model: where each row comes from, and what is not simply copied.
@@ -120,7 +124,7 @@ pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
 }
 
 /// Plans a round.
-pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round, rng: &mut ChaCha8Rng) -> Plan {
+pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     match config.strategy {
         Strategy::Default => growth::plan(o, config, round, rng),
         Strategy::Published | Strategy::AbsGs => gradient::plan(o, config, round, rng),
