@@ -2,6 +2,7 @@
 
 mod bundle;
 mod formats;
+mod levels;
 mod offset;
 mod output;
 mod ply_damage;

@@ -38,6 +38,10 @@ pub struct Args {
     module: Option<PathBuf>,
     #[command(flatten)]
     bundle: BundleArgs,
+    /// For `.ibgs`: Gaussians in chunks with levels of detail, for a model that is larger than the memory of a GPU
+    /// (`--gpu-memory` of `render` and `view`).
+    #[arg(long, conflicts_with_all = ["web", "quality"])]
+    levels: bool,
     /// Leave out the field `nd` of a PLY, which other programs do not know.
     #[arg(long)]
     plain: bool,
@@ -95,8 +99,10 @@ fn file(args: &Args, output: &Path) -> Result<()> {
         bail!("{} is there already; choose another name or allow `--overwrite`", output.display());
     }
     if let Some(format) = Format::of_name(output) {
-        if args.bundle.quality.is_some() || args.bundle.photo_size.is_some() {
-            bail!("`--quality` and `--photo-size` are for bundles; leave them out, or choose a name in `.ibgs`");
+        if args.bundle.quality.is_some() || args.bundle.photo_size.is_some() || args.levels {
+            bail!(
+                "`--quality`, `--photo-size` and `--levels` are for bundles; leave them out, or choose a name in `.ibgs`"
+            );
         }
         return gaussians_alone(args, output, format);
     }
@@ -107,7 +113,8 @@ fn file(args: &Args, output: &Path) -> Result<()> {
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
     }
-    args.bundle.of(args.model.read()?)?.write(output, args.bundle.packing(Packing::Lossless))?;
+    let usual = if args.levels { Packing::Levels } else { Packing::Lossless };
+    args.bundle.of(args.model.read()?)?.write(output, args.bundle.packing(usual))?;
     said(output)
 }
 
@@ -137,6 +144,6 @@ fn gaussians(args: &Args) -> Result<Gaussians> {
     let path = &args.model.model;
     match path.is_file() && !is_bundle(path) {
         true => Ok(read_gaussians(path)?),
-        false => Ok(args.model.read()?.gaussians),
+        false => Ok(args.model.read()?.whole()?),
     }
 }

@@ -7,6 +7,7 @@ use anyhow::Result;
 use clap::Args as ClapArgs;
 use ibgs_core::dataset::Resolution;
 use ibgs_core::gpu::{Gpu, Use};
+use ibgs_core::levels::Loading;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Precision;
@@ -45,24 +46,30 @@ pub struct ModelArgs {
     /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test).
     #[arg(long, default_value = "auto")]
     pub precision: Precision,
+    /// GPU memory for a bundle with levels of detail (`ibgs export --levels`): `auto`, `none` (all that the model needs), or a
+    /// size such as `2GiB`; Gaussians take half of it.
+    #[arg(long, default_value = "auto")]
+    pub gpu_memory: MemoryBudget,
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     pub adapter: Option<String>,
+    /// When frames of such a bundle are rendered; none: once all they need is there.
+    #[arg(skip)]
+    pub loading: Option<Loading>,
 }
 
 impl FileArgs {
     /// Reads the model's files only, not the scene.
     pub fn read(&self) -> Result<Model> {
-        self.read_for(None, Precision::default())
+        self.read_with(&ModelOptions::default())
     }
 
-    fn read_for(&self, source_memory: Option<MemoryBudget>, precision: Precision) -> Result<Model> {
+    fn read_with(&self, others: &ModelOptions) -> Result<Model> {
         let options = ModelOptions {
             source: self.source.clone(),
             iteration: self.iteration,
             resolution: self.resolution,
-            source_memory,
-            precision,
+            ..others.clone()
         };
         Ok(Model::open(&self.model, &options)?)
     }
@@ -71,7 +78,14 @@ impl FileArgs {
 impl ModelArgs {
     /// Files with the options that a command line has where it names none.
     pub fn of(files: FileArgs) -> Self {
-        Self { files, source_memory: None, precision: Precision::Auto, adapter: None }
+        Self {
+            files,
+            source_memory: None,
+            precision: Precision::Auto,
+            gpu_memory: MemoryBudget::Auto,
+            adapter: None,
+            loading: None,
+        }
     }
 
     /// Opens the model on the adapter that the command line names.
@@ -81,7 +95,13 @@ impl ModelArgs {
 
     /// Opens the model on a GPU. `gpu` is called after the files have been read.
     pub fn open_on(&self, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<OpenModel> {
-        let mut model = self.files.read_for(self.source_memory, self.precision)?;
+        let mut model = self.files.read_with(&ModelOptions {
+            source_memory: self.source_memory,
+            precision: self.precision,
+            gpu_memory: self.gpu_memory,
+            loading: self.loading,
+            ..ModelOptions::default()
+        })?;
         model.load_photos(&Bars::default())?;
         let renderer = model.renderer(&gpu()?)?;
         // The renderer has them on the device.

@@ -13,12 +13,14 @@ use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{self, Point, Resolution};
 use ibgs_core::gpu::{Gpu, Use};
+use ibgs_core::levels::Loading;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::is_bundle;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
+use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Training, TrainingWish, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -26,6 +28,9 @@ use std::sync::Arc;
 
 /// Largest number of points that show the Gaussians of a file without a scene.
 const MOST_POINTS: usize = 50_000;
+
+/// Chunks of a bundle with levels of detail that come with a frame: 11 MB.
+const CHUNKS: usize = 4;
 
 /// Frames that `--measure` renders each way.
 const MEASURED: usize = 300;
@@ -54,6 +59,9 @@ pub struct Args {
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
     #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, requires = "model")]
     resolution: Option<Resolution>,
+    /// GPU memory for a bundle with levels of detail: `auto`, `none` (all that the model needs), or a size such as `2GiB`.
+    #[arg(long, requires = "model", default_value = "auto")]
+    gpu_memory: MemoryBudget,
     /// Open no window; print how much longer its frames take than the renderer alone.
     #[arg(long, requires = "model")]
     measure: bool,
@@ -86,7 +94,12 @@ pub fn run(args: &Args) -> Result<()> {
                 iteration: args.iteration,
                 resolution: args.resolution,
             };
-            let wanted = ModelArgs { adapter: args.adapter.clone(), ..ModelArgs::of(files) };
+            let wanted = ModelArgs {
+                adapter: args.adapter.clone(),
+                gpu_memory: args.gpu_memory,
+                loading: Some(Loading::AsItComes(CHUNKS)),
+                ..ModelArgs::of(files)
+            };
             let (gpu, opened) = model(&wanted, gpu)?;
             if args.measure {
                 return measure(&gpu, opened);

@@ -40,6 +40,30 @@ fn a_bundle_is_the_model() {
     without_its_scene(&sandbox, &folder);
 }
 
+/// One with levels of detail shows what its folder does, and gives the same Gaussians back.
+#[test]
+fn a_bundle_with_levels_is_the_model_too() {
+    let (sandbox, _) = Sandbox::with_trained();
+    let folder = shown(&sandbox, "model");
+    sandbox.succeeds("export model -o chunks.ibgs --levels");
+    sandbox.succeeds("eval chunks.ibgs --gpu-memory 2GiB");
+    let pictures =
+        |all: Vec<(String, Vec<u8>)>| all.into_iter().filter(|(name, _)| name.starts_with("test/")).collect();
+    let [expected, found]: [Vec<(String, Vec<u8>)>; 2] = [folder, shown(&sandbox, "chunks")].map(pictures);
+    assert_eq!(found.len(), expected.len());
+    let info = sandbox.succeeds("info chunks.ibgs");
+    assert!(info.stdout.contains("levels of detail"), "{info}");
+    let whole = sandbox.succeeds("info model").stdout;
+    let count = |text: &str| text.lines().find(|line| line.contains("Gaussians  ")).map(str::to_owned);
+    assert_eq!(count(&info.stdout), count(&whole));
+    sandbox.succeeds("export chunks.ibgs -o back.ply");
+    sandbox.succeeds("export model -o first.ply");
+    let size = |name: &str| fs::metadata(sandbox.path(name)).unwrap().len();
+    assert_eq!(size("back.ply"), size("first.ply"));
+    sandbox.fails("export model -o other.ply --levels", &["--levels", "`.ibgs`"]);
+    sandbox.fails("render chunks.ibgs --gpu-memory 1KiB", &["--gpu-memory"]);
+}
+
 fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {
     fs::rename(sandbox.path("scene"), sandbox.path("moved")).unwrap();
     fs::remove_dir_all(sandbox.path("small/test")).unwrap();

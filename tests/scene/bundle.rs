@@ -32,6 +32,7 @@ fn bundle() -> Bundle {
     Bundle {
         iteration: 123,
         gaussians: random_gaussians(17, 2, 22),
+        levels: None,
         network: Some((0..5_000).map(|_| rng.random()).collect()),
         exposure: None,
         cameras: cameras::records(&dataset),

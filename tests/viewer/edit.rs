@@ -49,6 +49,7 @@ fn bundle(path: &Path) {
     let bundle = Bundle {
         iteration: 30,
         gaussians: from_points(&dataset.points, 0, 0.6).unwrap(),
+        levels: None,
         network: Some(weights::to_bytes(&weights::random(0)).unwrap()),
         exposure: None,
         cameras: cameras::records(dataset),

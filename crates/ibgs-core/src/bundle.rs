@@ -12,6 +12,9 @@
 //! A small bundle ([`Packing::Small`], format 2) has the Gaussians as `gaussians.sog` and `planes.bin` in place of
 //! `point_cloud.ply`, with the scene's offset in `ibgs.json`, and opaque photos as `photos/NAME.jpg`.
 //!
+//! A bundle with levels of detail ([`Packing::Levels`], format 3) has `levels.json` and `levels.bin` in place of
+//! `point_cloud.ply`: the tree of its chunks and their numbers, which stay in the file until they are needed.
+//!
 //! The order lets a browser show the base image early: with the constant colours as soon as the SOG file has come to its
 //! spherical harmonics, see [`Bundle::read_start`].
 //!
@@ -23,7 +26,9 @@ use crate::dataset::{Photo, Resampler, resample};
 use crate::exposure::{self, Exposure};
 use crate::files::{WriteError, write_seekable_atomically};
 use crate::image_io;
+use crate::levels::{self, Levels, Tree};
 use crate::local_space::LocalSpace;
+use crate::model;
 use crate::output::cameras::{self, CameraRecord, Split};
 use crate::output::multi_view::{self, ViewSources};
 use crate::scene::{Gaussians, PlyFlavor, SceneError, packed, read_ply_from, write_ply_to};
@@ -45,6 +50,8 @@ use zip::ZipWriter;
 /// Version of the layout, and of that of small bundles.
 const FORMAT: u32 = 1;
 const SMALL_FORMAT: u32 = 2;
+/// That of bundles with levels of detail, the latest.
+const LEVELS_FORMAT: u32 = 3;
 /// Photos that are encoded at once.
 const BATCH: usize = 16;
 /// Limit on the decoded size of all photos together: this many times the file's size, plus this many bytes. PNG shrinks
@@ -83,7 +90,7 @@ pub enum BundleError {
         reason: String,
     },
     /// A later version wrote it.
-    #[error("the bundle {} has format {found}, this version of ibgs reads {SMALL_FORMAT}; use a newer one", path.display())]
+    #[error("the bundle {} has format {found}, this version of ibgs reads {LEVELS_FORMAT}; use a newer one", path.display())]
     Newer {
         /// The file.
         path: PathBuf,
@@ -103,8 +110,10 @@ pub enum BundleError {
 pub struct Bundle {
     /// Iteration that the model was saved at.
     pub iteration: u32,
-    /// The Gaussians.
+    /// The Gaussians; where there are levels of detail, the coarsest.
     pub gaussians: Gaussians,
+    /// The levels of detail of a bundle that was read with them.
+    pub levels: Option<Arc<Levels>>,
     /// The residual network in its module's own form; none without.
     pub network: Option<Vec<u8>>,
     /// The training photos' exposures by name; none where they were not corrected.
@@ -130,6 +139,8 @@ pub enum Packing {
         /// JPEG's quality, 1 to 100.
         photo_quality: u8,
     },
+    /// Every value as it is, Gaussians with levels of detail.
+    Levels,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -151,6 +162,9 @@ impl Header {
 /// The Gaussians' part, and that of a small bundle.
 const CLOUD: &str = "point_cloud.ply";
 const SOG: &str = "gaussians.sog";
+/// The parts of levels of detail.
+const TREE: &str = "levels.json";
+const CHUNKS: &str = "levels.bin";
 /// The options' part.
 const OPTIONS: &str = "config.toml";
 
@@ -176,6 +190,7 @@ impl Bundle {
     fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>, packing: Packing) -> io::Result<()> {
         let (format, offset) = match packing {
             Packing::Lossless => (FORMAT, None),
+            Packing::Levels => (LEVELS_FORMAT, None),
             Packing::Small { .. } => (SMALL_FORMAT, self.gaussians.space.file_offset()),
         };
         add(zip, "ibgs.json", &serde_json::to_vec(&Header { format, iteration: self.iteration, offset })?)?;
@@ -188,7 +203,14 @@ impl Bundle {
         add(zip, "cameras.json", &serde_json::to_vec(&cameras::to_json(&self.cameras))?)?;
         add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
         add(zip, OPTIONS, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
-        if packing == Packing::Lossless {
+        if packing == Packing::Levels {
+            // In the coordinates in which it is rendered.
+            let space = model::space(&self.cameras, &self.gaussians, self.config.data.extent);
+            let chunks = levels::build(&self.gaussians.in_space(space), levels::CHUNK);
+            let tree = Tree::of(space, self.gaussians.sh_degree, &chunks);
+            add(zip, TREE, &serde_json::to_vec(&tree)?)?;
+            stored_zip::add_large(zip, CHUNKS, tree.bytes(), |out| levels::write(&chunks, out))?;
+        } else if packing == Packing::Lossless {
             let mut ply = Vec::new();
             write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
             add(zip, CLOUD, &ply)?;
@@ -323,16 +345,29 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         self.parse(CLOUD, |bytes| read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(CLOUD)))
     }
 
+    /// The levels of detail, whose numbers stay in the file.
+    fn levels(&mut self) -> Result<Levels, BundleError> {
+        let tree: Tree = self.parse(TREE, |bytes| serde_json::from_slice(bytes))?;
+        let place = self.zip.place(CHUNKS).map_err(|reason| self.damaged(CHUNKS, reason))?;
+        Levels::open(tree, self.path, place).map_err(|reason| self.damaged(CHUNKS, reason))
+    }
+
     /// The bundle without its photos.
     fn bundle(
         &mut self,
         gaussians: fn(&mut Self, &Header) -> Result<Gaussians, BundleError>,
     ) -> Result<Bundle, BundleError> {
         let header: Header = self.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
-        if header.format > SMALL_FORMAT {
+        if header.format > LEVELS_FORMAT {
             return Err(BundleError::Newer { path: self.path.to_owned(), found: header.format });
         }
-        let gaussians = gaussians(self, &header)?;
+        let levels = self.zip.has(TREE).then(|| self.levels()).transpose()?.map(Arc::new);
+        let gaussians = match &levels {
+            Some(levels) => {
+                levels.gaussians(std::iter::once(0)).map_err(|error| self.damaged(CHUNKS, error.to_string()))?
+            }
+            None => gaussians(self, &header)?,
+        };
         let has_network = self.zip.has("network.bin");
         let network = has_network.then(|| self.bytes("network.bin")).transpose()?;
         let has_exposure = self.zip.has(exposure::FILE_NAME);
@@ -344,7 +379,17 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         let config =
             self.parse(OPTIONS, |bytes| TrainConfig::from_text(&String::from_utf8_lossy(bytes), Path::new(OPTIONS)))?;
         let photos = Vec::new();
-        Ok(Bundle { iteration: header.iteration, gaussians, network, exposure, cameras, config, photos, sources })
+        Ok(Bundle {
+            iteration: header.iteration,
+            gaussians,
+            levels,
+            network,
+            exposure,
+            cameras,
+            config,
+            photos,
+            sources,
+        })
     }
 
     fn damaged(&self, part: &str, reason: impl Into<String>) -> BundleError {

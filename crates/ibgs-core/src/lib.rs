@@ -44,6 +44,7 @@ pub mod files;
 pub mod gpu;
 pub mod image_io;
 pub mod inspect;
+pub mod levels;
 pub mod local_space;
 pub mod mesh;
 pub mod model;

@@ -25,7 +25,8 @@ use crate::config::{Method, Preset, TrainConfig};
 use crate::dataset::demo::{self, DemoOptions};
 use crate::dataset::{self, Dataset, Photo, PrincipalPoint, Resampler, Resolution};
 use crate::exposure::{Exposure, ExposureField};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, GpuError};
+use crate::levels::{self, Levels, Loading, Stream};
 use crate::local_space::LocalSpace;
 use crate::output::OutputFolder;
 use crate::output::cameras::{self, CameraRecord, Split};
@@ -54,6 +55,10 @@ pub struct ModelOptions {
     pub source_memory: Option<MemoryBudget>,
     /// How precisely the residual network computes.
     pub precision: Precision,
+    /// Device memory for a model with levels of detail; other models are on the device as a whole.
+    pub gpu_memory: MemoryBudget,
+    /// When its frames are rendered; none: once all they need is there.
+    pub loading: Option<Loading>,
 }
 
 /// A model, read from its files.
@@ -71,6 +76,8 @@ pub struct Model {
     pub cameras: Vec<CameraRecord>,
     /// The Gaussians, as the file has them.
     pub gaussians: Gaussians,
+    /// The levels of detail of a bundle with them, of which `gaussians` are then the coarsest.
+    pub levels: Option<Arc<Levels>>,
     /// Flat weights of the residual network.
     pub network: Option<Vec<f32>>,
     /// Bytes of the residual network's file.
@@ -84,6 +91,8 @@ pub struct Model {
     /// Another program wrote it: the scene has its cameras.
     foreign: bool,
     source: Option<PathBuf>,
+    gpu_memory: MemoryBudget,
+    loading: Loading,
     /// The scene, where it was needed.
     dataset: Option<Dataset>,
 }
@@ -134,6 +143,7 @@ impl Model {
             model.config.sources.memory = memory;
         }
         model.config.residual.precision = options.precision;
+        (model.gpu_memory, model.loading) = (options.gpu_memory, options.loading.unwrap_or(Loading::Complete));
         Ok(model)
     }
 
@@ -174,10 +184,20 @@ impl Model {
         self.load_photos(&())?;
         gpu.warm_up_rendering(self.network.is_some());
         let part = self.network.as_ref().map(|network| self.image_part(gpu, network)).transpose()?;
-        let splats = Splats::upload(&self.gaussians.in_space(self.space()), gpu)?;
         let field = self.exposure_field()?;
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        Ok(Renderer::new(raster, splats, self.config.background(), part).with_exposure(field))
+        let renderer = |splats| Renderer::new(raster, splats, self.config.background(), part).with_exposure(field);
+        let Some(levels) = &self.levels else {
+            return Ok(renderer(Splats::upload(&self.gaussians.in_space(self.space()), gpu)?));
+        };
+        let slots = levels::slots(levels, self.gpu_memory.bytes(gpu), gpu)?;
+        if slots == levels.leaves().count() {
+            // All of it fits.
+            let whole = levels.gaussians(levels.leaves()).map_err(|error| GpuError::Levels(error.to_string()))?;
+            return Ok(renderer(Splats::upload(&whole, gpu)?));
+        }
+        let (stream, splats) = Stream::new(levels.clone(), gpu, slots, self.loading)?;
+        Ok(renderer(splats).with_stream(stream))
     }
 
     /// The local coordinates in which it is rendered: those of its training, from its cameras; without cameras, those
@@ -328,6 +348,7 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
         iteration: bundle.iteration,
         cameras: bundle.cameras,
         gaussians: bundle.gaussians,
+        levels: bundle.levels,
         network,
         network_bytes,
         exposure: bundle.exposure,
@@ -335,6 +356,8 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
         photos: Some(bundle.photos.into_iter().collect()),
         foreign: false,
         source: None,
+        gpu_memory: MemoryBudget::Auto,
+        loading: Loading::Complete,
         dataset: None,
     })
 }
@@ -371,10 +394,13 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
         iteration,
         cameras,
         gaussians,
+        levels: None,
         network,
         network_bytes,
         foreign,
         source: None,
+        gpu_memory: MemoryBudget::Auto,
+        loading: Loading::Complete,
         dataset: None,
     })
 }

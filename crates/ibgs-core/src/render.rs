@@ -12,6 +12,7 @@ use crate::dataset::Masks;
 use crate::exposure::{Exposer, ExposureField, Exposures};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
+use crate::levels::Stream;
 use crate::local_space::LocalSpace;
 use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Shape, SurfaceOptions};
 use crate::residual::mix::SourceMix;
@@ -97,6 +98,8 @@ pub struct Renderer {
     image: Option<ImageStage>,
     /// The exposures of its photos, where they were corrected.
     exposure: Option<(ExposureField, Exposer)>,
+    /// Chunks that come and go with the views, of a model with levels of detail.
+    stream: Option<Stream>,
 }
 
 #[derive(Debug)]
@@ -143,6 +146,7 @@ impl Renderer {
             shows_surface: false,
             shape: Shape::default(),
             exposure: None,
+            stream: None,
         }
     }
 
@@ -158,6 +162,7 @@ impl Renderer {
             shape: self.shape,
             image: self.image.as_ref().map(stage),
             exposure: self.exposure().map(|field| (field.clone(), Exposer::new(gpu.clone()))),
+            stream: None,
         }
     }
 
@@ -182,6 +187,16 @@ impl Renderer {
         Self { exposure, ..self }
     }
 
+    /// The same of Gaussians that are the chunks of a model with levels of detail.
+    pub fn with_stream(self, stream: Stream) -> Self {
+        Self { stream: Some(stream), ..self }
+    }
+
+    /// The chunks on the device, of a model with levels of detail that is larger.
+    pub fn stream(&self) -> Option<&Stream> {
+        self.stream.as_ref()
+    }
+
     /// Every view in the photos' mean exposure, without a prediction.
     pub fn levelled(self) -> Self {
         Self { exposure: self.exposure.map(|(field, exposer)| (field.levelled(), exposer)), ..self }
@@ -203,7 +218,7 @@ impl Renderer {
     /// # Errors
     /// When the device is lost.
     pub fn shape_missing_planes(&self) -> Result<(), SceneError> {
-        if self.splats.download(self.gpu())?.lacks_planes() {
+        if self.stream.is_none() && self.splats.download(self.gpu())?.lacks_planes() {
             self.shape_planes();
         }
         Ok(())
@@ -316,10 +331,15 @@ impl Renderer {
         mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
     ) -> Result<Frame, GpuError> {
         let gpu = self.gpu().clone();
-        // The sources' depth maps first: what they were made in then serves the frame.
-        let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
         let space = self.space();
         let local = space.camera(camera);
+        if let Some(stream) = &self.stream
+            && stream.prepare(&gpu, &self.splats, &local)?
+        {
+            self.forget_depths();
+        }
+        // The sources' depth maps first: what they were made in then serves the frame.
+        let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
         let view = self.view(&local);
         let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
         let exposures = self.exposures(camera, indices)?;

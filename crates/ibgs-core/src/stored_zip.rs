@@ -21,12 +21,25 @@ pub fn write<W: Write + Seek>(out: W, parts: impl FnOnce(&mut ZipWriter<W>) -> i
 
 /// Adds a part as it is, without the time of day: equal contents make equal files.
 pub fn add<W: Write + Seek>(zip: &mut ZipWriter<W>, part: &str, bytes: &[u8]) -> io::Result<()> {
-    let options = SimpleFileOptions::default()
+    add_large(zip, part, bytes.len() as u64, |zip| zip.write_all(bytes))
+}
+
+/// Adds a part of so many bytes, which need not be in memory at once.
+pub fn add_large<W: Write + Seek>(
+    zip: &mut ZipWriter<W>,
+    part: &str,
+    bytes: u64,
+    contents: impl FnOnce(&mut ZipWriter<W>) -> io::Result<()>,
+) -> io::Result<()> {
+    zip.start_file(part, options(bytes))?;
+    contents(zip)
+}
+
+fn options(bytes: u64) -> SimpleFileOptions {
+    SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(DateTime::default())
-        .large_file(bytes.len() as u64 >= u64::from(u32::MAX));
-    zip.start_file(part, options)?;
-    zip.write_all(bytes)
+        .large_file(bytes >= u64::from(u32::MAX))
 }
 
 /// An archive of the parts before the first one whose name begins with `name`, from the beginning of an archive's bytes; none
@@ -100,6 +113,18 @@ impl<R: Read + Seek> StoredZip<R> {
     /// Whether there is such a part.
     pub fn has(&self, part: &str) -> bool {
         self.zip.index_for_name(part).is_some()
+    }
+
+    /// Where the bytes of a part begin in the file, and their number; errors as for [`StoredZip::bytes`].
+    pub fn place(&mut self, part: &str) -> Result<(u64, u64), String> {
+        match self.zip.by_name(part) {
+            Ok(entry) if entry.compression() == CompressionMethod::Stored => {
+                let begin = entry.data_start().ok_or("cannot be found")?;
+                Ok((begin, entry.size()))
+            }
+            Ok(_) => Err("is compressed, which no part of such a file is".to_owned()),
+            Err(error) => Err(format!("cannot be read ({error})")),
+        }
     }
 
     /// A part: `is missing` or `cannot be read (why)` otherwise. It is no larger than the file.

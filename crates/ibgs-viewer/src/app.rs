@@ -14,7 +14,7 @@ use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::panels::{self, Panels, Start};
 use crate::thumbnails::Thumbnails;
-use crate::worker::{Command, Worker};
+use crate::worker::{Command, Rendered, Worker};
 use crate::{Open, Opened, Outcome, Scene, Wanted, marks};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
 use framing::fitted;
@@ -420,7 +420,8 @@ impl Viewer {
         panels::divider(self, ui, image);
         panels::edit_in_image(self, ui, &response, image, &camera);
         panels::overlay(self, ui, room);
-        let outdated = self.canvas.last().is_some_and(|last| last.iteration != wanted.iteration);
+        let is_outdated = |last: &Rendered| last.iteration != wanted.iteration || last.facts.is_loading;
+        let outdated = self.canvas.last().is_some_and(is_outdated);
         if self.moving() || outdated {
             ui.ctx().request_repaint_after(Duration::from_millis(20));
         }

@@ -163,6 +163,7 @@ impl Canvas {
             let aged =
                 !wanted.running || self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
             *last.frame.camera() == camera
+                && !last.facts.is_loading
                 && (last.range.is_some() || !with_range)
                 && last.looks.iter().zip(wanted.looks).all(|(frame, wanted)| frame.is_some() || !wanted)
                 && !(last.iteration != wanted.iteration && aged)

@@ -87,6 +87,9 @@ impl EditWork {
         if let Some(whole) = &self.whole {
             return Ok(whole.clone());
         }
+        if renderer.stream().is_some() {
+            bail!("a model with levels of detail cannot be edited; edit the one that it was exported from");
+        }
         let whole = Arc::new(renderer.splats().download(renderer.gpu())?);
         self.whole = Some(whole.clone());
         Ok(whole)

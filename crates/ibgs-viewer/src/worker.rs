@@ -11,6 +11,7 @@ use eframe::egui;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::inspect::Inspection;
+use ibgs_core::levels::Stream;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::picture::usual_range;
 use ibgs_core::present::Presenter;
@@ -84,8 +85,10 @@ pub enum Command {
 /// What a model has, as a frame found it.
 #[derive(Clone, Debug)]
 pub struct ModelFacts {
-    /// Number of Gaussians.
+    /// Number of Gaussians; of a model with levels of detail those that the frame is made of.
     pub gaussians: usize,
+    /// Finer chunks of such a model are still to come.
+    pub is_loading: bool,
     /// Cameras of the source photos; none without a residual network.
     pub sources: Option<Arc<[Camera]>>,
     /// Most sources that a pixel uses.
@@ -417,7 +420,8 @@ impl State {
         let time = start.elapsed();
         let depths = if request.with_range { frame.depth_later().await? } else { None };
         let facts = ModelFacts {
-            gaussians: renderer.splats().len(),
+            gaussians: renderer.stream().map_or(renderer.splats().len(), Stream::shown),
+            is_loading: renderer.stream().is_some_and(Stream::is_waiting),
             sources: renderer.part().map(|part| part.cameras.clone()),
             most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
         };

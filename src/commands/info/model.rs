@@ -6,6 +6,7 @@ use crate::stdout;
 use anyhow::Result;
 use glam::DVec3;
 use ibgs_core::config::{Method, TrainConfig};
+use ibgs_core::levels::Levels;
 use ibgs_core::local_space::Length;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::cameras::Split;
@@ -13,6 +14,7 @@ use ibgs_core::output::figures::{Figures, Means};
 use ibgs_core::residual::Output;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use toml::{Table, Value};
 
 /// Names and values, one line each; a name is empty where a value has more lines.
@@ -60,7 +62,10 @@ fn contents(model: &Model) -> Result<Rows> {
     let place = if model.bundle_bytes.is_some() { "in the bundle" } else { "in the scene" };
     rows.push(("photos", format!("those of the {training} training views are {place}")));
     let gaussians = &model.gaussians;
-    rows.push(("Gaussians", format!("{}, spherical harmonics of degree {}", gaussians.len(), gaussians.sh_degree)));
+    let count = model.levels.as_ref().map_or(gaussians.len(), |levels| levels.len());
+    rows.push(("Gaussians", format!("{count}, spherical harmonics of degree {}", gaussians.sh_degree)));
+    let chunks = |levels: &Arc<Levels>| format!("levels of detail in {} chunks", levels.nodes.len());
+    rows.extend(model.levels.as_ref().map(|levels| ("chunks", chunks(levels))));
     let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
     let (low, high) = gaussians.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);
     let axis = |(i, name): (usize, &str)| format!("{name} {} to {}", Length(low[i]), Length(high[i]));

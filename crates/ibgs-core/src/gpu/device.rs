@@ -48,6 +48,9 @@ pub enum GpuError {
         /// The driver's words.
         reason: String,
     },
+    /// A model with levels of detail: its chunks cannot be read, or the memory holds too few.
+    #[error("{0}")]
+    Levels(String),
     /// A buffer would be larger than the device allows.
     #[error("{what} needs {bytes} bytes, more than this device binds at once ({limit})")]
     TooLarge {

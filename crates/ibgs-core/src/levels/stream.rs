@@ -1,0 +1,303 @@
+//! The chunks on the device: as many as its memory may hold, those that the view needs.
+
+use super::cut::cut;
+use super::{Levels, Node};
+use crate::camera::Camera;
+use crate::gpu::{Buffer, Gpu, GpuError};
+use crate::scene::{PerGaussian, Splats};
+use bytemuck::cast_slice;
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::io;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
+
+/// Size in pixels up to which a merged Gaussian may stand for others: then its blur is of the order of the rasterizer's own.
+const PIXELS: f64 = 0.25;
+/// Part of the memory that Gaussians may take; images, lists, photos and depth maps have the rest.
+const SHARE: f64 = 0.5;
+/// Bytes of a Gaussian beside its parameters: filter, projection, tile counts and their sums.
+const WORKSPACE: usize = 4 + 48 + 8 + 8;
+/// Chunks on the device at least: a view that needs fewer is no view.
+const FEWEST: usize = 4;
+/// Chunks that are read ahead of the frames; more would keep a view waiting for those of an earlier one.
+const AHEAD: usize = 12;
+
+/// When a frame is rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loading {
+    /// Once all chunks that it needs are there.
+    Complete,
+    /// At once, with what is there: at most so many chunks come with each frame, and coarser ones stand for those to come.
+    AsItComes(usize),
+}
+
+/// Chunks that fit into a budget of device memory; none: all leaves, and so no need of a tree.
+///
+/// # Errors
+/// The budget holds too few.
+pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu) -> Result<usize, GpuError> {
+    let rows = PerGaussian::rows(levels.coefficients()).into_array();
+    let chunk = levels.chunk() as u64;
+    let bytes = chunk * (4 * rows.iter().sum::<usize>() + WORKSPACE) as u64;
+    let widest = chunk * 4 * rows.into_iter().max().unwrap_or(1).max(12) as u64;
+    let leaves = levels.leaves().count();
+    let fits = budget.map_or(usize::MAX, |budget| (SHARE * budget as f64 / bytes as f64) as usize);
+    let fits = fits.min((gpu.binding_limit() / widest) as usize);
+    match fits < FEWEST.min(leaves) {
+        true => Err(GpuError::Levels(format!(
+            "this model needs at least {} MiB of device memory, give `--gpu-memory` more",
+            ((FEWEST as f64 * bytes as f64 / SHARE) / f64::from(1 << 20)).ceil()
+        ))),
+        false => Ok(fits.min(leaves)),
+    }
+}
+
+/// The chunks on the device.
+#[derive(Debug)]
+pub struct Stream {
+    levels: Arc<Levels>,
+    loading: Loading,
+    /// The first so many chunks, the coarsest, always stay: what has not come yet is shown by them.
+    pinned: usize,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    /// The chunk in each place, and when a view last wanted it.
+    places: Vec<Option<(u32, u64)>>,
+    place_of: HashMap<u32, usize>,
+    /// Rotations of the chunks that are there; on the device they are zero for those that are not shown, which hides them.
+    rotations: HashMap<u32, Vec<f32>>,
+    shown: BTreeSet<u32>,
+    clock: u64,
+    reader: Option<Reader>,
+    /// Chunks are still to come for the last view.
+    is_waiting: bool,
+    /// What is shown has changed since the sources' depth maps were made.
+    is_new: bool,
+}
+
+/// A thread that reads chunks.
+#[derive(Debug)]
+struct Reader {
+    wanted: Sender<u32>,
+    read: Receiver<(u32, io::Result<Vec<f32>>)>,
+    asked: HashSet<u32>,
+}
+
+impl Reader {
+    fn new(levels: Arc<Levels>) -> Self {
+        let ((wanted, requests), (answers, read)) = (channel(), channel());
+        std::thread::spawn(move || {
+            for node in requests {
+                if answers.send((node, levels.read(node))).is_err() {
+                    break;
+                }
+            }
+        });
+        Self { wanted, read, asked: HashSet::new() }
+    }
+}
+
+impl Stream {
+    /// Room for so many chunks, some of the coarsest among them.
+    ///
+    /// # Errors
+    /// Not enough memory, or the file cannot be read.
+    pub fn new(levels: Arc<Levels>, gpu: &Gpu, slots: usize, loading: Loading) -> Result<(Self, Splats), GpuError> {
+        let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
+        let named = PerGaussian::<()>::NAMES.zip(PerGaussian::rows(coefficients));
+        let parameters = named.try_map(|(name, row)| gpu.allocate(name, 4 * (row * count) as u64))?;
+        let filters = gpu.allocate("filters", 4 * count as u64)?;
+        let splats = Splats { space: levels.space, count, coefficients, parameters, filters };
+        let mut state = State {
+            places: vec![None; slots],
+            place_of: HashMap::new(),
+            rotations: HashMap::new(),
+            shown: BTreeSet::new(),
+            clock: 0,
+            reader: (loading != Loading::Complete).then(|| Reader::new(levels.clone())),
+            is_waiting: false,
+            is_new: false,
+        };
+        let pinned = if loading == Loading::Complete { 1 } else { (slots / 4).clamp(1, levels.nodes.len()) };
+        let all = (0..pinned as u32).collect();
+        for node in 0..pinned as u32 {
+            state.put(&levels, (gpu, &splats), node, &all, levels.read(node))?;
+        }
+        state.show(&levels, (gpu, &splats), BTreeSet::from([0]));
+        Ok((Self { levels, loading, pinned, state: Mutex::new(state) }, splats))
+    }
+
+    /// Gaussians that the last frame was made of.
+    pub fn shown(&self) -> usize {
+        let state = self.state.lock().expect("levels of detail");
+        state.shown.iter().map(|&node| self.levels.nodes[node as usize].count as usize).sum()
+    }
+
+    /// Whether a frame of the same view would show more.
+    pub fn is_waiting(&self) -> bool {
+        self.state.lock().expect("levels of detail").is_waiting
+    }
+
+    /// Brings what the view of a local camera needs. True where the sources' depth maps have to be made again: after a change of
+    /// what is shown, once no more is to come; while a camera flies that would be in every frame.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn prepare(&self, gpu: &Gpu, splats: &Splats, camera: &Camera) -> Result<bool, GpuError> {
+        let mut state = self.state.lock().expect("levels of detail");
+        let (state, levels, device) = (&mut *state, &*self.levels, (gpu, splats));
+        state.clock += 1;
+        let before = state.shown.clone();
+        let slots = state.places.len();
+        // Where frames do not wait, chunks of the last view stay until those of this one are there.
+        let spare = if self.loading == Loading::Complete { 0 } else { slots / 8 };
+        let wanted = cut(&levels.nodes, camera, slots.saturating_sub(self.pinned + spare).max(1), PIXELS);
+        let mut needed: HashSet<u32> = (0..self.pinned as u32).chain(wanted.iter().copied()).collect();
+        let mut missing: Vec<u32> = wanted.iter().copied().filter(|node| !state.place_of.contains_key(node)).collect();
+        // The coarse ones first.
+        missing.sort_unstable();
+        match self.loading {
+            Loading::Complete => {
+                for &node in &missing {
+                    state.put(levels, device, node, &needed, levels.read(node))?;
+                }
+                missing.clear();
+            }
+            Loading::AsItComes(most) => {
+                needed.extend(&state.shown);
+                for _ in 0..most {
+                    let reader = state.reader.as_mut().expect("a reader");
+                    let Ok((node, numbers)) = reader.read.try_recv() else { break };
+                    reader.asked.remove(&node);
+                    if !state.place_of.contains_key(&node) {
+                        state.put(levels, device, node, &needed, numbers)?;
+                    }
+                }
+                missing.retain(|node| !state.place_of.contains_key(node));
+                let reader = state.reader.as_mut().expect("a reader");
+                for &node in &missing {
+                    if reader.asked.len() < AHEAD && reader.asked.insert(node) {
+                        let _ = reader.wanted.send(node);
+                    }
+                }
+            }
+        }
+        state.is_waiting = !missing.is_empty();
+        let shown = state.stand_ins(levels, &wanted);
+        for node in shown.iter().chain(&wanted) {
+            if let Some(&place) = state.place_of.get(node) {
+                state.places[place] = Some((*node, state.clock));
+            }
+        }
+        state.show(levels, device, shown);
+        state.is_new |= state.shown != before;
+        Ok(!state.is_waiting && std::mem::take(&mut state.is_new))
+    }
+}
+
+impl State {
+    /// Puts a chunk into a free place, or into that of the one that has not been wanted for longest; nowhere if all are needed.
+    fn put(
+        &mut self,
+        levels: &Levels,
+        (gpu, splats): (&Gpu, &Splats),
+        node: u32,
+        needed: &HashSet<u32>,
+        numbers: io::Result<Vec<f32>>,
+    ) -> Result<(), GpuError> {
+        let numbers = numbers.map_err(|error| GpuError::Levels(format!("cannot read {error}")))?;
+        let free = |&place: &usize| match self.places[place] {
+            Some((old, _)) => !needed.contains(&old),
+            None => true,
+        };
+        let age = |&place: &usize| self.places[place].map(|(_, last)| last);
+        let Some(place) = (0..self.places.len()).filter(free).min_by_key(age) else { return Ok(()) };
+        if let Some((old, _)) = self.places[place] {
+            self.hide(levels, (gpu, splats), old);
+            self.place_of.remove(&old);
+            self.rotations.remove(&old);
+        }
+        let first = place * levels.chunk();
+        let rows = PerGaussian::rows(levels.coefficients());
+        let parts = levels.parts(&numbers);
+        for ((values, row), buffer) in parts.zip(rows).zip(splats.parameters.as_ref()).into_array() {
+            if !std::ptr::eq(buffer, &raw const splats.parameters.rotations) {
+                write(gpu, buffer, first * row, values);
+            }
+        }
+        self.places[place] = Some((node, self.clock));
+        self.place_of.insert(node, place);
+        self.rotations.insert(node, parts.rotations.to_vec());
+        Ok(())
+    }
+
+    /// For each wanted chunk itself, its parts, or what stands for it: all of them there.
+    fn stand_ins(&self, levels: &Levels, wanted: &[u32]) -> BTreeSet<u32> {
+        let (mut shown, mut coarse) = (BTreeSet::new(), HashSet::new());
+        for &node in wanted {
+            if self.place_of.contains_key(&node) {
+                shown.insert(node);
+            } else if let Some(parts) = self.parts(&levels.nodes, node) {
+                shown.extend(parts);
+            } else {
+                let mut node = node;
+                while !self.place_of.contains_key(&node) {
+                    node = levels.parents[node as usize];
+                }
+                coarse.insert(node);
+            }
+        }
+        let is_below = |&node: &u32| {
+            let mut at = node;
+            while at != 0 {
+                at = levels.parents[at as usize];
+                if coarse.contains(&at) {
+                    return true;
+                }
+            }
+            false
+        };
+        shown.extend(&coarse);
+        shown.into_iter().filter(|node| !is_below(node)).collect()
+    }
+
+    /// Chunks that are there and together are a finer form of this one.
+    fn parts(&self, nodes: &[Node], node: u32) -> Option<Vec<u32>> {
+        if self.place_of.contains_key(&node) {
+            return Some(vec![node]);
+        }
+        let [left, right] = nodes[node as usize].children?;
+        let mut parts = self.parts(nodes, left)?;
+        parts.extend(self.parts(nodes, right)?);
+        Some(parts)
+    }
+
+    /// Shows these chunks alone.
+    fn show(&mut self, levels: &Levels, (gpu, splats): (&Gpu, &Splats), shown: BTreeSet<u32>) {
+        let gone: Vec<u32> = self.shown.difference(&shown).copied().collect();
+        gone.into_iter().for_each(|node| self.hide(levels, (gpu, splats), node));
+        for &node in shown.difference(&self.shown) {
+            write(gpu, &splats.parameters.rotations, self.first_rotation(levels, node), &self.rotations[&node]);
+        }
+        self.shown = shown;
+    }
+
+    fn hide(&mut self, levels: &Levels, (gpu, splats): (&Gpu, &Splats), node: u32) {
+        if self.shown.remove(&node) {
+            let zeros = vec![0.0; self.rotations[&node].len()];
+            write(gpu, &splats.parameters.rotations, self.first_rotation(levels, node), &zeros);
+        }
+    }
+
+    fn first_rotation(&self, levels: &Levels, node: u32) -> usize {
+        4 * self.place_of[&node] * levels.chunk()
+    }
+}
+
+/// Writes numbers into a buffer of them, from one on.
+fn write(gpu: &Gpu, buffer: &Buffer, first: usize, numbers: &[f32]) {
+    gpu.queue.write_buffer(&buffer.buffer, buffer.offset + 4 * first as u64, cast_slice(numbers));
+}
