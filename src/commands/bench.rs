@@ -180,7 +180,8 @@ fn synthetic(change: &Change, sh_degree: u32) -> Scene {
 fn load(path: &Path) -> Result<Scene> {
     let name = path.display().to_string();
     if is_bundle(path) {
-        let Bundle { config, gaussians, cameras, .. } = Bundle::read(path)?;
+        let Bundle { config, gaussians, levels, cameras, .. } = Bundle::read(path)?;
+        let gaussians = levels.map_or(Ok(gaussians), |levels| levels.whole())?;
         return scene(name, gaussians, &cameras, config);
     }
     let folder = OutputFolder::open(path)?;

@@ -206,7 +206,7 @@ fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<V
     let mut report = json!({
         "FPS_warm": warm,
         "least_passes": PASSES,
-        "gaussians": renderer.splats().len(),
+        "gaussians": model.levels.as_ref().map_or(renderer.splats().len(), |levels| levels.len()),
         "storage_bytes": {
             "gaussians": gaussians, "network": network, "poses": poses, "photos": photos, "bundle": bundle,
         },

@@ -144,6 +144,10 @@ fn gaussians(args: &Args) -> Result<Gaussians> {
     let path = &args.model.model;
     match path.is_file() && !is_bundle(path) {
         true => Ok(read_gaussians(path)?),
-        false => Ok(args.model.read()?.whole()?),
+        false => {
+            let mut model = args.model.read()?;
+            model.expand()?;
+            Ok(model.gaussians)
+        }
     }
 }

@@ -60,7 +60,7 @@ pub struct Args {
     #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, requires = "model")]
     resolution: Option<Resolution>,
     /// GPU memory for a bundle with levels of detail: `auto`, `none` (all that the model needs), or a size such as `2GiB`.
-    #[arg(long, requires = "model", default_value = "auto")]
+    #[arg(long, default_value = "auto")]
     gpu_memory: MemoryBudget,
     /// Open no window; print how much longer its frames take than the renderer alone.
     #[arg(long, requires = "model")]
@@ -94,12 +94,7 @@ pub fn run(args: &Args) -> Result<()> {
                 iteration: args.iteration,
                 resolution: args.resolution,
             };
-            let wanted = ModelArgs {
-                adapter: args.adapter.clone(),
-                gpu_memory: args.gpu_memory,
-                loading: Some(Loading::AsItComes(CHUNKS)),
-                ..ModelArgs::of(files)
-            };
+            let wanted = ModelArgs { adapter: args.adapter.clone(), ..flying(ModelArgs::of(files), args.gpu_memory) };
             let (gpu, opened) = model(&wanted, gpu)?;
             if args.measure {
                 return measure(&gpu, opened);
@@ -107,7 +102,7 @@ pub fn run(args: &Args) -> Result<()> {
             (gpu, Some(Outcome::Opened(Box::new(opened))))
         }
     };
-    window(&gpu, Opener::default(), first)
+    window(&gpu, Opener { gpu_memory: args.gpu_memory, ..Opener::default() }, first)
 }
 
 impl Args {
@@ -179,6 +174,13 @@ pub fn check_display() -> Result<()> {
 pub struct Opener {
     /// What a training in the window failed with.
     failure: Failure,
+    /// Of the command line.
+    gpu_memory: MemoryBudget,
+}
+
+/// The same with frames that do not wait for chunks.
+fn flying(wanted: ModelArgs, gpu_memory: MemoryBudget) -> ModelArgs {
+    ModelArgs { gpu_memory, loading: Some(Loading::AsItComes(CHUNKS)), ..wanted }
 }
 
 impl Opener {
@@ -224,7 +226,7 @@ impl Open for Opener {
                 }
                 status("opening the model");
                 let files = FileArgs { model: path.clone(), ..FileArgs::default() };
-                model(&ModelArgs::of(files), || Ok(gpu.clone()))?.1
+                model(&flying(ModelArgs::of(files), self.gpu_memory), || Ok(gpu.clone()))?.1
             }
         };
         Ok(Outcome::Opened(Box::new(opened)))

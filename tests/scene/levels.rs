@@ -121,6 +121,33 @@ fn a_part_of_the_chunks_shows_the_view() {
     assert!(complete.stream().unwrap().shown() <= levels.len() / 2);
 }
 
+/// With few places a view may need both finer and coarser chunks than the last one: every view comes to rest.
+#[test]
+fn every_view_comes_to_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let levels = written(folder.path(), &wall(12 * CHUNK));
+    for places in 4..9 {
+        let moving = renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1)).unwrap());
+        let complete = renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1)).unwrap());
+        for (x, z) in [(-20.0, -3.0), (20.0, -3.0), (0.0, -60.0), (18.0, -3.0), (-35.0, -2.0)] {
+            let camera = camera(x, z);
+            let mut frames = 0;
+            let mut last = image(&moving, &camera);
+            while moving.stream().unwrap().is_waiting() {
+                frames += 1;
+                assert!(frames < 1_000, "{places} places at {x}, {z}: it never comes to rest");
+                std::thread::sleep(Duration::from_millis(2));
+                last = image(&moving, &camera);
+            }
+            // As a film does.
+            complete.settle(&camera).unwrap();
+            let film = image(&complete, &camera);
+            assert!(!complete.stream().unwrap().is_waiting());
+            assert!(psnr(&last, &film) > 20.0, "{places} places at {x}, {z}: {} dB", psnr(&last, &film));
+        }
+    }
+}
+
 #[test]
 fn memory_decides_how_many_chunks_fit() {
     let folder = tempfile::tempdir().unwrap();
@@ -140,7 +167,8 @@ fn memory_decides_how_many_chunks_fit() {
     let options = ModelOptions { gpu_memory: "24MiB".parse().unwrap(), ..ModelOptions::default() };
     let small = Model::open(&path, &options).unwrap().renderer(&gpu()).unwrap();
     assert_eq!(small.splats().len(), some * levels.chunk());
-    assert_eq!(model.whole().unwrap().len(), 9 * CHUNK);
+    model.expand().unwrap();
+    assert!(model.gaussians.len() == 9 * CHUNK && model.levels.is_none());
 }
 
 #[test]

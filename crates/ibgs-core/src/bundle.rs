@@ -139,7 +139,7 @@ pub enum Packing {
         /// JPEG's quality, 1 to 100.
         photo_quality: u8,
     },
-    /// Every value as it is, Gaussians with levels of detail.
+    /// Photos without loss, Gaussians with levels of detail, in the coordinates in which they are rendered.
     Levels,
 }
 
@@ -177,11 +177,15 @@ fn small_photo_part(name: &str) -> String {
 }
 
 impl Bundle {
-    /// Writes the bundle, in one atomic step.
+    /// Writes the bundle, in one atomic step. Of one that was read with levels of detail only the coarsest would be written:
+    /// [`Model::expand`](crate::model::Model::expand) comes first.
     ///
     /// # Errors
     /// [`BundleError::Scene`] for Gaussians that are not valid, [`BundleError::Write`].
     pub fn write(&self, path: &Path, packing: Packing) -> Result<(), BundleError> {
+        if self.gaussians.is_empty() && packing == Packing::Levels {
+            return Err(SceneError::NoGaussians.into());
+        }
         self.gaussians.validate()?;
         write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip, packing)))?;
         Ok(())
@@ -206,7 +210,7 @@ impl Bundle {
         if packing == Packing::Levels {
             // In the coordinates in which it is rendered.
             let space = model::space(&self.cameras, &self.gaussians, self.config.data.extent);
-            let chunks = levels::build(&self.gaussians.in_space(space), levels::CHUNK);
+            let chunks = levels::build(self.gaussians.clone().into_space(space), levels::CHUNK);
             let tree = Tree::of(space, self.gaussians.sh_degree, &chunks);
             add(zip, TREE, &serde_json::to_vec(&tree)?)?;
             stored_zip::add_large(zip, CHUNKS, tree.bytes(), |out| levels::write(&chunks, out))?;

@@ -25,7 +25,7 @@ use crate::config::{Method, Preset, TrainConfig};
 use crate::dataset::demo::{self, DemoOptions};
 use crate::dataset::{self, Dataset, Photo, PrincipalPoint, Resampler, Resolution};
 use crate::exposure::{Exposure, ExposureField};
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::Gpu;
 use crate::levels::{self, Levels, Loading, Stream};
 use crate::local_space::LocalSpace;
 use crate::output::OutputFolder;
@@ -193,8 +193,7 @@ impl Model {
         let slots = levels::slots(levels, self.gpu_memory.bytes(gpu), gpu)?;
         if slots == levels.leaves().count() {
             // All of it fits.
-            let whole = levels.gaussians(levels.leaves()).map_err(|error| GpuError::Levels(error.to_string()))?;
-            return Ok(renderer(Splats::upload(&whole, gpu)?));
+            return Ok(renderer(Splats::upload(&levels.whole()?, gpu)?));
         }
         let (stream, splats) = Stream::new(levels.clone(), gpu, slots, self.loading)?;
         Ok(renderer(splats).with_stream(stream))

@@ -192,6 +192,19 @@ impl Renderer {
         Self { stream: Some(stream), ..self }
     }
 
+    /// Brings all chunks of a view, of a model with levels of detail whose frames do not wait for them.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn settle(&self, camera: &Camera) -> Result<(), GpuError> {
+        if let Some(stream) = &self.stream
+            && stream.complete(self.gpu(), &self.splats, &self.space().camera(camera))?
+        {
+            self.forget_depths();
+        }
+        Ok(())
+    }
+
     /// The chunks on the device, of a model with levels of detail that is larger.
     pub fn stream(&self) -> Option<&Stream> {
         self.stream.as_ref()
@@ -218,6 +231,7 @@ impl Renderer {
     /// # Errors
     /// When the device is lost.
     pub fn shape_missing_planes(&self) -> Result<(), SceneError> {
+        // Those of a model with levels of detail have been shaped when its bundle was written.
         if self.stream.is_none() && self.splats.download(self.gpu())?.lacks_planes() {
             self.shape_planes();
         }

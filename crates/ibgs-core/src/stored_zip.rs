@@ -120,8 +120,10 @@ impl<R: Read + Seek> StoredZip<R> {
         match self.zip.by_name(part) {
             Ok(entry) if entry.compression() == CompressionMethod::Stored => {
                 let begin = entry.data_start().ok_or("cannot be found")?;
-                Ok((begin, entry.size()))
+                let end = begin.checked_add(entry.size()).filter(|&end| end <= self.length);
+                end.map(|_| (begin, entry.size())).ok_or_else(|| "is longer than the file".to_owned())
             }
+            Err(ZipError::FileNotFound) => Err("is missing".to_owned()),
             Ok(_) => Err("is compressed, which no part of such a file is".to_owned()),
             Err(error) => Err(format!("cannot be read ({error})")),
         }

@@ -134,7 +134,7 @@ fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
         bail!("a bundle holds cameras and photos, which this model does not have; choose a name in `.ply`");
     };
     let mut model = Model::clone(model);
-    model.gaussians = gaussians;
+    (model.gaussians, model.levels) = (gaussians, None);
     model.into_bundle(&())?.write(path, Packing::Lossless)?;
     Ok(text)
 }

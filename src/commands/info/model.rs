@@ -67,7 +67,14 @@ fn contents(model: &Model) -> Result<Rows> {
     let chunks = |levels: &Arc<Levels>| format!("levels of detail in {} chunks", levels.nodes.len());
     rows.extend(model.levels.as_ref().map(|levels| ("chunks", chunks(levels))));
     let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
-    let (low, high) = gaussians.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = match &model.levels {
+        Some(levels) => {
+            let corners = [levels.nodes[0].low, levels.nodes[0].high].map(|p| levels.space.to_scene(p.as_dvec3()));
+            corners.into_iter().fold(none, fold)
+        }
+        None => gaussians.positions().fold(none, fold),
+    };
     let axis = |(i, name): (usize, &str)| format!("{name} {} to {}", Length(low[i]), Length(high[i]));
     if !gaussians.is_empty() {
         rows.push(("place", ["x", "y", "z"].into_iter().enumerate().map(axis).collect::<Vec<_>>().join(", ")));

@@ -19,7 +19,7 @@ pub struct SurfaceConfig {
     pub normal_weight: f64,
     /// Weight of the photometric loss (published: 0.3).
     pub photometric_weight: f64,
-    /// The photometric loss is part of every so manieth iteration, with its weight times this (published: 1).
+    /// The photometric loss is part of every N-th iteration, with N times its weight (published: 1).
     pub photometric_every: u32,
     /// Device memory for the median depths of the training views, as `sources.memory`; none: all are kept. One that was dropped
     /// is rendered again when it is needed, by the Gaussians of that moment, so a limit changes what is learned.

@@ -14,6 +14,8 @@ const MOST_OPACITY: f64 = 0.99;
 /// Factor by which a merged Gaussian that would have to be more opaque becomes wider at most: a sheet of such Gaussians then
 /// lets a tenth of the light through, instead of six tenths.
 const MOST_WIDENING: f64 = 2.0;
+/// Scales are no larger than that of this logarithm, so that their squares fit.
+const MOST_LOG_SCALE: f32 = 40.0;
 /// Sweeps of Jacobi's method, which converges quadratically.
 const SWEEPS: usize = 12;
 
@@ -26,9 +28,14 @@ struct Branch {
 
 /// The tree of a model with at least one Gaussian, chunks of at most `chunk`: its nodes and their Gaussians, the root first,
 /// parents before children.
-pub fn build(model: &Gaussians, chunk: usize) -> Vec<(Node, Gaussians)> {
+pub fn build(mut model: Gaussians, chunk: usize) -> Vec<(Node, Gaussians)> {
+    if model.lacks_planes() {
+        // Depths mean something then.
+        model.normals = model.rotations.iter().zip(&model.log_scales).map(shortest_axis).collect();
+    }
     let mut indices: Vec<u32> = (0..model.len() as u32).collect();
-    let root = branch(model, &mut indices, chunk.max(GROUP));
+    let root = branch(&model, &mut indices, chunk.max(GROUP));
+    drop(model);
     let mut nodes: Vec<(Node, Gaussians)> = Vec::new();
     // Level by level; each entry knows whose child it is.
     let mut level = vec![(root, None::<(usize, usize)>)];
@@ -62,6 +69,7 @@ fn branch(model: &Gaussians, indices: &mut [u32], chunk: usize) -> Branch {
     let mut node = bounds(&gaussians);
     // Nothing that it stands for lies outside.
     (node.low, node.high) = (left.node.low.min(right.node.low), left.node.high.max(right.node.high));
+    node.reach = node.reach.max(left.node.reach).max(right.node.reach);
     node.error = error.max(left.node.error).max(right.node.error);
     Branch { node, gaussians, children: Some(Box::new([left, right])) }
 }
@@ -83,7 +91,7 @@ fn bounds(gaussians: &Gaussians) -> Node {
     let mut node = Node { count: gaussians.len() as u32, ..Node::empty() };
     for (mean, scales) in gaussians.means.iter().zip(&gaussians.log_scales) {
         (node.low, node.high) = (node.low.min(Vec3::from(*mean)), node.high.max(Vec3::from(*mean)));
-        node.reach = scales.iter().fold(node.reach, |reach, scale| reach.max(3.0 * scale.exp()));
+        node.reach = scales.iter().fold(node.reach, |reach, scale| reach.max(3.0 * scale.min(MOST_LOG_SCALE).exp()));
     }
     node
 }
@@ -151,13 +159,24 @@ struct Merged {
     weights: Vec<f64>,
 }
 
+/// The rotation of a Gaussian; none where its quaternion is zero, which the rasterizer does not show.
+fn axes_of([w, x, y, z]: [f32; 4]) -> DMat3 {
+    let quaternion = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
+    DMat3::from_quat(if quaternion.length_squared() > 0.0 { quaternion.normalize() } else { DQuat::IDENTITY })
+}
+
+/// Direction of the smallest scale (method.md section 1).
+fn shortest_axis((rotation, scales): (&[f32; 4], &[f32; 3])) -> [f32; 3] {
+    axes_of(*rotation).col(Vec3::from(*scales).min_position()).as_vec3().to_array()
+}
+
 /// Mean area that an ellipsoid with these half axes shows, up to a factor.
 fn area(s: DVec3) -> f64 {
     s.x * s.y + s.y * s.z + s.z * s.x
 }
 
 fn scales_of(all: &Gaussians, i: u32) -> DVec3 {
-    Vec3::from(all.log_scales[i as usize]).as_dvec3().exp()
+    Vec3::from(all.log_scales[i as usize]).min(Vec3::splat(MOST_LOG_SCALE)).as_dvec3().exp()
 }
 
 impl Merged {
@@ -172,8 +191,7 @@ impl Merged {
         let mean = means.iter().zip(&weights).map(|(mean, weight)| *weight * *mean).sum();
         let mut covariance = DMat3::ZERO;
         for ((&i, place), weight) in group.iter().zip(means).zip(&weights) {
-            let [w, x, y, z] = all.rotations[i as usize].map(f64::from);
-            let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+            let axes = axes_of(all.rotations[i as usize]);
             let squares = DMat3::from_diagonal(scales_of(all, i).powf(2.0));
             let step: DVec3 = place - mean;
             let apart = DMat3::from_cols(step * step.x, step * step.y, step * step.z);
@@ -268,7 +286,7 @@ pub(super) mod tests {
     #[test]
     fn the_leaves_hold_every_gaussian_once_and_levels_become_coarser() {
         let model = cloud(3_000);
-        let nodes = build(&model, 128);
+        let nodes = build(model.clone(), 128);
         let mut found: Vec<f32> = Vec::new();
         for (node, gaussians) in &nodes {
             gaussians.validate().unwrap();
@@ -292,7 +310,7 @@ pub(super) mod tests {
         }
         found.sort_by(f32::total_cmp);
         assert_eq!(found, (0..3_000).map(|i| i as f32).collect::<Vec<_>>());
-        assert_eq!(build(&model, 128), nodes, "the same every time");
+        assert_eq!(build(model, 128), nodes, "the same every time");
     }
 
     /// Mass, centre and second moments stay; what lies on one plane stays on it.
@@ -332,6 +350,29 @@ pub(super) mod tests {
         scales.sort_by(f64::total_cmp);
         own.sort_by(f64::total_cmp);
         assert!(scales.iter().zip(own).all(|(a, b)| (a / b - 1.0).abs() < 1e-6), "{scales:?} {own:?}");
+    }
+
+    /// What no rasterizer shows, or nobody wants, spoils no other chunk.
+    #[test]
+    fn every_chunk_of_odd_gaussians_is_finite() {
+        let mut model = cloud(600);
+        model.rotations[..300].fill([0.0; 4]);
+        model.log_scales[100] = [200.0, 88.7, -200.0];
+        model.log_scales[200] = [-200.0; 3];
+        model.opacity_logits[300..400].fill(-500.0);
+        model.normals.fill([0.0, 0.0, 1.0]);
+        model.rotations[599] = [1.0, 0.0, 0.0, 0.0];
+        model.log_scales[599] = [-1.0, -3.0, -2.0];
+        let nodes = build(model, 32);
+        for (node, gaussians) in &nodes {
+            gaussians.validate().unwrap();
+            assert!(node.error.is_finite() && node.reach.is_finite(), "{node:?}");
+        }
+        let last = nodes.iter().find_map(|(node, g)| {
+            let at = g.offsets.iter().position(|&offset| offset == 599.0).filter(|_| node.children.is_none())?;
+            Some(g.normals[at])
+        });
+        assert_eq!(last, Some([0.0, 1.0, 0.0]), "the shortest axis");
     }
 
     #[test]

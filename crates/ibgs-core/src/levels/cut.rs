@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_cut_stands_for_every_leaf_once_and_keeps_to_its_number() {
-        let nodes: Vec<Node> = build(&cloud(3_000), 64).into_iter().map(|(node, _)| node).collect();
+        let nodes: Vec<Node> = build(cloud(3_000), 64).into_iter().map(|(node, _)| node).collect();
         let mut all = leaves_below(&nodes, 0);
         all.sort_unstable();
         for most in [1, 2, 7, 20, 1_000] {
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn what_is_near_is_fine_and_what_is_outside_coarse() {
-        let nodes: Vec<Node> = build(&cloud(3_000), 64).into_iter().map(|(node, _)| node).collect();
+        let nodes: Vec<Node> = build(cloud(3_000), 64).into_iter().map(|(node, _)| node).collect();
         let error = |node: u32, camera: &Camera| error_in(&nodes[node as usize], camera);
         let (before, behind) = (camera(0.0, 0.0, -6.0), camera(0.0, 0.0, 60.0));
         assert!(error(0, &before) > 0.0);

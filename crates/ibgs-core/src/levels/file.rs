@@ -1,7 +1,8 @@
 //! The chunks in a file: `levels.json` has the tree, `levels.bin` the numbers of one chunk after the other, float32 in the order of
 //! [`PerGaussian`], each kind for all Gaussians of the chunk.
 
-use super::Node;
+use super::{CHUNK, Node};
+use crate::gpu::GpuError;
 use crate::local_space::LocalSpace;
 use crate::scene::{Gaussians, MAX_SH_DEGREE, PerGaussian, values_of};
 use bytemuck::{cast_slice, cast_slice_mut};
@@ -39,6 +40,9 @@ pub struct Levels {
     path: PathBuf,
 }
 
+/// Halves of halves of any number of Gaussians.
+const MOST_DEPTH: u32 = 40;
+
 /// Numbers of a Gaussian.
 fn width(coefficients: usize) -> usize {
     PerGaussian::rows(coefficients).into_array().iter().sum()
@@ -58,16 +62,30 @@ impl Tree {
     /// What is wrong with it, if anything is: chunks would be missing or come twice.
     fn fault(&self) -> Option<&'static str> {
         let (mut next, count) = (1, self.nodes.len());
-        for node in &self.nodes {
+        let mut depths = vec![0u32; count];
+        for (index, node) in self.nodes.iter().enumerate() {
             if let Some([left, right]) = node.children {
-                if [left as usize, right as usize] != [next, next + 1] {
-                    return Some("its chunks are not in the order of a tree");
+                if [left as usize, right as usize] != [next, next + 1] || next <= index || next + 1 >= count {
+                    return Some("`children` are not in the order of a tree");
                 }
+                let depth = depths[index] + 1;
+                depths[next..next + 2].fill(depth);
                 next += 2;
             }
-            if node.count == 0 || !(node.low.is_finite() && node.high.is_finite() && node.error >= 0.0) {
-                return Some("a chunk has no place or no Gaussian");
+            if depths[index] > MOST_DEPTH {
+                return Some("its tree is too deep");
             }
+            if !(1..=CHUNK as u32).contains(&node.count) {
+                return Some("`count` of a chunk is out of its range");
+            }
+            let sizes = [node.error, node.reach].into_iter().all(|size| size.is_finite() && size >= 0.0);
+            let has_place = node.low.is_finite() && node.high.is_finite() && node.low.cmple(node.high).all();
+            if !sizes || !has_place {
+                return Some("`low`, `high`, `reach` or `error` of a chunk makes no sense");
+            }
+        }
+        if !(self.space.origin.is_finite() && self.space.scale.is_finite() && self.space.scale > 0.0) {
+            return Some("`space` makes no sense");
         }
         match (next == count, self.sh_degree <= MAX_SH_DEGREE) {
             (true, true) => None,
@@ -159,6 +177,14 @@ impl Levels {
             rest = after;
             part
         })
+    }
+
+    /// The model in full detail.
+    ///
+    /// # Errors
+    /// [`GpuError::Levels`] where the file cannot be read.
+    pub fn whole(&self) -> Result<Gaussians, GpuError> {
+        self.gaussians(self.leaves()).map_err(|error| GpuError::Levels(error.to_string()))
     }
 
     /// Some chunks as one model.

@@ -8,7 +8,7 @@ use crate::scene::{PerGaussian, Splats};
 use bytemuck::cast_slice;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
 
 /// Size in pixels up to which a merged Gaussian may stand for others: then its blur is of the order of the rasterizer's own.
@@ -101,11 +101,12 @@ impl Reader {
 }
 
 impl Stream {
-    /// Room for so many chunks, some of the coarsest among them.
+    /// Room for so many chunks, at least two, some of the coarsest among them.
     ///
     /// # Errors
     /// Not enough memory, or the file cannot be read.
     pub fn new(levels: Arc<Levels>, gpu: &Gpu, slots: usize, loading: Loading) -> Result<(Self, Splats), GpuError> {
+        let slots = slots.max(2);
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
         let named = PerGaussian::<()>::NAMES.zip(PerGaussian::rows(coefficients));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, 4 * (row * count) as u64))?;
@@ -147,19 +148,31 @@ impl Stream {
     /// # Errors
     /// The file cannot be read.
     pub fn prepare(&self, gpu: &Gpu, splats: &Splats, camera: &Camera) -> Result<bool, GpuError> {
+        self.bring((gpu, splats), camera, self.loading)
+    }
+
+    /// The same once all chunks that the view needs are there.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn complete(&self, gpu: &Gpu, splats: &Splats, camera: &Camera) -> Result<bool, GpuError> {
+        self.bring((gpu, splats), camera, Loading::Complete)
+    }
+
+    fn bring(&self, device: (&Gpu, &Splats), camera: &Camera, loading: Loading) -> Result<bool, GpuError> {
         let mut state = self.state.lock().expect("levels of detail");
-        let (state, levels, device) = (&mut *state, &*self.levels, (gpu, splats));
+        let (state, levels) = (&mut *state, &*self.levels);
         state.clock += 1;
         let before = state.shown.clone();
         let slots = state.places.len();
         // Where frames do not wait, chunks of the last view stay until those of this one are there.
         let spare = if self.loading == Loading::Complete { 0 } else { slots / 8 };
         let wanted = cut(&levels.nodes, camera, slots.saturating_sub(self.pinned + spare).max(1), PIXELS);
-        let mut needed: HashSet<u32> = (0..self.pinned as u32).chain(wanted.iter().copied()).collect();
+        let needed: HashSet<u32> = (0..self.pinned as u32).chain(wanted.iter().copied()).collect();
         let mut missing: Vec<u32> = wanted.iter().copied().filter(|node| !state.place_of.contains_key(node)).collect();
         // The coarse ones first.
         missing.sort_unstable();
-        match self.loading {
+        match loading {
             Loading::Complete => {
                 for &node in &missing {
                     state.put(levels, device, node, &needed, levels.read(node))?;
@@ -167,12 +180,18 @@ impl Stream {
                 missing.clear();
             }
             Loading::AsItComes(most) => {
-                needed.extend(&state.shown);
                 for _ in 0..most {
                     let reader = state.reader.as_mut().expect("a reader");
-                    let Ok((node, numbers)) = reader.read.try_recv() else { break };
+                    let (node, numbers) = match reader.read.try_recv() {
+                        Ok(read) => read,
+                        Err(TryRecvError::Empty) => break,
+                        Err(TryRecvError::Disconnected) => {
+                            return Err(GpuError::Levels("the thread that reads chunks has ended".to_owned()));
+                        }
+                    };
                     reader.asked.remove(&node);
-                    if !state.place_of.contains_key(&node) {
+                    // Of a view that has passed.
+                    if needed.contains(&node) && !state.place_of.contains_key(&node) {
                         state.put(levels, device, node, &needed, numbers)?;
                     }
                 }
@@ -199,7 +218,8 @@ impl Stream {
 }
 
 impl State {
-    /// Puts a chunk into a free place, or into that of the one that has not been wanted for longest; nowhere if all are needed.
+    /// Puts a chunk that is needed into a free place, or into that of one that is not: rather one that is not shown, and of those
+    /// the one that has not been wanted for longest.
     fn put(
         &mut self,
         levels: &Levels,
@@ -209,12 +229,10 @@ impl State {
         numbers: io::Result<Vec<f32>>,
     ) -> Result<(), GpuError> {
         let numbers = numbers.map_err(|error| GpuError::Levels(format!("cannot read {error}")))?;
-        let free = |&place: &usize| match self.places[place] {
-            Some((old, _)) => !needed.contains(&old),
-            None => true,
-        };
-        let age = |&place: &usize| self.places[place].map(|(_, last)| last);
-        let Some(place) = (0..self.places.len()).filter(free).min_by_key(age) else { return Ok(()) };
+        let free = |&place: &usize| self.places[place].is_none_or(|(old, _)| !needed.contains(&old));
+        let age = |&place: &usize| self.places[place].map(|(old, last)| (self.shown.contains(&old), last));
+        let place =
+            (0..self.places.len()).filter(free).min_by_key(age).expect("fewer are needed than there are places");
         if let Some((old, _)) = self.places[place] {
             self.hide(levels, (gpu, splats), old);
             self.place_of.remove(&old);

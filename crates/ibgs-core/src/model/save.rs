@@ -2,24 +2,20 @@
 
 use super::{Model, ModelError};
 use crate::bundle::Bundle;
-use crate::gpu::GpuError;
 use crate::output::multi_view;
 use crate::progress::Progress;
 use crate::residual::weights;
-use crate::scene::Gaussians;
 
 impl Model {
-    /// All its Gaussians, also of a model with levels of detail.
+    /// Has all Gaussians in memory, in place of levels of detail.
     ///
     /// # Errors
-    /// Its file cannot be read.
-    pub fn whole(&mut self) -> Result<Gaussians, ModelError> {
-        match &self.levels {
-            Some(levels) => {
-                levels.gaussians(levels.leaves()).map_err(|error| GpuError::Levels(error.to_string()).into())
-            }
-            None => Ok(std::mem::take(&mut self.gaussians)),
+    /// The levels' file cannot be read.
+    pub fn expand(&mut self) -> Result<(), ModelError> {
+        if let Some(levels) = self.levels.take() {
+            self.gaussians = levels.whole()?;
         }
+        Ok(())
     }
 
     /// Everything that rendering the model needs; loads the scene where the model does not bring its photos.
@@ -28,7 +24,7 @@ impl Model {
     /// As [`Model::load_photos`], or as [`Model::training_photos`].
     pub fn into_bundle(mut self, progress: &dyn Progress) -> Result<Bundle, ModelError> {
         self.load_photos(progress)?;
-        self.gaussians = self.whole()?;
+        self.expand()?;
         if self.photos.is_none() {
             self.dataset(progress)?;
         }

@@ -8,6 +8,9 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SceneError {
+    /// Levels of detail of nothing.
+    #[error("the model has no Gaussian, and so no levels of detail; export it without `--levels`")]
+    NoGaussians,
     /// The operating system refused to read the file.
     #[error("cannot read {}: {source}; check that the path names a file of Gaussians", path.display())]
     Read {

@@ -5,8 +5,9 @@ use glam::{DVec3, Vec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Point;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
-/// Points that are looked at; of more, every so manieth.
+/// Points that are looked at; of more, every n-th.
 const LOOKED_AT: usize = 20_000;
 /// So many points may lie in the free space around a camera at most, and one of a thousand: matching errs.
 const ASTRAY: usize = 3;
@@ -14,14 +15,14 @@ const ASTRAY: usize = 3;
 /// Balls around the training cameras in which no Gaussian stays, in local coordinates.
 #[derive(Clone, Debug)]
 pub struct FreeSpace {
-    /// Centres and squared radii.
-    balls: Vec<(Vec3, f32)>,
-    /// The box around all of them.
-    bounds: [Vec3; 2],
+    /// Centres and squared radii of those that reach into each cube of a grid.
+    balls: BTreeMap<[i32; 3], Vec<(Vec3, f32)>>,
+    /// Side of a cube.
+    side: f32,
 }
 
 /// No free space.
-pub static NOWHERE: FreeSpace = FreeSpace { balls: Vec::new(), bounds: [Vec3::ZERO; 2] };
+pub static NOWHERE: FreeSpace = FreeSpace { balls: BTreeMap::new(), side: 1.0 };
 
 impl FreeSpace {
     /// Radius of each ball: `part` of the median depth of those `points` that lie within the camera's image, less where points
@@ -32,27 +33,39 @@ impl FreeSpace {
         }
         let step = points.len().div_ceil(LOOKED_AT).max(1);
         let points: Vec<DVec3> = points.iter().step_by(step).map(|point| point.position).collect();
-        let balls: Vec<(Vec3, f32)> = cameras
+        let found: Vec<(Vec3, f32)> = cameras
             .par_iter()
-            .filter_map(|camera| Some((camera.center().as_vec3(), radius(camera, &points, part)?.powi(2) as f32)))
+            .filter_map(|camera| Some((camera.center().as_vec3(), radius(camera, &points, part)? as f32)))
             .collect();
-        let corner = |sign: f32| balls.iter().map(move |&(centre, square)| centre + sign * square.sqrt());
-        let low = corner(-1.0).fold(Vec3::INFINITY, Vec3::min);
-        let high = corner(1.0).fold(Vec3::NEG_INFINITY, Vec3::max);
-        Self { balls, bounds: [low, high] }
+        // A ball then reaches into eight cubes at most.
+        let side = found.iter().fold(f32::MIN_POSITIVE, |side, &(_, radius)| side.max(2.0 * radius));
+        let mut balls: BTreeMap<[i32; 3], Vec<(Vec3, f32)>> = BTreeMap::new();
+        for (centre, radius) in found {
+            let [low, high] = [centre - radius, centre + radius].map(|corner| cube(corner, side));
+            for x in low[0]..=high[0] {
+                for y in low[1]..=high[1] {
+                    for z in low[2]..=high[2] {
+                        balls.entry([x, y, z]).or_default().push((centre, radius * radius));
+                    }
+                }
+            }
+        }
+        Self { balls, side }
     }
 
     /// Which of the places lie in it.
     pub fn contains(&self, places: &[[f32; 3]]) -> Vec<bool> {
-        let [low, high] = self.bounds;
         let inside = |place: &[f32; 3]| {
             let place = Vec3::from(*place);
-            place.cmpge(low).all()
-                && place.cmple(high).all()
-                && self.balls.iter().any(|&(centre, square)| place.distance_squared(centre) < square)
+            let near = self.balls.get(&cube(place, self.side));
+            near.is_some_and(|balls| balls.iter().any(|&(centre, square)| place.distance_squared(centre) < square))
         };
         places.par_iter().map(inside).collect()
     }
+}
+
+fn cube(place: Vec3, side: f32) -> [i32; 3] {
+    (place / side).floor().as_ivec3().to_array()
 }
 
 /// None where the camera sees no point.
