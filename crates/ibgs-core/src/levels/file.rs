@@ -151,7 +151,7 @@ impl Levels {
         self.nodes.iter().map(|node| node.count as usize).max().unwrap_or(0)
     }
 
-    /// The numbers of a chunk, see [`Levels::parts`].
+    /// The numbers of a chunk: those of each kind of parameter for all its Gaussians, in the order of [`PerGaussian`].
     ///
     /// # Errors
     /// The file cannot be read, or has numbers that are not finite.
