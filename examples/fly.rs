@@ -20,8 +20,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Chunks that come with a frame, as in the viewer.
-const CHUNKS: usize = 4;
 /// Frames from one training camera to the next.
 const BETWEEN: usize = 25;
 /// Frames that are also rendered at rest.
@@ -41,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let renderer = model.renderer(&gpu)?;
         Ok((model, renderer))
     };
-    let (model, moving) = open(memory, Some(Loading::AsItComes(CHUNKS)))?;
+    let (model, moving) = open(memory, Loading::FLYING)?;
     let training = model.training_views();
     let camera = |frame: usize| {
         let at = frame as f64 / BETWEEN as f64;
@@ -75,8 +73,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     report(&gpu, "flying");
     drop(moving);
-    let (_, resting) = open(memory, None)?;
-    let (_, whole) = open("none", None)?;
+    let (_, resting) = open(memory, Loading::Complete)?;
+    let (_, whole) = open("none", Loading::Complete)?;
     if whole.stream().is_some() {
         return Err("the device cannot hold the whole model to compare with".into());
     }

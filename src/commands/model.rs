@@ -53,9 +53,9 @@ pub struct ModelArgs {
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     pub adapter: Option<String>,
-    /// When frames of such a bundle are rendered; none: once all they need is there.
+    /// When frames of such a bundle are rendered.
     #[arg(skip)]
-    pub loading: Option<Loading>,
+    pub loading: Loading,
 }
 
 impl FileArgs {
@@ -84,7 +84,7 @@ impl ModelArgs {
             precision: Precision::Auto,
             gpu_memory: MemoryBudget::Auto,
             adapter: None,
-            loading: None,
+            loading: Loading::default(),
         }
     }
 

@@ -29,9 +29,6 @@ use std::sync::Arc;
 /// Largest number of points that show the Gaussians of a file without a scene.
 const MOST_POINTS: usize = 50_000;
 
-/// Chunks of a bundle with levels of detail that come with a frame: 11 MB.
-const CHUNKS: usize = 4;
-
 /// Frames that `--measure` renders each way.
 const MEASURED: usize = 300;
 
@@ -180,7 +177,7 @@ pub struct Opener {
 
 /// The same with frames that do not wait for chunks.
 fn flying(wanted: ModelArgs, gpu_memory: MemoryBudget) -> ModelArgs {
-    ModelArgs { gpu_memory, loading: Some(Loading::AsItComes(CHUNKS)), ..wanted }
+    ModelArgs { gpu_memory, loading: Loading::FLYING, ..wanted }
 }
 
 impl Opener {

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{DensifyConfig, GrowthConfig};
 use ibgs_core::dataset::Point;
+use ibgs_core::local_space::LocalSpace;
 use ibgs_train::densify::free_space::{FreeSpace, NOWHERE};
 use ibgs_train::densify::growth::{half_opacity, halves};
 use ibgs_train::densify::{Observations, Plan, Round, plan};
@@ -136,7 +137,7 @@ fn what_is_in_free_space_is_pruned_and_replaced() {
     let (view_from_world, translation) = (DMat3::IDENTITY, DVec3::ZERO);
     let camera = Camera { width: 100, height: 100, focal, principal, view_from_world, translation };
     let points = vec![Point { position: DVec3::new(0.0, 0.0, 5.0), color: [0; 3] }; 20];
-    let free_space = FreeSpace::new(&[camera], &points, 0.5);
+    let free_space = FreeSpace::new(&[camera], (&points, &LocalSpace::default()), 0.5);
     // One unit apart; the first three are nearer to the camera than 2.5.
     let rows = [(0.0, 0.1, 0.5); 10];
     let plan = planned(&rows, &DensifyConfig::default(), &Round { free_space: &free_space, ..round(true, 0.0) });

@@ -76,6 +76,19 @@ fn image(renderer: &Renderer, camera: &Camera) -> Vec<f32> {
     renderer.render(camera).unwrap().base().unwrap().rgb
 }
 
+/// The image once no more chunks are to come.
+#[track_caller]
+fn at_rest(renderer: &Renderer, camera: &Camera) -> Vec<f32> {
+    for _ in 0..1_000 {
+        let last = image(renderer, camera);
+        if !renderer.stream().unwrap().is_waiting() {
+            return last;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("the view of {:?} never comes to rest", camera.center());
+}
+
 fn psnr(a: &[f32], b: &[f32]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     -10.0 * (sum / a.len() as f64).log10()
@@ -88,7 +101,7 @@ fn a_part_of_the_chunks_shows_the_view() {
     let levels = written(folder.path(), &wall(12 * CHUNK));
     let leaves = levels.leaves().count();
     assert!(leaves == 16 && levels.len() == 12 * CHUNK && levels.chunk() <= CHUNK);
-    let whole = Splats::upload(&levels.gaussians(levels.leaves()).unwrap(), &gpu()).unwrap();
+    let whole = Splats::upload(&levels.whole().unwrap(), &gpu()).unwrap();
     let whole = Renderer::new(Arc::new(Rasterizer::new(gpu())), whole, [0.0; 3], None);
     let complete = renderer(Stream::new(levels.clone(), &gpu(), 12, Loading::Complete).unwrap());
     // Some places are for the coarsest chunks and for those of the last view.
@@ -102,16 +115,8 @@ fn a_part_of_the_chunks_shows_the_view() {
         assert!(error >= 45.0, "{error} dB at {x}");
         assert!(!complete.stream().unwrap().is_waiting());
         // A frame that does not wait is there at once, and becomes the same after some more.
-        let mut frames = 0;
-        let mut last = image(&moving, &camera);
-        while moving.stream().unwrap().is_waiting() {
-            frames += 1;
-            assert!(frames < 1_000, "it never comes to rest");
-            std::thread::sleep(Duration::from_millis(5));
-            last = image(&moving, &camera);
-        }
-        let error = psnr(&last, &expected);
-        assert!(error >= 45.0, "{error} dB at {x} after {frames} frames");
+        let error = psnr(&at_rest(&moving, &camera), &expected);
+        assert!(error >= 45.0, "{error} dB at {x} at rest");
         assert!(moving.stream().unwrap().shown() <= 15 * levels.chunk());
     }
     // From afar a part of the Gaussians is enough.
@@ -131,14 +136,7 @@ fn every_view_comes_to_rest() {
         let complete = renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1)).unwrap());
         for (x, z) in [(-20.0, -3.0), (20.0, -3.0), (0.0, -60.0), (18.0, -3.0), (-35.0, -2.0)] {
             let camera = camera(x, z);
-            let mut frames = 0;
-            let mut last = image(&moving, &camera);
-            while moving.stream().unwrap().is_waiting() {
-                frames += 1;
-                assert!(frames < 1_000, "{places} places at {x}, {z}: it never comes to rest");
-                std::thread::sleep(Duration::from_millis(2));
-                last = image(&moving, &camera);
-            }
+            let last = at_rest(&moving, &camera);
             // As a film does.
             complete.settle(&camera).unwrap();
             let film = image(&complete, &camera);

@@ -57,8 +57,8 @@ pub struct ModelOptions {
     pub precision: Precision,
     /// Device memory for a model with levels of detail; other models are on the device as a whole.
     pub gpu_memory: MemoryBudget,
-    /// When its frames are rendered; none: once all they need is there.
-    pub loading: Option<Loading>,
+    /// When its frames are rendered.
+    pub loading: Loading,
 }
 
 /// A model, read from its files.
@@ -143,7 +143,7 @@ impl Model {
             model.config.sources.memory = memory;
         }
         model.config.residual.precision = options.precision;
-        (model.gpu_memory, model.loading) = (options.gpu_memory, options.loading.unwrap_or(Loading::Complete));
+        (model.gpu_memory, model.loading) = (options.gpu_memory, options.loading);
         Ok(model)
     }
 
@@ -356,7 +356,7 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
         foreign: false,
         source: None,
         gpu_memory: MemoryBudget::Auto,
-        loading: Loading::Complete,
+        loading: Loading::default(),
         dataset: None,
     })
 }
@@ -399,7 +399,7 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
         foreign,
         source: None,
         gpu_memory: MemoryBudget::Auto,
-        loading: Loading::Complete,
+        loading: Loading::default(),
         dataset: None,
     })
 }

@@ -191,8 +191,8 @@ impl Trainer {
             true => densify::distance_length(&start.means, centre, extent),
             false => extent,
         };
-        let points: Vec<Point> = dataset.points.iter().map(|point| point.to_local(&space)).collect();
-        let free_space = FreeSpace::new(&cameras, &points, config.densify.growth.free_space);
+        let part = if config.densify.strategy == Strategy::Default { config.densify.growth.free_space } else { 0.0 };
+        let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
         Ok(Self {
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations()),

@@ -23,12 +23,18 @@ const FEWEST: usize = 4;
 const AHEAD: usize = 12;
 
 /// When a frame is rendered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loading {
     /// Once all chunks that it needs are there.
+    #[default]
     Complete,
     /// At once, with what is there: at most so many chunks come with each frame, and coarser ones stand for those to come.
     AsItComes(usize),
+}
+
+impl Loading {
+    /// For a camera that flies: 11 MB come with a frame.
+    pub const FLYING: Self = Self::AsItComes(4);
 }
 
 /// Chunks that fit into a budget of device memory; none: all leaves, and so no need of a tree.

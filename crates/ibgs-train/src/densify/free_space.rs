@@ -4,6 +4,7 @@
 use glam::{DVec3, Vec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Point;
+use ibgs_core::local_space::LocalSpace;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -26,13 +27,13 @@ pub static NOWHERE: FreeSpace = FreeSpace { balls: BTreeMap::new(), side: 1.0 };
 
 impl FreeSpace {
     /// Radius of each ball: `part` of the median depth of those `points` that lie within the camera's image, less where points
-    /// are nearer than that.
-    pub fn new(cameras: &[Camera], points: &[Point], part: f64) -> Self {
+    /// are nearer than that. The cameras are in the coordinates of `space`, the points in the scene's.
+    pub fn new(cameras: &[Camera], (points, space): (&[Point], &LocalSpace), part: f64) -> Self {
         if part <= 0.0 {
             return NOWHERE.clone();
         }
         let step = points.len().div_ceil(LOOKED_AT).max(1);
-        let points: Vec<DVec3> = points.iter().step_by(step).map(|point| point.position).collect();
+        let points: Vec<DVec3> = points.iter().step_by(step).map(|point| space.to_local(point.position)).collect();
         let found: Vec<(Vec3, f32)> = cameras
             .par_iter()
             .filter_map(|camera| Some((camera.center().as_vec3(), radius(camera, &points, part)? as f32)))
@@ -111,15 +112,19 @@ mod tests {
         depths.map(|z| Point { position: DVec3::new(0.1, 0.1, z), color: [0; 3] }).collect()
     }
 
+    fn around(cameras: &[Camera], points: &[Point], part: f64) -> FreeSpace {
+        FreeSpace::new(cameras, (points, &LocalSpace::default()), part)
+    }
+
     #[test]
     fn a_part_of_the_median_depth_is_free() {
         // What the camera does not see does not count: behind it, beside its image.
         let mut all = points((0..101).map(|i| 2.0 + 0.06 * f64::from(i)).chain([-9.0; 200]));
         all.extend([Point { position: DVec3::new(90.0, 0.0, 3.0), color: [0; 3] }; 200]);
-        let space = FreeSpace::new(&[camera()], &all, 0.2);
+        let space = around(&[camera()], &all, 0.2);
         let inside = space.contains(&[[0.0, 0.0, 0.99], [0.0, -0.99, 0.0], [0.0, 0.0, 1.01], [0.8, 0.8, 0.0]]);
         assert_eq!(inside, [true, true, false, false], "the median depth is 5");
-        let doubled = FreeSpace::new(&[camera()], &all, 0.39).contains(&[[0.0, 0.0, 1.9], [0.0, 0.0, 2.0]]);
+        let doubled = around(&[camera()], &all, 0.39).contains(&[[0.0, 0.0, 1.9], [0.0, 0.0, 2.0]]);
         assert_eq!(doubled, [true, false]);
     }
 
@@ -127,7 +132,7 @@ mod tests {
     fn points_near_the_camera_keep_their_place() {
         let few = |near: usize| points([0.3, 0.35, 0.4, 0.45].into_iter().take(near).chain([5.0; 900]));
         let place = [[0.0, 0.0, 0.5], [0.0, 0.0, 0.4]];
-        let inside = |near| FreeSpace::new(&[camera()], &few(near), 0.2).contains(&place);
+        let inside = |near| around(&[camera()], &few(near), 0.2).contains(&place);
         assert_eq!(inside(3), [true, true], "three may be astray");
         assert_eq!(inside(4), [false, true]);
     }
@@ -137,13 +142,13 @@ mod tests {
         let all = points([5.0; 9].into_iter());
         let place = [[0.0, 0.0, 0.1]];
         for space in [
-            FreeSpace::new(&[camera()], &points([-1.0; 9].into_iter()), 0.2),
-            FreeSpace::new(&[camera()], &[], 0.2),
-            FreeSpace::new(&[], &all, 0.2),
-            FreeSpace::new(&[camera()], &all, 0.0),
+            around(&[camera()], &points([-1.0; 9].into_iter()), 0.2),
+            around(&[camera()], &[], 0.2),
+            around(&[], &all, 0.2),
+            around(&[camera()], &all, 0.0),
         ] {
             assert_eq!(space.contains(&place), [false]);
         }
-        assert_eq!(FreeSpace::new(&[camera()], &all, 0.2).contains(&place), [true]);
+        assert_eq!(around(&[camera()], &all, 0.2).contains(&place), [true]);
     }
 }
