@@ -149,6 +149,7 @@ fn in_training(error: &TrainError) -> Option<AnyError<'_>> {
 fn in_evaluation(error: &EvalError) -> Option<AnyError<'_>> {
     match error {
         EvalError::Gpu(error) => Some(error),
+        EvalError::Photo(error) => Some(error),
         EvalError::Write(error) => Some(error),
         EvalError::Distance(error) => Some(&**error),
     }

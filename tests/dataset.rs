@@ -177,12 +177,12 @@ fn blender_scenes_keep_their_split() {
     assert_eq!((&eval.train[..], &eval.test[..]), (&[1, 2][..], &[0][..]));
     assert_eq!(eval.views[0].name, "test/r_0.png");
     // c alpha + background (1 - alpha) with alpha = 100 / 255, over black, over white, or not at all.
-    assert_eq!(eval.views[0].photo.rgba[..4], [2, 2, 3, 255]);
+    assert_eq!(eval.views[0].photo.pixels().unwrap().rgba[..4], [2, 2, 3, 255]);
     assert_note(&eval, "background colour (0, 0, 0)");
     let white = LoadOptions { background: [255; 3], ..Default::default() };
-    assert_eq!(load(folder.path(), &white).views[0].photo.rgba[..4], [157, 157, 158, 255]);
+    assert_eq!(load(folder.path(), &white).views[0].photo.pixels().unwrap().rgba[..4], [157, 157, 158, 255]);
     let masked = LoadOptions { alpha: Some(Alpha::Mask), ..Default::default() };
-    assert_eq!(load(folder.path(), &masked).views[0].photo.rgba[..4], [5, 6, 7, 100]);
+    assert_eq!(load(folder.path(), &masked).views[0].photo.pixels().unwrap().rgba[..4], [5, 6, 7, 100]);
     assert_eq!(load_plain(folder.path()).train.len(), 3);
 }
 

@@ -3,6 +3,7 @@
 mod colors;
 mod fisheye;
 mod formats;
+mod host;
 
 use crate::dataset::{assert_note, load, load_plain, transforms};
 use crate::scene_files::{Camera, Model, PINHOLE, write_file, write_photo};
@@ -20,10 +21,11 @@ fn pattern(p: DVec2) -> [u8; 4] {
 #[track_caller]
 fn assert_pattern(view: &View, tolerance: f64) -> f64 {
     let camera = &view.camera;
-    assert_eq!((view.photo.width, view.photo.height), (camera.width, camera.height));
-    assert_eq!(view.photo.rgba.len(), 4 * camera.width as usize * camera.height as usize);
+    let photo = view.photo.pixels().unwrap();
+    assert_eq!((photo.width, photo.height), (camera.width, camera.height));
+    assert_eq!(photo.rgba.len(), 4 * camera.width as usize * camera.height as usize);
     let (mut opaque, mut sum) = (0, 0.0);
-    let pixels = view.photo.rgba.chunks_exact(4);
+    let pixels = photo.rgba.chunks_exact(4);
     let count = pixels.len();
     for (index, pixel) in (0_u32..).zip(pixels) {
         let uv = DVec2::from([index % camera.width, index / camera.width].map(f64::from)) + 0.5;
@@ -140,7 +142,7 @@ fn photos_beyond_the_fold_are_blank() {
     model.write_binary(folder.path());
     model.write_photos(folder.path());
     let dataset = load_plain(folder.path());
-    let photo = &dataset.views[0].photo;
+    let photo = dataset.views[0].photo.pixels().unwrap();
     let alpha = |x: usize, y: usize| photo.rgba[(y * 160 + x) * 4 + 3];
     assert_eq!((alpha(80, 60), alpha(100, 60), alpha(0, 0), alpha(140, 60)), (255, 255, 0, 0));
 }
@@ -153,7 +155,7 @@ fn sizes_and_principal_points() {
     let resolution = |text: &str| LoadOptions { resolution: text.parse().unwrap(), ..Default::default() };
     for (text, size) in [("1", (160, 120)), ("2", (80, 60)), ("8", (20, 15)), ("100", (100, 75)), ("-1", (160, 120))] {
         let view = with(&resolution(text));
-        assert_eq!((view.photo.width, view.photo.height), size);
+        assert_eq!(view.photo.size(), <[u32; 2]>::from(size));
         let scale = f64::from(size.0) / 160.0;
         assert!((view.camera.principal - DVec2::new(84.0, 57.0) * scale).length() < 1e-9);
         if size.0 >= 80 {
@@ -161,7 +163,7 @@ fn sizes_and_principal_points() {
         }
     }
     let capped = with(&LoadOptions { max_resolution: Some(40), ..Default::default() });
-    assert_eq!((capped.photo.width, capped.photo.height), (40, 30));
+    assert_eq!(capped.photo.size(), [40, 30]);
     let centred = with(&LoadOptions { principal_point: PrincipalPoint::Centred, ..resolution("2") });
     assert_eq!(centred.camera.principal, DVec2::new(40.0, 30.0));
     assert_eq!(centred.camera.focal, DVec2::new(65.0, 64.0));
@@ -190,12 +192,12 @@ fn reduced_and_named_folders() {
     let reduced = load(folder.path(), &half);
     assert_note(&reduced, "images_2");
     assert_eq!(reduced.views[0].camera.principal, DVec2::new(3.25, 1.875));
-    assert_eq!((reduced.views[0].name.as_str(), reduced.views[0].photo.rgba[0]), ("a0.png", 60));
+    assert_eq!((reduced.views[0].name.as_str(), reduced.views[0].photo.pixels().unwrap().rgba[0]), ("a0.png", 60));
     // Named by hand, the folder is the photo, and the factor divides it.
     let named = load(folder.path(), &LoadOptions { images: Some("images_2".into()), ..half.clone() });
-    assert_eq!((named.views[0].photo.width, named.views[0].photo.height), (3, 2));
+    assert_eq!(named.views[0].photo.size(), [3, 2]);
     let full = load(folder.path(), &LoadOptions { images: Some("images".into()), ..half });
-    assert_eq!((full.views[0].photo.width, full.views[0].photo.rgba[0]), (6, 90));
+    assert_eq!((full.views[0].photo.pixels().unwrap().width, full.views[0].photo.pixels().unwrap().rgba[0]), (6, 90));
 }
 
 #[test]
@@ -211,14 +213,15 @@ fn alpha_masks_and_sixteen_bits() {
     let mask = |u: f64, _| if u < 3.0 { [0, 0, 0, 255] } else { [255; 4] };
     write_photo(&folder.path().join("masks/a2.png"), 12, 8, mask);
     let dataset = load_plain(folder.path());
-    assert_eq!(dataset.views[0].photo.rgba[..4], [255, 128, 0, 255]);
-    assert_eq!(dataset.views[1].photo.rgba[4 * 7..4 * 8], [0, 255, 0, 0]);
-    assert_eq!(dataset.views[2].photo.rgba[..4], [90, 120, 150, 0]);
-    assert_eq!(dataset.views[2].photo.rgba[12..16], [90, 120, 150, 255]);
+    assert_eq!(dataset.views[0].photo.pixels().unwrap().rgba[..4], [255, 128, 0, 255]);
+    assert_eq!(dataset.views[1].photo.pixels().unwrap().rgba[4 * 7..4 * 8], [0, 255, 0, 0]);
+    assert_eq!(dataset.views[2].photo.pixels().unwrap().rgba[..4], [90, 120, 150, 0]);
+    assert_eq!(dataset.views[2].photo.pixels().unwrap().rgba[12..16], [90, 120, 150, 255]);
     assert_note(&dataset, "1 photo masked");
     let options = LoadOptions { resolution: Resolution::Factor(4), ..Default::default() };
     let small = load(folder.path(), &options);
-    let pixels: Vec<&[u8]> = small.views[1].photo.rgba.chunks_exact(4).collect();
+    let small = small.views[1].photo.pixels().unwrap();
+    let pixels: Vec<&[u8]> = small.rgba.chunks_exact(4).collect();
     assert!(pixels[0][3] > 240 && pixels[2][3] < 20, "{pixels:?}");
     assert!(pixels.iter().all(|p| p[3] < 8 || (p[0] > 190 && p[1] < 16)), "{pixels:?}");
 }
@@ -234,18 +237,23 @@ fn an_object_is_told_from_emptiness_and_from_what_the_lens_leaves_out() {
     let object = LoadOptions { masks: Masks::Object, ..Default::default() };
     let dataset = load(folder.path(), &object);
     assert_note(&dataset, "2 photos of an object");
-    let pixel =
-        |view: usize, at: usize| -> [u8; 4] { dataset.views[view].photo.rgba[4 * at..4 * at + 4].try_into().unwrap() };
+    let pixel = |view: usize, at: usize| -> [u8; 4] {
+        dataset.views[view].photo.pixels().unwrap().rgba[4 * at..4 * at + 4].try_into().unwrap()
+    };
     assert_eq!([pixel(0, 0), pixel(0, 4), pixel(0, 8)], [[200, 0, 0, 255], [200, 0, 0, 100], [200, 0, 0, 1]]);
     // A photo without a mask beside others is an ordinary one.
-    assert!(dataset.views[1].photo.rgba.chunks_exact(4).all(|p| p == [90, 120, 150, 255]));
+    assert!(dataset.views[1].photo.pixels().unwrap().rgba.chunks_exact(4).all(|p| p == [90, 120, 150, 255]));
     assert_eq!([pixel(2, 0), pixel(2, 3)], [[90, 120, 150, 1], [90, 120, 150, 255]]);
     // Over white: (200, 0, 0) with a cover of 99 / 254, and white.
-    let over = dataset.views[0].photo.over([1.0; 3]);
+    let over = dataset.views[0].photo.pixels().unwrap().over([1.0; 3]);
     let white: Vec<&[u8]> = over.rgba.chunks_exact(4).take(12).collect();
     assert_eq!([white[0], white[4], white[8]], [[200, 0, 0, 255], [234, 156, 156, 255], [255; 4]]);
     let untouched = load_plain(folder.path());
-    assert_eq!(untouched.views[0].photo.rgba[4 * 8..4 * 9], [200, 0, 0, 0], "masks are ignored unless asked for");
+    assert_eq!(
+        untouched.views[0].photo.pixels().unwrap().rgba[4 * 8..4 * 9],
+        [200, 0, 0, 0],
+        "masks are ignored unless asked for"
+    );
     let none = Model::small(2).scene();
     assert_note(&load(none.path(), &object), "no photo has a mask");
     let both = LoadOptions { alpha: Some(Alpha::Composite), ..object };
@@ -267,9 +275,9 @@ fn an_object_through_a_lens() {
         let options =
             LoadOptions { masks: Masks::Object, resolution: Resolution::Factor(factor), ..Default::default() };
         let dataset = load(folder.path(), &options);
-        let [masked, plain] = [0, 1].map(|view| &dataset.views[view].photo);
+        let [masked, plain] = [0, 1].map(|view| dataset.views[view].photo.pixels().unwrap());
         let alphas = |photo: &Photo| photo.rgba.chunks_exact(4).map(|p| p[3]).collect::<Vec<_>>();
-        let (masked, plain) = (alphas(masked), alphas(plain));
+        let (masked, plain) = (alphas(&masked), alphas(&plain));
         let outside = plain.iter().filter(|&&a| a == 0).count();
         assert!(outside > 20 && plain.iter().all(|&a| a == 0 || a == 255), "{factor}: {outside}");
         for (i, (&with, &without)) in masked.iter().zip(&plain).enumerate() {
@@ -293,7 +301,7 @@ fn exif_orientation_is_not_applied() {
     png.splice(33..33, chunk);
     write_file(&path, png);
     let dataset = load_plain(folder.path());
-    let rgba = &dataset.views[0].photo.rgba;
+    let rgba = &dataset.views[0].photo.pixels().unwrap().rgba;
     assert_eq!((rgba[0], rgba[4 * 11]), (255, 0));
 }
 

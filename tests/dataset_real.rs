@@ -11,13 +11,15 @@ fn agreeing_points(dataset: &Dataset) -> f64 {
     for point in dataset.points.iter().step_by(7) {
         for view in &dataset.views {
             let (uv, depth) = view.camera.project(point.position);
-            let (w, h) = (f64::from(view.photo.width), f64::from(view.photo.height));
+            let (w, h) =
+                (f64::from(view.photo.pixels().unwrap().width), f64::from(view.photo.pixels().unwrap().height));
             if depth <= 0.0 || !(0.0..w).contains(&uv.x) || !(0.0..h).contains(&uv.y) {
                 continue;
             }
             seen += 1;
-            let at = (uv.y as usize * view.photo.width as usize + uv.x as usize) * 4;
-            let distance = |c: usize| (i32::from(view.photo.rgba[at + c]) - i32::from(point.color[c])).abs();
+            let at = (uv.y as usize * view.photo.pixels().unwrap().width as usize + uv.x as usize) * 4;
+            let distance =
+                |c: usize| (i32::from(view.photo.pixels().unwrap().rgba[at + c]) - i32::from(point.color[c])).abs();
             agree += usize::from((0..3).all(|channel| distance(channel) < 40));
         }
     }

@@ -21,7 +21,7 @@ fn assert_same(a: &Dataset, b: &Dataset) {
     for (x, y) in a.views.iter().zip(&b.views) {
         assert_eq!(x.name, y.name);
         assert_eq!(x.camera, y.camera);
-        assert_eq!(x.photo.rgba, y.photo.rgba, "pixels of {}", x.name);
+        assert_eq!(x.photo.pixels().unwrap().rgba, y.photo.pixels().unwrap().rgba, "pixels of {}", x.name);
     }
     let bits = |set: &Dataset| -> Vec<([f64; 3], [u8; 3])> {
         set.points.iter().map(|p| (p.position.to_array(), p.color)).collect()
@@ -68,10 +68,10 @@ fn split_sizes_and_names() {
     assert_eq!(set.views[7].name, "view_007.png");
     assert_eq!(set.points.len(), 500);
     for view in &set.views {
-        assert_eq!((view.photo.width, view.photo.height), (40, 30));
+        assert_eq!(view.photo.size(), [40, 30]);
         assert_eq!((view.camera.width, view.camera.height), (40, 30));
-        assert_eq!(view.photo.rgba.len(), 40 * 30 * 4);
-        assert!(view.photo.rgba.chunks_exact(4).all(|pixel| pixel[3] == 255));
+        assert_eq!(view.photo.pixels().unwrap().rgba.len(), 40 * 30 * 4);
+        assert!(view.photo.pixels().unwrap().rgba.chunks_exact(4).all(|pixel| pixel[3] == 255));
     }
 }
 

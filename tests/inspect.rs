@@ -247,7 +247,7 @@ fn every_verdict_has_its_reason() {
     ];
     let photo = |index: usize| {
         let alpha = if sources[index].1 == Verdict::Unreadable { 127 } else { 128 };
-        Arc::new(Photo { width: 48, height: 36, rgba: [10 * index as u8, 100, 200, alpha].repeat(48 * 36) })
+        Photo { width: 48, height: 36, rgba: [10 * index as u8, 100, 200, alpha].repeat(48 * 36) }.into()
     };
     let photos = Arc::new(SourceStore::new(gpu(), (0..sources.len()).map(photo).collect(), None).unwrap());
     let cameras = sources.iter().map(|(center, _)| Camera { translation: -*center, ..camera }).collect();

@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{Dataset, Masks, View};
-use ibgs_core::eval::scores::{Scores, compared, protocol, score_test_views};
+use ibgs_core::eval::scores::{Scores, protocol, score_test_views};
 use ibgs_core::eval::{Cache, PASSES, Perceptual, Score, ViewScores, frames_per_second};
 use ibgs_core::output::REPORT_FILE;
 use ibgs_core::output::figures::{Figures, SPEED_FILE, TIME_FILE};
@@ -121,8 +121,7 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
             mean.base.aligned_psnr
         ));
     }
-    let is_masked = |view: &&View| view.photo.rgba.chunks_exact(4).any(|pixel| pixel[3] < 128);
-    let masked = dataset.test.iter().map(|&index| &dataset.views[index]).filter(is_masked).count();
+    let masked = scores.with_masks;
     match model.config.data.masks {
         Masks::Object => notes.push(format!("masks: {}", protocol.masks)),
         Masks::Ignore if masked > 0 => notes
@@ -139,14 +138,13 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
 
 fn write_report(args: &Args, model: &OpenModel, dataset: &Dataset, figures: &Figures) -> Result<()> {
     let path = args.report.clone().unwrap_or_else(|| model.folder.root().join(REPORT_FILE));
-    let views: Vec<_> = dataset.test.iter().map(|&index| compared(&dataset.views[index], &model.config)).collect();
-    let views: Vec<&View> = views.iter().map(|view| &**view).collect();
+    let views: Vec<&View> = dataset.test.iter().map(|&index| &dataset.views[index]).collect();
     let report = Report {
         name: &args.model.files.model.display().to_string(),
         folder: &model.folder,
         figures,
         views: &views,
-        options: &model.config.to_text()?,
+        config: &model.config,
     };
     report.write(&path)?;
     stderr!("report: {}", path.display());

@@ -79,7 +79,7 @@ impl BundleArgs {
     fn of(&self, model: Model) -> Result<Bundle> {
         let mut bundle = model.into_bundle(&Bars::default())?;
         if let Some(longest) = self.photo_size {
-            bundle.shrink_photos(longest);
+            bundle.shrink_photos(longest)?;
         }
         Ok(bundle)
     }

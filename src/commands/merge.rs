@@ -1,6 +1,7 @@
 //! `ibgs merge`
 
-use super::train::{self, Plan, block};
+use super::train::{self, DoesNotFit, Plan, block};
+use crate::advice;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, anyhow, bail};
@@ -58,19 +59,28 @@ pub fn run(args: &Args) -> Result<()> {
         return say_merged(&model, args.iterations);
     }
     let checkpoints = OutputFolder::at(&model).checkpoints()?;
-    let started = match is_own && !checkpoints.is_empty() {
-        true => resumed(&plan, &model, args.iterations)?,
-        false => {
-            let joined = Joined::read(&plan, &blocks)?;
-            let config = joined.config(&plan, args.iterations, gpu_memory)?;
-            let merge = Plan { model: Some(model), overwrite: args.overwrite || is_own, ..Plan::new(config) };
-            if args.iterations == Some(0) {
-                return joined.write(&merge);
-            }
-            merge
-        }
+    if is_own && !checkpoints.is_empty() {
+        let resumed = resumed(&plan, &model, args.iterations)?;
+        return train::train(Plan { gpu_memory, ..resumed }, args.adapter.as_ref());
+    }
+    let joined = Joined::read(&plan, &blocks)?;
+    joined.write(&plan)?;
+    let merge = |iterations| {
+        let config = joined.config(&plan, iterations, gpu_memory)?;
+        let (model, overwrite) = (Some(model.clone()), args.overwrite || is_own);
+        Ok::<_, anyhow::Error>(Plan { model, overwrite, gpu_memory, ..Plan::new(config) })
     };
-    train::train(Plan { gpu_memory, ..started }, args.adapter.as_ref())
+    if args.iterations == Some(0) {
+        return joined.write_model(&merge(Some(0))?);
+    }
+    match train::train(merge(args.iterations)?, args.adapter.as_ref()) {
+        // Unless a training is asked for.
+        Err(error) if args.iterations.is_none() && error.is::<DoesNotFit>() => {
+            stderr!("warning: {}; the blocks are merged without a training", advice::sentence(&error));
+            joined.write_model(&merge(Some(0))?)
+        }
+        outcome => outcome,
+    }
 }
 
 /// Refuses the plan's own folder, whose files a model would replace.
@@ -179,10 +189,14 @@ impl Joined {
         Ok(Self { gaussians, iteration: last, network, extent })
     }
 
-    /// The options of the model; its Gaussians are written for them.
+    /// Writes the Gaussians into the plan.
+    fn write(&self, plan: &PlanFolder) -> Result<()> {
+        Ok(write_ply(&plan.joined_path(), &self.gaussians, PlyFlavor::Full)?)
+    }
+
+    /// The options of the model, which begins with the Gaussians in the plan.
     fn config(&self, plan: &PlanFolder, iterations: Option<u32>, limit: MemoryBudget) -> Result<TrainConfig> {
         let path = std::path::absolute(plan.joined_path())?;
-        write_ply(&path, &self.gaussians, PlyFlavor::Full)?;
         let mut config = plan.config()?;
         config.init = Some(path);
         // What was near for a block must not be too near for the whole.
@@ -202,7 +216,7 @@ impl Joined {
     }
 
     /// Writes the model as it is, without a training.
-    fn write(&self, merge: &Plan) -> Result<()> {
+    fn write_model(&self, merge: &Plan) -> Result<()> {
         merge.refuse_output()?;
         let source = merge.config.data.source.clone().context("a plan has a scene")?;
         let dataset = load_scene(&merge.config, &source, &Bars::default())?;

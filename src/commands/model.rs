@@ -43,6 +43,10 @@ pub struct ModelArgs {
     /// training].
     #[arg(long)]
     pub source_memory: Option<MemoryBudget>,
+    /// Memory for decoded photos: `auto` (half of what is free), `none` (no limit), or a size such as `8GiB`; beyond it photos
+    /// are decoded again when they are needed [default: as in the training].
+    #[arg(long)]
+    pub host_memory: Option<MemoryBudget>,
     /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test).
     #[arg(long, default_value = "auto")]
     pub precision: Precision,
@@ -81,6 +85,7 @@ impl ModelArgs {
         Self {
             files,
             source_memory: None,
+            host_memory: None,
             precision: Precision::Auto,
             gpu_memory: MemoryBudget::Auto,
             adapter: None,
@@ -97,6 +102,7 @@ impl ModelArgs {
     pub fn open_on(&self, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<OpenModel> {
         let mut model = self.files.read_with(&ModelOptions {
             source_memory: self.source_memory,
+            host_memory: self.host_memory,
             precision: self.precision,
             gpu_memory: self.gpu_memory,
             loading: self.loading,

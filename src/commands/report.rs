@@ -4,7 +4,9 @@ pub mod page;
 pub mod plot;
 
 use anyhow::{Context, Result};
-use ibgs_core::dataset::View;
+use ibgs_core::config::TrainConfig;
+use ibgs_core::dataset::{Photo, View};
+use ibgs_core::eval::scores::compared;
 use ibgs_core::files::write_atomically;
 use ibgs_core::gpu::Bytes;
 use ibgs_core::image_io::read_picture;
@@ -30,8 +32,8 @@ pub struct Report<'a> {
     pub figures: &'a Figures,
     /// The held-out views.
     pub views: &'a [&'a View],
-    /// Its options, as TOML.
-    pub options: &'a str,
+    /// Its options.
+    pub config: &'a TrainConfig,
 }
 
 impl Report<'_> {
@@ -48,7 +50,7 @@ impl Report<'_> {
         );
         body += &page::section("Views", &self.table());
         body += &page::section("Pictures", &self.pictures()?);
-        let options = page::escape(self.options);
+        let options = page::escape(&self.config.to_text()?);
         body += &format!("<details><summary>Options</summary>\n<pre>{options}</pre></details>\n");
         let html = page::document(self.name, &body);
         Ok(write_atomically(path, |out| out.write_all(html.as_bytes()))?)
@@ -100,19 +102,19 @@ impl Report<'_> {
         let mut cards = String::new();
         let mut kinds: Vec<&'static str> = Vec::new();
         for view in self.views {
-            let layers = self.layers(view)?;
+            let photo = compared(view, self.config)?;
+            let layers = self.layers(view, &photo)?;
             for layer in &layers {
                 if !kinds.contains(&layer.kind) {
                     kinds.push(layer.kind);
                 }
             }
             let shown = ["photo", if layers.iter().any(|layer| layer.kind == "final") { "final" } else { "base" }];
-            let size = [view.photo.width, view.photo.height];
             cards += &format!(
                 "<div class=\"view\"><h3>{}</h3>\n<p class=\"soft\">{}</p>\n{}</div>\n",
                 page::escape(&view.name),
-                page::escape(&self.line(view)),
-                page::stage(&view.name, size, &layers, shown)
+                page::escape(&self.line(view, &photo)),
+                page::stage(&view.name, view.photo.size(), &layers, shown)
             );
         }
         if kinds.is_empty() {
@@ -124,8 +126,8 @@ impl Report<'_> {
     }
 
     /// `final 24.86 dB, base 23.33 dB`.
-    fn line(&self, view: &View) -> String {
-        if view.photo.is_wholly_masked() {
+    fn line(&self, view: &View, photo: &Photo) -> String {
+        if photo.is_wholly_masked() {
             return "masked as a whole: it has no score and enters no mean".to_owned();
         }
         let view = &view.name;
@@ -138,18 +140,18 @@ impl Report<'_> {
     }
 
     /// The pictures of a view: photo, renders, errors and residual.
-    fn layers(&self, view: &View) -> Result<Vec<Layer>> {
+    fn layers(&self, view: &View, photo: &Photo) -> Result<Vec<Layer>> {
         let read = |kind: PictureKind| {
             let iteration = self.figures.iteration;
             read_picture(&self.folder.picture_path(Split::Test, iteration, kind.folder(), &view.name))
         };
         let (image, base) = (read(PictureKind::Final)?, read(PictureKind::Base)?);
         let image = image.filter(|_| self.figures.image.is_some());
-        let error = |picture: &Option<Picture>| picture.as_ref().and_then(|picture| picture.error(&view.photo));
+        let error = |picture: &Option<Picture>| picture.as_ref().and_then(|picture| picture.error(photo));
         let (image_error, base_error) = (error(&image), error(&base));
         let residual = image.as_ref().zip(base.as_ref()).and_then(|(image, base)| image.gain(base));
         let pictures = [
-            ("photo", Some(Picture::photo(&view.photo))),
+            ("photo", Some(Picture::photo(photo))),
             ("final", image),
             ("base", base),
             ("final, error", image_error),

@@ -10,7 +10,7 @@ mod stages;
 mod terminal;
 mod window;
 
-pub use estimate::Needs;
+pub use estimate::{DoesNotFit, Needs};
 pub use plan::{DemoDefaults, Plan};
 pub use resume::newest;
 pub use window::{Failure, Watched};

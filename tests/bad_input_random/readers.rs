@@ -117,7 +117,14 @@ fn check_dataset(dataset: &Dataset) {
     for view in &dataset.views {
         check_camera(&view.camera);
         let [w, h] = [view.camera.width, view.camera.height];
-        assert_eq!((view.photo.width, view.photo.height, view.photo.rgba.len()), (w, h, 4 * w as usize * h as usize));
+        assert_eq!(
+            (
+                view.photo.pixels().unwrap().width,
+                view.photo.pixels().unwrap().height,
+                view.photo.pixels().unwrap().rgba.len()
+            ),
+            (w, h, 4 * w as usize * h as usize)
+        );
         assert!(!view.name.starts_with('/') && !view.name.split('/').any(|part| part == ".."), "{}", view.name);
     }
     assert!(dataset.train.len() >= 2 && !dataset.points.is_empty());
@@ -214,6 +221,7 @@ pub fn bundle(bytes: &[u8]) -> bool {
         check_gaussians(&bundle.gaussians);
         bundle.cameras.iter().for_each(|record| check_camera(&record.camera));
         bundle.photos.iter().for_each(|(_, photo)| {
+            let photo = photo.pixels().unwrap();
             assert_eq!(photo.rgba.len(), 4 * photo.width as usize * photo.height as usize);
         });
     })

@@ -20,7 +20,7 @@ use serde_json::json;
 use std::fs;
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 /// The tensor in files of weights.
@@ -212,7 +212,7 @@ fn records() -> Vec<CameraRecord> {
 pub fn bundle_parts() -> Parts {
     static PARTS: OnceLock<Parts> = OnceLock::new();
     let make = || {
-        let photo = |alpha: u8| Arc::new(Photo { width: 4, height: 3, rgba: [10, 20, 30, alpha].repeat(12) });
+        let photo = |alpha: u8| Photo { width: 4, height: 3, rgba: [10, 20, 30, alpha].repeat(12) }.into();
         let bundle = Bundle {
             iteration: 7,
             gaussians: scene::from_points(&points(), 0, 0.3).unwrap(),

@@ -84,6 +84,14 @@ fn three_blocks_are_trained_merged_and_measured() {
     let again = sandbox.succeeds("merge plan -o as-it-is --iterations 0");
     assert!(again.stderr.contains("merged without a training"), "{again}");
     sandbox.fails("merge plan -o as-it-is --iterations 5", &["as-it-is is a merge with 0 iterations, not 5"]);
+    // So it is where the memory does not suffice for a training, unless one is asked for.
+    let tight = sandbox.succeeds("merge plan -o tight --gpu-memory 1MiB");
+    assert!(tight.stderr.contains("1 MiB is there (`--gpu-memory`)"), "{tight}");
+    assert!(tight.stderr.contains("the blocks are merged without a training"), "{tight}");
+    let tight = OutputFolder::open(&sandbox.path("tight")).unwrap();
+    assert_eq!(read_ply(&tight.point_cloud_path(12)).unwrap().len(), inside);
+    sandbox.fails("merge plan -o tighter --iterations 5 --gpu-memory 1MiB", &["needs about", "--iterations 0"]);
+    assert!(!sandbox.path("tighter").exists());
     // A plan may move; its blocks are models all the same.
     std::fs::rename(sandbox.path("plan"), sandbox.path("moved")).unwrap();
     let merged = sandbox.succeeds("merge moved");

@@ -76,7 +76,7 @@ fn every_output_as_picture_and_as_values() {
     assert_eq!(c.keys().collect::<Vec<_>>(), ["B", "G", "R", "base.B", "base.G", "base.R"]);
 }
 
-/// Photos that come and go, and a base run of the same model, give the same images. (Those of the training itself may differ in the
+/// Photos that come and go, on the GPU and on the host, and a base run of the same model, give the same images. (Those of the training itself may differ in the
 /// last bit: its model was not yet rounded to the units of the point cloud's file.)
 #[test]
 fn source_memory_changes_no_picture() {
@@ -87,6 +87,9 @@ fn source_memory_changes_no_picture() {
     fs::remove_dir_all(sandbox.path("model/test/ours_30/renders_aggregate")).unwrap();
     sandbox.succeeds("render model --source-memory 1KiB");
     assert!(pictures() == before, "fewer photos on the GPU gave other pictures");
+    fs::remove_dir_all(sandbox.path("model/test/ours_30/renders_aggregate")).unwrap();
+    sandbox.succeeds("render model --source-memory 1KiB --host-memory 0");
+    assert!(pictures() == before, "fewer photos on the host gave other pictures");
     sandbox.fails("render model --source-memory 1KiB --adapter nosuch", &["nosuch"]);
 }
 

@@ -84,7 +84,7 @@ fn write_blender_scene(sandbox: &Sandbox, dataset: &Dataset) {
                 let view = &dataset.views[index];
                 let photo = RgbaImage::from_fn(48, 36, |x, y| {
                     let at = 4 * (y * 48 + x) as usize;
-                    let [r, g, b] = [0, 1, 2].map(|c| view.photo.rgba[at + c]);
+                    let [r, g, b] = [0, 1, 2].map(|c| view.photo.pixels().unwrap().rgba[at + c]);
                     Rgba([r, g, b, if y < 12 { 0 } else { 255 }])
                 });
                 let name = format!("{file}/r_{index}");

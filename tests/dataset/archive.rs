@@ -24,7 +24,11 @@ fn an_archive_is_its_folder() {
         assert_eq!(packed.path, path);
         assert_eq!((packed.views.len(), packed.points.len(), packed.notes.len()), (3, 2, 0));
         for (a, b) in packed.views.iter().zip(&plain.views) {
-            assert!(a.name == b.name && a.camera == b.camera && a.photo.rgba == b.photo.rgba);
+            assert!(
+                a.name == b.name
+                    && a.camera == b.camera
+                    && a.photo.pixels().unwrap().rgba == b.photo.pixels().unwrap().rgba
+            );
         }
         let info = dataset::inspect(&path).unwrap();
         assert_eq!((info.path, info.images, info.missing.len()), (path, 3, 0));

@@ -26,7 +26,7 @@ fn exr_scene(write: impl Fn(&Path)) -> tempfile::TempDir {
 
 /// RGBA of `a0`, with options.
 fn first(folder: &Path, options: &LoadOptions) -> Vec<u8> {
-    load(folder, options).views[0].photo.rgba.clone()
+    load(folder, options).views[0].photo.pixels().unwrap().rgba.clone()
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn every_sixteen_bit_value_goes_to_the_nearest_level() {
     let folder = model.scene();
     let deep = image::ImageBuffer::from_fn(256, 256, |x, y| image::Luma([(256 * y + x) as u16]));
     image::DynamicImage::from(deep).save(folder.path().join("images/a0.png")).unwrap();
-    for (value, pixel) in load_plain(folder.path()).views[0].photo.rgba.chunks_exact(4).enumerate() {
+    for (value, pixel) in load_plain(folder.path()).views[0].photo.pixels().unwrap().rgba.chunks_exact(4).enumerate() {
         let nearest = (value as f64 / 257.0).round() as u8;
         assert_eq!(pixel, [nearest, nearest, nearest, 255], "{value}");
     }
@@ -59,7 +59,7 @@ fn exr_photos_are_linear_light() {
     });
     let dataset = load_plain(folder.path());
     assert_eq!(dataset.views[0].name, "a0.png");
-    for (i, pixel) in dataset.views[0].photo.rgba.chunks_exact(4).enumerate() {
+    for (i, pixel) in dataset.views[0].photo.pixels().unwrap().rgba.chunks_exact(4).enumerate() {
         let odd = [0, 0, 255, 255][i % 12 % 4];
         assert_eq!(pixel, [60 + i as u8, odd, 255, 255], "pixel {i}");
     }
@@ -68,7 +68,7 @@ fn exr_photos_are_linear_light() {
     assert_eq!(first(folder.path(), &as_they_are)[..4], [raw, 0, 255, 255]);
     // The other photo is a PNG of the values (90, 120, 150).
     let all_linear = LoadOptions { color_space: Some(ColorSpace::Linear), ..Default::default() };
-    assert_eq!(load(folder.path(), &all_linear).views[1].photo.rgba[..4], [160, 182, 202, 255]);
+    assert_eq!(load(folder.path(), &all_linear).views[1].photo.pixels().unwrap().rgba[..4], [160, 182, 202, 255]);
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn exr_alpha_masks_or_lets_the_background_through() {
     write_photo(&folder.path().join("masks/a0.png"), 12, 8, |u, _| [if u < 1.0 { 0 } else { 255 }; 4]);
     assert_eq!(first(folder.path(), &over([0; 3]))[..8], [200, 200, 0, 0, 50, 50, 0, 255]);
     // Photos without alpha stay as they are.
-    assert_eq!(load(folder.path(), &over([255; 3])).views[1].photo.rgba[..4], [90, 120, 150, 255]);
+    assert_eq!(load(folder.path(), &over([255; 3])).views[1].photo.pixels().unwrap().rgba[..4], [90, 120, 150, 255]);
 }
 
 /// 6 x 4 red pixels at (2, 1) of a picture of 12 x 8.
@@ -113,7 +113,7 @@ fn write_part(path: &Path, channels: &[&str]) {
 fn what_an_exr_leaves_out_of_its_picture_is_masked() {
     let folder = exr_scene(|path| write_part(path, &["R", "G", "B"]));
     let dataset = load_plain(folder.path());
-    let photo = &dataset.views[0].photo;
+    let photo = dataset.views[0].photo.pixels().unwrap();
     assert_eq!((photo.width, photo.height), (12, 8));
     for (i, pixel) in photo.rgba.chunks_exact(4).enumerate() {
         let inside = (2..8).contains(&(i % 12)) && (1..5).contains(&(i / 12));
@@ -175,7 +175,7 @@ fn transparent_parts_lie_over_the_background_before_anything_is_resized() {
     };
     let dataset = load(folder.path(), &options);
     assert_note(&dataset, "background colour (255, 255, 255)");
-    let row = &dataset.views[0].photo.rgba[..24];
+    let row = &dataset.views[0].photo.pixels().unwrap().rgba[..24];
     assert!(row.chunks_exact(4).all(|pixel| pixel[3] == 255), "{row:?}");
     assert!(row[1] < 8 && row[21] > 247, "{row:?}");
 }

@@ -55,7 +55,7 @@ fn scenes_of_webp_and_tiff_photos() {
     let white: DynamicImage = image::RgbImage::from_pixel(3000, 2000, Rgb([255; 3])).into();
     write_file(&folder.path().join("masks/a.webp"), encoded(&white, ImageFormat::WebP));
     let dataset = load_plain(folder.path());
-    assert!(dataset.views.iter().all(|view| view.photo.rgba[..4] == [50, 60, 70, 255]));
+    assert!(dataset.views.iter().all(|view| view.photo.pixels().unwrap().rgba[..4] == [50, 60, 70, 255]));
     assert_eq!(dataset::inspect(folder.path()).unwrap().sizes[0].photos, 3);
 }
 

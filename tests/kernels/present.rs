@@ -51,7 +51,7 @@ fn every_part_of_a_frame_looks_as_on_the_host() {
     let (w, h) = (view.camera.width, view.camera.height);
     let (base, image) = (frame.base().unwrap().rgb, frame.image().unwrap().unwrap().rgb);
     let residual: Vec<f32> = image.iter().zip(&base).map(|(a, b)| a - b).collect();
-    let photo: Vec<u8> = view.photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let photo: Vec<u8> = view.photo.pixels().unwrap().rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let stronger: Vec<f32> = residual.iter().map(|v| 4.0 * v).collect();
     let difference: Vec<f32> = image.iter().zip(&photo).map(|(a, &b)| a - f32::from(b) / 255.0).collect();
     let depth = frame.depth().unwrap().unwrap();
@@ -59,7 +59,7 @@ fn every_part_of_a_frame_looks_as_on_the_host() {
     // The scale below the picture stays behind.
     let depth_picture = Picture::depth(w, h, &depth, Some(range)).rgb[..photo.len()].to_vec();
     let visibility = frame.visibility().unwrap().unwrap();
-    let target = DevicePhoto::upload(&gpu, &view.photo).unwrap();
+    let target = DevicePhoto::upload(&gpu, &view.photo.pixels().unwrap()).unwrap();
     // With how much two roundings may differ: colours of the palette are between its 256.
     let cases = [
         ("final", Shown::Final, Picture::colors(w, h, &image).rgb, 1),

@@ -13,7 +13,6 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 
 pub fn dataset() -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
@@ -30,7 +29,7 @@ pub fn dataset() -> Dataset {
                 view_from_world: DMat3::from_quat(DQuat::from_axis_angle(axis, rng.random())),
                 translation: DVec3::from([0; 3].map(|_| rng.random_range(-9.0..9.0))),
             },
-            photo: Arc::new(Photo { width: 64, height: 48, rgba: vec![255; 64 * 48 * 4] }),
+            photo: Photo { width: 64, height: 48, rgba: vec![255; 64 * 48 * 4] }.into(),
         }
     });
     Dataset {

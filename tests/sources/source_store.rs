@@ -1,22 +1,21 @@
 //! Photos and depth maps on the device within a budget.
 
 use crate::common::gpu;
-use ibgs_core::dataset::Photo;
+use ibgs_core::dataset::{HostPhoto, Photo};
 use ibgs_core::sources::DevicePhoto;
 use ibgs_core::sources::depth_cache::DepthCache;
 use ibgs_core::sources::source_store::SourceStore;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
 
 /// Photos of 13 x 9 and 8 x 4 pixels in turn.
-fn photos(count: usize) -> Vec<Arc<Photo>> {
+fn photos(count: usize) -> Vec<HostPhoto> {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     (0..count)
         .map(|i| {
             let (width, height) = if i % 2 == 0 { (13, 9) } else { (8, 4) };
             let rgba = (0..width * height * 4).map(|_| rng.random()).collect();
-            Arc::new(Photo { width, height, rgba })
+            Photo { width, height, rgba }.into()
         })
         .collect()
 }
@@ -44,8 +43,11 @@ fn contents_do_not_depend_on_the_budget() {
         for _ in 0..40 {
             let index = rng.random_range(0..9);
             let target = store.photo(index).unwrap();
-            assert_eq!(target.size, [photos[index].width, photos[index].height]);
-            assert!(contents(&target) == photos[index].rgba, "photo {index} with a budget of {budget:?}");
+            assert_eq!(target.size, photos[index].size());
+            assert!(
+                contents(&target) == photos[index].pixels().unwrap().rgba,
+                "photo {index} with a budget of {budget:?}"
+            );
             assert!(budget.is_none_or(|budget| store.resident_bytes() <= budget.max(LARGE)));
         }
         println!("budget {budget:?}: {} uploads", store.uploads());
@@ -77,7 +79,7 @@ fn photos_in_use_stay() {
     let six = store.photo(6).unwrap();
     assert_eq!(store.resident_bytes(), 4 * LARGE);
     for (target, index) in held.iter().chain([&six]).zip([0, 2, 4, 6]) {
-        assert!(contents(target) == photos[index].rgba);
+        assert!(contents(target) == photos[index].pixels().unwrap().rgba);
     }
     // Once they are let go the next one brings the store back under its budget.
     drop((held, six));
@@ -86,7 +88,9 @@ fn photos_in_use_stay() {
     // Asked for as a set, what is there stays.
     let set = store.photos(&[0, 8]).unwrap();
     assert_eq!(resident(&store), [0, 8]);
-    assert!(contents(&set[0]) == photos[0].rgba && contents(&set[1]) == photos[8].rgba);
+    assert!(
+        contents(&set[0]) == photos[0].pixels().unwrap().rgba && contents(&set[1]) == photos[8].pixels().unwrap().rgba
+    );
 }
 
 #[test]

@@ -5,17 +5,16 @@ use crate::common::gpu;
 use glam::DVec2;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{Dataset, Photo, View, demo};
-use std::sync::Arc;
 
 /// Replaces the photos; `pixel` gets the view, the pixel's column and row, and its RGBA bytes.
 fn repainted(dataset: &Dataset, pixel: impl Fn(usize, u32, u32, &mut [u8])) -> Dataset {
     let mut dataset = dataset.clone();
     for (index, view) in dataset.views.iter_mut().enumerate() {
-        let mut photo = Photo::clone(&view.photo);
+        let mut photo = Photo::clone(&view.photo.pixels().unwrap());
         for (i, rgba) in (0u32..).zip(photo.rgba.chunks_exact_mut(4)) {
             pixel(index, i % photo.width, i / photo.width, rgba);
         }
-        view.photo = Arc::new(photo);
+        view.photo = photo.into();
     }
     dataset
 }
@@ -121,7 +120,7 @@ fn three_cameras() -> Dataset {
             }
             _ => camera.focal *= DVec2::new(0.8, 0.9),
         }
-        view.photo = Arc::new(demo::render_photo(camera, 1));
+        view.photo = demo::render_photo(camera, 1).into();
     }
     dataset
 }

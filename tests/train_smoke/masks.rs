@@ -21,14 +21,14 @@ fn silhouette(view: &View) -> Vec<bool> {
 fn masked(mut dataset: Dataset, outside: Option<u8>) -> Dataset {
     for view in &mut dataset.views {
         let inside = silhouette(view);
-        let mut photo = Photo::clone(&view.photo);
+        let mut photo = Photo::clone(&view.photo.pixels().unwrap());
         for (pixel, _) in photo.rgba.chunks_exact_mut(4).zip(&inside).filter(|(_, inside)| !**inside) {
             pixel[3] = 1;
             if let Some(level) = outside {
                 pixel[..3].fill(level);
             }
         }
-        view.photo = Arc::new(photo);
+        view.photo = photo.into();
     }
     dataset
 }
@@ -73,7 +73,7 @@ fn whole_psnr(trainer: &Trainer, dataset: &Dataset) -> f64 {
     let one = |&index: &usize| {
         let view = &dataset.views[index];
         let frame = trainer.renderer().unwrap().render(&view.camera).unwrap();
-        score(&frame.base().unwrap(), &view.photo.over([0.0; 3])).psnr
+        score(&frame.base().unwrap(), &view.photo.pixels().unwrap().over([0.0; 3])).psnr
     };
     dataset.test.iter().map(one).sum::<f64>() / dataset.test.len() as f64
 }
@@ -105,7 +105,7 @@ fn black_gaussians_do_not_hide_on_black() {
         let mut dataset = masked(dataset(), Some(0));
         if masks == Masks::Ignore {
             // A picture of black in place of emptiness.
-            dataset.views.iter_mut().for_each(|view| view.photo = Arc::new(view.photo.over([0.0; 3])));
+            dataset.views.iter_mut().for_each(|view| view.photo = view.photo.pixels().unwrap().over([0.0; 3]).into());
         }
         dataset.points.iter_mut().for_each(|point| point.color = [0; 3]);
         let mut trainer = trainer(&dataset, &with(masks, densifying(100, 80)));

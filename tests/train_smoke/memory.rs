@@ -3,7 +3,7 @@
 use crate::common::open_gpu;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, Photo, View};
+use ibgs_core::dataset::{Dataset, HostPhoto, Photo, View};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
@@ -16,7 +16,8 @@ use std::sync::Arc;
 /// A grey photo of three views side by side.
 fn dataset(camera: &Camera) -> Dataset {
     let (width, height) = (camera.width, camera.height);
-    let photo = Arc::new(Photo { width, height, rgba: [128, 128, 128, 255].repeat((width * height) as usize) });
+    let rgba = [128, 128, 128, 255].repeat((width * height) as usize);
+    let photo = HostPhoto::from(Photo { width, height, rgba });
     let view = |i: usize| {
         let mut camera = *camera;
         camera.translation.x = 0.1 * i as f64;

@@ -22,7 +22,7 @@
 //! than the file. The archive's own checksums show damage.
 
 use crate::config::TrainConfig;
-use crate::dataset::{Photo, Resampler, resample};
+use crate::dataset::{DatasetError, HostPhoto, Photo, Resampler, resample};
 use crate::exposure::{self, Exposure};
 use crate::files::{WriteError, write_seekable_atomically};
 use crate::image_io;
@@ -123,7 +123,7 @@ pub struct Bundle {
     /// How it was trained.
     pub config: TrainConfig,
     /// Photos of the training views by name: one for every training camera, of its size.
-    pub photos: Vec<(String, Arc<Photo>)>,
+    pub photos: Vec<(String, HostPhoto)>,
     /// The sources of each view.
     pub sources: Vec<ViewSources>,
 }
@@ -228,7 +228,10 @@ impl Bundle {
             add(zip, "network.bin", network)?;
         }
         for photos in self.photos.chunks(BATCH) {
-            let encode = |(name, photo): &(String, Arc<Photo>)| encode(name, photo, packing);
+            let encode = |(name, photo): &(String, HostPhoto)| {
+                let pixels = photo.pixels().map_err(io::Error::other)?;
+                encode(name, &pixels, packing)
+            };
             for (part, bytes) in photos.par_iter().map(encode).collect::<io::Result<Vec<_>>>()? {
                 add(zip, &part, &bytes)?;
             }
@@ -237,23 +240,31 @@ impl Bundle {
     }
 
     /// Makes photos whose longest side has more than `longest` pixels smaller, together with their cameras.
-    pub fn shrink_photos(&mut self, longest: u32) {
-        let is_large = |(_, photo): &&mut (String, Arc<Photo>)| photo.width.max(photo.height) > longest;
-        self.photos.par_iter_mut().filter(is_large).for_each(|(_, photo)| {
-            let Photo { width, height, rgba } = Photo::clone(photo);
+    ///
+    /// # Errors
+    /// A photo cannot be decoded again.
+    pub fn shrink_photos(&mut self, longest: u32) -> Result<(), DatasetError> {
+        let is_large = |(_, photo): &&mut (String, HostPhoto)| photo.size().into_iter().any(|side| side > longest);
+        self.photos.par_iter_mut().filter(is_large).try_for_each(|(_, photo)| {
+            let Photo { width, height, rgba } = Arc::unwrap_or_clone(photo.pixels()?);
             let scale = f64::from(longest) / f64::from(width.max(height));
             let [w, h] = [width, height].map(|side| (scale * f64::from(side)).round().max(1.0) as u32);
             let image = RgbaImage::from_raw(width, height, rgba).expect("a photo has its size");
             let rgba = resample(image, w, h, Resampler::Lanczos3).into_raw();
-            *photo = Arc::new(Photo { width: w, height: h, rgba });
-        });
-        let photos: HashMap<&str, &Photo> = self.photos.iter().map(|(name, photo)| (name.as_str(), &**photo)).collect();
+            *photo = Photo { width: w, height: h, rgba }.into();
+            Ok(())
+        })?;
+        let photos: HashMap<&str, [u32; 2]> =
+            self.photos.iter().map(|(name, photo)| (name.as_str(), photo.size())).collect();
         for record in self.cameras.iter_mut().filter(|record| record.split == Some(Split::Train)) {
-            let (camera, photo) = (&mut record.camera, photos.get(record.name.as_str()));
-            if let Some(photo) = photo.filter(|photo| (photo.width, photo.height) != (camera.width, camera.height)) {
-                *camera = camera.resized(photo.width, photo.height);
+            let camera = &mut record.camera;
+            if let Some(&[width, height]) = photos.get(record.name.as_str())
+                && [width, height] != [camera.width, camera.height]
+            {
+                *camera = camera.resized(width, height);
             }
         }
+        Ok(())
     }
 
     /// Reads a bundle.
@@ -414,7 +425,7 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
     }
 
     /// The training views' photos, in the order of the cameras.
-    fn photos(&mut self, cameras: &[CameraRecord]) -> Result<Vec<(String, Arc<Photo>)>, BundleError> {
+    fn photos(&mut self, cameras: &[CameraRecord]) -> Result<Vec<(String, HostPhoto)>, BundleError> {
         let mut photos = Vec::new();
         let training: Vec<&CameraRecord> = cameras.iter().filter(|c| c.split == Some(Split::Train)).collect();
         let sizes = training.iter().map(|c| u64::from(c.camera.width).saturating_mul(4 * u64::from(c.camera.height)));
@@ -439,7 +450,7 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
             let decoded: Vec<_> = batch.par_iter().zip(&read).map(decode).collect();
             for ((record, (_, _, part)), photo) in batch.iter().zip(&read).zip(decoded) {
                 let photo = photo.map_err(|reason| self.damaged(part, reason))?;
-                photos.push((record.name.clone(), Arc::new(photo)));
+                photos.push((record.name.clone(), photo.into()));
             }
         }
         Ok(photos)

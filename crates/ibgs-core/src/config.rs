@@ -19,6 +19,7 @@ pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, Surfa
 
 use crate::dataset::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::files::{self, TomlError};
+use crate::sources::memory::MemoryBudget;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -132,6 +133,9 @@ pub struct DataConfig {
     pub extent: Option<f64>,
     /// Number of random points where the scene has none.
     pub random_points: u32,
+    /// Memory of the host for decoded photos: `auto` (half of what is free), `none` (no limit: all are kept), or a size such as
+    /// `8GiB`. Beyond it those used longest ago are decoded again when they are needed.
+    pub host_memory: MemoryBudget,
     /// Gives every photo of the demo scene another exposure, by this seed; unset: the same for all.
     pub demo_exposure_seed: Option<u64>,
 }
@@ -327,6 +331,7 @@ impl TrainConfig {
             extent: data.extent,
             seed: self.seed,
             random_points: data.random_points as usize,
+            host_memory: data.host_memory.host_bytes(),
         }
     }
 

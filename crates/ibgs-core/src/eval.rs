@@ -3,7 +3,7 @@
 pub mod scores;
 
 use crate::camera::Camera;
-use crate::dataset::{Photo, View};
+use crate::dataset::{DatasetError, Photo, View};
 use crate::files::WriteError;
 use crate::gpu::GpuError;
 use crate::output::pictures::RenderError;
@@ -201,6 +201,9 @@ pub enum EvalError {
     /// The GPU failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// A photo cannot be decoded again.
+    #[error(transparent)]
+    Photo(#[from] DatasetError),
     /// A picture cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -236,10 +239,10 @@ pub fn score_view(
     view: &View,
     perceptual: Option<&dyn Perceptual>,
 ) -> Result<(Frame, ViewScores), EvalError> {
-    let frame = renderer.render(&view.camera)?;
+    let (frame, photo) = (renderer.render(&view.camera)?, view.photo.pixels()?);
     let scored = |image: &Rendered| {
-        let lpips = perceptual.map(|metric| metric.distance(image, &view.photo)).transpose()?;
-        Ok::<_, EvalError>(Score { lpips, ..score(image, &view.photo) })
+        let lpips = perceptual.map(|metric| metric.distance(image, &photo)).transpose()?;
+        Ok::<_, EvalError>(Score { lpips, ..score(image, &photo) })
     };
     let base = scored(&frame.base()?)?;
     let image = frame.image()?.as_ref().map(scored).transpose()?;

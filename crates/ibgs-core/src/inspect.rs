@@ -5,12 +5,12 @@
 //! other side of it.
 
 use crate::camera::Camera;
-use crate::dataset::Photo;
+use crate::dataset::{HostPhoto, Photo};
 use crate::gpu::{Buffer, Gpu, GpuError, at_once};
 use crate::render::Frame;
 use crate::sources::WarpOptions;
+use crate::sources::source_store::pixels;
 use glam::{DVec2, DVec3};
-use std::sync::Arc;
 
 /// One pixel of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -97,7 +97,7 @@ pub(crate) struct FrameSource {
     /// Index of the training view.
     pub view: usize,
     pub camera: Camera,
-    pub photo: Arc<Photo>,
+    pub photo: HostPhoto,
     /// The view's own median depth, `[H * W]`.
     pub depth: Buffer,
 }
@@ -139,8 +139,8 @@ impl FrameSource {
     }
 
     /// The photo's colour there; none where a texel is masked.
-    fn color(&self, landing: &Landing) -> Option<DVec3> {
-        let texels = landing.texels.map(|t| self.photo.rgba.as_chunks::<4>().0[t]);
+    fn color(photo: &Photo, landing: &Landing) -> Option<DVec3> {
+        let texels = landing.texels.map(|t| photo.rgba.as_chunks::<4>().0[t]);
         let color = |[r, g, b, _]: [u8; 4]| DVec3::new(r.into(), g.into(), b.into()) / 255.0;
         let sum = texels.iter().zip(landing.weights).map(|(texel, weight)| weight * color(*texel)).sum();
         texels.iter().all(|texel| texel[3] >= 128).then_some(sum)
@@ -174,8 +174,8 @@ struct Pixel<'a> {
 
 impl Pixel<'_> {
     /// The photo's colours at the intersections, and their mean by weight.
-    fn colors(&self, source: &FrameSource) -> (Vec<Option<DVec3>>, Option<DVec3>) {
-        let read = |i: &Intersection| source.color(&source.land(i.point, self.ray_offset).ok()?);
+    fn colors(&self, source: &FrameSource, photo: &Photo) -> (Vec<Option<DVec3>>, Option<DVec3>) {
+        let read = |i: &Intersection| FrameSource::color(photo, &source.land(i.point, self.ray_offset).ok()?);
         let reads: Vec<Option<DVec3>> = self.intersections.iter().map(read).collect();
         let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
         for (color, intersection) in reads.iter().zip(self.intersections) {
@@ -190,7 +190,7 @@ impl Pixel<'_> {
     /// What the source with this number says.
     async fn read(&self, number: usize, source: &FrameSource) -> Result<SourceReading, GpuError> {
         let landing = source.land(self.point, self.ray_offset);
-        let (reads, color) = self.colors(source);
+        let (reads, color) = self.colors(source, &*pixels(&source.photo)?);
         let mut depth_error = None;
         if let Ok(landing) = &landing {
             let own = source.own_depth(self.gpu, landing).await?;

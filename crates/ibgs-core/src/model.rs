@@ -23,7 +23,7 @@ use crate::camera::Camera;
 use crate::config::schedule::Schedule;
 use crate::config::{Method, Preset, TrainConfig};
 use crate::dataset::demo::{self, DemoOptions};
-use crate::dataset::{self, Dataset, Photo, PrincipalPoint, Resampler, Resolution};
+use crate::dataset::{self, Dataset, HostPhoto, PrincipalPoint, Resampler, Resolution};
 use crate::exposure::{Exposure, ExposureField};
 use crate::gpu::Gpu;
 use crate::levels::{self, Levels, Loading, Stream};
@@ -53,6 +53,8 @@ pub struct ModelOptions {
     pub resolution: Option<Resolution>,
     /// Device memory for the source photos; none: as in the training.
     pub source_memory: Option<MemoryBudget>,
+    /// Memory of the host for decoded photos, in place of the run's.
+    pub host_memory: Option<MemoryBudget>,
     /// How precisely the residual network computes.
     pub precision: Precision,
     /// Device memory for a model with levels of detail; other models are on the device as a whole.
@@ -87,7 +89,7 @@ pub struct Model {
     /// Exposures of the training photos by name, where they were corrected.
     exposure: Option<HashMap<String, Exposure>>,
     /// Training photos by name, where the model brings them.
-    photos: Option<HashMap<String, Arc<Photo>>>,
+    photos: Option<HashMap<String, HostPhoto>>,
     /// Another program wrote it: the scene has its cameras.
     foreign: bool,
     source: Option<PathBuf>,
@@ -139,6 +141,9 @@ impl Model {
             return Err(ModelError::KnowsItsPhotos { path: model.path });
         }
         model.source.clone_from(&options.source);
+        if let Some(memory) = options.host_memory {
+            model.config.data.host_memory = memory;
+        }
         if let Some(memory) = options.source_memory {
             model.config.sources.memory = memory;
         }
@@ -235,15 +240,15 @@ impl Model {
     ///
     /// # Errors
     /// A photo is missing or has another size than its camera.
-    pub fn training_photos(&self) -> Result<Vec<Arc<Photo>>, ModelError> {
+    pub fn training_photos(&self) -> Result<Vec<HostPhoto>, ModelError> {
         let training = self.training_views();
-        let by_name: HashMap<&str, &Arc<Photo>> =
+        let by_name: HashMap<&str, &HostPhoto> =
             self.dataset.iter().flat_map(|d| &d.views).map(|v| (v.name.as_str(), &v.photo)).collect();
         let photo = |record: &CameraRecord| {
             let own = self.photos.as_ref().and_then(|photos| photos.get(&record.name));
             let found = own.or_else(|| by_name.get(record.name.as_str()).copied());
             let photo = found.ok_or_else(|| ModelError::NoPhoto { name: record.name.clone() })?;
-            match [record.camera.width, record.camera.height] == [photo.width, photo.height] {
+            match [record.camera.width, record.camera.height] == photo.size() {
                 true => Ok(photo.clone()),
                 false => Err(ModelError::PhotoSize { name: record.name.clone() }),
             }
@@ -320,7 +325,7 @@ pub fn load_demo(
 ) -> Result<Dataset, demo::DemoError> {
     let mut dataset = demo::load(options, None, progress)?;
     if let Some(seed) = exposure_seed {
-        demo::change_exposure(&mut dataset, seed);
+        demo::change_exposure(&mut dataset, seed)?;
     }
     Ok(dataset)
 }

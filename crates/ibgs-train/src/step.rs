@@ -32,6 +32,9 @@ use rand_chacha::ChaCha8Rng;
 use std::borrow::Cow;
 use std::sync::Arc;
 
+/// Iterations whose photos are decoded while this one runs.
+const AHEAD: u32 = 16;
+
 /// Why training stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
@@ -425,12 +428,19 @@ impl Trainer {
         self.prefetch()
     }
 
-    /// Uploads what the next iteration reads while the GPU still works on this one; nothing to do where all photos fit.
+    /// Uploads what the next iteration reads while the GPU still works on this one, and begins to decode what later ones read;
+    /// nothing to do where all photos fit.
     fn prefetch(&self) -> Result<(), TrainError> {
         if let (Some(_), Some(&next)) = (&self.stages, self.queue.last()) {
             let mut wanted = vec![next];
             wanted.extend(self.sources(next, self.iteration + 1));
             self.photos.prefetch(&wanted)?;
+        }
+        if self.photos.decodes_again() {
+            for (later, &view) in (1..=AHEAD).zip(self.queue.iter().rev()) {
+                self.photos.decode_ahead(&[view]);
+                self.photos.decode_ahead(&self.sources(view, self.iteration + later));
+            }
         }
         Ok(())
     }

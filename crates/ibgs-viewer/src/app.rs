@@ -20,10 +20,12 @@ use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
 use framing::fitted;
 use glam::DVec3;
 use ibgs_core::camera::Camera;
+use ibgs_core::dataset::HostPhoto;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::source_store::pixels;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -365,7 +367,7 @@ impl Viewer {
         };
         if self.photo.as_ref().is_none_or(|(of, _)| *of != index) {
             let photo = self.view().and_then(|view| view.photo.clone());
-            let upload = |photo: Arc<ibgs_core::dataset::Photo>| DevicePhoto::upload(&self.gpu, &photo);
+            let upload = |photo: HostPhoto| DevicePhoto::upload(&self.gpu, &*pixels(&photo)?);
             self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
         }
         Ok(self.photo.as_ref().map(|(_, target)| target.clone()))

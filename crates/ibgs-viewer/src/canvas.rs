@@ -69,6 +69,8 @@ pub struct Canvas {
     refused: Option<Request>,
     /// Seconds that a frame of the full size would take.
     full_time: Option<f32>,
+    /// The last frame was the first of its kind. It compiled kernels and made depth maps, so its time says too much.
+    is_first: bool,
     /// Nothing more has to be asked for.
     settled: bool,
     /// Range of the depths and the like.
@@ -91,6 +93,7 @@ impl Canvas {
             awaited: None,
             refused: None,
             full_time: None,
+            is_first: false,
             settled: false,
             style: Style::default(),
         })
@@ -125,6 +128,8 @@ impl Canvas {
         if let Some(range) = rendered.range {
             self.style.depth_range = range;
         }
+        let has_sources = |rendered: &Rendered| rendered.facts.sources.is_some();
+        self.is_first = self.last.as_ref().is_none_or(|last| has_sources(last) != has_sources(&rendered));
         // The time is proportional to the number of pixels.
         self.full_time = Some(rendered.time.as_secs_f32() / (share * share));
         self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
@@ -146,6 +151,8 @@ impl Canvas {
             Some(time) => (SLOW[usize::from(!wanted.moving)] / time.max(1e-5)).sqrt().clamp(LEAST_SHARE, 1.0),
             None => FIRST_SHARE,
         };
+        // A smaller image than the full one is never chosen by the time of a first frame alone.
+        let is_timed = !self.is_first || wanted.running || share >= 1.0;
         // What is sharp enough stays as it is: the time of a frame is never twice the same.
         let enough = |last: &Rendered| {
             let camera = last.frame.camera();
@@ -154,7 +161,7 @@ impl Canvas {
         };
         let side = |side: u32| ((side as f32 * share).round() as u32).clamp(SIDES[0], SIDES[1]);
         let camera = match &self.last {
-            Some(last) if !wanted.moving && enough(last) => *last.frame.camera(),
+            Some(last) if !wanted.moving && is_timed && enough(last) => *last.frame.camera(),
             _ if share < 1.0 => full.resized(side(full.width), side(full.height)),
             _ => *full,
         };
@@ -163,6 +170,7 @@ impl Canvas {
             let aged =
                 !wanted.running || self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
             *last.frame.camera() == camera
+                && is_timed
                 && !last.facts.is_loading
                 && (last.range.is_some() || !with_range)
                 && last.looks.iter().zip(wanted.looks).all(|(frame, wanted)| frame.is_some() || !wanted)

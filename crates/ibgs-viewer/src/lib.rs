@@ -33,7 +33,7 @@ use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, Preset, TrainConfig};
-use ibgs_core::dataset::{self, Dataset, Photo, Point};
+use ibgs_core::dataset::{self, Dataset, HostPhoto, Point};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::Model;
 use ibgs_core::output::cameras::{CameraRecord, Split};
@@ -53,14 +53,14 @@ pub struct View {
     /// The model was not trained on it.
     pub held_out: bool,
     /// Its photo, of the camera's size.
-    pub photo: Option<Arc<Photo>>,
+    pub photo: Option<HostPhoto>,
 }
 
 impl View {
     /// A view of a model, with its photo where there is one of its size under its name.
-    pub fn of(record: &CameraRecord, photos: &HashMap<String, Arc<Photo>>) -> View {
-        let size = (record.camera.width, record.camera.height);
-        let photo = photos.get(&record.name).filter(|photo| (photo.width, photo.height) == size);
+    pub fn of(record: &CameraRecord, photos: &HashMap<String, HostPhoto>) -> View {
+        let size = [record.camera.width, record.camera.height];
+        let photo = photos.get(&record.name).filter(|photo| photo.size() == size);
         View {
             name: record.name.clone(),
             camera: record.camera,

@@ -51,7 +51,8 @@ impl Thumbnails {
             return None;
         }
         self.now += 1;
-        let texture = ctx.load_texture(&view.name, of_photo(photo)?, TextureOptions::LINEAR);
+        let pixels = photo.pixels().ok()?;
+        let texture = ctx.load_texture(&view.name, of_photo(&pixels)?, TextureOptions::LINEAR);
         self.made.insert(index, texture.clone());
         Some(texture)
     }

@@ -5,12 +5,14 @@ use crate::commands::report::page::escape;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
 use ibgs_core::bundle::Packing;
+use ibgs_core::dataset::Photo;
 use ibgs_core::files::write_atomically;
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::FilterType;
 use image::{DynamicImage, RgbaImage};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The page, and its element `<ibgs-viewer>`.
 const PAGE: &str = include_str!("../page/index.html");
@@ -45,10 +47,9 @@ pub fn write(args: &Args, folder: &Path) -> Result<()> {
     bundle.write(&folder.join(BUNDLE), args.bundle.packing(SMALL))?;
     let poster = match bundle.photos.first() {
         Some((_, photo)) => {
-            let image =
-                RgbaImage::from_raw(photo.width, photo.height, photo.rgba.clone()).context("a photo has its size")?;
-            let image = DynamicImage::from(image);
-            let image = match photo.width.max(photo.height) > POSTER_SIDE {
+            let Photo { width, height, rgba } = Arc::unwrap_or_clone(photo.pixels()?);
+            let image = DynamicImage::from(RgbaImage::from_raw(width, height, rgba).context("a photo has its size")?);
+            let image = match width.max(height) > POSTER_SIDE {
                 true => image.resize(POSTER_SIDE, POSTER_SIDE, FilterType::Triangle),
                 false => image,
             };

@@ -1,7 +1,7 @@
 //! Estimates the device memory that a training needs, before it begins.
 
 use crate::stderr;
-use anyhow::{Result, bail};
+use anyhow::Result;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
@@ -14,6 +14,11 @@ use ibgs_train::memory::{Demand, Estimate, INTERSECTIONS};
 
 /// Share of the free device memory that `auto` may use; other programs and the driver need some.
 const PART: f64 = 0.9;
+
+/// A training needs more device memory than there is.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct DoesNotFit(String);
 
 /// Estimates the memory that a training needs, by the number of Gaussians.
 pub struct Needs {
@@ -134,12 +139,13 @@ impl Needs {
                      into more blocks (`ibgs split`)"
                 }
             };
-            bail!(
+            let text = format!(
                 "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`); {advice}",
                 Bytes(self.least()),
                 self.gaussians,
                 Bytes(budget)
             );
+            return Err(DoesNotFit(text).into());
         };
         if fits >= self.most {
             return Ok(None);

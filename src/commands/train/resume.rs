@@ -8,11 +8,12 @@ use ibgs_train::checkpoint::{Checkpoint, CheckpointError};
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The checkpoint to resume from. The scene may have moved; no other option may differ.
+/// The checkpoint to resume from. The scene may have moved, and the host's memory be another; no other option may differ.
 pub fn checkpoint(args: &Args, path: &Path) -> Result<Checkpoint> {
     let mut checkpoint = newest(&OutputFolder::at(path))?;
     let mut wanted = args.over(checkpoint.config.clone())?;
     checkpoint.config.data.source.clone_from(&wanted.data.source);
+    checkpoint.config.data.host_memory = wanted.data.host_memory;
     // So may a plan of blocks.
     if let Some(plan) = &args.base {
         for config in [&mut checkpoint.config, &mut wanted] {

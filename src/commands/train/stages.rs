@@ -60,6 +60,10 @@ pub struct StageArgs {
     /// limit), or a size such as `512MiB` [default: auto].
     #[arg(long, help_heading = heading::DEVICE)]
     source_memory: Option<MemoryBudget>,
+    /// Memory for decoded photos: `auto` (half of what is free), `none` (no limit), or a size such as `8GiB`; beyond it photos
+    /// are decoded again when they are needed [default: auto].
+    #[arg(long, help_heading = heading::DEVICE)]
+    host_memory: Option<MemoryBudget>,
 }
 
 impl StageArgs {
@@ -79,6 +83,7 @@ impl StageArgs {
             None => {}
         }
         set(&mut c.sources.memory, &self.source_memory);
+        set(&mut c.data.host_memory, &self.host_memory);
         set(&mut c.surface.intersections, &self.intersections);
         set_some(&mut c.residual.factor, &self.residual_factor);
         set(&mut c.residual.precision, &self.precision);

@@ -5,7 +5,6 @@ use crate::camera::Camera;
 use crate::dataset::{PosedScene, shown};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
 
 /// Most points that are looked at: evenly chosen from more.
 const MOST_POINTS: usize = 300_000;
@@ -44,7 +43,7 @@ pub struct Cutter<'a> {
     /// Points that are looked at, one of so many.
     points: Vec<DVec3>,
     step: usize,
-    /// Cells and points that the views show.
+    /// Cells and points that the views show, by cell.
     shown: Vec<Vec<(u32, u32)>>,
 }
 
@@ -54,7 +53,12 @@ impl<'a> Cutter<'a> {
         let step = scene.points.len().div_ceil(MOST_POINTS).max(1);
         let all = scene.points.iter().map(|point| point.position);
         let points: Vec<DVec3> = all.filter(|position| position.is_finite()).step_by(step).collect();
-        let shown = scene.views.par_iter().map(|(_, camera)| shown(camera, &points)).collect();
+        let by_cell = |camera: &Camera| {
+            let mut shown = shown(camera, &points);
+            shown.sort_unstable();
+            shown
+        };
+        let shown = scene.views.par_iter().map(|(_, camera)| by_cell(camera)).collect();
         Self { scene, points, step, shown }
     }
 
@@ -78,7 +82,7 @@ impl<'a> Cutter<'a> {
             points.iter().zip(&seen).map(|(&position, &count)| Weighted { position, weight: weight(count) }).collect();
         let mut cores = Vec::with_capacity(options.blocks);
         divide(&mut weighted, options.blocks, Core::default(), &mut cores).ok_or_else(too_few)?;
-        let blocks = cores.into_iter().enumerate().map(|(index, (core, extent))| {
+        let blocks = cores.into_par_iter().enumerate().map(|(index, Part { core, extent, points: inside })| {
             let large = core.enlarged(extent * options.overlap);
             let chosen = |views: &[usize]| -> Vec<usize> {
                 let belongs = |&&view: &&usize| {
@@ -91,32 +95,39 @@ impl<'a> Cutter<'a> {
             if train.len() < 2 {
                 return Err(PlanError::Photos { block: index, photos: train.len(), blocks: options.blocks });
             }
-            let inside = scene.points.iter().filter(|point| core.contains(point.position)).count();
-            let start: HashSet<u32> = train.iter().flat_map(|&view| &shown[view]).map(|(_, point)| *point).collect();
+            let mut starts = vec![false; points.len()];
+            train.iter().flat_map(|&view| &shown[view]).for_each(|(_, point)| starts[*point as usize] = true);
+            let start_points = self.step * starts.into_iter().filter(|&starts| starts).count();
             let names = |views: Vec<usize>| views.into_iter().map(|view| scene.views[view].0.clone()).collect();
             let (train, test) = (names(train), names(test));
-            Ok(Block { core, points: inside, start_points: start.len() * self.step, train, test, ..Block::default() })
+            Ok(Block { core, points: self.step * inside, start_points, train, test, ..Block::default() })
         });
         Ok(BlockPlan { blocks: blocks.collect::<Result<_, _>>()?, memory_limit: None })
     }
 }
 
-/// Whether a photo shows enough of a block, or was taken in it.
+/// Whether a photo shows enough of a block, or was taken in it; what it shows comes by cell.
 fn belongs(core: &Core, camera: &Camera, shown: &[(u32, u32)], points: &[DVec3], least: f64) -> bool {
-    let mut cells: HashMap<u32, bool> = HashMap::new();
-    for (cell, point) in shown {
-        *cells.entry(*cell).or_default() |= core.contains(points[*point as usize]);
+    let (mut cells, mut inside) = (0, 0);
+    for cell in shown.chunk_by(|a, b| a.0 == b.0) {
+        cells += 1;
+        inside += usize::from(cell.iter().any(|(_, point)| core.contains(points[*point as usize])));
     }
-    let inside = cells.values().filter(|inside| **inside).count() as f64;
-    core.contains(camera.center()) || inside > 0.0 && inside >= least * cells.len() as f64
+    core.contains(camera.center()) || inside > 0 && inside as f64 >= least * f64::from(cells)
 }
 
-/// Divides a core by planes across its longest axes until there are `count`, each with the lengths of its points; none where
-/// points coincide.
-fn divide(points: &mut [Weighted], count: usize, core: Core, cores: &mut Vec<(Core, DVec3)>) -> Option<()> {
+/// A core with the lengths of its points along the axes, and how many of those that are looked at it has.
+struct Part {
+    core: Core,
+    extent: DVec3,
+    points: usize,
+}
+
+/// Divides a core by planes across its longest axes until there are `count`; none where points coincide.
+fn divide(points: &mut [Weighted], count: usize, core: Core, cores: &mut Vec<Part>) -> Option<()> {
     let extent = extent(points)?;
     if count == 1 {
-        cores.push((core, extent));
+        cores.push(Part { core, extent, points: points.len() });
         return Some(());
     }
     let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b]))?;

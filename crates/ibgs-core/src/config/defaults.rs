@@ -1,6 +1,7 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
 use crate::dataset::{Masks, PrincipalPoint, Resampler, Resolution};
+use crate::sources::memory::MemoryBudget;
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{
@@ -88,6 +89,7 @@ impl Default for DataConfig {
             filter_points: false,
             extent: None,
             random_points: 100_000,
+            host_memory: MemoryBudget::Auto,
             demo_exposure_seed: None,
         }
     }

@@ -205,6 +205,12 @@ pub enum DatasetError {
         /// The decoder's reason.
         cause: String,
     },
+    /// A photo that is decoded again, as the host's memory holds too few, is another one now.
+    #[error("photo {} has changed while it was in use; start again", path.display())]
+    PhotoChanged {
+        /// The photo.
+        path: PathBuf,
+    },
     /// A photo in a format that is known but not read.
     #[error(
         "photo {} is a {format} file, which is not read; convert it to JPEG or PNG under the same name (for example with \

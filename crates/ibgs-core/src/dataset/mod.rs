@@ -5,6 +5,7 @@ mod colmap;
 mod decode;
 pub mod demo;
 mod error;
+mod host;
 mod info;
 mod lens;
 mod names;
@@ -22,6 +23,7 @@ pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
+pub use host::HostPhoto;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub(crate) use photos::resample;
@@ -87,7 +89,7 @@ pub struct View {
     /// Camera of the (undistorted, resized) photo.
     pub camera: Camera,
     /// The photo; its size equals the camera's.
-    pub photo: Arc<Photo>,
+    pub photo: HostPhoto,
 }
 
 /// One point of the initial cloud.
@@ -143,7 +145,8 @@ impl Dataset {
             let columns = [view_from_world.x_axis, view_from_world.y_axis, view_from_world.z_axis, translation];
             let numbers = [focal, principal].map(|v| v.to_array()).concat().into_iter();
             numbers.chain(columns.map(|v| v.to_array()).concat()).for_each(|v| sum.update(&v.to_le_bytes()));
-            sum.update(&view.photo.rgba);
+            let (photo, bytes) = view.photo.checksum();
+            sum.combine(&crc32fast::Hasher::new_with_initial_len(photo, bytes));
             sum.finalize()
         };
         let sums: Vec<u32> = self.views.par_iter().map(one).collect();
@@ -223,10 +226,10 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
 pub fn load_with(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
     options.check()?;
     if !is_archive(path) {
-        return load_folder(path, options, progress);
+        return load_folder(path, options, None, progress);
     }
-    let unpacked = Unpacked::new(path)?;
-    let loaded = load_folder(&unpacked.root(), options, progress);
+    let unpacked = Arc::new(Unpacked::new(path)?);
+    let loaded = load_folder(&unpacked.root(), options, Some(&unpacked), progress);
     let dataset = loaded.map_err(|error| unpacked.error(error))?;
     let notes = dataset.notes.iter().map(|note| unpacked.named(note)).collect();
     Ok(Dataset { path: path.to_owned(), notes, ..dataset })
@@ -284,7 +287,13 @@ fn read_sorted(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError
     Ok(scene)
 }
 
-fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
+/// Loads a scene folder, which may be an unpacked archive.
+fn load_folder(
+    path: &Path,
+    options: &LoadOptions,
+    archive: Option<&Arc<Unpacked>>,
+    progress: &dyn Progress,
+) -> Result<Dataset, DatasetError> {
     let mut scene = read_sorted(path, options)?;
     let mut dataset = Dataset {
         path: path.to_owned(),
@@ -309,7 +318,7 @@ fn load_folder(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> R
         _ => Alpha::Mask,
     };
     let options = &LoadOptions { alpha: options.alpha.or(Some(usual)), ..options.clone() };
-    photos::load_views(&scene.frames, options, progress, &mut dataset)?;
+    photos::load_views(scene.frames, (options, archive), progress, &mut dataset)?;
     split::split(&mut dataset, scene.split, root, options)?;
     points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;
     Ok(dataset)

@@ -262,6 +262,8 @@ pub struct LoadOptions {
     pub seed: u64,
     /// Number of random points where the scene has none.
     pub random_points: usize,
+    /// Bytes of memory for decoded photos; none: all are kept. Beyond it those used longest ago are decoded again when needed.
+    pub host_memory: Option<u64>,
 }
 
 impl Default for LoadOptions {
@@ -283,6 +285,7 @@ impl Default for LoadOptions {
             extent: None,
             seed: 0,
             random_points: 100_000,
+            host_memory: None,
         }
     }
 }

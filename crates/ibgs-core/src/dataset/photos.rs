@@ -1,7 +1,9 @@
 //! Finding, loading and resampling photos.
 
+use super::archive::Unpacked;
 use super::decode::{apply_mask, decode, photo_size};
 use super::error::{DatasetError, read_bytes};
+use super::host::Shelf;
 use super::lens::{Lens, Pose};
 use super::names::{Inside, points_into};
 use super::undistort::undistort;
@@ -98,20 +100,23 @@ fn mark_empty(photo: &mut RgbaImage, outside: Option<&GrayImage>) {
     }
 }
 
-/// A loaded view and what happened to it on the way.
+/// What happened to a photo while it was loaded.
 struct Loaded {
-    view: View,
+    name: String,
+    camera: Camera,
     /// Size of the file and of the camera, where they differ.
     rescaled: Option<([u32; 2], [u32; 2])>,
     prescaled: bool,
     masked: bool,
+    /// The photo of an object leaves pixels out.
+    has_outside: bool,
     /// Degrees across that are left of a fisheye.
     fisheye: Option<DVec2>,
     /// Share of blank pixels after undistortion, where the lens was distorted.
     blank: Option<f64>,
 }
 
-fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<Loaded, DatasetError> {
+fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo), DatasetError> {
     let mut image = decode(&frame.photo, &read_bytes(&frame.photo)?, options)?;
     if let Some(mask) = &frame.mask {
         apply_mask(&mut image, mask)?;
@@ -140,11 +145,11 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<Loaded, Datase
     if options.masks == Masks::Object {
         mark_empty(&mut image, outside.as_ref());
     }
-    let photo = Arc::new(Photo { width, height, rgba: image.into_raw() });
-    let view = View { name: frame.name.clone(), camera, photo };
+    let has_outside = options.masks == Masks::Object && image.pixels().any(|pixel| (1..u8::MAX).contains(&pixel.0[3]));
+    let photo = Photo { width, height, rgba: image.into_raw() };
     let (prescaled, masked) = (frame.prescaled, frame.mask.is_some());
     let fisheye = lens.is_fisheye().then(|| lens.field_of_view());
-    Ok(Loaded { view, rescaled, prescaled, masked, fisheye, blank })
+    Ok((Loaded { name: frame.name.clone(), camera, rescaled, prescaled, masked, has_outside, fisheye, blank }, photo))
 }
 
 /// The camera of a photo once it is loaded, by its size alone.
@@ -169,14 +174,28 @@ fn to_image(photo: Photo, path: &Path) -> Result<RgbaImage, DatasetError> {
     })
 }
 
-/// Decodes, undistorts and resamples all photos, in parallel; adds views and notes to `dataset`.
+/// Decodes, undistorts and resamples all photos, in parallel; adds views and notes to `dataset`. An unpacked archive is kept as
+/// long as photos may have to be decoded again.
 pub(crate) fn load_views(
-    frames: &[ListedPhoto],
-    options: &LoadOptions,
+    frames: Vec<ListedPhoto>,
+    (options, archive): (&LoadOptions, Option<&Arc<Unpacked>>),
     progress: &dyn Progress,
     dataset: &mut Dataset,
 ) -> Result<(), DatasetError> {
     progress.begin("loading photos", frames.len());
+    let frames: Arc<[ListedPhoto]> = frames.into();
+    let again = {
+        let (frames, options, archive) = (frames.clone(), options.clone(), archive.cloned());
+        move |index: usize| {
+            let loaded = load_one(&frames[index], &options).map(|(_, photo)| photo);
+            loaded.map_err(|error| match &archive {
+                Some(archive) => archive.error(error),
+                None => error,
+            })
+        }
+    };
+    let paths = frames.iter().map(|frame| frame.photo.clone()).collect();
+    let shelf = Shelf::new(paths, options.host_memory, Box::new(again));
     // The first bad photo in name order is reported, whichever thread meets one first.
     let first_bad = AtomicUsize::new(usize::MAX);
     let loaded: Vec<Option<Result<Loaded, DatasetError>>> = frames
@@ -188,10 +207,16 @@ pub(crate) fn load_views(
             }
             let loaded = load_one(frame, options);
             progress.step();
-            if loaded.is_err() {
-                first_bad.fetch_min(index, Ordering::Relaxed);
-            }
-            Some(loaded)
+            Some(match loaded {
+                Ok((loaded, photo)) => {
+                    shelf.put(index, photo);
+                    Ok(loaded)
+                }
+                Err(error) => {
+                    first_bad.fetch_min(index, Ordering::Relaxed);
+                    Err(error)
+                }
+            })
         })
         .collect();
     progress.end();
@@ -202,14 +227,14 @@ pub(crate) fn load_views(
         dataset.notes.push(format!("transparent pixels lie over the background colour ({r}, {g}, {b})"));
     }
     if options.masks == Masks::Object {
-        let has_mask = |one: &&Loaded| one.view.photo.rgba.chunks_exact(4).any(|p| (1..u8::MAX).contains(&p[3]));
-        let masked = loaded.iter().filter(has_mask).count();
+        let masked = loaded.iter().filter(|one| one.has_outside).count();
         dataset.notes.push(match masked {
             0 => "no photo has a mask or transparent pixels: masks of an object change nothing".to_owned(),
             _ => format!("{} of an object: outside of the masks there is nothing", photos(masked)),
         });
     }
-    dataset.views.extend(loaded.into_iter().map(|loaded| loaded.view));
+    let views = loaded.into_iter().zip(shelf.into_photos());
+    dataset.views.extend(views.map(|(Loaded { name, camera, .. }, photo)| View { name, camera, photo }));
     Ok(())
 }
 
@@ -221,7 +246,7 @@ pub(crate) fn photos(count: usize) -> String {
 fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
     let rescaled = || {
         let all = loaded.iter().filter(|one| !one.prescaled);
-        all.filter_map(|one| one.rescaled.map(|sizes| (&one.view.name, sizes)))
+        all.filter_map(|one| one.rescaled.map(|sizes| (&one.name, sizes)))
     };
     if let Some((name, ([w, h], [cw, ch]))) = rescaled().next() {
         notes.push(format!(

@@ -70,7 +70,7 @@ pub(crate) fn fill(
         keep_shown(&mut points, dataset);
     }
     if points.is_empty() {
-        points = random(&dataset.views, options);
+        points = random(&dataset.views, options)?;
         dataset.notes.push(format!(
             "the scene has no initial points: {} random ones stand in (seed {})",
             points.len(),
@@ -104,7 +104,10 @@ const TRIES: usize = 8;
 
 /// Random points that some camera sees: a random view, a random pixel of it that shows something, a depth between
 /// [`DEPTHS`] whose logarithm is uniform, the colour of that pixel. The extent is that of the cameras, 1 where they coincide.
-fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
+fn random(views: &[View], options: &LoadOptions) -> Result<Vec<Point>, DatasetError> {
+    if views.is_empty() {
+        return Ok(Vec::new());
+    }
     let (_, extent) = scene_extent(views.iter().map(|view| &view.camera));
     let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
     let background = (options.alpha == Some(Alpha::Composite)).then_some(options.background);
@@ -112,25 +115,31 @@ fn random(views: &[View], options: &LoadOptions) -> Vec<Point> {
     let [near, far] = if one_thing { DEPTHS_OF_ONE_THING } else { DEPTHS };
     let shows = |[r, g, b, a]: [u8; 4]| a >= 128 && Some([r, g, b]) != background;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-    let mut point = || {
-        let view = &views[rng.random_range(0..views.len())];
-        let (width, height) = (view.photo.width, view.photo.height);
-        let mut pixel = || {
+    // View by view: photos may have to be decoded again.
+    let mut of_view = vec![0; views.len()];
+    (0..options.random_points).for_each(|_| of_view[rng.random_range(0..views.len())] += 1);
+    let mut points = Vec::with_capacity(options.random_points);
+    for (view, count) in views.iter().zip(of_view).filter(|(_, count)| *count > 0) {
+        let photo = view.photo.pixels()?;
+        let (width, height) = (photo.width, photo.height);
+        let pixel = |rng: &mut ChaCha8Rng| {
             let (x, y) = (rng.random_range(0..width), rng.random_range(0..height));
             let at = (y as usize * width as usize + x as usize) * 4;
-            (x, y, [0, 1, 2, 3].map(|c| view.photo.rgba.get(at + c).copied().unwrap_or_default()))
+            (x, y, [0, 1, 2, 3].map(|c| photo.rgba.get(at + c).copied().unwrap_or_default()))
         };
-        let mut drawn = pixel();
-        for _ in 1..TRIES {
-            if shows(drawn.2) {
-                break;
+        for _ in 0..count {
+            let mut drawn = pixel(&mut rng);
+            for _ in 1..TRIES {
+                if shows(drawn.2) {
+                    break;
+                }
+                drawn = pixel(&mut rng);
             }
-            drawn = pixel();
+            let (x, y, [r, g, b, _]) = drawn;
+            let ray = view.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+            let depth = extent * near * (far / near).powf(rng.random::<f64>());
+            points.push(Point { position: view.camera.center() + ray * depth, color: [r, g, b] });
         }
-        let (x, y, [r, g, b, _]) = drawn;
-        let ray = view.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-        let depth = extent * near * (far / near).powf(rng.random::<f64>());
-        Point { position: view.camera.center() + ray * depth, color: [r, g, b] }
-    };
-    if views.is_empty() { Vec::new() } else { (0..options.random_points).map(|_| point()).collect() }
+    }
+    Ok(points)
 }

@@ -1,29 +1,33 @@
 //! Scores of all held-out views.
 
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
+use crate::camera::Camera;
 use crate::config::TrainConfig;
-use crate::dataset::{Dataset, Masks, Resolution, View, demo};
+use crate::dataset::{Dataset, DatasetError, Masks, Photo, Resolution, View, demo};
 use crate::gpu::{Gpu, GpuError};
 use crate::output::cameras::Split;
 use crate::output::pictures::{Output, Place};
 use crate::output::results::{Protocol, Scored, ViewScore, means};
 use crate::output::{OutputError, OutputFolder};
 use crate::render::{Frame, Renderer};
-use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Most views that a sentence names.
 const NAMED: usize = 5;
 
-/// A view with the photo that figures compare with: the photo of an object lies over the run's background.
-pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
-    match config.data.masks {
-        Masks::Ignore => Cow::Borrowed(view),
-        Masks::Object => {
-            let photo = Arc::new(view.photo.over(config.background()));
-            Cow::Owned(View { photo, ..view.clone() })
-        }
-    }
+/// Photos that are decoded while one view is scored.
+const AHEAD: usize = 8;
+
+/// The photo of a view that figures compare with: the photo of an object lies over the run's background.
+///
+/// # Errors
+/// It cannot be decoded again.
+pub fn compared(view: &View, config: &TrainConfig) -> Result<Arc<Photo>, DatasetError> {
+    let photo = view.photo.pixels()?;
+    Ok(match config.data.masks {
+        Masks::Ignore => photo,
+        Masks::Object => Arc::new(photo.over(config.background())),
+    })
 }
 
 /// Renders every held-out view and scores it, with a perceptual distance too if one is given. Pictures go into the
@@ -31,7 +35,7 @@ pub fn compared<'a>(view: &'a View, config: &TrainConfig) -> Cow<'a, View> {
 /// and does not count in the means.
 ///
 /// # Errors
-/// Not enough memory, the device is lost, or a picture cannot be written.
+/// Not enough memory, the device is lost, a photo cannot be decoded again, or a picture cannot be written.
 pub fn score_test_views(
     renderer: &Renderer,
     dataset: &Dataset,
@@ -43,19 +47,23 @@ pub fn score_test_views(
     let mut scores = Scores::default();
     // Without a source it is the built-in scene.
     let is_demo = config.data.source.is_none();
-    for view in dataset.test.iter().map(|&index| compared(&dataset.views[index], config)) {
-        let view = &*view;
-        let (frame, scored) = match view.photo.is_wholly_masked() {
+    let views = || dataset.test.iter().map(|&index| &dataset.views[index]);
+    for (number, view) in views().enumerate() {
+        views().skip(number + 1).take(AHEAD).for_each(|view| view.photo.decode_ahead());
+        let photo = compared(view, config)?;
+        let view = &View { photo: photo.clone().into(), ..view.clone() };
+        scores.with_masks += usize::from(photo.rgba.chunks_exact(4).any(|pixel| pixel[3] < 128));
+        let (frame, scored) = match photo.is_wholly_masked() {
             true => (renderer.render(&view.camera)?, None),
             false => score_view(renderer, view, perceptual).map(|(frame, scored)| (frame, Some(scored)))?,
         };
         if let Some((folder, iteration)) = into {
             let place = Place { folder, split: Split::Test, iteration, name: &view.name };
             place.write_outputs(&frame, &Output::of(renderer))?;
-            place.write_photo(&view.photo)?;
+            place.write_photo(&photo)?;
         }
         if is_demo {
-            scores.add_regions(&frame, view)?;
+            scores.add_regions(&frame, (&view.camera, &photo))?;
         }
         report(&view.name, scored.as_ref());
         let Some(scored) = scored else {
@@ -84,6 +92,8 @@ pub struct Scores {
     pub image: Vec<ViewScore>,
     /// Views that have no score, as their photos are masked as a whole.
     pub masked: Vec<String>,
+    /// Number of views whose photos have masked pixels, all or some.
+    pub with_masks: usize,
     /// Of the demo scene, whose objects are known: base and final image on its glossy and mirror-like objects, then
     /// elsewhere.
     pub regions: Option<[[Region; 2]; 2]>,
@@ -103,14 +113,14 @@ impl Scores {
     }
 
     /// Errors on the demo scene's glossy and mirror-like objects and elsewhere.
-    fn add_regions(&mut self, frame: &Frame, view: &View) -> Result<(), GpuError> {
-        let objects = demo::truth(&view.camera).object;
+    fn add_regions(&mut self, frame: &Frame, (camera, photo): (&Camera, &Photo)) -> Result<(), GpuError> {
+        let objects = demo::truth(camera).object;
         let regions = self.regions.get_or_insert_default();
         let images = [Some(frame.base()?), frame.image()?];
         for (place, wanted) in regions.iter_mut().zip([true, false]) {
             for (region, image) in place.iter_mut().zip(&images) {
                 if let Some(image) = image {
-                    region.add(image, &view.photo, |i| demo::is_view_dependent(objects[i]) == wanted);
+                    region.add(image, photo, |i| demo::is_view_dependent(objects[i]) == wanted);
                 }
             }
         }

@@ -51,6 +51,9 @@ pub enum GpuError {
     /// A model with levels of detail: its chunks cannot be read, or the memory holds too few.
     #[error("{0}")]
     Levels(String),
+    /// A photo cannot be decoded again, after the host's memory did not hold it.
+    #[error("{0}")]
+    Photo(String),
     /// A buffer would be larger than the device allows.
     #[error("{what} needs {bytes} bytes, more than this device binds at once ({limit})")]
     TooLarge {

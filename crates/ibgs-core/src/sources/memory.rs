@@ -1,4 +1,4 @@
-//! How much GPU memory the source photos may take.
+//! How much memory may be taken: of the GPU for the source photos and depth maps, of the host for decoded photos.
 
 use crate::gpu::Gpu;
 use serde::{Deserialize, Serialize};
@@ -46,6 +46,30 @@ impl MemoryBudget {
             },
         }
     }
+
+    /// The budget in bytes of the host's memory; none: no limit. `auto` is half of what is free now, also of what a container
+    /// may take.
+    pub fn host_bytes(self) -> Option<u64> {
+        match self {
+            Self::Unlimited => None,
+            Self::Bytes(bytes) => Some(bytes),
+            Self::Auto => free_memory().map(|bytes| bytes / 2),
+        }
+    }
+}
+
+/// Bytes of the host's memory that programs may still take; none where that is not known.
+#[cfg(not(target_family = "wasm"))]
+fn free_memory() -> Option<u64> {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    let container = system.cgroup_limits().map_or(u64::MAX, |limits| limits.free_memory);
+    Some(system.available_memory().min(container)).filter(|&bytes| bytes > 0)
+}
+
+#[cfg(target_family = "wasm")]
+fn free_memory() -> Option<u64> {
+    None
 }
 
 impl FromStr for MemoryBudget {

@@ -1,6 +1,6 @@
 //! The training photos on the GPU, as packed 8-bit RGBA: all of them where they fit, otherwise those used last.
 
-use crate::dataset::Photo;
+use crate::dataset::{HostPhoto, Photo};
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::sources::DevicePhoto;
 use std::sync::{Arc, Mutex};
@@ -18,7 +18,7 @@ const FLUSH_EVERY: u64 = 256 << 20;
 #[derive(Debug)]
 pub struct SourceStore {
     gpu: Arc<Gpu>,
-    photos: Vec<Arc<Photo>>,
+    photos: Vec<HostPhoto>,
     state: Mutex<State>,
 }
 
@@ -70,8 +70,17 @@ impl State {
 }
 
 /// Bytes that a photo takes on the device.
-fn bytes_of(photo: &Photo) -> u64 {
-    (photo.rgba.len() as u64).max(16).next_multiple_of(16)
+fn bytes_of(photo: &HostPhoto) -> u64 {
+    let [width, height] = photo.size().map(u64::from);
+    (4 * width * height).max(16).next_multiple_of(16)
+}
+
+/// The pixels of a photo on the host, with an error of those that come with the device.
+///
+/// # Errors
+/// [`GpuError::Photo`]: it cannot be decoded again.
+pub fn pixels(photo: &HostPhoto) -> Result<Arc<Photo>, GpuError> {
+    photo.pixels().map_err(|error| GpuError::Photo(error.to_string()))
 }
 
 impl SourceStore {
@@ -79,11 +88,11 @@ impl SourceStore {
     ///
     /// # Errors
     /// A photo that the device cannot bind.
-    pub fn new(gpu: Arc<Gpu>, photos: Vec<Arc<Photo>>, budget: Option<u64>) -> Result<Self, GpuError> {
+    pub fn new(gpu: Arc<Gpu>, photos: Vec<HostPhoto>, budget: Option<u64>) -> Result<Self, GpuError> {
         for photo in &photos {
             gpu.check_size("photo", bytes_of(photo))?;
         }
-        let all: u64 = photos.iter().map(|photo| bytes_of(photo)).sum();
+        let all: u64 = photos.iter().map(bytes_of).sum();
         let on_device = photos.iter().map(|_| None).collect();
         let store = Self { gpu, photos, state: Mutex::new(State { on_device, budget, ..State::default() }) };
         if budget.is_none_or(|budget| all <= budget) {
@@ -116,7 +125,7 @@ impl SourceStore {
     /// Photo `index` on the device, uploaded if it is not there.
     ///
     /// # Errors
-    /// Not enough memory, even with every other photo that is not held evicted.
+    /// Not enough memory, even with every other photo that is not held evicted; a photo that cannot be decoded again.
     ///
     /// # Panics
     /// When there is no such photo: a bug of ours.
@@ -137,7 +146,7 @@ impl SourceStore {
     ///
     /// # Panics
     /// When there is no such photo: a bug of ours.
-    pub fn on_host(&self, index: usize) -> &Arc<Photo> {
+    pub fn on_host(&self, index: usize) -> &HostPhoto {
         &self.photos[index]
     }
 
@@ -165,6 +174,17 @@ impl SourceStore {
         self.photos(indices).map(|_| ())
     }
 
+    /// Whether some photos have to be decoded again, as the host does not keep all.
+    pub fn decodes_again(&self) -> bool {
+        self.photos.iter().any(|photo| !photo.is_kept())
+    }
+
+    /// Begins to decode photos that will be wanted, where neither the device nor the host has them.
+    pub fn decode_ahead(&self, indices: &[usize]) {
+        let missing = indices.iter().filter(|&&index| !self.is_resident(index));
+        missing.for_each(|&index| self.photos[index].decode_ahead());
+    }
+
     /// Whether a photo is on the device now.
     pub fn is_resident(&self, index: usize) -> bool {
         self.lock().on_device[index].is_some()
@@ -180,14 +200,15 @@ impl SourceStore {
         self.lock().uploads
     }
 
-    fn upload(&self, state: &mut State, photo: &Photo) -> Result<DevicePhoto, GpuError> {
+    fn upload(&self, state: &mut State, photo: &HostPhoto) -> Result<DevicePhoto, GpuError> {
         let bytes = bytes_of(photo);
+        let pixels = pixels(photo)?;
         let texels = match state.make_room(bytes) {
             Some(buffer) => buffer,
             None => self.allocate(state, bytes)?,
         };
         // Ordered on the queue after every submitted pass that reads what was there before.
-        self.gpu.queue.write_buffer(&texels.buffer, 0, &photo.rgba);
+        self.gpu.queue.write_buffer(&texels.buffer, 0, &pixels.rgba);
         state.resident += bytes;
         state.uploads += 1;
         state.pending += bytes;
@@ -195,7 +216,7 @@ impl SourceStore {
             state.pending = 0;
             self.gpu.queue.submit([]);
         }
-        Ok(DevicePhoto::new(texels, [photo.width, photo.height]))
+        Ok(DevicePhoto::new(texels, photo.size()))
     }
 
     /// New memory; where the device has none left the budget shrinks to what it gave, and older photos leave.

@@ -11,7 +11,6 @@ use ibgs_core::scene::{Gaussians, Splats};
 use ibgs_core::sources::find::SourceOptions;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
 
 /// One row of a growth table.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +72,7 @@ pub(super) fn views(
             Camera { translation: camera.translation + splats.space.scale * DVec3::new(*x, *y, 0.0), ..*camera };
         let picture = render_base(raster, splats, &moved)?;
         let rgba = picture.to_rgb8().chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-        let photo = Arc::new(Photo { width: camera.width, height: camera.height, rgba });
+        let photo = Photo { width: camera.width, height: camera.height, rgba }.into();
         views.push(View { name: index.to_string(), camera: moved, photo });
     }
     let train = (0..views.len()).collect();

@@ -48,6 +48,7 @@ fn surface_point(scene: &Scene, random: &mut Stream, views: &[View], train: &[us
     }
     let noise = DVec3::new(random.normal(), random.normal(), random.normal()) * NOISE;
     let pixel = (y * view.camera.width as usize + x) * 4;
-    let rgba = &view.photo.rgba[pixel..pixel + 4];
+    let photo = view.photo.pixels().ok()?;
+    let rgba = &photo.rgba[pixel..pixel + 4];
     Some(Point { position: ray.at(hit.t) + noise, color: [rgba[0], rgba[1], rgba[2]] })
 }

@@ -16,7 +16,7 @@ mod street;
 mod texture;
 mod trace;
 
-use super::{Dataset, Photo, View};
+use super::{Dataset, DatasetError, Photo, View};
 use crate::camera::Camera;
 use crate::progress::Progress;
 use cache::{Cache, Found};
@@ -24,7 +24,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 pub use exposure::change_exposure;
 pub use mesh::{TriangleMesh, mesh};
@@ -105,6 +105,9 @@ pub enum DemoError {
         /// The folder.
         path: PathBuf,
     },
+    /// A photo cannot be decoded again.
+    #[error(transparent)]
+    Photo(#[from] DatasetError),
 }
 
 /// Reads the demo scene from the cache and traces what is missing or damaged there.
@@ -163,7 +166,7 @@ impl Traced<'_> {
             .map(|(index, (&camera, photo))| View {
                 name: view_name(index, self.cameras.len()),
                 camera,
-                photo: Arc::new(photo),
+                photo: photo.into(),
             })
             .collect();
         let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);

@@ -177,6 +177,12 @@ impl Scene {
         ((point.x / ROOM_PITCH).round().max(0.0) as usize).min(self.rooms - 1)
     }
 
+    /// The rooms that a ray crosses up to distance `reach`, in its order; every object lies inside its room.
+    fn rooms_along(&self, ray: &Ray, reach: f64) -> impl Iterator<Item = usize> + use<> {
+        let (first, last) = (self.room_of(ray.origin), self.room_of(ray.at(reach)));
+        (0..=first.abs_diff(last)).map(move |step| if last > first { first + step } else { first - step })
+    }
+
     /// The lamps that light up a point: each with the offset of its room.
     pub fn lamps_near(&self, point: DVec3) -> impl Iterator<Item = (&Lamp, DVec3)> {
         let room = self.room_of(point);
@@ -187,7 +193,12 @@ impl Scene {
     /// The first surface along a ray that starts inside the room.
     pub fn nearest(&self, ray: &Ray) -> Hit {
         let mut hit = self.room_hit(ray);
-        for room in 0..self.rooms {
+        let first = self.room_of(ray.origin);
+        for room in self.rooms_along(ray, hit.t) {
+            // What was met lies in a room before this one.
+            if first.abs_diff(room) > first.abs_diff(self.room_of(ray.at(hit.t))) {
+                break;
+            }
             let ray = in_room(ray, room);
             let mut offer = |id: u8, index: usize, solid: &Solid| {
                 if let Some(Entry { t, normal, local }) = solid.enter(&ray, hit.t) {
@@ -209,7 +220,7 @@ impl Scene {
 
     /// Whether an object (not a lamp, not a wall) lies on the ray before distance `reach`.
     pub fn blocked(&self, ray: &Ray, reach: f64) -> bool {
-        (0..self.rooms).map(|room| in_room(ray, room)).any(|ray| {
+        self.rooms_along(ray, reach).map(|room| in_room(ray, room)).any(|ray| {
             self.meets_cluster(&ray) && self.objects.iter().any(|object| object.solid.enter(&ray, reach).is_some())
         })
     }

@@ -71,7 +71,7 @@ mod tests {
         let (one, three) = (trace(1), trace(3));
         assert!(one.notes.is_empty(), "{:?}", one.notes);
         for (view, camera) in one.views.iter().zip(cameras(&room)) {
-            assert_eq!(view.photo.rgba, render_photo(&camera, 1).rgba);
+            assert_eq!(view.photo.pixels().unwrap().rgba, render_photo(&camera, 1).rgba);
         }
         assert_eq!((three.views.len(), three.points.len()), (12, 1_200));
         let offset = three.views[4].camera.center() - three.views[0].camera.center();
@@ -79,11 +79,11 @@ mod tests {
         assert!((offset.x - 4.4).abs() < 0.5 && offset.y.abs() < 0.5, "{offset}");
         // No wall where the rooms meet: the photos show farther than one room.
         assert!(three.points.iter().any(|point| point.position.x > 9.0));
-        assert_ne!(one.views[0].photo.rgba, three.views[0].photo.rgba);
+        assert_ne!(one.views[0].photo.pixels().unwrap().rgba, three.views[0].photo.pixels().unwrap().rgba);
         // What was traced is read back as the scene folder that it is.
         let read = crate::dataset::load(&three.path, &crate::dataset::LoadOptions::default()).unwrap();
         assert_eq!((read.views.len(), read.points.len()), (12, 1_200));
-        assert!(read.views[5].photo.rgba == three.views[5].photo.rgba);
+        assert!(read.views[5].photo.pixels().unwrap().rgba == three.views[5].photo.pixels().unwrap().rgba);
         let other = StreetOptions { rooms: 2, room: room.clone() };
         let error = street(&other, &three.path, &()).unwrap_err().to_string();
         assert!(error.contains("holds another scene"), "{error}");
