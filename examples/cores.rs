@@ -17,7 +17,7 @@ use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::{Frame, Renderer};
 use image::RgbImage;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -72,7 +72,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     line("all", &all);
     std::fs::create_dir_all(pictures)?;
     shared.sort_by(|a, b| a.0.total_cmp(&b.0));
-    shared.dedup_by(|a, b| a.1 == b.1);
+    let mut shown = HashSet::new();
+    shared.retain(|(_, name)| shown.insert(name.clone()));
     for (number, (_, name)) in shared.iter().take(PICTURES).enumerate() {
         let frame = merged.render(views[name.as_str()])?;
         let image = frame.image()?.map_or_else(|| frame.base(), Ok)?.to_rgb8();

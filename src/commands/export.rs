@@ -6,7 +6,7 @@ use super::model::FileArgs;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
-use clap::Args as ClapArgs;
+use clap::{ArgGroup, Args as ClapArgs};
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::scene::{Format, Gaussians, PlyFlavor, read_gaussians, write_gaussians, write_ply};
@@ -21,16 +21,16 @@ Examples:
 
 /// Options of `ibgs export`.
 #[derive(ClapArgs)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, group = ArgGroup::new("target").required(true))]
 pub struct Args {
     #[command(flatten)]
     model: FileArgs,
     /// File to write: `.ibgs` holds Gaussians, network, cameras and source photos; `.ply`, `.compressed.ply`, `.spz`,
     /// `.splat`, `.glb` and `.sog` hold the Gaussians only, and for them MODEL may be a file of Gaussians too.
-    #[arg(short, long, required_unless_present = "web")]
+    #[arg(short, long, group = "target")]
     output: Option<PathBuf>,
     /// Folder to write that a web server shows: the viewer for browsers, with the model and its source photos.
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "plain"])]
+    #[arg(long, value_name = "FOLDER", group = "target", conflicts_with = "plain")]
     web: Option<PathBuf>,
     /// With `--web`: folder of the viewer's module for browsers (ibgs_web.js, ibgs_web_bg.wasm) [default: `web` beside
     /// the program].

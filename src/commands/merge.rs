@@ -1,7 +1,6 @@
 //! `ibgs merge`
 
 use super::train::{self, DoesNotFit, Plan, block};
-use crate::advice;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, anyhow, bail};
@@ -9,13 +8,15 @@ use clap::Args as ClapArgs;
 use ibgs_core::blocks::{BlockPlan, Joiner, PlanFolder};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::files;
+use ibgs_core::gpu::GpuError;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::load_scene;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::output::figures::TIME_FILE;
 use ibgs_core::residual::weights;
-use ibgs_core::scene::{Gaussians, PlyFlavor, read_ply, write_ply};
+use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
 use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::TrainError;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -63,8 +64,7 @@ pub fn run(args: &Args) -> Result<()> {
         let resumed = resumed(&plan, &model, args.iterations)?;
         return train::train(Plan { gpu_memory, ..resumed }, args.adapter.as_ref());
     }
-    let joined = Joined::read(&plan, &blocks)?;
-    joined.write(&plan)?;
+    let joined = Joined::write(&plan, &blocks)?;
     let merge = |iterations| {
         let config = joined.config(&plan, iterations, gpu_memory)?;
         let (model, overwrite) = (Some(model.clone()), args.overwrite || is_own);
@@ -75,12 +75,19 @@ pub fn run(args: &Args) -> Result<()> {
     }
     match train::train(merge(args.iterations)?, args.adapter.as_ref()) {
         // Unless a training is asked for.
-        Err(error) if args.iterations.is_none() && error.is::<DoesNotFit>() => {
-            stderr!("warning: {}; the blocks are merged without a training", advice::sentence(&error));
+        Err(error) if args.iterations.is_none() && does_not_fit(&error) => {
+            stderr!("warning: {error:#}; so the blocks are merged without a training");
             joined.write_model(&merge(Some(0))?)
         }
         outcome => outcome,
     }
+}
+
+/// Whether the device cannot hold the training of the whole at its beginning.
+fn does_not_fit(error: &anyhow::Error) -> bool {
+    let is_full =
+        |error: &TrainError| matches!(error, TrainError::Gpu(GpuError::OutOfMemory { .. } | GpuError::TooLarge { .. }));
+    error.is::<DoesNotFit>() || error.downcast_ref().is_some_and(is_full)
 }
 
 /// Refuses the plan's own folder, whose files a model would replace.
@@ -147,7 +154,6 @@ fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<P
 
 /// The blocks, joined.
 struct Joined {
-    gaussians: Gaussians,
     /// Iterations of a block.
     iteration: u32,
     /// The network of the block with most photos: it has seen most of the scene.
@@ -157,7 +163,8 @@ struct Joined {
 }
 
 impl Joined {
-    fn read(plan: &PlanFolder, blocks: &BlockPlan) -> Result<Self> {
+    /// Joins them, into the plan.
+    fn write(plan: &PlanFolder, blocks: &BlockPlan) -> Result<Self> {
         let (mut joiner, mut extents) = (Joiner::default(), Vec::new());
         let (mut network, mut most, mut last) = (None, 0, 0);
         for (number, block) in (0..).zip(&blocks.blocks) {
@@ -184,14 +191,10 @@ impl Joined {
         let all = joiner.given();
         let gaussians = joiner.joined();
         stderr!("{} of {all} Gaussians lie in the cores of their blocks", gaussians.len());
+        write_ply(&plan.joined_path(), &gaussians, PlyFlavor::Full)?;
         extents.sort_by(f64::total_cmp);
         let extent = extents.get(extents.len() / 2).copied();
-        Ok(Self { gaussians, iteration: last, network, extent })
-    }
-
-    /// Writes the Gaussians into the plan.
-    fn write(&self, plan: &PlanFolder) -> Result<()> {
-        Ok(write_ply(&plan.joined_path(), &self.gaussians, PlyFlavor::Full)?)
+        Ok(Self { iteration: last, network, extent })
     }
 
     /// The options of the model, which begins with the Gaussians in the plan.
@@ -217,6 +220,7 @@ impl Joined {
 
     /// Writes the model as it is, without a training.
     fn write_model(&self, merge: &Plan) -> Result<()> {
+        let start = merge.config.init.as_ref().context("a merge begins with the joined Gaussians")?;
         merge.refuse_output()?;
         let source = merge.config.data.source.clone().context("a plan has a scene")?;
         let dataset = load_scene(&merge.config, &source, &Bars::default())?;
@@ -224,7 +228,7 @@ impl Joined {
         if let Some(network) = &self.network {
             weights::write(&folder.network_save_path(self.iteration), &weights::load(network)?)?;
         }
-        write_ply(&folder.point_cloud_path(self.iteration), &self.gaussians, PlyFlavor::Full)?;
+        write_ply(&folder.point_cloud_path(self.iteration), &read_ply(start)?, PlyFlavor::Full)?;
         let path = folder.root().display();
         stderr!("written to {path}; `ibgs eval {path}` measures it");
         Ok(())

@@ -205,6 +205,11 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
     folders.dedup();
     let at = |split: &str| target.root().join(split).join(format!("ours_{}", model.iteration));
     let folders: Vec<String> = folders.into_iter().map(|split| at(split).display().to_string()).collect();
-    stderr!("{} views in {}", records.len(), folders.join(" and "));
+    let within = |output: &Output| format!("{} in {}", output.name(), output.kind().folder());
+    let kinds = match args.exr {
+        true => "exr".to_owned(),
+        false => outputs.iter().map(within).collect::<Vec<_>>().join(", "),
+    };
+    stderr!("{} views in {}: {kinds}", records.len(), folders.join(" and "));
     Ok(())
 }

@@ -22,6 +22,9 @@ use std::path::Path;
 /// Longest side of a picture in a page, in pixels.
 pub const PICTURE_SIDE: u32 = 800;
 
+/// Photos that are decoded while the pictures of one view are made.
+const AHEAD: usize = 4;
+
 /// The contents of a report.
 pub struct Report<'a> {
     /// Name of the model.
@@ -101,7 +104,8 @@ impl Report<'_> {
     fn pictures(&self) -> Result<String> {
         let mut cards = String::new();
         let mut kinds: Vec<&'static str> = Vec::new();
-        for view in self.views {
+        for (number, view) in self.views.iter().enumerate() {
+            self.views.iter().skip(number + 1).take(AHEAD).for_each(|view| view.photo.decode_ahead());
             let photo = compared(view, self.config)?;
             let layers = self.layers(view, &photo)?;
             for layer in &layers {

@@ -250,7 +250,10 @@ impl Task for Job {
         }
         let options = self.folder.with_extension("toml");
         // A stopped training is resumed, unless the configuration has changed since.
-        let same = TrainConfig::load(&options).is_ok_and(|config| config == self.config);
+        let same = TrainConfig::load(&options).is_ok_and(|mut config| {
+            config.data.host_memory = self.config.data.host_memory;
+            config == self.config
+        });
         let resumes = same && self.is_stopped();
         self.config.save(&options)?;
         let log = File::create(self.log()).with_context(|| format!("cannot write {}", self.log().display()))?;

@@ -36,6 +36,18 @@ const EXAMPLES: &str = "\
 Example:
   ibgs view output/my-scene";
 
+/// Limits of memory.
+#[derive(ClapArgs, Clone, Copy, Default)]
+struct Memory {
+    /// GPU memory for a bundle with levels of detail: `auto`, `none` (all that the model needs), or a size such as `2GiB`.
+    #[arg(long, default_value = "auto")]
+    gpu_memory: MemoryBudget,
+    /// Memory for decoded photos: `auto` (half of what is free), `none` (no limit), or a size such as `8GiB`; beyond it photos
+    /// are decoded again when they are needed [default: as in the training].
+    #[arg(long)]
+    host_memory: Option<MemoryBudget>,
+}
+
 /// Options of `ibgs view`.
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES)]
@@ -56,9 +68,8 @@ pub struct Args {
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
     #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, requires = "model")]
     resolution: Option<Resolution>,
-    /// GPU memory for a bundle with levels of detail: `auto`, `none` (all that the model needs), or a size such as `2GiB`.
-    #[arg(long, default_value = "auto")]
-    gpu_memory: MemoryBudget,
+    #[command(flatten)]
+    memory: Memory,
     /// Open no window; print how much longer its frames take than the renderer alone.
     #[arg(long, requires = "model")]
     measure: bool,
@@ -91,7 +102,7 @@ pub fn run(args: &Args) -> Result<()> {
                 iteration: args.iteration,
                 resolution: args.resolution,
             };
-            let wanted = ModelArgs { adapter: args.adapter.clone(), ..flying(ModelArgs::of(files), args.gpu_memory) };
+            let wanted = ModelArgs { adapter: args.adapter.clone(), ..flying(ModelArgs::of(files), args.memory) };
             let (gpu, opened) = model(&wanted, gpu)?;
             if args.measure {
                 return measure(&gpu, opened);
@@ -99,7 +110,7 @@ pub fn run(args: &Args) -> Result<()> {
             (gpu, Some(Outcome::Opened(Box::new(opened))))
         }
     };
-    window(&gpu, Opener { gpu_memory: args.gpu_memory, ..Opener::default() }, first)
+    window(&gpu, Opener { memory: args.memory, ..Opener::default() }, first)
 }
 
 impl Args {
@@ -172,12 +183,12 @@ pub struct Opener {
     /// What a training in the window failed with.
     failure: Failure,
     /// Of the command line.
-    gpu_memory: MemoryBudget,
+    memory: Memory,
 }
 
 /// The same with frames that do not wait for chunks.
-fn flying(wanted: ModelArgs, gpu_memory: MemoryBudget) -> ModelArgs {
-    ModelArgs { gpu_memory, loading: Loading::FLYING, ..wanted }
+fn flying(wanted: ModelArgs, Memory { gpu_memory, host_memory }: Memory) -> ModelArgs {
+    ModelArgs { gpu_memory, host_memory, loading: Loading::FLYING, ..wanted }
 }
 
 impl Opener {
@@ -223,7 +234,7 @@ impl Open for Opener {
                 }
                 status("opening the model");
                 let files = FileArgs { model: path.clone(), ..FileArgs::default() };
-                model(&flying(ModelArgs::of(files), self.gpu_memory), || Ok(gpu.clone()))?.1
+                model(&flying(ModelArgs::of(files), self.memory), || Ok(gpu.clone()))?.1
             }
         };
         Ok(Outcome::Opened(Box::new(opened)))

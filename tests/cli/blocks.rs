@@ -87,7 +87,7 @@ fn three_blocks_are_trained_merged_and_measured() {
     // So it is where the memory does not suffice for a training, unless one is asked for.
     let tight = sandbox.succeeds("merge plan -o tight --gpu-memory 1MiB");
     assert!(tight.stderr.contains("1 MiB is there (`--gpu-memory`)"), "{tight}");
-    assert!(tight.stderr.contains("the blocks are merged without a training"), "{tight}");
+    assert!(tight.stderr.contains("so the blocks are merged without a training"), "{tight}");
     let tight = OutputFolder::open(&sandbox.path("tight")).unwrap();
     assert_eq!(read_ply(&tight.point_cloud_path(12)).unwrap().len(), inside);
     sandbox.fails("merge plan -o tighter --iterations 5 --gpu-memory 1MiB", &["needs about", "--iterations 0"]);

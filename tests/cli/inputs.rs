@@ -163,7 +163,8 @@ fn objects_are_measured_over_the_background() {
         }
         fs::remove_dir_all(sandbox.path(&format!("{model}/test"))).unwrap();
         let told = sandbox.succeeds(&format!("eval {model} --precision full"));
-        assert_eq!(psnr(&sandbox, &model, 20), trained, "{told}");
+        // The model of the training itself was not yet rounded to the units of the point cloud's file: a pixel may differ by one.
+        assert!((psnr(&sandbox, &model, 20) - trained).abs() < 1e-4, "{trained}: {told}");
         let truth = picture(&sandbox, &format!("{model}/test/ours_20/gt/test/r_{test}.png"));
         assert_eq!(truth.get_pixel(3, 3).0, corner);
         assert!(sandbox.text(&format!("{model}/report.html")).contains("masks object"));

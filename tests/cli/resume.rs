@@ -93,7 +93,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
     // The scene has moved.
     fs::rename(sandbox.path("scene"), sandbox.path("moved")).unwrap();
     sandbox.fails("train --resume -m model", &["scene", "check that it exists"]);
-    let resumed = sandbox.succeeds("train moved --resume -m model --iterations 60");
+    let resumed = sandbox.succeeds("train moved --resume -m model --iterations 60 --host-memory 1KiB");
     let last = found[found.len() - 1];
     assert!(resumed.stderr.contains(&format!("resuming from iteration {last} of 60")), "{resumed}");
     for file in ["point_cloud.ply", "residual_network.safetensors"] {

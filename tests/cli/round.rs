@@ -158,7 +158,10 @@ fn render(sandbox: &Sandbox) {
     }
     let outcome = sandbox.succeeds("render model");
     assert!(outcome.stderr.contains("rendering 2 held-out views of 10: base, final"), "{outcome}");
-    assert!(outcome.stderr.contains("2 views in model/test/ours_30"), "{outcome}");
+    assert!(
+        outcome.stderr.contains("2 views in model/test/ours_30: base in renders, final in renders_aggregate"),
+        "{outcome}"
+    );
     assert_agree(&snapshot(&sandbox.path("model")), &before);
     let before = snapshot(&sandbox.path("model"));
     sandbox.succeeds("render model");

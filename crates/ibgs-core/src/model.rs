@@ -377,6 +377,7 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
     }
     let latest = folder.latest_iteration()?.ok_or_else(|| ModelError::NoPointCloud { path: path.to_owned() })?;
     let iteration = options.iteration.unwrap_or(latest);
+    let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
     let network_path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
     let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations()).residual_at(iteration);
     if network_path.is_none() && residual && !foreign {
@@ -385,7 +386,6 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
     }
     let network = network_path.as_deref().map(weights::load).transpose()?;
     let network_bytes = network_path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
-    let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
     // Those of the scene take the place of a foreign folder's.
     let cameras = if foreign && options.source.is_some() { Vec::new() } else { folder.read_cameras()? };
     Ok(Model {

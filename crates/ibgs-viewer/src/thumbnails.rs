@@ -6,11 +6,15 @@ use ibgs_core::dataset::Photo;
 use image::imageops::thumbnail;
 use image::{Rgba, RgbaImage};
 use std::collections::HashMap;
+use std::time::Duration;
 
 /// Longest side in pixels.
 const SIDE: u32 = 192;
 /// Thumbnails that are made in one go: the others come with the next ones.
 const AT_ONCE: usize = 2;
+
+/// After this, photos that are decoded in the meantime are looked for.
+const LATER: Duration = Duration::from_millis(200);
 
 /// The thumbnails made so far.
 #[derive(Default)]
@@ -51,7 +55,11 @@ impl Thumbnails {
             return None;
         }
         self.now += 1;
-        let pixels = photo.pixels().ok()?;
+        let Some(pixels) = photo.pixels_if_there() else {
+            photo.decode_ahead();
+            ctx.request_repaint_after(LATER);
+            return None;
+        };
         let texture = ctx.load_texture(&view.name, of_photo(&pixels)?, TextureOptions::LINEAR);
         self.made.insert(index, texture.clone());
         Some(texture)

@@ -133,7 +133,7 @@ impl Needs {
         let Some(fits) = self.fitting(budget) else {
             let advice = match self.config.residual.init {
                 // A merge, whose photos and Gaussians are what they are.
-                Some(_) => "allow it more, or begin without it (`ibgs merge --iterations 0`)",
+                Some(_) => "`ibgs merge --iterations 0` does without it",
                 None => {
                     "train on smaller photos (`--resolution`), give the source photos less (`--source-memory`), or cut the scene \
                      into more blocks (`ibgs split`)"

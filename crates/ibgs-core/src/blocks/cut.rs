@@ -102,7 +102,9 @@ impl<'a> Cutter<'a> {
             let (train, test) = (names(train), names(test));
             Ok(Block { core, points: self.step * inside, start_points, train, test, ..Block::default() })
         });
-        Ok(BlockPlan { blocks: blocks.collect::<Result<_, _>>()?, memory_limit: None })
+        // Of several errors the first block's.
+        let blocks: Vec<Result<Block, PlanError>> = blocks.collect();
+        Ok(BlockPlan { blocks: blocks.into_iter().collect::<Result<_, _>>()?, memory_limit: None })
     }
 }
 

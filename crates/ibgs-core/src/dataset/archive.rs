@@ -1,4 +1,5 @@
-//! A scene in a ZIP archive: unpacked into a temporary folder, which is removed once the photos have been read.
+//! A scene in a ZIP archive: unpacked into a temporary folder, which is removed once the photos have been read, or, where they do not fit into the
+//! host's memory, once they are no longer needed.
 
 use super::DatasetError;
 use super::names::clean_name;

@@ -52,14 +52,27 @@ impl HostPhoto {
         }
     }
 
-    /// Begins to decode it on another thread, if it is not there. Whoever asks for its pixels later meets an error, if there
-    /// is one.
+    /// Its pixels if they are there.
+    pub fn pixels_if_there(&self) -> Option<Arc<Photo>> {
+        match &self.place {
+            Place::Here(photo) => Some(photo.clone()),
+            Place::Shelf { shelf, index } => shelf.lock().find(*index),
+        }
+    }
+
+    /// Begins to decode it on another thread, if it is not there and the memory holds what was to be decoded before it.
+    /// Whoever asks for its pixels later meets an error, if there is one.
     pub fn decode_ahead(&self) {
         if let Place::Shelf { shelf, index } = &self.place
-            && shelf.claim(*index)
+            && shelf.lock().queue(*index)
         {
-            let (shelf, index) = (shelf.clone(), *index);
-            rayon::spawn(move || drop(shelf.decode(index)));
+            // A queue that outlives the scene is of no use.
+            let (shelf, index) = (Arc::downgrade(shelf), *index);
+            rayon::spawn(move || {
+                if let Some(shelf) = shelf.upgrade().filter(|shelf| shelf.lock().begin(index)) {
+                    drop(shelf.decode(index));
+                }
+            });
         }
     }
 
@@ -92,9 +105,21 @@ struct State {
     resident: u64,
     /// Bytes; none: no limit.
     budget: Option<u64>,
+    /// Bytes of the photos that are decoded ahead, until they are asked for.
+    ahead: u64,
     /// Counts uses.
     clock: u64,
     has_evicted: bool,
+}
+
+#[derive(Clone, Copy, Default, PartialEq)]
+enum Work {
+    #[default]
+    None,
+    /// A thread of the pool will decode it.
+    Queued,
+    /// A thread decodes it.
+    Begun,
 }
 
 #[derive(Clone, Default)]
@@ -103,8 +128,9 @@ struct Slot {
     checksum: u32,
     photo: Option<Arc<Photo>>,
     last_use: u64,
-    /// A thread decodes it.
-    claimed: bool,
+    work: Work,
+    /// It was decoded ahead, or will be, and nobody has asked for it yet.
+    is_ahead: bool,
 }
 
 impl fmt::Debug for Shelf {
@@ -117,7 +143,7 @@ impl Shelf {
     /// A shelf for the photos of these files within a budget in bytes (none: no limit).
     pub fn new(paths: Vec<PathBuf>, budget: Option<u64>, decode: Decode) -> Self {
         let slots = vec![Slot::default(); paths.len()];
-        let state = State { slots, resident: 0, budget, clock: 0, has_evicted: false };
+        let state = State { slots, resident: 0, budget, ahead: 0, clock: 0, has_evicted: false };
         Self { paths, decode, state: Mutex::new(state), decoded: Condvar::new() }
     }
 
@@ -127,9 +153,10 @@ impl Shelf {
 
     /// Puts a photo there for the first time.
     pub fn put(&self, index: usize, photo: Photo) {
+        let (size, checksum) = ([photo.width, photo.height], crc32fast::hash(&photo.rgba));
         let mut state = self.lock();
         let slot = &mut state.slots[index];
-        (slot.size, slot.checksum) = ([photo.width, photo.height], crc32fast::hash(&photo.rgba));
+        (slot.size, slot.checksum) = (size, checksum);
         state.keep(index, Arc::new(photo));
     }
 
@@ -149,34 +176,22 @@ impl Shelf {
     fn get(&self, index: usize) -> Result<Arc<Photo>, DatasetError> {
         let mut state = self.lock();
         loop {
-            state.clock += 1;
-            let now = state.clock;
-            let slot = &mut state.slots[index];
-            if let Some(photo) = &slot.photo {
-                slot.last_use = now;
-                return Ok(photo.clone());
+            if let Some(photo) = state.find(index) {
+                return Ok(photo);
             }
             // A thread of the pool may stand on top of the one that decodes it: it must not wait.
-            if !slot.claimed || rayon::current_thread_index().is_some() {
+            if state.slots[index].work != Work::Begun || rayon::current_thread_index().is_some() {
                 break;
             }
             state = self.decoded.wait(state).expect("photos on the host");
         }
-        state.slots[index].claimed = true;
+        state.slots[index].work = Work::Begun;
+        state.is_asked_for(index);
         drop(state);
         self.decode(index)
     }
 
-    /// Marks a photo to be decoded; false where it is there, or another thread decodes it.
-    fn claim(&self, index: usize) -> bool {
-        let mut state = self.lock();
-        let slot = &mut state.slots[index];
-        let is_free = slot.photo.is_none() && !slot.claimed;
-        slot.claimed |= is_free;
-        is_free
-    }
-
-    /// Decodes a photo that was claimed.
+    /// Decodes a photo; the caller has begun it.
     fn decode(&self, index: usize) -> Result<Arc<Photo>, DatasetError> {
         let _released = Released { shelf: self, index };
         let photo = Arc::new((self.decode)(index)?);
@@ -191,6 +206,12 @@ impl Shelf {
     }
 }
 
+impl Slot {
+    fn bytes(&self) -> u64 {
+        4 * u64::from(self.size[0]) * u64::from(self.size[1])
+    }
+}
+
 /// Lets others decode a photo again.
 struct Released<'a> {
     shelf: &'a Shelf,
@@ -200,28 +221,128 @@ struct Released<'a> {
 impl Drop for Released<'_> {
     fn drop(&mut self) {
         if let Ok(mut state) = self.shelf.state.lock() {
-            state.slots[self.index].claimed = false;
+            state.slots[self.index].work = Work::None;
         }
         self.shelf.decoded.notify_all();
     }
 }
 
 impl State {
+    /// The pixels of a photo that is there; it counts as used.
+    fn find(&mut self, index: usize) -> Option<Arc<Photo>> {
+        self.is_asked_for(index);
+        self.clock += 1;
+        let slot = &mut self.slots[index];
+        slot.last_use = self.clock;
+        slot.photo.clone()
+    }
+
+    /// A photo that was decoded ahead is one of all others now.
+    fn is_asked_for(&mut self, index: usize) {
+        let slot = &mut self.slots[index];
+        if std::mem::take(&mut slot.is_ahead) {
+            self.ahead -= slot.bytes();
+        }
+    }
+
+    /// Marks a photo to be decoded ahead; false where it is there, another thread decodes it, or half of the memory is taken by
+    /// photos that nobody has asked for yet.
+    fn queue(&mut self, index: usize) -> bool {
+        self.clock += 1;
+        let slot = &mut self.slots[index];
+        slot.last_use = self.clock;
+        let has_room = self.budget.is_none_or(|budget| self.ahead + slot.bytes() <= budget / 2);
+        if slot.photo.is_some() || slot.work != Work::None || slot.is_ahead || !has_room {
+            return false;
+        }
+        (slot.work, slot.is_ahead) = (Work::Queued, true);
+        self.ahead += slot.bytes();
+        true
+    }
+
+    /// Whether a photo is still queued; then it is begun.
+    fn begin(&mut self, index: usize) -> bool {
+        let is_queued = self.slots[index].work == Work::Queued;
+        if is_queued {
+            self.slots[index].work = Work::Begun;
+        }
+        is_queued
+    }
+
     /// Keeps a photo in place of those used longest ago.
     fn keep(&mut self, index: usize, photo: Arc<Photo>) {
-        let bytes = photo.rgba.len() as u64;
         self.clock += 1;
-        let now = self.clock;
         let slot = &mut self.slots[index];
-        slot.last_use = now;
+        slot.last_use = self.clock;
         if slot.photo.replace(photo).is_none() {
-            self.resident += bytes;
+            self.resident += slot.bytes();
         }
         while self.budget.is_some_and(|budget| self.resident > budget) {
-            let there = self.slots.iter_mut().filter(|slot| slot.photo.is_some());
-            let Some(oldest) = there.min_by_key(|slot| slot.last_use) else { break };
-            self.resident -= oldest.photo.take().map_or(0, |photo| photo.rgba.len() as u64);
+            let there = (0..self.slots.len()).filter(|&slot| self.slots[slot].photo.is_some());
+            let Some(oldest) = there.min_by_key(|&slot| self.slots[slot].last_use) else { break };
+            self.is_asked_for(oldest);
+            let slot = &mut self.slots[oldest];
+            slot.photo = None;
+            self.resident -= slot.bytes();
             self.has_evicted = true;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::{Duration, Instant};
+
+    /// A shelf of black photos of 16 bytes, with room for some of them, and how many were decoded again.
+    fn shelf(photos: usize, room: u64) -> (Vec<HostPhoto>, Arc<AtomicUsize>) {
+        let count = Arc::new(AtomicUsize::new(0));
+        let black = || Photo { width: 2, height: 2, rgba: vec![0; 16] };
+        let decode = {
+            let count = count.clone();
+            move |_| {
+                count.fetch_add(1, Ordering::SeqCst);
+                Ok(black())
+            }
+        };
+        let shelf = Shelf::new(vec![PathBuf::new(); photos], Some(16 * room), Box::new(decode));
+        (0..photos).for_each(|index| shelf.put(index, black()));
+        (shelf.into_photos(), count)
+    }
+
+    fn eventually(done: impl Fn() -> bool) {
+        let start = Instant::now();
+        while !done() {
+            assert!(start.elapsed() < Duration::from_secs(20));
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn what_is_decoded_ahead_is_decoded_once_and_takes_half_of_the_room() {
+        let (photos, count) = shelf(20, 8);
+        for _ in 0..3 {
+            photos[..12].iter().for_each(HostPhoto::decode_ahead);
+        }
+        // The last eight are there already.
+        eventually(|| count.load(Ordering::SeqCst) == 4);
+        for photo in &photos[..4] {
+            eventually(|| photo.pixels_if_there().is_some());
+            photo.pixels().unwrap();
+        }
+        assert_eq!(count.load(Ordering::SeqCst), 4);
+        assert!(photos[5].pixels_if_there().is_none());
+        // They have been asked for, so others may come.
+        photos[4..8].iter().for_each(HostPhoto::decode_ahead);
+        eventually(|| count.load(Ordering::SeqCst) == 8);
+    }
+
+    #[test]
+    fn where_all_fit_nothing_is_decoded_again() {
+        let (photos, count) = shelf(5, 5);
+        photos.iter().for_each(HostPhoto::decode_ahead);
+        assert!(photos.iter().all(|photo| photo.is_kept() && photo.pixels().is_ok()));
+        assert_eq!(count.load(Ordering::SeqCst), 0);
     }
 }

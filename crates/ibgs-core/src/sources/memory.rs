@@ -48,7 +48,7 @@ impl MemoryBudget {
     }
 
     /// The budget in bytes of the host's memory; none: no limit. `auto` is half of what is free now, also of what a container
-    /// may take.
+    /// or a job of Slurm may take.
     pub fn host_bytes(self) -> Option<u64> {
         match self {
             Self::Unlimited => None,
@@ -61,10 +61,16 @@ impl MemoryBudget {
 /// Bytes of the host's memory that programs may still take; none where that is not known.
 #[cfg(not(target_family = "wasm"))]
 fn free_memory() -> Option<u64> {
-    let mut system = sysinfo::System::new();
+    use sysinfo::{Pid, Process, ProcessRefreshKind, ProcessesToUpdate, System};
+    let mut system = System::new();
     system.refresh_memory();
-    let container = system.cgroup_limits().map_or(u64::MAX, |limits| limits.free_memory);
-    Some(system.available_memory().min(container)).filter(|&bytes| bytes > 0)
+    let own = Pid::from_u32(std::process::id());
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), true, ProcessRefreshKind::nothing());
+    let limits = system.process(own).and_then(Process::cgroup_limits);
+    // What the cache of files takes is free.
+    let container = limits.map(|limits| limits.total_memory.saturating_sub(limits.rss));
+    let known = system.total_memory() > 0;
+    known.then(|| container.map_or(system.available_memory(), |bytes| bytes.min(system.available_memory())))
 }
 
 #[cfg(target_family = "wasm")]

@@ -5,6 +5,8 @@ use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::sources::DevicePhoto;
 use std::sync::{Arc, Mutex};
 
+/// Photos that are decoded while one is uploaded.
+const AHEAD: usize = 32;
 /// Uploads beyond this are handed to the device before more follow: wgpu keeps a copy of each until then.
 const FLUSH_EVERY: u64 = 256 << 20;
 
@@ -97,6 +99,7 @@ impl SourceStore {
         let store = Self { gpu, photos, state: Mutex::new(State { on_device, budget, ..State::default() }) };
         if budget.is_none_or(|budget| all <= budget) {
             for index in 0..store.photos.len() {
+                store.photos[index + 1..].iter().take(AHEAD).for_each(HostPhoto::decode_ahead);
                 store.photo(index)?;
                 if store.lock().budget != budget {
                     // The device has less memory than the budget: the rest is uploaded on demand.
@@ -155,6 +158,7 @@ impl SourceStore {
     /// # Errors
     /// As [`SourceStore::photo`].
     pub fn photos(&self, indices: &[usize]) -> Result<Vec<DevicePhoto>, GpuError> {
+        self.decode_ahead(indices);
         // Those that are there first, so that the others cannot push them out.
         let mut found: Vec<(usize, DevicePhoto)> = Vec::with_capacity(indices.len());
         let (there, missing): (Vec<usize>, Vec<usize>) =
