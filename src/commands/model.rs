@@ -51,7 +51,7 @@ pub struct ModelArgs {
     #[arg(long, default_value = "auto")]
     pub precision: Precision,
     /// GPU memory for a bundle with levels of detail (`ibgs export --levels`): `auto`, `none` (all that the model needs), or a
-    /// size such as `2GiB`; Gaussians take half of it.
+    /// size such as `2GiB`; Gaussians take half of it, photos and depth maps an eighth each.
     #[arg(long, default_value = "auto")]
     pub gpu_memory: MemoryBudget,
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].

@@ -259,7 +259,13 @@ impl Model {
     fn image_part(&self, gpu: &Arc<Gpu>, network: &[f32]) -> Result<ImagePart, ModelError> {
         let photos = self.training_photos()?;
         let cameras: Arc<[Camera]> = self.training_views().iter().map(|record| record.camera).collect();
-        let options = ImageOptions::new(&self.config);
+        let mut options = ImageOptions::new(&self.config);
+        if let (Some(_), MemoryBudget::Bytes(limit)) = (&self.levels, self.gpu_memory) {
+            // Photos and depth maps, an eighth each: the Gaussians take half of it.
+            let most = limit / 8;
+            let own = options.sources.memory.bytes(gpu);
+            options.sources.memory = MemoryBudget::Bytes(own.map_or(most, |own| own.min(most)));
+        }
         let budget = options.sources.memory.bytes(gpu);
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, budget)?);
         Ok(ImagePart { cameras, photos, network: ResidualNetwork::from_values(gpu, network)?, options })
