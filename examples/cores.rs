@@ -12,7 +12,7 @@
 use glam::DVec2;
 use ibgs_core::blocks::{Core, PlanFolder};
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::Photo;
+use ibgs_core::dataset::{HostPhoto, Photo};
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::{Frame, Renderer};
@@ -45,10 +45,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let blocks = plan.read()?.blocks;
     let gpu = Gpu::open(&AdapterChoice::Best, Use::Rendering)?;
     println!("{}", gpu.describe());
-    let (whole, merged) = open(merged, &gpu)?;
+    let (mut whole, merged) = open(merged, &gpu)?;
+    let photos = photos(&mut whole)?;
     let views: HashMap<&str, &Camera> =
         whole.cameras.iter().map(|record| (record.name.as_str(), &record.camera)).collect();
-    let photos = photos(&whole)?;
     let (mut all, mut shared) = ([Sum::default(); 2], Vec::new());
     println!("block: pixels; base, final of the block; base, final of the whole");
     for (number, block) in (0..).zip(&blocks) {
@@ -95,8 +95,7 @@ fn open(path: &Path, gpu: &Arc<Gpu>) -> Result<(Model, Renderer), Box<dyn Error>
     Ok((model, renderer))
 }
 
-fn photos(model: &Model) -> Result<HashMap<String, ibgs_core::dataset::HostPhoto>, Box<dyn Error>> {
-    let mut model = model.clone();
+fn photos(model: &mut Model) -> Result<HashMap<String, HostPhoto>, Box<dyn Error>> {
     let dataset = model.dataset(&())?;
     Ok(dataset.views.iter().map(|view| (view.name.clone(), view.photo.clone())).collect())
 }
@@ -107,9 +106,7 @@ fn inside(core: &Core, camera: &Camera, frame: &Frame) -> Result<Vec<bool>, Box<
     let width = camera.width as usize;
     let pixel = |(index, &z): (usize, &f32)| {
         let uv = DVec2::new((index % width) as f64, (index / width) as f64) + 0.5;
-        let ray = ((uv - camera.principal) / camera.focal).extend(1.0);
-        let point = camera.view_from_world.transpose() * (ray * f64::from(z) - camera.translation);
-        z > 0.0 && core.contains(point)
+        z > 0.0 && core.contains(camera.unproject(uv, f64::from(z)))
     };
     Ok(depth.iter().enumerate().map(pixel).collect())
 }

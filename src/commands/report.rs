@@ -5,7 +5,7 @@ pub mod plot;
 
 use anyhow::{Context, Result};
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::{Photo, View};
+use ibgs_core::dataset::{HostPhoto, Photo, View};
 use ibgs_core::eval::scores::compared;
 use ibgs_core::files::write_atomically;
 use ibgs_core::gpu::Bytes;
@@ -21,9 +21,6 @@ use std::path::Path;
 
 /// Longest side of a picture in a page, in pixels.
 pub const PICTURE_SIDE: u32 = 800;
-
-/// Photos that are decoded while the pictures of one view are made.
-const AHEAD: usize = 4;
 
 /// The contents of a report.
 pub struct Report<'a> {
@@ -105,7 +102,7 @@ impl Report<'_> {
         let mut cards = String::new();
         let mut kinds: Vec<&'static str> = Vec::new();
         for (number, view) in self.views.iter().enumerate() {
-            self.views.iter().skip(number + 1).take(AHEAD).for_each(|view| view.photo.decode_ahead());
+            HostPhoto::decode_next(self.views[number + 1..].iter().map(|view| &view.photo));
             let photo = compared(view, self.config)?;
             let layers = self.layers(view, &photo)?;
             for layer in &layers {

@@ -56,6 +56,12 @@ impl Camera {
         (self.focal * p.truncate() / p.z + self.principal, p.z)
     }
 
+    /// The way back from [`Camera::project`]: pixel coordinates and view depth to a world point.
+    pub fn unproject(&self, uv: DVec2, depth: f64) -> DVec3 {
+        let ray = ((uv - self.principal) / self.focal).extend(1.0);
+        self.view_from_world.transpose() * (ray * depth - self.translation)
+    }
+
     /// Unit viewing direction in world space through pixel coordinates `uv` (pixel centres at +0.5).
     pub fn ray(&self, uv: DVec2) -> DVec3 {
         let r = (uv - self.principal) / self.focal;

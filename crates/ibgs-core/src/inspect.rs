@@ -264,8 +264,7 @@ impl Frame {
         let Some(surface) = self.surface() else { return Ok(Some(found)) };
         // Of the pixel's ray, at view depth z.
         let uv = DVec2::new(f64::from(x), f64::from(y)) + surface.options.ray_offset;
-        let ray = ((uv - camera.principal) / camera.focal).extend(1.0);
-        let point = |z: f32| camera.view_from_world.transpose() * (ray * f64::from(z) - camera.translation);
+        let point = |z: f32| camera.unproject(uv, f64::from(z));
         found.normal =
             Some(gpu.read_at_later(&surface.normal_map, at, 1).await?[0]).filter(|normal| *normal != [0.0; 3]);
         let median: f32 = gpu.read_at_later(&surface.median_depth, at, 1).await?[0];

@@ -17,7 +17,7 @@ use crate::parameters::Parameters;
 use ibgs_core::camera::{Camera, scene_extent, usable_extent};
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{Method, Strategy, TrainConfig};
-use ibgs_core::dataset::{Dataset, Masks, Point};
+use ibgs_core::dataset::{Dataset, HostPhoto, Masks, Point};
 use ibgs_core::exposure::ExposureField;
 use ibgs_core::gpu::{Gpu, GpuError, Pass};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
@@ -31,9 +31,6 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use std::borrow::Cow;
 use std::sync::Arc;
-
-/// Iterations whose photos are decoded while this one runs.
-const AHEAD: u32 = 16;
 
 /// Why training stopped.
 #[derive(Debug, thiserror::Error)]
@@ -437,7 +434,7 @@ impl Trainer {
             self.photos.prefetch(&wanted)?;
         }
         if self.photos.decodes_again() {
-            for (later, &view) in (1..=AHEAD).zip(self.queue.iter().rev()) {
+            for (later, &view) in (1..).zip(self.queue.iter().rev().take(HostPhoto::AHEAD)) {
                 self.photos.decode_ahead(&[view]);
                 self.photos.decode_ahead(&self.sources(view, self.iteration + later));
             }

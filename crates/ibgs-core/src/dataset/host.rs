@@ -9,6 +9,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 #[derive(Clone, Debug)]
 pub struct HostPhoto {
     size: [u32; 2],
+    /// CRC-32 of its pixels, where it was read from a file.
+    checksum: Option<u32>,
     place: Place,
 }
 
@@ -20,7 +22,7 @@ enum Place {
 
 impl From<Arc<Photo>> for HostPhoto {
     fn from(photo: Arc<Photo>) -> Self {
-        Self { size: [photo.width, photo.height], place: Place::Here(photo) }
+        Self { size: [photo.width, photo.height], checksum: None, place: Place::Here(photo) }
     }
 }
 
@@ -31,9 +33,17 @@ impl From<Photo> for HostPhoto {
 }
 
 impl HostPhoto {
+    /// Photos that are decoded while another one is used.
+    pub const AHEAD: usize = 16;
+
     /// Width and height in pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
+    }
+
+    /// Bytes of its pixels.
+    pub fn bytes(&self) -> u64 {
+        bytes(self.size)
     }
 
     /// Whether its pixels stay where they are.
@@ -76,14 +86,23 @@ impl HostPhoto {
         }
     }
 
-    /// Checksum of the pixels, CRC-32, and their bytes.
-    pub(super) fn checksum(&self) -> (u32, u64) {
-        let bytes = 4 * u64::from(self.size[0]) * u64::from(self.size[1]);
-        match &self.place {
-            Place::Here(photo) => (crc32fast::hash(&photo.rgba), bytes),
-            Place::Shelf { shelf, index } => (shelf.lock().slots[*index].checksum, bytes),
-        }
+    /// Begins to decode the next of the photos that work goes through in this order.
+    pub fn decode_next<'a>(photos: impl IntoIterator<Item = &'a HostPhoto>) {
+        photos.into_iter().take(Self::AHEAD).for_each(Self::decode_ahead);
     }
+
+    /// CRC-32 of its pixels.
+    pub(super) fn checksum(&self) -> u32 {
+        let computed = || match &self.place {
+            Place::Here(photo) => crc32fast::hash(&photo.rgba),
+            Place::Shelf { shelf, index } => shelf.lock().slots[*index].checksum,
+        };
+        self.checksum.unwrap_or_else(computed)
+    }
+}
+
+fn bytes([width, height]: [u32; 2]) -> u64 {
+    4 * u64::from(width) * u64::from(height)
 }
 
 /// Decodes the photo of this number.
@@ -165,9 +184,12 @@ impl Shelf {
         let shelf = Arc::new(self);
         let mut state = shelf.lock();
         let all_fit = !state.has_evicted;
-        let photo = |(index, slot): (usize, &mut Slot)| match slot.photo.take_if(|_| all_fit) {
-            Some(photo) => photo.into(),
-            None => HostPhoto { size: slot.size, place: Place::Shelf { shelf: shelf.clone(), index } },
+        let photo = |(index, slot): (usize, &mut Slot)| {
+            let place = match slot.photo.take_if(|_| all_fit) {
+                Some(photo) => Place::Here(photo),
+                None => Place::Shelf { shelf: shelf.clone(), index },
+            };
+            HostPhoto { size: slot.size, checksum: Some(slot.checksum), place }
         };
         state.slots.iter_mut().enumerate().map(photo).collect()
     }
@@ -208,7 +230,7 @@ impl Shelf {
 
 impl Slot {
     fn bytes(&self) -> u64 {
-        4 * u64::from(self.size[0]) * u64::from(self.size[1])
+        bytes(self.size)
     }
 }
 

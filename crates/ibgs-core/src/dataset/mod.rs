@@ -145,8 +145,7 @@ impl Dataset {
             let columns = [view_from_world.x_axis, view_from_world.y_axis, view_from_world.z_axis, translation];
             let numbers = [focal, principal].map(|v| v.to_array()).concat().into_iter();
             numbers.chain(columns.map(|v| v.to_array()).concat()).for_each(|v| sum.update(&v.to_le_bytes()));
-            let (photo, bytes) = view.photo.checksum();
-            sum.combine(&crc32fast::Hasher::new_with_initial_len(photo, bytes));
+            sum.combine(&crc32fast::Hasher::new_with_initial_len(view.photo.checksum(), view.photo.bytes()));
             sum.finalize()
         };
         let sums: Vec<u32> = self.views.par_iter().map(one).collect();

@@ -2,7 +2,7 @@
 
 use super::error::{DatasetError, read_bytes};
 use super::points_ply;
-use super::{Alpha, Dataset, LoadOptions, Masks, Point, View, shown};
+use super::{Alpha, Dataset, HostPhoto, LoadOptions, Masks, Point, View, shown};
 use crate::camera::scene_extent;
 use crate::local_space::LocalSpace;
 use glam::{DVec2, DVec3};
@@ -102,9 +102,6 @@ const DEPTHS_OF_ONE_THING: [f64; 2] = [0.3, 2.0];
 /// Tries to hit a pixel that is neither masked nor background.
 const TRIES: usize = 8;
 
-/// Photos that are decoded while points are drawn in one.
-const AHEAD: usize = 16;
-
 /// Random points that some camera sees: a random view, a random pixel of it that shows something, a depth between
 /// [`DEPTHS`] whose logarithm is uniform, the colour of that pixel. The extent is that of the cameras, 1 where they coincide.
 fn random(views: &[View], options: &LoadOptions) -> Result<Vec<Point>, DatasetError> {
@@ -123,7 +120,7 @@ fn random(views: &[View], options: &LoadOptions) -> Result<Vec<Point>, DatasetEr
     (0..options.random_points).for_each(|_| of_view[rng.random_range(0..views.len())] += 1);
     let mut points = Vec::with_capacity(options.random_points);
     for (number, (view, count)) in views.iter().zip(of_view).enumerate() {
-        views[number + 1..].iter().take(AHEAD).for_each(|view| view.photo.decode_ahead());
+        HostPhoto::decode_next(views[number + 1..].iter().map(|view| &view.photo));
         let photo = view.photo.pixels()?;
         let (width, height) = (photo.width, photo.height);
         let pixel = |rng: &mut ChaCha8Rng| {

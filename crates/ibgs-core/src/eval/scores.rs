@@ -3,7 +3,7 @@
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
 use crate::camera::Camera;
 use crate::config::TrainConfig;
-use crate::dataset::{Dataset, DatasetError, Masks, Photo, Resolution, View, demo};
+use crate::dataset::{Dataset, DatasetError, HostPhoto, Masks, Photo, Resolution, View, demo};
 use crate::gpu::{Gpu, GpuError};
 use crate::output::cameras::Split;
 use crate::output::pictures::{Output, Place};
@@ -14,9 +14,6 @@ use std::sync::Arc;
 
 /// Most views that a sentence names.
 const NAMED: usize = 5;
-
-/// Photos that are decoded while one view is scored.
-const AHEAD: usize = 8;
 
 /// The photo of a view that figures compare with: the photo of an object lies over the run's background.
 ///
@@ -49,7 +46,7 @@ pub fn score_test_views(
     let is_demo = config.data.source.is_none();
     let views = || dataset.test.iter().map(|&index| &dataset.views[index]);
     for (number, view) in views().enumerate() {
-        views().skip(number + 1).take(AHEAD).for_each(|view| view.photo.decode_ahead());
+        HostPhoto::decode_next(views().skip(number + 1).map(|view| &view.photo));
         let photo = compared(view, config)?;
         let view = &View { photo: photo.clone().into(), ..view.clone() };
         scores.with_masks += usize::from(photo.rgba.chunks_exact(4).any(|pixel| pixel[3] < 128));

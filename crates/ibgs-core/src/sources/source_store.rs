@@ -5,8 +5,6 @@ use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::sources::DevicePhoto;
 use std::sync::{Arc, Mutex};
 
-/// Photos that are decoded while one is uploaded.
-const AHEAD: usize = 32;
 /// Uploads beyond this are handed to the device before more follow: wgpu keeps a copy of each until then.
 const FLUSH_EVERY: u64 = 256 << 20;
 
@@ -21,6 +19,7 @@ const FLUSH_EVERY: u64 = 256 << 20;
 pub struct SourceStore {
     gpu: Arc<Gpu>,
     photos: Vec<HostPhoto>,
+    decodes_again: bool,
     state: Mutex<State>,
 }
 
@@ -73,8 +72,7 @@ impl State {
 
 /// Bytes that a photo takes on the device.
 fn bytes_of(photo: &HostPhoto) -> u64 {
-    let [width, height] = photo.size().map(u64::from);
-    (4 * width * height).max(16).next_multiple_of(16)
+    photo.bytes().max(16).next_multiple_of(16)
 }
 
 /// The pixels of a photo on the host, with an error of those that come with the device.
@@ -96,10 +94,12 @@ impl SourceStore {
         }
         let all: u64 = photos.iter().map(bytes_of).sum();
         let on_device = photos.iter().map(|_| None).collect();
-        let store = Self { gpu, photos, state: Mutex::new(State { on_device, budget, ..State::default() }) };
+        let decodes_again = photos.iter().any(|photo| !photo.is_kept());
+        let store =
+            Self { gpu, photos, decodes_again, state: Mutex::new(State { on_device, budget, ..State::default() }) };
         if budget.is_none_or(|budget| all <= budget) {
             for index in 0..store.photos.len() {
-                store.photos[index + 1..].iter().take(AHEAD).for_each(HostPhoto::decode_ahead);
+                HostPhoto::decode_next(&store.photos[index + 1..]);
                 store.photo(index)?;
                 if store.lock().budget != budget {
                     // The device has less memory than the budget: the rest is uploaded on demand.
@@ -180,7 +180,7 @@ impl SourceStore {
 
     /// Whether some photos have to be decoded again, as the host does not keep all.
     pub fn decodes_again(&self) -> bool {
-        self.photos.iter().any(|photo| !photo.is_kept())
+        self.decodes_again
     }
 
     /// Begins to decode photos that will be wanted, where neither the device nor the host has them.
