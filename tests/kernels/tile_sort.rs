@@ -34,9 +34,10 @@ fn check(gpu: &Gpu, lengths: &[u32], values: u32, rng: &mut ChaCha8Rng) {
 
     let upload = |values: &[u32]| gpu.upload("test", values).unwrap();
     let projected = gpu.upload("test", &projected).unwrap();
-    let [tile_list, place_list, gaussian_list] = [&tiles, &places, &gaussians].map(|list| upload(list));
-    let [keys, isects] = [(); 2].map(|()| upload(&vec![UNTOUCHED; total + 1]));
-    let (list_lengths, ranges) = (upload(lengths), upload(&vec![UNTOUCHED; 2 * lengths.len()]));
+    let [tile_list, place_list, gaussian_list] =
+        [&tiles, &places, &gaussians].map(|list| upload(&[&list[..], &[UNTOUCHED]].concat()));
+    let list = upload(&vec![UNTOUCHED; 2 * (total + 1)]);
+    let (list_lengths, ranges) = (upload(lengths), upload(&vec![UNTOUCHED; 3 * lengths.len()]));
     let count = upload(&[total as u32]);
     let params = ViewUniforms {
         count: GAUSSIANS,
@@ -47,9 +48,9 @@ fn check(gpu: &Gpu, lengths: &[u32], values: u32, rng: &mut ChaCha8Rng) {
     let frame = bytes_of(&params);
     let mut pass = Pass::new(gpu, "test");
     pass.grid(&TILE_STARTS, &[&list_lengths, &ranges], frame, [1, 1, 1]);
-    let place = [&projected, &count, &tile_list, &place_list, &gaussian_list, &ranges, &keys, &isects];
+    let place = [&projected, &count, &tile_list, &place_list, &gaussian_list, &ranges, &list];
     pass.linear(&TILE_PLACE, &place, frame, total);
-    let sort = [&ranges, &gaussian_list, &keys, &isects, &tile_list, &place_list];
+    let sort = [&ranges, &gaussian_list, &list, &tile_list, &place_list];
     pass.grid(&TILE_SORT, &sort, frame, [TILES[0], TILES[1] / TILES[0], 1]);
     pass.submit();
 
@@ -63,6 +64,14 @@ fn check(gpu: &Gpu, lengths: &[u32], values: u32, rng: &mut ChaCha8Rng) {
         })
         .collect();
     assert_eq!(gpu.read::<u32>(&ranges, expected.len()).unwrap(), expected, "ranges of {lengths:?}");
+    let ranges: Vec<u32> = gpu.read(&ranges, 3 * lengths.len()).unwrap();
+    let (tiles_in_order, behind) = ranges[2 * lengths.len()..].split_at(TILES[1] as usize);
+    assert_eq!(behind, [UNTOUCHED]);
+    let mut all = tiles_in_order.to_vec();
+    all.sort_unstable();
+    assert_eq!(all, (0..TILES[1]).collect::<Vec<_>>(), "each tile once");
+    let by_length: Vec<u32> = tiles_in_order.iter().map(|&tile| lengths[tile as usize].max(8)).collect();
+    assert!(by_length.is_sorted_by(|a, b| a + a / 8 >= *b), "order of the tiles: {by_length:?}");
     let emitted: Vec<u32> = (0..total as u32).collect();
     let order: Vec<(u32, u32)> =
         tiles.iter().zip(&gaussians).map(|(&tile, &g)| (tile, depths[g as usize].to_bits())).collect();
@@ -70,10 +79,10 @@ fn check(gpu: &Gpu, lengths: &[u32], values: u32, rng: &mut ChaCha8Rng) {
     // The list of the tile that does not exist stays as it is.
     let listed = total - lengths[TILES[1] as usize] as usize;
     order.truncate(listed);
-    let found: Vec<u32> = gpu.read(&isects, total + 1).unwrap();
+    let found: Vec<u32> = gpu.read(&place_list, total + 1).unwrap();
     assert!(found[..listed] == order, "order of {lengths:?}");
     assert_eq!(found[total], UNTOUCHED);
-    let found: Vec<u32> = gpu.read(&keys, listed).unwrap();
+    let found: Vec<u32> = gpu.read(&tile_list, listed).unwrap();
     let expected: Vec<u32> = order.iter().map(|&k| gaussians[k as usize]).collect();
     assert!(found == expected, "Gaussians of {lengths:?}");
 }

@@ -51,6 +51,7 @@ const SHARED: &[(&str, &str)] = &[
     ("sum_rows", include_str!("../wgsl/shared/sum_rows.wgsl")),
     ("surface", include_str!("../wgsl/shared/surface.wgsl")),
     ("tile", include_str!("../wgsl/shared/tile.wgsl")),
+    ("tile_order", include_str!("../wgsl/shared/tile_order.wgsl")),
 ];
 
 /// The WGSL of a kernel's file: imports, variants and repetitions resolved; `defined`: names that are defined before it.

@@ -34,8 +34,8 @@ pub const ELLIPSOID_EDGE: f32 = 0.4;
 /// any positive depth counts: depth grows with the inverse of that product and its derivative with the square, so that
 /// float32 has no digits left there and a few such pixels would rule the gradients.
 pub const SLANT_MIN: f32 = 1e-3;
-/// Entries of a tile's list that are sorted in workgroup memory at once.
-pub const SORT_BLOCK: u32 = 2048;
+/// Entries of a tile's list that are sorted in registers at once, four a thread.
+pub const SORT_BLOCK: u32 = 1024;
 const _: () = assert!(SORT_BLOCK.is_power_of_two() && 8 * SORT_BLOCK <= 16384, "runs of blocks; a browser's memory");
 /// Values a workgroup of the prefix sum handles.
 pub const SCAN_BLOCK: u32 = 2048;
@@ -152,11 +152,10 @@ kernels! {
     /// Intersections into the lists of their tiles.
     TILE_PLACE = "tile_place" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("count"), read("isect_tiles"), read("isect_places"), read("isect_to_gaussian"),
-        read("tile_ranges"), write("list_keys"), write("list_isects");
+        read("tile_ranges"), write("list");
     /// Each tile's list by depth.
-    TILE_SORT = "tile_sort" [256, 1, 1] (size_of::<types::ViewUniforms>()):
-        read("tile_ranges"), read("isect_to_gaussian"), write("list_keys"), write("list_isects"),
-        write("scratch_keys"), write("scratch_isects");
+    TILE_SORT = "tile_sort" [SORT_BLOCK / 4, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("tile_ranges"), read("isect_to_gaussian"), write("list"), write("sorted_gaussians"), write("sorted_isects");
     /// Plane of each Gaussian in camera space.
     PLANES = "planes" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("normals"), read("plane_offsets"), write("planes");
@@ -246,7 +245,7 @@ kernels! {
         read("projected"), read("sorted_gaussians"), read("sorted_isects"), read("tile_ranges"), read("final_t"),
         read("last_entry"), read("v_image"), write("v_isect_color"), write("v_isect_xy"), write("v_isect_cov");
     /// Gradient of the projection by the raw parameters.
-    PROJECT_BACKWARD = "project_backward" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+    PROJECT_BACKWARD = "project_backward" [128, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("rotations"), read("log_scales"), read("sh"), read("projected"), read("tile_counts"),
         read("total"), write("v_means"), write("v_rotations"), write("v_log_scales"), write("v_opacity_logits"), write("v_sh"),
         write("v_screen"), read("filters");

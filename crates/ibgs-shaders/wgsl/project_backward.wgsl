@@ -1,5 +1,6 @@
 // One thread a Gaussian: carries the gradient from the projected quantities to the raw parameters (method.md sections 1 and 2).
-// sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance).
+// sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance). In between the threads
+// share the workgroup's coefficients, one after the other as they lie in memory.
 #import index
 #import frame
 #import room
@@ -23,6 +24,14 @@
 @group(0) @binding(12) var<storage, read_write> v_screen: array<vec4<f32>>;
 @group(0) @binding(13) var<storage, read> filters: array<f32>;
 
+const THREADS: u32 = 128u;
+// Coefficients of a Gaussian, and one so that lanes read different banks.
+const ROW: u32 = 17u;
+
+// Basis values of each Gaussian, then the coefficients' weights in the gradient by the direction.
+var<workgroup> basis_values: array<f32, ROW * THREADS>;
+var<workgroup> v_colors: array<vec3<f32>, THREADS>;
+
 fn store_zero(g: u32) {
     for (var c = 0u; c < 3u; c++) {
         v_means[3u * g + c] = 0.0;
@@ -31,30 +40,36 @@ fn store_zero(g: u32) {
     v_rotations[g] = vec4(0.0);
     v_opacity_logits[g] = 0.0;
     v_screen[g] = vec4(0.0);
-    let base = g * frame.sh_coefficients * 3u;
-    for (var c = 0u; c < frame.sh_coefficients * 3u; c++) {
-        v_sh[base + c] = 0.0;
-    }
 }
 
-// Writes the coefficients' gradient, returns the gradient by the (unnormalised) viewing direction.
-fn color_backward(g: u32, offset: vec3<f32>, v_color: vec3<f32>) -> vec3<f32> {
-    let direction = normalize(offset);
-    let basis = sh_basis(direction, frame.sh_degree);
+// Writes the gradient of the coefficients of the workgroup's Gaussians, of which `first` is the first, and leaves their weights.
+fn coefficients_backward(local: u32, first: u32) {
+    let all = frame.sh_coefficients;
     let active_count = sh_count(frame.sh_degree);
-    let base = g * frame.sh_coefficients * 3u;
-    var v_direction = vec3(0.0);
-    for (var c = 0u; c < frame.sh_coefficients; c++) {
-        let at = base + 3u * c;
+    for (var k = local; k < all * min(THREADS, frame.count - first); k += THREADS) {
+        let in_group = k / all;
+        let c = k % all;
+        let v_color = v_colors[in_group];
+        let at = 3u * (first * all + k);
         var v = vec3(0.0);
-        if c < active_count {
-            v = basis[c] * v_color;
-            let weight = dot(v_color, vec3(sh[at], sh[at + 1u], sh[at + 2u]));
-            v_direction += weight * sh_basis_gradient(direction, c);
+        if c < active_count && any(v_color != vec3(0.0)) {
+            v = basis_values[ROW * in_group + c] * v_color;
+            basis_values[ROW * in_group + c] = dot(v_color, vec3(sh[at], sh[at + 1u], sh[at + 2u]));
         }
         v_sh[at] = v.x;
         v_sh[at + 1u] = v.y;
         v_sh[at + 2u] = v.z;
+    }
+}
+
+// Gradient by the (unnormalised) viewing direction.
+fn direction_backward(local: u32, offset: vec3<f32>) -> vec3<f32> {
+    let direction = normalize(offset);
+    var v_direction = vec3(0.0);
+    if any(v_colors[local] != vec3(0.0)) {
+        for (var c = 0u; c < sh_count(frame.sh_degree); c++) {
+            v_direction += basis_values[ROW * local + c] * sh_basis_gradient(direction, c);
+        }
     }
     return (v_direction - direction * dot(direction, v_direction)) / length(offset);
 }
@@ -73,28 +88,44 @@ fn rotation_backward(q: vec4<f32>, v: mat3x3<f32>) -> vec4<f32> {
     );
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let g = linear_workgroup(wid, groups) * 256u + local;
-    if g >= frame.count {
+    let first = linear_workgroup(wid, groups) * THREADS;
+    if first >= frame.count {
         return;
     }
+    let g = first + local;
     let overflow = ran_out_of_room();
-    if tile_counts[g] == 0u || overflow {
-        store_zero(g);
-        // An absolute value under zero: this view does not count for densification.
-        v_screen[g].w = select(0.0, -1.0, overflow);
+    let counts = g < frame.count && !overflow && tile_counts[min(g, frame.count - 1u)] != 0u;
+    v_colors[local] = vec3(0.0);
+    if counts {
+        let color = projected[3u * g + 2u].rgb;
+        v_colors[local] = select(vec3(0.0), v_rotations[g].rgb, color > vec3(0.0));
+        let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
+        let basis = sh_basis(normalize(mean - frame.center), frame.sh_degree);
+        #repeat c 16
+        basis_values[ROW * local + $cu] = basis[$c];
+        #end
+    }
+    workgroupBarrier();
+    coefficients_backward(local, first);
+    workgroupBarrier();
+    if !counts {
+        if g < frame.count {
+            store_zero(g);
+            // An absolute value under zero: this view does not count for densification.
+            v_screen[g].w = select(0.0, -1.0, overflow);
+        }
         return;
     }
     let by_color = v_rotations[g];
     let by_xy = v_screen[g].xy;
     let by_cov = vec3(v_log_scales[3u * g], v_log_scales[3u * g + 1u], v_log_scales[3u * g + 2u]);
     let opacity = projected[3u * g + 1u].y;
-    let color = projected[3u * g + 2u].rgb;
     let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
     let raw_scale = exp(vec3(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]));
     let soft = filtered(raw_scale, filters[g]);
@@ -135,8 +166,7 @@ fn main(
     // By the logarithms of the scales: of the filtered ones s', d log s' / d log s = ratio; of the gain, 1 - ratio along each axis.
     v_scale = v_scale * soft.ratio + by_color.w * opacity * (1.0 - soft.ratio);
 
-    let v_color = select(vec3(0.0), by_color.rgb, color > vec3(0.0));
-    let v_mean = view_rotate_transposed(v_view) + color_backward(g, mean - frame.center, v_color);
+    let v_mean = view_rotate_transposed(v_view) + direction_backward(local, mean - frame.center);
     let v_q = rotation_backward(q, v_axes);
     v_rotations[g] = (v_q - q * dot(q, v_q)) / q_length;
     for (var c = 0u; c < 3u; c++) {

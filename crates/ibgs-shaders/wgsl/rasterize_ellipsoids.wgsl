@@ -2,6 +2,7 @@
 // list shows: the one whose centre is nearest. One workgroup a tile, one thread a pixel.
 #import frame
 #import tile
+#import tile_order
 
 @group(0) @binding(0) var<storage, read> projected: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> sorted_gaussians: array<u32>;
@@ -10,11 +11,12 @@
 
 @compute @workgroup_size(TILE, TILE)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
-    let pixel = wid.xy * TILE + lid.xy;
+    let tile_at = tile_of(wid);
+    let pixel = tile_at * TILE + lid.xy;
     if any(pixel >= frame.size) {
         return;
     }
-    let tile = wid.y * frame_tiles().x + wid.x;
+    let tile = number_of(tile_at);
     let end = tile_ranges[2u * tile + 1u];
     var color = frame.background;
     for (var k = tile_ranges[2u * tile]; k < end; k++) {

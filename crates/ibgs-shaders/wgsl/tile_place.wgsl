@@ -9,8 +9,8 @@
 @group(0) @binding(3) var<storage, read> isect_places: array<u32>;
 @group(0) @binding(4) var<storage, read> isect_to_gaussian: array<u32>;
 @group(0) @binding(5) var<storage, read> tile_ranges: array<u32>;
-@group(0) @binding(6) var<storage, read_write> list_keys: array<u32>;
-@group(0) @binding(7) var<storage, read_write> list_isects: array<u32>;
+// (depth key, emission index) of each.
+@group(0) @binding(6) var<storage, read_write> list: array<vec2<u32>>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -23,6 +23,5 @@ fn main(
         return;
     }
     let at = tile_ranges[2u * isect_tiles[k]] + isect_places[k];
-    list_keys[at] = bitcast<u32>(projected[3u * isect_to_gaussian[k] + 1u].z);
-    list_isects[at] = k;
+    list[at] = vec2(bitcast<u32>(projected[3u * isect_to_gaussian[k] + 1u].z), k);
 }

@@ -12,7 +12,7 @@
 //! | Gaussians | (64 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
-//! | raster | 77 N + 21 I + 48 {64} I + 8 T + 8 P {, 93 N + 21 I + 8 T + 8 P once more for depth maps} |
+//! | raster | 77 N + 21 I + 48 {64} I + 16 T + 8 P {, 93 N + 21 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
 //! | network | {(912 + 76 + 2.25 + 16 + 16) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
@@ -199,10 +199,10 @@ impl Estimate {
         let workspaces = if image_based { 2 } else { 1 };
         self.add("raster", "projected Gaussians", 48 * n, workspaces);
         self.add("raster", "tile counts and offsets", 4 * n, 2 * workspaces);
-        self.add("raster", "intersections", 4 * room, 3 * workspaces);
-        self.add("raster", "tile lists", 4 * room, 2 * workspaces);
+        self.add("raster", "intersections", 4 * room, workspaces);
+        self.add("raster", "tile lists", 4 * room, 4 * workspaces);
         self.add("raster", "intersection gradients", 16 * room, if image_based { 4 } else { 3 });
-        self.add("raster", "tile ranges", 12 * tiles, workspaces);
+        self.add("raster", "tile ranges", 16 * tiles, workspaces);
         self.add("raster", "last contributors", 4 * pixels, 2 * workspaces);
         if image_based {
             self.add("raster", "planes of a depth map", 16 * n, 1);

@@ -408,15 +408,15 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUn
         [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.tile_counts, &splats.filters];
     pass.linear(&PROJECT, &project, bytes, n);
     ws.scan.record(pass, &ws.tile_counts, &ws.offsets, &ws.total, n);
-    let [tiles, places] = &ws.isects;
+    // What the sort writes are the tiles and places before.
+    let [tiles, places] = [&ws.sorted_gaussians, &ws.sorted_isects];
     let gaussians = &ws.isect_to_gaussian;
     let (lengths, counts) = (&ws.list_lengths, &ws.tile_counts);
     let emit: [&Buffer; 8] = [&ws.projected, &ws.offsets, &ws.total, tiles, places, gaussians, lengths, counts];
     pass.linear(&TILE_EMIT, &emit, bytes, ws.capacity);
     pass.grid(&TILE_STARTS, &[lengths, &ws.tile_ranges], bytes, [1, 1, 1]);
-    let [keys, isects] = [&ws.sorted_gaussians, &ws.sorted_isects];
-    let place: [&Buffer; 8] = [&ws.projected, &ws.total, tiles, places, gaussians, &ws.tile_ranges, keys, isects];
+    let place: [&Buffer; 7] = [&ws.projected, &ws.total, tiles, places, gaussians, &ws.tile_ranges, &ws.list];
     pass.linear(&TILE_PLACE, &place, bytes, ws.capacity);
-    let sort: [&Buffer; 6] = [&ws.tile_ranges, gaussians, keys, isects, tiles, places];
+    let sort: [&Buffer; 5] = [&ws.tile_ranges, gaussians, &ws.list, tiles, places];
     pass.grid(&TILE_SORT, &sort, bytes, tile_grid(frame));
 }

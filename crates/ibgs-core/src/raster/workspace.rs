@@ -15,17 +15,17 @@ pub struct Workspace {
     /// Intersections in all.
     pub total: Buffer,
     pub(super) scan: Scan,
-    /// Tile of each emission index, and its place in the tile's list; then scratch of the sort.
-    pub(super) isects: [Buffer; 2],
     /// Gaussian of each emission index.
     pub isect_to_gaussian: Buffer,
-    /// Gaussian of each list entry; before the sort the key, the bits of its depth.
+    /// Key (the bits of the depth) and emission index of each list entry, before the sort.
+    pub(super) list: Buffer,
+    /// Gaussian of each list entry; before the sort the tile of each emission index.
     pub sorted_gaussians: Buffer,
-    /// Emission index of each list entry.
+    /// Emission index of each list entry; before the sort the place of each emission index in its tile's list.
     pub sorted_isects: Buffer,
     /// Entries of each tile's list while they are counted, then zeros; one list more, of the tile that does not exist.
     pub(super) list_lengths: Buffer,
-    /// (start, end) of the same.
+    /// (start, end) of the same; then the tiles in the order in which workgroups take them.
     pub tile_ranges: Buffer,
     /// Transmittance behind the last contributor.
     pub final_t: Buffer,
@@ -60,12 +60,12 @@ impl Workspace {
             offsets: words("intersection offsets", n)?,
             total: words("intersection count", 1)?,
             scan: Scan::new(gpu, n)?,
-            isects: [words("intersections", capacity)?, words("intersections", capacity)?],
             isect_to_gaussian: words("intersections", capacity)?,
+            list: words("tile lists", 2 * capacity)?,
             sorted_gaussians: words("tile lists", capacity)?,
             sorted_isects: words("tile lists", capacity)?,
             list_lengths: words("tile ranges", tiles + 1)?,
-            tile_ranges: words("tile ranges", 2 * (tiles + 1))?,
+            tile_ranges: words("tile ranges", 2 * (tiles + 1) + tiles)?,
             final_t: words("transmittance", pixels)?,
             last_entry: words("last contributors", pixels)?,
             rows,

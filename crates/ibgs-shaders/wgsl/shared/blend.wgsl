@@ -4,6 +4,7 @@
 // when its buffer `after` is full. SUBGROUPS: a subgroup walks only the entries that may reach its pixels; the image is the same bit
 // for bit.
 
+#import tile_order
 #if SUBGROUPS
 #import block
 #endif
@@ -32,15 +33,16 @@ fn main(
     @builtin(subgroup_invocation_id) lane: u32,
     #endif
 ) {
+    let tile_at = tile_of(wid);
     #if SUBGROUPS
-    let pixel = wid.xy * TILE + block_pixel(subgroup, lane);
-    let block = vec2<f32>(wid.xy * TILE + block_pixel(subgroup, 0u));
+    let pixel = tile_at * TILE + block_pixel(subgroup, lane);
+    let block = vec2<f32>(tile_at * TILE + block_pixel(subgroup, 0u));
     #else
-    let pixel = wid.xy * TILE + vec2(local % TILE, local / TILE);
+    let pixel = tile_at * TILE + vec2(local % TILE, local / TILE);
     #endif
     let inside = all(pixel < frame.size);
     let at = vec2<f32>(pixel);
-    let tile = wid.y * frame_tiles().x + wid.x;
+    let tile = number_of(tile_at);
     let start = tile_ranges[2u * tile];
     let end = tile_ranges[2u * tile + 1u];
     if local == 0u {

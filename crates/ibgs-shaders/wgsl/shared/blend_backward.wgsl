@@ -6,6 +6,7 @@
 #import blend_backward_subgroups
 #else
 #import blend_backward_pixel
+#import tile_order
 
 // Entries a chunk, and threads an entry in the second part.
 const CHUNK: u32 = 8u;
@@ -43,11 +44,12 @@ fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let origin = vec2<f32>(wid.xy * TILE);
-    let tile = wid.y * frame_tiles().x + wid.x;
+    let tile_at = tile_of(wid);
+    let origin = vec2<f32>(tile_at * TILE);
+    let tile = number_of(tile_at);
     let start = tile_ranges[2u * tile];
     let length = tile_ranges[2u * tile + 1u] - start;
-    var pixel = load_pixel(wid.xy * TILE + vec2(local % TILE, local / TILE));
+    var pixel = load_pixel(tile_at * TILE + vec2(local % TILE, local / TILE));
     pixel_v[local] = pixel.v.r;
     pixel_v[PIXELS + local] = pixel.v.g;
     pixel_v[2u * PIXELS + local] = pixel.v.b;
