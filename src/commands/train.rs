@@ -17,6 +17,7 @@ pub use window::{Failure, Watched};
 
 use super::{number, open_gpu, view};
 use crate::advice::value;
+use crate::stderr;
 use anyhow::{Result, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, Parser};
@@ -425,17 +426,23 @@ fn run_whole(args: &Args, before: Before) -> Result<()> {
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;
     }
-    let session = start(args.plan()?, args.adapter.as_ref())?;
+    let mut session = start(args.plan()?, args.adapter.as_ref())?;
     let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
     match args.with_viewer {
         true => view::look(|failure| Watched::new(session, failure).with_log(log)),
-        false => terminal::train(session, log),
+        false => {
+            terminal::train(&mut session, log)?;
+            if let Some(folder) = session.folder().filter(|_| session.is_done()) {
+                stderr!("`ibgs view {}` shows it", folder.root().display());
+            }
+            Ok(())
+        }
     }
 }
 
 /// Trains to the end, with progress on the terminal.
 pub fn train(plan: Plan, adapter: Option<&String>) -> Result<()> {
-    terminal::train(start(plan, adapter)?, None)
+    terminal::train(&mut start(plan, adapter)?, None)
 }
 
 fn start(plan: Plan, adapter: Option<&String>) -> Result<Session> {

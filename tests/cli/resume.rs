@@ -119,6 +119,7 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
     let outcome = killed(&sandbox, &format!("{OPTIONS} -m model --checkpoint-every 0.000001"), "-TERM", 0);
     outcome.assert_stopped(143);
     assert!(outcome.stderr.contains("`ibgs train --resume -m model` continues from here"), "{outcome}");
+    assert!(!outcome.stderr.contains("shows it"), "{outcome}");
     let found = checkpoints(&sandbox);
     let &[before, last] = &found[..] else { panic!("two stay, not {found:?}") };
 
@@ -148,7 +149,8 @@ fn an_interrupted_training_leaves_a_checkpoint_and_the_one_before_helps() {
 
     // A new training removes what is there.
     sandbox.write("run.toml", options(4));
-    sandbox.succeeds("train scene --config run.toml -m model --overwrite");
+    let outcome = sandbox.succeeds("train scene --config run.toml -m model --overwrite");
+    assert!(outcome.stderr.contains("`ibgs view model` shows it"), "{outcome}");
     assert!(checkpoints(&sandbox).is_empty());
 }
 

@@ -19,7 +19,7 @@ use std::time::Instant;
 const REPORT: u32 = 20;
 
 /// Trains to the end, or until Ctrl-C; with records for `log` where there is one.
-pub fn train(mut session: Session, log: Option<JsonLines<File>>) -> Result<()> {
+pub fn train(session: &mut Session, log: Option<JsonLines<File>>) -> Result<()> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     on_stop(move || flag.store(true, Ordering::SeqCst));
