@@ -58,7 +58,7 @@ fn put_in_order(own: Four, thread: u32, mask: u32) -> Four {
     }
     let place = 4u * thread + IN_THREAD;
     let is_first = place < (place ^ vec4(mask));
-    let precedes = other.keys < own.keys | (other.keys == own.keys & other.isects < own.isects);
+    let precedes = (other.keys < own.keys) | ((other.keys == own.keys) & (other.isects < own.isects));
     let swap = precedes == is_first;
     return Four(select(own.keys, other.keys, swap), select(own.isects, other.isects, swap));
 }
