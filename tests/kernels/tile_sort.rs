@@ -76,7 +76,7 @@ fn check(gpu: &Gpu, lengths: &[u32], values: u32, rng: &mut ChaCha8Rng) {
     let order: Vec<(u32, u32)> =
         tiles.iter().zip(&gaussians).map(|(&tile, &g)| (tile, depths[g as usize].to_bits())).collect();
     let (_, mut order) = stable_sort(&order, &emitted);
-    // The list of the tile that does not exist stays as it is.
+    // The list of the tile that does not exist is not sorted.
     let listed = total - lengths[TILES[1] as usize] as usize;
     order.truncate(listed);
     let found: Vec<u32> = gpu.read(&place_list, total + 1).unwrap();

@@ -1,8 +1,8 @@
 // One workgroup a tile: its list by depth. Equal depths come by emission index, which is the order of the Gaussians; as no two
 // entries are equal, the order is the same however the list was filled. Blocks of SORT_BLOCK entries are sorted in registers
 // (bitonic: every step compares and swaps pairs, the smaller entry to the front), four in a row a thread, or one in short lists.
-// Threads compare through workgroup memory, those of a subgroup without it. Then blocks are merged, two at a time, between the list
-// and the outputs.
+// Threads compare through workgroup memory; SUBGROUPS: those of a subgroup without it. Then blocks are merged, two at a time, between
+// the list and the outputs.
 #import frame
 #import tile_order
 

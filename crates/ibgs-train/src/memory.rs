@@ -12,7 +12,7 @@
 //! | Gaussians | (64 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
-//! | raster | 77 N + 21 I + 48 {64} I + 16 T + 8 P {, 93 N + 21 I + 16 T + 8 P once more for depth maps} |
+//! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
 //! | network | {(912 + 76 + 2.25 + 16 + 16) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
