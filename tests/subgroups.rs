@@ -12,7 +12,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
-fn without_subgroups() -> Arc<Gpu> {
+/// A device whose kernels do without subgroups, as in browsers.
+pub fn without_subgroups() -> Arc<Gpu> {
     device_of(|adapter| {
         let mut descriptor = device_descriptor(adapter);
         descriptor.required_features.remove(

@@ -100,7 +100,7 @@ fn main(
     }
     let g = first + local;
     let overflow = ran_out_of_room();
-    let counts = g < frame.count && !overflow && tile_counts[min(g, frame.count - 1u)] != 0u;
+    let counts = g < frame.count && !overflow && tile_counts[g] != 0u;
     v_colors[local] = vec3(0.0);
     if counts {
         let color = projected[3u * g + 2u].rgb;

@@ -11,12 +11,11 @@
 
 @compute @workgroup_size(TILE, TILE)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
-    let tile_at = tile_of(wid);
-    let pixel = tile_at * TILE + lid.xy;
+    let tile = tile_of(wid);
+    let pixel = corner_of(tile) + lid.xy;
     if any(pixel >= frame.size) {
         return;
     }
-    let tile = number_of(tile_at);
     let end = tile_ranges[2u * tile + 1u];
     var color = frame.background;
     for (var k = tile_ranges[2u * tile]; k < end; k++) {

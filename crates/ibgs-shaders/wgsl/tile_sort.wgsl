@@ -185,7 +185,7 @@ fn main(
     #if SUBGROUPS
     let thread = subgroup * LANES + lane;
     #endif
-    let tile = number_of(tile_of(wid));
+    let tile = tile_of(wid);
     let start = tile_ranges[2u * tile];
     let count = tile_ranges[2u * tile + 1u] - start;
     if count <= THREADS {

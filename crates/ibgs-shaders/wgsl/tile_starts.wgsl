@@ -19,8 +19,9 @@ var<workgroup> buckets: array<atomic<u32>, 256>;
 
 // Longer lists have smaller ones.
 fn bucket(length: u32) -> u32 {
-    let octave = 31u - countLeadingZeros(max(length, 8u));
-    return 255u - 8u * octave - ((max(length, 8u) >> (octave - 3u)) & 7u);
+    let at_least = max(length, 8u);
+    let octave = 31u - countLeadingZeros(at_least);
+    return 255u - 8u * octave - ((at_least >> (octave - 3u)) & 7u);
 }
 
 @compute @workgroup_size(256)

@@ -200,7 +200,8 @@ impl Estimate {
         self.add("raster", "projected Gaussians", 48 * n, workspaces);
         self.add("raster", "tile counts and offsets", 4 * n, 2 * workspaces);
         self.add("raster", "intersections", 4 * room, workspaces);
-        self.add("raster", "tile lists", 4 * room, 4 * workspaces);
+        self.add("raster", "tile lists before the sort", 8 * room, workspaces);
+        self.add("raster", "tile lists", 4 * room, 2 * workspaces);
         self.add("raster", "intersection gradients", 16 * room, if image_based { 4 } else { 3 });
         self.add("raster", "tile ranges", 16 * tiles, workspaces);
         self.add("raster", "last contributors", 4 * pixels, 2 * workspaces);

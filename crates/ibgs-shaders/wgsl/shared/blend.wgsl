@@ -33,16 +33,15 @@ fn main(
     @builtin(subgroup_invocation_id) lane: u32,
     #endif
 ) {
-    let tile_at = tile_of(wid);
+    let tile = tile_of(wid);
     #if SUBGROUPS
-    let pixel = tile_at * TILE + block_pixel(subgroup, lane);
-    let block = vec2<f32>(tile_at * TILE + block_pixel(subgroup, 0u));
+    let pixel = corner_of(tile) + block_pixel(subgroup, lane);
+    let block = vec2<f32>(corner_of(tile) + block_pixel(subgroup, 0u));
     #else
-    let pixel = tile_at * TILE + vec2(local % TILE, local / TILE);
+    let pixel = corner_of(tile) + vec2(local % TILE, local / TILE);
     #endif
     let inside = all(pixel < frame.size);
     let at = vec2<f32>(pixel);
-    let tile = number_of(tile_at);
     let start = tile_ranges[2u * tile];
     let end = tile_ranges[2u * tile + 1u];
     if local == 0u {

@@ -2,11 +2,11 @@
 // the chunk and leaves w, q and h for every entry. Then each thread is an (entry, lane) and sums what the gradients need over the
 // pixels. Nothing is atomic: every intersection has a row of its own, written at its emission index, so that one Gaussian's rows lie
 // side by side and are summed in a fixed order. Devices with subgroups of a fixed size have a faster form.
+#import tile_order
 #if SUBGROUPS
 #import blend_backward_subgroups
 #else
 #import blend_backward_pixel
-#import tile_order
 
 // Entries a chunk, and threads an entry in the second part.
 const CHUNK: u32 = 8u;
@@ -44,12 +44,11 @@ fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let tile_at = tile_of(wid);
-    let origin = vec2<f32>(tile_at * TILE);
-    let tile = number_of(tile_at);
+    let tile = tile_of(wid);
+    let origin = vec2<f32>(corner_of(tile));
     let start = tile_ranges[2u * tile];
     let length = tile_ranges[2u * tile + 1u] - start;
-    var pixel = load_pixel(tile_at * TILE + vec2(local % TILE, local / TILE));
+    var pixel = load_pixel(corner_of(tile) + vec2(local % TILE, local / TILE));
     pixel_v[local] = pixel.v.r;
     pixel_v[PIXELS + local] = pixel.v.g;
     pixel_v[2u * PIXELS + local] = pixel.v.b;

@@ -5,7 +5,6 @@
 #import block
 #import subgroup_sums
 #import blend_backward_pixel
-#import tile_order
 
 const SUBGROUPS: u32 = PIXELS / LANES;
 // Numbers of an intersection's row: four of each buffer.
@@ -61,12 +60,11 @@ fn main(
     @builtin(subgroup_id) subgroup: u32,
     @builtin(subgroup_invocation_id) lane: u32,
 ) {
-    let tile_at = tile_of(wid);
-    let tile = number_of(tile_at);
+    let tile = tile_of(wid);
     let start = tile_ranges[2u * tile];
     let length = tile_ranges[2u * tile + 1u] - start;
-    let block = vec2<f32>(tile_at * TILE + block_pixel(subgroup, 0u));
-    var pixel = load_pixel(tile_at * TILE + block_pixel(subgroup, lane));
+    let block = vec2<f32>(corner_of(tile) + block_pixel(subgroup, 0u));
+    var pixel = load_pixel(corner_of(tile) + block_pixel(subgroup, lane));
     #if INTERSECTIONS
     let ray = pixel_ray(pixel.at);
     #endif
