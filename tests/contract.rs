@@ -181,6 +181,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(HalfHeadGradientParams { pixels, last, scale });
     twin!(HalfHeadBackwardParams { pixels, fuse });
     twin!(HalfConvWeightsParams { size, source, mode, inputs, pairs_in, pairs_out, splits, pad });
+    twin!(HalfLinearWeightsParams { pixels, inputs, pairs_in, pairs_out, splits });
     twin!(HalfSumParams { splits, groups_in, groups_out, taps, inputs, outputs, into, stride, bias, unscale });
     twin!(HalfUnpackParams { pixels, channels, quads, unscale });
     twin!(HalfResizeParams { size, source, quads, pad });

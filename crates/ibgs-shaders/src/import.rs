@@ -18,6 +18,7 @@ const SHARED: &[(&str, &str)] = &[
     ("half", include_str!("../wgsl/shared/half.wgsl")),
     ("half_conv_tile", include_str!("../wgsl/shared/half_conv_tile.wgsl")),
     ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
+    ("half_weights_tile", include_str!("../wgsl/shared/half_weights_tile.wgsl")),
     ("hash", include_str!("../wgsl/shared/hash.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
     ("photo", include_str!("../wgsl/shared/photo.wgsl")),

@@ -129,12 +129,10 @@ pub const WEIGHTS: usize = CONFIDENCE.end();
 pub const CONV_TILE: [u32; 2] = [32, 8];
 /// Outputs that a thread of `residual_conv` owns.
 pub const CONV_OUTPUTS: u32 = 20;
-/// Rows of the tile of a workgroup of `half_conv`; a subgroup has four of them.
-pub const HALF_CONV_ROWS: u32 = 4 * HALF_SUBGROUPS;
-/// Subgroups of a workgroup of `half_conv` and of the `half_head` kernels.
+/// Rows of the tile of a workgroup of `half_conv`.
+pub const HALF_CONV_ROWS: u32 = 16;
+/// Subgroups of a workgroup of the `half_head` kernels.
 pub const HALF_SUBGROUPS: u32 = 4;
-/// Rows of a tile of `half_conv_weights`.
-pub const HALF_WEIGHTS_ROWS: u32 = 4;
 
 #[cfg(test)]
 mod tests {

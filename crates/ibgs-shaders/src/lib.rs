@@ -363,7 +363,7 @@ kernels! {
     HALF_WEIGHTS = "half_weights" [256, 1, 1] (size_of::<types::HalfWeightsParams>()):
         read("weights"), read("layers"), write("packed");
     /// 3 x 3 convolution, forward or gradient by the input.
-    HALF_CONV = "half_conv" [128, 1, 1] (size_of::<types::HalfConvParams>()):
+    HALF_CONV = "half_conv" [192, 1, 1] (size_of::<types::HalfConvParams>()):
         read("weights"), read("packed"), read("input_a"), read("input_b"), write("output");
     /// The last two layers.
     HALF_HEAD = "half_head" [128, 1, 1] (size_of::<types::HalfHeadParams>()):
@@ -374,8 +374,11 @@ kernels! {
     /// Gradients by the inputs of the layer before the last.
     HALF_HEAD_BACKWARD = "half_head_backward" [128, 1, 1] (size_of::<types::HalfHeadBackwardParams>()):
         read("packed"), read("v_f"), write("d1"), write("f");
-    /// Convolution, partial sums of the gradient by weights and biases.
+    /// 3 x 3 convolution, partial sums of the gradient by weights and biases.
     HALF_CONV_WEIGHTS = "half_conv_weights" [288, 1, 1] (size_of::<types::HalfConvWeightsParams>()):
+        read("v"), read("input"), write("partials");
+    /// The same of a 1 x 1 convolution.
+    HALF_LINEAR_WEIGHTS = "half_linear_weights" [288, 1, 1] (size_of::<types::HalfLinearWeightsParams>()):
         read("v"), read("input"), write("partials");
     /// Rows of partial sums into the flat weight gradient.
     HALF_SUM = "half_sum" [256, 1, 1] (size_of::<types::HalfSumParams>()): read("partials"), write("sums");
@@ -430,7 +433,6 @@ pub fn constants() -> String {
         ("CONV_OUTPUTS", layers::CONV_OUTPUTS),
         ("HALF_CONV_ROWS", layers::HALF_CONV_ROWS),
         ("HALF_SUBGROUPS", layers::HALF_SUBGROUPS),
-        ("HALF_WEIGHTS_ROWS", layers::HALF_WEIGHTS_ROWS),
         ("CONFIDENCE_OFFSET", layers::CONFIDENCE.offset as u32),
     ]
     .iter()

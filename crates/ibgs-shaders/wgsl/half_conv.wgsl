@@ -2,10 +2,10 @@
 // stored), or with weights packed for it the gradient by the input; channels last in half precision, sums in float32
 // (method.md section 6).
 //
-// A workgroup of four subgroups makes SIDE columns x 16 rows x 3 SIDE outputs; a subgroup four rows: twelve accumulators, a
-// row's pixels by SIDE outputs each. The tile passes through workgroup memory SIDE input channels at a time. A subgroup's six
-// rows of the tile serve all three rows of taps. Weights are read as whole matrices, [input channels / SIDE][tap]
-// [outputs / SIDE][output][input].
+// A workgroup of six subgroups makes SIDE columns x 16 rows x 3 SIDE outputs; a subgroup eight rows by SIDE outputs: eight
+// accumulators, a row's pixels each. The tile passes through workgroup memory SIDE input channels at a time. A subgroup's ten rows
+// of it serve all three rows of taps. Weights are read as whole matrices, [input channels / SIDE][tap][outputs / SIDE][output]
+// [input], from storage: all workgroups read the same few, and workgroup memory for them would leave room for fewer workgroups.
 #import half
 #import half_conv_tile
 
@@ -21,7 +21,7 @@ struct HalfConvParams {
     outputs: u32,
     // First bias.
     bias: u32,
-    // Where the packed weights begin, in groups of 8, and groups of SIDE outputs.
+    // Where the packed weights begin, in groups of 4, and groups of SIDE outputs.
     packed: u32,
     packed_groups: u32,
     // What becomes of the sums.
@@ -32,12 +32,13 @@ struct HalfConvParams {
 var<immediate> params: HalfConvParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
-@group(0) @binding(1) var<storage, read> packed: array<Pair>;
+@group(0) @binding(1) var<storage, read> packed: array<vec4<f16>>;
 @group(0) @binding(2) var<storage, read> input_a: array<Pair>;
 @group(0) @binding(3) var<storage, read> input_b: array<Pair>;
 @group(0) @binding(4) var<storage, read_write> output: array<vec4<f16>>;
 
-const THREADS: u32 = HALF_SUBGROUPS * LANES;
+const SUBGROUPS: u32 = 6u;
+const THREADS: u32 = SUBGROUPS * LANES;
 const ROWS: u32 = HALF_CONV_ROWS + 2u;
 const COLUMNS: u32 = SIDE + 2u;
 // Groups of 4 channels, and of 8, that pass at a time, and distances in workgroup memory; the padding avoids bank conflicts.
@@ -45,9 +46,9 @@ const QUADS: u32 = SIDE / 4u;
 const PAIRS: u32 = SIDE / 8u;
 const PIXEL: u32 = QUADS + 2u;
 const LINE: u32 = COLUMNS * PIXEL;
-const OUTPUT: u32 = QUADS + 1u;
-const MATRIX: u32 = SIDE * OUTPUT;
-const SUMS: u32 = 3u * QUADS + 1u;
+const SUMS: u32 = QUADS + 1u;
+// A matrix of weights.
+const MATRIX: u32 = SIDE * QUADS;
 // Pixels that the workgroup loads, or a subgroup stores, in one step.
 const PIXELS: u32 = THREADS / PAIRS;
 const OUT_PIXELS: u32 = LANES / QUADS;
@@ -57,10 +58,8 @@ const_assert 2u * OUT_PIXELS >= SIDE;
 
 // [row][column][channels].
 var<workgroup> tile: array<vec4<f16>, ROWS * LINE>;
-// [tap][outputs / SIDE][output][inputs].
-var<workgroup> kernel: array<vec4<f16>, 27u * MATRIX>;
-// Three matrices of sums of each subgroup: [subgroup][pixel][outputs].
-var<workgroup> sums: array<vec4<f32>, HALF_SUBGROUPS * SIDE * SUMS>;
+// A matrix of sums of each subgroup: [subgroup][pixel][outputs].
+var<workgroup> sums: array<vec4<f32>, SUBGROUPS * SIDE * SUMS>;
 
 fn bias(o: u32) -> f32 {
     let wanted = params.store == STORE_RELU && o < params.outputs;
@@ -94,98 +93,84 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let subgroup = local / LANES;
     let lane = local % LANES;
     let origin = vec2<i32>(wid.xy * vec2(SIDE, HALF_CONV_ROWS));
-    #repeat g 3
-    var c0$g = MatrixC();
-    var c1$g = MatrixC();
-    var c2$g = MatrixC();
-    var c3$g = MatrixC();
+    let first_row = 8u * (subgroup % 2u);
+    let group = 3u * wid.z + subgroup / 2u;
+    #repeat r 8
+    var c$r = MatrixC();
     #end
-    let q = 3u * wid.z * QUADS;
-    #repeat g 3
-    let add$g = biases(4u * (q + $gu * QUADS + lane % QUADS));
-    #end
+    let own_q = lane % QUADS;
+    let q = group * QUADS + own_q;
+    let add = biases(4u * q);
+    let taps_row = 3u * params.packed_groups * MATRIX;
     let chunks = (params.pairs_a + params.pairs_b) / PAIRS;
     for (var n = 0u; n < chunks; n++) {
-        workgroupBarrier();
         load_tile(local, origin, n);
-        load_kernel(local, n, wid.z);
-        workgroupBarrier();
         for (var column = 0u; column < 3u; column++) {
-            let at = 4u * subgroup * LINE + column * PIXEL;
-            #repeat r 6
+            let at = first_row * LINE + column * PIXEL;
+            #repeat r 10
             let a$r = coopLoadT<MatrixA>(&tile[at + $ru * LINE], PIXEL);
             #end
-            var k = column * 3u * MATRIX;
-            #repeat g 3
-            let u$g = coopLoad<MatrixB>(&kernel[k + $gu * MATRIX], OUTPUT);
-            #end
-            #repeat g 3
-            c0$g = coopMultiplyAdd(a0, u$g, c0$g);
-            c1$g = coopMultiplyAdd(a1, u$g, c1$g);
-            c2$g = coopMultiplyAdd(a2, u$g, c2$g);
-            c3$g = coopMultiplyAdd(a3, u$g, c3$g);
-            #end
-            k += 9u * MATRIX;
-            #repeat g 3
-            let v$g = coopLoad<MatrixB>(&kernel[k + $gu * MATRIX], OUTPUT);
-            #end
-            #repeat g 3
-            c0$g = coopMultiplyAdd(a1, v$g, c0$g);
-            c1$g = coopMultiplyAdd(a2, v$g, c1$g);
-            c2$g = coopMultiplyAdd(a3, v$g, c2$g);
-            c3$g = coopMultiplyAdd(a4, v$g, c3$g);
-            #end
-            k += 9u * MATRIX;
-            #repeat g 3
-            let w$g = coopLoad<MatrixB>(&kernel[k + $gu * MATRIX], OUTPUT);
-            #end
-            #repeat g 3
-            c0$g = coopMultiplyAdd(a2, w$g, c0$g);
-            c1$g = coopMultiplyAdd(a3, w$g, c1$g);
-            c2$g = coopMultiplyAdd(a4, w$g, c2$g);
-            c3$g = coopMultiplyAdd(a5, w$g, c3$g);
-            #end
+            var k = params.packed + ((9u * n + column) * params.packed_groups + group) * MATRIX;
+            let b0 = coopLoad<MatrixB>(&packed[k], QUADS);
+            c0 = coopMultiplyAdd(a0, b0, c0);
+            c1 = coopMultiplyAdd(a1, b0, c1);
+            c2 = coopMultiplyAdd(a2, b0, c2);
+            c3 = coopMultiplyAdd(a3, b0, c3);
+            c4 = coopMultiplyAdd(a4, b0, c4);
+            c5 = coopMultiplyAdd(a5, b0, c5);
+            c6 = coopMultiplyAdd(a6, b0, c6);
+            c7 = coopMultiplyAdd(a7, b0, c7);
+            k += taps_row;
+            let b1 = coopLoad<MatrixB>(&packed[k], QUADS);
+            c0 = coopMultiplyAdd(a1, b1, c0);
+            c1 = coopMultiplyAdd(a2, b1, c1);
+            c2 = coopMultiplyAdd(a3, b1, c2);
+            c3 = coopMultiplyAdd(a4, b1, c3);
+            c4 = coopMultiplyAdd(a5, b1, c4);
+            c5 = coopMultiplyAdd(a6, b1, c5);
+            c6 = coopMultiplyAdd(a7, b1, c6);
+            c7 = coopMultiplyAdd(a8, b1, c7);
+            k += taps_row;
+            let b2 = coopLoad<MatrixB>(&packed[k], QUADS);
+            c0 = coopMultiplyAdd(a2, b2, c0);
+            c1 = coopMultiplyAdd(a3, b2, c1);
+            c2 = coopMultiplyAdd(a4, b2, c2);
+            c3 = coopMultiplyAdd(a5, b2, c3);
+            c4 = coopMultiplyAdd(a6, b2, c4);
+            c5 = coopMultiplyAdd(a7, b2, c5);
+            c6 = coopMultiplyAdd(a8, b2, c6);
+            c7 = coopMultiplyAdd(a9, b2, c7);
         }
     }
     let x = u32(origin.x);
-    let y = u32(origin.y) + 4u * subgroup;
-    // The indices need names: an index that is computed inside the call has no value yet there.
-    #repeat g 3
-    let sums$g = subgroup * SIDE * SUMS + $gu * QUADS;
-    #end
+    let y = u32(origin.y) + first_row;
+    let own = subgroup * SIDE * SUMS;
     let last = params.size.x * params.size.y * params.quads_out - 1u;
-    let own_q = lane % QUADS;
     let left = lane / QUADS;
     let right = left + OUT_PIXELS;
-    // A subgroup reads no other's sums.
-    #repeat r 4
-    {
-        // Output positions of the lane's two pixels, and the values that the sums are added to or masked by.
-        #repeat g 3
-        let goal_left$g = goal(x + left, y + $ru, q + $gu * QUADS + own_q);
-        let goal_right$g = goal(x + right, y + $ru, q + $gu * QUADS + own_q);
-        var old_left$g = vec4<f16>();
-        var old_right$g = vec4<f16>();
+    // Output positions of the lane's two pixels of each row, and the values that the sums are added to or masked by.
+    #repeat r 8
+    let goal_left$r = goal(x + left, y + $ru, q);
+    let goal_right$r = goal(x + right, y + $ru, q);
+    var old_left$r = vec4<f16>();
+    var old_right$r = vec4<f16>();
+    #end
+    if params.store >= STORE_ADD {
+        #repeat r 8
+        old_left$r = output[min(goal_left$r, last)];
+        old_right$r = output[min(goal_right$r, last)];
         #end
-        if params.store >= STORE_ADD {
-            #repeat g 3
-            old_left$g = output[min(goal_left$g, last)];
-            old_right$g = output[min(goal_right$g, last)];
-            #end
-        }
-        #repeat g 3
-        coopStoreT(c$r$g, &sums[sums$g], SUMS);
-        #end
-        subgroupBarrier();
-        #repeat g 3
-        if goal_left$g != NOWHERE {
-            output[goal_left$g] = finish(sums[sums$g + left * SUMS + own_q] + add$g, old_left$g);
-        }
-        if goal_right$g != NOWHERE {
-            output[goal_right$g] = finish(sums[sums$g + right * SUMS + own_q] + add$g, old_right$g);
-        }
-        #end
-        subgroupBarrier();
     }
+    // A subgroup reads no other's sums.
+    #repeat r 8
+    coopStoreT(c$r, &sums[own], SUMS);
+    subgroupBarrier();
+    if goal_left$r != NOWHERE {
+        output[goal_left$r] = finish(sums[own + left * SUMS + own_q] + add, old_left$r);
+    }
+    if goal_right$r != NOWHERE {
+        output[goal_right$r] = finish(sums[own + right * SUMS + own_q] + add, old_right$r);
+    }
+    subgroupBarrier();
     #end
 }

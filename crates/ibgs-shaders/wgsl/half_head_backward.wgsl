@@ -1,5 +1,5 @@
 // Gradients by the two inputs of the layer before the last on the matrix units: v_d1, through the ReLU of d1, takes the place
-// of d1; v_x takes that of f. A subgroup takes SIDE pixels.
+// of d1; v_x takes that of f. A subgroup takes twice SIDE pixels.
 #import half
 #import index
 
@@ -20,10 +20,16 @@ const THREADS: u32 = HALF_SUBGROUPS * LANES;
 // Channels of d1, x and f with padding.
 const PADDED: u32 = 48u;
 const QUADS: u32 = PADDED / 4u;
-const SUMS: u32 = SIDE / 4u + 1u;
+// The same of a matrix, and matrices side by side.
+const OWN: u32 = SIDE / 4u;
+const MATRICES: u32 = PADDED / SIDE;
+const MATRIX: u32 = SIDE * OWN;
+const SUMS: u32 = OWN + 1u;
+// A lane has two groups of 4 values of a matrix, of the same channels.
+const_assert 2u * LANES == MATRIX && LANES % OWN == 0u;
 
 // A matrix of sums of each subgroup.
-var<workgroup> sums: array<vec4<f32>, 4u * SIDE * SUMS>;
+var<workgroup> sums: array<vec4<f32>, HALF_SUBGROUPS * SIDE * SUMS>;
 
 @compute @workgroup_size(THREADS)
 fn main(
@@ -34,37 +40,64 @@ fn main(
     let subgroup = local / LANES;
     let lane = local % LANES;
     let own = subgroup * SIDE * SUMS;
-    let p = (linear_workgroup(wid, groups) * 4u + subgroup) * SIDE;
-    let at = min(p, (params.pixels - 1u) / SIDE * SIDE) * QUADS;
-    for (var k = lane; k < SIDE * SUMS; k += LANES) {
-        sums[own + k] = vec4(0.0);
-    }
-    workgroupBarrier();
-    let zero = coopLoadT<MatrixC>(&sums[own], SUMS);
-    for (var n = 0u; n < 2u * PADDED / SIDE; n++) {
-        var c = zero;
-        for (var k = 0u; k < PADDED / SIDE; k++) {
-            let a = coopLoadT<MatrixA>(&v_f[at + k * (SIDE / 4u)], QUADS);
-            // The transpose: rows are outputs of f, columns its inputs.
-            let at_b = params.fuse + (n * (PADDED / SIDE) + k) * SIDE * (SIDE / 4u);
-            let b = coopLoadT<MatrixB>(&packed[at_b], SIDE / 4u);
-            c = coopMultiplyAdd(a, b, c);
+    let own_q = lane % OWN;
+    let first_pixel = (linear_workgroup(wid, groups) * HALF_SUBGROUPS + subgroup) * 2u * SIDE;
+    #repeat m 2
+    let p$m = first_pixel + $mu * SIDE;
+    // The maps have room for whole matrices.
+    let at$m = min(p$m, (params.pixels - 1u) / SIDE * SIDE) * QUADS;
+    #repeat e 2
+    let pixel$m$e = p$m + lane / OWN + $eu * LANES / OWN;
+    #end
+    #end
+    #repeat e 2
+    let at_sum$e = own + (lane / OWN + $eu * LANES / OWN) * SUMS + own_q;
+    #end
+    // Three matrices at a time, those of d1 first.
+    for (var first = 0u; first < 2u * MATRICES; first += 3u) {
+        let of_d1 = first < MATRICES;
+        let first_q = select(first - MATRICES, first, of_d1) * OWN + own_q;
+        #repeat m 2
+        #repeat n 3
+        var c$m$n = MatrixC();
+        #repeat e 2
+        let goal$m$n$e = min(pixel$m$e, params.pixels - 1u) * QUADS + first_q + $nu * OWN;
+        var open$m$n$e = vec4(true);
+        if of_d1 {
+            open$m$n$e = d1[goal$m$n$e] > vec4<f16>();
         }
-        coopStoreT(c, &sums[own], SUMS);
-        workgroupBarrier();
-        for (var k = lane; k < SIDE * SIDE / 4u; k += LANES) {
-            let pixel = p + k / (SIDE / 4u);
-            let q = n * (SIDE / 4u) + k % (SIDE / 4u);
-            let v = sums[own + (k / (SIDE / 4u)) * SUMS + k % (SIDE / 4u)];
-            if pixel < params.pixels {
-                if q < QUADS {
-                    let i = pixel * QUADS + q;
-                    d1[i] = to_half(select(vec4(0.0), v, d1[i] > vec4<f16>()));
-                } else {
-                    f[pixel * QUADS + q - QUADS] = to_half(v);
-                }
+        #end
+        #end
+        #end
+        for (var k = 0u; k < MATRICES; k++) {
+            #repeat m 2
+            let a$m = coopLoadT<MatrixA>(&v_f[at$m + k * OWN], QUADS);
+            #end
+            #repeat n 3
+            // The transpose: rows are outputs of f, columns its inputs.
+            let at_b$n = params.fuse + ((first + $nu) * MATRICES + k) * MATRIX;
+            let b$n = coopLoadT<MatrixB>(&packed[at_b$n], OWN);
+            #repeat m 2
+            c$m$n = coopMultiplyAdd(a$m, b$n, c$m$n);
+            #end
+            #end
+        }
+        #repeat m 2
+        #repeat n 3
+        coopStoreT(c$m$n, &sums[own], SUMS);
+        subgroupBarrier();
+        #repeat e 2
+        if pixel$m$e < params.pixels {
+            let v = to_half(select(vec4(0.0), sums[at_sum$e], open$m$n$e));
+            if of_d1 {
+                d1[goal$m$n$e] = v;
+            } else {
+                f[goal$m$n$e] = v;
             }
         }
-        workgroupBarrier();
+        #end
+        subgroupBarrier();
+        #end
+        #end
     }
 }

@@ -5,7 +5,7 @@
 struct HalfSumParams {
     // Rows of partial sums.
     splits: u32,
-    // Groups of 3 SIDE inputs and of 3 SIDE outputs; taps of the layer: 9, or 1, the middle one of 9 in the partial sums.
+    // Groups of 3 SIDE inputs and of 3 SIDE outputs; taps: 9 or 1.
     groups_in: u32,
     groups_out: u32,
     taps: u32,
@@ -41,12 +41,8 @@ fn main(
     let k = linear_workgroup(wid, groups) * 32u + local % 32u;
     var sum = 0.0;
     if k < length {
-        let block = k / (LINE * LINE);
-        let first = (block / params.taps) * 9u + select(4u, block % 9u, params.taps == 9u);
-        let at = first * LINE * LINE + k % (LINE * LINE);
-        let stride = params.groups_in * params.groups_out * 9u * LINE * LINE;
         for (var row = local / 32u; row < params.splits; row += 8u) {
-            sum += partials[row * stride + at];
+            sum += partials[row * length + k];
         }
     }
     parts[local] = sum;

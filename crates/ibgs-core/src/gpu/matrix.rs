@@ -25,8 +25,8 @@ pub(super) fn matrix_units(adapter: &wgpu::Adapter) -> Option<MatrixUnits> {
             square && m.ab_type == F16 && m.cr_type == F32 && !m.saturating_accumulation
         });
         let memory = MATRIX_MEMORY * side / 16;
-        // Enough threads for what a workgroup loads.
-        found && 8 * lanes >= side * side && limits.max_compute_workgroup_storage_size >= memory
+        // A lane has two groups of four values of a matrix.
+        found && 8 * lanes == side * side && limits.max_compute_workgroup_storage_size >= memory
     };
     [16, 8].into_iter().find(|&s| side(s)).map(|side| MatrixUnits { side, lanes })
 }

@@ -134,6 +134,22 @@ pub struct HalfConvWeightsParams {
     pub pad: u32,
 }
 
+/// Gradient of a 1 x 1 convolution's weights on the matrix units; the twin of `HalfLinearWeightsParams`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HalfLinearWeightsParams {
+    /// Pixels of input and output.
+    pub pixels: u32,
+    /// Input channels.
+    pub inputs: u32,
+    /// The same with padding, divided by 8.
+    pub pairs_in: u32,
+    /// Output channels with padding, divided by 8.
+    pub pairs_out: u32,
+    /// Workgroups that share the image.
+    pub splits: u32,
+}
+
 /// Sum of rows of the partial sums of matrix units; the twin of `HalfSumParams`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

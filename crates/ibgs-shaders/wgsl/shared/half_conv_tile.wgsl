@@ -1,10 +1,8 @@
-// What a workgroup of half_conv.wgsl reads: its tile of the input, and the weights. The kernel declares `params`, the bindings,
-// `tile` and `kernel`.
+// The tile of the input that a workgroup of half_conv.wgsl reads. The kernel declares `params`, the bindings and `tile`.
 #import residual_source
 
 // The repetitions below are enough.
-const_assert 6u * PIXELS >= ROWS * COLUMNS;
-const_assert 7u * THREADS >= 27u * SIDE * PAIRS;
+const_assert 4u * PIXELS >= ROWS * COLUMNS;
 
 // Where a pixel of the tile lies in an input of `pairs` groups of 8 channels, or outside of it.
 struct Place {
@@ -55,61 +53,35 @@ fn put(p: u32, q: u32, v: Read) {
     }
 }
 
-// Channels `chunk` SIDE and on of both inputs together. The reads of all steps are under way together.
+// Channels `chunk` SIDE and on of both inputs together. The reads of all steps are under way together, while other subgroups may
+// still use the channels before.
 fn load_tile(local: u32, origin: vec2<i32>, chunk: u32) {
     let p = local / PAIRS;
     let own = local % PAIRS;
     let q = chunk * PAIRS + own;
+    #repeat n 4
+    var v$n = Read();
+    #end
     if chunk * PAIRS >= params.pairs_a {
-        #repeat n 6
-        let v$n = read_b(p + $nu * PIXELS, q - params.pairs_a, origin);
-        #end
-        #repeat n 6
-        put(p + $nu * PIXELS, own, v$n);
+        #repeat n 4
+        v$n = read_b(p + $nu * PIXELS, q - params.pairs_a, origin);
         #end
     } else if params.mode == CONV_POOLED {
-        #repeat n 6
-        let v$n = read_pooled(p + $nu * PIXELS, q, origin);
-        #end
-        #repeat n 6
-        put(p + $nu * PIXELS, own, v$n);
+        #repeat n 4
+        v$n = read_pooled(p + $nu * PIXELS, q, origin);
         #end
     } else if params.mode == CONV_NEAREST {
-        #repeat n 6
-        let v$n = read_nearest(p + $nu * PIXELS, q, origin);
-        #end
-        #repeat n 6
-        put(p + $nu * PIXELS, own, v$n);
+        #repeat n 4
+        v$n = read_nearest(p + $nu * PIXELS, q, origin);
         #end
     } else {
-        #repeat n 6
-        let v$n = read_same(p + $nu * PIXELS, q, origin);
-        #end
-        #repeat n 6
-        put(p + $nu * PIXELS, own, v$n);
+        #repeat n 4
+        v$n = read_same(p + $nu * PIXELS, q, origin);
         #end
     }
-}
-
-fn read_kernel(k: u32, chunk: u32, group: u32) -> Pair {
-    let tap = k / (3u * SIDE * PAIRS);
-    return packed[params.packed + ((9u * chunk + tap) * params.packed_groups + 3u * group) * SIDE * PAIRS
-        + k % (3u * SIDE * PAIRS)];
-}
-
-fn put_kernel(k: u32, v: Pair) {
-    if k < 27u * SIDE * PAIRS {
-        let at = (k / PAIRS) * OUTPUT + 2u * (k % PAIRS);
-        kernel[at] = v.a;
-        kernel[at + 1u] = v.b;
-    }
-}
-
-fn load_kernel(local: u32, chunk: u32, group: u32) {
-    #repeat n 7
-    let v$n = read_kernel(local + $nu * THREADS, chunk, group);
+    workgroupBarrier();
+    #repeat n 4
+    put(p + $nu * PIXELS, own, v$n);
     #end
-    #repeat n 7
-    put_kernel(local + $nu * THREADS, v$n);
-    #end
+    workgroupBarrier();
 }

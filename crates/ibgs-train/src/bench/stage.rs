@@ -183,7 +183,12 @@ impl Stage {
             ("residual backward", "residual_inputs_backward" | "half_features_backward") => FeaturesBackward,
             (
                 "residual backward",
-                "residual_conv_weights" | "residual_head_weights" | "residual_sum" | "half_conv_weights" | "half_sum",
+                "residual_conv_weights"
+                | "residual_head_weights"
+                | "residual_sum"
+                | "half_conv_weights"
+                | "half_linear_weights"
+                | "half_sum",
             ) => UNetWeights,
             ("residual backward", _) => UNetBackward,
             (_, kernel) => Other(kernel),

@@ -11,18 +11,18 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part, UNET};
 use bytemuck::bytes_of;
-use ibgs_shaders::layers::{HALF_CONV_ROWS, HALF_SUBGROUPS, HALF_WEIGHTS_ROWS};
+use ibgs_shaders::layers::{HALF_CONV_ROWS, HALF_SUBGROUPS};
 use ibgs_shaders::types::{
     HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
-    HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeights, HalfWeightsParams,
+    HalfLinearWeightsParams, HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeights, HalfWeightsParams,
 };
 use ibgs_shaders::{
-    HALF_CONV, HALF_CONV_WEIGHTS, HALF_HEAD, HALF_HEAD_BACKWARD, HALF_HEAD_GRADIENT, HALF_POOL_BACKWARD, HALF_SUM,
-    HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits, Store,
+    HALF_CONV, HALF_CONV_WEIGHTS, HALF_HEAD, HALF_HEAD_BACKWARD, HALF_HEAD_GRADIENT, HALF_LINEAR_WEIGHTS,
+    HALF_POOL_BACKWARD, HALF_SUM, HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits, Store,
 };
 
 /// Fewest tiles for a workgroup of its own.
-const MIN_TILES: u32 = 4;
+const MIN_TILES: u32 = 2;
 /// Most workgroups that share the sums of one layer's weight gradient: one for each of a large GPU's 132
 /// multiprocessors, which have registers for no more.
 const MAX_SPLITS: u32 = 132;
@@ -153,7 +153,7 @@ impl Half {
             quads_out: quads(output),
             outputs: output.channels as u32,
             bias: packed.bias,
-            packed: packed.weights.into / 2,
+            packed: packed.weights.into,
             packed_groups: packed.weights.groups,
             store: store as u32,
             pad: 0,
@@ -166,12 +166,18 @@ impl Half {
 
     /// Workgroups of the head's kernels.
     fn head_groups(&self, x: &Map) -> usize {
-        x.pixels().div_ceil(HALF_SUBGROUPS * self.units.side) as usize
+        x.pixels().div_ceil(HALF_SUBGROUPS * 2 * self.units.side) as usize
     }
 
-    /// Workgroups that share the tiles of a layer's size.
-    fn splits(&self, size: [u32; 2]) -> u32 {
-        splits(size[0].div_ceil(self.units.side) * size[1].div_ceil(HALF_WEIGHTS_ROWS), MIN_TILES, MAX_SPLITS)
+    /// Workgroups that share the tiles of a 3 x 3 layer's size.
+    fn conv_splits(&self, size: [u32; 2]) -> u32 {
+        let side = self.units.side;
+        splits(size[0].div_ceil(side) * size[1].div_ceil(side / 2), MIN_TILES, MAX_SPLITS)
+    }
+
+    /// Workgroups that share the pixels of a 1 x 1 layer. Their sums need less room than those of nine taps.
+    fn linear_splits(&self, pixels: u32) -> u32 {
+        splits(pixels.div_ceil(3 * self.units.side), MIN_TILES, 4 * MAX_SPLITS)
     }
 }
 
@@ -226,21 +232,22 @@ impl Backend for Half {
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
         let (layer, partials) = (part.layer, &buffers.gradients.partials);
         let (inputs, outputs, taps) = (input.channels as u32, v.channels as u32, layer.taps as u32);
-        let splits = self.splits(v.size);
-        let params = HalfConvWeightsParams {
-            size: v.size,
-            source: input.size,
-            mode: conv_input(input.size, v.size) as u32,
-            inputs,
-            pairs_in: quads(input) / 2,
-            pairs_out: quads(v) / 2,
-            splits,
-            pad: 0,
-        };
+        let (pairs_in, pairs_out) = (quads(input) / 2, quads(v) / 2);
         // The padding's first channel counts as 1 in the sums.
         let [groups_in, groups_out] = [input.channels + 1, v.channels].map(|channels| triples(channels, self.units));
         let bound = [&v.buffer, &input.buffer, partials];
-        pass.grid(&HALF_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, groups_in, groups_out]);
+        let splits = if taps == 1 {
+            let splits = self.linear_splits(v.pixels());
+            let params = HalfLinearWeightsParams { pixels: v.pixels(), inputs, pairs_in, pairs_out, splits };
+            pass.grid(&HALF_LINEAR_WEIGHTS, &bound, bytes_of(&params), [splits, groups_in, groups_out]);
+            splits
+        } else {
+            let splits = self.conv_splits(v.size);
+            let (size, source, mode) = (v.size, input.size, conv_input(input.size, v.size) as u32);
+            let params = HalfConvWeightsParams { size, source, mode, inputs, pairs_in, pairs_out, splits, pad: 0 };
+            pass.grid(&HALF_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, groups_in, groups_out]);
+            splits
+        };
         let sum = HalfSumParams {
             splits,
             groups_in,
@@ -285,6 +292,6 @@ impl Backend for Half {
     fn partial_bytes(&self, size: [u32; 2]) -> u64 {
         let group = 3 * self.units.side;
         let blocks = triples(INPUT + 1, self.units) * triples(INPUT, self.units) * 9;
-        4 * u64::from(blocks * group * group) * u64::from(self.splits(size))
+        4 * u64::from(blocks * group * group) * u64::from(self.conv_splits(size))
     }
 }
