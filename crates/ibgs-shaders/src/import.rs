@@ -17,6 +17,7 @@ const SHARED: &[(&str, &str)] = &[
     ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
     ("half", include_str!("../wgsl/shared/half.wgsl")),
     ("half_conv_tile", include_str!("../wgsl/shared/half_conv_tile.wgsl")),
+    ("half_mlp", include_str!("../wgsl/shared/half_mlp.wgsl")),
     ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
     ("half_weights_tile", include_str!("../wgsl/shared/half_weights_tile.wgsl")),
     ("hash", include_str!("../wgsl/shared/hash.wgsl")),

@@ -356,7 +356,7 @@ kernels! {
     HALF_FEATURES = "half_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
     /// Gradient of the per-view MLP, rows of weight gradients.
-    HALF_FEATURES_BACKWARD = "half_features_backward" [64, 1, 1] (size_of::<types::FeatureParams>()):
+    HALF_FEATURES_BACKWARD = "half_features_backward" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), read("v_x"),
         write("v_features"), write("partials");
     /// All layers' weights to half precision in the order in which the matrix units read them.

@@ -3,11 +3,10 @@
 //
 // A lane is a pixel. The MLP is two products of matrices over the pixels of a subgroup: hidden = ReLU(W1 F), (outputs, confidence) =
 // W2 [hidden, F], where F are the seven numbers of a source, a one, and the error of its depth; the weights of the one are the
-// biases. Values pass through workgroup memory in half precision, sums in float32. Gradients are multiplied by a scale. SIDE is 16,
-// LANES 32.
-#import half
+// biases. Values pass through workgroup memory in half precision, sums in float32, SIDE channels at a time: the less of it a subgroup
+// needs, the more of them run at once. Gradients are multiplied by a scale. SIDE is 16, LANES 32.
 #import residual_feature
-#import residual_mlp_layout
+#import half_mlp
 
 @group(0) @binding(0) var<storage, read> base: array<f32>;
 @group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
@@ -22,63 +21,27 @@
 // Rows of MLP_WEIGHTS and CONFIDENCE_WEIGHTS, one a workgroup.
 @group(0) @binding(8) var<storage, read_write> partials: array<f32>;
 
-const SUBGROUPS: u32 = 2u;
+const SUBGROUPS: u32 = 4u;
 const THREADS: u32 = SUBGROUPS * LANES;
 const QUADS: u32 = SIDE / 4u;
-// Channels of F, and its places for the one and for the error of the depth.
-const ONE: u32 = FEATURES;
-const ERROR: u32 = FEATURES + 1u;
-const F_QUADS: u32 = 4u;
-// Rows of W2: the outputs, the confidence, zeros. Its columns: hidden channels, F.
-const OUTPUTS: u32 = 48u;
 const CONFIDENCE_AT: u32 = HIDDEN / 4u;
 // Distances in workgroup memory; the padding avoids bank conflicts.
-const LINE: u32 = OUTPUTS / 4u + 2u;
 const HIDDEN_LINE: u32 = HIDDEN / 4u + 2u;
-const F_LINE: u32 = F_QUADS + 2u;
-const SUMS: u32 = OUTPUTS / 4u + 1u;
-const MAX_VISIBLE: u32 = 4u;
+const SUMS: u32 = QUADS + 1u;
 
-// [output][input].
-var<workgroup> w1: array<vec4<f16>, HIDDEN * F_LINE>;
-var<workgroup> w2: array<vec4<f16>, OUTPUTS * LINE>;
-// [source][pixel]: F.
-var<workgroup> inputs: array<vec4<f16>, MAX_VISIBLE * THREADS * F_LINE>;
-// [pixel]: hidden channels; gradient by the outputs and the confidence, then by the hidden channels; sums.
+// [pixel]: F of a source; its hidden channels, then the gradient by them; gradient by the outputs and the confidence; sums.
+var<workgroup> inputs: array<vec4<f16>, THREADS * F_LINE>;
 var<workgroup> hidden: array<vec4<f16>, THREADS * HIDDEN_LINE>;
 var<workgroup> gradient: array<vec4<f16>, THREADS * LINE>;
 var<workgroup> sums: array<vec4<f32>, THREADS * SUMS>;
 
-fn weight1(o: u32, i: u32) -> f32 {
-    let at = select(o * FEATURES + min(i, FEATURES - 1u), BIAS1 + o, i == ONE);
-    return select(0.0, weights[at], i <= ONE);
-}
-
-fn weight2(o: u32, i: u32) -> f32 {
-    let f = i - HIDDEN;
-    if o < HIDDEN {
-        let at = select(WEIGHT2 + o * HIDDEN + min(i, HIDDEN - 1u), BIAS2 + o, f == ONE);
-        return select(0.0, weights[at], i < HIDDEN || f == ONE);
-    }
-    // The hidden channels, the error of the depth, the bias.
-    let channel = select(select(min(i, HIDDEN - 1u), HIDDEN, f == ERROR), HIDDEN + 1u, f == ONE);
-    return select(0.0, weights[CONFIDENCE_OFFSET + channel], o == HIDDEN && (i < HIDDEN || f == ERROR || f == ONE));
-}
-
-fn load_weights(local: u32) {
-    for (var k = local; k < HIDDEN * F_QUADS; k += THREADS) {
-        let o = k / F_QUADS;
-        let i = 4u * (k % F_QUADS);
-        let row = vec4(weight1(o, i), weight1(o, i + 1u), weight1(o, i + 2u), weight1(o, i + 3u));
-        w1[o * F_LINE + k % F_QUADS] = to_half(row);
-    }
-    for (var k = local; k < OUTPUTS * OUTPUTS / 4u; k += THREADS) {
-        let o = k / (OUTPUTS / 4u);
-        let q = k % (OUTPUTS / 4u);
-        let i = 4u * q;
-        let row = vec4(weight2(o, i), weight2(o, i + 1u), weight2(o, i + 2u), weight2(o, i + 3u));
-        w2[o * LINE + q] = to_half(row);
-    }
+// F of a source.
+fn put_inputs(local: u32, f: Feature, error: f32) {
+    let own = local * F_LINE;
+    inputs[own] = to_half(f.head);
+    inputs[own + 1u] = to_half(f.tail);
+    inputs[own + 2u] = to_half(vec4(error, 0.0, 0.0, 0.0));
+    inputs[own + 3u] = vec4<f16>();
 }
 
 @compute @workgroup_size(THREADS)
@@ -99,9 +62,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     #end
     workgroupBarrier();
     // The weights stay in registers, as do their gradients.
-    let w1_1 = SIDE * F_LINE;
-    let u0 = coopLoad<MatrixB>(&w1[0], F_LINE);
-    let u1 = coopLoad<MatrixB>(&w1[w1_1], F_LINE);
+    #repeat o 2
+    let w1_$o = $ou * SIDE * F_LINE;
+    let u$o = coopLoad<MatrixB>(&w1[w1_$o], F_LINE);
+    #end
     #repeat o 3
     #repeat i 3
     let w2_$o$i = $ou * SIDE * LINE + $iu * QUADS;
@@ -117,8 +81,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         let inside = i < pixels;
         let at = min(i, pixels - 1u);
         let c = resize_corners(vec2(at % params.low.x, at / params.low.x), params.size, params.low);
-        #repeat q 8
-        let v$q = v_x[12u * at + $qu];
+        #repeat o 2
+        #repeat q 4
+        let v$o$q = v_x[12u * at + $ou * QUADS + $qu];
+        #end
         #end
         // Shares of the sources by their confidences, the products of their outputs with the gradient, and which outputs are positive.
         var shares = z;
@@ -126,54 +92,63 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         var open = vec4(0u);
         var top = 0.0;
         for (var m = 0u; m < used; m++) {
-            let own = (m * THREADS + local) * F_LINE;
-            let f = feature(c, m);
             var present = vec2(0.0);
             if is_soft {
                 present = presence(c, m);
             }
-            inputs[own] = to_half(f.head);
-            inputs[own + 1u] = to_half(f.tail);
-            inputs[own + 2u] = to_half(vec4(present.y, 0.0, 0.0, 0.0));
-            inputs[own + 3u] = vec4<f16>();
+            put_inputs(local, feature(c, m), present.y);
             subgroupBarrier();
+            #repeat o 2
             for (var s = first; s < first + LANES; s += SIDE) {
-                let f_at = (m * THREADS + s) * F_LINE;
-                let into0 = s * SUMS;
-                let into1 = into0 + QUADS;
-                let a = coopLoadT<MatrixA>(&inputs[f_at], F_LINE);
-                coopStoreT(coopMultiplyAdd(a, u0, MatrixC()), &sums[into0], SUMS);
-                coopStoreT(coopMultiplyAdd(a, u1, MatrixC()), &sums[into1], SUMS);
+                let f_at = s * F_LINE;
+                let into = s * SUMS;
+                coopStoreT(coopMultiplyAdd(coopLoadT<MatrixA>(&inputs[f_at], F_LINE), u$o, MatrixC()), &sums[into], SUMS);
             }
             subgroupBarrier();
-            #repeat q 8
-            hidden[own_hidden + $qu] = to_half(max(sums[own_sums + $qu], z));
+            #repeat q 4
+            hidden[own_hidden + $ou * QUADS + $qu] = to_half(max(sums[own_sums + $qu], z));
             #end
             subgroupBarrier();
+            #end
+            var product = 0.0;
+            var bits = 0u;
+            var confidence = 0.0;
+            #repeat o 2
             for (var s = first; s < first + LANES; s += SIDE) {
                 let row0 = s * HIDDEN_LINE;
                 let row1 = row0 + QUADS;
-                let f_at = (m * THREADS + s) * F_LINE;
-                let a0 = coopLoadT<MatrixA>(&hidden[row0], HIDDEN_LINE);
-                let a1 = coopLoadT<MatrixA>(&hidden[row1], HIDDEN_LINE);
-                let a2 = coopLoadT<MatrixA>(&inputs[f_at], F_LINE);
-                #repeat o 3
-                let into$o = s * SUMS + $ou * QUADS;
-                let sum$o = coopMultiplyAdd(a2, w$o2, coopMultiplyAdd(a1, w$o1, coopMultiplyAdd(a0, w$o0, MatrixC())));
-                coopStoreT(sum$o, &sums[into$o], SUMS);
-                #end
+                let row2 = s * F_LINE;
+                let into = s * SUMS;
+                var sum = coopMultiplyAdd(coopLoadT<MatrixA>(&hidden[row0], HIDDEN_LINE), w$o0, MatrixC());
+                sum = coopMultiplyAdd(coopLoadT<MatrixA>(&hidden[row1], HIDDEN_LINE), w$o1, sum);
+                sum = coopMultiplyAdd(coopLoadT<MatrixA>(&inputs[row2], F_LINE), w$o2, sum);
+                coopStoreT(sum, &sums[into], SUMS);
             }
             subgroupBarrier();
-            var product = 0.0;
-            var bits = 0u;
-            #repeat q 8
-            let out$q = sums[own_sums + $qu];
-            product += dot(vec4<f32>(v$q), max(out$q, z));
-            bits |= dot(select(vec4(0u), vec4(1u, 2u, 4u, 8u), out$q > z), vec4(1u)) << (4u * $qu);
+            #repeat q 4
+            let out$o$q = sums[own_sums + $qu];
+            product += dot(vec4<f32>(v$o$q), max(out$o$q, z));
+            bits |= dot(select(vec4(0u), vec4(1u, 2u, 4u, 8u), out$o$q > z), vec4(1u)) << (16u * $ou + 4u * $qu);
             #end
+            subgroupBarrier();
+            #end
+            if is_soft {
+                for (var s = first; s < first + LANES; s += SIDE) {
+                    let row0 = s * HIDDEN_LINE;
+                    let row1 = row0 + QUADS;
+                    let row2 = s * F_LINE;
+                    let into = s * SUMS;
+                    var sum = coopMultiplyAdd(coopLoadT<MatrixA>(&hidden[row0], HIDDEN_LINE), w20, MatrixC());
+                    sum = coopMultiplyAdd(coopLoadT<MatrixA>(&hidden[row1], HIDDEN_LINE), w21, sum);
+                    sum = coopMultiplyAdd(coopLoadT<MatrixA>(&inputs[row2], F_LINE), w22, sum);
+                    coopStoreT(sum, &sums[into], SUMS);
+                }
+                subgroupBarrier();
+                confidence = sums[own_sums].x;
+                subgroupBarrier();
+            }
             open[m] = bits;
             if present.x > 0.0 {
-                let confidence = sums[own_sums + CONFIDENCE_AT].x;
                 let next = max(top, confidence);
                 shares *= exp(top - next);
                 shares[m] = present.x * exp(confidence - next);
@@ -182,77 +157,85 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             }
         }
         shares /= exp(-top) + shares.x + shares.y + shares.z + shares.w;
-        subgroupBarrier();
         for (var m = 0u; m < used; m++) {
+            var error = 0.0;
+            if is_soft {
+                error = presence(c, m).y;
+            }
+            put_inputs(local, feature(c, m), error);
+            subgroupBarrier();
+            #repeat o 2
             for (var s = first; s < first + LANES; s += SIDE) {
-                let f_at = (m * THREADS + s) * F_LINE;
-                let into0 = s * SUMS;
-                let into1 = into0 + QUADS;
-                let a = coopLoadT<MatrixA>(&inputs[f_at], F_LINE);
-                coopStoreT(coopMultiplyAdd(a, u0, MatrixC()), &sums[into0], SUMS);
-                coopStoreT(coopMultiplyAdd(a, u1, MatrixC()), &sums[into1], SUMS);
+                let f_at = s * F_LINE;
+                let into = s * SUMS;
+                coopStoreT(coopMultiplyAdd(coopLoadT<MatrixA>(&inputs[f_at], F_LINE), u$o, MatrixC()), &sums[into], SUMS);
             }
             subgroupBarrier();
+            #repeat q 4
+            hidden[own_hidden + $ou * QUADS + $qu] = to_half(max(sums[own_sums + $qu], z));
+            #end
+            subgroupBarrier();
+            #end
             let share = select(0.0, select(mean, shares[m], is_soft), inside);
             let v_confidence = select(0.0, share * (dots[m] - dot(shares, dots)), is_soft);
             let bits = open[m];
-            #repeat q 8
-            hidden[own_hidden + $qu] = to_half(max(sums[own_sums + $qu], z));
-            let passed$q = ((vec4(bits) >> vec4(4u * $qu, 4u * $qu + 1u, 4u * $qu + 2u, 4u * $qu + 3u)) & vec4(1u)) == vec4(1u);
-            gradient[own_gradient + $qu] = to_half(select(z, share * vec4<f32>(v$q), passed$q));
+            #repeat o 2
+            #repeat q 4
+            let passed$o$q = (vec4(bits) >> (16u * $ou + 4u * $qu + vec4(0u, 1u, 2u, 3u))) & vec4(1u);
+            let v_out$o$q = select(z, share * vec4<f32>(v$o$q), passed$o$q == vec4(1u));
+            gradient[own_gradient + $ou * QUADS + $qu] = to_half(v_out$o$q);
+            #end
             #end
             gradient[own_gradient + CONFIDENCE_AT] = to_half(vec4(v_confidence, 0.0, 0.0, 0.0));
             subgroupBarrier();
+            // By the weights of the second layer: rows are outputs, columns inputs.
             for (var s = first; s < first + LANES; s += SIDE) {
-                let row0 = s * LINE;
-                let row1 = row0 + QUADS;
-                let row2 = row1 + QUADS;
                 let hidden0 = s * HIDDEN_LINE;
                 let hidden1 = hidden0 + QUADS;
-                let f_at = (m * THREADS + s) * F_LINE;
-                // By the weights of the second layer: rows are outputs, columns inputs.
+                let f_at = s * F_LINE;
                 let x0 = coopLoadT<MatrixB>(&hidden[hidden0], HIDDEN_LINE);
                 let x1 = coopLoadT<MatrixB>(&hidden[hidden1], HIDDEN_LINE);
                 let x2 = coopLoadT<MatrixB>(&inputs[f_at], F_LINE);
                 #repeat o 3
+                let row$o = s * LINE + $ou * QUADS;
                 let g$o = coopLoad<MatrixA>(&gradient[row$o], LINE);
                 #repeat i 3
                 c$o$i = coopMultiplyAdd(g$o, x$i, c$o$i);
                 #end
                 #end
-                // By the hidden channels.
+            }
+            // By the hidden channels, whose place it takes.
+            #repeat n 2
+            for (var s = first; s < first + LANES; s += SIDE) {
+                let into = s * SUMS;
+                var h = MatrixC();
                 #repeat o 3
-                let a$o = coopLoadT<MatrixA>(&gradient[row$o], LINE);
+                let row$o = s * LINE + $ou * QUADS;
+                let b$o = $ou * SIDE * LINE + $nu * QUADS;
+                h = coopMultiplyAdd(coopLoadT<MatrixA>(&gradient[row$o], LINE), coopLoadT<MatrixB>(&w2[b$o], LINE), h);
                 #end
-                #repeat n 2
-                {
-                    let at0 = $nu * QUADS;
-                    let at1 = at0 + SIDE * LINE;
-                    let at2 = at1 + SIDE * LINE;
-                    let into = s * SUMS + $nu * QUADS;
-                    var h = coopMultiplyAdd(a0, coopLoadT<MatrixB>(&w2[at0], LINE), MatrixC());
-                    h = coopMultiplyAdd(a1, coopLoadT<MatrixB>(&w2[at1], LINE), h);
-                    h = coopMultiplyAdd(a2, coopLoadT<MatrixB>(&w2[at2], LINE), h);
-                    coopStoreT(h, &sums[into], SUMS);
-                }
-                #end
+                coopStoreT(h, &sums[into], SUMS);
             }
             subgroupBarrier();
-            #repeat q 8
-            gradient[own_gradient + $qu] = to_half(select(z, sums[own_sums + $qu], hidden[own_hidden + $qu] > vec4<f16>()));
+            #repeat q 4
+            {
+                let own = own_hidden + $nu * QUADS + $qu;
+                hidden[own] = to_half(select(z, sums[own_sums + $qu], hidden[own] > vec4<f16>()));
+            }
             #end
             subgroupBarrier();
+            #end
             for (var s = first; s < first + LANES; s += SIDE) {
-                let row0 = s * LINE;
+                let row0 = s * HIDDEN_LINE;
                 let row1 = row0 + QUADS;
-                let f_at = (m * THREADS + s) * F_LINE;
+                let f_at = s * F_LINE;
                 let into = s * SUMS;
                 // By the weights of the first layer, and by F.
                 let x = coopLoadT<MatrixB>(&inputs[f_at], F_LINE);
-                d0 = coopMultiplyAdd(coopLoad<MatrixA>(&gradient[row0], LINE), x, d0);
-                d1 = coopMultiplyAdd(coopLoad<MatrixA>(&gradient[row1], LINE), x, d1);
-                var h = coopMultiplyAdd(coopLoadT<MatrixA>(&gradient[row0], LINE), coopLoadT<MatrixB>(&w1[0], F_LINE), MatrixC());
-                h = coopMultiplyAdd(coopLoadT<MatrixA>(&gradient[row1], LINE), coopLoadT<MatrixB>(&w1[w1_1], F_LINE), h);
+                d0 = coopMultiplyAdd(coopLoad<MatrixA>(&hidden[row0], HIDDEN_LINE), x, d0);
+                d1 = coopMultiplyAdd(coopLoad<MatrixA>(&hidden[row1], HIDDEN_LINE), x, d1);
+                var h = coopMultiplyAdd(coopLoadT<MatrixA>(&hidden[row0], HIDDEN_LINE), coopLoadT<MatrixB>(&w1[w1_0], F_LINE), MatrixC());
+                h = coopMultiplyAdd(coopLoadT<MatrixA>(&hidden[row1], HIDDEN_LINE), coopLoadT<MatrixB>(&w1[w1_1], F_LINE), h);
                 coopStoreT(h, &sums[into], SUMS);
             }
             subgroupBarrier();
@@ -263,21 +246,18 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             subgroupBarrier();
         }
     }
-    // The sums of both subgroups, sixteen rows at a time: of the second layer's weights, then of the first's.
+    // The sums of all subgroups, a matrix at a time: of the second layer's weights, then of the first's.
     let out = wid.x * (MLP_WEIGHTS + CONFIDENCE_WEIGHTS);
     let own = first * SUMS;
-    let own1 = own + QUADS;
-    let own2 = own + 2u * QUADS;
     #repeat o 3
+    #repeat i 3
     workgroupBarrier();
-    coopStoreT(c$o0, &sums[own], SUMS);
-    coopStoreT(c$o1, &sums[own1], SUMS);
-    coopStoreT(c$o2, &sums[own2], SUMS);
+    coopStoreT(c$o$i, &sums[own], SUMS);
     workgroupBarrier();
-    for (var k = local; k < SIDE * OUTPUTS; k += THREADS) {
-        let o = $ou * SIDE + k / OUTPUTS;
-        put2(out, o, k % OUTPUTS, total(k / OUTPUTS, k % OUTPUTS));
+    for (var k = local; k < SIDE * SIDE; k += THREADS) {
+        put2(out, $ou * SIDE + k / SIDE, $iu * SIDE + k % SIDE, total(k / SIDE, k % SIDE));
     }
+    #end
     #end
     #repeat o 2
     workgroupBarrier();

@@ -1,5 +1,5 @@
 // Gradients by the two inputs of the layer before the last on the matrix units: v_d1, through the ReLU of d1, takes the place
-// of d1; v_x takes that of f. A subgroup takes twice SIDE pixels.
+// of d1; v_x takes that of f. A subgroup takes SIDE pixels.
 #import half
 #import index
 
@@ -41,63 +41,50 @@ fn main(
     let lane = local % LANES;
     let own = subgroup * SIDE * SUMS;
     let own_q = lane % OWN;
-    let first_pixel = (linear_workgroup(wid, groups) * HALF_SUBGROUPS + subgroup) * 2u * SIDE;
-    #repeat m 2
-    let p$m = first_pixel + $mu * SIDE;
+    let p = (linear_workgroup(wid, groups) * HALF_SUBGROUPS + subgroup) * SIDE;
     // The maps have room for whole matrices.
-    let at$m = min(p$m, (params.pixels - 1u) / SIDE * SIDE) * QUADS;
+    let at = min(p, (params.pixels - 1u) / SIDE * SIDE) * QUADS;
     #repeat e 2
-    let pixel$m$e = p$m + lane / OWN + $eu * LANES / OWN;
-    #end
-    #end
-    #repeat e 2
+    let pixel$e = p + lane / OWN + $eu * LANES / OWN;
     let at_sum$e = own + (lane / OWN + $eu * LANES / OWN) * SUMS + own_q;
     #end
     // Three matrices at a time, those of d1 first.
     for (var first = 0u; first < 2u * MATRICES; first += 3u) {
         let of_d1 = first < MATRICES;
         let first_q = select(first - MATRICES, first, of_d1) * OWN + own_q;
-        #repeat m 2
         #repeat n 3
-        var c$m$n = MatrixC();
+        var c$n = MatrixC();
         #repeat e 2
-        let goal$m$n$e = min(pixel$m$e, params.pixels - 1u) * QUADS + first_q + $nu * OWN;
-        var open$m$n$e = vec4(true);
+        let goal$n$e = min(pixel$e, params.pixels - 1u) * QUADS + first_q + $nu * OWN;
+        var open$n$e = vec4(true);
         if of_d1 {
-            open$m$n$e = d1[goal$m$n$e] > vec4<f16>();
+            open$n$e = d1[goal$n$e] > vec4<f16>();
         }
         #end
         #end
-        #end
         for (var k = 0u; k < MATRICES; k++) {
-            #repeat m 2
-            let a$m = coopLoadT<MatrixA>(&v_f[at$m + k * OWN], QUADS);
-            #end
+            let a = coopLoadT<MatrixA>(&v_f[at + k * OWN], QUADS);
             #repeat n 3
             // The transpose: rows are outputs of f, columns its inputs.
             let at_b$n = params.fuse + ((first + $nu) * MATRICES + k) * MATRIX;
             let b$n = coopLoadT<MatrixB>(&packed[at_b$n], OWN);
-            #repeat m 2
-            c$m$n = coopMultiplyAdd(a$m, b$n, c$m$n);
-            #end
+            c$n = coopMultiplyAdd(a, b$n, c$n);
             #end
         }
-        #repeat m 2
         #repeat n 3
-        coopStoreT(c$m$n, &sums[own], SUMS);
+        coopStoreT(c$n, &sums[own], SUMS);
         subgroupBarrier();
         #repeat e 2
-        if pixel$m$e < params.pixels {
-            let v = to_half(select(vec4(0.0), sums[at_sum$e], open$m$n$e));
+        if pixel$e < params.pixels {
+            let v = to_half(select(vec4(0.0), sums[at_sum$e], open$n$e));
             if of_d1 {
-                d1[goal$m$n$e] = v;
+                d1[goal$n$e] = v;
             } else {
-                f[goal$m$n$e] = v;
+                f[goal$n$e] = v;
             }
         }
         #end
         subgroupBarrier();
-        #end
         #end
     }
 }

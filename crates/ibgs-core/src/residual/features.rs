@@ -15,6 +15,8 @@ use ibgs_shaders::{
 
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
 const GROUPS: u32 = 768;
+/// The same of the kernel for the matrix units: two for each multiprocessor of a large GPU.
+const HALF_GROUPS: u32 = 264;
 /// Weights of the per-view MLP, the first of the flat vector.
 pub const MLP_WEIGHTS: usize = ENC1.offset;
 /// Weights of the confidence, the last of the flat vector.
@@ -108,7 +110,6 @@ impl Features {
         let low = variant.factor.size(size);
         let r = camera.view_from_world.transpose();
         let row = |axis: glam::DVec3| axis.extend(0.0).as_vec4().to_array();
-        let workgroup = RESIDUAL_FEATURES_BACKWARD.workgroup[0];
         let params = FeatureParams {
             row0: row(r.x_axis),
             row1: row(r.y_axis),
@@ -121,7 +122,6 @@ impl Features {
             inputs: variant.inputs as u32,
             aggregation: variant.aggregation as u32,
             output: variant.output as u32,
-            groups: (low[0] * low[1]).div_ceil(workgroup).min(GROUPS),
             ..FeatureParams::default()
         };
         Self { params }
@@ -170,15 +170,15 @@ impl Features {
     pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let FeatureGradients { v_x, half, v_weights, scratch } = *gradients;
-        let groups = self.params.groups;
         // The kernel for the matrix units has no largest value.
         let half = half.filter(|_| self.params.aggregation != Aggregation::Max as u32);
-        let (kernel, v_x, unscale) = match half {
-            Some(half) => (&HALF_FEATURES_BACKWARD, half.v_x, half.unscale),
-            None => (&RESIDUAL_FEATURES_BACKWARD, v_x, 1.0),
+        let (kernel, v_x, unscale, most) = match half {
+            Some(half) => (&HALF_FEATURES_BACKWARD, half.v_x, half.unscale, HALF_GROUPS),
+            None => (&RESIDUAL_FEATURES_BACKWARD, v_x, 1.0, GROUPS),
         };
+        let groups = (self.low_pixels() as u32).div_ceil(kernel.workgroup[0]).min(most);
         let buffers = [base, warped, seen, most_visible, centers, weights, v_x, &scratch.v_features, &scratch.partials];
-        let params = FeatureParams { unscale, ..self.params };
+        let params = FeatureParams { unscale, groups, ..self.params };
         pass.grid(kernel, &buffers, bytes_of(&params), [groups, 1, 1]);
         let sum =
             FeatureSumParams { count: SUMS as u32, groups, first: MLP_WEIGHTS as u32, rest: CONFIDENCE.offset as u32 };

@@ -62,7 +62,7 @@ pub struct HalfConvParams {
     pub outputs: u32,
     /// First bias.
     pub bias: u32,
-    /// Where the packed weights begin, in groups of 8.
+    /// Where the packed weights begin, in groups of 4.
     pub packed: u32,
     /// Groups of SIDE outputs of the packed weights.
     pub packed_groups: u32,

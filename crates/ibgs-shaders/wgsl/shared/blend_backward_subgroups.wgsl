@@ -1,4 +1,4 @@
-// Gradient of blend.wgsl, one workgroup a tile, back to front in chunks of LANES entries. A subgroup walks only the entries that may
+// Gradient of blend.wgsl, one workgroup a tile, back to front in chunks of entries. A subgroup walks only the entries that may
 // reach its pixels and sums their gradients among its lanes; then the workgroup sums over the subgroups. Nothing is atomic: every
 // intersection has a row of its own, written at its emission index, so that one Gaussian's rows lie side by side and are summed in
 // a fixed order.
@@ -7,15 +7,24 @@
 #import blend_backward_pixel
 
 const SUBGROUPS: u32 = PIXELS / LANES;
-// Numbers of an intersection's row: four of each buffer.
-const ROW: u32 = 16u;
+// Numbers that subgroup_sums gives.
+const NUMBERS: u32 = 16u;
+// Those of an intersection's row, four of each buffer, and entries of a chunk. The less workgroup memory, the more workgroups run at
+// once.
+#if INTERSECTIONS
+const ROW: u32 = NUMBERS;
+const CHUNK: u32 = min(LANES, 16u);
+#else
+const ROW: u32 = 12u;
+const CHUNK: u32 = LANES;
+#endif
 
 // [subgroup][entry][number].
-var<workgroup> parts: array<f32, SUBGROUPS * LANES * ROW>;
+var<workgroup> parts: array<f32, SUBGROUPS * CHUNK * ROW>;
 // Entries that each subgroup has summed, as bits.
 var<workgroup> summed: array<u32, SUBGROUPS>;
 // Of one chunk and of the next.
-var<workgroup> entries: array<vec4<f32>, 2u * ENTRY * LANES>;
+var<workgroup> entries: array<vec4<f32>, 2u * ENTRY * CHUNK>;
 
 fn store(row: u32, number: u32, value: f32) {
     let at = number % 4u;
@@ -76,22 +85,22 @@ fn main(
         store(sorted_isects[start + k], local % ROW, 0.0);
     }
 
-    let chunks = (walked + LANES - 1u) / LANES;
-    if local < ENTRY * LANES && chunks > 0u {
-        entries[ENTRY * LANES * (chunks % 2u) + local] = load_entry(local, (chunks - 1u) * LANES, start, length);
+    let chunks = (walked + CHUNK - 1u) / CHUNK;
+    if local < ENTRY * CHUNK && chunks > 0u {
+        entries[ENTRY * CHUNK * (chunks % 2u) + local] = load_entry(local, (chunks - 1u) * CHUNK, start, length);
     }
     for (var c = chunks; c > 0u; c--) {
-        let first = (c - 1u) * LANES;
-        let now = ENTRY * LANES * (c % 2u);
+        let first = (c - 1u) * CHUNK;
+        let now = ENTRY * CHUNK * (c % 2u);
         workgroupBarrier();
         var ahead = vec4(0.0);
-        let loads_ahead = c > 1u && local < ENTRY * LANES;
+        let loads_ahead = c > 1u && local < ENTRY * CHUNK;
         if loads_ahead {
-            ahead = load_entry(local, first - LANES, start, length);
+            ahead = load_entry(local, first - CHUNK, start, length);
         }
-        let own_a = entries[now + ENTRY * lane];
-        let own_b = entries[now + ENTRY * lane + 1u];
-        let reaches = first + lane < own_walked && reaches_block(block - own_a.xy, vec3(own_a.zw, own_b.x), own_b.y);
+        let own_a = entries[now + ENTRY * (lane % CHUNK)];
+        let own_b = entries[now + ENTRY * (lane % CHUNK) + 1u];
+        let reaches = lane < CHUNK && first + lane < own_walked && reaches_block(block - own_a.xy, vec3(own_a.zw, own_b.x), own_b.y);
         let reaching = subgroupBallot(reaches).x;
         var left = reaching;
         while left != 0u {
@@ -128,27 +137,28 @@ fn main(
                 vec4(0.5 * q * vec3(g.x * g.x, 2.0 * g.x * g.y, g.y * g.y), 0.0),
                 v_plane,
             );
-            let at = (subgroup * LANES + e) * ROW + lane * ROW / LANES;
-            if LANES == 8u {
+            let number = lane * NUMBERS / LANES;
+            let at = (subgroup * CHUNK + e) * ROW + number;
+            if lane % max(LANES / NUMBERS, 1u) == 0u && number < ROW {
                 parts[at] = sums.x;
-                parts[at + 1u] = sums.y;
-            } else if lane % max(LANES / ROW, 1u) == 0u {
-                parts[at] = sums.x;
+                if LANES == 8u {
+                    parts[at + 1u] = sums.y;
+                }
             }
         }
         if lane == 0u {
             summed[subgroup] = reaching;
         }
         if loads_ahead {
-            entries[ENTRY * LANES - now + local] = ahead;
+            entries[ENTRY * CHUNK - now + local] = ahead;
         }
         workgroupBarrier();
-        for (var i = local; i < min(walked - first, LANES) * ROW; i += PIXELS) {
+        for (var i = local; i < min(walked - first, CHUNK) * ROW; i += PIXELS) {
             let e = i / ROW;
             var sum = 0.0;
             for (var s = 0u; s < SUBGROUPS; s++) {
                 if (summed[s] & (1u << e)) != 0u {
-                    sum += parts[s * LANES * ROW + i];
+                    sum += parts[s * CHUNK * ROW + i];
                 }
             }
             store(sorted_isects[start + first + e], i % ROW, sum * factor(now + ENTRY * e, i % ROW));

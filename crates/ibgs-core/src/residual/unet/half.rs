@@ -164,9 +164,9 @@ impl Half {
         pass.grid(&HALF_CONV, &buffers, bytes_of(&params), grid);
     }
 
-    /// Workgroups of the head's kernels.
-    fn head_groups(&self, x: &Map) -> usize {
-        x.pixels().div_ceil(HALF_SUBGROUPS * 2 * self.units.side) as usize
+    /// Workgroups of the head's kernels, of which a subgroup takes so many matrices of pixels.
+    fn head_groups(&self, x: &Map, matrices: u32) -> usize {
+        x.pixels().div_ceil(HALF_SUBGROUPS * matrices * self.units.side) as usize
     }
 
     /// Workgroups that share the tiles of a 3 x 3 layer's size.
@@ -209,14 +209,14 @@ impl Backend for Half {
         };
         let Activations { x, d1, f, residual, .. } = maps;
         let buffers = [weights, &self.packed, &d1.buffer, &x.buffer, residual, &f.buffer];
-        pass.groups(&HALF_HEAD, &buffers, bytes_of(&params), self.head_groups(x));
+        pass.groups(&HALF_HEAD, &buffers, bytes_of(&params), self.head_groups(x, 2));
     }
 
     fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
         let Activations { x, d1, f, .. } = buffers.maps;
         let v_residual = self.v_residual.as_ref().expect("an unet made with gradients");
         let v_f = &buffers.gradients.v_e1;
-        let (pixels, groups) = (x.pixels(), self.head_groups(x));
+        let (pixels, groups) = (x.pixels(), self.head_groups(x, 1));
         let params = HalfHeadGradientParams { pixels, last: FINAL.offset as u32, scale: self.scale };
         let bound = [buffers.weights, buffers.v_residual, &f.buffer, &v_residual.buffer, &v_f.buffer];
         pass.linear(&HALF_HEAD_GRADIENT, &bound, bytes_of(&params), (pixels * quads(v_f)) as usize);
