@@ -9,8 +9,9 @@
 #import block
 #endif
 
-// Threads, and list entries that they load at a time.
-const BATCH: u32 = TILE * TILE;
+const THREADS: u32 = TILE * TILE;
+// List entries that they load at a time: the less workgroup memory, the more workgroups run at once.
+const BATCH: u32 = 160u;
 // Vectors of a list entry in `batch`: the projected row, of which the last vector is the colour, and the plane.
 #if INTERSECTIONS
 const ENTRY: u32 = 4u;
@@ -24,7 +25,7 @@ var<workgroup> batch: array<vec4<f32>, ENTRY * BATCH>;
 var<workgroup> finished: atomic<u32>;
 var<workgroup> finished_now: u32;
 
-@compute @workgroup_size(BATCH)
+@compute @workgroup_size(THREADS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
@@ -85,11 +86,11 @@ fn main(
         if local == 0u {
             finished_now = atomicLoad(&finished);
         }
-        if workgroupUniformLoad(&finished_now) == BATCH {
+        if workgroupUniformLoad(&finished_now) == THREADS {
             break;
         }
         let k = first + local;
-        if k < end {
+        if local < BATCH && k < end {
             let g = sorted_gaussians[k];
             batch[ENTRY * local] = projected[3u * g];
             batch[ENTRY * local + 1u] = projected[3u * g + 1u];
