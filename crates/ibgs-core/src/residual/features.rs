@@ -31,6 +31,7 @@ const _: () = assert!(CONFIDENCE.offset == 66_134 && CONFIDENCE_WEIGHTS == HIDDE
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;
 /// Bytes of the sums of all workgroups.
 pub const SUMS_BYTES: u64 = 4 * GROUPS as u64 * SUMS as u64;
+const _: () = assert!(HALF_GROUPS <= GROUPS);
 
 /// What the network's input is made of. W x H is the image's size, P = W H.
 #[derive(Clone, Copy, Debug)]
