@@ -83,8 +83,12 @@ fn main(
         let span = tile_span(row, cover);
         hits += span.y - span.x;
     }
+    if hits == 0u {
+        cull(i);
+        return;
+    }
     let color = splat_color(i, normalize(mean - frame.center));
-    if hits == 0u || not_finite3(color) {
+    if not_finite3(color) {
         cull(i);
         return;
     }

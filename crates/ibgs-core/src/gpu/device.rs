@@ -11,10 +11,11 @@ use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
 use std::pin::pin;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::task::{Context, Poll, Waker};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What can go wrong between us and the GPU.
 #[derive(Debug, thiserror::Error)]
@@ -146,6 +147,8 @@ pub struct Gpu {
     pub(super) uniforms: Option<Uniforms>,
     pipelines: Mutex<HashMap<&'static str, Arc<OnceLock<Pipeline>>>>,
     pub(super) profiler: Mutex<Option<Profiler>>,
+    /// Nanoseconds spent in waiting for the device.
+    waited: AtomicU64,
     /// What went wrong first, once something has.
     fault: Arc<OnceLock<String>>,
 }
@@ -207,6 +210,7 @@ impl Gpu {
             info,
             companion: OnceLock::new(),
             transients: Arc::default(),
+            waited: AtomicU64::default(),
             matrix_units_pay: OnceLock::new(),
             pipelines: Mutex::default(),
             profiler: Mutex::default(),
@@ -323,9 +327,18 @@ impl Gpu {
     }
 
     fn wait_until(&self, mark: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        // A browser does not wait, and has no such clock.
+        let start = cfg!(not(target_arch = "wasm32")).then(Instant::now);
         let poll = self.device.poll(wgpu::PollType::Wait { submission_index: mark, timeout: None });
+        let waited = start.map_or(0, |start| start.elapsed().as_nanos() as u64);
+        self.waited.fetch_add(waited, Ordering::Relaxed);
         self.check()?;
         poll.map(|_| ()).map_err(|e| GpuError::Readback(e.to_string()))
+    }
+
+    /// How long this program has waited for the device so far.
+    pub fn waited(&self) -> Duration {
+        Duration::from_nanos(self.waited.load(Ordering::Relaxed))
     }
 
     /// Waits for the value that a callback of the device sends.

@@ -38,14 +38,15 @@ impl Clock<'_> {
         Ok(self.host_and_all(count, run)?[1])
     }
 
-    /// Milliseconds until the host has handed over `count` runs, and until the GPU has done them.
+    /// Milliseconds in which the host hands over `count` runs, without those in which it waits for the GPU, and until the GPU
+    /// has done them.
     fn host_and_all(&self, count: u32, run: Run) -> Result<[f64; 2], TrainError> {
         self.gpu.wait()?;
-        let start = Instant::now();
+        let (start, waited) = (Instant::now(), self.gpu.waited());
         for _ in 0..count {
             run()?;
         }
-        let host = start.elapsed();
+        let host = start.elapsed().saturating_sub(self.gpu.waited() - waited);
         self.gpu.wait()?;
         Ok([host, start.elapsed()].map(|time| 1e3 * time.as_secs_f64()))
     }

@@ -114,7 +114,7 @@ pub struct Timing {
     pub fastest_ms: f64,
     /// Mean of runs that follow each other without waiting for the GPU, as a training or a viewer runs.
     pub in_a_row_ms: f64,
-    /// The host's part of that: until it has handed over the last run.
+    /// The host's part of that: recording and handing over, without its waits for results.
     pub host_ms: f64,
     /// Sum of the stages' floors.
     pub floor_ms: f64,
