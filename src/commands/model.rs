@@ -11,7 +11,7 @@ use ibgs_core::levels::Loading;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Precision;
-use ibgs_core::scene::Gaussians;
+use ibgs_core::scene::{Gaussians, Harmonics};
 use ibgs_core::sources::memory::MemoryBudget;
 use std::ops::{Deref, DerefMut};
 use std::path::PathBuf;
@@ -60,6 +60,9 @@ pub struct ModelArgs {
     /// When frames of such a bundle are rendered.
     #[arg(skip)]
     pub loading: Loading,
+    /// How precisely the device keeps the colours.
+    #[arg(skip)]
+    pub harmonics: Harmonics,
 }
 
 impl FileArgs {
@@ -90,6 +93,7 @@ impl ModelArgs {
             gpu_memory: MemoryBudget::Auto,
             adapter: None,
             loading: Loading::default(),
+            harmonics: Harmonics::default(),
         }
     }
 
@@ -106,6 +110,7 @@ impl ModelArgs {
             precision: self.precision,
             gpu_memory: self.gpu_memory,
             loading: self.loading,
+            harmonics: self.harmonics,
             ..ModelOptions::default()
         })?;
         model.load_photos(&Bars::default())?;

@@ -12,6 +12,7 @@ use ibgs_core::files::is_same;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
+use ibgs_core::scene::Harmonics;
 use ibgs_core::video::{self, frame_name};
 use std::path::{Path, PathBuf};
 
@@ -90,7 +91,9 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(output) = &args.output {
         spare_other_models(output, &args.model.files.model)?;
     }
-    let mut model = args.model.open()?;
+    // EXR files have the exact values.
+    let harmonics = if args.exr { Harmonics::Full } else { Harmonics::of_frames(args.model.precision) };
+    let mut model = ModelArgs { harmonics, ..args.model.clone() }.open()?;
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
         let name = output.name();

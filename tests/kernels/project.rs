@@ -1,9 +1,11 @@
 //! The projection of Gaussians that stand out: degrees, extremes, values that are not finite.
 
 use super::rasterize::{background, view};
-use crate::common::{assert_images_agree, gradients, render};
+use crate::common::{assert_images_agree, gaussians, gpu, gradients, pixels, rasterizer, render};
 use crate::reference::random_scene::{Nasty, POISON, nasty_params, poison, random_camera, random_image, random_params};
 use crate::reference::{self, Tensor};
+use half::f16;
+use ibgs_core::scene::{Harmonics, Splats};
 
 #[test]
 fn lower_active_degrees_ignore_the_rest() {
@@ -51,5 +53,39 @@ fn poisoned_gaussians_are_left_out() {
                 assert!(g.get(other).iter().all(|v| v.is_finite()), "{what}: gradient of {other:?}");
             }
         }
+    }
+}
+
+/// Coefficients that are halves give the image of the numbers that they stand for, in every stored and active degree, and one
+/// within 1/255 of the exact one.
+#[test]
+fn halves_give_the_image_of_their_numbers() {
+    let camera = random_camera(50, 40, 16);
+    for stored in 0..=3 {
+        let p = random_params(200, stored, 16);
+        let splats = Splats::upload_in(&gaussians(&p), &gpu(), Harmonics::Half).unwrap();
+        let mut rounded = p.clone();
+        rounded.sh.iter_mut().for_each(|v| *v = f16::from_f64(*v).to_f64());
+        assert_ne!(rounded.sh, p.sh);
+        for active in 0..=stored {
+            let view = view(camera, active as u32);
+            let what = format!("degree {active} of {stored}");
+            let ours = pixels(&rasterizer().render(&splats, &view).unwrap(), &camera);
+            let twin = reference::render(&rounded, &camera, background(), active);
+            assert_images_agree(&what, &ours, &twin.image, 2e-5);
+            let exact = render(&p, &view);
+            let most = ours.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(most < 1.0 / 255.0, "{what}: {most}");
+        }
+        for value in POISON {
+            let mut bad = rounded.clone();
+            poison(&mut bad, Tensor::Sh, 7 * bad.sh.len() / bad.len(), value);
+            let splats = Splats::upload_in(&gaussians(&bad), &gpu(), Harmonics::Half).unwrap();
+            let ours = pixels(&rasterizer().render(&splats, &view(camera, stored as u32)).unwrap(), &camera);
+            let twin = reference::render(&bad, &camera, background(), stored);
+            assert_images_agree(&format!("degree {stored}, {value}"), &ours, &twin.image, 2e-5);
+        }
+        let back = splats.download(&gpu()).unwrap();
+        assert!(back.sh.iter().zip(&rounded.sh).all(|(a, b)| f64::from(*a) == *b), "degree {stored}: read back");
     }
 }

@@ -11,7 +11,7 @@ use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::cameras::CameraRecord;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
-use ibgs_core::scene::{Gaussians, Splats};
+use ibgs_core::scene::{Gaussians, Harmonics, Splats};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -103,9 +103,9 @@ fn a_part_of_the_chunks_shows_the_view() {
     assert!(leaves == 16 && levels.len() == 12 * CHUNK && levels.chunk() <= CHUNK);
     let whole = Splats::upload(&levels.whole().unwrap(), &gpu()).unwrap();
     let whole = Renderer::new(Arc::new(Rasterizer::new(gpu())), whole, [0.0; 3], None);
-    let complete = renderer(Stream::new(levels.clone(), &gpu(), 12, Loading::Complete).unwrap());
+    let complete = renderer(Stream::new(levels.clone(), &gpu(), 12, Loading::Complete, Harmonics::Half).unwrap());
     // Some places are for the coarsest chunks and for those of the last view.
-    let moving = renderer(Stream::new(levels.clone(), &gpu(), 15, Loading::AsItComes(1)).unwrap());
+    let moving = renderer(Stream::new(levels.clone(), &gpu(), 15, Loading::AsItComes(1), Harmonics::Half).unwrap());
     assert_eq!(complete.splats().len(), 12 * levels.chunk());
     for x in [-20.0, 0.0, 15.0, -20.0] {
         let camera = camera(x, -6.0);
@@ -132,8 +132,10 @@ fn every_view_comes_to_rest() {
     let folder = tempfile::tempdir().unwrap();
     let levels = written(folder.path(), &wall(12 * CHUNK));
     for places in 4..9 {
-        let moving = renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1)).unwrap());
-        let complete = renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1)).unwrap());
+        let moving =
+            renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1), Harmonics::Half).unwrap());
+        let complete =
+            renderer(Stream::new(levels.clone(), &gpu(), places, Loading::AsItComes(1), Harmonics::Half).unwrap());
         for (x, z) in [(-20.0, -3.0), (20.0, -3.0), (0.0, -60.0), (18.0, -3.0), (-35.0, -2.0)] {
             let camera = camera(x, z);
             let last = at_rest(&moving, &camera);
@@ -153,10 +155,10 @@ fn memory_decides_how_many_chunks_fit() {
     bundle(wall(9 * CHUNK)).write(&path, Packing::Levels).unwrap();
     let levels = Bundle::read(&path).unwrap().levels.unwrap();
     let leaves = levels.leaves().count();
-    assert_eq!(slots(&levels, None, &gpu()).unwrap(), leaves);
-    let some = slots(&levels, Some(24 << 20), &gpu()).unwrap();
+    assert_eq!(slots(&levels, None, &gpu(), Harmonics::Half).unwrap(), leaves);
+    let some = slots(&levels, Some(24 << 20), &gpu(), Harmonics::Half).unwrap();
     assert!((4..leaves).contains(&some), "{some}");
-    let error = slots(&levels, Some(1 << 20), &gpu()).unwrap_err();
+    let error = slots(&levels, Some(1 << 20), &gpu(), Harmonics::Half).unwrap_err();
     assert!(matches!(&error, GpuError::Levels(text) if text.contains("--gpu-memory")), "{error}");
     // A model that fits is on the device as a whole.
     let mut model = Model::open(&path, &ModelOptions::default()).unwrap();

@@ -34,7 +34,7 @@ use crate::progress::Progress;
 use crate::raster::Rasterizer;
 use crate::render::{ImageOptions, ImagePart, Renderer};
 use crate::residual::{Precision, ResidualNetwork, weights};
-use crate::scene::{Gaussians, Splats, read_ply};
+use crate::scene::{Gaussians, Harmonics, Splats, read_ply};
 use crate::sources::memory::MemoryBudget;
 use crate::sources::source_store::SourceStore;
 use std::collections::HashMap;
@@ -61,6 +61,8 @@ pub struct ModelOptions {
     pub gpu_memory: MemoryBudget,
     /// When its frames are rendered.
     pub loading: Loading,
+    /// How precisely the device keeps the colours; a stream of levels of detail keeps them as `precision` says.
+    pub harmonics: Harmonics,
 }
 
 /// A model, read from its files.
@@ -95,6 +97,7 @@ pub struct Model {
     source: Option<PathBuf>,
     gpu_memory: MemoryBudget,
     loading: Loading,
+    harmonics: Harmonics,
     /// The scene, where it was needed.
     dataset: Option<Dataset>,
 }
@@ -148,7 +151,7 @@ impl Model {
             model.config.sources.memory = memory;
         }
         model.config.residual.precision = options.precision;
-        (model.gpu_memory, model.loading) = (options.gpu_memory, options.loading);
+        (model.gpu_memory, model.loading, model.harmonics) = (options.gpu_memory, options.loading, options.harmonics);
         Ok(model)
     }
 
@@ -193,14 +196,16 @@ impl Model {
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         let renderer = |splats| Renderer::new(raster, splats, self.config.background(), part).with_exposure(field);
         let Some(levels) = &self.levels else {
-            return Ok(renderer(Splats::upload(&self.gaussians.in_space(self.space()), gpu)?));
+            return Ok(renderer(Splats::upload_in(&self.gaussians.in_space(self.space()), gpu, self.harmonics)?));
         };
-        let slots = levels::slots(levels, self.gpu_memory.bytes(gpu), gpu)?;
-        if slots == levels.leaves().count() {
+        let slots = |harmonics| levels::slots(levels, self.gpu_memory.bytes(gpu), gpu, harmonics);
+        if slots(self.harmonics).is_ok_and(|slots| slots == levels.leaves().count()) {
             // All of it fits.
-            return Ok(renderer(Splats::upload(&levels.whole()?, gpu)?));
+            return Ok(renderer(Splats::upload_in(&levels.whole()?, gpu, self.harmonics)?));
         }
-        let (stream, splats) = Stream::new(levels.clone(), gpu, slots, self.loading)?;
+        // Nothing reads those of a stream back.
+        let harmonics = Harmonics::of_frames(self.config.residual.precision);
+        let (stream, splats) = Stream::new(levels.clone(), gpu, slots(harmonics)?, self.loading, harmonics)?;
         Ok(renderer(splats).with_stream(stream))
     }
 
@@ -368,6 +373,7 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
         source: None,
         gpu_memory: MemoryBudget::Auto,
         loading: Loading::default(),
+        harmonics: Harmonics::default(),
         dataset: None,
     })
 }
@@ -411,6 +417,7 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
         source: None,
         gpu_memory: MemoryBudget::Auto,
         loading: Loading::default(),
+        harmonics: Harmonics::default(),
         dataset: None,
     })
 }

@@ -23,6 +23,7 @@ const SHARED: &[(&str, &str)] = &[
     ("hash", include_str!("../wgsl/shared/hash.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
     ("photo", include_str!("../wgsl/shared/photo.wgsl")),
+    ("project", include_str!("../wgsl/shared/project.wgsl")),
     ("quaternion", include_str!("../wgsl/shared/quaternion.wgsl")),
     ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
     ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),

@@ -135,6 +135,10 @@ kernels! {
     PROJECT = "project" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
         write("projected"), write("tile_counts"), read("filters");
+    /// The same with spherical harmonics in half precision.
+    PROJECT_HALF = "project_half" [256, 1, 1] (size_of::<types::ViewUniforms>()):
+        read("means"), read("rotations"), read("log_scales"), read("opacity_logits"), read("sh"),
+        write("projected"), write("tile_counts"), read("filters");
     /// Prefix sum, block sums.
     SCAN_REDUCE = "scan_reduce" [256, 1, 1] (4): read("values"), write("block_sums");
     /// Prefix sum of the block sums, grand total.

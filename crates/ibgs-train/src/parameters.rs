@@ -9,7 +9,7 @@ use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::residual::layers::WEIGHTS;
 use ibgs_core::residual::variant::Variant;
 use ibgs_core::residual::weights::initial;
-use ibgs_core::scene::{Gaussians, PerGaussian, Splats, values_of};
+use ibgs_core::scene::{Gaussians, Harmonics, PerGaussian, Splats, values_of};
 
 /// The Gaussians' raw parameters (method.md section 1).
 #[derive(Clone, Debug)]
@@ -41,7 +41,8 @@ impl Parameters {
         };
         let filters = gpu.allocate("filters", 4 * count as u64)?;
         let parameters = tensors.as_ref().map(bind);
-        let splats = Splats { space, count, coefficients, parameters, filters };
+        let harmonics = Harmonics::Full;
+        let splats = Splats { space, count, coefficients, harmonics, parameters, filters };
         Ok(Self { tensors, splats })
     }
 

@@ -19,7 +19,7 @@ use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{Method, Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, HostPhoto, Masks, Point};
 use ibgs_core::exposure::ExposureField;
-use ibgs_core::gpu::{Gpu, GpuError, Pass};
+use ibgs_core::gpu::{Gpu, GpuError, Mark, Pass};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::weights::NetworkError;
@@ -110,6 +110,8 @@ pub struct Trainer {
     caution: f64,
     /// The last iteration was done to its end.
     is_whole: bool,
+    /// Its end on the device.
+    last: Option<Mark>,
 }
 
 impl Trainer {
@@ -212,6 +214,7 @@ impl Trainer {
             scene,
             caution: 1.0,
             is_whole: true,
+            last: None,
             config: config.clone(),
             gpu,
             raster,
@@ -332,7 +335,10 @@ impl Trainer {
         self.is_whole = false;
         self.iterate()?;
         self.is_whole = true;
-        Ok(())
+        // One iteration on the device while the next is recorded keeps it busy. Commands of more would take new memory for
+        // themselves, which costs the host more than recording them.
+        let last = self.last.replace(self.gpu.mark());
+        last.map_or(Ok(()), |last| Ok(self.gpu.wait_for(last)?))
     }
 
     fn iterate(&mut self) -> Result<(), TrainError> {

@@ -21,6 +21,7 @@ pub mod viewer;
 use ibgs_core::gpu::{Gpu, device_descriptor};
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
+use ibgs_core::scene::Harmonics;
 use js_sys::{Error, Uint8ClampedArray};
 use std::path::Path;
 use std::sync::Arc;
@@ -46,10 +47,15 @@ pub struct Scene {
 pub async fn open(bundle: Vec<u8>) -> Result<Scene, Error> {
     console_error_panic_hook::set_once();
     let gpu = gpu().await?;
-    let mut model = Model::from_bundle(&bundle, Path::new(BUNDLE), &ModelOptions::default()).map_err(sentence)?;
+    let mut model = Model::from_bundle(&bundle, Path::new(BUNDLE), &options()).map_err(sentence)?;
     let renderer = model.renderer(&gpu).map_err(sentence)?;
     gpu.check().map_err(sentence)?;
     Ok(Scene { model, renderer, gpu })
+}
+
+/// How the page opens its bundle.
+fn options() -> ModelOptions {
+    ModelOptions { harmonics: Harmonics::Half, ..ModelOptions::default() }
 }
 
 async fn gpu() -> Result<Arc<Gpu>, Error> {

@@ -1,9 +1,9 @@
 //! The viewer in a canvas of the page.
 
-use crate::{BUNDLE, gpu, sentence};
+use crate::{BUNDLE, gpu, options, sentence};
 use anyhow::{Result, bail};
 use ibgs_core::gpu::Gpu;
-use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::model::Model;
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Wanted};
 use js_sys::Error;
 use std::collections::HashMap;
@@ -37,7 +37,7 @@ pub struct Viewer {
 #[wasm_bindgen]
 pub async fn view(canvas: HtmlCanvasElement, bundle: Vec<u8>, is_start: bool) -> Result<Option<Viewer>, JsValue> {
     console_error_panic_hook::set_once();
-    let options = ModelOptions::default();
+    let options = options();
     let model = match is_start {
         true => Model::from_bundle_start(&bundle, Path::new(BUNDLE), &options).map_err(sentence)?,
         false => Some(Model::from_bundle(&bundle, Path::new(BUNDLE), &options).map_err(sentence)?),
@@ -57,7 +57,7 @@ impl Viewer {
     /// # Errors
     /// As [`crate::open`].
     pub fn complete(&self, bundle: &[u8]) -> Result<(), Error> {
-        let model = Model::from_bundle(bundle, Path::new(BUNDLE), &ModelOptions::default()).map_err(sentence)?;
+        let model = Model::from_bundle(bundle, Path::new(BUNDLE), &options()).map_err(sentence)?;
         let opened = opened(model, &self.gpu, true)?;
         if let Some(mut viewer) = self.runner.app_mut::<ibgs_viewer::Viewer>() {
             viewer.replace(opened);

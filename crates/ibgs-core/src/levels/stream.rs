@@ -4,7 +4,7 @@ use super::cut::cut;
 use super::{Levels, Node};
 use crate::camera::Camera;
 use crate::gpu::{Buffer, Gpu, GpuError};
-use crate::scene::{PerGaussian, Splats};
+use crate::scene::{Harmonics, PerGaussian, Splats};
 use bytemuck::cast_slice;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io;
@@ -41,8 +41,8 @@ impl Loading {
 ///
 /// # Errors
 /// The budget holds too few.
-pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu) -> Result<usize, GpuError> {
-    let rows = PerGaussian::rows(levels.coefficients()).into_array();
+pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu, harmonics: Harmonics) -> Result<usize, GpuError> {
+    let rows = words(levels, harmonics).into_array();
     let chunk = levels.chunk() as u64;
     let bytes = chunk * (4 * rows.iter().sum::<usize>() + WORKSPACE) as u64;
     let widest = chunk * 4 * rows.into_iter().max().unwrap_or(1).max(12) as u64;
@@ -56,6 +56,12 @@ pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu) -> Result<usize, G
         ))),
         false => Ok(fits.min(leaves)),
     }
+}
+
+/// 4-byte words of a Gaussian's parameters on the device.
+fn words(levels: &Levels, harmonics: Harmonics) -> PerGaussian<usize> {
+    let coefficients = levels.coefficients();
+    PerGaussian { sh: harmonics.words(coefficients), ..PerGaussian::rows(coefficients) }
 }
 
 /// The chunks on the device.
@@ -111,13 +117,19 @@ impl Stream {
     ///
     /// # Errors
     /// Not enough memory, or the file cannot be read.
-    pub fn new(levels: Arc<Levels>, gpu: &Gpu, slots: usize, loading: Loading) -> Result<(Self, Splats), GpuError> {
+    pub fn new(
+        levels: Arc<Levels>,
+        gpu: &Gpu,
+        slots: usize,
+        loading: Loading,
+        harmonics: Harmonics,
+    ) -> Result<(Self, Splats), GpuError> {
         let slots = slots.max(2);
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
-        let named = PerGaussian::<()>::NAMES.zip(PerGaussian::rows(coefficients));
+        let named = PerGaussian::<()>::NAMES.zip(words(&levels, harmonics));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, 4 * (row * count) as u64))?;
         let filters = gpu.allocate("filters", 4 * count as u64)?;
-        let splats = Splats { space: levels.space, count, coefficients, parameters, filters };
+        let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters, filters };
         let mut state = State {
             places: vec![None; slots],
             place_of: HashMap::new(),
@@ -245,9 +257,11 @@ impl State {
             self.rotations.remove(&old);
         }
         let first = place * levels.chunk();
-        let rows = PerGaussian::rows(levels.coefficients());
+        let rows = words(levels, splats.harmonics);
         let parts = levels.parts(&numbers);
-        for ((values, row), buffer) in parts.zip(rows).zip(splats.parameters.as_ref()).into_array() {
+        let sh = splats.harmonics.pack(parts.sh, levels.coefficients());
+        let values = PerGaussian { sh: &*sh, ..parts.map(cast_slice) };
+        for ((values, row), buffer) in values.zip(rows).zip(splats.parameters.as_ref()).into_array() {
             if !std::ptr::eq(buffer, &raw const splats.parameters.rotations) {
                 write(gpu, buffer, first * row, values);
             }
@@ -304,14 +318,19 @@ impl State {
         let gone: Vec<u32> = self.shown.difference(&shown).copied().collect();
         gone.into_iter().for_each(|node| self.hide(levels, (gpu, splats), node));
         for &node in shown.difference(&self.shown) {
-            write(gpu, &splats.parameters.rotations, self.first_rotation(levels, node), &self.rotations[&node]);
+            write(
+                gpu,
+                &splats.parameters.rotations,
+                self.first_rotation(levels, node),
+                cast_slice(&self.rotations[&node]),
+            );
         }
         self.shown = shown;
     }
 
     fn hide(&mut self, levels: &Levels, (gpu, splats): (&Gpu, &Splats), node: u32) {
         if self.shown.remove(&node) {
-            let zeros = vec![0.0; self.rotations[&node].len()];
+            let zeros = vec![0; self.rotations[&node].len()];
             write(gpu, &splats.parameters.rotations, self.first_rotation(levels, node), &zeros);
         }
     }
@@ -321,7 +340,7 @@ impl State {
     }
 }
 
-/// Writes numbers into a buffer of them, from one on.
-fn write(gpu: &Gpu, buffer: &Buffer, first: usize, numbers: &[f32]) {
-    gpu.queue.write_buffer(&buffer.buffer, buffer.offset + 4 * first as u64, cast_slice(numbers));
+/// Writes words into a buffer of them, from one on.
+fn write(gpu: &Gpu, buffer: &Buffer, first: usize, words: &[u32]) {
+    gpu.queue.write_buffer(&buffer.buffer, buffer.offset + 4 * first as u64, cast_slice(words));
 }

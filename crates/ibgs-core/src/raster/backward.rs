@@ -2,7 +2,7 @@
 
 use super::{Forward, tile_grid};
 use crate::gpu::{Buffer, Gpu, Pass};
-use crate::scene::{PerGaussian, Splats};
+use crate::scene::{Harmonics, PerGaussian, Splats};
 use bytemuck::bytes_of;
 use ibgs_shaders::{
     PLANES_BACKWARD, PROJECT_BACKWARD, RASTERIZE_BACKWARD, RASTERIZE_SURFACE_BACKWARD, SUM_ROWS, SUM_ROWS_SURFACE,
@@ -32,9 +32,11 @@ impl Forward {
     /// ([`Surface::v`](super::Surface::v)).
     ///
     /// # Panics
-    /// When the pass did not keep what its gradients need, or `v` lacks the planes: bugs of ours.
+    /// When the pass did not keep what its gradients need, `v` lacks the planes, or the spherical harmonics are halves: bugs of
+    /// ours.
     pub fn backward(&self, gpu: &Gpu, splats: &Splats, v_image: &Buffer, v: &RasterGradients) {
         assert_eq!(self.surface.is_some(), v.planes.is_some(), "gradients of the planes");
+        assert_eq!(splats.harmonics, Harmonics::Full, "precision of what learns");
         let mut pass = Pass::new(gpu, "rasterize backward");
         self.record_blend(&mut pass, v_image);
         self.record_project(&mut pass, splats, v);

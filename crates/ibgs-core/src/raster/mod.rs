@@ -21,7 +21,7 @@ pub use workspace::Workspace;
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass, at_once};
-use crate::scene::{PerGaussian, Splats};
+use crate::scene::{Harmonics, PerGaussian, Splats};
 use bytemuck::bytes_of;
 use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::*;
@@ -406,7 +406,11 @@ fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUn
     let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
     let project: [&Buffer; 8] =
         [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.tile_counts, &splats.filters];
-    pass.linear(&PROJECT, &project, bytes, n);
+    let kernel = match splats.harmonics {
+        Harmonics::Full => &PROJECT,
+        Harmonics::Half => &PROJECT_HALF,
+    };
+    pass.linear(kernel, &project, bytes, n);
     ws.scan.record(pass, &ws.tile_counts, &ws.offsets, &ws.total, n);
     // What the sort writes are the tiles and places before.
     let [tiles, places] = [&ws.sorted_gaussians, &ws.sorted_isects];

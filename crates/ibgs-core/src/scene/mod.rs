@@ -3,6 +3,7 @@
 pub mod error;
 pub mod formats;
 pub mod gaussians;
+mod harmonics;
 pub mod init;
 mod per_gaussian;
 pub mod ply;
@@ -13,6 +14,7 @@ pub use error::SceneError;
 pub(crate) use formats::packed;
 pub use formats::{Format, Loss, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians};
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
+pub use harmonics::Harmonics;
 pub use init::from_points;
 pub use per_gaussian::PerGaussian;
 pub(crate) use ply::write_ply_to;

@@ -1,6 +1,6 @@
 //! The Gaussians on the device.
 
-use super::{Gaussians, PerGaussian, SceneError};
+use super::{Gaussians, Harmonics, PerGaussian, SceneError};
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::local_space::LocalSpace;
 use bytemuck::cast_slice;
@@ -18,7 +18,9 @@ pub struct Splats {
     pub count: usize,
     /// Colours of spherical harmonics each, `(degree + 1)^2`.
     pub coefficients: usize,
-    /// Their numbers, float32.
+    /// How precisely those are kept.
+    pub harmonics: Harmonics,
+    /// Their numbers, float32 but for that.
     pub parameters: PerGaussian<Buffer>,
     /// Standard deviations of the 3D smoothing filters, `[N]`, not trained; 0: none.
     pub filters: Buffer,
@@ -43,12 +45,24 @@ impl Splats {
     /// # Errors
     /// When the device cannot bind one of its buffers at once, or has no memory left.
     pub fn upload(g: &Gaussians, gpu: &Gpu) -> Result<Self, GpuError> {
-        let named = PerGaussian::<()>::NAMES.zip(values_of(g));
+        Self::upload_in(g, gpu, Harmonics::Full)
+    }
+
+    /// The same with the spherical harmonics in a precision.
+    ///
+    /// # Errors
+    /// As [`Splats::upload`].
+    pub fn upload_in(g: &Gaussians, gpu: &Gpu, harmonics: Harmonics) -> Result<Self, GpuError> {
+        let coefficients = g.sh_coefficients();
+        let sh = harmonics.pack(&g.sh, coefficients);
+        let words = PerGaussian { sh: &*sh, ..values_of(g).map(cast_slice) };
+        let named = PerGaussian::<()>::NAMES.zip(words);
         Ok(Self {
             space: g.space,
             count: g.len(),
-            coefficients: g.sh_coefficients(),
-            parameters: named.try_map(|(name, values)| gpu.upload(name, values))?,
+            coefficients,
+            harmonics,
+            parameters: named.try_map(|(name, words)| gpu.upload(name, words))?,
             filters: gpu.allocate("filters", 4 * g.len() as u64)?,
         })
     }
@@ -83,7 +97,8 @@ impl Splats {
     /// When the device is lost.
     pub fn download_raw(&self, gpu: &Gpu) -> Result<(Gaussians, Vec<f32>), SceneError> {
         let device_error = |e: GpuError| SceneError::Device(e.to_string());
-        let rows = PerGaussian::rows(self.coefficients);
+        let words = self.harmonics.words(self.coefficients);
+        let rows = PerGaussian { sh: words, ..PerGaussian::rows(self.coefficients) };
         let read = |(buffer, row): (&Buffer, usize)| gpu.read::<f32>(buffer, row * self.count);
         let values = self.parameters.as_ref().zip(rows).try_map(read).map_err(device_error)?;
         let gaussians = Gaussians {
@@ -92,7 +107,7 @@ impl Splats {
             rotations: cast_slice(&values.rotations).to_vec(),
             log_scales: cast_slice(&values.log_scales).to_vec(),
             opacity_logits: values.opacity_logits,
-            sh: values.sh,
+            sh: self.harmonics.unpack(cast_slice(&values.sh), self.coefficients),
             sh_degree: self.sh_degree(),
             normals: cast_slice(&values.normals).to_vec(),
             offsets: values.offsets,

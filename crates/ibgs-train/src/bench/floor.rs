@@ -9,7 +9,7 @@
 //!
 //! | stage | bytes | operations |
 //! |---|---|---|
-//! | project | 44 n + 12 C n + 56 N | (200 + 10 C) n |
+//! | project | 44 n + 12 C n + 56 N; in a frame 6 C n less | (200 + 10 C) n |
 //! | sort | 12 N + 48 n + 12 I for the intersections, 20 I + 24 T for the lists, 20 I by depth | 0 |
 //! | planes | 44 N | 40 N |
 //! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P, in a frame 4 P + 4 K P less | 14 B |
@@ -139,9 +139,11 @@ impl Load {
         LAYERS.iter().map(layer).fold(Floor::default(), Floor::plus)
     }
 
-    fn project(&self, coefficients: f64) -> Floor {
+    fn project(&self, coefficients: f64, is_frame: bool) -> Floor {
         let (all, seen) = (self.gaussians as f64, self.gaussians_in_view as f64);
-        Floor::new((44.0 + 12.0 * coefficients) * seen + 56.0 * all, (200.0 + 10.0 * coefficients) * seen)
+        // Frames have the coefficients of the colours as halves.
+        let bytes = if is_frame { 6.0 } else { 12.0 };
+        Floor::new((44.0 + bytes * coefficients) * seen + 56.0 * all, (200.0 + 10.0 * coefficients) * seen)
     }
 
     fn sort(&self) -> Floor {
@@ -166,7 +168,7 @@ impl Load {
         // Frames keep no list entries.
         let entries = if work.is_final_frame() { 4.0 + 4.0 * k } else { 0.0 };
         Some(match stage {
-            Stage::Project => self.project(c),
+            Stage::Project => self.project(c, work.is_frame()),
             Stage::Sort => self.sort(),
             Stage::Planes => Floor::new(44.0 * n, 40.0 * n),
             Stage::Blend => {
@@ -201,7 +203,7 @@ impl Load {
                 let [seen, i, t] = [self.gaussians_in_view, self.intersections, self.tiles].map(|count| count as f64);
                 let blend = Floor::new(64.0 * seen + 4.0 * i + 8.0 * t + 4.0 * p, 0.0);
                 let planes = Floor::new(44.0 * self.gaussians as f64, 40.0 * self.gaussians as f64);
-                self.project(1.0).plus(self.sort()).plus(planes).plus(blend).times(m)
+                self.project(1.0, work.is_frame()).plus(self.sort()).plus(planes).plus(blend).times(m)
             }
             Stage::Warp => Floor::new((8.0 + 8.0 * k + 8.0 * m + 16.0 * v) * p, 40.0 * m.min(v) * p),
             Stage::WarpBackward => Floor::new((16.0 + 24.0 * k + 4.0 * m + 32.0 * v) * p, 40.0 * m.min(v) * p),

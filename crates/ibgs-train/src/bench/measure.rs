@@ -13,7 +13,7 @@ use ibgs_core::gpu::{Gpu, MemoryReport};
 use ibgs_core::raster::{RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Factor;
-use ibgs_core::scene::{MAX_SH_DEGREE, Splats};
+use ibgs_core::scene::{Harmonics, MAX_SH_DEGREE, Splats};
 use ibgs_shaders::TILE;
 use std::sync::Arc;
 use std::time::Instant;
@@ -164,7 +164,7 @@ fn image_based(
         evaluates: false,
     };
     let estimated_bytes = Estimate::new(&demand).total();
-    let renderer = trainer.renderer()?;
+    let renderer = frames(gpu, setting, &trainer)?;
     renderer.render(&setting.camera)?;
     let warm = clock.timing(Work::WarmFrame, &mut || Ok(renderer.render_unchecked(&setting.camera).map(drop)?))?;
     let cold = clock.timing(Work::ColdFrame, &mut || {
@@ -172,6 +172,12 @@ fn image_based(
         Ok(renderer.render_unchecked(&setting.camera).map(drop)?)
     })?;
     Ok(ImageBased { clock_load: load, timings: vec![warm, cold, iteration], memory, estimated_bytes })
+}
+
+/// Renders with the Gaussians as `ibgs render` keeps them on the device.
+fn frames(gpu: &Gpu, setting: &Setting, trainer: &Trainer) -> Result<Renderer, TrainError> {
+    let gaussians = setting.gaussians.in_space(trainer.splats().space);
+    Ok(trainer.renderer()?.with_splats(Splats::upload_in(&gaussians, gpu, Harmonics::Half)?))
 }
 
 /// The base's frame and iteration.
@@ -193,7 +199,7 @@ fn base(
         trainer.step()?;
     }
     let iteration = clock.timing(Work::BaseIteration, &mut || trainer.step())?;
-    let renderer = trainer.renderer()?;
+    let renderer = frames(gpu, setting, &trainer)?;
     renderer.render(&setting.camera)?;
     let frame = clock.timing(Work::BaseFrame, &mut || Ok(renderer.render_unchecked(&setting.camera).map(drop)?))?;
     Ok([frame, iteration])

@@ -96,6 +96,11 @@ impl Work {
         !matches!(self, Work::BaseFrame | Work::BaseIteration)
     }
 
+    /// Whether it is a frame, which nobody trains on.
+    pub fn is_frame(self) -> bool {
+        self == Work::BaseFrame || self.is_final_frame()
+    }
+
     /// Whether it ends with a final image that nobody trains on.
     pub fn is_final_frame(self) -> bool {
         matches!(self, Work::WarmFrame | Work::ColdFrame)
@@ -168,7 +173,7 @@ impl Stage {
             ("warp", _) => Warp,
             ("warp backward", _) => WarpBackward,
             (_, "adam") => Adam,
-            (_, "project") => Project,
+            (_, "project" | "project_half") => Project,
             (_, "planes") => Planes,
             (_, "rasterize" | "rasterize_surface" | "rasterize_surface_image") => Blend,
             (_, "rasterize_backward" | "rasterize_surface_backward") => BlendBackward,
