@@ -79,7 +79,7 @@ fn halves_give_the_image_of_their_numbers() {
         }
         for value in POISON {
             let mut bad = rounded.clone();
-            poison(&mut bad, Tensor::Sh, 7 * bad.sh.len() / bad.len(), value);
+            poison(&mut bad, Tensor::Sh, 7 * 3 * p.sh_coefficients(), value);
             let splats = Splats::upload_in(&gaussians(&bad), &gpu(), Harmonics::Half).unwrap();
             let ours = pixels(&rasterizer().render(&splats, &view(camera, stored as u32)).unwrap(), &camera);
             let twin = reference::render(&bad, &camera, background(), stored);

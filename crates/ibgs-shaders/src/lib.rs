@@ -356,7 +356,10 @@ kernels! {
 kernels! {
     /// The kernels that need [`MatrixUnits`]: the residual network in half precision, sums in float32.
     MATRIX_KERNELS:
-    /// The U-Net's input in half precision, channels last.
+    /// The U-Net's input in half precision, channels last, in float32 arithmetic.
+    RESIDUAL_FEATURES_HALF = "residual_features_half" [128, 1, 1] (size_of::<types::FeatureParams>()):
+        read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
+    /// The same with the per-view MLP on matrix units of 16 x 16.
     HALF_FEATURES = "half_features" [128, 1, 1] (size_of::<types::FeatureParams>()):
         read("base"), read("warped"), read("seen"), read("most_visible"), read("centers"), read("weights"), write("x");
     /// Gradient of the per-view MLP, rows of weight gradients.

@@ -30,6 +30,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Why training stopped.
@@ -68,6 +69,10 @@ fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
     }
     (0..most).map(|i| points[i * points.len() / most]).collect()
 }
+
+/// Iterations on the device while the next is recorded: they keep it busy. The commands of more would need new memory of the
+/// driver, which costs the host more than recording them.
+const IN_FLIGHT: usize = 2;
 
 /// A running training.
 pub struct Trainer {
@@ -110,8 +115,8 @@ pub struct Trainer {
     caution: f64,
     /// The last iteration was done to its end.
     is_whole: bool,
-    /// Its end on the device.
-    last: Option<Mark>,
+    /// Ends of the last ones on the device.
+    in_flight: VecDeque<Mark>,
 }
 
 impl Trainer {
@@ -214,7 +219,7 @@ impl Trainer {
             scene,
             caution: 1.0,
             is_whole: true,
-            last: None,
+            in_flight: VecDeque::new(),
             config: config.clone(),
             gpu,
             raster,
@@ -335,10 +340,11 @@ impl Trainer {
         self.is_whole = false;
         self.iterate()?;
         self.is_whole = true;
-        // One iteration on the device while the next is recorded keeps it busy. Commands of more would take new memory for
-        // themselves, which costs the host more than recording them.
-        let last = self.last.replace(self.gpu.mark());
-        last.map_or(Ok(()), |last| Ok(self.gpu.wait_for(last)?))
+        self.in_flight.push_back(self.gpu.mark());
+        match self.in_flight.len() > IN_FLIGHT {
+            true => Ok(self.in_flight.pop_front().map_or(Ok(()), |first| self.gpu.wait_for(first))?),
+            false => Ok(()),
+        }
     }
 
     fn iterate(&mut self) -> Result<(), TrainError> {

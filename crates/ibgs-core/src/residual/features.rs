@@ -10,12 +10,12 @@ use bytemuck::bytes_of;
 use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
 use ibgs_shaders::{
     Aggregation, HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD,
-    RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
+    RESIDUAL_FEATURES_HALF, RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
 };
 
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
 const GROUPS: u32 = 768;
-/// The same of the kernel for the matrix units: two for each multiprocessor of a large GPU.
+/// The same of the kernels for the matrix units: two for each multiprocessor of a large GPU.
 const HALF_GROUPS: u32 = 264;
 /// Weights of the per-view MLP, the first of the flat vector.
 pub const MLP_WEIGHTS: usize = ENC1.offset;
@@ -94,6 +94,12 @@ pub struct InputGradients<'a> {
     pub v_base: &'a Buffer,
 }
 
+/// The bindings of the kernels that write the input `x`.
+fn buffers<'a>(inputs: &FeatureInputs<'a>, x: &'a Buffer) -> [&'a Buffer; 7] {
+    let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
+    [base, warped, seen, most_visible, centers, weights, x]
+}
+
 /// One target view's features: size, camera and variant.
 #[derive(Clone, Copy, Debug)]
 pub struct Features {
@@ -157,13 +163,22 @@ impl Features {
 
     /// The same in half precision, channels last and padded with zeros: `[w h][48]`.
     pub fn record_half(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
-        self.record_with(&HALF_FEATURES, pass, inputs, x);
+        self.record_with(&RESIDUAL_FEATURES_HALF, pass, inputs, x);
+    }
+
+    /// The same with the per-view MLP on matrix units of 16 x 16, in subgroups of 32 lanes.
+    pub fn record_on_units(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+        let groups = self.groups(&HALF_FEATURES, HALF_GROUPS);
+        pass.grid(&HALF_FEATURES, &buffers(inputs, x), bytes_of(&self.params), [groups, 1, 1]);
     }
 
     fn record_with(&self, kernel: &'static Kernel, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
-        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
-        let buffers = [base, warped, seen, most_visible, centers, weights, x];
-        pass.linear(kernel, &buffers, bytes_of(&self.params), self.low_pixels());
+        pass.linear(kernel, &buffers(inputs, x), bytes_of(&self.params), self.low_pixels());
+    }
+
+    /// Workgroups of a kernel whose workgroups go round over the pixels.
+    fn groups(&self, kernel: &Kernel, most: u32) -> u32 {
+        (self.low_pixels() as u32).div_ceil(kernel.workgroup[0]).min(most)
     }
 
     /// Records the gradient by the MLP's weights, and by the features into the scratch memory. It is all that burn-in
@@ -177,7 +192,7 @@ impl Features {
             Some(half) => (&HALF_FEATURES_BACKWARD, half.v_x, half.unscale, HALF_GROUPS),
             None => (&RESIDUAL_FEATURES_BACKWARD, v_x, 1.0, GROUPS),
         };
-        let groups = (self.low_pixels() as u32).div_ceil(kernel.workgroup[0]).min(most);
+        let groups = self.groups(kernel, most);
         let buffers = [base, warped, seen, most_visible, centers, weights, v_x, &scratch.v_features, &scratch.partials];
         let params = FeatureParams { unscale, groups, ..self.params };
         pass.grid(kernel, &buffers, bytes_of(&params), [groups, 1, 1]);

@@ -106,6 +106,9 @@ impl UNet {
     pub fn record_input(&self, pass: &mut Pass, features: &Features, inputs: &FeatureInputs) {
         match self.maps.x.arithmetic {
             Arithmetic::Full => features.record(pass, inputs, self.x()),
+            Arithmetic::Half if self.backend.multiplies_features() => {
+                features.record_on_units(pass, inputs, self.x());
+            }
             Arithmetic::Half => features.record_half(pass, inputs, self.x()),
         }
     }

@@ -1,10 +1,8 @@
 // The weights of the per-view MLP in half precision in workgroup memory, as half_features_backward.wgsl multiplies with them: W1, and W2
 // with the confidence behind the outputs. The kernel declares `weights` and THREADS.
-#import half
-#import residual_mlp_layout
+#import half_mlp_first
 
-// Channels of F, and its places for the one and for the error of the depth.
-const ONE: u32 = FEATURES;
+// Channel of F for the error of the depth.
 const ERROR: u32 = FEATURES + 1u;
 const F_QUADS: u32 = 4u;
 // Rows of W2: the outputs, the confidence, zeros. Its columns: hidden channels, F.
@@ -16,11 +14,6 @@ const F_LINE: u32 = F_QUADS + 2u;
 // [output][input].
 var<workgroup> w1: array<vec4<f16>, HIDDEN * F_LINE>;
 var<workgroup> w2: array<vec4<f16>, OUTPUTS * LINE>;
-
-fn weight1(o: u32, i: u32) -> f32 {
-    let at = select(o * FEATURES + min(i, FEATURES - 1u), BIAS1 + o, i == ONE);
-    return select(0.0, weights[at], i <= ONE);
-}
 
 fn weight2(o: u32, i: u32) -> f32 {
     let f = i - HIDDEN;
@@ -37,8 +30,7 @@ fn load_weights(local: u32) {
     for (var k = local; k < HIDDEN * F_QUADS; k += THREADS) {
         let o = k / F_QUADS;
         let i = 4u * (k % F_QUADS);
-        let row = vec4(weight1(o, i), weight1(o, i + 1u), weight1(o, i + 2u), weight1(o, i + 3u));
-        w1[o * F_LINE + k % F_QUADS] = to_half(row);
+        w1[o * F_LINE + k % F_QUADS] = first_weights(o, i);
     }
     for (var k = local; k < OUTPUTS * OUTPUTS / 4u; k += THREADS) {
         let o = k / (OUTPUTS / 4u);

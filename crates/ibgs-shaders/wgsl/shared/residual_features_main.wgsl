@@ -2,7 +2,7 @@
 // per-view MLP, mean, largest value or mean by confidence over them, viewing ray and base colour (method.md section 6). It hands each four of
 // the 38 channels to the `put` of the file that imports it, the last two with zeros.
 #import index
-#import residual_feature
+#import residual_features_rest
 #import residual_mlp
 
 @group(0) @binding(0) var<storage, read> base: array<f32>;
@@ -13,18 +13,6 @@
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 
 const THREADS: u32 = 128u;
-
-// Unit viewing direction in world space through the centre of full-size pixel p.
-fn world_ray(p: u32) -> vec3<f32> {
-    let pixel = vec2<f32>(vec2(p % params.size.x, p / params.size.x));
-    let d = (pixel - params.principal) / params.focal;
-    return normalize(params.row0.xyz * d.x + params.row1.xyz * d.y + params.row2.xyz);
-}
-
-// Adds a source's values; `kept` and `share` are 1 but with confidences.
-fn merge(sum: vec4<f32>, v: vec4<f32>, kept: f32, share: f32) -> vec4<f32> {
-    return select(kept * sum + share * v, max(sum, v), params.aggregation == AGGREGATION_MAX);
-}
 
 @compute @workgroup_size(THREADS)
 fn main(
@@ -72,12 +60,7 @@ fn main(
         sum.g = merge(sum.g, h.g, kept, share);
         sum.h = merge(sum.h, h.h, kept, share);
     }
-    var scale = 1.0 / f32(max(used, 1u));
-    if params.aggregation == AGGREGATION_MAX {
-        scale = 1.0;
-    } else if params.aggregation == AGGREGATION_SOFT {
-        scale = 1.0 / total;
-    }
+    let scale = merged_scale(used, total);
     put(0u, i, scale * sum.a);
     put(4u, i, scale * sum.b);
     put(8u, i, scale * sum.c);
@@ -86,15 +69,7 @@ fn main(
     put(20u, i, scale * sum.f);
     put(24u, i, scale * sum.g);
     put(28u, i, scale * sum.h);
-    var ray = world_ray(c.at.x);
-    var color = base_at(c.at.x);
-    if resized() {
-        let w = c.weight;
-        ray = w.x * ray + w.y * world_ray(c.at.y) + w.z * world_ray(c.at.z) + w.w * world_ray(c.at.w);
-        ray = normalize(ray);
-        color = w.x * color + w.y * base_at(c.at.y) + w.z * base_at(c.at.z) + w.w * base_at(c.at.w);
-    }
-    color = select(color, vec3(0.0), params.inputs == INPUTS_DIFFERENCES_ONLY);
-    put(RAY_CHANNEL, i, vec4(ray, color.x));
-    put(RAY_CHANNEL + 4u, i, vec4(color.yz, 0.0, 0.0));
+    let last = ray_and_color(c);
+    put(RAY_CHANNEL, i, last.head);
+    put(RAY_CHANNEL + 4u, i, last.tail);
 }

@@ -180,7 +180,7 @@ impl Stage {
             (_, "planes_backward") => PlanesBackward,
             (_, "project_backward" | "sum_rows" | "sum_rows_surface") => ProjectBackward,
             ("rasterize", _) => Sort,
-            ("residual", "residual_features" | "half_features") => Features,
+            ("residual", "residual_features" | "residual_features_half" | "half_features") => Features,
             ("residual", "residual_compose" | "residual_mix") => Compose,
             ("residual", _) => UNet,
             ("residual backward", "residual_compose_backward") => ComposeBackward,

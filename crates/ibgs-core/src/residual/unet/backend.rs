@@ -64,6 +64,11 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
     /// Last of the backward pass: the gradient by x, which f holds by now, to float32 planes; nothing where f is `v_x`.
     fn finish(&self, _pass: &mut Pass, _f: &Map, _v_x: &Buffer) {}
 
+    /// Whether its matrix units fit the kernels of the per-view MLP.
+    fn multiplies_features(&self) -> bool {
+        false
+    }
+
     /// Inverse of the scale of the gradient by x in half precision, where kernels can read that as it is.
     fn unscale(&self) -> Option<f32> {
         None

@@ -284,9 +284,13 @@ impl Backend for Half {
         pass.linear(&HALF_UNPACK, &[&f.buffer, v_x], bytes_of(&params), pixels as usize);
     }
 
+    fn multiplies_features(&self) -> bool {
+        // With more lanes the kernels would need more workgroup memory than the units are asked for.
+        self.units == MatrixUnits { side: 16, lanes: 32 }
+    }
+
     fn unscale(&self) -> Option<f32> {
-        // With more lanes the kernel would need more workgroup memory than the units are asked for.
-        (self.units == MatrixUnits { side: 16, lanes: 32 }).then(|| self.scale.recip())
+        self.multiplies_features().then(|| self.scale.recip())
     }
 
     fn partial_bytes(&self, size: [u32; 2]) -> u64 {
