@@ -47,7 +47,8 @@ pub struct ModelArgs {
     /// are decoded again when they are needed [default: as in the training].
     #[arg(long)]
     pub host_memory: Option<MemoryBudget>,
-    /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test).
+    /// Precision of the residual network, and of the colours in the pictures of `render` and in levels of detail: `full`
+    /// (float32) or `auto` (half precision; the network on matrix units that pass a test).
     #[arg(long, default_value = "auto")]
     pub precision: Precision,
     /// GPU memory for a bundle with levels of detail (`ibgs export --levels`): `auto`, `none` (all that the model needs), or a

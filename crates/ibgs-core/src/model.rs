@@ -61,7 +61,7 @@ pub struct ModelOptions {
     pub gpu_memory: MemoryBudget,
     /// When its frames are rendered.
     pub loading: Loading,
-    /// How precisely the device keeps the colours; a stream of levels of detail keeps them as `precision` says.
+    /// How precisely the device keeps the colours; those that come while frames are rendered as `precision` says.
     pub harmonics: Harmonics,
 }
 
@@ -203,8 +203,11 @@ impl Model {
             // All of it fits.
             return Ok(renderer(Splats::upload_in(&levels.whole()?, gpu, self.harmonics)?));
         }
-        // Nothing reads those of a stream back.
-        let harmonics = Harmonics::of_frames(self.config.residual.precision);
+        // Nothing reads back what a window shows while it flies.
+        let harmonics = match self.loading {
+            Loading::Complete => self.harmonics,
+            Loading::AsItComes(_) => Harmonics::of_frames(self.config.residual.precision),
+        };
         let (stream, splats) = Stream::new(levels.clone(), gpu, slots(harmonics)?, self.loading, harmonics)?;
         Ok(renderer(splats).with_stream(stream))
     }

@@ -141,10 +141,8 @@ kernels! {
         write("projected"), write("tile_counts"), read("filters");
     /// Prefix sum, block sums.
     SCAN_REDUCE = "scan_reduce" [256, 1, 1] (4): read("values"), write("block_sums");
-    /// Prefix sum of the block sums, grand total.
-    SCAN_BLOCKS = "scan_blocks" [256, 1, 1] (4): write("block_sums"), write("total");
-    /// Prefix sum inside the blocks.
-    SCAN_APPLY = "scan_apply" [256, 1, 1] (4): read("values"), read("block_sums"), write("sums");
+    /// Prefix sum, grand total.
+    SCAN_APPLY = "scan_apply" [256, 1, 1] (4): read("values"), read("block_sums"), write("sums"), write("total");
     /// Tile of each intersection, its place in the tile's list, its Gaussian.
     TILE_EMIT = "tile_emit" [256, 1, 1] (size_of::<types::ViewUniforms>()):
         read("projected"), read("offsets"), read("count"),

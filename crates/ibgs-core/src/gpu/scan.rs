@@ -1,7 +1,7 @@
 //! Exclusive prefix sum of u32 values.
 
 use super::{Buffer, Gpu, GpuError, Pass};
-use ibgs_shaders::{SCAN_APPLY, SCAN_BLOCK, SCAN_BLOCKS, SCAN_REDUCE};
+use ibgs_shaders::{SCAN_APPLY, SCAN_BLOCK, SCAN_REDUCE};
 
 /// Scratch memory of a scan of at most `capacity` values.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ impl Scan {
         let length = (count as u32).to_ne_bytes();
         let blocks = count.div_ceil(SCAN_BLOCK as usize);
         pass.groups(&SCAN_REDUCE, &[values, &self.block_sums], &length, blocks);
-        pass.groups(&SCAN_BLOCKS, &[&self.block_sums, total], &length, 1);
-        pass.groups(&SCAN_APPLY, &[values, &self.block_sums, sums], &length, blocks);
+        // Without values there still is a sum.
+        pass.groups(&SCAN_APPLY, &[values, &self.block_sums, sums, total], &length, blocks.max(1));
     }
 }

@@ -33,7 +33,7 @@ pub enum Loading {
 }
 
 impl Loading {
-    /// For a camera that flies: 11 MB come with a frame.
+    /// For a camera that flies: 8 MB come with a frame at degree 2.
     pub const FLYING: Self = Self::AsItComes(4);
 }
 
