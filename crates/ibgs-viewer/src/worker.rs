@@ -9,7 +9,7 @@ use crate::{Content, Open, Opened, Outcome, Scene, Training, Wanted};
 use anyhow::Result;
 use eframe::egui;
 use ibgs_core::camera::Camera;
-use ibgs_core::gpu::{Gpu, GpuError, Mark};
+use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::inspect::Inspection;
 use ibgs_core::levels::Stream;
 use ibgs_core::output::log::TrainingProgress;
@@ -219,8 +219,6 @@ struct Work {
     film: Option<Shoot>,
     reported: Option<Instant>,
     memory: Option<(Instant, Option<u64>)>,
-    /// The end of the iteration before.
-    last: Option<Mark>,
 }
 
 impl Work {
@@ -459,14 +457,8 @@ impl State {
 
     fn train(&self, work: &mut Work) {
         work.single = false;
-        let (gpu, last) = (&self.gpu, work.last.take());
         let Some(training) = work.training() else { return };
         let stepped = training.step(&|what| self.status(what));
-        // At most two iterations are pending on the device, as frames have to wait for all of them. If the wait fails,
-        // the next iteration reports it.
-        if let Some(last) = last {
-            let _ = gpu.wait_for(last);
-        }
         let progress = training.progress();
         match stepped {
             Ok(()) if progress.iteration >= progress.iterations => {
@@ -477,10 +469,7 @@ impl State {
                     Err(error) => self.failed(&error),
                 }
             }
-            Ok(()) => {
-                work.last = Some(gpu.mark());
-                self.report(work, !work.running);
-            }
+            Ok(()) => self.report(work, !work.running),
             Err(error) => {
                 // The training cannot continue. Its model has been saved if that was possible.
                 (work.running, work.unfinished) = (false, false);
