@@ -8,8 +8,12 @@
 // The number of a half's 16 bits, by hand: some drivers lack the built-in function. Infinities and NaNs stay what they are.
 fn number(bits: u32) -> f32 {
     let magnitude = (bits & 0x7fffu) << 13u;
-    // The exponents of halves and floats have their zeros at 15 and 127.
-    let value = select(bitcast<f32>(magnitude) * 0x1p112, bitcast<f32>(magnitude | 0x7f800000u), magnitude >= 0x0f800000u);
+    // The exponents of halves and floats have their zeros at 15 and 127. Halves below 2^-14 have no leading one: it is taken away
+    // again, as not every driver knows such floats.
+    let usual = bitcast<f32>(magnitude + 0x38000000u);
+    let small = bitcast<f32>(magnitude + 0x38800000u) - 0x1p-14;
+    var value = select(usual, small, magnitude < 0x00800000u);
+    value = select(value, bitcast<f32>(magnitude | 0x7f800000u), magnitude >= 0x0f800000u);
     return select(value, -value, (bits & 0x8000u) != 0u);
 }
 
