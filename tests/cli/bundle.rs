@@ -67,7 +67,8 @@ fn a_bundle_with_levels_is_the_model_too() {
 fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {
     fs::rename(sandbox.path("scene"), sandbox.path("moved")).unwrap();
     fs::remove_dir_all(sandbox.path("small/test")).unwrap();
-    sandbox.succeeds("render small.ibgs");
+    // As precisely as the evaluation.
+    sandbox.succeeds("render small.ibgs --precision full");
     let rendered =
         shown(sandbox, "small").into_iter().filter(|(name, _)| name.starts_with("test/")).collect::<Vec<_>>();
     assert_eq!(rendered.len(), 4);
