@@ -37,11 +37,10 @@ impl Exposing {
         self.exposer.gather(&self.photos, view, sources)
     }
 
-    /// Steps a view's exposure by the gradient of its iteration.
-    pub fn step(&mut self, view: usize, exposures: &Exposures, rate: f64) {
-        let mut pass = Pass::new(&self.gpu, "exposure");
-        self.photos.record_step(&mut pass, view, exposures.v_target(), rate);
-        pass.submit();
+    /// Records the step of a view's exposure by the gradient of its iteration.
+    pub fn record_step(&mut self, pass: &mut Pass, view: usize, exposures: &Exposures, rate: f64) {
+        pass.relabel("exposure");
+        self.photos.record_step(pass, view, exposures.v_target(), rate);
     }
 
     /// Whether `auto` stops correcting them after this iteration: the photos hardly differ. Waits for the GPU.

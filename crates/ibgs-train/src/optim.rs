@@ -76,7 +76,7 @@ impl Learned {
     fn record_step(
         &self,
         pass: &mut Pass,
-        gradient: &Buffer,
+        gradient: Buffer,
         config: &AdamConfig,
         [rate, rate_rest, decay_rest]: [f64; 3],
         steps: i32,
@@ -96,7 +96,9 @@ impl Learned {
             decay_rest: decay_rest as f32,
         };
         let [first, second] = &self.moments;
-        pass.linear(&ADAM, &[gradient, &self.parameter, first, second], bytes_of(&params), self.count);
+        pass.linear(&ADAM, &[&gradient, &self.parameter, first, second], bytes_of(&params), self.count);
+        // Else burn could take its memory for something new before the pass is submitted.
+        pass.keep(gradient);
     }
 }
 
@@ -135,12 +137,11 @@ impl TensorOptimizer {
         self.tensor.restore(gpu, moments)
     }
 
-    /// Moves the tensor one step.
-    pub fn step(&mut self, gpu: &Gpu, gradient: &CubeTensor, rate: f64) {
+    /// Records one step of the tensor.
+    pub fn record_step(&mut self, pass: &mut Pass, gradient: &CubeTensor, rate: f64) {
         self.steps += 1;
-        let mut pass = Pass::new(gpu, "adam");
-        self.tensor.record_step(&mut pass, &bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
-        pass.submit();
+        pass.relabel("adam");
+        self.tensor.record_step(pass, bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
     }
 }
 
@@ -201,8 +202,8 @@ impl Optimizer {
         Self { tensors, config: self.config.clone(), steps: self.steps }
     }
 
-    /// Moves every parameter that has a gradient one step.
-    pub fn step(&mut self, gpu: &Gpu, gradients: SplatGradients, rates: &Rates) {
+    /// Records one step of every parameter that has a gradient.
+    pub fn record_step(&mut self, pass: &mut Pass, gradients: SplatGradients, rates: &Rates) {
         let SplatGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes } = gradients;
         let mut gradients = vec![
             primitive(means),
@@ -216,12 +217,11 @@ impl Optimizer {
             gradients.extend([primitive(normals), primitive(offsets)]);
             self.steps[1] += 1;
         }
-        let mut pass = Pass::new(gpu, "adam");
+        pass.relabel("adam");
         for (i, ((tensor, gradient), rates)) in self.tensors.iter().zip(&gradients).zip(rates.0).enumerate() {
             let steps = self.steps[usize::from(i >= BASE)];
-            tensor.record_step(&mut pass, &bind(gradient), &self.config, rates, steps);
+            tensor.record_step(pass, bind(gradient), &self.config, rates, steps);
         }
-        pass.submit();
     }
 
     /// Clamps every opacity to at most `limit` and clears the opacities' moments.

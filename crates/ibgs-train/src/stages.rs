@@ -273,19 +273,23 @@ impl ImageStages {
         Ok(views)
     }
 
-    /// Steps the network, and keeps the view's median depth.
-    pub fn finish(&mut self, work: &Work, total: &Total, gradients: &mut Gradients) -> Result<(), GpuError> {
+    /// Records the step of the network, and the copy of the view's median depth.
+    pub fn finish(
+        &mut self,
+        pass: &mut Pass,
+        work: &Work,
+        total: &Total,
+        gradients: &mut Gradients,
+    ) -> Result<(), GpuError> {
         if let Some(gradient) = total.weights.as_ref().and_then(|weights| weights.grad_remove(gradients)) {
             let rate = work.schedule.network_lr(work.iteration);
-            self.network_optimizer.step(&self.gpu, &primitive(gradient), rate);
+            self.network_optimizer.record_step(pass, &primitive(gradient), rate);
         }
         if let Some(surface) = work.forward.surface() {
             let Camera { width, height, .. } = self.cameras[work.index];
             let bytes = 4 * u64::from(width) * u64::from(height);
             let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", bytes))?;
-            let mut pass = Pass::new(&self.gpu, "image stages");
             pass.copy(&surface.median_depth, &kept, 0, bytes);
-            pass.submit();
         }
         Ok(())
     }

@@ -1,9 +1,12 @@
 //! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
 
+mod error;
 mod resume;
+mod start;
+
+pub use error::TrainError;
 
 use super::background::iteration_background;
-use super::checkpoint::CheckpointError;
 use super::densify::free_space::FreeSpace;
 use super::densify::{self, Over, Round, Statistics, mcmc};
 use super::exposing::Exposing;
@@ -14,61 +17,22 @@ use super::telemetry::{Recorder, Telemetry};
 use crate::autodiff::{self, Leaves};
 use crate::loss::ImageLoss;
 use crate::parameters::Parameters;
-use ibgs_core::camera::{Camera, scene_extent, usable_extent};
+use crate::tensor;
+use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{Method, Strategy, TrainConfig};
-use ibgs_core::dataset::{Dataset, HostPhoto, Masks, Point};
+use ibgs_core::config::{Strategy, TrainConfig};
+use ibgs_core::dataset::{HostPhoto, Masks};
 use ibgs_core::exposure::ExposureField;
 use ibgs_core::gpu::{Gpu, GpuError, Mark, Pass};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
-use ibgs_core::residual::weights::NetworkError;
-use ibgs_core::scene::{Gaussians, SceneError, Splats, from_points};
+use ibgs_core::scene::Splats;
 use ibgs_core::sources::source_store::SourceStore;
 use ibgs_core::sources::{DevicePhoto, Outside};
-use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::sync::Arc;
-
-/// Why training stopped.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// The GPU failed.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-    /// The model failed.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The network failed.
-    #[error(transparent)]
-    Network(#[from] NetworkError),
-    /// The checkpoint cannot be resumed from.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// The data set holds no training view.
-    #[error("the scene has no training view; check its split")]
-    NoViews,
-    /// The last iteration ended in the middle, so there is no state to resume from.
-    #[error("iteration {0} was not finished")]
-    Unfinished(u32),
-    /// The loss or a value of the model is not finite.
-    #[error(
-        "by iteration {0} the loss or a value of the model is not a finite number; try lower learning rates, and check the \
-         photos' cameras"
-    )]
-    NotFinite(u32),
-}
-
-/// At most `most` points, evenly taken from the list.
-fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
-    if points.len() <= most {
-        return Cow::Borrowed(points);
-    }
-    (0..most).map(|i| points[i * points.len() / most]).collect()
-}
 
 /// Iterations on the device while the next is recorded: they keep it busy. The commands of more would need new memory of the
 /// driver, which costs the host more than recording them.
@@ -126,110 +90,6 @@ impl Trainer {
     /// Another number of weights, not enough memory.
     pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
         self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
-    }
-
-    /// Uploads the training photos and makes the first Gaussians from the data set's points.
-    ///
-    /// # Errors
-    /// Not enough memory, no training view, points that are no positions.
-    pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
-        let points = thinned(&dataset.points, config.densify.most() as usize);
-        let [opacity, scale] = config.start();
-        let space = dataset.space();
-        let points: Vec<Point> = points.iter().map(|point| point.to_local(&space)).collect();
-        let mut start = from_points(&points, config.sh_degree(), opacity)?;
-        start.space = space;
-        start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
-        Self::from_gaussians(raster, dataset, config, &start)
-    }
-
-    /// Uploads the training photos and begins with the given Gaussians, in any space; their spherical harmonics keep their
-    /// degree.
-    ///
-    /// # Errors
-    /// Not enough memory, no training view.
-    pub fn from_gaussians(
-        raster: Arc<Rasterizer>,
-        dataset: &Dataset,
-        config: &TrainConfig,
-        start: &Gaussians,
-    ) -> Result<Self, TrainError> {
-        let trainer = Self::with_default_room(raster, (dataset, dataset.checksum()), config, start)?;
-        // Count the intersections of every view exactly, once; the room then grows with the counts that the telemetry
-        // reports. The first Gaussians grow fast.
-        let mut most = 0;
-        for index in 0..trainer.cameras.len() {
-            most = most.max(trainer.raster.count_intersections(trainer.splats(), &trainer.view(index))?);
-        }
-        trainer.raster.reserve(2 * most);
-        Ok(trainer)
-    }
-
-    /// The same without counting the intersections; the data set comes with its checksum.
-    fn with_default_room(
-        raster: Arc<Rasterizer>,
-        (dataset, scene): (&Dataset, u32),
-        config: &TrainConfig,
-        start: &Gaussians,
-    ) -> Result<Self, TrainError> {
-        let gpu = raster.gpu().clone();
-        if dataset.train.is_empty() {
-            return Err(TrainError::NoViews);
-        }
-        let space = dataset.space();
-        let start = start.in_space(space);
-        let parameters = Parameters::upload(&start, &gpu)?;
-        let splats = parameters.splats();
-        let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
-        let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
-        let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
-        let photos = views().map(|view| view.photo.clone()).collect();
-        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
-        let image_based = config.method == Method::Ibgs;
-        let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
-        let filters = (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
-        if let Some(filters) = &filters {
-            filters.update(&gpu, splats);
-        }
-        let (centre, extent) = scene_extent(scene_cameras.iter());
-        let extent = usable_extent(dataset.extent.unwrap_or(extent) / space.scale);
-        let centre = space.to_local(centre);
-        let prune_length = match config.densify.prune_scale_by_distance {
-            true => densify::distance_length(&start.means, centre, extent),
-            false => extent,
-        };
-        let part = if config.densify.strategy == Strategy::Default { config.densify.growth.free_space } else { 0.0 };
-        let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
-        Ok(Self {
-            loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
-            schedule: Schedule::new(config, config.iterations()),
-            optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
-            statistics: Statistics::new(&gpu, splats.len())?,
-            filters,
-            exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
-            recorder: Recorder::new(&gpu)?,
-            telemetry: Telemetry::default(),
-            queue: Vec::new(),
-            extent,
-            prune_length,
-            free_space,
-            rng: ChaCha8Rng::seed_from_u64(config.seed),
-            iteration: 0,
-            overflowed: false,
-            scene,
-            caution: 1.0,
-            is_whole: true,
-            in_flight: VecDeque::new(),
-            config: config.clone(),
-            gpu,
-            raster,
-            parameters,
-            cameras,
-            scene_cameras,
-            photos,
-            stages,
-            has_planes: start.offsets.iter().any(|&offset| offset != 0.0),
-        })
     }
 
     /// Lets the number of Gaussians grow to `most` at most.
@@ -338,16 +198,20 @@ impl Trainer {
     /// Not enough memory, device lost, or a loss that is not finite.
     pub fn step(&mut self) -> Result<(), TrainError> {
         self.is_whole = false;
-        self.iterate()?;
+        let gpu = self.gpu.clone();
+        let end = tensor::at_memory(&gpu, || self.iterate())??;
         self.is_whole = true;
-        self.in_flight.push_back(self.gpu.mark());
-        match self.in_flight.len() > IN_FLIGHT {
-            true => Ok(self.in_flight.pop_front().map_or(Ok(()), |first| self.gpu.wait_for(first))?),
-            false => Ok(()),
+        self.in_flight.push_back(end);
+        if self.in_flight.len() > IN_FLIGHT
+            && let Some(first) = self.in_flight.pop_front()
+        {
+            self.gpu.wait_for(first)?;
         }
+        Ok(())
     }
 
-    fn iterate(&mut self) -> Result<(), TrainError> {
+    /// One iteration, and its end on the device.
+    fn iterate(&mut self) -> Result<Mark, TrainError> {
         self.restructure()?;
         self.iteration += 1;
         let iteration = self.iteration;
@@ -385,12 +249,15 @@ impl Trainer {
             None => self.loss.tracked(shown.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
         };
         let mut gradients = total.loss().backward();
+        // All that follows the gradients is one pass.
+        let gpu = self.gpu.clone();
+        let mut pass = Pass::new(&gpu, "end of iteration");
         if let Some(stages) = &mut self.stages {
-            stages.finish(&work, &total, &mut gradients)?;
+            stages.finish(&mut pass, &work, &total, &mut gradients)?;
         }
         let mut gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
         if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &exposures) {
-            exposing.step(index, exposures, self.schedule.exposure_lr(iteration));
+            exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(iteration));
         }
         let is_mcmc = self.config.densify.strategy == Strategy::Mcmc;
         if is_mcmc {
@@ -408,25 +275,25 @@ impl Trainer {
             } else {
                 None
             };
-            self.statistics.observe(&self.gpu, screen, &forward, how, errors.as_ref());
+            self.statistics.record(&mut pass, screen, &forward, how, errors.as_ref());
         }
         let mean_rate = self.schedule.mean_lr(iteration, self.extent);
         let rates = Rates::new(&self.config, mean_rate, self.schedule.rate_factor);
-        self.optimizer.step(&self.gpu, gradients, &rates);
+        self.optimizer.record_step(&mut pass, gradients, &rates);
         if is_mcmc {
             let strength = self.config.densify.mcmc.noise * mean_rate;
-            mcmc::add_noise(&self.gpu, self.splats(), strength, self.config.seed, iteration);
+            mcmc::record_noise(&mut pass, self.splats(), strength, self.config.seed, iteration);
         }
         if self.recorder.checks() {
-            let mut pass = Pass::new(&self.gpu, "finite numbers");
+            pass.relabel("finite numbers");
             self.optimizer.record_check(&mut pass, self.recorder.broken());
             if let Some(stages) = &self.stages {
                 stages.record_check(&mut pass, self.recorder.broken());
             }
-            pass.submit();
         }
-        let telemetry = self.recorder.record(
-            &self.gpu,
+        let (end, telemetry) = self.recorder.submit(
+            &gpu,
+            pass,
             &total.scratch.stats,
             &forward.workspace.total,
             u64::from(forward.frame.capacity),
@@ -434,7 +301,8 @@ impl Trainer {
         if let Some(telemetry) = telemetry {
             self.note(telemetry)?;
         }
-        self.prefetch()
+        self.prefetch()?;
+        Ok(end)
     }
 
     /// Uploads what the next iteration reads while the GPU still works on this one, and begins to decode what later ones read;

@@ -101,15 +101,16 @@ impl Recorder {
         &self.broken
     }
 
-    /// Records one iteration; returns telemetry when a readback is due.
-    pub fn record(
+    /// Records one iteration at the end of its last pass, and submits that pass: where the iteration ends, and telemetry when a
+    /// readback is due.
+    pub fn submit(
         &mut self,
         gpu: &Gpu,
+        mut pass: Pass,
         stats: &Buffer,
         isects: &Buffer,
         capacity: u64,
-    ) -> Result<Option<Telemetry>, GpuError> {
-        let mut pass = Pass::new(gpu, "telemetry");
+    ) -> Result<(Mark, Option<Telemetry>), GpuError> {
         let at = ((self.written % RING) * ENTRY) as u64;
         pass.copy(stats, &self.ring, at, 16);
         pass.copy(isects, &self.ring, at + 16, 4);
@@ -120,15 +121,16 @@ impl Recorder {
         if full {
             pass.copy_out(&self.ring, &self.staging, 0, (RING * ENTRY) as u64);
         }
-        pass.submit();
+        let end = pass.submit();
         if full {
             let (sender, mapped) = channel();
             self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
                 let _ = sender.send(result);
             });
-            self.pending = Some(Pending { words: Words::Mapping(mapped, gpu.mark()), capacities: self.capacities });
+            self.pending = Some(Pending { words: Words::Mapping(mapped, end.clone()), capacities: self.capacities });
         }
-        if self.written % RING == DELAY { self.collect(gpu) } else { Ok(None) }
+        let telemetry = if self.written % RING == DELAY { self.collect(gpu)? } else { None };
+        Ok((end, telemetry))
     }
 
     fn collect(&mut self, gpu: &Gpu) -> Result<Option<Telemetry>, GpuError> {

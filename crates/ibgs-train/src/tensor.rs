@@ -52,6 +52,18 @@ fn companion(gpu: &Gpu) -> Result<&Companion, GpuError> {
     Ok(gpu.set_companion(Companion { device, seed }))
 }
 
+/// Runs `task` on the thread that owns burn's memory: there a tensor is made and [bound](bind) at once, elsewhere each costs a
+/// message to that thread and its answer.
+///
+/// # Errors
+/// burn refuses the device.
+///
+/// # Panics
+/// When the task does.
+pub fn at_memory<R: Send + 'static>(gpu: &Gpu, task: impl FnOnce() -> R + Send) -> Result<R, GpuError> {
+    Ok(companion(gpu)?.seed.client.exclusive(task).expect("the task does not panic"))
+}
+
 /// Gives memory back that burn and we keep for reuse.
 pub fn release_unused(gpu: &Gpu) {
     gpu.release_unused();

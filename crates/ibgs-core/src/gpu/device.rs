@@ -165,7 +165,7 @@ const PATIENCE: Duration = Duration::from_millis(200);
 
 /// The end of some work on the device.
 #[derive(Clone, Debug)]
-pub struct Mark(wgpu::SubmissionIndex);
+pub struct Mark(pub(super) wgpu::SubmissionIndex);
 
 impl std::fmt::Debug for Gpu {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

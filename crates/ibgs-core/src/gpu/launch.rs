@@ -1,7 +1,7 @@
 //! The only place that dispatches: a [`Pass`] records kernels into one encoder and submits it once.
 
 use super::uniforms::Chunk;
-use super::{Buffer, Gpu};
+use super::{Buffer, Gpu, Mark};
 use ibgs_shaders::Kernel;
 use std::any::Any;
 
@@ -27,7 +27,6 @@ impl<'a> Pass<'a> {
 
     /// Sets the label of the following dispatches in measurements.
     pub fn relabel(&mut self, label: &'static str) {
-        self.open = None;
         self.label = label;
     }
 
@@ -137,20 +136,21 @@ impl<'a> Pass<'a> {
         self.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
     }
 
-    /// Submits everything recorded.
-    pub fn submit(mut self) {
+    /// Submits everything recorded, and marks its end.
+    pub fn submit(mut self) -> Mark {
         self.open = None;
         if let Some(profiler) = &*self.gpu.profiler.lock().expect("profiler") {
             profiler.resolve(&mut self.encoder);
         }
         let commands = self.encoder.finish();
-        match &self.gpu.uniforms {
-            None => drop(self.gpu.queue.submit([commands])),
+        let index = match &self.gpu.uniforms {
+            None => self.gpu.queue.submit([commands]),
             Some(uniforms) => uniforms.submit(&self.gpu.queue, commands, self.chunks),
-        }
+        };
         if let Err(error) = self.gpu.collect_profile() {
             // Only measurements are lost.
             log::warn!("{error}");
         }
+        Mark(index)
     }
 }

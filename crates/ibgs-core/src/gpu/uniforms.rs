@@ -83,12 +83,18 @@ impl Uniforms {
 
     /// Submits a pass whose dispatches read the chunks. Another pass may take them afterwards: the queue keeps the order, so what it
     /// writes does not reach this one.
-    pub(super) fn submit(&self, queue: &wgpu::Queue, commands: wgpu::CommandBuffer, mut chunks: Vec<Chunk>) {
+    pub(super) fn submit(
+        &self,
+        queue: &wgpu::Queue,
+        commands: wgpu::CommandBuffer,
+        mut chunks: Vec<Chunk>,
+    ) -> wgpu::SubmissionIndex {
         for chunk in &chunks {
             queue.write_buffer(&chunk.buffer, 0, &chunk.bytes);
         }
-        queue.submit([commands]);
+        let index = queue.submit([commands]);
         chunks.iter_mut().for_each(|chunk| chunk.bytes.clear());
         self.free.lock().expect("free uniforms").append(&mut chunks);
+        index
     }
 }

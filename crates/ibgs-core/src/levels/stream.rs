@@ -42,7 +42,7 @@ impl Loading {
 /// # Errors
 /// The budget holds too few.
 pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu, harmonics: Harmonics) -> Result<usize, GpuError> {
-    let rows = words(levels, harmonics).into_array();
+    let rows = harmonics.rows(levels.coefficients()).into_array();
     let chunk = levels.chunk() as u64;
     let bytes = chunk * (4 * rows.iter().sum::<usize>() + WORKSPACE) as u64;
     let widest = chunk * 4 * rows.into_iter().max().unwrap_or(1).max(12) as u64;
@@ -56,12 +56,6 @@ pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu, harmonics: Harmoni
         ))),
         false => Ok(fits.min(leaves)),
     }
-}
-
-/// 4-byte words of a Gaussian's parameters on the device.
-fn words(levels: &Levels, harmonics: Harmonics) -> PerGaussian<usize> {
-    let coefficients = levels.coefficients();
-    PerGaussian { sh: harmonics.words(coefficients), ..PerGaussian::rows(coefficients) }
 }
 
 /// The chunks on the device.
@@ -126,7 +120,7 @@ impl Stream {
     ) -> Result<(Self, Splats), GpuError> {
         let slots = slots.max(2);
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
-        let named = PerGaussian::<()>::NAMES.zip(words(&levels, harmonics));
+        let named = PerGaussian::<()>::NAMES.zip(harmonics.rows(levels.coefficients()));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, 4 * (row * count) as u64))?;
         let filters = gpu.allocate("filters", 4 * count as u64)?;
         let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters, filters };
@@ -257,13 +251,12 @@ impl State {
             self.rotations.remove(&old);
         }
         let first = place * levels.chunk();
-        let rows = words(levels, splats.harmonics);
+        let rows = splats.harmonics.rows(levels.coefficients());
         let parts = levels.parts(&numbers);
-        let sh = splats.harmonics.pack(parts.sh, levels.coefficients());
-        let values = PerGaussian { sh: &*sh, ..parts.map(cast_slice) };
+        let values = splats.harmonics.pack(parts, levels.coefficients());
         for ((values, row), buffer) in values.zip(rows).zip(splats.parameters.as_ref()).into_array() {
             if !std::ptr::eq(buffer, &raw const splats.parameters.rotations) {
-                write(gpu, buffer, first * row, values);
+                write(gpu, buffer, first * row, &values);
             }
         }
         self.places[place] = Some((node, self.clock));

@@ -1,5 +1,6 @@
 //! How the device keeps spherical-harmonics coefficients.
 
+use super::PerGaussian;
 use crate::residual::Precision;
 use bytemuck::{cast_slice, pod_collect_to_vec};
 use half::f16;
@@ -25,16 +26,26 @@ impl Harmonics {
         }
     }
 
-    /// 4-byte words of a Gaussian with `coefficients` colours.
-    pub fn words(self, coefficients: usize) -> usize {
+    /// 4-byte words of a Gaussian's colours.
+    fn words(self, coefficients: usize) -> usize {
         match self {
             Self::Full => 3 * coefficients,
             Self::Half => 3 * coefficients.div_ceil(2),
         }
     }
 
-    /// The words of Gaussians with `coefficients` colours each; `sh` is `[N, coefficients, 3]`.
-    pub(crate) fn pack(self, sh: &[f32], coefficients: usize) -> Cow<'_, [u32]> {
+    /// 4-byte words of a Gaussian with `coefficients` colours.
+    pub fn rows(self, coefficients: usize) -> PerGaussian<usize> {
+        PerGaussian { sh: self.words(coefficients), ..PerGaussian::rows(coefficients) }
+    }
+
+    /// The words of Gaussians with `coefficients` colours each.
+    pub(crate) fn pack(self, values: PerGaussian<&[f32]>, coefficients: usize) -> PerGaussian<Cow<'_, [u32]>> {
+        PerGaussian { sh: self.pack_sh(values.sh, coefficients), ..values.map(|v| Cow::Borrowed(cast_slice(v))) }
+    }
+
+    /// The words of colours `[N, coefficients, 3]`.
+    fn pack_sh(self, sh: &[f32], coefficients: usize) -> Cow<'_, [u32]> {
         match self {
             Self::Full => Cow::Borrowed(cast_slice(sh)),
             Self::Half => {
@@ -48,8 +59,8 @@ impl Harmonics {
         }
     }
 
-    /// The coefficients of such words, `[N, coefficients, 3]`.
-    pub(crate) fn unpack(self, words: &[u32], coefficients: usize) -> Vec<f32> {
+    /// The colours of such words, `[N, coefficients, 3]`.
+    pub(crate) fn unpack_sh(self, words: &[u32], coefficients: usize) -> Vec<f32> {
         match self {
             Self::Full => pod_collect_to_vec(words),
             Self::Half => {
@@ -74,21 +85,21 @@ mod tests {
     fn halves_come_back_as_the_nearest_ones() {
         for coefficients in [1, 4, 9, 16] {
             let sh: Vec<f32> = (0..2 * 3 * coefficients).map(|i| 0.01 * i as f32 - 0.3).collect();
-            let words = Harmonics::Half.pack(&sh, coefficients);
+            let words = Harmonics::Half.pack_sh(&sh, coefficients);
             assert_eq!(words.len(), 2 * Harmonics::Half.words(coefficients));
             let nearest: Vec<f32> = sh.iter().map(|&v| f16::from_f32(v).to_f32()).collect();
-            assert_eq!(Harmonics::Half.unpack(&words, coefficients), nearest, "{coefficients} coefficients");
-            let words = Harmonics::Full.pack(&sh, coefficients);
-            assert_eq!(Harmonics::Full.unpack(&words, coefficients), sh);
+            assert_eq!(Harmonics::Half.unpack_sh(&words, coefficients), nearest, "{coefficients} coefficients");
+            let words = Harmonics::Full.pack_sh(&sh, coefficients);
+            assert_eq!(Harmonics::Full.unpack_sh(&words, coefficients), sh);
         }
     }
 
     #[test]
     fn what_a_half_cannot_hold_becomes_the_largest_and_what_is_no_number_stays_none() {
-        let words = Harmonics::Half.pack(&[1e6, -1e30, f32::NAN], 1);
-        let back = Harmonics::Half.unpack(&words, 1);
+        let words = Harmonics::Half.pack_sh(&[1e6, -1e30, f32::NAN], 1);
+        let back = Harmonics::Half.unpack_sh(&words, 1);
         assert_eq!(back[..2], [65504.0, -65504.0]);
         assert!(back[2].is_nan());
-        assert_eq!(Harmonics::Half.unpack(&Harmonics::Half.pack(&[f32::INFINITY; 3], 1), 1), [f32::INFINITY; 3]);
+        assert_eq!(Harmonics::Half.unpack_sh(&Harmonics::Half.pack_sh(&[f32::INFINITY; 3], 1), 1), [f32::INFINITY; 3]);
     }
 }

@@ -54,15 +54,13 @@ impl Splats {
     /// As [`Splats::upload`].
     pub fn upload_in(g: &Gaussians, gpu: &Gpu, harmonics: Harmonics) -> Result<Self, GpuError> {
         let coefficients = g.sh_coefficients();
-        let sh = harmonics.pack(&g.sh, coefficients);
-        let words = PerGaussian { sh: &*sh, ..values_of(g).map(cast_slice) };
-        let named = PerGaussian::<()>::NAMES.zip(words);
+        let named = PerGaussian::<()>::NAMES.zip(harmonics.pack(values_of(g), coefficients));
         Ok(Self {
             space: g.space,
             count: g.len(),
             coefficients,
             harmonics,
-            parameters: named.try_map(|(name, words)| gpu.upload(name, words))?,
+            parameters: named.try_map(|(name, words)| gpu.upload(name, &words))?,
             filters: gpu.allocate("filters", 4 * g.len() as u64)?,
         })
     }
@@ -97,8 +95,7 @@ impl Splats {
     /// When the device is lost.
     pub fn download_raw(&self, gpu: &Gpu) -> Result<(Gaussians, Vec<f32>), SceneError> {
         let device_error = |e: GpuError| SceneError::Device(e.to_string());
-        let words = self.harmonics.words(self.coefficients);
-        let rows = PerGaussian { sh: words, ..PerGaussian::rows(self.coefficients) };
+        let rows = self.harmonics.rows(self.coefficients);
         let read = |(buffer, row): (&Buffer, usize)| gpu.read::<f32>(buffer, row * self.count);
         let values = self.parameters.as_ref().zip(rows).try_map(read).map_err(device_error)?;
         let gaussians = Gaussians {
@@ -107,7 +104,7 @@ impl Splats {
             rotations: cast_slice(&values.rotations).to_vec(),
             log_scales: cast_slice(&values.log_scales).to_vec(),
             opacity_logits: values.opacity_logits,
-            sh: self.harmonics.unpack(cast_slice(&values.sh), self.coefficients),
+            sh: self.harmonics.unpack_sh(cast_slice(&values.sh), self.coefficients),
             sh_degree: self.sh_degree(),
             normals: cast_slice(&values.normals).to_vec(),
             offsets: values.offsets,

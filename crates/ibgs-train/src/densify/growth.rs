@@ -9,6 +9,7 @@ use glam::{Quat, Vec3};
 use ibgs_core::config::{DensifyConfig, GrowthConfig};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Gaussians with a scale above this many extents are removed.
@@ -62,17 +63,15 @@ impl Candidates<'_> {
 /// `amount` of the Gaussians in `from`, drawn without replacement by weight, marked in `split`; returns how many were new.
 fn draw(
     from: &[usize],
-    weight: impl Fn(usize) -> f64,
+    weight: impl Fn(usize) -> f64 + Sync,
     amount: usize,
     split: &mut [bool],
     rng: &mut ChaCha8Rng,
 ) -> usize {
     // The largest keys u^(1/w) are such a draw (Efraimidis and Spirakis, 2006); by logarithms.
-    let mut keys: Vec<(f64, usize)> = from
-        .iter()
-        .filter(|&&i| !split[i] && weight(i) > 0.0)
-        .map(|&i| ((1.0 - rng.random::<f64>()).ln() / weight(i), i))
-        .collect();
+    let mut keys: Vec<(f64, usize)> =
+        from.iter().filter(|&&i| !split[i] && weight(i) > 0.0).map(|&i| (1.0 - rng.random::<f64>(), i)).collect();
+    keys.par_iter_mut().for_each(|(key, i)| *key = key.ln() / weight(*i));
     let amount = amount.min(keys.len());
     if amount > 0 && amount < keys.len() {
         keys.select_nth_unstable_by(amount - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -87,10 +86,11 @@ fn draw(
 pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let growth = &config.growth;
-    let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();
+    let opacities: Vec<f64> = o.opacity_logits.par_iter().map(|&logit| sigmoid(logit)).collect();
     let candidates = Candidates { o, config: growth, opacities };
     let in_free_space = round.free_space.contains(&o.means);
-    let living: Vec<usize> = (0..n).filter(|&i| candidates.lives(i, round.extent) && !in_free_space[i]).collect();
+    let lives = |&i: &usize| candidates.lives(i, round.extent) && !in_free_space[i];
+    let living: Vec<usize> = (0..n).into_par_iter().filter(lives).collect();
     let pruned = n - living.len();
     let mut split = vec![false; n];
     if round.grows {
@@ -106,17 +106,22 @@ pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, 
         draw(&above, |i| candidates.gradient(i), wanted.min(room - replaced), &mut split, rng);
     }
     let fade = growth.opacity_decay * (1.0 - round.progress);
+    let logits: Vec<f32> = living
+        .par_iter()
+        .map(|&i| match (split[i], candidates.opacities[i]) {
+            (true, opacity) => logit(half_opacity(opacity) - fade),
+            (false, opacity) if fade > 0.0 => logit(opacity - fade),
+            (false, _) => o.opacity_logits[i],
+        })
+        .collect();
     let mut plan = Plan { opacity_logits: Some(Vec::with_capacity(n)), ..Plan::default() };
     let mut halves_of = Vec::new();
-    for &i in &living {
-        let opacity = candidates.opacities[i];
+    for (&i, &logit) in living.iter().zip(&logits) {
         if split[i] {
             let (first, second) = split_in_two(o, i, rng);
-            let logit = logit(half_opacity(opacity) - fade);
             plan.push(i as u32 | FRESH, first.0, first.1, logit);
             halves_of.push((i, second, logit));
         } else {
-            let logit = if fade > 0.0 { logit(opacity - fade) } else { o.opacity_logits[i] };
             plan.push(i as u32, o.means[i], o.log_scales[i], logit);
         }
     }

@@ -9,7 +9,7 @@ use crate::parameters::Parameters;
 use burn::tensor::activation;
 use bytemuck::bytes_of;
 use ibgs_core::config::{DensifyConfig, McmcConfig};
-use ibgs_core::gpu::{Gpu, Pass};
+use ibgs_core::gpu::Pass;
 use ibgs_core::raster::iteration_seed;
 use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::MCMC_NOISE;
@@ -109,15 +109,14 @@ pub fn penalise(gradients: &mut SplatGradients, parameters: &Parameters, config:
     gradients.log_scales = gradients.log_scales.clone() + scales * (config.scale_weight / (3.0 * n));
 }
 
-/// Moves every mean by a random step of its Gaussian's shape, `strength` large where the Gaussian is transparent; `seed` and
-/// `iteration` choose it.
-pub fn add_noise(gpu: &Gpu, splats: &Splats, strength: f64, seed: u64, iteration: u32) {
+/// Records a random step of every mean, of its Gaussian's shape and `strength` large where the Gaussian is transparent; `seed`
+/// and `iteration` choose it.
+pub fn record_noise(pass: &mut Pass, splats: &Splats, strength: f64, seed: u64, iteration: u32) {
     let count = splats.len();
     // Not the seeds of dropout.
     let seed = iteration_seed(seed, iteration ^ 0x9e37_79b9);
     let params = McmcNoiseParams { count: count as u32, seed, strength: strength as f32 };
     let PerGaussian { means, rotations, log_scales, opacity_logits, .. } = &splats.parameters;
-    let mut pass = Pass::new(gpu, "noise");
+    pass.relabel("noise");
     pass.linear(&MCMC_NOISE, &[rotations, log_scales, opacity_logits, means], bytes_of(&params), count);
-    pass.submit();
 }

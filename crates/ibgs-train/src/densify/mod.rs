@@ -197,11 +197,11 @@ impl Statistics {
         Ok(Self { values: gpu.upload("densification statistics", values)?, count: values.len() / 4 })
     }
 
-    /// Adds one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
+    /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
     /// `near_depth` count less. `errors`: what [`covered_errors`] counted, for [`Over::Largest`].
-    pub fn observe(
+    pub fn record(
         &self,
-        gpu: &Gpu,
+        pass: &mut Pass,
         screen: Tensor<2>,
         forward: &Forward,
         (over, near_depth): (Over, f64),
@@ -215,12 +215,12 @@ impl Statistics {
             errors: u32::from(errors.is_some()),
         };
         let gradient = bind(&primitive(screen));
-        let mut pass = Pass::new(gpu, "densify observe");
+        pass.relabel("densify observe");
         let workspace = &forward.workspace;
         let errors = errors.unwrap_or(&workspace.tile_counts);
         let buffers: [&Buffer; 4] = [&gradient, &workspace.projected, errors, &self.values];
         pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(&params), self.count);
-        pass.submit();
+        pass.keep(gradient);
     }
 
     /// Reads back everything that a plan needs; waits for the GPU.

@@ -1,0 +1,138 @@
+//! How a training begins.
+
+use super::{TrainError, Trainer};
+use crate::densify::free_space::FreeSpace;
+use crate::densify::{self, Statistics};
+use crate::exposing::Exposing;
+use crate::filter::FilterSizes;
+use crate::loss::ImageLoss;
+use crate::optim::Optimizer;
+use crate::parameters::Parameters;
+use crate::stages::ImageStages;
+use crate::telemetry::{Recorder, Telemetry};
+use ibgs_core::camera::{Camera, scene_extent, usable_extent};
+use ibgs_core::config::schedule::Schedule;
+use ibgs_core::config::{Method, Strategy, TrainConfig};
+use ibgs_core::dataset::{Dataset, Point};
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::scene::{Gaussians, from_points};
+use ibgs_core::sources::source_store::SourceStore;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// At most `most` points, evenly taken from the list.
+fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
+    if points.len() <= most {
+        return Cow::Borrowed(points);
+    }
+    (0..most).map(|i| points[i * points.len() / most]).collect()
+}
+
+impl Trainer {
+    /// Uploads the training photos and makes the first Gaussians from the data set's points.
+    ///
+    /// # Errors
+    /// Not enough memory, no training view, points that are no positions.
+    pub fn new(raster: Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
+        let points = thinned(&dataset.points, config.densify.most() as usize);
+        let [opacity, scale] = config.start();
+        let space = dataset.space();
+        let points: Vec<Point> = points.iter().map(|point| point.to_local(&space)).collect();
+        let mut start = from_points(&points, config.sh_degree(), opacity)?;
+        start.space = space;
+        start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
+        Self::from_gaussians(raster, dataset, config, &start)
+    }
+
+    /// Uploads the training photos and begins with the given Gaussians, in any space; their spherical harmonics keep their
+    /// degree.
+    ///
+    /// # Errors
+    /// Not enough memory, no training view.
+    pub fn from_gaussians(
+        raster: Arc<Rasterizer>,
+        dataset: &Dataset,
+        config: &TrainConfig,
+        start: &Gaussians,
+    ) -> Result<Self, TrainError> {
+        let trainer = Self::with_default_room(raster, (dataset, dataset.checksum()), config, start)?;
+        // Count the intersections of every view exactly, once; the room then grows with the counts that the telemetry
+        // reports. The first Gaussians grow fast.
+        let mut most = 0;
+        for index in 0..trainer.cameras.len() {
+            most = most.max(trainer.raster.count_intersections(trainer.splats(), &trainer.view(index))?);
+        }
+        trainer.raster.reserve(2 * most);
+        Ok(trainer)
+    }
+
+    /// The same without counting the intersections; the data set comes with its checksum.
+    pub(super) fn with_default_room(
+        raster: Arc<Rasterizer>,
+        (dataset, scene): (&Dataset, u32),
+        config: &TrainConfig,
+        start: &Gaussians,
+    ) -> Result<Self, TrainError> {
+        let gpu = raster.gpu().clone();
+        if dataset.train.is_empty() {
+            return Err(TrainError::NoViews);
+        }
+        let space = dataset.space();
+        let start = start.in_space(space);
+        let parameters = Parameters::upload(&start, &gpu)?;
+        let splats = parameters.splats();
+        let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
+        let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
+        let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
+        let photos = views().map(|view| view.photo.clone()).collect();
+        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
+        let image_based = config.method == Method::Ibgs;
+        let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
+        let filters = (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
+        if let Some(filters) = &filters {
+            filters.update(&gpu, splats);
+        }
+        let (centre, extent) = scene_extent(scene_cameras.iter());
+        let extent = usable_extent(dataset.extent.unwrap_or(extent) / space.scale);
+        let centre = space.to_local(centre);
+        let prune_length = match config.densify.prune_scale_by_distance {
+            true => densify::distance_length(&start.means, centre, extent),
+            false => extent,
+        };
+        let part = if config.densify.strategy == Strategy::Default { config.densify.growth.free_space } else { 0.0 };
+        let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
+        Ok(Self {
+            loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
+            schedule: Schedule::new(config, config.iterations()),
+            optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
+            statistics: Statistics::new(&gpu, splats.len())?,
+            filters,
+            exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
+            recorder: Recorder::new(&gpu)?,
+            telemetry: Telemetry::default(),
+            queue: Vec::new(),
+            extent,
+            prune_length,
+            free_space,
+            rng: ChaCha8Rng::seed_from_u64(config.seed),
+            iteration: 0,
+            overflowed: false,
+            scene,
+            caution: 1.0,
+            is_whole: true,
+            in_flight: VecDeque::new(),
+            config: config.clone(),
+            gpu,
+            raster,
+            parameters,
+            cameras,
+            scene_cameras,
+            photos,
+            stages,
+            has_planes: start.offsets.iter().any(|&offset| offset != 0.0),
+        })
+    }
+}
