@@ -16,18 +16,19 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let c = wid.z;
+    #repeat i 3
+    let k$i = local + $iu * TILE * TILE;
+    let p$i = halo_pixel(wid.xy, k$i);
+    let x$i = image[3u * u32(max(p$i, 0)) + c];
+    let texel$i = photo[max(p$i, 0)];
+    #end
     let shift = moment_shift(wid.xy, c);
-    for (var k = local; k < SIDE * SIDE; k += TILE * TILE) {
-        let p = halo_pixel(wid.xy, k);
-        var x = 0.0;
-        var y = 0.0;
-        if p >= 0 {
-            x = image[3u * u32(p) + c];
-            let texel = photo[p];
-            y = select(x, target_channel(texel, c), target_counts(texel));
-        }
-        values[k] = vec2(x, y) - shift;
+    #repeat i 3
+    if k$i < SIDE * SIDE {
+        let y$i = select(x$i, target_channel(texel$i, c), target_counts(texel$i));
+        values[k$i] = select(vec2(0.0), vec2(x$i, y$i), p$i >= 0) - shift;
     }
+    #end
     let s = windowed_means(lid, local);
     var result = vec4(0.0);
     let pixel = wid.xy * TILE + lid.xy;

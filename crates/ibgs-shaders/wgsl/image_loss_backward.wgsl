@@ -15,20 +15,23 @@ fn main(
 ) {
     let c = wid.z;
     let plane = params.size.x * params.size.y;
-    load_maps(wid.xy, c, local);
     let pixel = wid.xy * TILE + lid.xy;
+    let within = min(pixel, params.size - 1u);
+    let p = within.y * params.size.x + within.x;
+    // Read before the maps, so that all wait together.
+    let texel = photo[p];
+    let x = image[3u * p + c];
+    let upstream = v_loss[0];
+    load_maps(wid.xy, c, local);
     if any(pixel >= params.size) {
         return;
     }
     let s = window_sums(lid);
-    let p = pixel.y * params.size.x + pixel.x;
-    let texel = photo[p];
     var v = 0.0;
     if target_counts(texel) {
-        let x = image[3u * p + c];
         let y = target_channel(texel, c);
         let by_ssim = s.x + 2.0 * x * s.y + y * s.z;
-        v = v_loss[0] * ((1.0 - params.lambda) * sign(x - y) - params.lambda * by_ssim) / (3.0 * f32(plane));
+        v = upstream * ((1.0 - params.lambda) * sign(x - y) - params.lambda * by_ssim) / (3.0 * f32(plane));
     }
     v_image[3u * p + c] = v;
 }

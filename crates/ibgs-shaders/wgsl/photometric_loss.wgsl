@@ -23,20 +23,22 @@ fn main(
 ) {
     let c = wid.z;
     let plane = params.size.x * params.size.y;
+    #repeat i 3
+    let k$i = local + $iu * TILE * TILE;
+    let p$i = halo_pixel(wid.xy, k$i);
+    let at$i = u32(max(p$i, 0));
+    let texel$i = photo[at$i];
+    let seen$i = seen[at$i];
+    let warped$i = warped[4u * (params.visible_index * plane + at$i) + c];
+    #end
     let shift = moment_shift(wid.xy, c);
-    for (var k = local; k < SIDE * SIDE; k += TILE * TILE) {
-        let p = halo_pixel(wid.xy, k);
-        var x = 0.0;
-        var y = 0.0;
-        if p >= 0 && photo_valid(photo[p]) {
-            y = photo_channel(photo[p], c);
-            x = y;
-            if seen_agrees(seen[p], params.visible_index) {
-                x = warped[4u * (params.visible_index * plane + u32(p)) + c];
-            }
-        }
-        values[k] = vec2(x, y) - shift;
+    #repeat i 3
+    if k$i < SIDE * SIDE {
+        let y$i = photo_channel(texel$i, c);
+        let x$i = select(y$i, warped$i, seen_agrees(seen$i, params.visible_index));
+        values[k$i] = select(vec2(0.0), vec2(x$i, y$i), p$i >= 0 && photo_valid(texel$i)) - shift;
     }
+    #end
     let s = windowed_means(lid, local);
     var result = vec2(0.0);
     let pixel = wid.xy * TILE + lid.xy;

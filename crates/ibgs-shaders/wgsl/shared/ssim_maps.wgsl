@@ -8,17 +8,20 @@ var<workgroup> map_rows: array<f32, 3u * SIDE * TILE>;
 fn load_maps(tile: vec2<u32>, c: u32, local: u32) {
     let plane = params.size.x * params.size.y;
     let first = 3u * c * plane;
-    for (var k = local; k < SIDE * SIDE; k += TILE * TILE) {
-        let p = halo_pixel(tile, k);
-        var value = vec3(0.0);
-        if p >= 0 {
-            let at = first + u32(p);
-            value = vec3(moments[at], moments[at + plane], moments[at + 2u * plane]);
-        }
+    #repeat i 3
+    let k$i = local + $iu * TILE * TILE;
+    let p$i = halo_pixel(tile, k$i);
+    let at$i = first + u32(max(p$i, 0));
+    let read$i = vec3(moments[at$i], moments[at$i + plane], moments[at$i + (2u * plane)]);
+    #end
+    #repeat i 3
+    if k$i < SIDE * SIDE {
+        let value$i = select(vec3(0.0), read$i, p$i >= 0);
         #repeat m 3
-        maps[$mu * SIDE * SIDE + k] = value[$m];
+        maps[$mu * SIDE * SIDE + k$i] = value$i[$m];
         #end
     }
+    #end
     workgroupBarrier();
     for (var k = local; k < SIDE * TILE; k += TILE * TILE) {
         let base = (k / TILE) * SIDE + k % TILE;
