@@ -84,6 +84,14 @@ fn a_closed_window_leaves_a_saved_model() {
     assert!((3..10_000).contains(&latest), "{latest}");
 }
 
+#[test]
+fn a_wait_for_work_that_a_lost_device_did_not_take_names_the_loss() {
+    let own = Gpu::open(&AdapterChoice::Best, Use::Training).unwrap();
+    own.device.destroy();
+    let error = own.wait_for(own.mark()).unwrap_err().to_string();
+    assert!(error.contains("the GPU has failed: the device is lost"), "{error}");
+}
+
 /// A device that goes away: a sentence in place of a crash, and the model of before on disk.
 #[test]
 fn a_lost_device_is_survived() {

@@ -332,6 +332,10 @@ impl Gpu {
         let poll = self.device.poll(wgpu::PollType::Wait { submission_index: mark, timeout: None });
         let waited = start.map_or(0, |start| start.elapsed().as_nanos() as u64);
         self.waited.fetch_add(waited, Ordering::Relaxed);
+        if poll.is_err() {
+            // A lost device has not taken the marked work; that it is lost comes to light with another wait.
+            let _ = self.device.poll(wgpu::PollType::wait_indefinitely());
+        }
         self.check()?;
         poll.map(|_| ()).map_err(|e| GpuError::Readback(e.to_string()))
     }
