@@ -228,7 +228,9 @@ fn pixels_of_large_error_are_counted_for_those_that_cover_them() {
         let mut target = DevicePhoto::upload(&gpu, &Photo { width, height, rgba: rgba.clone() }).unwrap();
         target.outside = outside;
         let (_, scratch) = ImageLoss::new(gpu.clone(), 0.2).tracked(image.clone(), &target).unwrap();
-        let counts = covered_errors(&gpu, &forward, (&image, &target), &scratch.stats, p.len()).unwrap();
+        let mut pass = Pass::new(&gpu, "test");
+        let counts = covered_errors(&gpu, &mut pass, &forward, (&image, &target), &scratch.stats, p.len()).unwrap();
+        pass.submit();
         let ours: Vec<u32> = gpu.read(&counts, p.len()).unwrap();
 
         let photo = |i: usize, c: usize| {

@@ -11,6 +11,7 @@ mod finite;
 mod growth;
 mod half;
 mod image_loss;
+mod launch;
 mod loss_mean;
 mod mcmc;
 mod network;

@@ -72,12 +72,14 @@ pub(super) struct Work<'a> {
     pub splats: &'a Splats,
 }
 
-/// The whole loss of an iteration.
+/// The whole loss of an iteration. burn adds its parts only when all are [submitted](ibgs_core::gpu::flush).
 pub(super) struct Total {
-    /// Image losses.
-    image_loss: Tensor<1>,
+    /// L_img of the base image.
+    base_loss: Tensor<1>,
+    /// L_img of the final image, and the weight of their sum.
+    final_loss: Option<(Tensor<1>, f64)>,
     /// Normal and photometric loss.
-    surface_loss: Option<Tensor<1>>,
+    surface_losses: Vec<Tensor<1>>,
     /// Statistics of the image that counts: the final one where there is one.
     pub scratch: Arc<Lease<LossScratch>>,
     /// The network's weights as a leaf.
@@ -86,22 +88,19 @@ pub(super) struct Total {
 
 impl Total {
     /// A total of the base image's loss alone.
-    pub fn base(loss: Tensor<1>, scratch: Arc<Lease<LossScratch>>) -> Self {
-        Self { image_loss: loss, surface_loss: None, scratch, weights: None }
-    }
-
-    fn add_surface_loss(&mut self, loss: Tensor<1>) {
-        self.surface_loss = Some(match self.surface_loss.take() {
-            Some(sum) => sum + loss,
-            None => loss,
-        });
+    pub fn base(base_loss: Tensor<1>, scratch: Arc<Lease<LossScratch>>) -> Self {
+        Self { base_loss, final_loss: None, surface_losses: Vec::new(), scratch, weights: None }
     }
 
     /// The sum of all losses.
     pub fn loss(&self) -> Tensor<1> {
-        match &self.surface_loss {
-            Some(surface) => self.image_loss.clone() + surface.clone(),
-            None => self.image_loss.clone(),
+        let image_loss = match &self.final_loss {
+            Some((final_loss, weight)) => (self.base_loss.clone() + final_loss.clone()) * *weight,
+            None => self.base_loss.clone(),
+        };
+        match self.surface_losses.iter().cloned().reduce(|sum, loss| sum + loss) {
+            Some(surface_loss) => image_loss + surface_loss,
+            None => image_loss,
         }
     }
 }
@@ -211,7 +210,7 @@ impl ImageStages {
         let mut total = Total::base(base_loss, scratch);
         if work.schedule.normal_loss_at(work.iteration) {
             let surface = SurfaceBuffers::of(work.forward.surface().expect("the surface stage has one"));
-            total.add_surface_loss(self.normal_loss.tracked(work.image, &surface, work.target)?);
+            total.surface_losses.push(self.normal_loss.tracked(work.image, &surface, work.target)?);
         }
         if !work.sources.is_empty() {
             self.add_sources(work, &mut total)?;
@@ -236,7 +235,7 @@ impl ImageStages {
         };
         let seen = warped.seen;
         if is_photometric {
-            total.add_surface_loss(self.photometric_loss.tracked(colors.clone(), &seen.visible, work.target)?);
+            total.surface_losses.push(self.photometric_loss.tracked(colors.clone(), &seen.visible, work.target)?);
         }
         if !is_final {
             return Ok(());
@@ -252,8 +251,7 @@ impl ImageStages {
         };
         let image = autodiff::residual(&self.residual, &task, base, colors, weights.clone())?;
         let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
-        let sum = total.image_loss.clone() + final_loss;
-        total.image_loss = if is_alone { sum } else { sum * 0.5 };
+        total.final_loss = Some((final_loss, if is_alone { 1.0 } else { 0.5 }));
         total.scratch = scratch;
         total.weights = Some(weights);
         Ok(())

@@ -23,7 +23,7 @@ use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{Strategy, TrainConfig};
 use ibgs_core::dataset::{HostPhoto, Masks};
 use ibgs_core::exposure::ExposureField;
-use ibgs_core::gpu::{Gpu, GpuError, Mark, Pass};
+use ibgs_core::gpu::{Batch, Gpu, GpuError, Mark, Pass, flush};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::Splats;
@@ -213,6 +213,7 @@ impl Trainer {
     /// One iteration, and its end on the device.
     fn iterate(&mut self) -> Result<Mark, TrainError> {
         self.restructure()?;
+        let _batch = Batch::new(&self.gpu);
         self.iteration += 1;
         let iteration = self.iteration;
         let index = self.next_view();
@@ -220,11 +221,11 @@ impl Trainer {
             self.raster.shape_normals(self.splats());
         }
         let target = self.target(index)?;
-        let leaves = Leaves::new(&self.gpu, &self.parameters)?;
-        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index))?;
         let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
         let sources = self.sources(index, iteration);
         let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
+        let leaves = Leaves::new(&self.gpu, &self.parameters)?;
+        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index))?;
         let shown = match &exposures {
             Some(exposures) => autodiff::exposed(exposures, &image, &forward)?,
             None => image.clone(),
@@ -248,20 +249,18 @@ impl Trainer {
             Some(stages) => stages.total(&work)?,
             None => self.loss.tracked(shown.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
         };
-        let mut gradients = total.loss().backward();
-        // All that follows the gradients is one pass.
-        let gpu = self.gpu.clone();
-        let mut pass = Pass::new(&gpu, "end of iteration");
-        if let Some(stages) = &mut self.stages {
-            stages.finish(&mut pass, &work, &total, &mut gradients)?;
-        }
-        let mut gradients = leaves.gradients(&mut gradients).expect("the loss depends on the image");
-        if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &exposures) {
-            exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(iteration));
-        }
+        flush();
+        let mut all = total.loss().backward();
+        let mut gradients = leaves.gradients(&mut all).expect("the loss depends on the image");
         let is_mcmc = self.config.densify.strategy == Strategy::Mcmc;
         if is_mcmc {
+            flush();
             mcmc::penalise(&mut gradients, &self.parameters, &self.config.densify.mcmc);
+        }
+        let gpu = self.gpu.clone();
+        let mut pass = Pass::new(&gpu, "end of iteration");
+        if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &exposures) {
+            exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(iteration));
         }
         if self.schedule.observes(iteration) {
             let screen = gradients.screen.clone();
@@ -271,7 +270,7 @@ impl Trainer {
             };
             let errors = if self.schedule.counts_errors(iteration, &self.config.densify) {
                 let (stats, count) = (&total.scratch.stats, self.splats().len());
-                Some(densify::covered_errors(&self.gpu, &forward, (&shown, &target), stats, count)?)
+                Some(densify::covered_errors(&gpu, &mut pass, &forward, (&shown, &target), stats, count)?)
             } else {
                 None
             };
@@ -283,6 +282,9 @@ impl Trainer {
         if is_mcmc {
             let strength = self.config.densify.mcmc.noise * mean_rate;
             mcmc::record_noise(&mut pass, self.splats(), strength, self.config.seed, iteration);
+        }
+        if let Some(stages) = &mut self.stages {
+            stages.finish(&mut pass, &work, &total, &mut all)?;
         }
         if self.recorder.checks() {
             pass.relabel("finite numbers");
@@ -369,6 +371,8 @@ impl Trainer {
         let plan = densify::plan(&observations, &self.config.densify, &round, &mut self.rng);
         (self.parameters, self.optimizer) = densify::apply(&self.gpu, &self.parameters, &self.optimizer, plan)?;
         self.statistics = Statistics::new(&self.gpu, self.splats().len())?;
+        // The old model's memory is free before the next iteration needs more of it.
+        self.gpu.wait()?;
         self.update_filters();
         // Room for as many additional intersections as there are Gaussians now.
         let grown = self.telemetry.most_isects as f64 * self.splats().len() as f64 / before.max(1) as f64;

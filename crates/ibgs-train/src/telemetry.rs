@@ -121,7 +121,7 @@ impl Recorder {
         if full {
             pass.copy_out(&self.ring, &self.staging, 0, (RING * ENTRY) as u64);
         }
-        let end = pass.submit();
+        let end = pass.submit_marked();
         if full {
             let (sender, mapped) = channel();
             self.staging.map_async(wgpu::MapMode::Read, .., move |result| {

@@ -5,7 +5,7 @@ use burn::tensor::{DType, Device, Shape, Tensor};
 use burn_cubecl::tensor::CubeTensor;
 use burn_wgpu::{AutoCompiler, CubeBackend};
 use cubecl::wgpu::WgpuServer;
-use ibgs_core::gpu::{Buffer, Gpu, GpuError};
+use ibgs_core::gpu::{Buffer, Gpu, GpuError, flush};
 use std::sync::{Mutex, PoisonError};
 
 /// What burn keeps with the device.
@@ -122,6 +122,9 @@ pub fn primitive<const D: usize>(tensor: Tensor<D>) -> CubeTensor {
 
 /// The same values without gaps.
 pub fn contiguous(tensor: CubeTensor) -> CubeTensor {
+    if !tensor.is_contiguous() {
+        flush();
+    }
     burn_wgpu::into_contiguous(tensor)
 }
 

@@ -1,5 +1,6 @@
 //! Storage buffers and what keeps their memory.
 
+use super::launch::flush;
 use super::{Gpu, GpuError};
 use std::any::Any;
 use std::future::poll_fn;
@@ -94,6 +95,7 @@ impl Gpu {
         self.check()?;
         self.check_size(what, bytes)?;
         let size = rounded(bytes);
+        self.bind_groups.clear();
         let create = || {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(what),
@@ -203,6 +205,7 @@ impl Gpu {
     /// The first `bytes` of a buffer in one that the host can map.
     fn copied(&self, source: &Buffer, bytes: u64) -> wgpu::Buffer {
         let staging = self.staging(bytes);
+        flush();
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(&source.buffer, source.offset, &staging, 0, bytes.next_multiple_of(4));
         self.queue.submit([encoder.finish()]);

@@ -1,7 +1,9 @@
 //! The device and everything that outlives a single pass.
 
 use super::adapter::{IMMEDIATES, Use, require};
+use super::bind_groups::BindGroups;
 use super::buffer::Transients;
+use super::launch::flush;
 use super::matrix::matrix_units;
 use super::profile::Profiler;
 use super::uniforms::Uniforms;
@@ -141,6 +143,7 @@ pub struct Gpu {
     /// What a library that shares the device keeps with it.
     companion: OnceLock<Box<dyn Any + Send + Sync>>,
     pub(super) transients: Arc<Transients>,
+    pub(super) bind_groups: BindGroups,
     /// What the test of the matrix units came to.
     pub(crate) matrix_units_pay: OnceLock<bool>,
     /// Where kernels find their immediate data on a device that has none.
@@ -210,6 +213,7 @@ impl Gpu {
             info,
             companion: OnceLock::new(),
             transients: Arc::default(),
+            bind_groups: BindGroups::default(),
             waited: AtomicU64::default(),
             matrix_units_pay: OnceLock::new(),
             pipelines: Mutex::default(),
@@ -315,6 +319,7 @@ impl Gpu {
 
     /// Gives memory back that is kept for reuse.
     pub fn release_unused(&self) {
+        self.bind_groups.clear();
         self.transients.clear();
     }
 
@@ -327,6 +332,7 @@ impl Gpu {
     }
 
     fn wait_until(&self, mark: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        flush();
         // A browser does not wait, and has no such clock.
         let start = cfg!(not(target_arch = "wasm32")).then(Instant::now);
         let poll = self.device.poll(wgpu::PollType::Wait { submission_index: mark, timeout: None });
@@ -375,6 +381,7 @@ impl Gpu {
 
     /// Marks the work that has been handed to the device so far.
     pub fn mark(&self) -> Mark {
+        flush();
         Mark(self.queue.submit([]))
     }
 

@@ -1,14 +1,14 @@
-//! The only place that dispatches: a [`Pass`] records kernels into one encoder and submits it once.
+//! The only place that dispatches: a [`Pass`] records kernels and submits them, or leaves them to its [`Batch`].
 
 use super::uniforms::Chunk;
 use super::{Buffer, Gpu, Mark};
 use ibgs_shaders::Kernel;
 use std::any::Any;
+use std::cell::RefCell;
+use std::sync::Arc;
 
-/// One encoder of kernel dispatches.
-pub struct Pass<'a> {
-    gpu: &'a Gpu,
-    label: &'static str,
+/// What passes have recorded and not yet submitted.
+pub(super) struct Recording {
     /// Consecutive dispatches share this compute pass, because each compute pass costs the host its own command
     /// buffers. Declared before `encoder`, which cannot do anything else while a compute pass is open.
     open: Option<wgpu::ComputePass<'static>>,
@@ -18,11 +18,72 @@ pub struct Pass<'a> {
     chunks: Vec<Chunk>,
 }
 
+thread_local! {
+    /// The batch of this thread.
+    static BATCH: RefCell<Option<(Arc<Gpu>, Vec<Recording>)>> = const { RefCell::new(None) };
+}
+
+/// As long as it lives, the passes of its thread on its device are submitted together, in the order in which they end. Each
+/// submission costs the host as much as several dispatches. Another library on the device sees their results, and may use
+/// memory again that they use, only after [`flush`]. Waits and readbacks flush by themselves, and so does the batch's end.
+#[derive(Debug)]
+pub struct Batch(());
+
+impl Batch {
+    /// Begins the batch of this thread.
+    ///
+    /// # Panics
+    /// When the thread has one already: a bug of ours.
+    pub fn new(gpu: &Arc<Gpu>) -> Self {
+        let last = BATCH.replace(Some((gpu.clone(), Vec::new())));
+        assert!(last.is_none(), "a thread has one batch at a time");
+        Self(())
+    }
+}
+
+impl Drop for Batch {
+    fn drop(&mut self) {
+        flush();
+        BATCH.set(None);
+    }
+}
+
+/// Submits what the passes of this thread have left to their batch.
+pub fn flush() {
+    let open = BATCH.with_borrow_mut(|batch| {
+        batch.as_mut().filter(|(_, open)| !open.is_empty()).map(|(gpu, open)| (gpu.clone(), std::mem::take(open)))
+    });
+    if let Some((gpu, open)) = open {
+        gpu.submit(open);
+    }
+}
+
+/// The open recordings of this thread's batch, where it has one on this device.
+fn with_batch<R>(gpu: &Gpu, use_it: impl FnOnce(&mut Vec<Recording>) -> R) -> Option<R> {
+    BATCH.with_borrow_mut(|batch| {
+        let (_, open) = batch.as_mut().filter(|(of, _)| std::ptr::eq(&**of, gpu))?;
+        Some(use_it(open))
+    })
+}
+
+/// A row of kernel dispatches.
+pub struct Pass<'a> {
+    gpu: &'a Gpu,
+    label: &'static str,
+    recording: Recording,
+}
+
 impl<'a> Pass<'a> {
     /// An empty pass; measurements distinguish kernels by its label too.
     pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
-        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
-        Self { gpu, label, open: None, encoder, kept: Vec::new(), chunks: Vec::new() }
+        let begun = || Recording {
+            open: None,
+            encoder: gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
+            kept: Vec::new(),
+            chunks: Vec::new(),
+        };
+        let recording = with_batch(gpu, Vec::pop).flatten().unwrap_or_else(begun);
+        Self { gpu, label, recording }
     }
 
     /// Sets the label of the following dispatches in measurements.
@@ -55,25 +116,10 @@ impl<'a> Pass<'a> {
             return;
         }
         let pipeline = self.gpu.pipeline(kernel);
-        let entries: Vec<_> = (0u32..)
-            .zip(buffers)
-            .map(|(binding, b)| wgpu::BindGroupEntry {
-                binding,
-                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: &b.buffer,
-                    offset: b.offset,
-                    size: std::num::NonZeroU64::new(b.size),
-                }),
-            })
-            .collect();
-        let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(kernel.name),
-            layout: &pipeline.layout,
-            entries: &entries,
-        });
+        let group = self.gpu.bind_groups.get(&self.gpu.device, &pipeline, kernel, buffers);
         let mut profiler = self.gpu.profiler.lock().expect("profiler");
         if profiler.is_some() {
-            self.open = None;
+            self.recording.open = None;
         }
         let query = profiler.as_mut().and_then(|p| p.begin((self.label, kernel.name)));
         let timestamp_writes = match (&*profiler, query) {
@@ -84,9 +130,9 @@ impl<'a> Pass<'a> {
             }),
             _ => None,
         };
-        let pass = self.open.get_or_insert_with(|| {
+        let pass = self.recording.open.get_or_insert_with(|| {
             let descriptor = wgpu::ComputePassDescriptor { label: Some(self.label), timestamp_writes };
-            self.encoder.begin_compute_pass(&descriptor).forget_lifetime()
+            self.recording.encoder.begin_compute_pass(&descriptor).forget_lifetime()
         });
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group, &[]);
@@ -94,7 +140,7 @@ impl<'a> Pass<'a> {
             _ if immediates.is_empty() => {}
             None => pass.set_immediates(0, immediates),
             Some(uniforms) => {
-                let (group, offset) = uniforms.put(&self.gpu.device, &mut self.chunks, immediates);
+                let (group, offset) = uniforms.put(&self.gpu.device, &mut self.recording.chunks, immediates);
                 pass.set_bind_group(1, group, &[offset]);
             }
         }
@@ -104,25 +150,25 @@ impl<'a> Pass<'a> {
     /// Keeps a value alive until the pass is submitted, such as memory that the pass uses and nothing else may reuse
     /// before.
     pub fn keep(&mut self, owner: impl Any) {
-        self.kept.push(Box::new(owner));
+        self.recording.kept.push(Box::new(owner));
     }
 
     /// Sets a buffer to zero.
     pub fn clear(&mut self, buffer: &Buffer) {
-        self.open = None;
-        self.encoder.clear_buffer(&buffer.buffer, buffer.offset, Some(buffer.size));
+        self.recording.open = None;
+        self.recording.encoder.clear_buffer(&buffer.buffer, buffer.offset, Some(buffer.size));
     }
 
     /// Copies RGBA8 pixels, `stride` from row to row (a multiple of 64), into a texture.
     pub(crate) fn copy_to_texture(&mut self, pixels: &Buffer, stride: u32, texture: &wgpu::Texture) {
-        self.open = None;
+        self.recording.open = None;
         let layout = wgpu::TexelCopyBufferLayout {
             offset: pixels.offset,
             bytes_per_row: Some(4 * stride),
             rows_per_image: None,
         };
         let source = wgpu::TexelCopyBufferInfo { buffer: &pixels.buffer, layout };
-        self.encoder.copy_buffer_to_texture(source, texture.as_image_copy(), texture.size());
+        self.recording.encoder.copy_buffer_to_texture(source, texture.as_image_copy(), texture.size());
     }
 
     /// Copies the first `bytes` to byte `at` of another buffer.
@@ -132,22 +178,47 @@ impl<'a> Pass<'a> {
 
     /// Copies the first `bytes` into a mappable buffer.
     pub fn copy_out(&mut self, source: &Buffer, target: &wgpu::Buffer, at: u64, bytes: u64) {
-        self.open = None;
-        self.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
+        self.recording.open = None;
+        self.recording.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
     }
 
-    /// Submits everything recorded, and marks its end.
-    pub fn submit(mut self) -> Mark {
-        self.open = None;
-        if let Some(profiler) = &*self.gpu.profiler.lock().expect("profiler") {
-            profiler.resolve(&mut self.encoder);
+    /// Submits everything recorded, or leaves it to the [`Batch`].
+    pub fn submit(self) {
+        let mut recording = Some(self.recording);
+        with_batch(self.gpu, |open| open.extend(recording.take()));
+        if let Some(recording) = recording {
+            self.gpu.submit(vec![recording]);
         }
-        let commands = self.encoder.finish();
-        let index = match &self.gpu.uniforms {
-            None => self.gpu.queue.submit([commands]),
-            Some(uniforms) => uniforms.submit(&self.gpu.queue, commands, self.chunks),
+    }
+
+    /// Submits everything recorded, with the rest of the batch, and marks its end.
+    pub fn submit_marked(self) -> Mark {
+        let mut recordings = with_batch(self.gpu, std::mem::take).unwrap_or_default();
+        recordings.push(self.recording);
+        self.gpu.submit(recordings)
+    }
+}
+
+impl Gpu {
+    fn submit(&self, mut recordings: Vec<Recording>) -> Mark {
+        recordings.iter_mut().for_each(|recording| recording.open = None);
+        if let (Some(profiler), Some(last)) = (&*self.profiler.lock().expect("profiler"), recordings.last_mut()) {
+            profiler.resolve(&mut last.encoder);
+        }
+        let mut chunks = Vec::new();
+        let mut kept = Vec::new();
+        let commands = recordings.into_iter().map(|mut recording| {
+            chunks.append(&mut recording.chunks);
+            kept.append(&mut recording.kept);
+            recording.encoder.finish()
+        });
+        let commands: Vec<_> = commands.collect();
+        let index = match &self.uniforms {
+            None => self.queue.submit(commands),
+            Some(uniforms) => uniforms.submit(&self.queue, commands, chunks),
         };
-        if let Err(error) = self.gpu.collect_profile() {
+        drop(kept);
+        if let Err(error) = self.collect_profile() {
             // Only measurements are lost.
             log::warn!("{error}");
         }

@@ -1,6 +1,7 @@
 //! The GPU: adapter and device, kernel launches, prefix sum.
 
 mod adapter;
+mod bind_groups;
 pub mod buffer;
 mod bytes;
 pub mod device;
@@ -19,7 +20,7 @@ pub use buffer::Buffer;
 pub use bytes::Bytes;
 pub(crate) use device::at_once;
 pub use device::{Gpu, GpuError, Mark, MemoryKind, MemoryReport};
-pub use launch::Pass;
+pub use launch::{Batch, Pass, flush};
 #[cfg(not(target_arch = "wasm32"))]
 pub use open::{AdapterChoice, list_adapters};
 pub use profile::Measured;

@@ -81,18 +81,18 @@ impl Uniforms {
         Chunk { buffer, group, bytes: Vec::new() }
     }
 
-    /// Submits a pass whose dispatches read the chunks. Another pass may take them afterwards: the queue keeps the order, so what it
-    /// writes does not reach this one.
+    /// Submits passes whose dispatches read the chunks. Others may take them afterwards: the queue keeps the order, so what they
+    /// write does not reach these.
     pub(super) fn submit(
         &self,
         queue: &wgpu::Queue,
-        commands: wgpu::CommandBuffer,
+        commands: Vec<wgpu::CommandBuffer>,
         mut chunks: Vec<Chunk>,
     ) -> wgpu::SubmissionIndex {
         for chunk in &chunks {
             queue.write_buffer(&chunk.buffer, 0, &chunk.bytes);
         }
-        let index = queue.submit([commands]);
+        let index = queue.submit(commands);
         chunks.iter_mut().for_each(|chunk| chunk.bytes.clear());
         self.free.lock().expect("free uniforms").append(&mut chunks);
         index

@@ -243,6 +243,10 @@ impl Rasterizer {
         let frame = view.frame(splats, ws.capacity);
         let surface = view.surface.map(|o| self.leased_surface(splats.count, view, o, keep)).transpose()?;
         pass.relabel(LABEL);
+        // Before the dispatches, which share a compute pass as long as nothing comes between them.
+        if let Some(s) = &surface {
+            s.clear_gradients(pass);
+        }
         record_lists(pass, &ws, splats, &frame);
         let grid = tile_grid(&frame);
         let list = &ws.sorted_gaussians;
@@ -257,7 +261,6 @@ impl Rasterizer {
             }
             Some(s) => {
                 surface::record_planes(pass, splats, &s.planes, &frame);
-                s.clear_gradients(pass);
                 s.record(pass, (&ws, list), &image, grid);
             }
         }

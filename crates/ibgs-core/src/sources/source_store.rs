@@ -1,7 +1,7 @@
 //! The training photos on the GPU, as packed 8-bit RGBA: all of them where they fit, otherwise those used last.
 
 use crate::dataset::{HostPhoto, Photo};
-use crate::gpu::{Buffer, Gpu, GpuError};
+use crate::gpu::{Buffer, Gpu, GpuError, flush};
 use crate::sources::DevicePhoto;
 use std::sync::{Arc, Mutex};
 
@@ -211,7 +211,8 @@ impl SourceStore {
             Some(buffer) => buffer,
             None => self.allocate(state, bytes)?,
         };
-        // Ordered on the queue after every submitted pass that reads what was there before.
+        // Ordered on the queue after every pass that reads what was there before.
+        flush();
         self.gpu.queue.write_buffer(&texels.buffer, 0, &pixels.rgba);
         state.resident += bytes;
         state.uploads += 1;

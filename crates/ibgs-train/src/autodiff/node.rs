@@ -9,6 +9,9 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use burn_wgpu::CubeBackend;
+use ibgs_core::gpu::flush;
+use std::cell::RefCell;
+use std::collections::HashSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -37,6 +40,11 @@ impl<const N: usize> fmt::Debug for Rule<N> {
     }
 }
 
+thread_local! {
+    /// Nodes whose gradients this thread has registered and not yet consumed, leaves aside.
+    static HAVE_GRADIENTS: RefCell<HashSet<u64>> = RefCell::default();
+}
+
 #[derive(Debug)]
 struct Node;
 
@@ -44,10 +52,15 @@ impl<const N: usize> Backward<CubeBackend, N> for Node {
     type State = Rule<N>;
 
     fn backward(self, ops: Ops<Rule<N>, N>, grads: &mut Gradients, _: &mut Checkpointer) {
+        HAVE_GRADIENTS.with_borrow_mut(|nodes| nodes.remove(&ops.node.id.value));
         let v = contiguous(grads.consume::<CubeBackend>(&ops.node));
         let gradients = (ops.state.0)(&v, ops.parents.each_ref().map(Option::is_some));
         for (parent, gradient) in ops.parents.into_iter().zip(gradients) {
             if let Some((parent, gradient)) = parent.zip(gradient) {
+                // burn adds it to another that the batch may still hold.
+                if parent.order > 0 && !HAVE_GRADIENTS.with_borrow_mut(|nodes| nodes.insert(parent.id.value)) {
+                    flush();
+                }
                 grads.register::<CubeBackend>(parent.id, gradient);
             }
         }

@@ -132,13 +132,14 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &m
     }
 }
 
-/// For each of `count` Gaussians, the pixels to which it contributes a share of at least 0.05 and where `image` differs from the
+/// Records, for each of `count` Gaussians, the number of pixels to which it contributes a share of at least 0.05 and where `image` differs from the
 /// photo by more than the mean absolute error of `stats`, see [`LossScratch`](crate::loss::LossScratch).
 ///
 /// # Errors
 /// Not enough memory.
 pub fn covered_errors(
     gpu: &Gpu,
+    pass: &mut Pass,
     forward: &Forward,
     (image, target): (&Tensor<3>, &DevicePhoto),
     stats: &Buffer,
@@ -159,9 +160,9 @@ pub fn covered_errors(
         &counts,
     ];
     let [x, y] = params.tiles;
-    let mut pass = Pass::new(gpu, "densify errors");
+    pass.relabel("densify errors");
     pass.grid(&DENSIFY_ERRORS, &buffers, bytes_of(&params), [x, y, 1]);
-    pass.submit();
+    pass.keep(image);
     Ok(counts)
 }
 
