@@ -132,8 +132,8 @@ pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &m
     }
 }
 
-/// Records, for each of `count` Gaussians, the number of pixels to which it contributes a share of at least 0.05 and where `image` differs from the
-/// photo by more than the mean absolute error of `stats`, see [`LossScratch`](crate::loss::LossScratch).
+/// Records, for each of `count` Gaussians, the number of pixels to which it contributes a share of at least 0.05 and where `image`
+/// differs from the photo by more than the mean absolute error of `stats`, see [`LossScratch`](crate::loss::LossScratch).
 ///
 /// # Errors
 /// Not enough memory.
