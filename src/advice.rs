@@ -24,7 +24,7 @@ use std::str::FromStr;
 type AnyError<'a> = &'a (dyn Error + 'static);
 
 /// Options of the table `data` that have a flag of the same name.
-const DATA_FLAGS: [&str; 9] = [
+const DATA_FLAGS: [&str; 10] = [
     "resolution",
     "resampler",
     "images",
@@ -33,6 +33,7 @@ const DATA_FLAGS: [&str; 9] = [
     "principal-point",
     "masks",
     "alpha",
+    "initial-points",
     "color-space",
 ];
 

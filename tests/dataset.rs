@@ -177,10 +177,11 @@ fn blender_scenes_keep_their_split() {
     assert_eq!((&eval.train[..], &eval.test[..]), (&[1, 2][..], &[0][..]));
     assert_eq!(eval.views[0].name, "test/r_0.png");
     // c alpha + background (1 - alpha) with alpha = 100 / 255, over black, over white, or not at all.
-    assert_eq!(eval.views[0].photo.pixels().unwrap().rgba[..4], [2, 2, 3, 255]);
-    assert_note(&eval, "background colour (0, 0, 0)");
-    let white = LoadOptions { background: [255; 3], ..Default::default() };
-    assert_eq!(load(folder.path(), &white).views[0].photo.pixels().unwrap().rgba[..4], [157, 157, 158, 255]);
+    let photo = eval.views[0].photo.pixels().unwrap();
+    assert_eq!(photo.over([0.0; 3]).rgba[..4], [2, 2, 3, 255]);
+    assert_eq!(photo.over([1.0; 3]).rgba[..4], [157, 157, 158, 255]);
+    assert_note(&eval, "transparent pixels are empty");
+    assert_eq!(eval.backdrop, Some((Alpha::Composite, [255; 3])));
     let masked = LoadOptions { alpha: Some(Alpha::Mask), ..Default::default() };
     assert_eq!(load(folder.path(), &masked).views[0].photo.pixels().unwrap().rgba[..4], [5, 6, 7, 100]);
     assert_eq!(load_plain(folder.path()).train.len(), 3);
@@ -201,7 +202,7 @@ fn random_points_of_blender_scenes_show_the_thing() {
     let frame = |i: u32, x: f64| format!(r#"{{"file_path": "./train/r_{i}", "transform_matrix": {}}}"#, pose(x));
     let json = format!(r#"{{"camera_angle_x": 0.7, "frames": [{}, {}]}}"#, frame(0, -1.0), frame(1, 1.0));
     write_file(&folder.path().join("transforms_train.json"), json);
-    let options = LoadOptions { random_points: 400, background: [255; 3], ..Default::default() };
+    let options = LoadOptions { random_points: 400, ..Default::default() };
     let dataset = load(folder.path(), &options);
     assert_note(&dataset, "400 random ones");
     let on_thing = dataset.points.iter().filter(|point| point.color == [200, 100, 50]).count();

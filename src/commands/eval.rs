@@ -8,7 +8,7 @@ use crate::stdout;
 use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::{Dataset, Masks, View};
+use ibgs_core::dataset::{Dataset, View};
 use ibgs_core::eval::scores::{Scores, protocol, score_test_views};
 use ibgs_core::eval::{Cache, PASSES, Perceptual, Score, ViewScores, frames_per_second};
 use ibgs_core::output::REPORT_FILE;
@@ -122,11 +122,11 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
         ));
     }
     let masked = scores.with_masks;
-    match model.config.data.masks {
-        Masks::Object => notes.push(format!("masks: {}", protocol.masks)),
-        Masks::Ignore if masked > 0 => notes
-            .push(format!("masks: masked pixels do not count; {masked} of {} photos have some", dataset.test.len())),
-        Masks::Ignore => {}
+    if model.config.shows_object() {
+        notes.push(format!("masks: {}", protocol.masks));
+    } else if masked > 0 {
+        let all = dataset.test.len();
+        notes.push(format!("masks: masked pixels do not count; {masked} of {all} photos have some"));
     }
     notes.extend(scores.masked_sentence());
     notes.push(match &protocol.lpips {

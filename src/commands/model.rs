@@ -5,6 +5,7 @@ use crate::advice::value;
 use crate::progress::Bars;
 use anyhow::Result;
 use clap::Args as ClapArgs;
+use ibgs_core::config::Background;
 use ibgs_core::dataset::Resolution;
 use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::levels::Loading;
@@ -61,6 +62,9 @@ pub struct ModelArgs {
     /// When frames of such a bundle are rendered.
     #[arg(skip)]
     pub loading: Loading,
+    /// Colour behind the Gaussians: `white`, `black` or `R,G,B` [default: as in the training].
+    #[arg(long, value_name = "COLOUR")]
+    pub background: Option<Background>,
     /// How precisely the device keeps the colours.
     #[arg(skip)]
     pub harmonics: Harmonics,
@@ -93,6 +97,7 @@ impl ModelArgs {
             precision: Precision::Auto,
             gpu_memory: MemoryBudget::Auto,
             adapter: None,
+            background: None,
             loading: Loading::default(),
             harmonics: Harmonics::default(),
         }
@@ -110,6 +115,7 @@ impl ModelArgs {
             host_memory: self.host_memory,
             precision: self.precision,
             gpu_memory: self.gpu_memory,
+            background: self.background,
             loading: self.loading,
             harmonics: self.harmonics,
             ..ModelOptions::default()

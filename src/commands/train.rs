@@ -22,8 +22,8 @@ use anyhow::{Result, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, Parser};
 use ibgs_core::blocks::PlanFolder;
-use ibgs_core::config::{ConfigError, Method, Preset, Strategy, TrainConfig};
-use ibgs_core::dataset::{Alpha, ColorSpace, Masks, PrincipalPoint, Resampler, Resolution};
+use ibgs_core::config::{Background, ConfigError, Method, Preset, Strategy, TrainConfig};
+use ibgs_core::dataset::{Alpha, ColorSpace, InitialPoints, Masks, PrincipalPoint, Resampler, Resolution};
 use ibgs_core::gpu::Use;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Session;
@@ -125,16 +125,32 @@ pub struct Args {
     /// space) [default: ignore].
     #[arg(long, value_parser = word::<Masks>(&["ignore", "object"]), help_heading = heading::SCENE)]
     masks: Option<Masks>,
-    /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they show the background colour)
-    /// [default: composite in Blender scenes, mask in others and with `--masks object`].
-    #[arg(long, value_parser = word::<Alpha>(&["mask", "composite"]), help_heading = heading::SCENE)]
+    /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they are empty, over the background); `keyed`: the
+    /// photos have none and lie on one colour, which is empty [default: composite in Blender scenes, keyed where all photos
+    /// lie on one colour, mask in others and with `--masks object`].
+    #[arg(long, value_parser = word::<Alpha>(&["mask", "composite", "keyed"]), help_heading = heading::SCENE)]
     alpha: Option<Alpha>,
     /// Encoding of the photos' values: `srgb` or `linear` [default: linear in EXR files, srgb in others].
     #[arg(long, value_parser = word::<ColorSpace>(&["srgb", "linear"]), help_heading = heading::SCENE)]
     color_space: Option<ColorSpace>,
-    /// White background instead of black.
-    #[arg(long, help_heading = heading::SCENE)]
+    /// Colour behind the Gaussians: `white`, `black`, `R,G,B`, or `random` (another one in each iteration, black in rendered
+    /// views). Photos of an object are always trained over random colours [default: white in Blender scenes, the photos' own
+    /// where all lie on one colour, black in others].
+    #[arg(long, value_name = "COLOUR", help_heading = heading::SCENE)]
+    background: Option<Background>,
+    /// The same as `--background white`.
+    #[arg(long, conflicts_with = "background", help_heading = heading::SCENE)]
     white_background: bool,
+    /// What the training begins with: `auto` (the scene's points and those found in the photos), `scene` (the scene's alone),
+    /// `photos` (points where photos agree on a depth, or in the visual hull of an object; also where the scene has none) or
+    /// `random` [default: auto].
+    #[arg(
+        long,
+        value_name = "FROM",
+        value_parser = word::<InitialPoints>(&["auto", "scene", "photos", "random"]),
+        help_heading = heading::SCENE
+    )]
+    initial_points: Option<InitialPoints>,
     /// Leave out points of a COLMAP model that have a reprojection error over 2 pixels or are seen in fewer than 3
     /// photos.
     #[arg(long, help_heading = heading::SCENE)]
@@ -382,6 +398,7 @@ impl Args {
         set(&mut c.data.masks, &self.masks);
         set_some(&mut c.data.alpha, &self.alpha);
         set_some(&mut c.data.color_space, &self.color_space);
+        set(&mut c.data.initial_points, &self.initial_points);
         c.data.filter_points |= self.filter_points;
         c.data.eval |= self.eval || self.eval_split_every.is_some();
         set_some(&mut c.iterations, &self.iterations);
@@ -400,7 +417,7 @@ impl Args {
         set_some(&mut c.eval_iterations, &self.eval_iterations);
         set_some(&mut c.save_iterations, &self.save_iterations);
         set(&mut c.seed, &self.seed);
-        c.white_background |= self.white_background;
+        set_some(&mut c.background, &self.background.or(self.white_background.then_some(Background::WHITE)));
         c.deterministic |= self.deterministic;
         self.stages.apply(&mut c);
         Ok(c)

@@ -84,15 +84,17 @@ fn exr_alpha_masks_or_lets_the_background_through() {
     });
     let masked = first(folder.path(), &LoadOptions::default());
     assert_eq!(masked[..12], [200, 200, 0, 255, 200, 200, 0, 64, 0, 0, 0, 0]);
-    let over = |background| LoadOptions { alpha: Some(Alpha::Composite), background, ..Default::default() };
-    assert_eq!(first(folder.path(), &over([0; 3]))[..12], [200, 200, 0, 255, 50, 50, 0, 255, 0, 0, 0, 255]);
+    let options = LoadOptions { alpha: Some(Alpha::Composite), ..Default::default() };
+    let over =
+        |background: [f32; 3]| load(folder.path(), &options).views[0].photo.pixels().unwrap().over(background).rgba;
+    assert_eq!(over([0.0; 3])[..12], [200, 200, 0, 255, 50, 50, 0, 255, 0, 0, 0, 255]);
     // 200 / 4 + 255 * 3 / 4 = 241.25, 255 * 3 / 4 = 191.25.
-    assert_eq!(first(folder.path(), &over([255; 3]))[..12], [200, 200, 0, 255, 241, 241, 191, 255, 255, 255, 255, 255]);
+    assert_eq!(over([1.0; 3])[..12], [200, 200, 0, 255, 241, 241, 191, 255, 255, 255, 255, 255]);
     // A mask beside it still masks.
     write_photo(&folder.path().join("masks/a0.png"), 12, 8, |u, _| [if u < 1.0 { 0 } else { 255 }; 4]);
-    assert_eq!(first(folder.path(), &over([0; 3]))[..8], [200, 200, 0, 0, 50, 50, 0, 255]);
+    assert_eq!(over([0.0; 3])[..8], [0, 0, 0, 0, 50, 50, 0, 255]);
     // Photos without alpha stay as they are.
-    assert_eq!(load(folder.path(), &over([255; 3])).views[1].photo.pixels().unwrap().rgba[..4], [90, 120, 150, 255]);
+    assert_eq!(load(folder.path(), &options).views[1].photo.pixels().unwrap().rgba[..4], [90, 120, 150, 255]);
 }
 
 /// 6 x 4 red pixels at (2, 1) of a picture of 12 x 8.
@@ -167,15 +169,10 @@ fn transparent_parts_lie_over_the_background_before_anything_is_resized() {
     let folder = Model::small(2).scene();
     let half = |u: f64, _| [200, 0, 0, if u < 6.0 { 255 } else { 0 }];
     write_photo(&folder.path().join("images/a0.png"), 12, 8, half);
-    let options = LoadOptions {
-        alpha: Some(Alpha::Composite),
-        background: [255; 3],
-        resolution: "2".parse().unwrap(),
-        ..Default::default()
-    };
+    let options = LoadOptions { alpha: Some(Alpha::Composite), resolution: "2".parse().unwrap(), ..Default::default() };
     let dataset = load(folder.path(), &options);
-    assert_note(&dataset, "background colour (255, 255, 255)");
-    let row = &dataset.views[0].photo.pixels().unwrap().rgba[..24];
+    assert_note(&dataset, "transparent pixels are empty");
+    let row = &dataset.views[0].photo.pixels().unwrap().over([1.0; 3]).rgba[..24];
     assert!(row.chunks_exact(4).all(|pixel| pixel[3] == 255), "{row:?}");
     assert!(row[1] < 8 && row[21] > 247, "{row:?}");
 }

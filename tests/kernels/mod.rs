@@ -18,6 +18,7 @@ mod network;
 mod normal_loss;
 mod opacity_reset;
 mod photometric_loss;
+mod plane_sweep;
 mod planes;
 mod present;
 mod project;

@@ -20,6 +20,7 @@ pub mod image_loss;
 pub mod lpips;
 pub mod normal_loss;
 pub mod photometric_loss;
+pub mod plane_sweep;
 pub mod project;
 pub mod random_scene;
 pub mod raster;

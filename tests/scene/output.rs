@@ -4,7 +4,7 @@ use super::{header_length, random_gaussians, random_points};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::{Dataset, Photo, View};
+use ibgs_core::dataset::{Dataset, Photo, PointsFrom, View};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::results::{Protocol, Scored, ViewScore};
 use ibgs_core::output::{Existing, OutputError, OutputFolder};
@@ -34,6 +34,8 @@ pub fn dataset() -> Dataset {
     });
     Dataset {
         extent: None,
+        backdrop: None,
+        points_from: PointsFrom::Scene,
         path: "scene".into(),
         views: views.into(),
         train: vec![1, 2],

@@ -3,7 +3,7 @@
 use super::{dataset, densifying, image_based, plain, psnr, run, trained, trainer};
 use crate::common::gpu;
 use glam::DVec2;
-use ibgs_core::config::TrainConfig;
+use ibgs_core::config::{Background, TrainConfig};
 use ibgs_core::dataset::{Dataset, Photo, View, demo};
 
 /// Replaces the photos; `pixel` gets the view, the pixel's column and row, and its RGBA bytes.
@@ -63,11 +63,11 @@ fn what_a_mask_covers_does_not_matter_to_other_views() {
 #[test]
 fn the_background_can_be_white() {
     let white = repainted(&dataset(), |_, _, _, rgba| rgba.fill(255));
-    let config = TrainConfig { white_background: true, ..plain(40) };
+    let config = TrainConfig { background: Some(Background::WHITE), ..plain(40) };
     let view = &white.views[white.train[0]];
     let after = |config: &TrainConfig| {
         let mut trainer = trainer(&white, config);
-        assert_eq!(trainer.background(), [f32::from(u8::from(config.white_background)); 3]);
+        assert_eq!(trainer.background(), [f32::from(u8::from(config.background.is_some())); 3]);
         run(&mut trainer, 40);
         psnr(&trainer, view)
     };
@@ -75,7 +75,7 @@ fn the_background_can_be_white() {
     println!("white photos: {on_white:.2} dB on white, {on_black:.2} dB on black");
     assert!(on_white > on_black + 6.0, "{on_white:.2} dB on white, {on_black:.2} dB on black");
     // Its own opacity reset, when densification starts.
-    let mut config = TrainConfig { white_background: true, ..densifying(12, 12) };
+    let mut config = TrainConfig { background: Some(Background::WHITE), ..densifying(12, 12) };
     config.densify.start = Some(8);
     let mut trainer = trainer(&white, &config);
     assert!((1..=12).filter(|&i| trainer.schedule().reset_opacity_at(i)).eq([8]));

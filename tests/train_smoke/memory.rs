@@ -3,7 +3,7 @@
 use crate::common::open_gpu;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, HostPhoto, Photo, View};
+use ibgs_core::dataset::{Dataset, HostPhoto, Photo, PointsFrom, View};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
@@ -32,6 +32,8 @@ fn dataset(camera: &Camera) -> Dataset {
         test: Vec::new(),
         points: Vec::new(),
         extent: None,
+        backdrop: None,
+        points_from: PointsFrom::Scene,
         notes: Vec::new(),
     }
 }

@@ -4,6 +4,7 @@
 //! follows the number of iterations (see [`Schedule`](schedule::Schedule)).
 
 mod adapt;
+mod background;
 mod check;
 mod defaults;
 mod error;
@@ -13,11 +14,12 @@ mod stages;
 mod text;
 
 pub use crate::sources::find::SourceOptions;
+pub use background::Background;
 pub use error::ConfigError;
 pub use preset::Preset;
 pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, SurfaceConfig};
 
-use crate::dataset::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
+use crate::dataset::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::files::{self, TomlError};
 use crate::sources::memory::MemoryBudget;
 use serde::{Deserialize, Serialize};
@@ -57,8 +59,10 @@ pub struct TrainConfig {
     pub sh_degree: Option<u32>,
     /// Iterations between two degrees; unset: 1000, scaled.
     pub sh_interval: Option<u32>,
-    /// White in place of black behind the Gaussians.
-    pub white_background: bool,
+    /// The colour behind the Gaussians: `white`, `black`, `R,G,B`, or `random`; unset: black, and white where the scene is a
+    /// Blender one with transparent photos.
+    #[serde(alias = "white-background")]
+    pub background: Option<Background>,
     /// Weight of 1 - SSIM in the image loss; L1 has the rest.
     pub ssim_weight: f64,
     /// Opacity of the first Gaussians; unset: 0.1, with MCMC 0.5.
@@ -121,8 +125,8 @@ pub struct DataConfig {
     pub principal_point: PrincipalPoint,
     /// What lies outside the masks (files in `masks/` or alpha channels): `ignore`: anything; `object`: nothing.
     pub masks: Masks,
-    /// What the photos' alpha means: `mask`, or `composite` over the background colour; unset: `composite` in Blender
-    /// scenes, `mask` in others and with `masks = "object"`.
+    /// What the photos' alpha means: `mask`; `composite`: they lie over the background; `keyed`: they have none and lie on one
+    /// colour. Unset: `composite` in Blender scenes, `keyed` where all photos lie on one colour, else `mask`.
     pub alpha: Option<Alpha>,
     /// What the photos' values mean: `srgb`, or `linear` light; unset: `linear` in EXR files, `srgb` in others.
     pub color_space: Option<ColorSpace>,
@@ -131,7 +135,11 @@ pub struct DataConfig {
     /// Extent of the cameras in scene units, by which near plane, learning rates and other lengths are measured; unset: 1.1
     /// times the distance of the farthest cameras from the middle. `ibgs merge` takes that of a block.
     pub extent: Option<f64>,
-    /// Number of random points where the scene has none.
+    /// What the training begins with: `auto`: the scene's points and those found in the photos (not on a software adapter where
+    /// the scene has points); `scene`: its own alone; `photos`: those found in the photos alone, also where the scene has none;
+    /// `random`.
+    pub initial_points: InitialPoints,
+    /// Number of points that are made where the scene has none.
     pub random_points: u32,
     /// Memory of the host for decoded photos: `auto` (half of what is free), `none` (no limit: all are kept), or a size such as
     /// `8GiB`. Beyond it those used longest ago are decoded again when they are needed.
@@ -324,20 +332,24 @@ impl TrainConfig {
             principal_point: data.principal_point,
             masks: data.masks,
             alpha: data.alpha,
-            // What lies under transparent photos is what lies behind the Gaussians.
-            background: self.background().map(|v| (v * 255.0).round() as u8),
             color_space: data.color_space,
             filter_points: data.filter_points,
             extent: data.extent,
+            initial_points: data.initial_points,
             seed: self.seed,
             random_points: data.random_points as usize,
             host_memory: data.host_memory.host_bytes(),
         }
     }
 
-    /// Colour behind the Gaussians.
+    /// Colour behind the Gaussians in rendered views.
     pub fn background(&self) -> [f32; 3] {
-        [if self.white_background { 1.0 } else { 0.0 }; 3]
+        self.background.unwrap_or(Background::BLACK).shown().map(|level| f32::from(level) / 255.0)
+    }
+
+    /// Whether the photos show an object with nothing around it.
+    pub fn shows_object(&self) -> bool {
+        self.data.masks == Masks::Object || self.data.alpha.is_some_and(Alpha::is_cover)
     }
 
     /// Reads options from a TOML file; fields that are left out have their defaults.

@@ -21,7 +21,7 @@ pub use error::ModelError;
 use crate::bundle::Bundle;
 use crate::camera::Camera;
 use crate::config::schedule::Schedule;
-use crate::config::{Method, Preset, TrainConfig};
+use crate::config::{Background, Method, Preset, TrainConfig};
 use crate::dataset::demo::{self, DemoOptions};
 use crate::dataset::{self, Dataset, HostPhoto, PrincipalPoint, Resampler, Resolution};
 use crate::exposure::{Exposure, ExposureField};
@@ -59,6 +59,8 @@ pub struct ModelOptions {
     pub precision: Precision,
     /// Device memory for a model with levels of detail; other models are on the device as a whole.
     pub gpu_memory: MemoryBudget,
+    /// Colour behind the Gaussians, in place of the run's.
+    pub background: Option<Background>,
     /// When its frames are rendered.
     pub loading: Loading,
     /// How precisely the device keeps the colours; those that come while frames are rendered as `precision` says.
@@ -150,6 +152,7 @@ impl Model {
         if let Some(memory) = options.source_memory {
             model.config.sources.memory = memory;
         }
+        model.config.background = options.background.or(model.config.background);
         model.config.residual.precision = options.precision;
         (model.gpu_memory, model.loading, model.harmonics) = (options.gpu_memory, options.loading, options.harmonics);
         Ok(model)

@@ -8,7 +8,6 @@ pub use frame::{Frame, Rendered};
 
 use crate::camera::Camera;
 use crate::config::TrainConfig;
-use crate::dataset::Masks;
 use crate::exposure::{Exposer, ExposureField, Exposures};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::inspect::FrameSource;
@@ -52,10 +51,7 @@ impl ImageOptions {
                 output: residual.output(),
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor()),
-                reach: match config.data.masks {
-                    Masks::Ignore => Reach::Everywhere,
-                    Masks::Object => Reach::Seen,
-                },
+                reach: if config.shows_object() { Reach::Seen } else { Reach::Everywhere },
             },
             // Which precision pays is found by a clock.
             precision: if config.deterministic { Precision::Full } else { residual.precision },

@@ -211,6 +211,9 @@ kernels! {
 kernels! {
     /// The kernels of training and of measurements.
     TRAIN_KERNELS:
+    /// Depth of each pixel by comparing photos on planes.
+    PLANE_SWEEP = "plane_sweep" [TILE, TILE, 1] (size_of::<types::SweepParams>()):
+        read("photos"), read("sources"), write("found");
     /// Sizes of the 3D smoothing filters.
     FILTER_SIZES = "filter_sizes" [256, 1, 1] (size_of::<types::FilterParams>()):
         read("means"), read("cameras"), write("filters");
@@ -291,10 +294,11 @@ kernels! {
         read("depth"), write("depth_normals");
     /// Depth normals against the normal map, forward.
     NORMAL_LOSS = "normal_loss" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
-        read("depth"), read("normal"), read("photo"), write("partials");
+        read("depth"), read("normal"), read("photo"), read("transmittance"), write("partials");
     /// Depth normals against the normal map, gradients by median depth and normal map.
     NORMAL_LOSS_BACKWARD = "normal_loss_backward" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
-        read("depth"), read("normal"), read("photo"), read("v_loss"), write("v_depth"), write("v_normal");
+        read("depth"), read("normal"), read("photo"), read("transmittance"), read("v_loss"), write("v_depth"),
+        write("v_normal");
     /// SSIM of a photo and the images warped to it, forward, one visible source.
     PHOTOMETRIC_LOSS = "photometric_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), write("moments"), write("partials");

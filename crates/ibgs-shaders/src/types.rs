@@ -271,8 +271,48 @@ pub struct SurfaceParams {
     pub principal: [f32; 2],
     /// Weight of the loss.
     pub weight: f32,
+    /// Pixel widths by which the depth may turn where it is compared; 0: it is compared everywhere.
+    pub bend: f32,
+}
+
+/// A plane sweep; the twin of `SweepParams` in `wgsl/plane_sweep.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SweepParams {
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Number of planes, at least 2.
+    pub planes: u32,
+    /// Number of sources.
+    pub sources: u32,
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half: the pixel with index x lies at x.
+    pub principal: [f32; 2],
+    /// Inverse depth of the first plane.
+    pub nearest: f32,
+    /// Inverse depth of the last plane, above 0.
+    pub farthest: f32,
     /// Padding.
-    pub pad: f32,
+    pub pad: [u32; 2],
+}
+
+/// A source of a plane sweep, in a buffer; the twin of `SweepSource`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SweepSource {
+    /// Rows of [R | t] with `x_source = R x_target + t`.
+    pub rows: [[f32; 4]; 3],
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point minus one half.
+    pub principal: [f32; 2],
+    /// Photo size in pixels, at least 2 each.
+    pub size: [u32; 2],
+    /// First texel of its photo among all.
+    pub offset: u32,
+    /// Padding.
+    pub pad: u32,
 }
 
 /// Input of the residual network; the twin of `FeatureParams`.

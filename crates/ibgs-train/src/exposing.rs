@@ -1,9 +1,8 @@
 //! The photos' exposures in a training, see [`ibgs_core::exposure`].
 
 use ibgs_core::camera::Camera;
-use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch};
-use ibgs_core::exposure::{Exposer, ExposureAdam, ExposureField, ExposureState, Exposures, PhotoExposures, spread};
+use ibgs_core::exposure::{Exposer, ExposureAdam, ExposureField, ExposureState, Exposures, PhotoExposures};
 use ibgs_core::gpu::{Gpu, GpuError, Pass};
 use std::sync::Arc;
 
@@ -12,8 +11,6 @@ pub(super) struct Exposing {
     gpu: Arc<Gpu>,
     exposer: Exposer,
     photos: PhotoExposures,
-    switch: ExposureSwitch,
-    least_spread: f64,
 }
 
 impl Exposing {
@@ -25,8 +22,6 @@ impl Exposing {
                 gpu: gpu.clone(),
                 exposer: Exposer::new(gpu.clone()),
                 photos: PhotoExposures::new(gpu, photos, ExposureAdam { beta1, beta2, eps })?,
-                switch: config.enabled,
-                least_spread: config.least_spread,
             })
         };
         (config.enabled != ExposureSwitch::Off).then(make).transpose()
@@ -41,14 +36,6 @@ impl Exposing {
     pub fn record_step(&mut self, pass: &mut Pass, view: usize, exposures: &Exposures, rate: f64) {
         pass.relabel("exposure");
         self.photos.record_step(pass, view, exposures.v_target(), rate);
-    }
-
-    /// Whether `auto` stops correcting them after this iteration: the photos hardly differ. Waits for the GPU.
-    pub fn is_idle_at(&self, iteration: u32, schedule: &Schedule) -> Result<bool, GpuError> {
-        if self.switch != ExposureSwitch::Auto || iteration != schedule.exposure_decision {
-            return Ok(false);
-        }
-        Ok(spread(&self.photos.exposures(&self.gpu)?) < self.least_spread)
     }
 
     /// What they say of any view; waits for the GPU.

@@ -15,7 +15,9 @@ pub mod bench;
 pub mod checkpoint;
 pub mod densify;
 mod exposing;
+mod exposure_trial;
 mod filter;
+mod first_points;
 pub mod loss;
 pub mod lpips;
 pub mod memory;
@@ -27,6 +29,8 @@ mod step;
 mod telemetry;
 pub mod tensor;
 
+pub use exposure_trial::{ExposureEvidence, settle as settle_exposure};
+pub use first_points::find_points;
 pub use session::Session;
 pub use step::{TrainError, Trainer};
 pub use telemetry::Telemetry;

@@ -27,7 +27,7 @@ pub use event::{Event, ExposureSummary, Observer, Summary};
 pub use json_lines::JsonLines;
 
 use crate::checkpoint::Checkpoint;
-use crate::{TrainError, Trainer};
+use crate::{TrainError, Trainer, exposure_trial, find_points};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::gpu::Gpu;
@@ -94,12 +94,15 @@ impl Session {
     ///
     /// # Errors
     /// Not enough memory, or no training view.
-    pub fn new(gpu: &Arc<Gpu>, dataset: Dataset, mut config: TrainConfig) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, mut dataset: Dataset, mut config: TrainConfig) -> Result<Self> {
         let started = Instant::now();
-        let pixels = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum();
-        config.adapt_to_photos(dataset.train.len(), pixels);
+        config.adapt_to(&dataset);
+        find_points(gpu, &mut dataset, &config, &()).map_err(TrainError::from)?;
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         gpu.warm_up()?;
+        if let Some(evidence) = exposure_trial::settle(&raster, &dataset, &mut config)? {
+            log::info!("{evidence}");
+        }
         let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
         Ok(Self::of(trainer, raster, dataset, config, started))
     }

@@ -21,7 +21,7 @@ use crate::tensor;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{Strategy, TrainConfig};
-use ibgs_core::dataset::{HostPhoto, Masks};
+use ibgs_core::dataset::HostPhoto;
 use ibgs_core::exposure::ExposureField;
 use ibgs_core::gpu::{Batch, Gpu, GpuError, Mark, Pass, flush};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
@@ -103,8 +103,10 @@ impl Trainer {
         if self.schedule.keeps_depth_at(self.iteration, self.cameras.len()) {
             view.surface = self.stages.as_ref().map(|stages| stages.options().surface);
         }
-        if self.schedule.residual_at(self.iteration) {
-            view.dropout = Dropout::new(self.config.residual.dropout, self.config.seed, self.iteration);
+        let residual = &self.config.residual;
+        let drops = self.schedule.progress(self.iteration) < self.config.dropout_until();
+        if drops && self.schedule.residual_at(self.iteration) {
+            view.dropout = Dropout::new(residual.dropout, self.config.seed, self.iteration);
         }
         view
     }
@@ -142,7 +144,7 @@ impl Trainer {
     /// The photo of a training view as this iteration's loss compares with it.
     fn target(&self, index: usize) -> Result<DevicePhoto, GpuError> {
         let mut target = self.photos.photo(index)?;
-        if self.config.data.masks == Masks::Object {
+        if self.config.shows_object() {
             target.outside = Outside::Background(self.iteration_background());
         }
         Ok(target)
@@ -330,11 +332,6 @@ impl Trainer {
     fn restructure(&mut self) -> Result<(), TrainError> {
         if self.schedule.densify_at(self.iteration) {
             self.densify()?;
-        }
-        if let Some(exposing) = &self.exposing
-            && exposing.is_idle_at(self.iteration, &self.schedule)?
-        {
-            self.exposing = None;
         }
         if self.schedule.reset_opacity_at(self.iteration) {
             self.optimizer.reset_opacity(&self.gpu, self.config.opacity_reset.max_opacity);

@@ -4,9 +4,10 @@ use super::estimate;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
+use ibgs_core::camera::Camera;
 use ibgs_core::config::{DataConfig, TrainConfig};
-use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::DemoOptions;
+use ibgs_core::dataset::{Dataset, shown_by_any};
 use ibgs_core::files;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::{load_demo, load_scene};
@@ -18,6 +19,7 @@ use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::checkpoint::Checkpoint;
 use ibgs_train::{Session, Trainer};
 use ibgs_viewer::TrainingWish;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -116,7 +118,7 @@ impl Plan {
             refuse_scene_options(&config.data)?;
         }
         let gpu = gpu()?;
-        let dataset = match scene {
+        let mut dataset = match scene {
             Some(dataset) => dataset,
             None => {
                 status("ray tracing the demo scene; this takes some minutes the first time");
@@ -127,12 +129,18 @@ impl Plan {
                 demo_scene(&config, &gpu)?
             }
         };
-        let pixels = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels() as u64).sum();
-        config.adapt_to_photos(dataset.train.len(), pixels);
+        config.adapt_to(&dataset);
+        let known = dataset.notes.len();
+        ibgs_train::find_points(&gpu, &mut dataset, &config, &Bars::default())?;
+        dataset.notes[known..].iter().for_each(|note| stderr!("note: {note}"));
         status("preparing the training");
         let started = Instant::now();
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         gpu.warm_up()?;
+        if self.resumed.is_none() {
+            let evidence = ibgs_train::settle_exposure(&raster, &dataset, &mut config)?;
+            evidence.into_iter().for_each(|evidence| stderr!("{evidence}"));
+        }
         let mut trainer = match (&self.resumed, start) {
             (Some(checkpoint), _) => Trainer::resume(raster.clone(), &dataset, checkpoint)?,
             (None, Some(start)) => {
@@ -160,8 +168,10 @@ impl Plan {
             }
             _ => self.create_output(&config, &dataset)?,
         };
+        let cameras: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
+        let shown = shown_by_any(&cameras, dataset.points.par_iter().map(|point| point.position));
         stderr!(
-            "{} training views, {} test views, {} initial points, {} iterations; writing to {}",
+            "{} training views, {} test views, {} initial points ({shown} within the training views), {} iterations; writing to {}",
             dataset.train.len(),
             dataset.test.len(),
             dataset.points.len(),
@@ -238,6 +248,7 @@ fn refuse_scene_options(data: &DataConfig) -> Result<()> {
         ("--masks", data.masks != usual.masks),
         ("--alpha", data.alpha != usual.alpha),
         ("--color-space", data.color_space != usual.color_space),
+        ("--initial-points", data.initial_points != usual.initial_points),
         ("--filter-points", data.filter_points != usual.filter_points),
         ("data.split", data.split != usual.split),
         ("data.extent", data.extent != usual.extent),

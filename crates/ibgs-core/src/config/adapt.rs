@@ -1,7 +1,8 @@
 //! Options that follow from the training photos.
 
 use super::schedule::REFERENCE_ITERATIONS;
-use super::{DensifyConfig, Strategy, TrainConfig};
+use super::{Background, DensifyConfig, Strategy, TrainConfig};
+use crate::dataset::Dataset;
 
 /// Iterations of the default strategy at full rates.
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
@@ -23,6 +24,17 @@ impl DensifyConfig {
 }
 
 impl TrainConfig {
+    /// Sets the options that depend on the scene, unless they are given: what its photos' alpha means, the background, and those of
+    /// [`adapt_to_photos`](Self::adapt_to_photos).
+    pub fn adapt_to(&mut self, dataset: &Dataset) {
+        if let Some((alpha, color)) = dataset.backdrop {
+            self.data.alpha = self.data.alpha.or(alpha.is_cover().then_some(alpha));
+            self.background.get_or_insert(Background::Color(color));
+        }
+        let pixels = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels() as u64).sum();
+        self.adapt_to_photos(dataset.train.len(), pixels);
+    }
+
     /// Sets the options that depend on the training photos, unless they are given: the number of iterations, the cap on
     /// Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
     ///

@@ -120,6 +120,7 @@ impl TrainConfig {
             "surface.",
             &[
                 ("normal-weight", self.surface.normal_weight, Range::NotNegative),
+                ("normal-bend", self.surface.normal_bend, Range::NotNegative),
                 ("photometric-weight", self.surface.photometric_weight, Range::NotNegative),
             ],
         )?;
@@ -239,6 +240,7 @@ fn check_residual(residual: &ResidualConfig, check: &Check<'_>) -> Result<(), Co
         &[
             ("burn-in-gain", residual.burn_in_gain, Range::Unit),
             ("dropout", residual.dropout, Range::Decay),
+            ("dropout-until", residual.dropout_until.unwrap_or(1.0), Range::Unit),
             ("source-share", residual.source_share, Range::Unit),
             ("learning-rate", residual.learning_rate, Range::Positive),
             ("beta1", residual.beta1, Range::Decay),
@@ -252,7 +254,6 @@ fn check_exposure(exposure: &ExposureConfig, check: &Check<'_>) -> Result<(), Co
     check.numbers(
         "exposure.",
         &[
-            ("least-spread", exposure.least_spread, Range::NotNegative),
             ("learning-rate", exposure.learning_rate, Range::Positive),
             ("final-learning-rate", exposure.final_learning_rate, Range::Positive),
             ("beta1", exposure.beta1, Range::Decay),

@@ -1,6 +1,6 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
-use crate::dataset::{Masks, PrincipalPoint, Resampler, Resolution};
+use crate::dataset::{InitialPoints, Masks, PrincipalPoint, Resampler, Resolution};
 use crate::sources::memory::MemoryBudget;
 
 use super::schedule::REFERENCE_ITERATIONS;
@@ -20,7 +20,7 @@ impl Default for TrainConfig {
             deterministic: false,
             sh_degree: None,
             sh_interval: None,
-            white_background: false,
+            background: None,
             ssim_weight: 0.2,
             initial_opacity: None,
             initial_scale: None,
@@ -60,6 +60,11 @@ impl TrainConfig {
         self.sh_degree.unwrap_or(if self.method == Method::Gs3 { 3 } else { 2 })
     }
 
+    /// Part of the run after which no Gaussian is left out any more: an object's base then gains more than its final image loses.
+    pub fn dropout_until(&self) -> f64 {
+        self.residual.dropout_until.unwrap_or(if self.shows_object() { 0.85 } else { 1.0 })
+    }
+
     /// Share of the coefficients beyond the constant that each iteration removes, times their rate.
     pub fn sh_rest_decay(&self) -> f64 {
         self.learning_rates.sh_rest_decay.unwrap_or(if self.method == Method::Gs3 { 1.0 } else { 0.0 })
@@ -88,6 +93,7 @@ impl Default for DataConfig {
             color_space: None,
             filter_points: false,
             extent: None,
+            initial_points: InitialPoints::Auto,
             random_points: 100_000,
             host_memory: MemoryBudget::Auto,
             demo_exposure_seed: None,

@@ -4,7 +4,7 @@ mod stages;
 
 pub use stages::Stages;
 
-use super::{DensifyConfig, Strategy, TrainConfig};
+use super::{Background, DensifyConfig, Strategy, TrainConfig};
 
 /// Length of the run that the reference milestones belong to.
 pub const REFERENCE_ITERATIONS: u32 = 30_000;
@@ -71,8 +71,6 @@ pub struct Schedule {
     pub save_iterations: Vec<u32>,
     /// Exposures are learned after this iteration.
     pub exposure_start: u32,
-    /// `auto` decides after this iteration whether they stay corrected.
-    pub exposure_decision: u32,
     /// Learning rates of the exposures at the start and at the end.
     pub exposure_lr: [f64; 2],
     /// Milestones of the image-based stages; none for plain splatting.
@@ -138,13 +136,12 @@ impl Schedule {
             rounds_end: if densify.strategy == Strategy::Default && !warm { n_iterations } else { densify_end },
             densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(interval)),
             opacity_reset_interval: reset_interval,
-            white_reset: config.white_background.then_some(densify_start),
+            white_reset: (config.background == Some(Background::WHITE)).then_some(densify_start),
             prune_large_after: densify.prune_scale_after.unwrap_or(reset_interval),
             eval_every: config.eval_every,
             eval_iterations: reports(&config.eval_iterations),
             save_iterations: reports(&config.save_iterations),
             exposure_start: exposure.from.unwrap_or_else(|| scaled(1_000)),
-            exposure_decision: exposure.decided_at.unwrap_or_else(|| scaled(10_000)),
             exposure_lr: [exposure.learning_rate, exposure.final_learning_rate].map(|rate| factor * rate),
             stages: Stages::new(config, n_iterations, scaled),
         }
@@ -390,14 +387,14 @@ mod tests {
         let s = schedule(3_000);
         assert_eq!(kept(&s, 3_000)[..5], [320, 340, 360, 380, 620]);
         assert!(s.prune_transparent(300) && s.prune_transparent(400));
-        let white = TrainConfig { white_background: true, ..published() };
+        let white = TrainConfig { background: Some(Background::WHITE), ..published() };
         assert!(kept(&Schedule::new(&white, 30_000), 30_000).is_empty());
         assert_eq!(kept(&Schedule::new(&white, 3_000), 3_000)[..5], [60, 80, 100, 120, 140]);
     }
 
     #[test]
     fn the_default_has_rounds_to_the_end_and_resets_nothing() {
-        let config = TrainConfig { white_background: true, ..TrainConfig::default() };
+        let config = TrainConfig { background: Some(Background::WHITE), ..TrainConfig::default() };
         let s = Schedule::new(&config, 30_000);
         assert!(times(30_000, |i| s.reset_opacity_at(i)).is_empty());
         let rounds = times(30_000, |i| s.densify_at(i));
@@ -415,7 +412,7 @@ mod tests {
 
     #[test]
     fn mcmc_goes_on_longer_and_resets_nothing() {
-        let mut config = TrainConfig { white_background: true, ..TrainConfig::default() };
+        let mut config = TrainConfig { background: Some(Background::WHITE), ..TrainConfig::default() };
         config.densify.strategy = Strategy::Mcmc;
         let s = Schedule::new(&config, 30_000);
         assert!(times(30_000, |i| s.reset_opacity_at(i) || s.observes(i)).is_empty());
@@ -425,7 +422,7 @@ mod tests {
 
     #[test]
     fn white_background_resets_once_more() {
-        let config = TrainConfig { white_background: true, ..published() };
+        let config = TrainConfig { background: Some(Background::WHITE), ..published() };
         let s = Schedule::new(&config, 30_000);
         assert_eq!(times(30_000, |i| s.reset_opacity_at(i)), [500, 3_000, 6_000, 9_000, 12_000]);
     }

@@ -17,6 +17,9 @@ pub struct SurfaceConfig {
     pub normal_from: Option<u32>,
     /// Weight of the normal loss (published: 0.03).
     pub normal_weight: f64,
+    /// The normal loss counts where a surface turns by at most this many pixel widths from one pixel to the next, and compares
+    /// directions there; 0: everywhere, and by length too, as published. A departure from method.md.
+    pub normal_bend: f64,
     /// Weight of the photometric loss (published: 0.3).
     pub photometric_weight: f64,
     /// The photometric loss is part of every N-th iteration, with N times its weight (published: 1).
@@ -66,6 +69,8 @@ pub struct ResidualConfig {
     /// Share of the Gaussians that each iteration of the residual leaves out at random, 0 to below 1, so that the base errs in
     /// training as it does on views it was not trained on; 0: none, as published. A departure from method.md.
     pub dropout: f64,
+    /// Part of the run after which none are left out any more; unset: 1, and 0.85 where the photos show an object.
+    pub dropout_until: Option<f64>,
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's; unset: 1.
     pub factor: Option<f64>,
     /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
@@ -90,7 +95,7 @@ pub enum ExposureSwitch {
     Off,
     /// In the whole run.
     On,
-    /// As long as they differ, see [`ExposureConfig::least_spread`].
+    /// In the whole run, where a trial with photos left out says that it helps.
     #[default]
     Auto,
 }
@@ -137,10 +142,6 @@ pub struct ExposureConfig {
     /// Exposures are learned after this iteration; unset: 1000, scaled.
     #[serde(alias = "scalars-from")]
     pub from: Option<u32>,
-    /// `auto` decides after this iteration; unset: 10000, scaled.
-    pub decided_at: Option<u32>,
-    /// With `auto` exposures stay corrected where the root mean square of the photos' log gains is at least this.
-    pub least_spread: f64,
     /// Learning rate at the start.
     pub learning_rate: f64,
     /// Learning rate at the end; it falls evenly in its logarithm.
@@ -172,6 +173,7 @@ impl Default for SurfaceConfig {
             start: None,
             normal_from: None,
             normal_weight: 0.01,
+            normal_bend: 2.0,
             photometric_weight: 0.05,
             photometric_every: 4,
             depth_memory: MemoryBudget::Unlimited,
@@ -193,6 +195,7 @@ impl Default for ResidualConfig {
             beta2: 0.999,
             epsilon: 1e-8,
             dropout: 0.1,
+            dropout_until: None,
             factor: None,
             precision: Precision::Auto,
             inputs: NetworkInputs::Differences,
@@ -208,8 +211,6 @@ impl Default for ExposureConfig {
         Self {
             enabled: ExposureSwitch::Auto,
             from: None,
-            decided_at: None,
-            least_spread: 0.02,
             learning_rate: 1e-2,
             final_learning_rate: 1e-3,
             beta1: 0.9,

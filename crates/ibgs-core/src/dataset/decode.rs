@@ -1,7 +1,7 @@
 //! From a photo's file to 8-bit RGBA: decoding, colour space, alpha, masks.
 
 use super::error::{DatasetError, read_bytes};
-use super::{Alpha, ColorSpace, LoadOptions, Photo};
+use super::{ColorSpace, LoadOptions, Photo};
 use crate::image_io;
 use exr::meta::MetaData;
 use exr::prelude::{ReadChannels, ReadLayers, RgbaChannels, Vec2, read};
@@ -84,30 +84,28 @@ pub fn decode_photo(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<
 pub(crate) fn decode(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<RgbaImage, DatasetError> {
     let (image, usual) = decode_any(path, bytes)?;
     let linear = options.color_space.unwrap_or(usual) == ColorSpace::Linear;
-    let composite = options.alpha == Some(Alpha::Composite) && image.color().has_alpha();
-    if !linear && !composite {
+    if !linear {
         // Rounds to the nearest of 256 levels, also from 16 bits and floats.
         return Ok(image.into_rgba8());
     }
     let mut image = image.into_rgba32f();
-    for Rgba([r, g, b, a]) in image.pixels_mut() {
-        for (color, background) in [r, g, b].into_iter().zip(options.background) {
-            if linear {
-                *color = srgb(*color);
-            }
-            if composite {
-                *color = *color * *a + f32::from(background) / 255.0 * (1.0 - *a);
-            }
-        }
-        if composite {
-            *a = 1.0;
-        }
+    for Rgba([r, g, b, _]) in image.pixels_mut() {
+        [r, g, b].into_iter().for_each(|color| *color = srgb(*color));
     }
     Ok(DynamicImage::from(image).into_rgba8())
 }
 
-/// Lowers alpha to the mask's brightness (white keeps, black drops); masks of another size are resized.
-pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), DatasetError> {
+/// What a mask does to the alpha of the pixels that it drops.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Drops {
+    /// Lowers it to the mask's brightness.
+    ByBrightness,
+    /// Sets it to 0 where the mask is darker than one half: there is no photo.
+    Photo,
+}
+
+/// Lowers alpha where a mask is dark (white keeps, black drops); masks of another size are resized.
+pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path, drops: Drops) -> Result<(), DatasetError> {
     let mask = decode_any(path, &read_bytes(path)?)?.0.into_luma8();
     let (width, height) = photo.dimensions();
     let mask = if mask.dimensions() == (width, height) {
@@ -116,7 +114,11 @@ pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path) -> Result<(), Datas
         imageops::resize(&mask, width, height, FilterType::Triangle)
     };
     for (pixel, keep) in photo.pixels_mut().zip(mask.pixels()) {
-        pixel.0[3] = pixel.0[3].min(keep.0[0]);
+        match drops {
+            Drops::ByBrightness => pixel.0[3] = pixel.0[3].min(keep.0[0]),
+            Drops::Photo if keep.0[0] < 128 => pixel.0[3] = 0,
+            Drops::Photo => {}
+        }
     }
     Ok(())
 }

@@ -32,6 +32,12 @@ pub enum DatasetError {
         /// Names of the files.
         files: Vec<String>,
     },
+    /// The photos lie on no one colour.
+    #[error("the photos of {} do not lie on one colour, so `data.alpha` cannot be `keyed`; leave it out", path.display())]
+    NoBackdrop {
+        /// The file that lists the photos.
+        path: PathBuf,
+    },
     /// The photo folder is absent.
     #[error("photo folder {} does not exist", path.display())]
     NoPhotoFolder {

@@ -1,11 +1,14 @@
 //! Posed photos from disk or from the built-in demo scene. Uses no GPU code.
 
 mod archive;
+mod backdrop;
 mod colmap;
 mod decode;
 pub mod demo;
 mod error;
+mod fit;
 mod host;
+mod hull;
 mod info;
 mod lens;
 mod names;
@@ -23,9 +26,10 @@ pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
+pub use fit::{shown_by_any, unrelated_colors};
 pub use host::HostPhoto;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
-pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
+pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub(crate) use photos::resample;
 pub use reality_capture::check_reality_capture;
 pub use shown::shown;
@@ -47,8 +51,8 @@ use std::sync::Arc;
 /// Alpha where the photo of an object shows nothing.
 pub const ALPHA_EMPTY: u8 = ibgs_shaders::ALPHA_EMPTY as u8;
 
-/// An 8-bit photo, RGBA, row by row, sRGB values as stored in the file. Alpha 255 where the photo is valid; with
-/// [`Masks::Object`] it says how much of a pixel the object covers, from [`ALPHA_EMPTY`] to 255, and 0 is outside of the lens.
+/// An 8-bit photo, RGBA, row by row, sRGB values as stored in the file. Alpha 255 where the photo is valid; where the photos show an
+/// object with nothing around it, it says how much of a pixel the object covers, from [`ALPHA_EMPTY`] to 255, and 0 is outside of the lens.
 #[derive(Clone, Debug)]
 pub struct Photo {
     /// Width in pixels.
@@ -108,6 +112,22 @@ impl Point {
     }
 }
 
+/// Where initial points are from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PointsFrom {
+    /// The scene's files.
+    #[default]
+    Scene,
+    /// The visual hull of an object.
+    Hull,
+    /// The depths that photos agree on.
+    Photos,
+    /// Random ones stand in: nothing was asked of the photos yet.
+    Chance,
+    /// Random ones were asked for.
+    Random,
+}
+
 /// A loaded scene in its own coordinates: views sorted by name, split, initial points.
 #[derive(Clone, Debug)]
 pub struct Dataset {
@@ -121,8 +141,12 @@ pub struct Dataset {
     pub test: Vec<usize>,
     /// Initial points (never empty: random points stand in, and `notes` says so).
     pub points: Vec<Point>,
+    /// Where these are from.
+    pub points_from: PointsFrom,
     /// Extent of the cameras in scene units, where it is given and not to be that of all views.
     pub extent: Option<f64>,
+    /// What the photos' alpha means, where they show an object with nothing around it, and the colour to show it on.
+    pub backdrop: Option<(Alpha, [u8; 3])>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
     pub notes: Vec<String>,
 }
@@ -133,6 +157,17 @@ impl Dataset {
     pub fn space(&self) -> LocalSpace {
         let cameras = self.views.iter().map(|view| &view.camera);
         LocalSpace::of_scene(cameras, self.points.iter().map(|point| point.position)).with_extent(self.extent)
+    }
+
+    /// The scene with some of its views, all of which train, and their photos made smaller: the longer side has at most `longest`
+    /// pixels.
+    ///
+    /// # Errors
+    /// A photo that cannot be decoded again.
+    pub fn reduced(&self, views: &[usize], longest: u32) -> Result<Self, DatasetError> {
+        let reduced = |&view: &usize| photos::reduced(&self.views[view], longest);
+        let some = views.par_iter().map(reduced).collect::<Result<Vec<_>, DatasetError>>()?;
+        Ok(Self { train: (0..some.len()).collect(), test: Vec::new(), views: some, ..self.clone() })
     }
 
     /// CRC-32 of what a training sees: names, cameras and photos of the training and the held-out views.
@@ -300,8 +335,10 @@ fn load_folder(
         train: Vec::new(),
         test: Vec::new(),
         points: Vec::new(),
+        points_from: PointsFrom::Scene,
         extent: options.extent,
-        notes: scene.notes,
+        backdrop: None,
+        notes: std::mem::take(&mut scene.notes),
     };
     if !scene.missing.is_empty() {
         dataset.notes.push(missing_note(&scene.missing, scene.frames.len()));
@@ -312,15 +349,39 @@ fn load_folder(
     if let Some(split) = &options.split {
         split::keep_named(&mut scene.frames, split)?;
     }
-    let usual = match (scene.kind, options.masks) {
-        (SceneKind::Blender, Masks::Ignore) => Alpha::Composite,
-        _ => Alpha::Mask,
-    };
-    let options = &LoadOptions { alpha: options.alpha.or(Some(usual)), ..options.clone() };
+    let (alpha, color) = meaning_of_alpha(&scene, options)?;
+    let is_object = alpha.is_cover() || (scene.kind == SceneKind::Blender && options.masks == Masks::Object);
+    dataset.backdrop = is_object.then_some((alpha, color));
+    let options = &LoadOptions { alpha: Some(alpha), ..options.clone() };
+    if alpha == Alpha::Keyed {
+        // Held-out photos stay as they are: figures compare with them.
+        let names: Vec<String> = scene.frames.iter().map(|frame| frame.name.clone()).collect();
+        let split = split::divided(&names, scene.split.clone(), root, options)?;
+        split.train.iter().for_each(|&view| scene.frames[view].key = Some(color));
+    }
     photos::load_views(scene.frames, (options, archive), progress, &mut dataset)?;
     split::split(&mut dataset, scene.split, root, options)?;
     points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;
     Ok(dataset)
+}
+
+/// What the photos' alpha means, and the colour that an object is shown on: of Blender scenes white, as figures of this field are
+/// measured.
+fn meaning_of_alpha(scene: &Scene, options: &LoadOptions) -> Result<(Alpha, [u8; 3]), DatasetError> {
+    let usual = if scene.kind == SceneKind::Blender { [255; 3] } else { [0; 3] };
+    Ok(match (options.alpha, options.masks) {
+        (Some(alpha @ (Alpha::Mask | Alpha::Composite)), _) => (alpha, usual),
+        (None, Masks::Object) => (Alpha::Mask, usual),
+        (None, Masks::Ignore) if scene.kind == SceneKind::Blender => (Alpha::Composite, usual),
+        (given, _) => match (backdrop::detect(&scene.frames, options)?, given) {
+            (Some(color), _) => (Alpha::Keyed, color),
+            (None, None) => (Alpha::Mask, usual),
+            (None, Some(_)) => {
+                let path = scene.listing.clone();
+                return Err(DatasetError::NoBackdrop { path });
+            }
+        },
+    })
 }
 
 /// Reads a scene's metadata, without its photos.

@@ -264,7 +264,7 @@ impl Reading<'_> {
             .map_err(|problem| DatasetError::Intrinsics { path: path.to_owned(), camera, problem })?;
         let mask = mask(self.root, frame, &name, path, index)?;
         let name = with_extension(name, &photo);
-        self.frames.push(ListedPhoto { name: name.clone(), photo, mask, lens, pose, prescaled });
+        self.frames.push(ListedPhoto { name: name.clone(), photo, mask, lens, pose, prescaled, key: None });
         Ok(Some(name))
     }
 }

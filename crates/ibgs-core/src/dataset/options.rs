@@ -151,8 +151,18 @@ impl fmt::Display for Resampler {
 pub enum Alpha {
     /// Pixels under one half are masked: they leave losses and metrics, and no other view reads them.
     Mask,
-    /// The photo lies over the background colour.
+    /// The photo lies over the background: alpha says how much of a pixel it covers.
     Composite,
+    /// The photo has no alpha and lies on one colour, as other programs cut objects out: what of that colour touches the edge of
+    /// the photo is empty.
+    Keyed,
+}
+
+impl Alpha {
+    /// Whether it says how much of each pixel an object covers, with nothing around it.
+    pub fn is_cover(self) -> bool {
+        self != Alpha::Mask
+    }
 }
 
 impl FromStr for Alpha {
@@ -162,10 +172,11 @@ impl FromStr for Alpha {
         match text.trim() {
             "mask" => Ok(Alpha::Mask),
             "composite" => Ok(Alpha::Composite),
+            "keyed" => Ok(Alpha::Keyed),
             _ => Err(DatasetError::Option {
                 option: "data.alpha",
                 value: text.to_owned(),
-                allowed: "`mask` or `composite`",
+                allowed: "`mask`, `composite` or `keyed`",
             }),
         }
     }
@@ -193,6 +204,40 @@ impl FromStr for Masks {
                 option: "data.masks",
                 value: text.to_owned(),
                 allowed: "`ignore` or `object`",
+            }),
+        }
+    }
+}
+
+/// What a training begins with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum InitialPoints {
+    /// The scene's own points and, unless the photos show an object, those found in the photos; where it has none, as with `Photos`.
+    #[default]
+    Auto,
+    /// The scene's own points alone; where it has none, as with `Photos`.
+    Scene,
+    /// Points found in the photos: in the visual hull of an object, else where photos agree on a depth; random ones where too few
+    /// are found.
+    Photos,
+    /// Random points in front of the cameras.
+    Random,
+}
+
+impl FromStr for InitialPoints {
+    type Err = DatasetError;
+
+    fn from_str(text: &str) -> Result<Self, DatasetError> {
+        match text.trim() {
+            "auto" => Ok(InitialPoints::Auto),
+            "scene" => Ok(InitialPoints::Scene),
+            "photos" => Ok(InitialPoints::Photos),
+            "random" => Ok(InitialPoints::Random),
+            _ => Err(DatasetError::Option {
+                option: "data.initial-points",
+                value: text.to_owned(),
+                allowed: "`auto`, `scene`, `photos` or `random`",
             }),
         }
     }
@@ -247,10 +292,9 @@ pub struct LoadOptions {
     pub principal_point: PrincipalPoint,
     /// What lies outside of the masks.
     pub masks: Masks,
-    /// What the photos' alpha means; unset: `Composite` in Blender scenes, `Mask` in others and with [`Masks::Object`].
+    /// What the photos' alpha means; unset: `Composite` in Blender scenes, `Keyed` where all photos lie on one colour, else
+    /// `Mask`, and always with [`Masks::Object`].
     pub alpha: Option<Alpha>,
-    /// Colour under photos with [`Alpha::Composite`].
-    pub background: [u8; 3],
     /// What the photos' values mean; unset: `Linear` in EXR files, `Srgb` in others.
     pub color_space: Option<ColorSpace>,
     /// Leaves out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images (method.md
@@ -258,6 +302,8 @@ pub struct LoadOptions {
     pub filter_points: bool,
     /// [`Dataset::extent`](super::Dataset::extent).
     pub extent: Option<f64>,
+    /// What a training begins with.
+    pub initial_points: InitialPoints,
     /// Seed of the random points.
     pub seed: u64,
     /// Number of random points where the scene has none.
@@ -279,10 +325,10 @@ impl Default for LoadOptions {
             principal_point: PrincipalPoint::True,
             masks: Masks::Ignore,
             alpha: None,
-            background: [0; 3],
             color_space: None,
             filter_points: false,
             extent: None,
+            initial_points: InitialPoints::Auto,
             seed: 0,
             random_points: 100_000,
             host_memory: None,
@@ -291,6 +337,11 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
+    /// Whether the photos show an object with nothing around it.
+    pub(crate) fn shows_object(&self) -> bool {
+        self.masks == Masks::Object || self.alpha.is_some_and(Alpha::is_cover)
+    }
+
     /// Refuses values that no scene can be loaded with.
     pub(crate) fn check(&self) -> Result<(), DatasetError> {
         let refuse = |option, value: String, allowed| Err(DatasetError::Option { option, value, allowed });
@@ -300,8 +351,9 @@ impl LoadOptions {
                 refuse("data.max-resolution", "0".into(), "at least 1 pixel")
             }
             LoadOptions { eval_split_every: 0, .. } => refuse("data.eval-split-every", "0".into(), "at least 2"),
-            LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), .. } => {
-                refuse("data.alpha", "composite".into(), "`mask` where `data.masks` is `object`, or leave it out")
+            LoadOptions { masks: Masks::Object, alpha: Some(alpha), .. } if alpha.is_cover() => {
+                let alpha = if *alpha == Alpha::Keyed { "keyed" } else { "composite" };
+                refuse("data.alpha", alpha.into(), "`mask` where `data.masks` is `object`, or leave it out")
             }
             LoadOptions { random_points: 0, .. } => refuse("data.random-points", "0".into(), "at least 1"),
             LoadOptions { images: Some(folder), .. } if super::names::clean_folder(folder).is_none() => refuse(

@@ -1,7 +1,8 @@
 //! Finding, loading and resampling photos.
 
 use super::archive::Unpacked;
-use super::decode::{apply_mask, decode, photo_size};
+use super::backdrop;
+use super::decode::{Drops, apply_mask, decode, photo_size};
 use super::error::{DatasetError, read_bytes};
 use super::host::Shelf;
 use super::lens::{Lens, Pose};
@@ -28,6 +29,28 @@ pub(crate) struct ListedPhoto {
     pub pose: Pose,
     /// The photo comes from a folder such as `images_4`: the resolution factor is done already.
     pub prescaled: bool,
+    /// The colour that it lies on, where that is to become empty.
+    pub key: Option<[u8; 3]>,
+}
+
+/// A view with its photo made smaller, so that its longer side has at most `longest` pixels.
+///
+/// # Errors
+/// It cannot be decoded again.
+pub(super) fn reduced(view: &View, longest: u32) -> Result<View, DatasetError> {
+    let photo = view.photo.pixels()?;
+    let scale = f64::from(longest) / f64::from(photo.width.max(photo.height));
+    if scale >= 1.0 {
+        return Ok(View { photo: photo.into(), ..view.clone() });
+    }
+    let [width, height] = [photo.width, photo.height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    let image = to_image(Photo::clone(&photo), Path::new(&view.name))?;
+    let rgba = resample(image, width, height, Resampler::Bicubic).into_raw();
+    Ok(View {
+        name: view.name.clone(),
+        camera: view.camera.resized(width, height),
+        photo: Photo { width, height, rgba }.into(),
+    })
 }
 
 /// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
@@ -100,6 +123,13 @@ fn mark_empty(photo: &mut RgbaImage, outside: Option<&GrayImage>) {
     }
 }
 
+/// The alpha of a pixel that is covered by this part, of 255, so that 0 is left for where there is no photo.
+fn cover_alpha(part: u8) -> u8 {
+    let full = u32::from(u8::MAX - ALPHA_EMPTY);
+    let rounded = (2 * u32::from(part) * full + 255) / 510;
+    ALPHA_EMPTY + rounded as u8
+}
+
 /// What happened to a photo while it was loaded.
 struct Loaded {
     name: String,
@@ -118,8 +148,14 @@ struct Loaded {
 
 fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo), DatasetError> {
     let mut image = decode(&frame.photo, &read_bytes(&frame.photo)?, options)?;
+    let is_cover = options.masks == Masks::Ignore && options.shows_object();
+    if let Some(color) = frame.key {
+        backdrop::key(&mut image, color);
+    } else if is_cover {
+        image.pixels_mut().for_each(|pixel| pixel.0[3] = cover_alpha(pixel.0[3]));
+    }
     if let Some(mask) = &frame.mask {
-        apply_mask(&mut image, mask)?;
+        apply_mask(&mut image, mask, if is_cover { Drops::Photo } else { Drops::ByBrightness })?;
     }
     let (width, height) = image.dimensions();
     let camera_size = [frame.lens.width, frame.lens.height];
@@ -145,7 +181,7 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo
     if options.masks == Masks::Object {
         mark_empty(&mut image, outside.as_ref());
     }
-    let has_outside = options.masks == Masks::Object && image.pixels().any(|pixel| (1..u8::MAX).contains(&pixel.0[3]));
+    let has_outside = options.shows_object() && image.pixels().any(|pixel| (1..u8::MAX).contains(&pixel.0[3]));
     let photo = Photo { width, height, rgba: image.into_raw() };
     let (prescaled, masked) = (frame.prescaled, frame.mask.is_some());
     let fisheye = lens.is_fisheye().then(|| lens.field_of_view());
@@ -222,20 +258,27 @@ pub(crate) fn load_views(
     progress.end();
     let loaded = loaded.into_iter().flatten().collect::<Result<Vec<Loaded>, _>>()?;
     add_notes(&loaded, &mut dataset.notes);
-    if options.alpha == Some(Alpha::Composite) {
-        let [r, g, b] = options.background;
-        dataset.notes.push(format!("transparent pixels lie over the background colour ({r}, {g}, {b})"));
-    }
-    if options.masks == Masks::Object {
-        let masked = loaded.iter().filter(|one| one.has_outside).count();
-        dataset.notes.push(match masked {
-            0 => "no photo has a mask or transparent pixels: masks of an object change nothing".to_owned(),
-            _ => format!("{} of an object: outside of the masks there is nothing", photos(masked)),
-        });
-    }
+    dataset.notes.extend(object_note(&loaded, options));
     let views = loaded.into_iter().zip(shelf.into_photos());
     dataset.views.extend(views.map(|(Loaded { name, camera, .. }, photo)| View { name, camera, photo }));
     Ok(())
+}
+
+fn object_note(loaded: &[Loaded], options: &LoadOptions) -> Option<String> {
+    if !options.shows_object() {
+        return None;
+    }
+    let emptied = photos(loaded.iter().filter(|one| one.has_outside).count());
+    Some(match options.alpha {
+        _ if !loaded.iter().any(|one| one.has_outside) => {
+            "no photo has a mask or transparent pixels: masks of an object change nothing".to_owned()
+        }
+        Some(Alpha::Composite) => format!("{emptied} of an object: transparent pixels are empty, over the background"),
+        Some(Alpha::Keyed) => {
+            format!("{emptied} of an object on one colour: what of that colour touches the edge is empty")
+        }
+        _ => format!("{emptied} of an object: outside of the masks there is nothing"),
+    })
 }
 
 /// `1 photo`, `2 photos`.

@@ -2,7 +2,7 @@
 
 use super::error::{DatasetError, read_bytes};
 use super::points_ply;
-use super::{Alpha, Dataset, HostPhoto, LoadOptions, Masks, Point, View, shown};
+use super::{Dataset, HostPhoto, InitialPoints, LoadOptions, Point, PointsFrom, View, hull, shown};
 use crate::camera::scene_extent;
 use crate::local_space::LocalSpace;
 use glam::{DVec2, DVec3};
@@ -52,7 +52,10 @@ pub(crate) fn fill(
     root: &Path,
     options: &LoadOptions,
 ) -> Result<(), DatasetError> {
-    let (mut points, path) = own(model, files, root)?;
+    let (mut points, path) = match options.initial_points {
+        InitialPoints::Auto | InitialPoints::Scene => own(model, files, root)?,
+        InitialPoints::Photos | InitialPoints::Random => (Vec::new(), None),
+    };
     if let Some(path) = path {
         dataset.notes.push(format!("{} initial points from {}", points.len(), path.display()));
     }
@@ -70,12 +73,15 @@ pub(crate) fn fill(
         keep_shown(&mut points, dataset);
     }
     if points.is_empty() {
-        points = random(&dataset.views, options)?;
-        dataset.notes.push(format!(
-            "the scene has no initial points: {} random ones stand in (seed {})",
-            points.len(),
-            options.seed
-        ));
+        (points, dataset.points_from) = made(dataset, options)?;
+        let count = points.len();
+        let how =
+            if dataset.points_from == PointsFrom::Hull { "in the visual hull of the object" } else { "random ones" };
+        let why = match options.initial_points {
+            InitialPoints::Auto | InitialPoints::Scene => "the scene has no initial points",
+            _ => "the scene's own points are not used",
+        };
+        dataset.notes.push(format!("{why}: {count} {how} stand in (seed {})", options.seed));
     }
     dataset.points = points;
     Ok(())
@@ -94,6 +100,21 @@ fn keep_shown(points: &mut Vec<Point>, dataset: &Dataset) {
     points.retain(|_| seen.next().is_some_and(AtomicBool::into_inner));
 }
 
+/// Points of a scene that has none, and what they are: in the visual hull of an object, else random ones.
+fn made(dataset: &Dataset, options: &LoadOptions) -> Result<(Vec<Point>, PointsFrom), DatasetError> {
+    if options.initial_points == InitialPoints::Random {
+        return Ok((random(&dataset.views, options)?, PointsFrom::Random));
+    }
+    if options.shows_object() {
+        let views: Vec<&View> = dataset.train.iter().map(|&view| &dataset.views[view]).collect();
+        let points = hull::points(&views, options.random_points, options.seed)?;
+        if !points.is_empty() {
+            return Ok((points, PointsFrom::Hull));
+        }
+    }
+    Ok((random(&dataset.views, options)?, PointsFrom::Chance))
+}
+
 /// Depths of random points, in scene extents: near enough for a camera ring that looks inward (its subject lies
 /// at about 1), far enough for a small forward-facing rig.
 const DEPTHS: [f64; 2] = [0.3, 30.0];
@@ -110,10 +131,8 @@ fn random(views: &[View], options: &LoadOptions) -> Result<Vec<Point>, DatasetEr
     }
     let (_, extent) = scene_extent(views.iter().map(|view| &view.camera));
     let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
-    let background = (options.alpha == Some(Alpha::Composite)).then_some(options.background);
-    let one_thing = background.is_some() || options.masks == Masks::Object;
-    let [near, far] = if one_thing { DEPTHS_OF_ONE_THING } else { DEPTHS };
-    let shows = |[r, g, b, a]: [u8; 4]| a >= 128 && Some([r, g, b]) != background;
+    let [near, far] = if options.shows_object() { DEPTHS_OF_ONE_THING } else { DEPTHS };
+    let shows = |[_, _, _, a]: [u8; 4]| a >= 128;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     // View by view: photos may have to be decoded again.
     let mut of_view = vec![0; views.len()];

@@ -254,7 +254,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         let lens = row.lens(photo_size(&photo)?);
         let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
         let mask = find_mask(&root, &name);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
+        frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
     }
     let main = folders.main();
     let beside = if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders };

@@ -2,8 +2,8 @@
 
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
 use crate::camera::Camera;
-use crate::config::TrainConfig;
-use crate::dataset::{Dataset, DatasetError, HostPhoto, Masks, Photo, Resolution, View, demo};
+use crate::config::{Background, TrainConfig};
+use crate::dataset::{Dataset, DatasetError, HostPhoto, Photo, Resolution, View, demo};
 use crate::gpu::{Gpu, GpuError};
 use crate::output::cameras::Split;
 use crate::output::pictures::{Output, Place};
@@ -21,9 +21,9 @@ const NAMED: usize = 5;
 /// It cannot be decoded again.
 pub fn compared(view: &View, config: &TrainConfig) -> Result<Arc<Photo>, DatasetError> {
     let photo = view.photo.pixels()?;
-    Ok(match config.data.masks {
-        Masks::Ignore => photo,
-        Masks::Object => Arc::new(photo.over(config.background())),
+    Ok(match config.shows_object() {
+        false => photo,
+        true => Arc::new(photo.over(config.background())),
     })
 }
 
@@ -174,12 +174,10 @@ pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol 
         factor: config.data.resolution.to_string(),
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.to_string(),
-        masks: match (config.data.masks, config.white_background) {
-            (Masks::Ignore, _) => "ignore",
-            (Masks::Object, false) => "object, photos over black",
-            (Masks::Object, true) => "object, photos over white",
-        }
-        .to_owned(),
+        masks: match config.shows_object() {
+            false => "ignore".to_owned(),
+            true => format!("object, photos over {}", config.background.unwrap_or(Background::BLACK)),
+        },
         device: gpu.describe(),
         lpips: None,
     }

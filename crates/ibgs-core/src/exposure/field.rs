@@ -86,7 +86,8 @@ impl ExposureField {
 
     /// Root mean square of the photos' log gains: how much they differ, as a part of their brightness.
     pub fn spread(&self) -> f64 {
-        spread(&self.photos)
+        let squares: f64 = self.photos.iter().flat_map(|photo| photo.log_gain).map(|v| f64::from(v).powi(2)).sum();
+        (squares / (3 * self.photos.len()).max(1) as f64).sqrt()
     }
 
     /// Mean of the exposures of all photos but one, weighted by position and direction.
@@ -105,12 +106,6 @@ impl ExposureField {
         let [log_gain, offset] = sum.map(|sum| sum.map(|v| if weights > 0.0 { (v / weights) as f32 } else { 0.0 }));
         Exposure { log_gain, offset }
     }
-}
-
-/// Root mean square of log gains.
-pub fn spread(photos: &[Exposure]) -> f64 {
-    let squares: f64 = photos.iter().flat_map(|photo| photo.log_gain).map(|v| f64::from(v).powi(2)).sum();
-    (squares / (3 * photos.len()).max(1) as f64).sqrt()
 }
 
 fn channels(exposure: &Exposure) -> [[f32; 3]; 2] {

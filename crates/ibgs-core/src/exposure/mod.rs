@@ -15,7 +15,7 @@ mod field;
 mod operation;
 mod photos;
 
-pub use field::{ExposureField, FILE_NAME, from_json, spread, to_json};
+pub use field::{ExposureField, FILE_NAME, from_json, to_json};
 pub use operation::{Exposer, Exposures};
 pub use photos::{ExposureAdam, ExposureState, PhotoExposures};
 

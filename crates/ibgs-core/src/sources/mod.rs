@@ -5,6 +5,7 @@ pub mod find;
 pub mod memory;
 mod photo;
 pub mod source_store;
+pub mod sweep;
 mod warp;
 
 pub use photo::{DevicePhoto, Outside};

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, Photo, View};
+use ibgs_core::dataset::{Dataset, Photo, PointsFrom, View};
 use ibgs_core::gpu::GpuError;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::render_base;
@@ -83,6 +83,8 @@ pub(super) fn views(
         test: Vec::new(),
         points: Vec::new(),
         extent: None,
+        backdrop: None,
+        points_from: PointsFrom::Scene,
         notes: Vec::new(),
     })
 }

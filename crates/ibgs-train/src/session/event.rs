@@ -111,8 +111,6 @@ pub struct Summary {
 pub enum ExposureSummary {
     /// Exposure correction was off.
     Off,
-    /// The photos hardly differ: not corrected.
-    Alike,
     /// They were corrected.
     Corrected {
         /// Root mean square of their gains.
@@ -126,7 +124,6 @@ impl fmt::Display for ExposureSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Off => f.write_str("exposure: off"),
-            Self::Alike => f.write_str("exposure: the photos hardly differ; not corrected"),
             Self::Corrected { spread, predicted } => {
                 let [gains, offsets] = predicted.map(|part| 100.0 * part);
                 write!(

@@ -1,7 +1,7 @@
 //! What a session writes.
 
 use super::{Due, Event, ExposureSummary, Observer, Result, Session, SessionError, Summary};
-use ibgs_core::config::{ExposureSwitch, Method};
+use ibgs_core::config::Method;
 use ibgs_core::eval::Score;
 use ibgs_core::eval::scores::{protocol, score_test_views};
 use ibgs_core::exposure::{Exposure, ExposureField};
@@ -164,11 +164,9 @@ impl Session {
             observer.event(&Event::Overflowed);
         }
         self.write_time()?;
-        let exposure = match (self.config.exposure.enabled, self.trainer.exposure()?) {
-            (ExposureSwitch::Off, _) => ExposureSummary::Off,
-            (_, None) => ExposureSummary::Alike,
-            (_, Some(field)) => ExposureSummary::Corrected { spread: field.spread(), predicted: field.trust() },
-        };
+        let corrected =
+            |field: ExposureField| ExposureSummary::Corrected { spread: field.spread(), predicted: field.trust() };
+        let exposure = self.trainer.exposure()?.map_or(ExposureSummary::Off, corrected);
         let training = self.records.watch.total();
         let resumable = self.folder.as_ref().filter(|_| !is_whole && kept.is_ok());
         observer.event(&Event::Finished(&Summary {

@@ -1,6 +1,7 @@
 //! What can go wrong in training.
 
 use crate::checkpoint::CheckpointError;
+use ibgs_core::eval::EvalError;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::residual::weights::NetworkError;
 use ibgs_core::scene::SceneError;
@@ -17,12 +18,28 @@ pub enum TrainError {
     /// The network failed.
     #[error(transparent)]
     Network(#[from] NetworkError),
+    /// The trial of the exposures failed.
+    #[error(transparent)]
+    Trial(#[from] EvalError),
     /// The checkpoint cannot be resumed from.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// The data set holds no training view.
     #[error("the scene has no training view; check its split")]
     NoViews,
+    /// No camera, or hardly any, shows what the training begins with.
+    #[error(
+        "the training cameras show {shown} of the {all} {what} that the training begins with: they are in other coordinates than the \
+         cameras; export both from one program, without moving, turning or scaling either, or remove the file of the {what}"
+    )]
+    Unseen {
+        /// Those that a camera shows.
+        shown: usize,
+        /// All of them.
+        all: usize,
+        /// `points` or `Gaussians`.
+        what: &'static str,
+    },
     /// The last iteration ended in the middle, so there is no state to resume from.
     #[error("iteration {0} was not finished")]
     Unfinished(u32),

@@ -10,18 +10,24 @@ use crate::optim::Optimizer;
 use crate::parameters::Parameters;
 use crate::stages::ImageStages;
 use crate::telemetry::{Recorder, Telemetry};
+use glam::Vec3;
 use ibgs_core::camera::{Camera, scene_extent, usable_extent};
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{Method, Strategy, TrainConfig};
-use ibgs_core::dataset::{Dataset, Point};
+use ibgs_core::dataset::{Dataset, Point, shown_by_any, unrelated_colors};
+use ibgs_core::eval::EvalError;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{Gaussians, from_points};
 use ibgs_core::sources::source_store::SourceStore;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::sync::Arc;
+
+/// A training begins with so many Gaussians that some camera shows, or with one of a hundred.
+const LEAST_SHOWN: usize = 100;
 
 /// At most `most` points, evenly taken from the list.
 fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
@@ -41,10 +47,13 @@ impl Trainer {
         let [opacity, scale] = config.start();
         let space = dataset.space();
         let points: Vec<Point> = points.iter().map(|point| point.to_local(&space)).collect();
+        if let Some(warning) = unrelated_colors(dataset).map_err(EvalError::from)? {
+            log::warn!("{warning}");
+        }
         let mut start = from_points(&points, config.sh_degree(), opacity)?;
         start.space = space;
         start.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += scale.ln() as f32);
-        Self::from_gaussians(raster, dataset, config, &start)
+        Self::counted(raster, dataset, config, (&start, "points"))
     }
 
     /// Uploads the training photos and begins with the given Gaussians, in any space; their spherical harmonics keep their
@@ -58,7 +67,23 @@ impl Trainer {
         config: &TrainConfig,
         start: &Gaussians,
     ) -> Result<Self, TrainError> {
+        Self::counted(raster, dataset, config, (start, "Gaussians"))
+    }
+
+    /// The same; `what` names what the Gaussians were made of.
+    fn counted(
+        raster: Arc<Rasterizer>,
+        dataset: &Dataset,
+        config: &TrainConfig,
+        (start, what): (&Gaussians, &'static str),
+    ) -> Result<Self, TrainError> {
         let trainer = Self::with_default_room(raster, (dataset, dataset.checksum()), config, start)?;
+        let local = start.in_space(dataset.space());
+        let places = local.means.par_iter().map(|&mean| Vec3::from(mean).as_dvec3());
+        let (shown, all) = (shown_by_any(&trainer.cameras, places), local.len());
+        if shown < LEAST_SHOWN && 100 * shown < all {
+            return Err(TrainError::Unseen { shown, all, what });
+        }
         // Count the intersections of every view exactly, once; the room then grows with the counts that the telemetry
         // reports. The first Gaussians grow fast.
         let mut most = 0;

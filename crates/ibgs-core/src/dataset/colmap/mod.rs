@@ -267,7 +267,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         match photo {
             Photo::Found(photo, prescaled) => {
                 let mask = mask(scene, &name);
-                frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
+                frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
             }
             Photo::Missing(path) => missing.push(path),
         }

@@ -16,7 +16,7 @@ mod street;
 mod texture;
 mod trace;
 
-use super::{Dataset, DatasetError, Photo, View};
+use super::{Dataset, DatasetError, Photo, PointsFrom, View};
 use crate::camera::Camera;
 use crate::progress::Progress;
 use cache::{Cache, Found};
@@ -173,7 +173,17 @@ impl Traced<'_> {
         let points = cloud::points(self.scene, self.points, &views, &train);
         notes.extend(trouble.or_else(|| self.cache.describe(options, &self.cameras, &points).err()));
         let path = self.cache.folder().map_or_else(|| PathBuf::from("demo"), Path::to_path_buf);
-        Dataset { path, views, train, test, points, extent: None, notes }
+        Dataset {
+            path,
+            views,
+            train,
+            test,
+            points,
+            points_from: PointsFrom::Scene,
+            extent: None,
+            backdrop: None,
+            notes,
+        }
     }
 
     /// The photos, and a note if they could not be cached.
