@@ -21,6 +21,7 @@ mod undistort;
 
 pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
+pub(crate) use decode::srgb;
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use host::HostPhoto;
