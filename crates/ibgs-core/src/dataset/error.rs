@@ -1,5 +1,6 @@
 //! What can be wrong with a scene on disk. Each message says what, where and what to do, in one sentence.
 
+pub(crate) use crate::files::without_mark;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
@@ -297,14 +298,6 @@ impl DatasetError {
 /// Reads a whole file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|cause| DatasetError::read(path, &cause))
-}
-
-/// Windows programs begin text files with this mark.
-pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-
-/// The contents of a text file without its byte order mark.
-pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
 }
 
 /// Reads a JSON file.
