@@ -210,7 +210,7 @@ pub(crate) struct Scene {
 /// # Errors
 /// [`DatasetError::Ply`] with line or byte.
 pub fn parse_points_ply(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, DatasetError> {
-    points_ply::read(path, bytes)
+    Ok(points_ply::read(path, bytes)?.points)
 }
 
 /// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder, a ZIP archive
