@@ -8,8 +8,11 @@ mod error;
 mod host;
 mod info;
 mod lens;
+mod llff;
 mod names;
 mod nerf;
+mod neus;
+mod npy;
 mod options;
 mod photos;
 mod points;
@@ -26,6 +29,8 @@ pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use host::HostPhoto;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
+pub use llff::check_poses_bounds;
+pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub(crate) use photos::resample;
 pub use reality_capture::check_reality_capture;
@@ -173,6 +178,10 @@ pub enum SceneKind {
     Blender,
     /// Camera parameters of RealityCapture or RealityScan, CSV.
     RealityCapture,
+    /// `poses_bounds.npy` of LLFF.
+    Llff,
+    /// `cameras_sphere.npz` or `cameras.npz` of NeuS and IDR.
+    Neus,
 }
 
 impl fmt::Display for SceneKind {
@@ -183,6 +192,8 @@ impl fmt::Display for SceneKind {
             SceneKind::Transforms => "transforms.json",
             SceneKind::Blender => "Blender transforms",
             SceneKind::RealityCapture => "RealityCapture",
+            SceneKind::Llff => "LLFF (poses_bounds.npy)",
+            SceneKind::Neus => "NeuS (world_mat in an .npz file)",
         })
     }
 }
@@ -277,6 +288,8 @@ fn read_sorted(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError
         Format::Colmap => colmap::read(path, options)?,
         Format::Transforms => nerf::read(path, options)?,
         Format::RealityCapture => reality_capture::read(path, options)?,
+        Format::Llff => llff::read(path, options)?,
+        Format::Neus => neus::read(path, options)?,
     };
     check_photos(path, &scene)?;
     scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
@@ -341,6 +354,8 @@ fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
         Format::Colmap => colmap::inspect(path),
         Format::Transforms => nerf::inspect(path),
         Format::RealityCapture => reality_capture::inspect(path),
+        Format::Llff => llff::inspect(path),
+        Format::Neus => neus::inspect(path),
     };
     info::complete(path, root(path), inspected?)
 }
@@ -349,6 +364,8 @@ enum Format {
     Colmap,
     Transforms,
     RealityCapture,
+    Llff,
+    Neus,
 }
 
 fn format_of(path: &Path) -> Result<Format, DatasetError> {
@@ -361,6 +378,10 @@ fn format_of(path: &Path) -> Result<Format, DatasetError> {
         Ok(Format::Colmap)
     } else if reality_capture::is_scene(path) {
         Ok(Format::RealityCapture)
+    } else if llff::is_scene(path) {
+        Ok(Format::Llff)
+    } else if neus::is_scene(path) {
+        Ok(Format::Neus)
     } else {
         Err(DatasetError::NotAScene { path: path.to_owned() })
     }
