@@ -192,8 +192,8 @@ impl fmt::Display for SceneKind {
             SceneKind::Transforms => "transforms.json",
             SceneKind::Blender => "Blender transforms",
             SceneKind::RealityCapture => "RealityCapture",
-            SceneKind::Llff => "LLFF (poses_bounds.npy)",
-            SceneKind::Neus => "NeuS (world_mat in an .npz file)",
+            SceneKind::Llff => "LLFF",
+            SceneKind::Neus => "NeuS",
         })
     }
 }
