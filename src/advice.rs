@@ -238,6 +238,9 @@ fn model(error: &ModelError) -> Option<&'static str> {
         ModelError::OtherIteration { .. } => Some("leave `--iteration` out"),
         ModelError::KnowsItsPhotos { .. } => Some("leave `--resolution` out"),
         ModelError::NoScene { .. } => Some("give the scene folder with `--source`"),
+        ModelError::OtherScene { .. } | ModelError::OtherPoses { .. } => {
+            Some("give the scene that it was trained on with `--source`")
+        }
         ModelError::SceneGone { .. } => Some("say where it is with `--source`"),
         _ => None,
     }
@@ -373,13 +376,17 @@ mod tests {
             iteration: 7,
             source: Box::new(GpuError::OutOfMemory { what: "planes", bytes: 9 }.into()),
         };
-        let cases: [(anyhow::Error, &[&str]); 15] = [
+        let cases: [(anyhow::Error, &[&str]); 16] = [
             (
                 ModelError::OtherIteration { path: path(), found: 7, wanted: 8 }.into(),
                 &["7", "8", "leave `--iteration` out"],
             ),
             (ModelError::KnowsItsPhotos { path: path() }.into(), &["leave `--resolution` out"]),
             (ModelError::NoScene { path: path() }.into(), &["config.toml", "with `--source`"]),
+            (
+                ModelError::OtherScene { path: path(), missing: 2, count: 3, name: "a.png".into() }.into(),
+                &["2 of the 3 photos", "`a.png`", "with `--source`"],
+            ),
             (
                 GpuError::Lacking { adapter: "a".into(), missing: "b".into() }.into(),
                 &["`a` lacks b", "with `--adapter`"],

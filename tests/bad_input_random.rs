@@ -57,6 +57,7 @@ survive!(
     colmap_text,
     transforms_json,
     reality_capture,
+    pose_arrays,
     ply,
     gaussians,
     camera_path,

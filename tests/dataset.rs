@@ -2,8 +2,10 @@
 
 mod archive;
 mod lists;
+mod llff;
 mod models;
 mod names;
+mod neus;
 mod points;
 pub mod reality_capture;
 mod units;

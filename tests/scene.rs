@@ -3,6 +3,7 @@
 mod bundle;
 mod formats;
 mod levels;
+mod odd_values;
 mod offset;
 mod output;
 mod ply_damage;

@@ -217,6 +217,15 @@ pub fn zip_of(files: &[(&str, &[u8])]) -> Vec<u8> {
     writer.finish().unwrap().into_inner()
 }
 
+/// A `.npy` file of doubles in rows of `columns`.
+pub fn npy(columns: usize, values: &[f64]) -> Vec<u8> {
+    let shape = format!("({}, {columns})", values.len() / columns);
+    let header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut bytes = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+    bytes
+}
+
 /// A ZIP archive of all files of a folder, with a prefix for their names.
 pub fn zip_of_folder(folder: &Path, prefix: &str) -> Vec<u8> {
     let mut files = Vec::new();

@@ -58,8 +58,8 @@ Examples:
 #[derive(ClapArgs, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Scene folder (photos with a COLMAP model, transforms.json or a camera list of RealityCapture) or a .zip of one [default:
-    /// the built-in demo scene].
+    /// Scene folder (photos with a COLMAP model, transforms.json, a camera list of RealityCapture, or poses of LLFF or
+    /// NeuS) or a .zip of one [default: the built-in demo scene].
     scene: Option<PathBuf>,
 
     /// What to train: `ibgs` (Gaussians and a residual from neighbouring photos) or `3dgs` (plain 3D Gaussian splatting)

@@ -26,11 +26,12 @@ use tempfile::TempDir;
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// All readers.
-pub const READERS: [Reader; 16] = [
+pub const READERS: [Reader; 17] = [
     ("colmap_binary", colmap_binary),
     ("colmap_text", colmap_text),
     ("transforms_json", transforms_json),
     ("reality_capture", reality_capture),
+    ("pose_arrays", pose_arrays),
     ("ply", ply),
     ("gaussians", gaussians),
     ("camera_path", camera_path),
@@ -157,6 +158,16 @@ pub fn transforms_json(bytes: &[u8]) -> bool {
 pub fn reality_capture(bytes: &[u8]) -> bool {
     let read = dataset::check_reality_capture(Path::new("cameras.csv"), bytes);
     accepted(read, "cameras.csv", |count| assert!(count <= bytes.len()))
+}
+
+/// `poses_bounds.npy` of LLFF and `cameras_sphere.npz` of NeuS.
+pub fn pose_arrays(bytes: &[u8]) -> bool {
+    let Some((is_llff, bytes)) = choice(bytes, [true, false]) else { return false };
+    let read = match is_llff {
+        true => dataset::check_poses_bounds(Path::new("cameras.np"), bytes),
+        false => dataset::check_neus_cameras(Path::new("cameras.np"), bytes),
+    };
+    accepted(read, "cameras.np", |count| assert!(count <= bytes.len()))
 }
 
 /// A PLY of Gaussians, and one of points.

@@ -54,6 +54,7 @@ pub fn of(reader: &str) -> Vec<Vec<u8>> {
         }
         "transforms_json" => transforms(),
         "reality_capture" => reality_capture(),
+        "pose_arrays" => numbered(pose_arrays()),
         "ply" => plys(),
         "gaussians" => gaussians(),
         "camera_path" => camera_paths(),
@@ -321,6 +322,14 @@ fn reality_capture() -> Vec<Vec<u8>> {
     let row = |name| format!("{name},1.5,-2,3e2,170.3,85,-22.7,14.2,-9.4e-004,2e-3,0.1,-0.2,0.3,0,0.01,-0.01");
     let whole = format!("\u{feff}#cameras 2\r\n{header}\r\n{}\r\n{}\r\n", row("a.jpg"), row("\"b, c.jpg\""));
     vec![whole.into_bytes(), format!("#name,x,y,alt,heading,pitch,roll,f\n{}\n", "a.png,1,2,3,4,5,6,7").into_bytes()]
+}
+
+fn pose_arrays() -> [Vec<u8>; 2] {
+    let row = [0.0, 1.0, 0.0, 0.5, 48.0, 1.0, 0.0, 0.0, -2.0, 64.0, 0.0, 0.0, -1.0, 3.0, 70.5, 0.1, 9.0];
+    let matrix = [70.0, 0.0, 32.0, 5.0, 0.0, 71.0, 24.0, -6.0, 0.0, 0.0, 1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
+    let matrix = super::scene_files::npy(4, &matrix);
+    let parts = [("world_mat_0.npy", &matrix[..]), ("scale_mat_0.npy", &matrix), ("world_mat_1.npy", &matrix)];
+    [super::scene_files::npy(17, &[row, row].concat()), super::scene_files::zip_of(&parts)]
 }
 
 fn photos() -> Vec<Vec<u8>> {

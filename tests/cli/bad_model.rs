@@ -1,6 +1,7 @@
 //! Model folders and camera paths that cannot be used.
 
 use super::Sandbox;
+use serde_json::Value;
 use std::fs;
 
 const PLY: &str = "model/point_cloud/iteration_3/point_cloud.ply";
@@ -115,6 +116,61 @@ fn other_files_with_damage() {
     sandbox.fails("eval model", &["scene"]);
 }
 
+/// `scene/` once more under another name, its list of photos changed.
+fn copied(sandbox: &Sandbox, name: &str, rename: impl Fn(&str) -> String, change: impl Fn(&mut Value)) {
+    let (from, to) = (sandbox.path("scene"), sandbox.path(name));
+    for entry in fs::read_dir(from.join("images")).unwrap().map(|entry| entry.unwrap()) {
+        let photo = to.join("images").join(rename(entry.file_name().to_str().unwrap()));
+        fs::create_dir_all(photo.parent().unwrap()).unwrap();
+        fs::copy(entry.path(), photo).unwrap();
+    }
+    let mut list: Value = serde_json::from_str(&rename(&sandbox.text("scene/transforms.json"))).unwrap();
+    list.as_object_mut().unwrap().remove("ply_file_path");
+    change(&mut list);
+    sandbox.write(&format!("{name}/transforms.json"), list.to_string());
+}
+
+/// The names and places of a scene's cameras are compared with those of the model, whichever program wrote it.
+#[test]
+fn sources_that_are_another_scene() {
+    let sandbox = model();
+    let same = |text: &str| text.to_owned();
+    copied(&sandbox, "other", |text| text.replace("view_", "shot_"), |_| ());
+    copied(&sandbox, "turned", same, |list| {
+        for frame in list["frames"].as_array_mut().unwrap() {
+            let rows = frame["transform_matrix"].as_array_mut().unwrap();
+            for column in 0..4 {
+                rows[1][column] = (-rows[1][column].as_f64().unwrap()).into();
+                rows[2][column] = (-rows[2][column].as_f64().unwrap()).into();
+            }
+        }
+    });
+    copied(&sandbox, "moved", same, |_| ());
+    for own in [true, false] {
+        if !own {
+            fs::remove_file(sandbox.path("model/config.toml")).unwrap();
+        }
+        sandbox.fails("eval model --source other", &["other is not the scene", "of the 10 photos", "`--source`"]);
+        sandbox.fails("eval model --source turned", &["turned is not the scene", "stand elsewhere", "`--source`"]);
+        let outcome = sandbox.succeeds("eval model --source moved");
+        assert!(!outcome.stdout.contains("NaN") && !outcome.stdout.contains("glossy"), "{outcome}");
+    }
+    let cameras: Vec<Value> = serde_json::from_str(&sandbox.text("model/cameras.json")).unwrap();
+    // Names as 3DGS keeps them, of photos in another folder.
+    let stems = cameras.iter().cloned().map(|mut camera| {
+        camera["img_name"] =
+            camera["img_name"].as_str().unwrap().rsplit('/').next().unwrap().replace(".png", "").into();
+        camera.as_object_mut().unwrap().remove("split");
+        camera
+    });
+    sandbox.write("model/cameras.json", format!("\u{feff}{}", Value::from_iter(stems)));
+    sandbox.succeeds("eval model --source moved");
+    sandbox.fails("eval model --source other", &["other is not the scene", "10 of the 10 photos"]);
+    sandbox.write("model/cameras.json", Value::from_iter(cameras.into_iter().take(7)).to_string());
+    let outcome = sandbox.succeeds("eval model --source moved");
+    assert!(outcome.stderr.contains("does not list 3 of the 10 photos"), "{outcome}");
+}
+
 #[test]
 fn camera_paths_with_mistakes() {
     let sandbox = model();
@@ -127,8 +183,9 @@ fn camera_paths_with_mistakes() {
         (path_json("48", "180", "1"), "`fov` is 180"),
         (path_json("48", "50", "0"), "`camera_to_world` is no rotation"),
         (path_json("48", "50", "1e999"), "line 1"),
-        (path_json("48", "50", "\"one\""), "line 1"),
-        (path_json("48", "50", "1, 1"), "line 1"),
+        (path_json("48", "null", "1"), "camera_path[0]: `fov` must be a number"),
+        (path_json("48", "50", "\"one\""), "camera_path[0]: `camera_to_world` must be 16 numbers"),
+        (path_json("48", "50", "1, 1"), "camera_path[0]: `camera_to_world` must be 16 numbers"),
         (path_json("48", "50", "1").replacen('{', r#"{"fps":0,"#, 1), "`fps` is 0"),
         (r#"{"camera_path":[],"render_width":48,"render_height":36}"#.to_owned(), "`camera_path` is empty"),
         (r#"{"render_width":48,"render_height":36}"#.to_owned(), "camera_path"),

@@ -96,9 +96,18 @@ fn colours_of_ply_points() {
     let three = |kind: &str, names: [&str; 3]| names.map(|name| format!("property {kind} {name}\n")).concat();
     let rgb = ["red", "green", "blue"];
     assert_eq!(color("", ""), [128; 3]);
+    assert_note(&load_plain(folder.path()), "init.ply, which has no colours: they begin grey");
     assert_eq!(color(&three("float", ["nx", "ny", "nz"]), "0 0 1"), [128; 3]);
     assert_eq!(color(&(three("float", ["nx", "ny", "nz"]) + &three("uchar", rgb)), "0 0 1 7 8 9"), [7, 8, 9]);
     assert_eq!(color(&three("float", rgb), "0.2 1 0"), [51, 255, 0]);
+    assert_note(&load_plain(folder.path()), "1 initial points from");
+    // The largest value says what white is.
+    assert_eq!(color(&three("float", rgb), "200.2 255 0"), [200, 255, 0]);
+    assert_eq!(color(&three("double", rgb), "65535 257 0"), [255, 1, 0]);
+    assert_eq!(color(&three("float", rgb), "1.02 0.5 0"), [255, 128, 0]);
+    let diffuse = ["diffuse_red", "diffuse_green", "diffuse_blue"];
+    assert_eq!(color(&three("uchar", diffuse), "7 8 9"), [7, 8, 9]);
+    assert_eq!(color(&three("uchar", ["r", "g", "b"]), "7 8 9"), [7, 8, 9]);
     assert_eq!(color(&three("ushort", rgb), "65535 257 129"), [255, 1, 1]);
     // Gaussians: 0.5 + 0.2821 dc.
     assert_eq!(color(&three("float", ["f_dc_0", "f_dc_1", "f_dc_2"]), "0 1.7725 -9"), [128, 255, 0]);

@@ -9,24 +9,25 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use ibgs_core::raster::RasterView;
 use ibgs_core::scene::{Format, Gaussians, SceneError, Splats, read_gaussians, read_gaussians_from, write_gaussians};
+use serde_json::Value;
 use std::f64::consts::PI;
 use std::io::{Cursor, Write};
 use std::path::Path;
 
-fn bytes_of(g: &Gaussians, format: Format) -> Vec<u8> {
+pub fn bytes_of(g: &Gaussians, format: Format) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model");
     write_gaussians(&path, g, format).unwrap();
     std::fs::read(path).unwrap()
 }
 
-fn read(bytes: &[u8], name: &str) -> Result<Gaussians, SceneError> {
+pub fn read(bytes: &[u8], name: &str) -> Result<Gaussians, SceneError> {
     read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name))
 }
 
 /// The error's text, which must be one line that names the file.
 #[track_caller]
-fn complaint(bytes: &[u8], name: &str) -> String {
+pub fn complaint(bytes: &[u8], name: &str) -> String {
     let text = read(bytes, name).map(|g| g.len()).unwrap_err().to_string();
     assert!(text.contains(name) && !text.contains('\n'), "{text}");
     text
@@ -146,6 +147,18 @@ fn sog_that_lies() {
         changed("meta.json", &move |bytes| String::from_utf8_lossy(bytes).replacen(from, to, 1).into_bytes())
     };
     assert_eq!(read(&meta("count", "count"), "a.sog").unwrap().len(), 40);
+    // A scale of 0 has no logarithm that JSON can hold; a colour that is null is damage.
+    let first = |field: &'static str| {
+        changed("meta.json", &move |bytes| {
+            let mut meta: Value = serde_json::from_slice(bytes).unwrap();
+            meta[field]["codebook"][0] = Value::Null;
+            meta.to_string().into_bytes()
+        })
+    };
+    let flat = read(&first("scales"), "a.sog").unwrap();
+    assert!(flat.len() == 40 && flat.log_scales.as_flattened().iter().any(|&v| v < -80.0));
+    flat.validate().unwrap();
+    assert!(read(&first("sh0"), "a.sog").unwrap().len() < 40);
     assert!(complaint(&meta("\"count\":40", "\"count\":400000000000"), "a.sog").contains("promises 400000000000"));
     assert!(complaint(&meta("\"count\":40", "\"count\":5000"), "a.sog").contains("pixels where 5000"));
     assert!(complaint(&meta("\"version\":2", "\"version\":3"), "a.sog").contains("version 3"));

@@ -135,9 +135,9 @@ impl Region {
         }
     }
 
-    /// PSNR in dB over everything added; NaN without anything.
-    pub fn psnr(&self) -> f64 {
-        -10.0 * (self.squares / self.values as f64).log10()
+    /// PSNR in dB over everything added; none without anything.
+    pub fn psnr(&self) -> Option<f64> {
+        (self.values > 0).then(|| -10.0 * (self.squares / self.values as f64).log10())
     }
 }
 

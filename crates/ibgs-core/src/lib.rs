@@ -50,6 +50,7 @@ pub mod mesh;
 pub mod model;
 pub mod output;
 pub mod picture;
+mod ply_color;
 mod ply_offset;
 pub mod present;
 pub mod progress;

@@ -107,6 +107,11 @@ impl LocalSpace {
         Camera { translation, ..*scene }
     }
 
+    /// Whether float32 holds the scene's coordinates as well as the local ones.
+    pub(crate) fn is_near(&self) -> bool {
+        self.origin.abs().max_element() <= FAR * self.scale
+    }
+
     /// The offset of coordinates in single-precision files, if the scene lies too far from its origin for them: a
     /// rounded position near the local origin. A space that is moved but not scaled, as read from a file, keeps its
     /// offset.
@@ -114,7 +119,7 @@ impl LocalSpace {
         if self.scale == 1.0 {
             return Some(self.origin).filter(|&origin| origin != DVec3::ZERO);
         }
-        if self.origin.abs().max_element() <= FAR * self.scale {
+        if self.is_near() {
             return None;
         }
         // Whole steps of a power of ten below the extent. Dividing by a whole number keeps the decimals few.

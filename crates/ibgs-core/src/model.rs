@@ -15,6 +15,7 @@
 
 mod error;
 mod save;
+mod scene_check;
 
 pub use error::ModelError;
 
@@ -145,6 +146,10 @@ impl Model {
         if options.resolution.is_some() && !model.foreign {
             return Err(ModelError::KnowsItsPhotos { path: model.path });
         }
+        if let Some(source) = &options.source {
+            // Without a source it would count as trained on the built-in scene.
+            model.config.data.source = Some(std::path::absolute(source).unwrap_or_else(|_| source.clone()));
+        }
         model.source.clone_from(&options.source);
         if let Some(memory) = options.host_memory {
             model.config.data.host_memory = memory;
@@ -168,6 +173,7 @@ impl Model {
         }
         if let Some(source) = self.source.as_ref().filter(|_| self.foreign) {
             let found = load_scene(&self.config, source, progress)?;
+            self.check_foreign(&found, source)?;
             self.cameras = cameras::records(&found);
             self.dataset = Some(found);
         } else if self.network.is_some() && self.photos.is_none() {
@@ -289,7 +295,13 @@ impl Model {
             Some(source) if self.source.is_none() && !source.exists() => {
                 return Err(ModelError::SceneGone { path: source.clone() });
             }
-            Some(source) => load_scene(config, source, progress)?,
+            Some(source) => {
+                let found = load_scene(config, source, progress)?;
+                if self.source.is_some() {
+                    scene_check::check(&self.cameras, &found, source)?;
+                }
+                found
+            }
             None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
             None => self.demo_scene(progress)?,
         };
@@ -304,6 +316,21 @@ impl Model {
         let (train, test) = (split(Split::Train)?, split(Split::Test)?);
         (dataset.train, dataset.test) = (train, test);
         Ok(dataset)
+    }
+
+    /// Compares a scene with the cameras that another program's folder lists, where it does.
+    fn check_foreign(&self, scene: &Dataset, source: &Path) -> Result<(), ModelError> {
+        if !self.folder.cameras_path().is_file() {
+            return Ok(());
+        }
+        match self.folder.read_cameras() {
+            Ok(listed) => {
+                scene_check::check(&listed, scene, source)?;
+                scene_check::say_unlisted(&listed, scene, source);
+            }
+            Err(error) => log::warn!("{error}; the scene {} is taken as the model's own", source.display()),
+        }
+        Ok(())
     }
 
     /// The demo scene in the size that the model's cameras have.

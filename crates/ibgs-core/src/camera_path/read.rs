@@ -1,6 +1,9 @@
 //! Reading nerfstudio's camera-path JSON: `camera_path` has every frame, `keyframes` what the frames were made from.
+//!
+//! Poses are 16 numbers, row by row, or rows of four. A frame without a field of view has the file's `default_fov`.
 
 use super::{CameraPath, CameraPathError, Keyframe, KeyframePath, MAX_FRAMES, check_side, rotation};
+use crate::files::without_mark;
 use glam::{DMat3, DMat4, DQuat, DVec4};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -18,6 +21,8 @@ const MIN_FOV: f64 = 1e-6;
 /// What all readers need.
 #[derive(Deserialize)]
 struct Head {
+    /// Vertical, degrees: of frames and keyframes without their own.
+    default_fov: Option<f64>,
     /// A whole number; nerfstudio may write it as `1080.0`.
     render_width: f64,
     render_height: f64,
@@ -32,9 +37,10 @@ struct PathJson {
 #[derive(Deserialize)]
 struct FrameJson {
     /// Row by row, OpenGL axes.
-    camera_to_world: [f64; 16],
+    camera_to_world: Value,
     /// Vertical, degrees.
-    fov: f64,
+    #[serde(default)]
+    fov: Value,
 }
 
 /// Of frames that need no rate to be rendered.
@@ -61,8 +67,9 @@ pub fn load<T>(path: &Path, parse: impl Fn(&str) -> Result<T, String>) -> Result
 
 /// The frames as they stand in the file.
 pub fn parse_frames(text: &str) -> Result<CameraPath, String> {
-    let (width, height) = size(text)?;
-    let cameras = frames(text)?.iter().map(|frame| frame.camera(width, height)).collect();
+    let head = Head::read(text)?;
+    let (width, height) = head.size()?;
+    let cameras = frames(text, &head)?.iter().map(|frame| frame.camera(width, height)).collect();
     let fps = read::<Rate>(text)?.fps.and_then(|fps| fps.as_f64()).unwrap_or(USUAL_FPS);
     if !(fps > 0.0 && fps.is_finite()) {
         return Err(format!("`fps` is {fps}; it must be a finite number above 0"));
@@ -72,7 +79,8 @@ pub fn parse_frames(text: &str) -> Result<CameraPath, String> {
 
 /// The keyframes, or the frames where the file has no keyframes.
 pub fn parse_keyframes(text: &str) -> Result<KeyframePath, String> {
-    let (width, height) = size(text)?;
+    let head = Head::read(text)?;
+    let (width, height) = head.size()?;
     let plan: Plan = read(text)?;
     let fps = plan.fps.unwrap_or(USUAL_FPS);
     let cycle = plan.is_cycle.unwrap_or(false);
@@ -80,11 +88,12 @@ pub fn parse_keyframes(text: &str) -> Result<KeyframePath, String> {
     let records = plan.keyframes.unwrap_or_default();
     let (mut keyframes, usual_seconds) = if records.iter().any(|record| record.get("matrix").is_some()) {
         let keyframes = records.iter().enumerate();
-        let keyframes = keyframes.map(|(i, key)| keyframe(key).map_err(|what| format!("keyframes[{i}]: {what}")));
+        let keyframes =
+            keyframes.map(|(i, key)| keyframe(key, &head).map_err(|what| format!("keyframes[{i}]: {what}")));
         let segments = if cycle { records.len() } else { records.len() - 1 };
         (keyframes.collect::<Result<Vec<_>, _>>()?, USUAL_TRANSITION * segments.max(1) as f64)
     } else {
-        let frames = frames(text)?;
+        let frames = frames(text, &head)?;
         let seconds = frames.len() as f64 / fps;
         (frames, seconds)
     };
@@ -97,20 +106,52 @@ pub fn parse_keyframes(text: &str) -> Result<KeyframePath, String> {
 }
 
 fn read<T: DeserializeOwned>(text: &str) -> Result<T, String> {
-    serde_json::from_str(text).map_err(|error| error.to_string())
+    serde_json::from_slice(without_mark(text.as_bytes())).map_err(|error| error.to_string())
 }
 
-fn size(text: &str) -> Result<(u32, u32), String> {
-    let head: Head = read(text)?;
-    match head.camera_type {
-        Some(kind) if !kind.eq_ignore_ascii_case("perspective") => {
-            Err(format!("`camera_type` is `{kind}`; only `perspective` can be rendered"))
+impl Head {
+    fn read(text: &str) -> Result<Self, String> {
+        read(text)
+    }
+
+    fn size(&self) -> Result<(u32, u32), String> {
+        match &self.camera_type {
+            Some(kind) if !kind.eq_ignore_ascii_case("perspective") => {
+                Err(format!("`camera_type` is `{kind}`; only `perspective` can be rendered"))
+            }
+            _ => Ok((check_side("render_width", self.render_width)?, check_side("render_height", self.render_height)?)),
         }
-        _ => Ok((check_side("render_width", head.render_width)?, check_side("render_height", head.render_height)?)),
+    }
+
+    /// The field of view of a frame in degrees, or the usual one where the frame has none.
+    fn fov(&self, of_frame: &Value) -> Result<f64, String> {
+        match (of_frame, self.default_fov) {
+            (Value::Null, Some(usual)) => Ok(usual),
+            (Value::Null, None) => {
+                Err("`fov` must be a number of degrees, as the file has no `default_fov` either".to_owned())
+            }
+            _ => of_frame.as_f64().ok_or_else(|| "`fov` must be a number of degrees".to_owned()),
+        }
     }
 }
 
-fn frames(text: &str) -> Result<Vec<Keyframe>, String> {
+/// The 16 numbers of a pose in their order: one list, or four rows of four. Of three rows the last one is that of every pose.
+fn numbers(matrix: &Value) -> Option<[f64; 16]> {
+    let rows = matrix.as_array()?;
+    let flat: Option<Vec<f64>> = match rows.first()?.is_array() {
+        true if rows.iter().all(|row| row.as_array().is_some_and(|row| row.len() == 4)) => {
+            rows.iter().filter_map(Value::as_array).flatten().map(Value::as_f64).collect()
+        }
+        _ => rows.iter().map(Value::as_f64).collect(),
+    };
+    let mut flat = flat?;
+    if flat.len() == 12 && rows.len() == 3 {
+        flat.extend([0.0, 0.0, 0.0, 1.0]);
+    }
+    flat.try_into().ok()
+}
+
+fn frames(text: &str, head: &Head) -> Result<Vec<Keyframe>, String> {
     let PathJson { camera_path: frames } = read(text)?;
     match frames.len() {
         0 => return Err("`camera_path` is empty".to_owned()),
@@ -120,20 +161,23 @@ fn frames(text: &str) -> Result<Vec<Keyframe>, String> {
         _ => {}
     }
     let frames = frames.iter().enumerate().map(|(i, frame)| {
-        let matrix = DMat4::from_cols_array(&frame.camera_to_world).transpose();
-        pose("camera_to_world", &matrix, frame.fov).map_err(|what| format!("camera_path[{i}]: {what}"))
+        let matrix = numbers(&frame.camera_to_world).ok_or("`camera_to_world` must be 16 numbers, or 4 rows of 4");
+        let frame = matrix.map_err(str::to_owned).and_then(|matrix| {
+            pose("camera_to_world", &DMat4::from_cols_array(&matrix).transpose(), head.fov(&frame.fov)?)
+        });
+        frame.map_err(|what| format!("camera_path[{i}]: {what}"))
     });
     frames.collect()
 }
 
 /// A keyframe. nerfstudio's viewer writes `matrix` as numbers row by row; the one before it, and the add-on for Blender,
 /// as text with the numbers column by column.
-fn keyframe(record: &Value) -> Result<Keyframe, String> {
-    let matrix: Result<[f64; 16], _> = match &record["matrix"] {
-        Value::String(text) => serde_json::from_str(text),
-        value => <[f64; 16]>::deserialize(value),
+fn keyframe(record: &Value, head: &Head) -> Result<Keyframe, String> {
+    let matrix = match &record["matrix"] {
+        Value::String(text) => serde_json::from_str(text).ok().as_ref().and_then(numbers),
+        value => numbers(value),
     };
-    let matrix = matrix.map_err(|_| "`matrix` must be 16 numbers".to_owned())?;
+    let matrix = matrix.ok_or("`matrix` must be 16 numbers, or 4 rows of 4")?;
     let columns = DMat4::from_cols_array(&matrix);
     let mut orders = [columns.transpose(), columns];
     if record["matrix"].is_string() {
@@ -142,7 +186,7 @@ fn keyframe(record: &Value) -> Result<Keyframe, String> {
     // Some programs mix up the orders; a last row that cannot be one shows it.
     let matrix = orders.into_iter().find(|matrix| matrix.row(3).abs_diff_eq(DVec4::W, 1e-6));
     let matrix = matrix.ok_or("`matrix` is no pose: its last row must be 0 0 0 1")?;
-    pose("matrix", &matrix, record["fov"].as_f64().ok_or("`fov` must be a number of degrees")?)
+    pose("matrix", &matrix, head.fov(&record["fov"])?)
 }
 
 /// A pose with OpenGL axes and a vertical field of view in degrees.
@@ -219,6 +263,50 @@ mod tests {
         assert_eq!(times(&file), Ok((30.0, 10.0, true)));
         file.as_object_mut().unwrap().remove("keyframes");
         assert_eq!(times(&file), Ok((30.0, 168.0 / 30.0, true)));
+    }
+
+    #[test]
+    fn rows_of_rows_a_mark_and_absent_fields_of_view() {
+        let expected = path(false);
+        let mut file = written(&expected);
+        let nest = |rows: &Value, count: usize| -> Value {
+            let flat = <[f64; 16]>::deserialize(rows).unwrap();
+            json!(flat.chunks(4).take(count).collect::<Vec<_>>())
+        };
+        for (i, key) in file["keyframes"].as_array_mut().unwrap().iter_mut().enumerate() {
+            key["matrix"] = nest(&key["matrix"], 4 - i % 2);
+        }
+        for (i, frame) in file["camera_path"].as_array_mut().unwrap().iter_mut().enumerate() {
+            frame["camera_to_world"] = nest(&frame["camera_to_world"], 4 - i % 2);
+        }
+        let text = format!("\u{feff}{file}");
+        assert_same(&parse_keyframes(&text).unwrap(), &expected);
+        let usual = parse_frames(&written(&expected).to_string()).unwrap().cameras;
+        assert_eq!(parse_frames(&text).unwrap().cameras, usual);
+        // The fields of view of all frames are absent in one way or the other.
+        file["default_fov"] = json!(50.0);
+        for list in ["keyframes", "camera_path"] {
+            for (i, frame) in file[list].as_array_mut().unwrap().iter_mut().enumerate() {
+                frame["fov"] = json!(null);
+                if i % 2 == 0 {
+                    frame.as_object_mut().unwrap().remove("fov");
+                }
+            }
+        }
+        let degrees = |focal: f64| (24.0 / focal).atan().to_degrees() * 2.0;
+        let cameras = parse_frames(&file.to_string()).unwrap().cameras;
+        assert!(cameras.iter().all(|camera| (degrees(camera.focal.y) - 50.0).abs() < 1e-9));
+        let keys = parse_keyframes(&file.to_string()).unwrap().keyframes;
+        assert!(keys.iter().all(|key| (key.fov - 50_f64.to_radians()).abs() < 1e-12));
+        file.as_object_mut().unwrap().remove("default_fov");
+        assert!(parse_frames(&file.to_string()).unwrap_err().contains("camera_path[0]: `fov` must be a number"));
+        for bad in
+            [json!([[1, 0, 0, 0], [0, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1]]), json!([1, 2, 3]), json!("16"), json!([])]
+        {
+            file["camera_path"][0]["camera_to_world"] = bad;
+            let error = parse_frames(&file.to_string()).unwrap_err();
+            assert!(error.contains("camera_path[0]: `camera_to_world` must be 16 numbers"), "{error}");
+        }
     }
 
     /// The file with one value changed, by its JSON pointer.

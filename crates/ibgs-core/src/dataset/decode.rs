@@ -161,7 +161,7 @@ fn jpeg_is_whole(bytes: &[u8]) -> bool {
 }
 
 /// Linear light to sRGB, both 1 at white.
-fn srgb(linear: f32) -> f32 {
+pub(crate) fn srgb(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 

@@ -1,5 +1,6 @@
 //! What can be wrong with a scene on disk. Each message says what, where and what to do, in one sentence.
 
+pub(crate) use crate::files::without_mark;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
@@ -17,8 +18,8 @@ pub enum DatasetError {
     /// The folder holds no scene that is understood.
     #[error(
         "{} is not a scene: it has neither sparse/0/cameras.bin (or .txt, or directly in sparse/, or in colmap/) nor \
-         transforms.json nor transforms_train.json nor a camera file of RealityCapture (.csv); give the folder (or a .zip \
-         of it) that holds one of them", path.display()
+         transforms.json nor transforms_train.json nor a camera file of RealityCapture (.csv), LLFF (poses_bounds.npy) \
+         or NeuS (cameras_sphere.npz); give the folder (or a .zip of it) that holds one of them", path.display()
     )]
     NotAScene {
         /// The folder given.
@@ -43,6 +44,21 @@ pub enum DatasetError {
     NoPhotoFolder {
         /// The folder looked for.
         path: PathBuf,
+    },
+    /// Poses without names that are not as many as the photos.
+    #[error(
+        "{} has {poses} poses, but {} has {photos} photos: they belong together in the order of the photos' names, so add \
+         the photos that are missing or remove those without a pose", path.display(), folder.display()
+    )]
+    PoseCount {
+        /// The file of the poses.
+        path: PathBuf,
+        /// The folder of the photos.
+        folder: PathBuf,
+        /// Poses in the file.
+        poses: usize,
+        /// Photos in the folder.
+        photos: usize,
     },
     /// A binary file ends early.
     #[error(
@@ -303,14 +319,6 @@ impl DatasetError {
 /// Reads a whole file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|cause| DatasetError::read(path, &cause))
-}
-
-/// Windows programs begin text files with this mark.
-pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-
-/// The contents of a text file without its byte order mark.
-pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
 }
 
 /// Reads a JSON file.

@@ -245,6 +245,16 @@ impl Pose {
         Ok(Pose::from_axes(DMat3::from_cols(x_axis, -y_axis, -z_axis), center))
     }
 
+    /// From a rotation from world to view with COLMAP axes, to a few digits, and the translation behind it.
+    pub(crate) fn from_view(rotation: DMat3, translation: DVec3) -> Result<Pose, String> {
+        if !(rotation.is_finite() && translation.is_finite()) {
+            return Err("the pose is not finite".to_owned());
+        }
+        check_center(rotation.transpose() * translation)?;
+        let view_from_world = DMat3::from_quat(DQuat::from_mat3(&rotation).normalize());
+        Ok(Pose { view_from_world, translation })
+    }
+
     /// From a rotation from camera to world with COLMAP axes, to a few digits, and the camera's place.
     fn from_axes(matrix: DMat3, center: DVec3) -> Pose {
         let rotation = DMat3::from_quat(DQuat::from_mat3(&matrix).normalize());

@@ -11,8 +11,11 @@ mod host;
 mod hull;
 mod info;
 mod lens;
+mod llff;
 mod names;
 mod nerf;
+mod neus;
+mod npy;
 mod options;
 mod photos;
 mod points;
@@ -24,11 +27,14 @@ mod undistort;
 
 pub use archive::is_archive;
 pub use colmap::{ModelFile, check_model_file};
+pub(crate) use decode::srgb;
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use fit::{shown_by_any, unrelated_colors};
 pub use host::HostPhoto;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
+pub use llff::check_poses_bounds;
+pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub(crate) use photos::resample;
 pub use reality_capture::check_reality_capture;
@@ -207,6 +213,10 @@ pub enum SceneKind {
     Blender,
     /// Camera parameters of RealityCapture or RealityScan, CSV.
     RealityCapture,
+    /// `poses_bounds.npy` of LLFF.
+    Llff,
+    /// `cameras_sphere.npz` or `cameras.npz` of NeuS and IDR.
+    Neus,
 }
 
 impl fmt::Display for SceneKind {
@@ -217,6 +227,8 @@ impl fmt::Display for SceneKind {
             SceneKind::Transforms => "transforms.json",
             SceneKind::Blender => "Blender transforms",
             SceneKind::RealityCapture => "RealityCapture",
+            SceneKind::Llff => "LLFF",
+            SceneKind::Neus => "NeuS",
         })
     }
 }
@@ -244,7 +256,7 @@ pub(crate) struct Scene {
 /// # Errors
 /// [`DatasetError::Ply`] with line or byte.
 pub fn parse_points_ply(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, DatasetError> {
-    points_ply::read(path, bytes)
+    Ok(points_ply::read(path, bytes)?.points)
 }
 
 /// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder, a ZIP archive
@@ -311,6 +323,8 @@ fn read_sorted(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError
         Format::Colmap => colmap::read(path, options)?,
         Format::Transforms => nerf::read(path, options)?,
         Format::RealityCapture => reality_capture::read(path, options)?,
+        Format::Llff => llff::read(path, options)?,
+        Format::Neus => neus::read(path, options)?,
     };
     check_photos(path, &scene)?;
     scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
@@ -401,6 +415,8 @@ fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
         Format::Colmap => colmap::inspect(path),
         Format::Transforms => nerf::inspect(path),
         Format::RealityCapture => reality_capture::inspect(path),
+        Format::Llff => llff::inspect(path),
+        Format::Neus => neus::inspect(path),
     };
     info::complete(path, root(path), inspected?)
 }
@@ -409,6 +425,8 @@ enum Format {
     Colmap,
     Transforms,
     RealityCapture,
+    Llff,
+    Neus,
 }
 
 fn format_of(path: &Path) -> Result<Format, DatasetError> {
@@ -421,6 +439,10 @@ fn format_of(path: &Path) -> Result<Format, DatasetError> {
         Ok(Format::Colmap)
     } else if reality_capture::is_scene(path) {
         Ok(Format::RealityCapture)
+    } else if llff::is_scene(path) {
+        Ok(Format::Llff)
+    } else if neus::is_scene(path) {
+        Ok(Format::Neus)
     } else {
         Err(DatasetError::NotAScene { path: path.to_owned() })
     }

@@ -16,32 +16,33 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) struct Cloud {
     pub path: PathBuf,
     pub points: Vec<Point>,
+    pub has_colors: bool,
 }
 
 /// The first of the files that exists and holds points.
 pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, DatasetError> {
     for path in candidates.iter().filter(|path| path.is_file()) {
-        let points = points_ply::read(path, &read_bytes(path)?)?;
+        let points_ply::Cloud { points, has_colors } = points_ply::read(path, &read_bytes(path)?)?;
         if !points.is_empty() {
-            return Ok(Some(Cloud { path: path.clone(), points }));
+            return Ok(Some(Cloud { path: path.clone(), points, has_colors }));
         }
     }
     Ok(None)
 }
 
 /// A scene's own points: from `init.ply` if it has one, else from `model`, else from a file of points; with the file that they
-/// are from, unless that is the model.
+/// are from, unless that is the model, and whether it has colours.
 pub(crate) fn own(
     model: Vec<Point>,
     mut files: Vec<PathBuf>,
     root: &Path,
-) -> Result<(Vec<Point>, Option<PathBuf>), DatasetError> {
+) -> Result<(Vec<Point>, Option<(PathBuf, bool)>), DatasetError> {
     files.push(root.join("points3D.ply"));
     let mut cloud = from_files(&[root.join("init.ply")])?;
     if cloud.is_none() && model.is_empty() {
         cloud = from_files(&files)?;
     }
-    Ok(cloud.map_or((model, None), |cloud| (cloud.points, Some(cloud.path))))
+    Ok(cloud.map_or((model, None), |cloud| (cloud.points, Some((cloud.path, cloud.has_colors)))))
 }
 
 /// Fills `dataset.points`: with the scene's own ([`own`]), else with random ones. Never leaves it empty.
@@ -52,12 +53,13 @@ pub(crate) fn fill(
     root: &Path,
     options: &LoadOptions,
 ) -> Result<(), DatasetError> {
-    let (mut points, path) = match options.initial_points {
+    let (mut points, file) = match options.initial_points {
         InitialPoints::Auto | InitialPoints::Scene => own(model, files, root)?,
         InitialPoints::Photos | InitialPoints::Random => (Vec::new(), None),
     };
-    if let Some(path) = path {
-        dataset.notes.push(format!("{} initial points from {}", points.len(), path.display()));
+    if let Some((path, has_colors)) = file {
+        let without = if has_colors { "" } else { ", which has no colours: they begin grey" };
+        dataset.notes.push(format!("{} initial points from {}{without}", points.len(), path.display()));
     }
     let count = points.len();
     points.retain(|point| point.position.as_vec3().is_finite());

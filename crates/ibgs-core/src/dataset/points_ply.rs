@@ -1,9 +1,9 @@
-//! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue`, or the constant
-//! coefficients `f_dc_0 ..` of Gaussians, relative to the offset that the header may give. Normals and all other fields are skipped.
+//! Points of a PLY file: ASCII or binary (both byte orders), `x y z` and optional `red green blue` (also `diffuse_red ..`, or
+//! floats up to 1 or 255), or the constant coefficients `f_dc_0 ..` of Gaussians, relative to the offset that the header may give. Normals and all other fields are skipped.
 
 use super::Point;
 use super::error::{DatasetError, without_mark};
-use crate::ply_offset;
+use crate::{ply_color, ply_offset};
 use glam::DVec3;
 use std::f64::consts::FRAC_2_SQRT_PI;
 use std::path::Path;
@@ -93,8 +93,39 @@ struct Header {
 struct Columns {
     position: [usize; 3],
     color: Option<[usize; 3]>,
+    kind: ColorKind,
+}
+
+/// What the numbers of a colour are.
+#[derive(Clone, Copy, PartialEq)]
+enum ColorKind {
+    /// Constant coefficients of Gaussians.
+    Coefficients,
+    /// Whole numbers of 8 bits, which white has all.
+    Bytes,
+    /// Of 16 bits.
+    Words,
+    /// Up to the number that the largest says.
+    Floats,
+}
+
+impl ColorKind {
     /// Brings a colour to 0..255: factor, then summand.
-    color_scale: [f64; 2],
+    fn scale(self, largest: f64) -> [f64; 2] {
+        match self {
+            Self::Coefficients => [255.0 * SH_C0, 127.5],
+            Self::Bytes => [1.0, 0.0],
+            Self::Words => [1.0 / 257.0, 0.0],
+            Self::Floats => [255.0 / ply_color::white_of_floats(largest), 0.0],
+        }
+    }
+}
+
+/// The points of a file.
+pub(crate) struct Cloud {
+    pub points: Vec<Point>,
+    /// Whether the file has colours; without them points are grey.
+    pub has_colors: bool,
 }
 
 impl Header {
@@ -155,15 +186,15 @@ impl Header {
             let [a, b, c] = names.map(find);
             Some([a?, b?, c?])
         };
-        let own = all(["red", "green", "blue"]);
+        let own = ply_color::NAMES.into_iter().find_map(all);
         let color = own.or_else(|| all(["f_dc_0", "f_dc_1", "f_dc_2"]));
-        let color_scale = match (own, color.map(|[first, ..]| self.properties[first].1)) {
-            (None, _) => [255.0 * SH_C0, 127.5],
-            (_, Some(Scalar::F32 | Scalar::F64)) => [255.0, 0.0],
-            (_, Some(Scalar::U16)) => [1.0 / 257.0, 0.0],
-            _ => [1.0, 0.0],
+        let kind = match own.map(|[first, ..]| self.properties[first].1) {
+            None => ColorKind::Coefficients,
+            Some(Scalar::F32 | Scalar::F64) => ColorKind::Floats,
+            Some(Scalar::U16) => ColorKind::Words,
+            Some(_) => ColorKind::Bytes,
         };
-        Ok(Columns { position, color, color_scale })
+        Ok(Columns { position, color, kind })
     }
 }
 
@@ -177,36 +208,45 @@ fn format(name: &str) -> Option<Format> {
 }
 
 impl Columns {
-    /// Mid-grey where the file has no colours.
-    fn point(&self, values: &[f64]) -> Point {
-        let [factor, summand] = self.color_scale;
-        let level = |column: usize| (values[column] * factor + summand).round() as u8;
-        let color = self.color.map_or([128; 3], |columns| columns.map(level));
-        Point { position: DVec3::from_array(self.position.map(|column| values[column])), color }
+    /// Position and colour of a vertex, as the file has them.
+    fn vertex(&self, values: &[f64]) -> Vertex {
+        let color = self.color.map_or([0.0; 3], |columns| columns.map(|column| values[column]));
+        (DVec3::from_array(self.position.map(|column| values[column])), color)
+    }
+
+    /// The points of vertices; mid-grey where the file has no colours.
+    fn points(&self, vertices: &[Vertex], offset: DVec3) -> Vec<Point> {
+        let largest = vertices.iter().flat_map(|(_, color)| color).copied().fold(0.0, f64::max);
+        let [factor, summand] = self.kind.scale(largest);
+        let level = |value: f64| (value * factor + summand).round() as u8;
+        let color = |color: [f64; 3]| if self.color.is_some() { color.map(level) } else { [128; 3] };
+        vertices.iter().map(|&(place, rgb)| Point { position: place + offset, color: color(rgb) }).collect()
     }
 }
 
+/// Position and colour.
+type Vertex = (DVec3, [f64; 3]);
+
 /// The points in the contents of a PLY file.
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, DatasetError> {
+pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Cloud, DatasetError> {
     parse(without_mark(bytes)).map_err(|problem| DatasetError::Ply { path: path.to_owned(), problem })
 }
 
-fn parse(bytes: &[u8]) -> Result<Vec<Point>, String> {
+fn parse(bytes: &[u8]) -> Result<Cloud, String> {
     let header = Header::parse(bytes)?;
     let columns = header.columns()?;
     let data = bytes.get(header.data..).unwrap_or_default();
-    let mut points = match header.format {
+    let vertices = match header.format {
         Format::Ascii => parse_ascii(&header, &columns, data),
         _ => parse_binary(&header, &columns, data),
     }?;
-    points.iter_mut().for_each(|point| point.position += header.offset);
-    Ok(points)
+    Ok(Cloud { points: columns.points(&vertices, header.offset), has_colors: columns.color.is_some() })
 }
 
-fn parse_ascii(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Point>, String> {
+fn parse_ascii(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Vertex>, String> {
     let text = std::str::from_utf8(data).map_err(|_| "the text is not UTF-8".to_owned())?;
     let mut lines = (header.lines + 1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
-    let mut points = Vec::new();
+    let mut vertices = Vec::new();
     let mut values = Vec::new();
     for index in 0..header.count {
         let Some((number, line)) = lines.next() else {
@@ -220,12 +260,12 @@ fn parse_ascii(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Po
         if values.len() < header.properties.len() {
             return Err(format!("line {number}: {} values where {} are needed", values.len(), header.properties.len()));
         }
-        points.push(columns.point(&values));
+        vertices.push(columns.vertex(&values));
     }
-    Ok(points)
+    Ok(vertices)
 }
 
-fn parse_binary(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Point>, String> {
+fn parse_binary(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<Vertex>, String> {
     let stride: usize = header.properties.iter().map(|(_, scalar)| scalar.size()).sum();
     let room = data.len() / stride.max(1);
     if header.count > room as u64 {
@@ -235,15 +275,15 @@ fn parse_binary(header: &Header, columns: &Columns, data: &[u8]) -> Result<Vec<P
             data.len()
         ));
     }
-    let vertex = |bytes: &[u8]| -> Option<Point> {
+    let vertex = |bytes: &[u8]| -> Option<Vertex> {
         let mut at = 0;
         let mut values = Vec::with_capacity(header.properties.len());
         for (_, scalar) in &header.properties {
             values.push(scalar.read(bytes.get(at..)?, header.format)?);
             at += scalar.size();
         }
-        Some(columns.point(&values))
+        Some(columns.vertex(&values))
     };
-    let points: Option<Vec<Point>> = data.chunks_exact(stride).take(header.count as usize).map(vertex).collect();
-    points.ok_or_else(|| "a vertex ends early".to_owned())
+    let vertices: Option<Vec<Vertex>> = data.chunks_exact(stride).take(header.count as usize).map(vertex).collect();
+    vertices.ok_or_else(|| "a vertex ends early".to_owned())
 }

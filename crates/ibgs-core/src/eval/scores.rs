@@ -128,10 +128,10 @@ impl Scores {
     pub fn regions_sentence(&self) -> Option<String> {
         let [glossy, elsewhere] = self.regions?;
         let one = |[base, image]: [Region; 2]| match self.image.is_empty() {
-            true => format!("{:.2} dB", base.psnr()),
-            false => format!("final {:.2} dB, base {:.2} dB", image.psnr(), base.psnr()),
+            true => Some(format!("{:.2} dB", base.psnr()?)),
+            false => Some(format!("final {:.2} dB, base {:.2} dB", image.psnr()?, base.psnr()?)),
         };
-        Some(format!("glossy and mirror-like objects: {}; elsewhere: {}", one(glossy), one(elsewhere)))
+        Some(format!("glossy and mirror-like objects: {}; elsewhere: {}", one(glossy)?, one(elsewhere)?))
     }
 
     /// `2 held-out views have no score, as their photos are masked as a whole: a.png, b.png`, where there are such.

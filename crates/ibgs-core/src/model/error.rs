@@ -78,6 +78,34 @@ pub enum ModelError {
         /// The folder.
         path: PathBuf,
     },
+    /// Another scene than that of the training: photos are missing.
+    #[error(
+        "{} is not the scene of the model: {missing} of the {count} photos that its cameras.json lists are not there, \
+         such as `{name}`", path.display()
+    )]
+    OtherScene {
+        /// The scene given.
+        path: PathBuf,
+        /// Photos of the model that it lacks.
+        missing: usize,
+        /// Photos of the model.
+        count: usize,
+        /// Name of one that is missing.
+        name: String,
+    },
+    /// Another scene than that of the training, or the same with other poses.
+    #[error(
+        "{} is not the scene of the model: its photos have the names that the model's cameras.json lists, but the \
+         cameras stand elsewhere, that of `{name}` {distance:.3} units away", path.display()
+    )]
+    OtherPoses {
+        /// The scene given.
+        path: PathBuf,
+        /// Name of a photo.
+        name: String,
+        /// Distance of its camera from that of the model.
+        distance: f64,
+    },
     /// An exposure is missing.
     #[error("the model's {} has no exposure of `{name}`", exposure::FILE_NAME)]
     NoExposure {

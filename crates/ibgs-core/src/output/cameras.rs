@@ -2,6 +2,7 @@
 
 use crate::camera::{Camera, MAX_COORDINATE};
 use crate::dataset::Dataset;
+use crate::files::without_mark;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -115,7 +116,8 @@ pub fn split_json(records: &[CameraRecord]) -> Value {
 /// # Errors
 /// One sentence that names the line or the camera.
 pub fn from_json(text: &str) -> Result<Vec<CameraRecord>, String> {
-    let entries: Vec<Entry> = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    let entries: Vec<Entry> =
+        serde_json::from_slice(without_mark(text.as_bytes())).map_err(|error| error.to_string())?;
     entries.into_iter().map(record).collect()
 }
 

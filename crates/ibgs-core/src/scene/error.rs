@@ -93,6 +93,18 @@ pub enum SceneError {
         /// The value.
         value: f32,
     },
+    /// All Gaussians of a file have the quaternion 0.
+    #[error(
+        "the rotations (`rot_0` to `rot_3`) of all {count} Gaussians of {} are zeros, so they have no shape; export them \
+         again with their rotations",
+        path.display()
+    )]
+    ZeroRotations {
+        /// The file.
+        path: PathBuf,
+        /// Its Gaussians.
+        count: usize,
+    },
     /// Fields of a model in memory do not fit each other.
     #[error("the model's field `{field}` holds {found} values where {expected} are needed")]
     Shape {

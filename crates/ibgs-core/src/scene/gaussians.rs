@@ -91,6 +91,20 @@ impl Gaussians {
         self.means.iter().map(|&mean| self.space.to_scene(DVec3::from(mean.map(f64::from))))
     }
 
+    /// The offset of their coordinates in files of single precision ([`LocalSpace::file_offset`]). Those of another file may
+    /// have an offset that float32 does not need, such as the translation of a node of glTF: they get none.
+    pub fn file_offset(&self) -> Option<DVec3> {
+        let offset = self.space.file_offset()?;
+        if self.space.scale != 1.0 {
+            return Some(offset);
+        }
+        let own = LocalSpace::of_points(self.positions()).unwrap_or_else(|| {
+            let largest = self.log_scales.as_flattened().iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            LocalSpace { scale: f64::from(largest).exp(), ..self.space }
+        });
+        (!own.is_near()).then_some(offset)
+    }
+
     /// The same Gaussians in the local coordinates of another space.
     pub fn into_space(mut self, space: LocalSpace) -> Self {
         let carry = Carry::new(self.space, space);

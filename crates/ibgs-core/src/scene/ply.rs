@@ -1,7 +1,7 @@
 //! PLY files of Gaussians: the field order of 3D Gaussian splatting with the plane offset `nd` after the normal.
 //!
 //! A file is in scene units. Where float32 cannot hold the scene's coordinates, they are relative to an offset in the header
-//! ([`LocalSpace::file_offset`]).
+//! ([`Gaussians::file_offset`]).
 //!
 //! Reading is serde-ply's (any scalar type, both byte orders, text). Writing is a header and rows of floats, done here:
 //! that crate spells the type `float32`, which common viewers do not know, and has no header for zero rows.
@@ -44,7 +44,7 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, flavor: PlyFlavor) -> Resul
 pub(crate) fn write_ply_to(out: &mut dyn Write, gaussians: &Gaussians, flavor: PlyFlavor) -> io::Result<()> {
     let fields = field_names(gaussians.sh_degree, flavor);
     let floats = fields.iter().map(|name| ("float", name.as_str()));
-    let offset = gaussians.space.file_offset();
+    let offset = gaussians.file_offset();
     write_header(out, gaussians.len(), offset, floats)?;
     let carry = Carry::new(gaussians.space, LocalSpace::at(offset.unwrap_or_default()));
     let mut row = Vec::with_capacity(4 * fields.len());
@@ -128,9 +128,11 @@ fn push_row(g: &Gaussians, index: usize, (carry, flavor): (&Carry, PlyFlavor), p
 }
 
 /// Reads Gaussians from a PLY file. Fields are found by name, in any order and of any scalar type; unknown ones are
-/// ignored; a missing `nd` is 0. Without `nd`, missing or zero normals become (0, 0, 1). They come in scene units, around the
+/// ignored; a missing `nd` is 0. Without `nd`, missing or zero normals become (0, 0, 1);
+/// `red green blue` may stand for `f_dc`. They come in scene units, around the
 /// offset of the header; positions of double precision that no float holds, around their middle. Gaussians with NaN or
-/// infinity are left out, with a warning in the log. Compressed PLYs are read too ([`Format`](super::Format)).
+/// infinity, or with a quaternion of zeros, are left out, with a warning in the log; but an infinite logit is opaque or
+/// transparent, and the logarithm of a scale may be that of 0. Compressed PLYs are read too ([`Format`](super::Format)).
 ///
 /// # Errors
 /// A [`SceneError`] that names the file and, where there is one, the field: not a PLY, missing field, list in place of

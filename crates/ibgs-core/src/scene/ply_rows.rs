@@ -1,15 +1,37 @@
 //! Where each parameter stands in the rows of a PLY file, and the walk over those rows.
 
-use super::formats::Dropped;
+use super::formats::{Dropped, is_rotation, settle};
 use super::gaussians::degree_of;
-use super::{Gaussians, SceneError};
+use super::{Gaussians, SH_C0, SceneError};
 use crate::local_space::LocalSpace;
+use crate::ply_color;
 use glam::DVec3;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde_ply::{ElementDef, PropertyType};
+use serde_ply::{ElementDef, PropertyType, ScalarType};
 use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
+
+/// What the columns of the constant colours hold.
+#[derive(Clone, Copy)]
+enum Constant {
+    /// Coefficients of degree 0.
+    Coefficients,
+    /// Colours, and which number is white.
+    Colors(f64),
+    /// Colours as floats; their largest says which number is white.
+    FloatColors,
+}
+
+impl Constant {
+    fn of(kind: &PropertyType) -> Self {
+        match kind {
+            PropertyType::Scalar(ScalarType::F32 | ScalarType::F64) => Self::FloatColors,
+            PropertyType::Scalar(ScalarType::U16) => Self::Colors(65535.0),
+            _ => Self::Colors(255.0),
+        }
+    }
+}
 
 /// Columns of the parameters, found by name.
 pub(super) struct Layout {
@@ -17,6 +39,7 @@ pub(super) struct Layout {
     normal: Option<[usize; 3]>,
     offset: Option<usize>,
     dc: [usize; 3],
+    constant: Constant,
     /// Channel-major, as in the file.
     rest: Vec<usize>,
     opacity: usize,
@@ -45,6 +68,16 @@ impl Layout {
                 "it has {rest_count} fields `f_rest_*` where spherical harmonics of degree 0, 1, 2, 3 have 0, 9, 24, 45"
             ),
         })?;
+        let colors = |names: [&str; 3]| {
+            let [red, green, blue] = names.map(|name| columns.get(name).copied());
+            Some([red?, green?, blue?])
+        };
+        let (dc, constant) = match ply_color::NAMES.into_iter().find_map(colors) {
+            Some(color) if !columns.contains_key("f_dc_0") => {
+                (color, Constant::of(&vertex.properties[color[0]].property_type))
+            }
+            _ => ([column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?], Constant::Coefficients),
+        };
         let normal = match ["nx", "ny", "nz"].map(|name| columns.get(name).copied()) {
             [Some(x), Some(y), Some(z)] => Some([x, y, z]),
             _ => None,
@@ -53,7 +86,8 @@ impl Layout {
             mean: [column("x")?, column("y")?, column("z")?],
             normal,
             offset: columns.get("nd").copied(),
-            dc: [column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?],
+            dc,
+            constant,
             rest: (0..rest_count).map(|i| column(&format!("f_rest_{i}"))).collect::<Result<_, _>>()?,
             opacity: column("opacity")?,
             scale: [column("scale_0")?, column("scale_1")?, column("scale_2")?],
@@ -73,6 +107,29 @@ impl Layout {
         used.extend(self.scale);
         used.extend(self.rotation);
         used
+    }
+
+    /// Makes infinities finite that mean something.
+    fn settle(&self, row: &mut [f32]) {
+        let mut scales = self.scale.map(|c| row[c]);
+        settle(&mut row[self.opacity], &mut scales);
+        self.scale.into_iter().zip(scales).for_each(|(c, scale)| row[c] = scale);
+    }
+
+    /// Makes coefficients of the constant colours, which were appended as the file has them.
+    fn finish_colors(&self, g: &mut Gaussians) {
+        let row = 3 * g.sh_coefficients();
+        let white = match self.constant {
+            Constant::Coefficients => return,
+            Constant::Colors(white) => white,
+            Constant::FloatColors => {
+                let largest = g.sh.chunks_exact(row).flat_map(|sh| &sh[..3]).fold(0.0_f32, |a, &b| a.max(b));
+                ply_color::white_of_floats(largest.into())
+            }
+        };
+        for value in g.sh.chunks_exact_mut(row).flat_map(|sh| &mut sh[..3]) {
+            *value = ((f64::from(*value) / white - 0.5) / SH_C0) as f32;
+        }
     }
 
     /// Appends the Gaussian in `row`, but for its mean.
@@ -117,7 +174,7 @@ pub(super) trait RowSink {
     fn finish_row(&mut self);
 }
 
-/// Gathers Gaussians row by row; those with values that are not finite are left out.
+/// Gathers Gaussians row by row; those with values that are not finite or without a rotation are left out.
 pub(super) struct Rows<'a> {
     layout: &'a Layout,
     vertex: &'a ElementDef,
@@ -158,9 +215,10 @@ impl<'a> Rows<'a> {
     /// What was read of the file at `path`, in scene units around its offset.
     ///
     /// # Errors
-    /// [`SceneError::NotFinite`] where nothing of it can be used.
+    /// [`SceneError::NotFinite`] or [`SceneError::ZeroRotations`] where nothing of it can be used.
     pub(super) fn around(mut self, offset: DVec3, path: &Path) -> Result<Gaussians, SceneError> {
         self.dropped.report(self.means.len(), path)?;
+        self.layout.finish_colors(&mut self.gaussians);
         // Doubles of a map's coordinates lose digits as floats, unless they are taken from their middle.
         let is_exact = self.means.iter().all(|mean| mean.as_vec3().as_dvec3() == *mean);
         let middle = LocalSpace::of_points(self.means.iter().copied()).filter(|_| !is_exact);
@@ -180,10 +238,15 @@ impl RowSink for Rows<'_> {
         for (single, value) in self.single.iter_mut().zip(&self.row) {
             *single = *value as f32;
         }
+        self.layout.settle(&mut self.single);
         let index = self.read;
         self.read += 1;
         if let Some(&column) = self.used.iter().find(|&&c| !self.single[c].is_finite()) {
             self.dropped.add(index, &self.vertex.properties[column].name, self.single[column]);
+            return;
+        }
+        if !is_rotation(self.layout.rotation.map(|column| self.single[column])) {
+            self.dropped.add_unturned(index);
             return;
         }
         self.means.push(DVec3::from(self.layout.mean.map(|column| self.row[column])));

@@ -122,7 +122,7 @@ impl TrainForm {
                 ui.horizontal(|ui| {
                     let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
                     ui.add(field.desired_width(room)).labelled_by(label).on_hover_text(
-                        "Photos with their poses: COLMAP, transforms.json or a camera list of RealityCapture",
+                        "Photos with their poses: COLMAP, transforms.json, a camera list of RealityCapture, LLFF or NeuS",
                     );
                     browses = ui.button("Browse...").clicked();
                 });

@@ -1,5 +1,6 @@
 //! A volume between two planes over a polygon, as Open3D's `SelectionPolygonVolume` writes it.
 
+use crate::files::without_mark;
 use crate::mesh::MeshError;
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
@@ -38,7 +39,7 @@ impl CropVolume {
     }
 
     fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let file: File = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+        let file: File = serde_json::from_slice(without_mark(bytes)).map_err(|error| error.to_string())?;
         let axis = match file.orthogonal_axis.to_ascii_lowercase().as_str() {
             "x" => 0,
             "y" => 1,

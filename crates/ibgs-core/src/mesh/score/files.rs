@@ -110,7 +110,7 @@ pub fn read_transform(path: &Path) -> Result<DMat4, MeshError> {
 
 fn parse_transform(text: &str) -> Result<DMat4, String> {
     let mut values = Vec::with_capacity(16);
-    for (number, line) in (1..).zip(text.lines()) {
+    for (number, line) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
         for word in line.split([' ', '\t', ',']).filter(|word| !word.is_empty()) {
             let value = word.parse::<f64>().ok().filter(|v| v.is_finite());
             values.push(value.ok_or_else(|| format!("line {number}: `{word}` is not a number"))?);

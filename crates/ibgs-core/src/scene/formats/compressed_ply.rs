@@ -9,7 +9,7 @@ use super::super::gaussians::degree_of;
 use super::super::ply::rows_error;
 use super::super::ply_rows::{ElementSeed, RowSink, scalar_columns};
 use super::super::{Gaussians, SceneError};
-use super::{order, quantise, without_planes};
+use super::{finite, order, quantise, without_planes};
 use crate::local_space::LocalSpace;
 use crate::ply_offset;
 use glam::DVec3;
@@ -47,6 +47,8 @@ const BOUNDS_WITHOUT_COLOR: usize = 12;
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 /// Largest higher coefficient.
 const MOST_HARMONIC: f64 = 4.0;
+/// Largest range of the logarithms of scales in a chunk; smaller scales become the least.
+const MOST_LOGARITHMS: f32 = 20.0;
 
 /// Writes the Gaussians in an order in which neighbours share a chunk.
 pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
@@ -114,6 +116,9 @@ impl Bounds {
                 }
             }
         }
+        // A flat Gaussian, whose scale has a logarithm far below all others, would leave no steps to them.
+        let [low, high] = &mut bounds[1];
+        low.iter_mut().zip(high).for_each(|(low, high)| *low = low.max(*high - MOST_LOGARITHMS));
         Self(bounds)
     }
 
@@ -130,7 +135,13 @@ impl Bounds {
     }
 
     fn from_values(values: [f32; 18]) -> Self {
-        let corner = |at: usize| [values[at], values[at + 1], values[at + 2]];
+        let corner = |at: usize| {
+            let mut corner = [values[at], values[at + 1], values[at + 2]];
+            if (6..12).contains(&at) {
+                finite::settle(&mut 0.0, &mut corner);
+            }
+            corner
+        };
         Self([0, 6, 12].map(|at| [corner(at), corner(at + 3)]))
     }
 

@@ -127,7 +127,7 @@ fn turn_harmonics(g: &mut Gaussians, turn: DMat3) {
 
 /// Directions and weights that integrate polynomials of degree 6 over the sphere exactly: four heights of Gauss and Legendre,
 /// eight directions around each.
-fn directions() -> impl Iterator<Item = (DVec3, f64)> {
+pub(super) fn directions() -> impl Iterator<Item = (DVec3, f64)> {
     let root = (6.0_f64 / 5.0).sqrt() * 2.0 / 7.0;
     let heights = [(3.0 / 7.0 - root, 18.0 + 30.0_f64.sqrt()), (3.0 / 7.0 + root, 18.0 - 30.0_f64.sqrt())];
     heights.into_iter().flat_map(|(square, weight)| {

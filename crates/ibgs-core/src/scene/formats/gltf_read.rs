@@ -3,16 +3,16 @@
 use super::super::Gaussians;
 use super::super::gaussians::coefficients;
 use super::gltf::{EXTENSION, FLOAT, harmonic};
+use super::gltf_colors::ColorSpace;
 use super::gltf_nodes::{Node, Pose, meshes};
 use super::{MAX_SH_DEGREE, axes, quantise};
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashMap;
+use std::path::Path;
 
 /// Bytes of a file for each Gaussian, at the least; beyond it nodes repeat their meshes too often.
 const LEAST_BYTES: usize = 16;
-/// Step of the floats below 1.
-const FLOAT_STEP: f64 = 1.0 / (1 << 24) as f64;
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -80,22 +80,24 @@ struct Buffer {
     uri: Option<String>,
 }
 
-/// Reads a whole file: the Gaussians of all nodes of its scene.
+/// Reads a whole file: the Gaussians of all nodes of its scene. `path` is for what the log says.
 ///
 /// # Errors
 /// What is wrong.
-pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
+pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Gaussians, String> {
     let (text, binary) = chunks(bytes)?;
     let document: Document =
         serde_json::from_slice(text).map_err(|error| format!("its description is wrong: {error}"))?;
     let file = File { document, binary };
     let primitives = file.primitives()?;
-    let degree = primitives.iter().map(|(primitive, _)| sh_degree(primitive)).max();
+    let degree = primitives.iter().map(|(primitive, ..)| sh_degree(primitive)).max();
     let Some(degree) = degree else { return Err(format!("it has no primitive with `{EXTENSION}`")) };
     let mut all = Gaussians::with_capacity(0, degree);
-    for (at, (primitive, pose)) in primitives.into_iter().enumerate() {
+    ColorSpace::say(primitives.iter().map(|&(_, colors, _)| colors), path);
+    for (at, (primitive, colors, pose)) in primitives.into_iter().enumerate() {
         let room = bytes.len() / LEAST_BYTES - all.len();
         let mut part = file.gaussians(primitive, degree, room)?;
+        colors.convert(&mut part);
         pose.apply(&mut part);
         axes::turn(&mut part, axes::LUF);
         if at == 0 {
@@ -145,8 +147,8 @@ struct File<'a> {
 }
 
 impl File<'_> {
-    /// Primitives with the extension, and where their nodes stand.
-    fn primitives(&self) -> Result<Vec<(&Primitive, Pose)>, String> {
+    /// Primitives with the extension, what their colours are, and where their nodes stand.
+    fn primitives(&self) -> Result<Vec<(&Primitive, ColorSpace, Pose)>, String> {
         let Document { scene, scenes, nodes, .. } = &self.document;
         let scene = scenes.get(scene.unwrap_or_default()).ok_or("it has no scene")?;
         let mut found = Vec::new();
@@ -155,7 +157,7 @@ impl File<'_> {
             for primitive in &mesh.primitives {
                 let Some(extension) = primitive.extensions.get(EXTENSION) else { continue };
                 check_extension(extension)?;
-                found.push((primitive, Pose::of(world)?));
+                found.push((primitive, ColorSpace::of(extension)?, Pose::of(world)?));
             }
         }
         Ok(found)
@@ -172,15 +174,15 @@ impl File<'_> {
         let mut g = Gaussians::with_capacity(0, degree);
         g.means = triples(&values("POSITION", "VEC3")?);
         let rotations = values(&format!("{EXTENSION}:ROTATION"), "VEC4")?;
-        let quaternion = |q: &[f32]| quantise::unit_quaternion(quantise::scalar_first([q[0], q[1], q[2], q[3]]));
-        g.rotations = rotations.chunks_exact(4).map(|q| quaternion(q).map(|v| v as f32)).collect();
+        let quaternion = |q: &[f32]| quantise::read_quaternion(quantise::scalar_first([q[0], q[1], q[2], q[3]]));
+        g.rotations = rotations.chunks_exact(4).map(quaternion).collect();
         let scales = values(&format!("{EXTENSION}:SCALE"), "VEC3")?;
         g.log_scales = triples(&scales.iter().map(|&v| quantise::log_scale(v)).collect::<Vec<_>>());
         let opacity = format!("{EXTENSION}:OPACITY");
         let step = match self.accessor(index(&opacity)?)?.component_type {
             5121 => 1.0 / 255.0,
             5123 => 1.0 / 65535.0,
-            _ => FLOAT_STEP,
+            _ => quantise::FLOAT_STEP,
         };
         let logit = |v: &f32| quantise::logit(f64::from(*v), step);
         g.opacity_logits = values(&opacity, "SCALAR")?.iter().map(logit).collect();
@@ -232,7 +234,7 @@ impl File<'_> {
     }
 }
 
-/// Refuses what is not the kernel of 3DGS in the colours that were trained.
+/// Refuses what is not the kernel of 3DGS.
 fn check_extension(extension: &Value) -> Result<(), String> {
     if let Some(kernel) = extension.get("kernel").and_then(Value::as_str).filter(|&kernel| kernel != "ellipse") {
         return Err(format!("its Gaussians have the kernel `{kernel}`; `ellipse` is read"));

@@ -7,6 +7,7 @@ mod axes;
 pub(super) mod compressed_ply;
 mod finite;
 mod gltf;
+mod gltf_colors;
 mod gltf_nodes;
 mod gltf_read;
 mod order;
@@ -20,7 +21,7 @@ mod spz;
 #[cfg(test)]
 mod tests;
 
-pub(super) use finite::Dropped;
+pub(super) use finite::{Dropped, is_rotation, settle};
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;
@@ -86,16 +87,23 @@ impl Format {
         if self == Self::Splat { 0 } else { MAX_SH_DEGREE }
     }
 
-    /// Whether such files say where their coordinates lie in the scene ([`LocalSpace::file_offset`]).
-    fn keeps_offset(self) -> bool {
-        matches!(self, Self::Ply | Self::CompressedPly | Self::Gltf)
+    /// What of a file says where its coordinates lie in the scene ([`Gaussians::file_offset`]).
+    fn place_of_offset(self) -> Option<&'static str> {
+        match self {
+            Self::Ply | Self::CompressedPly => Some("the line `comment offset` of its header"),
+            Self::Gltf => Some("the translation of its node"),
+            Self::Spz | Self::Splat | Self::Sog => None,
+        }
     }
 
-    /// What a file of this format leaves out of a model, beside precision and planes.
+    /// What a file of this format leaves out of a model or splits off, beside precision and planes.
     pub fn losses(self, gaussians: &Gaussians) -> Vec<Loss> {
         let (degree, kept) = (gaussians.sh_degree, self.max_sh_degree());
         let harmonics = (degree > kept).then_some(Loss::Harmonics { degree, kept });
-        let offset = gaussians.space.file_offset().filter(|_| !self.keeps_offset()).map(Loss::Offset);
+        let offset = gaussians.file_offset().map(|offset| match self.place_of_offset() {
+            Some(place) => Loss::SplitOff { offset, place },
+            None => Loss::Offset(offset),
+        });
         harmonics.into_iter().chain(offset).collect()
     }
 }
@@ -119,6 +127,13 @@ pub enum Loss {
     },
     /// Where the coordinates lie in the scene.
     Offset(DVec3),
+    /// Nothing, but the coordinates of the file are around this place.
+    SplitOff {
+        /// The place in the scene.
+        offset: DVec3,
+        /// What of the file says it.
+        place: &'static str,
+    },
 }
 
 impl fmt::Display for Loss {
@@ -132,6 +147,11 @@ impl fmt::Display for Loss {
             Self::Offset(DVec3 { x, y, z }) => write!(
                 f,
                 "the format has no place for the offset of the scene; add {x} {y} {z} to the coordinates of the file"
+            ),
+            Self::SplitOff { offset: DVec3 { x, y, z }, place } => write!(
+                f,
+                "the scene lies far from its origin, so the coordinates of the file are around {x} {y} {z}, as {place} says; \
+                 a program that ignores it shows the scene at the origin"
             ),
         }
     }
@@ -154,7 +174,7 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
     if gaussians.is_empty() {
         return Err(refused("the model has no Gaussians".to_owned()));
     }
-    let place = LocalSpace::at(gaussians.space.file_offset().unwrap_or_default());
+    let place = LocalSpace::at(gaussians.file_offset().unwrap_or_default());
     let gaussians = gaussians.in_space(place);
     let write: Writer = match format {
         Format::Ply | Format::CompressedPly => Box::new(|out| compressed_ply::write(&gaussians, out)),
@@ -179,8 +199,8 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
 }
 
 /// Reads Gaussians from a file of any [`Format`]. Its contents say which it is, not its name; only `.splat` files, which
-/// begin with no mark, are known by their ending. Gaussians with values that are not finite are left out, with a warning in
-/// the log. They come in scene units; what has no plane gets the normal (0, 0, 1) and the offset 0.
+/// begin with no mark, are known by their ending. Gaussians with values that are not finite, or with a quaternion of
+/// zeros, are left out, with a warning in the log. They come in scene units; what has no plane gets the normal (0, 0, 1) and the offset 0.
 ///
 /// # Errors
 /// A [`SceneError`] that names the file and what is wrong in it.
@@ -219,7 +239,7 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
         Format::Ply | Format::CompressedPly => unreachable!("both are read above"),
         Format::Spz => spz::read(&bytes),
         Format::Splat => splat::read(&bytes),
-        Format::Gltf => gltf_read::read(&bytes),
+        Format::Gltf => gltf_read::read(&bytes, path),
         Format::Sog => sog_read::read(&bytes),
     };
     let bad = |reason| SceneError::BadFile { path: path.to_owned(), format: format.ending(), reason };

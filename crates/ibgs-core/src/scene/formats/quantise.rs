@@ -2,6 +2,9 @@
 
 use super::super::SH_C0;
 
+/// Step of the floats below 1.
+pub(super) const FLOAT_STEP: f64 = 1.0 / (1 << 24) as f64;
+
 /// 0 to 1 in whole steps from 0 to `most`.
 pub(super) fn unit(value: f64, most: u32) -> u32 {
     (value * f64::from(most)).round().clamp(0.0, f64::from(most)) as u32
@@ -47,6 +50,11 @@ pub(super) fn dc(color: f64) -> f32 {
 /// The logarithm of a standard deviation. 0 counts as the smallest normal float; NaN and negative values give NaN.
 pub(super) fn log_scale(scale: f32) -> f32 {
     if scale == 0.0 { f32::MIN_POSITIVE.ln() } else { scale.ln() }
+}
+
+/// The quaternion of a file, scaled to length 1; one of length 0 as it is.
+pub(super) fn read_quaternion(q: [f32; 4]) -> [f32; 4] {
+    if q == [0.0; 4] { q } else { unit_quaternion(q).map(|v| v as f32) }
 }
 
 /// The quaternion scaled to length 1; the identity rotation if its length is 0.

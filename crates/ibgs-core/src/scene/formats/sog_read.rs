@@ -35,8 +35,16 @@ struct Means {
 
 #[derive(Deserialize)]
 struct Coded {
-    codebook: Vec<f32>,
+    /// JavaScript writes numbers that are not finite as null.
+    codebook: Vec<Option<f32>>,
     files: [String; 1],
+}
+
+impl Coded {
+    /// The codebook with a number for those that JSON cannot hold.
+    fn codebook(&self, null: f32) -> Vec<f32> {
+        self.codebook.iter().map(|value| value.unwrap_or(null)).collect()
+    }
 }
 
 #[derive(Deserialize)]
@@ -132,8 +140,9 @@ fn rotations(archive: &mut Archive, meta: &Meta, g: &mut Gaussians) -> Result<()
 }
 
 fn scales(archive: &mut Archive, meta: &Meta, g: &mut Gaussians) -> Result<(), String> {
-    let Coded { codebook, files } = &meta.scales;
-    let plane = archive.plane(&files[0], meta.count)?;
+    // The logarithm of 0.
+    let codebook = &meta.scales.codebook(f32::NEG_INFINITY);
+    let plane = archive.plane(&meta.scales.files[0], meta.count)?;
     for &[x, y, z, _] in &plane[..meta.count] {
         g.log_scales.push([code(codebook, x, "scales")?, code(codebook, y, "scales")?, code(codebook, z, "scales")?]);
     }
@@ -142,8 +151,8 @@ fn scales(archive: &mut Archive, meta: &Meta, g: &mut Gaussians) -> Result<(), S
 
 /// Colours of every degree, and opacities.
 fn colors(archive: &mut Archive, meta: &Meta, g: &mut Gaussians) -> Result<(), String> {
-    let Coded { codebook, files } = &meta.sh0;
-    let plane = archive.plane(&files[0], meta.count)?;
+    let codebook = &meta.sh0.codebook(f32::NAN);
+    let plane = archive.plane(&meta.sh0.files[0], meta.count)?;
     let higher = meta.harmonics.as_ref().filter(|harmonics| harmonics.bands > 0);
     let mut higher = higher.map(|harmonics| Higher::open(archive, harmonics, meta.count)).transpose()?;
     for (index, &[red, green, blue, opacity]) in plane[..meta.count].iter().enumerate() {

@@ -47,7 +47,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
         g.sh.extend([24, 25, 26].map(|at| quantise::dc(f64::from(row[at]) / 255.0)));
         g.opacity_logits.push(quantise::logit_of_byte(row[27]));
         let rotation = [28, 29, 30, 31].map(|at| (f32::from(row[at]) - 128.0) / 128.0);
-        g.rotations.push(quantise::unit_quaternion(rotation).map(|v| v as f32));
+        g.rotations.push(quantise::read_quaternion(rotation));
     }
     Ok(g)
 }
