@@ -13,10 +13,10 @@ use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes, without_mark};
 use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::names::{Inside, Photo, PhotoFolders, RelativeTo, find_mask, photos_below, photos_in};
+use super::names::{Inside, Photo, PhotoFolders, RelativeTo, photos_below, photos_in};
 use super::nerf;
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{LoadOptions, Scene, SceneKind};
+use super::{LoadOptions, Scene, SceneKind, masks};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -211,7 +211,7 @@ impl ByFileName {
         let main = folders.main();
         let found = if main.is_dir() { photos_below(&main) } else { photos_in(root) };
         let mut photos = BTreeMap::new();
-        for path in found {
+        for path in found.into_iter().filter(|path| !masks::is_mask(path)) {
             let names = [path.file_name(), path.file_stem()].into_iter().flatten();
             for name in names.map(|name| name.to_string_lossy().into_owned()) {
                 photos.entry(name).and_modify(|photo| *photo = None).or_insert_with(|| Some(path.clone()));
@@ -253,7 +253,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         let camera = format!("line {} (`{name}`)", row.line);
         let lens = row.lens(photo_size(&photo)?);
         let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
-        let mask = find_mask(&root, &name);
+        let mask = masks::find(&root, &name, &photo);
         frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled });
     }
     let main = folders.main();
@@ -264,6 +264,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         listing,
         frames,
         missing,
+        unsolved: Vec::new(),
         points: Vec::new(),
         split: None,
         beside,
