@@ -1,7 +1,9 @@
 //! From photos or a video to a scene with camera poses, by ffmpeg and COLMAP.
 
 pub mod colmap;
+mod photos;
 pub mod tool;
+mod upright;
 mod video;
 
 use anyhow::{Context, Result, bail};
@@ -10,6 +12,7 @@ use ibgs_core::dataset;
 use ibgs_core::files::is_same;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
+use photos::{left_out, photos_below, unread_note};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,9 +25,6 @@ const FEWEST: usize = 3;
 /// Photos that are named one by one.
 const NAMED: usize = 5;
 const PHOTOS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
-/// Photos that neither COLMAP nor we read, with the name of their format and a program that converts them.
-const UNREAD: [(&[&str], &str, &str); 3] =
-    [(&["heic", "heif", "hif"], "HEIC", "heif-convert"), (&["avif"], "AVIF", "avifdec"), (&["jxl"], "JPEG XL", "djxl")];
 const VIDEOS: [&str; 10] = ["mp4", "mov", "m4v", "avi", "mkv", "webm", "mts", "m2ts", "mpg", "wmv"];
 
 /// What a scene is made of.
@@ -195,12 +195,15 @@ impl<'a> Preparation<'a> {
         let Request { inputs, frames, .. } = &self.record.request;
         for (i, (input, photos)) in inputs.iter().zip(photos_of(inputs, &self.scene)?).enumerate() {
             if is_same(input, &images) {
+                photos::notes_on_own(&images, &photos)?.into_iter().for_each(&mut *note);
                 continue;
             }
-            let folder = if inputs.len() == 1 { images.clone() } else { images.join(part_name(inputs, i)) };
+            let part = if inputs.len() == 1 { PathBuf::new() } else { part_name(inputs, i).into() };
+            let folder = images.join(&part);
             fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
             if input.is_dir() {
-                copy_photos(input, &photos, &folder, note)?;
+                photos::copy(input, &photos, &folder, self.progress)?.into_iter().for_each(&mut *note);
+                photos::copy_masks(input, &self.scene.join("masks").join(&part))?.into_iter().for_each(&mut *note);
             } else {
                 let [chosen, all] = video::extract(ffmpeg, input, &folder, *frames)?;
                 note(format!("{}: {chosen} of {all} frames chosen", input.display()));
@@ -374,84 +377,4 @@ fn part_name(inputs: &[PathBuf], i: usize) -> String {
 fn known_extensions() -> String {
     let [first @ .., last] = PHOTOS.map(|extension| format!(".{extension}"));
     format!("{} or {last}", first.join(", "))
-}
-
-/// The visible files of a folder, sorted; empty for a video.
-fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    if !folder.is_dir() {
-        return Ok(Vec::new());
-    }
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
-        let is_hidden = path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
-        if path.is_file() && !is_hidden {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// The files of a folder that are no photos we take.
-fn left_out(folder: &Path) -> Result<Vec<PathBuf>> {
-    Ok(files_in(folder)?.into_iter().filter(|path| !has_extension(path, &PHOTOS)).collect())
-}
-
-/// What to do with photos in a format that is not read, the first such format.
-fn unread_note(folder: &Path, left_out: &[PathBuf]) -> Option<String> {
-    let of = |extensions: &'static [&str]| left_out.iter().filter(move |path| has_extension(path, extensions));
-    let (extensions, format, converter) =
-        UNREAD.into_iter().find(|(extensions, ..)| of(extensions).next().is_some())?;
-    let first = of(extensions).next()?.file_name()?.to_string_lossy();
-    let count = of(extensions).count();
-    Some(format!(
-        "{} has {count} {format} photos, such as {first}, which cannot be read: convert them to JPEG, for example with \
-         `{converter}`",
-        folder.display()
-    ))
-}
-
-/// Links, or where that cannot be copies, photos of a folder and of the folders in it; notes what is left out.
-fn copy_photos(from: &Path, photos: &[PathBuf], to: &Path, note: &mut dyn FnMut(String)) -> Result<()> {
-    for path in photos {
-        let target = to.join(path.strip_prefix(from).unwrap_or(path));
-        let folder = target.parent().unwrap_or(to);
-        fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        if !target.exists() && fs::hard_link(path, &target).is_err() {
-            fs::copy(path, &target).with_context(|| format!("cannot copy {}", path.display()))?;
-        }
-    }
-    let left_out = left_out(from)?;
-    if let Some(first) = left_out.first().and_then(|path| path.file_name()) {
-        note(format!(
-            "{}: {} files are left out, such as {}; photos are {}",
-            from.display(),
-            left_out.len(),
-            first.to_string_lossy(),
-            known_extensions()
-        ));
-    }
-    unread_note(from, &left_out).into_iter().for_each(note);
-    Ok(())
-}
-
-/// The visible photos of a folder and of the folders in it.
-fn photos_below(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut photos = Vec::new();
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    for entry in entries {
-        let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
-        if path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.')) {
-            continue;
-        }
-        if path.is_dir() {
-            photos.extend(photos_below(&path)?);
-        } else if has_extension(&path, &PHOTOS) {
-            photos.push(path);
-        }
-    }
-    photos.sort();
-    Ok(photos)
 }

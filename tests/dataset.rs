@@ -3,12 +3,15 @@
 mod archive;
 mod lists;
 mod llff;
+mod masks;
 mod models;
 mod names;
 mod neus;
 mod points;
 pub mod reality_capture;
+mod splits;
 mod units;
+mod unsolved;
 
 use crate::scene_files::{Camera, Image, Model, SIMPLE_PINHOLE, write_file, write_photo};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -242,4 +245,34 @@ fn unsupported_models_are_shown_by_inspect() {
     let info = dataset::inspect(folder.path()).unwrap();
     assert_eq!((info.cameras[0].model.as_str(), info.cameras[0].focal), ("RAD_TAN_THIN_PRISM_FISHEYE", None));
     assert_eq!(info.missing, ["gone.png"]);
+    let refused = info.refused.unwrap();
+    assert!(refused.contains("RAD_TAN_THIN_PRISM_FISHEYE is not supported; undistort the photos first"), "{refused}");
+}
+
+/// A panorama has two parameters, fewer than any other model, and no form as a pinhole.
+#[test]
+fn panoramas_are_refused_in_both_formats() {
+    let mut model = Model::small(2);
+    model.cameras[0].model = (17, "EQUIRECTANGULAR");
+    model.cameras[0].params = vec![12.0, 8.0];
+    let (binary, text) = (model.scene(), tempfile::tempdir().unwrap());
+    model.write_text(text.path());
+    model.write_photos(text.path());
+    for scene in [binary.path(), text.path()] {
+        let sentence =
+            "camera 1: camera model EQUIRECTANGULAR is not supported; cut the panoramas into perspective photos";
+        crate::bad_input::fails(scene, &["cameras.", sentence]);
+        let info = dataset::inspect(scene).unwrap();
+        assert_eq!((info.cameras[0].model.as_str(), info.cameras[0].focal), ("EQUIRECTANGULAR", None));
+        assert!(info.refused.unwrap().contains(sentence));
+    }
+    // A model of a later COLMAP, of any number of parameters.
+    for params in [vec![], vec![1.0; 20]] {
+        model.cameras[0].model = (18, "LATER");
+        model.cameras[0].params = params;
+        model.write_binary(binary.path());
+        let number =
+            "camera model number 18 (COLMAP up to 4.1 has 0 to 17) is not supported; undistort the photos first";
+        crate::bad_input::fails(binary.path(), &["cameras.bin", "camera 1 at byte", number]);
+    }
 }

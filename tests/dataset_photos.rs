@@ -303,6 +303,10 @@ fn exif_orientation_is_not_applied() {
     let dataset = load_plain(folder.path());
     let rgba = &dataset.views[0].photo.pixels().unwrap().rgba;
     assert_eq!((rgba[0], rgba[4 * 11]), (255, 0));
+    let note = "1 photo has an EXIF orientation that asks for turned pixels";
+    assert_note(&dataset, &format!("{note}: a0.png; the pixels are used as the files store them"));
+    let info = dataset::inspect(folder.path()).unwrap();
+    assert!(info.notes.len() == 1 && info.notes[0].starts_with(&format!("{note}: images/a0.png")), "{:?}", info.notes);
 }
 
 fn crc32(bytes: &[u8]) -> u32 {

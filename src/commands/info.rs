@@ -112,8 +112,16 @@ fn scene(path: &Path) -> Result<()> {
             pair(camera.focal),
             pair(camera.principal),
             camera.images,
-            if camera.distorted { ", undistorted on load" } else { "" }
+            match (camera.focal, camera.distorted) {
+                (None, _) => ", not supported",
+                (Some(_), true) => ", undistorted on load",
+                (Some(_), false) => "",
+            }
         );
+    }
+    info.notes.iter().for_each(|note| stdout!("   note: {note}"));
+    if let Some(refused) = &info.refused {
+        stdout!("   `ibgs train` refuses it: {refused}");
     }
     Ok(())
 }
@@ -137,7 +145,12 @@ fn layout(info: &SceneInfo) {
     for size in &info.sizes {
         stdout!("   {} photos of {} x {}", size.photos, size.width, size.height);
     }
-    stdout!("   with `--eval` {} train and {} are held out: {}", info.split.train, info.split.test, info.split.by);
+    if info.masks > 0 {
+        stdout!("   masks of {} of {posed} photos", info.masks);
+    }
+    if info.refused.is_none() {
+        stdout!("   with `--eval` {} train and {} are held out: {}", info.split.train, info.split.test, info.split.by);
+    }
 }
 
 fn such_as(names: &[String]) -> String {

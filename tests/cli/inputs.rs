@@ -1,7 +1,7 @@
 //! Every form of scene trains through the program, and the model finds it again.
 
 use super::{Outcome, Sandbox, files_in};
-use crate::scene_files::{Model, zip_of_folder};
+use crate::scene_files::{Model, write_photo, zip_of_folder};
 use exr::prelude::write_rgba_file;
 use glam::DVec2;
 use ibgs_core::camera::Camera;
@@ -293,6 +293,9 @@ fn info_shows_the_layout_poses_sizes_and_split_of_a_scene() {
     let mut main = Model::small(8);
     main.images[0].name = "gone.png".to_owned();
     main.write_binary_to(&scene.join("sparse/1"));
+    for mask in ["masks/a5_mask.png", "images/a6.png.mask.png", "masks/a5-mask.png"] {
+        write_photo(&scene.join(mask), 12, 8, |_, _| [255; 4]);
+    }
     let shown = sandbox.succeeds("info scene").stdout;
     for line in [
         "scene: COLMAP, binary scene, 8 photos, 2 points",
@@ -301,9 +304,19 @@ fn info_shows_the_layout_poses_sizes_and_split_of_a_scene() {
         "   7 photos with a pose, 2 without, for instance images/a0.png",
         "   1 photos are missing, for instance gone.png",
         "   7 photos of 12 x 8",
+        "   masks of 2 of 7 photos",
+        "   note: 1 of 2 files in masks belong to no photo with a pose and are not used: masks/a5-mask.png",
         "   with `--eval` 6 train and 1 are held out: every 8th photo by name",
         "   camera 1: PINHOLE 12 x 8",
     ] {
         assert!(shown.lines().any(|shown| shown.starts_with(line)), "`{line}` is not in:\n{shown}");
     }
+    // Nothing is promised that a training refuses.
+    main.cameras[0].model = (11, "RAD_TAN_THIN_PRISM_FISHEYE");
+    main.cameras[0].params = vec![10.0; 16];
+    main.write_binary_to(&scene.join("sparse/1"));
+    let shown = sandbox.succeeds("info scene").stdout;
+    assert!(shown.contains("8 photos, not supported"), "{shown}");
+    assert!(shown.contains("`ibgs train` refuses it: ") && shown.contains("undistort the photos first"), "{shown}");
+    assert!(!shown.contains("undistorted on load") && !shown.contains("held out"), "{shown}");
 }

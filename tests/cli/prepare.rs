@@ -2,6 +2,8 @@
 
 use super::Sandbox;
 use crate::scene_files::Model;
+use image::ImageEncoder;
+use image::codecs::jpeg::JpegEncoder;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
@@ -193,6 +195,47 @@ fn photos_that_lie_in_the_scene_stay() {
     let outcome = sandbox.run("prepare others -o scene --colmap ./colmap --overwrite");
     outcome.assert_failure(1, &["scene/images holds photos that were there before"]);
     assert_eq!(sandbox.text("scene/images/b.jpg"), "not looked at");
+}
+
+/// A JPEG file of 32 x 16 pixels that EXIF asks to turn by a quarter: a TIFF header with one entry.
+fn portrait() -> Vec<u8> {
+    let exif = b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+    let mut bytes = Vec::new();
+    let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
+    encoder.set_exif_metadata(exif.to_vec()).unwrap();
+    image::RgbImage::from_pixel(32, 16, image::Rgb([200, 10, 10])).write_with_encoder(encoder).unwrap();
+    bytes
+}
+
+#[test]
+fn photos_are_turned_upright_and_masks_are_no_photos() {
+    let sandbox = sandbox();
+    let names = ["a.jpg", "b.jpg", "c.jpg"];
+    names.iter().for_each(|name| sandbox.write(&format!("phone/{name}"), portrait()));
+    for mask in ["phone/a_mask.png", "phone/masks/b.jpg.png"] {
+        fs::create_dir_all(sandbox.path(mask).parent().unwrap()).unwrap();
+        image::GrayImage::new(16, 32).save(sandbox.path(mask)).unwrap();
+    }
+    write_models(&sandbox, &["a.jpg"], &names);
+    let told = sandbox.succeeds("prepare phone -o scene --colmap ./colmap");
+    assert!(told.stderr.contains("3 of 3 photos are turned upright in the scene, as their EXIF orientation"), "{told}");
+    assert!(told.stderr.contains("2 masks go to ") && told.stdout.contains("3 of 3 photos have a pose"), "{told}");
+    for name in names {
+        let size = |folder: &str| image::image_dimensions(sandbox.path(&format!("{folder}/{name}"))).unwrap();
+        assert_eq!((size("scene/images"), size("phone")), ((16, 32), (32, 16)), "{name}");
+        assert_eq!(fs::read(sandbox.path(&format!("phone/{name}"))).unwrap(), portrait(), "the original stays");
+    }
+    assert!(!sandbox.path("scene/images/a_mask.png").exists() && !sandbox.path("scene/images/masks").exists());
+    let shown = sandbox.succeeds("info scene").stdout;
+    assert!(shown.contains("masks of 2 of 3 photos") && !shown.contains("EXIF"), "{shown}");
+    // Photos that lie in the scene are the user's own.
+    fs::create_dir(sandbox.path("own")).unwrap();
+    fs::rename(sandbox.path("phone"), sandbox.path("own/images")).unwrap();
+    let told = sandbox.succeeds("prepare own/images -o own --colmap ./colmap");
+    assert!(told.stderr.contains("3 of 3 photos have an EXIF orientation and stay as they are"), "{told}");
+    assert!(told.stderr.contains("2 masks lie among the photos"), "{told}");
+    assert_eq!(fs::read(sandbox.path("own/images/a.jpg")).unwrap(), portrait());
+    assert!(sandbox.succeeds("info own").stdout.contains("note: 3 photos have an EXIF orientation"));
 }
 
 #[test]

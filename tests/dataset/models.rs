@@ -64,13 +64,43 @@ fn layouts_of_nerfstudio() {
     assert_eq!(dataset::inspect(folder.path()).unwrap().images, 2);
 }
 
+/// RealityCapture exports model and photos into one folder.
+#[test]
+fn a_model_beside_its_photos() {
+    for text in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path();
+        let model = Model::small(3);
+        if text {
+            model.write_text_to(scene)
+        } else {
+            model.write_binary_to(scene)
+        }
+        for image in &model.images {
+            write_photo(&scene.join(&image.name), 12, 8, |_, _| [90, 120, 150, 255]);
+        }
+        write_photo(&scene.join("b.png"), 12, 8, |_, _| [90, 120, 150, 255]);
+        write_photo(&scene.join("a1.png.mask.png"), 12, 8, |_, _| [255; 4]);
+        let dataset = load_plain(scene);
+        assert_eq!((dataset.views.len(), dataset.points.len()), (3, 2));
+        assert_eq!(dataset.notes, ["1 photo has no pose and is not used: b.png", "1 photo masked"]);
+        let info = dataset::inspect(scene).unwrap();
+        let listing = if text { "images.txt" } else { "images.bin" };
+        assert_eq!((info.listing.to_str(), info.models[0].folder.as_str()), (Some(listing), "."));
+        assert_eq!((info.images, info.points, info.masks), (3, 2, 1));
+        // A model in its usual place is the scene.
+        Model::small(2).write_binary(scene);
+        assert_eq!(load_plain(scene).views.len(), 2);
+    }
+}
+
 #[test]
 fn photos_without_a_pose_are_counted() {
     let folder = Model::small(2).scene();
     let scene = folder.path();
     assert!(load_plain(scene).notes.is_empty());
     // A second file of a posed photo, hidden files and other files are no photos without a pose.
-    for other in ["images/a0.heic", "images/.a9.png", "images/read.me", "masks/x.png", "images_2/a5.png"] {
+    for other in ["images/a0.heic", "images/.a9.png", "images/read.me", "masks/x.txt", "images_2/a5.png"] {
         write_file(&scene.join(other), "something");
     }
     assert!(load_plain(scene).notes.is_empty());

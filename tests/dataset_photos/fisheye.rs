@@ -41,6 +41,8 @@ fn cases() -> Vec<(Camera, [f64; 8])> {
         (with(9, "RADIAL_FISHEYE", &one, &RADIAL[..2]), RADIAL),
         (with(5, "OPENCV_FISHEYE", &two, &[OPENCV[0], OPENCV[1], OPENCV[4], OPENCV[5]]), OPENCV),
         (with(10, "THIN_PRISM_FISHEYE", &two, &PRISM), PRISM),
+        (with(14, "SIMPLE_FISHEYE", &one, &[]), [0.0; 8]),
+        (with(15, "FISHEYE", &two, &[]), [0.0; 8]),
     ]
 }
 
@@ -56,7 +58,7 @@ fn fisheye_photos_become_pinhole() {
         // The pinhole keeps focal length and principal point of the fisheye, scaled with the photo.
         let loaded = dataset.views[0].camera;
         assert_eq!(loaded.focal.x, 2.0 * camera.params[0]);
-        let at = if camera.model.1.contains("RADIAL") { 1 } else { 2 };
+        let at = if ["RADIAL", "SIMPLE"].iter().any(|word| camera.model.1.contains(word)) { 1 } else { 2 };
         assert_eq!(loaded.principal, DVec2::new(camera.params[at], camera.params[at + 1]) * 2.0);
     }
 }

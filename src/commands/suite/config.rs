@@ -266,7 +266,7 @@ impl Suite {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ibgs_core::dataset::Resolution;
+    use ibgs_core::dataset::{Masks, Resolution};
 
     const TEXT: &str = r#"
         title = "Study"
@@ -346,5 +346,26 @@ mod tests {
             }
         }
         assert!(count > 10, "only {count} configurations");
+    }
+
+    /// Figures as published, none where there is none; whole images, as those figures are.
+    #[test]
+    fn cut_out_objects_are_measured_as_published() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/benchmarks");
+        let synthetic = Suite::load(&root.join("nerf-synthetic.toml")).unwrap();
+        let names = ["chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship"];
+        assert_eq!(synthetic.scenes.iter().map(|scene| scene.name.as_str()).collect::<Vec<_>>(), names);
+        let rows: Vec<&str> = synthetic.published.iter().map(|row| row.on.as_str()).collect();
+        assert_eq!(rows, [&names[..], &[""]].concat());
+        let figures: Vec<f64> = synthetic.published.iter().filter_map(|row| row.psnr).collect();
+        let mean = figures[..8].iter().sum::<f64>() / 8.0;
+        assert!((mean - figures[8]).abs() < 0.01, "{mean}");
+        assert!(
+            synthetic.published.iter().all(|row| row.method == "3DGS" && row.ssim.is_none() && row.lpips.is_none())
+        );
+        let dtu = Suite::load(&root.join("dtu.toml")).unwrap();
+        let config = dtu.config(&dtu.scenes[0], &dtu.runs[0]).unwrap();
+        assert_eq!((config.data.masks, config.data.resolution), (Masks::Object, Resolution::Factor(2)));
+        assert_eq!((dtu.scenes.len(), config.data.eval_split_every), (15, 8));
     }
 }

@@ -1,12 +1,14 @@
 //! From a photo's file to 8-bit RGBA: decoding, colour space, alpha, masks.
 
 use super::error::{DatasetError, read_bytes};
+use super::masks::check_shape;
 use super::{ColorSpace, LoadOptions, Photo};
 use crate::image_io;
 use exr::meta::MetaData;
 use exr::prelude::{ReadChannels, ReadLayers, RgbaChannels, Vec2, read};
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, ImageFormat, ImageReader, Rgba, Rgba32FImage, RgbaImage};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Rgba, Rgba32FImage, RgbaImage};
 use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 
@@ -27,6 +29,20 @@ const EXR_FRAME_TIMES: usize = 16;
 /// # Errors
 /// [`DatasetError`] naming the file, where it is no photo that is read.
 pub fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
+    header(path).map(|header| header.size)
+}
+
+/// What a photo says before its pixels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Header {
+    /// Width and height as the file stores the pixels.
+    pub size: (u32, u32),
+    /// EXIF asks viewers to turn or mirror the pixels.
+    pub is_turned: bool,
+}
+
+/// As [`photo_size`], with the orientation.
+pub(crate) fn header(path: &Path) -> Result<Header, DatasetError> {
     let unreadable = |cause: std::io::Error| DatasetError::read(path, &cause);
     let broken = |cause: String| DatasetError::Photo { path: path.to_owned(), cause };
     let mut file = BufReader::new(std::fs::File::open(path).map_err(unreadable)?);
@@ -39,13 +55,21 @@ pub fn photo_size(path: &Path) -> Result<(u32, u32), DatasetError> {
         let meta = MetaData::read_from_file(path, false).map_err(|cause| broken(cause.to_string()))?;
         let length = std::fs::metadata(path).map_err(unreadable)?.len() as usize;
         let Vec2(width, height) = exr_size(&meta, length).map_err(broken)?;
-        return Ok((width as u32, height as u32));
+        return Ok(Header { size: (width as u32, height as u32), is_turned: false });
     }
-    ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(unreadable)?
-        .into_dimensions()
-        .map_err(|cause| broken(cause.to_string()))
+    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unreadable)?;
+    let mut decoder = reader.into_decoder().map_err(|cause| broken(cause.to_string()))?;
+    Ok(Header { size: decoder.dimensions(), is_turned: asks_to_turn(&mut decoder) })
+}
+
+/// Whether the EXIF orientation of a photo's contents asks to turn or mirror its pixels.
+pub(crate) fn is_turned(bytes: &[u8]) -> bool {
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    reader.is_ok_and(|reader| reader.into_decoder().is_ok_and(|mut decoder| asks_to_turn(&mut decoder)))
+}
+
+fn asks_to_turn(decoder: &mut impl ImageDecoder) -> bool {
+    decoder.orientation().is_ok_and(|orientation| orientation != Orientation::NoTransforms)
 }
 
 /// As many bytes of a file tell its format.
@@ -104,10 +128,19 @@ pub(crate) enum Drops {
     Photo,
 }
 
-/// Lowers alpha where a mask is dark (white keeps, black drops); masks of another size are resized.
-pub(crate) fn apply_mask(photo: &mut RgbaImage, path: &Path, drops: Drops) -> Result<(), DatasetError> {
-    let mask = decode_any(path, &read_bytes(path)?)?.0.into_luma8();
+/// Lowers alpha where a mask is dark (white keeps, black drops); masks of another size are resized. The first path is the photo's,
+/// for messages.
+///
+/// # Errors
+/// The mask does not decode, or has another shape than the photo.
+pub(crate) fn apply_mask(
+    photo: &mut RgbaImage,
+    (path, mask_path): (&Path, &Path),
+    drops: Drops,
+) -> Result<(), DatasetError> {
+    let mask = decode_any(mask_path, &read_bytes(mask_path)?)?.0.into_luma8();
     let (width, height) = photo.dimensions();
+    check_shape((mask_path, mask.dimensions()), (path, (width, height)))?;
     let mask = if mask.dimensions() == (width, height) {
         mask
     } else {

@@ -17,9 +17,9 @@ pub enum DatasetError {
     },
     /// The folder holds no scene that is understood.
     #[error(
-        "{} is not a scene: it has neither sparse/0/cameras.bin (or .txt, or directly in sparse/, or in colmap/) nor \
-         transforms.json nor transforms_train.json nor a camera file of RealityCapture (.csv), LLFF (poses_bounds.npy) \
-         or NeuS (cameras_sphere.npz); give the folder (or a .zip of it) that holds one of them", path.display()
+        "{} is not a scene: it has neither sparse/0/cameras.bin with images.bin (or .txt, or directly in sparse/, in colmap/ or \
+         beside the photos) nor transforms.json nor transforms_train.json nor a camera file of RealityCapture (.csv), LLFF \
+         (poses_bounds.npy) or NeuS (cameras_sphere.npz); give the folder (or a .zip of it) that holds one of them", path.display()
     )]
     NotAScene {
         /// The folder given.
@@ -137,9 +137,7 @@ pub enum DatasetError {
     },
     /// A camera model that this loader cannot undistort.
     #[error(
-        "{}, {camera}: camera model {model} is not supported; undistort the photos first (for example with \
-         `colmap image_undistorter`) or use one of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
-         FULL_OPENCV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE, THIN_PRISM_FISHEYE, FOV", path.display()
+        "{}, {camera}: camera model {model} is not supported; {}", path.display(), without_model(model)
     )]
     CameraModel {
         /// The file.
@@ -227,6 +225,22 @@ pub enum DatasetError {
         /// The decoder's reason.
         cause: String,
     },
+    /// A mask of another shape than its photo.
+    #[error(
+        "mask {} has {} x {} pixels, another shape than the {} x {} of its photo {}; make the mask from this photo as its \
+         file stores it, or move the mask elsewhere",
+        path.display(), size.0, size.1, photo_size.0, photo_size.1, photo.display()
+    )]
+    MaskShape {
+        /// The mask.
+        path: PathBuf,
+        /// Its width and height.
+        size: (u32, u32),
+        /// The photo.
+        photo: PathBuf,
+        /// Its width and height.
+        photo_size: (u32, u32),
+    },
     /// A photo that is decoded again, as the host's memory holds too few, is another one now.
     #[error("photo {} has changed while it was in use; start again", path.display())]
     PhotoChanged {
@@ -290,6 +304,20 @@ pub enum DatasetError {
         /// What is allowed.
         allowed: &'static str,
     },
+}
+
+/// What to do about photos through a camera model that is not supported.
+fn without_model(model: &str) -> &'static str {
+    match model {
+        "EQUIRECTANGULAR" | "SPHERICAL" => {
+            "cut the panoramas into perspective photos and pose those (COLMAP's example panorama_sfm.py does both)"
+        }
+        _ => {
+            "undistort the photos first (for example with `colmap image_undistorter`) or use one of SIMPLE_PINHOLE, \
+             PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE, \
+             RADIAL_FISHEYE, OPENCV_FISHEYE, THIN_PRISM_FISHEYE, FOV"
+        }
+    }
 }
 
 impl DatasetError {

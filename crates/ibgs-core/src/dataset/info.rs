@@ -1,9 +1,9 @@
 //! What a scene on disk holds, without decoding its photos.
 
-use super::decode::photo_size;
+use super::decode::{Header, header};
 use super::names::{photos_below, photos_in};
 use super::split::{self, StatedSplit};
-use super::{DatasetError, LoadOptions, SceneKind};
+use super::{DatasetError, LoadOptions, SceneKind, masks, notes};
 use glam::DVec2;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -86,8 +86,14 @@ pub struct SceneInfo {
     pub sizes: Vec<SizeInfo>,
     /// Listed photos whose size cannot be read, by their paths inside the scene.
     pub unreadable: Vec<String>,
+    /// Number of photos that have a mask in a file.
+    pub masks: usize,
     /// The split with [`LoadOptions::eval`] and its default rule.
     pub split: SplitInfo,
+    /// What the user should know, as [`Dataset::notes`](super::Dataset::notes) has it.
+    pub notes: Vec<String>,
+    /// Why the scene cannot be loaded, as far as that shows without decoding a photo.
+    pub refused: Option<String>,
 }
 
 /// What a reader of a format finds out.
@@ -99,10 +105,21 @@ pub(crate) struct Inspected {
     pub cameras: Vec<CameraInfo>,
     pub points: usize,
     pub missing: Vec<String>,
-    /// Names and files of the photos that exist.
-    pub found: Vec<(String, PathBuf)>,
+    /// The photos that exist.
+    pub found: Vec<Found>,
+    /// Photos that are left out as their pose or camera is not a number.
+    pub unsolved: Vec<PathBuf>,
     pub beside: Beside,
     pub split: Option<StatedSplit>,
+    pub notes: Vec<String>,
+    pub refused: Option<DatasetError>,
+}
+
+/// A photo that exists.
+pub(crate) struct Found {
+    pub name: String,
+    pub photo: PathBuf,
+    pub mask: Option<PathBuf>,
 }
 
 /// Where photos without a pose may be.
@@ -132,7 +149,8 @@ pub(crate) fn unposed<'a>(root: &Path, beside: &Beside, posed: impl Iterator<Ite
         Beside::Below(_) | Beside::SameFolders => same_folders().into_iter().flat_map(photos_in).collect(),
         Beside::Nowhere => Vec::new(),
     };
-    let without = photos.iter().filter(|photo| !posed.contains(&photo.with_extension("")));
+    let is_posed = |photo: &Path| posed.contains(&photo.with_extension(""));
+    let without = photos.iter().filter(|photo| !is_posed(photo) && !masks::is_mask(photo));
     without.map(|photo| path_inside(root, photo)).collect()
 }
 
@@ -143,29 +161,53 @@ pub(crate) fn some_of(names: &[String]) -> String {
     format!("{}{dots}", names[..names.len().min(NAMED)].join(", "))
 }
 
-/// Sizes of photos, and those that have none.
-fn sizes(root: &Path, found: &[(String, PathBuf)]) -> (Vec<SizeInfo>, Vec<String>) {
-    let mut uses: BTreeMap<&Path, usize> = BTreeMap::new();
-    found.iter().for_each(|(_, photo)| *uses.entry(photo).or_default() += 1);
-    let (mut counts, mut unreadable) = (BTreeMap::<(u32, u32), usize>::new(), Vec::new());
-    for (photo, count) in uses {
-        match photo_size(photo) {
-            Ok(size) => *counts.entry(size).or_default() += count,
-            Err(_) => unreadable.push(path_inside(root, photo)),
+/// What the headers of the photos say.
+#[derive(Default)]
+struct Headers {
+    sizes: Vec<SizeInfo>,
+    unreadable: Vec<String>,
+    /// Photos that EXIF asks to turn.
+    turned: Vec<String>,
+    /// What is wrong with a mask, the first of such masks.
+    refused: Option<DatasetError>,
+}
+
+impl Headers {
+    fn read(root: &Path, found: &[Found]) -> Headers {
+        let (mut headers, mut counts) = (Headers::default(), BTreeMap::<(u32, u32), usize>::new());
+        // Several views may show one photo.
+        let mut uses: BTreeMap<&Path, (usize, Option<&Path>)> = BTreeMap::new();
+        found.iter().for_each(|one| uses.entry(&one.photo).or_insert((0, one.mask.as_deref())).0 += 1);
+        for (photo, (count, mask)) in uses {
+            let Ok(Header { size, is_turned }) = header(photo) else {
+                headers.unreadable.push(path_inside(root, photo));
+                continue;
+            };
+            *counts.entry(size).or_default() += count;
+            headers.turned.extend(is_turned.then(|| path_inside(root, photo)));
+            let shape = |mask| masks::check_shape((mask, header(mask)?.size), (photo, size));
+            let refused = mask.and_then(|mask| shape(mask).err());
+            headers.refused = headers.refused.or(refused);
         }
+        let info = |((width, height), photos)| SizeInfo { width, height, photos };
+        headers.sizes = counts.into_iter().map(info).collect();
+        headers.sizes.sort_by_key(|size| std::cmp::Reverse(size.photos));
+        headers
     }
-    let info = |((width, height), photos)| SizeInfo { width, height, photos };
-    let mut sizes: Vec<SizeInfo> = counts.into_iter().map(info).collect();
-    sizes.sort_by_key(|size| std::cmp::Reverse(size.photos));
-    (sizes, unreadable)
 }
 
 /// Adds what is the same for all formats.
 pub(crate) fn complete(path: &Path, root: &Path, inspected: Inspected) -> Result<SceneInfo, DatasetError> {
-    let Inspected { kind, listing, models, images, cameras, points, missing, found, beside, split } = inspected;
-    let unposed = unposed(root, &beside, found.iter().map(|(_, photo)| photo.as_path()));
-    let (sizes, unreadable) = sizes(root, &found);
-    let mut names: Vec<String> = found.into_iter().map(|(name, _)| name).collect();
+    let Inspected { kind, listing, models, images, cameras, points, missing, found, beside, split, .. } = inspected;
+    let listed = found.iter().map(|one| &one.photo).chain(&inspected.unsolved);
+    let unposed = unposed(root, &beside, listed.map(PathBuf::as_path));
+    let headers = Headers::read(root, &found);
+    let masks = || found.iter().filter_map(|one| one.mask.as_deref());
+    let mut notes = inspected.notes;
+    notes.extend(masks::unfit_note(root, masks()));
+    notes.extend(notes::turned(&headers.turned));
+    let masks = masks().count();
+    let mut names: Vec<String> = found.into_iter().map(|one| one.name).collect();
     names.sort();
     let options = LoadOptions { eval: true, ..LoadOptions::default() };
     let split = split::divided(&names, split, root, &options)?;
@@ -179,8 +221,11 @@ pub(crate) fn complete(path: &Path, root: &Path, inspected: Inspected) -> Result
         points,
         missing,
         unposed,
-        sizes,
-        unreadable,
+        sizes: headers.sizes,
+        unreadable: headers.unreadable,
+        masks,
         split: SplitInfo { train: split.train.len(), test: split.test.len(), by: split.by },
+        notes,
+        refused: inspected.refused.or(headers.refused).map(|error| error.to_string()),
     })
 }

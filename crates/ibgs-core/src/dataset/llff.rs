@@ -8,7 +8,8 @@ use super::colmap::reduced_note;
 use super::error::{DatasetError, read_bytes};
 use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose};
-use super::names::{PhotoFolders, RelativeTo, find_mask, inside, photos_in};
+use super::masks::MaskFinder;
+use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
 use super::{LoadOptions, Scene, SceneKind, nerf, npy};
 use glam::DVec2;
@@ -99,11 +100,12 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
     }
     let names = names(&root, &photos, folders.reduced().is_some());
     let mut frames = Vec::with_capacity(photos.len());
+    let masks = MaskFinder::new(&root);
     for ((photo, name), (lens, pose)) in photos.into_iter().zip(names).zip(cameras) {
         if inside(&name, |_| true).is_none() {
             return Err(DatasetError::ImageName { path: listing, name });
         }
-        let mask = find_mask(&root, &name);
+        let mask = masks.find(&name, &photo);
         frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled: folders.reduced().is_some(), key: None });
     }
     Ok(Scene {
@@ -111,6 +113,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         listing,
         frames,
         missing: Vec::new(),
+        unsolved: Vec::new(),
         points: Vec::new(),
         point_files: Vec::new(),
         split: None,

@@ -12,9 +12,11 @@ mod hull;
 mod info;
 mod lens;
 mod llff;
+mod masks;
 mod names;
 mod nerf;
 mod neus;
+mod notes;
 mod npy;
 mod options;
 mod photos;
@@ -34,6 +36,7 @@ pub use fit::{shown_by_any, unrelated_colors};
 pub use host::HostPhoto;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use llff::check_poses_bounds;
+pub use masks::is_mask;
 pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub(crate) use photos::resample;
@@ -45,7 +48,7 @@ use crate::local_space::LocalSpace;
 use crate::progress::Progress;
 use archive::Unpacked;
 use glam::DVec3;
-use info::{Beside, some_of};
+use info::Beside;
 use photos::ListedPhoto;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -209,7 +212,7 @@ pub enum SceneKind {
     ColmapText,
     /// `transforms.json` of nerfstudio or instant-ngp.
     Transforms,
-    /// `transforms_train.json` and `transforms_test.json` of the Blender scenes.
+    /// `transforms_train.json` and its companions, of the Blender scenes.
     Blender,
     /// Camera parameters of RealityCapture or RealityScan, CSV.
     RealityCapture,
@@ -241,6 +244,8 @@ pub(crate) struct Scene {
     frames: Vec<ListedPhoto>,
     /// Listed photos that do not exist.
     missing: Vec<PathBuf>,
+    /// Photos that are left out as their pose or camera is not a number; `notes` says so.
+    unsolved: Vec<PathBuf>,
     points: Vec<Point>,
     /// Files that may hold the points, best first.
     point_files: Vec<PathBuf>,
@@ -313,7 +318,8 @@ fn poses_in_folder(path: &Path, options: &LoadOptions) -> Result<PosedScene, Dat
     let views = scene.frames.par_iter().map(camera).collect::<Result<Vec<_>, DatasetError>>()?;
     let names: Vec<String> = views.iter().map(|(name, _)| name.clone()).collect();
     let split = split::divided(&names, scene.split, root, options)?;
-    let (points, _) = points::own(scene.points, scene.point_files, root)?;
+    let (mut points, _) = points::own(scene.points, scene.point_files, root)?;
+    points.retain(|point| point.position.is_finite());
     Ok(PosedScene { views, train: split.train, test: split.test, points })
 }
 
@@ -354,12 +360,12 @@ fn load_folder(
         backdrop: None,
         notes: std::mem::take(&mut scene.notes),
     };
-    if !scene.missing.is_empty() {
-        dataset.notes.push(missing_note(&scene.missing, scene.frames.len()));
-    }
+    dataset.notes.extend(notes::missing(&scene.missing, scene.frames.len()));
     let root = root(path);
-    let unposed = info::unposed(root, &scene.beside, scene.frames.iter().map(|frame| frame.photo.as_path()));
-    dataset.notes.extend(unposed_note(&unposed));
+    let listed = scene.frames.iter().map(|frame| &frame.photo).chain(&scene.unsolved);
+    let unposed = info::unposed(root, &scene.beside, listed.map(PathBuf::as_path));
+    dataset.notes.extend(notes::unposed(&unposed));
+    dataset.notes.extend(masks::unfit_note(root, scene.frames.iter().filter_map(|frame| frame.mask.as_deref())));
     if let Some(split) = &options.split {
         split::keep_named(&mut scene.frames, split)?;
     }
@@ -406,8 +412,9 @@ pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
     let unpacked = Unpacked::new(path)?;
     let inspected = inspect_folder(&unpacked.root());
     let info = inspected.map_err(|error| unpacked.error(error))?;
-    let missing = info.missing.iter().map(|name| unpacked.named(name)).collect();
-    Ok(SceneInfo { path: path.to_owned(), missing, ..info })
+    let named = |texts: Vec<String>| texts.iter().map(|text| unpacked.named(text)).collect();
+    let refused = info.refused.map(|refused| unpacked.named(&refused));
+    Ok(SceneInfo { path: path.to_owned(), missing: named(info.missing), notes: named(info.notes), refused, ..info })
 }
 
 fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
@@ -443,6 +450,8 @@ fn format_of(path: &Path) -> Result<Format, DatasetError> {
         Ok(Format::Llff)
     } else if neus::is_scene(path) {
         Ok(Format::Neus)
+    } else if colmap::is_flat_scene(path) {
+        Ok(Format::Colmap)
     } else {
         Err(DatasetError::NotAScene { path: path.to_owned() })
     }
@@ -470,16 +479,4 @@ fn check_photos(path: &Path, scene: &Scene) -> Result<(), DatasetError> {
         (1, _) => Err(DatasetError::TooFewViews { path: path.to_owned(), count: 1, what: "views" }),
         _ => Ok(()),
     }
-}
-
-fn missing_note(missing: &[PathBuf], found: usize) -> String {
-    let names: Vec<String> = missing.iter().map(|path| path.display().to_string()).collect();
-    let all = missing.len() + found;
-    format!("{} of {all} photos do not exist and were skipped: {}", missing.len(), some_of(&names))
-}
-
-fn unposed_note(unposed: &[String]) -> Option<String> {
-    let verbs = if unposed.len() == 1 { "has no pose and is" } else { "have no pose and are" };
-    let note = || format!("{} {verbs} not used: {}", photos::photos(unposed.len()), some_of(unposed));
-    (!unposed.is_empty()).then(note)
 }

@@ -99,6 +99,14 @@ pub(crate) fn points_into(folder: &Path, name: &str) -> bool {
     whole.into_iter().flatten().any(|folder| name.starts_with(folder))
 }
 
+/// A name without the extension of a photo.
+pub(crate) fn without_extension(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((stem, extension)) if is_one_of(extension, &READ) || is_one_of(extension, &UNREAD) => stem,
+        _ => name,
+    }
+}
+
 /// The file behind an image name: as named, with an extension added, or with another extension.
 pub(crate) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
     let exact = folder.join(name);
@@ -107,27 +115,10 @@ pub(crate) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
     if !is_unread && exact.is_file() {
         return Some(exact);
     }
-    let is_known = is_unread || is_one_of(extension, &READ);
-    let stem = if is_known { &name[..name.len() - extension.len() - 1] } else { name };
+    let stem = without_extension(name);
     let others = READ.iter().flat_map(|extension| [(*extension).to_owned(), extension.to_uppercase()]);
     let other = others.map(|extension| folder.join(format!("{stem}.{extension}"))).find(|path| path.is_file());
     other.or_else(|| Some(exact).filter(|exact| is_unread && exact.is_file()))
-}
-
-/// The mask of an image: `masks/NAME`, `masks/NAME.png` (COLMAP) or `masks/STEM.png`.
-pub(crate) fn find_mask(scene: &Path, name: &str) -> Option<PathBuf> {
-    let folder = scene.join("masks");
-    let with_png = folder.join(format!("{name}.png"));
-    if with_png.is_file() {
-        return Some(with_png);
-    }
-    find_photo(&folder, name)
-}
-
-/// [`find_mask`] for names that may begin with the photo folder.
-pub(crate) fn find_mask_within(scene: &Path, name: &str) -> Option<PathBuf> {
-    let inner = name.split_once('/').map_or(name, |(_, rest)| rest);
-    find_mask(scene, name).or_else(|| find_mask(scene, inner))
 }
 
 /// What the image names of a format are relative to.

@@ -1,4 +1,5 @@
-//! `transforms.json` of instant-ngp and nerfstudio, and Blender's `transforms_train.json` / `transforms_test.json`.
+//! `transforms.json` of instant-ngp and nerfstudio, and Blender's `transforms_train.json` with `transforms_test.json` or
+//! `transforms_val.json`.
 //!
 //! Poses are camera-to-world with OpenGL axes; focal lengths come from `fl_x` or `camera_angle_x`; any intrinsic
 //! may stand in the file or in a frame, the frame wins. Distortion follows nerfstudio: `k1 .. k4` are the factors
@@ -11,7 +12,8 @@ use super::decode::photo_size;
 use super::error::{DatasetError, read_json};
 use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::names::{Photo, PhotoFolders, RelativeTo, find_mask_within, inside};
+use super::masks::MaskFinder;
+use super::names::{Photo, PhotoFolders, RelativeTo, inside};
 use super::photos::{AbsoluteNames, ListedPhoto};
 use super::split::StatedSplit;
 use super::{CameraInfo, LoadOptions, Scene, SceneKind, points};
@@ -137,18 +139,35 @@ impl Intrinsics {
     }
 }
 
-/// The files of a scene: the second one is held out.
-fn listings(scene: &Path) -> Option<(SceneKind, Vec<PathBuf>)> {
+/// Blender's files: the training views, and those that may be held out, the usual ones first.
+const TRAIN: &str = "transforms_train.json";
+const HELD_OUT: [&str; 2] = ["transforms_test.json", "transforms_val.json"];
+
+/// The files of a scene.
+struct Listings {
+    kind: SceneKind,
+    /// The one that names the scene.
+    first: PathBuf,
+    /// Name and file of what is held out.
+    held_out: Option<(&'static str, PathBuf)>,
+    notes: Vec<String>,
+}
+
+fn listings(scene: &Path) -> Option<Listings> {
+    let one = |first| Listings { kind: SceneKind::Transforms, first, held_out: None, notes: Vec::new() };
     if scene.is_file() && scene.extension().is_some_and(|extension| extension == "json") {
-        return Some((SceneKind::Transforms, vec![scene.to_owned()]));
+        return Some(one(scene.to_owned()));
     }
     let existing = |name: &str| Some(scene.join(name)).filter(|path| path.is_file());
     if let Some(path) = existing("transforms.json") {
-        return Some((SceneKind::Transforms, vec![path]));
+        return Some(one(path));
     }
-    let train = existing("transforms_train.json")?;
-    let files = std::iter::once(train).chain(existing("transforms_test.json")).collect();
-    Some((SceneKind::Blender, files))
+    let first = existing(TRAIN)?;
+    let mut held_out = HELD_OUT.into_iter().filter_map(|name| Some((name, existing(name)?)));
+    let used = held_out.next();
+    let unused = used.iter().zip(held_out);
+    let notes = unused.map(|((used, _), (name, _))| format!("{name} is not used: {used} lists the views to hold out"));
+    Some(Listings { kind: SceneKind::Blender, notes: notes.collect(), first, held_out: used })
 }
 
 /// Whether the path is a `transforms.json` or a folder with one.
@@ -159,6 +178,7 @@ pub(crate) fn is_scene(scene: &Path) -> bool {
 /// What is gathered while the files are read.
 struct Reading<'a> {
     root: &'a Path,
+    masks: MaskFinder<'a>,
     folders: PhotoFolders,
     frames: Vec<ListedPhoto>,
     missing: Vec<PathBuf>,
@@ -170,8 +190,7 @@ struct Reading<'a> {
 /// Reads the listing and finds its photos.
 pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let not_a_scene = || DatasetError::NotAScene { path: scene.to_owned() };
-    let (kind, files) = listings(scene).ok_or_else(not_a_scene)?;
-    let listing = files.first().ok_or_else(not_a_scene)?.clone();
+    let Listings { kind, first: listing, held_out, notes } = listings(scene).ok_or_else(not_a_scene)?;
     let root = super::root(&listing);
     let folders = PhotoFolders::new(root, RelativeTo::Scene, options);
     if let Some(path) = folders.absent() {
@@ -179,30 +198,28 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
     }
     let mut reading = Reading {
         root,
+        masks: MaskFinder::new(root),
         folders,
         frames: Vec::new(),
         missing: Vec::new(),
         point_files: Vec::new(),
         absolute: AbsoluteNames::default(),
-        notes: Vec::new(),
+        notes,
     };
-    let mut split = None;
-    let mut last_from = 0;
-    for path in &files {
-        last_from = reading.frames.len();
-        split = reading.read_file(path, options)?;
-    }
-    if kind == SceneKind::Blender {
-        let test = if files.len() > 1 { &reading.frames[last_from..] } else { &[] };
-        let test = test.iter().map(|frame| frame.name.clone()).collect();
-        split = Some(StatedSplit { test, by: "transforms_test.json", ..StatedSplit::default() });
+    let mut split = reading.read_file(&listing, options)?;
+    if let Some((by, path)) = held_out {
+        let training = reading.frames.len();
+        reading.read_file(&path, options)?;
+        let test = reading.frames[training..].iter().map(|frame| frame.name.clone()).collect();
+        split = Some(StatedSplit { test, by, ..StatedSplit::default() });
     }
     let Reading { folders, frames, missing, point_files, absolute, mut notes, .. } = reading;
     notes.extend(folders.reduced().filter(|_| frames.iter().any(|frame| frame.prescaled)).map(reduced_note));
     notes.extend(absolute.note());
     // Depths and normals lie among Blender's photos.
     let beside = if kind == SceneKind::Blender { Beside::Nowhere } else { Beside::SameFolders };
-    Ok(Scene { kind, listing, frames, missing, points: Vec::new(), point_files, split, beside, notes })
+    let (points, unsolved) = (Vec::new(), Vec::new());
+    Ok(Scene { kind, listing, frames, missing, unsolved, points, point_files, split, beside, notes })
 }
 
 impl Reading<'_> {
@@ -262,25 +279,21 @@ impl Reading<'_> {
             .size(&photo)?
             .and_then(|size| intrinsics.lens(size))
             .map_err(|problem| DatasetError::Intrinsics { path: path.to_owned(), camera, problem })?;
-        let mask = mask(self.root, frame, &name, path, index)?;
+        let mask = match &frame.mask_path {
+            Some(given) => Some(named_mask(self.root, given, path, index)?),
+            None => self.masks.find(&name, &photo),
+        };
         let name = with_extension(name, &photo);
         self.frames.push(ListedPhoto { name: name.clone(), photo, mask, lens, pose, prescaled, key: None });
         Ok(Some(name))
     }
 }
 
-/// The mask that the frame names, else one in `masks/`.
-fn mask(
-    root: &Path,
-    frame: &FrameJson,
-    name: &str,
-    path: &Path,
-    index: usize,
-) -> Result<Option<PathBuf>, DatasetError> {
-    let Some(given) = &frame.mask_path else { return Ok(find_mask_within(root, name)) };
+/// The mask that a frame names.
+fn named_mask(root: &Path, given: &str, path: &Path, index: usize) -> Result<PathBuf, DatasetError> {
     let is_file = |end: &str| root.join(end).is_file();
     let mask = inside(given, is_file).filter(|mask| is_file(&mask.name));
-    mask.map(|mask| Some(root.join(mask.name))).ok_or_else(|| {
+    mask.map(|mask| root.join(mask.name)).ok_or_else(|| {
         let problem = format!("`{given}` is not a file inside the scene folder");
         DatasetError::field(path, format!("frames[{index}].mask_path"), problem)
     })
@@ -331,9 +344,12 @@ pub(crate) fn inspected(scene: Scene) -> Result<Inspected, DatasetError> {
         cameras: cameras(&scene.frames),
         points: points::from_files(&scene.point_files)?.map_or(0, |cloud| cloud.points.len()),
         missing: scene.missing.iter().map(|path| path.display().to_string()).collect(),
-        found: scene.frames.into_iter().map(|frame| (frame.name, frame.photo)).collect(),
+        found: scene.frames.into_iter().map(ListedPhoto::found).collect(),
         beside: scene.beside,
         split: scene.split,
+        notes: scene.notes,
+        unsolved: scene.unsolved,
+        refused: None,
     })
 }
 

@@ -8,7 +8,8 @@ use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes};
 use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose};
-use super::names::{PhotoFolders, RelativeTo, find_mask, inside, photos_in};
+use super::masks::MaskFinder;
+use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
 use super::{LoadOptions, Scene, SceneKind, nerf, npy};
 use glam::{DMat3, DVec2, DVec3};
@@ -179,9 +180,10 @@ fn masks(root: &Path, photos: &[PathBuf]) -> Vec<Option<PathBuf>> {
     if all.len() == photos.len() {
         return all.into_iter().map(Some).collect();
     }
+    let finder = MaskFinder::new(root);
     let of = |photo: &PathBuf| {
         let own = all.iter().find(|mask| mask.file_stem() == photo.file_stem()).cloned();
-        own.or_else(|| find_mask(root, &photo.file_name()?.to_string_lossy()))
+        own.or_else(|| finder.find(&photo.file_name()?.to_string_lossy(), photo))
     };
     photos.iter().map(of).collect()
 }
@@ -218,6 +220,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         listing,
         frames,
         missing: Vec::new(),
+        unsolved: Vec::new(),
         points: Vec::new(),
         point_files: POINTS.iter().map(|name| root.join(name)).collect(),
         split: None,

@@ -2,11 +2,14 @@
 
 use super::archive::Unpacked;
 use super::backdrop;
-use super::decode::{Drops, apply_mask, decode, photo_size};
+use super::decode::{Drops, apply_mask, decode, is_turned, photo_size};
 use super::error::{DatasetError, read_bytes};
 use super::host::Shelf;
+use super::info::Found;
 use super::lens::{Lens, Pose};
+use super::masks::SAME_SHAPE;
 use super::names::{Inside, points_into};
+use super::notes as notes_on;
 use super::undistort::undistort;
 use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
 use crate::camera::Camera;
@@ -51,6 +54,13 @@ pub(super) fn reduced(view: &View, longest: u32) -> Result<View, DatasetError> {
         camera: view.camera.resized(width, height),
         photo: Photo { width, height, rgba }.into(),
     })
+}
+
+impl ListedPhoto {
+    /// Its files.
+    pub fn found(self) -> Found {
+        Found { name: self.name, photo: self.photo, mask: self.mask }
+    }
 }
 
 /// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
@@ -134,6 +144,8 @@ fn cover_alpha(part: u8) -> u8 {
 struct Loaded {
     name: String,
     camera: Camera,
+    /// EXIF asks to turn its pixels.
+    is_turned: bool,
     /// Size of the file and of the camera, where they differ.
     rescaled: Option<([u32; 2], [u32; 2])>,
     prescaled: bool,
@@ -147,7 +159,10 @@ struct Loaded {
 }
 
 fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo), DatasetError> {
-    let mut image = decode(&frame.photo, &read_bytes(&frame.photo)?, options)?;
+    let (mut image, is_turned) = {
+        let bytes = read_bytes(&frame.photo)?;
+        (decode(&frame.photo, &bytes, options)?, is_turned(&bytes))
+    };
     let is_cover = options.masks == Masks::Ignore && options.shows_object();
     if let Some(color) = frame.key {
         backdrop::key(&mut image, color);
@@ -155,7 +170,8 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo
         image.pixels_mut().for_each(|pixel| pixel.0[3] = cover_alpha(pixel.0[3]));
     }
     if let Some(mask) = &frame.mask {
-        apply_mask(&mut image, mask, if is_cover { Drops::Photo } else { Drops::ByBrightness })?;
+        let drops = if is_cover { Drops::Photo } else { Drops::ByBrightness };
+        apply_mask(&mut image, (&frame.photo, mask), drops)?;
     }
     let (width, height) = image.dimensions();
     let camera_size = [frame.lens.width, frame.lens.height];
@@ -185,7 +201,8 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo
     let photo = Photo { width, height, rgba: image.into_raw() };
     let (prescaled, masked) = (frame.prescaled, frame.mask.is_some());
     let fisheye = lens.is_fisheye().then(|| lens.field_of_view());
-    Ok((Loaded { name: frame.name.clone(), camera, rescaled, prescaled, masked, has_outside, fisheye, blank }, photo))
+    let name = frame.name.clone();
+    Ok((Loaded { name, camera, is_turned, rescaled, prescaled, masked, has_outside, fisheye, blank }, photo))
 }
 
 /// The camera of a photo once it is loaded, by its size alone.
@@ -297,10 +314,9 @@ fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
             photos(rescaled().count())
         ));
     }
-    // One pixel of rounding moves the ratio by less than 2 % for any photo worth loading.
     let mut odd = rescaled().filter(|(_, ([w, h], [cw, ch]))| {
         let ratio = f64::from(*w) * f64::from(*ch) / (f64::from(*h) * f64::from(*cw));
-        (ratio - 1.0).abs() > 0.02
+        (ratio - 1.0).abs() > SAME_SHAPE
     });
     if let Some((name, _)) = odd.next() {
         notes.push(format!(
@@ -309,6 +325,8 @@ fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
             photos(1 + odd.count())
         ));
     }
+    let turned: Vec<String> = loaded.iter().filter(|one| one.is_turned).map(|one| one.name.clone()).collect();
+    notes.extend(notes_on::turned(&turned));
     let masked = loaded.iter().filter(|one| one.masked).count();
     if masked > 0 {
         notes.push(format!("{} masked", photos(masked)));

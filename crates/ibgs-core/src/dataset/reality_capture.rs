@@ -13,7 +13,8 @@ use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes, without_mark};
 use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::names::{Inside, Photo, PhotoFolders, RelativeTo, find_mask, photos_below, photos_in};
+use super::masks::{MaskFinder, is_mask};
+use super::names::{Inside, Photo, PhotoFolders, RelativeTo, photos_below, photos_in};
 use super::nerf;
 use super::photos::{AbsoluteNames, ListedPhoto};
 use super::{LoadOptions, Scene, SceneKind};
@@ -211,7 +212,7 @@ impl ByFileName {
         let main = folders.main();
         let found = if main.is_dir() { photos_below(&main) } else { photos_in(root) };
         let mut photos = BTreeMap::new();
-        for path in found {
+        for path in found.into_iter().filter(|path| !is_mask(path)) {
             let names = [path.file_name(), path.file_stem()].into_iter().flatten();
             for name in names.map(|name| name.to_string_lossy().into_owned()) {
                 photos.entry(name).and_modify(|photo| *photo = None).or_insert_with(|| Some(path.clone()));
@@ -236,6 +237,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
     }
     let elsewhere = ByFileName::new(&folders, &root);
     let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
+    let masks = MaskFinder::new(&root);
     for row in rows(&listing, &read_bytes(&listing)?)? {
         let refuse = || DatasetError::ImageName { path: listing.clone(), name: row.name.clone() };
         let (inside, photo) = folders.resolve(&row.name).ok_or_else(refuse)?;
@@ -253,7 +255,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         let camera = format!("line {} (`{name}`)", row.line);
         let lens = row.lens(photo_size(&photo)?);
         let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
-        let mask = find_mask(&root, &name);
+        let mask = masks.find(&name, &photo);
         frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
     }
     let main = folders.main();
@@ -264,6 +266,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         listing,
         frames,
         missing,
+        unsolved: Vec::new(),
         points: Vec::new(),
         split: None,
         beside,

@@ -1,16 +1,16 @@
 //! COLMAP's binary files, little endian. No count in them is trusted before it is compared with the file's length.
 
 use super::sparse::{SparsePoint, distinct};
-use super::{CameraRecord, ImageRecord, model_by_id};
+use super::{CameraRecord, ImageRecord, MODELS, model_by_id};
 use crate::dataset::Point;
 use crate::dataset::error::DatasetError;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Smallest sizes in bytes of a record: a camera of 3 parameters, an image with an empty name and no points, a
-/// point without track.
-const CAMERA_BYTES: u64 = 4 + 4 + 8 + 8 + 3 * 8;
+/// Smallest sizes in bytes of a record: a camera without parameters (a model that is not known may have any number), an
+/// image with an empty name and no points, a point without track.
+const CAMERA_BYTES: u64 = 4 + 4 + 8 + 8;
 const IMAGE_BYTES: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 const POINT_BYTES: u64 = 8 + 3 * 8 + 3 + 8 + 8;
 /// An observation in an image (x, y, point id) and an element of a point's track (image id, index).
@@ -117,7 +117,7 @@ pub(super) fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, CameraR
             return Err(DatasetError::CameraModel {
                 path: path.to_owned(),
                 camera: format!("camera {id} at byte {at}"),
-                model: format!("number {number}"),
+                model: format!("number {number} (COLMAP up to 4.1 has 0 to {})", MODELS.len() - 1),
             });
         };
         let width = reader.u64("a camera width")?;

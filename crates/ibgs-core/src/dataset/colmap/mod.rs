@@ -1,19 +1,22 @@
 //! COLMAP models, binary or text: `cameras`, `images`, `points3D` in `sparse/0`, `sparse/1` ... or `sparse`, or the same in
-//! `colmap/`.
+//! `colmap/`, or beside the photos.
 
 mod binary;
 mod models;
+mod posed;
 mod sparse;
 mod text;
 
 use super::error::DatasetError;
-use super::info::{Beside, Inspected};
+use super::info::{Beside, Found, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
-use super::names::{self, Photo, PhotoFolders, RelativeTo, find_mask};
+use super::masks::MaskFinder;
+use super::names::{self, Inside, Photo, PhotoFolders, RelativeTo};
 use super::photos::{AbsoluteNames, ListedPhoto};
 use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
 use glam::DVec2;
 use models::{Chosen, ModelFiles};
+use posed::{Unposed, Unsolved, posed};
 use sparse::SparsePoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -36,8 +39,8 @@ pub(crate) struct ImageRecord {
     pub translation: [f64; 3],
 }
 
-/// Every model that COLMAP writes: its number in binary files, name, number of parameters.
-const MODELS: [(i32, &str, usize); 12] = [
+/// Every model that COLMAP up to 4.1 writes: its number in binary files, name, number of parameters.
+const MODELS: [(i32, &str, usize); 18] = [
     (0, "SIMPLE_PINHOLE", 3),
     (1, "PINHOLE", 4),
     (2, "SIMPLE_RADIAL", 4),
@@ -50,6 +53,12 @@ const MODELS: [(i32, &str, usize); 12] = [
     (9, "RADIAL_FISHEYE", 5),
     (10, "THIN_PRISM_FISHEYE", 12),
     (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    (12, "SIMPLE_DIVISION", 4),
+    (13, "DIVISION", 5),
+    (14, "SIMPLE_FISHEYE", 3),
+    (15, "FISHEYE", 4),
+    (16, "EUCM", 6),
+    (17, "EQUIRECTANGULAR", 2),
 ];
 
 /// Where models may lie: COLMAP's own layout.
@@ -120,6 +129,11 @@ pub(crate) fn is_nerfstudio_scene(scene: &Path) -> bool {
     !models::find(scene, &NERFSTUDIO_PLACES).is_empty()
 }
 
+/// Whether the folder holds a COLMAP model beside its photos, as RealityCapture exports it.
+pub(crate) fn is_flat_scene(scene: &Path) -> bool {
+    models::flat(scene).is_some()
+}
+
 /// Name and number of parameters of a model; none for numbers that COLMAP does not have.
 fn model_by_id(id: i32) -> Option<(&'static str, usize)> {
     MODELS.iter().find(|model| model.0 == id).map(|model| (model.1, model.2))
@@ -133,9 +147,12 @@ impl CameraRecord {
     /// Focal lengths, principal point and distortion, or none for a model that is not undistorted here.
     fn parameters(&self) -> Option<(DVec2, DVec2, Distortion)> {
         let mut distortion = Distortion::default();
+        if self.model.ends_with("FISHEYE") {
+            distortion.projection = Projection::Equidistant;
+        }
         let (focal, principal) = match (self.model, self.params.as_slice()) {
-            ("SIMPLE_PINHOLE", [f, cx, cy]) => ([*f; 2], [*cx, *cy]),
-            ("PINHOLE", [fx, fy, cx, cy]) => ([*fx, *fy], [*cx, *cy]),
+            ("SIMPLE_PINHOLE" | "SIMPLE_FISHEYE", [f, cx, cy]) => ([*f; 2], [*cx, *cy]),
+            ("PINHOLE" | "FISHEYE", [fx, fy, cx, cy]) => ([*fx, *fy], [*cx, *cy]),
             ("SIMPLE_RADIAL", [f, cx, cy, k1]) => {
                 distortion.radial[0] = *k1;
                 ([*f; 2], [*cx, *cy])
@@ -156,22 +173,18 @@ impl CameraRecord {
                 ([*fx, *fy], [*cx, *cy])
             }
             ("SIMPLE_RADIAL_FISHEYE", [f, cx, cy, k1]) => {
-                distortion.projection = Projection::Equidistant;
                 distortion.radial[0] = *k1;
                 ([*f; 2], [*cx, *cy])
             }
             ("RADIAL_FISHEYE", [f, cx, cy, k1, k2]) => {
-                distortion.projection = Projection::Equidistant;
                 distortion.radial[..2].copy_from_slice(&[*k1, *k2]);
                 ([*f; 2], [*cx, *cy])
             }
             ("OPENCV_FISHEYE", [fx, fy, cx, cy, k1, k2, k3, k4]) => {
-                distortion.projection = Projection::Equidistant;
                 distortion.radial = [*k1, *k2, *k3, *k4];
                 ([*fx, *fy], [*cx, *cy])
             }
             ("THIN_PRISM_FISHEYE", [fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, s1, s2]) => {
-                distortion.projection = Projection::Equidistant;
                 distortion.radial = [*k1, *k2, *k3, *k4];
                 distortion.tangential = [*p1, *p2];
                 distortion.prism = [*s1, *s2];
@@ -236,47 +249,48 @@ pub(crate) fn reduced_note(folder: &str) -> String {
     format!("photos come from {folder} as they are, intrinsics rescaled to them")
 }
 
-/// The mask of an image, whose name may begin with the photo folder.
-fn mask(scene: &Path, name: &str) -> Option<PathBuf> {
-    find_mask(scene, name).or_else(|| find_mask(scene, name.strip_prefix("images/")?))
-}
-
 fn beside(main: PathBuf) -> Beside {
     if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders }
 }
 
 /// Reads the largest model and finds its photos.
 pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let chosen = models::largest(scene, models::find(scene, &PLACES))?;
+    let chosen = models::largest(scene, models::all(scene))?;
     let Chosen { files, images, models } = chosen.ok_or_else(|| not_a_scene(scene))?;
     let cameras = files.cameras()?;
     let folders = PhotoFolders::new(scene, RelativeTo::Photos, options);
-    let (cameras_path, images_path) = (files.path("cameras"), files.path("images"));
+    let (images_path, masks) = (files.path("images"), MaskFinder::new(scene));
     let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
+    let mut unsolved = Unsolved::default();
     for record in &images {
         let (inside, photo) = folders.resolve(&record.name).ok_or_else(|| record.bad_name(&images_path))?;
-        let pose = record.pose(&images_path)?;
+        let (pose, lens) = match posed(record, &cameras, &files) {
+            Ok(posed) => posed,
+            Err(Unposed::Unsolved(error)) => {
+                unsolved.add(&record.name, photo, error);
+                continue;
+            }
+            Err(Unposed::Wrong(error)) => return Err(error),
+        };
         absolute.add(scene, &record.name, &inside);
         let name = inside.name;
-        let camera = cameras.get(&record.camera).ok_or_else(|| DatasetError::CameraNotFound {
-            path: images_path.clone(),
-            image: record.name.clone(),
-            camera: record.camera,
-        })?;
-        let lens = camera.lens(&cameras_path, record.camera)?;
         match photo {
             Photo::Found(photo, prescaled) => {
-                let mask = mask(scene, &name);
+                let mask = masks.find(&name, &photo);
                 frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
             }
             Photo::Missing(path) => missing.push(path),
         }
     }
+    if let (true, true, Some(error)) = (frames.is_empty(), missing.is_empty(), unsolved.first.take()) {
+        return Err(error);
+    }
     let main = folders.main();
     if frames.is_empty() && !main.is_dir() {
         return Err(DatasetError::NoPhotoFolder { path: main });
     }
-    let mut notes: Vec<String> = models::note(&models).into_iter().chain(absolute.note()).collect();
+    let notes = models::note(&models).into_iter().chain(unsolved.note(&files)).chain(absolute.note());
+    let mut notes: Vec<String> = notes.collect();
     notes.extend(folders.reduced().map(reduced_note));
     let mut points = files.points()?;
     if options.filter_points {
@@ -287,6 +301,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         listing: images_path,
         frames,
         missing,
+        unsolved: unsolved.photos,
         points: points.into_iter().map(|sparse| sparse.point).collect(),
         point_files: vec![files.folder.join("points3D.ply")],
         split: None,
@@ -305,7 +320,7 @@ fn not_a_scene(scene: &Path) -> DatasetError {
 
 /// Metadata only; unsupported camera models and absent photos are reported, not refused.
 pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    let chosen = models::largest(scene, models::find(scene, &PLACES))?;
+    let chosen = models::largest(scene, models::all(scene))?;
     let Chosen { files, images, models } = chosen.ok_or_else(|| not_a_scene(scene))?;
     let cameras = files.cameras()?;
     let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
@@ -314,23 +329,43 @@ pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
     }
     let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
     let folders = PhotoFolders::new(scene, RelativeTo::Photos, &LoadOptions::default());
-    let (mut found, mut missing) = (Vec::new(), Vec::new());
+    let (mut found, mut missing, mut unsolved) = (Vec::new(), Vec::new(), Unsolved::default());
+    let (mut refused, masks) = (None, MaskFinder::new(scene));
     for image in &images {
-        match folders.resolve(&image.name) {
-            Some((inside, Photo::Found(photo, _))) => found.push((inside.name, photo)),
-            _ => missing.push(image.name.replace(char::is_control, "?")),
+        let Some((Inside { name, .. }, photo)) = folders.resolve(&image.name) else {
+            refused = refused.or_else(|| Some(image.bad_name(&files.path("images"))));
+            missing.push(image.name.replace(char::is_control, "?"));
+            continue;
+        };
+        match (posed(image, &cameras, &files), photo) {
+            (Err(Unposed::Unsolved(error)), photo) => unsolved.add(&image.name, photo, error),
+            (posed, photo) => {
+                if let Err(Unposed::Wrong(error)) = posed {
+                    refused = refused.or(Some(error));
+                }
+                match photo {
+                    Photo::Found(photo, _) => found.push(Found { mask: masks.find(&name, &photo), name, photo }),
+                    Photo::Missing(_) => missing.push(image.name.replace(char::is_control, "?")),
+                }
+            }
         }
+    }
+    if found.is_empty() && missing.is_empty() {
+        refused = refused.or(unsolved.first.take());
     }
     Ok(Inspected {
         kind: kind(&files),
         listing: files.path("images"),
         models,
-        images: images.len(),
+        images: images.len() - unsolved.count(),
         cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
         points: files.points()?.len(),
         missing,
         found,
+        notes: unsolved.note(&files).into_iter().collect(),
+        unsolved: unsolved.photos,
         beside: beside(folders.main()),
         split: None,
+        refused,
     })
 }

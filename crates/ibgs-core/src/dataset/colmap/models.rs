@@ -1,6 +1,6 @@
 //! The models of a scene: COLMAP writes one for each part that it could not join, `sparse/0`, `sparse/1` ...
 
-use super::{CameraRecord, ImageRecord, SparsePoint, binary, text};
+use super::{CameraRecord, ImageRecord, PLACES, SparsePoint, binary, text};
 use crate::dataset::ModelInfo;
 use crate::dataset::error::{DatasetError, read_bytes};
 use crate::dataset::info::path_inside;
@@ -68,6 +68,17 @@ pub(super) fn find(scene: &Path, places: &[&str]) -> Vec<ModelFiles> {
     places.iter().map(|place| models_in(&scene.join(place))).find(|models| !models.is_empty()).unwrap_or_default()
 }
 
+/// The model beside the photos, without a folder of its own.
+pub(super) fn flat(scene: &Path) -> Option<ModelFiles> {
+    ModelFiles::of(scene.to_owned())
+}
+
+/// All models of a scene.
+pub(super) fn all(scene: &Path) -> Vec<ModelFiles> {
+    let found = find(scene, &PLACES);
+    if found.is_empty() { flat(scene).into_iter().collect() } else { found }
+}
+
 /// The model that is used.
 pub(super) struct Chosen {
     pub files: ModelFiles,
@@ -87,9 +98,9 @@ pub(super) fn largest(scene: &Path, models: Vec<ModelFiles>) -> Result<Option<Ch
     }
     // Stable: models of one size stay in the order of their numbers.
     read.sort_by_key(|(images, _)| Reverse(images.len()));
-    let info = |(images, files): &(Vec<ImageRecord>, ModelFiles)| ModelInfo {
-        folder: path_inside(scene, &files.folder),
-        images: images.len(),
+    let info = |(images, files): &(Vec<ImageRecord>, ModelFiles)| {
+        let folder = if files.folder == scene { ".".to_owned() } else { path_inside(scene, &files.folder) };
+        ModelInfo { folder, images: images.len() }
     };
     let models = read.iter().map(info).collect();
     Ok(read.into_iter().next().map(|(images, files)| Chosen { files, images, models }))

@@ -34,6 +34,16 @@ impl<'a> Fields<'a> {
         text.parse().map_err(|_| self.error(format!("{what} `{text}` is not a valid number")))
     }
 
+    /// Numbers that may be NaN or infinite, also as Windows programs print them.
+    fn reals<const N: usize>(&mut self, what: &str) -> Result<[f64; N], DatasetError> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            let text = self.text(what)?;
+            *value = real(text).ok_or_else(|| self.error(format!("{what} `{text}` is not a valid number")))?;
+        }
+        Ok(values)
+    }
+
     fn numbers<T: FromStr + Default + Copy, const N: usize>(&mut self, what: &str) -> Result<[T; N], DatasetError> {
         let mut values = [T::default(); N];
         for value in &mut values {
@@ -41,6 +51,16 @@ impl<'a> Fields<'a> {
         }
         Ok(values)
     }
+}
+
+/// A number; `-nan(ind)`, `1.#QNAN` and the like are NaN, `1.#INF` too.
+fn real(text: &str) -> Option<f64> {
+    let is_nan = || {
+        let bare = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
+        let starts = |words: &[&str]| words.iter().any(|word| bare.starts_with(word));
+        (starts(&["nan("]) && bare.ends_with(')')) || starts(&["1.#ind", "1.#qnan", "1.#snan", "1.#inf"])
+    };
+    text.parse().ok().or_else(|| is_nan().then_some(f64::NAN))
 }
 
 fn text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, DatasetError> {
@@ -79,7 +99,7 @@ pub(super) fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, CameraR
         let height = fields.number("the camera height")?;
         let mut params = Vec::with_capacity(param_count);
         for index in 1..=param_count {
-            params.push(fields.number(&format!("{model} parameter {index} of {param_count}"))?);
+            params.extend(fields.reals::<1>(&format!("{model} parameter {index} of {param_count}"))?);
         }
         if fields.rest.next().is_some() {
             return Err(fields.error(format!("{model} has more than {param_count} parameters")));
@@ -103,8 +123,8 @@ pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, Data
         }
         let mut fields = Fields::new(path, number, line);
         fields.number::<u32>("the image id")?;
-        let quaternion = fields.numbers("the image rotation")?;
-        let translation = fields.numbers("the image translation")?;
+        let quaternion = fields.reals("the image rotation")?;
+        let translation = fields.reals("the image translation")?;
         let camera = fields.number("the camera id")?;
         let name = name_field(line);
         if name.is_empty() {
@@ -139,9 +159,9 @@ pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, Data
     for (number, line) in records(text) {
         let mut fields = Fields::new(path, number, line);
         fields.number::<u64>("the point id")?;
-        let position = DVec3::from_array(fields.numbers("the point position")?);
+        let position = DVec3::from_array(fields.reals("the point position")?);
         let color = fields.numbers("the point colour")?;
-        let error = fields.number("the point error")?;
+        let [error] = fields.reals("the point error")?;
         let mut track = Vec::new();
         while fields.rest.clone().next().is_some() {
             track.push(fields.number("an image id of the track")?);
