@@ -2,6 +2,7 @@
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{ExposureSwitch, Strategy, TrainConfig};
+use crate::dataset::InitialPoints;
 use crate::residual::variant::{Aggregation, Output};
 use crate::sources::find::{Distances, Draw};
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,7 @@ impl TrainConfig {
     fn publish(&mut self) {
         self.iterations = Some(REFERENCE_ITERATIONS);
         self.learning_rates.sh_rest_decay = Some(0.0);
+        self.data.initial_points = InitialPoints::Scene;
         self.densify.strategy = Strategy::Published;
         self.densify.near_depth = 0.0;
         self.densify.prune_scale_by_distance = false;
