@@ -1,5 +1,6 @@
 //! What becomes of the photos: undistortion, resampling, alpha, and the cameras that go with them.
 
+mod backdrop;
 mod colors;
 mod fisheye;
 mod formats;

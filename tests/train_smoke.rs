@@ -6,6 +6,7 @@ pub mod image_based;
 mod inputs;
 mod masks;
 mod memory;
+mod start;
 mod units;
 
 use crate::cli::tiny_demo;

@@ -38,8 +38,9 @@ fn folders_that_are_no_scene() {
 #[test]
 fn scenes_with_damage() {
     changed(1, |_| {}).fails("train scene -m out", &["scene", "has 1 views, at least 2"]);
-    let sandbox = changed(3, |m| m.images[1].q[2] = f64::NAN);
-    sandbox.fails("train scene -m out", &["images.bin", "image `a1.png`", "not finite"]);
+    // One photo without a pose is left out, all of them are none.
+    let sandbox = changed(3, |m| m.images.iter_mut().for_each(|image| image.q[2] = f64::NAN));
+    sandbox.fails("train scene -m out", &["images.bin", "image `a0.png`", "not finite"]);
     let sandbox = changed(3, |m| m.cameras[0].model = (77, "WARPED"));
     sandbox.fails("train scene -m out", &["cameras.bin", "camera 1", "is not supported"]);
 
@@ -189,7 +190,7 @@ fn wrong_usage_ends_with_2() {
         let outcome = sandbox.run(&arguments);
         assert!(outcome.stderr.contains(&format!("[possible values: {possible}]")), "{outcome}");
     };
-    wrong_value("--alpha", "half", "mask, composite");
+    wrong_value("--alpha", "half", "mask, composite, keyed");
     wrong_value("--preset", "quick", "default, fast, published");
     wrong_value("--masks", "thing", "ignore, object");
     wrong_value("--color-space", "xyz", "srgb, linear");

@@ -113,7 +113,7 @@ fn blender_scenes_train_and_are_measured_over_their_background() {
     let test = dataset.test[0];
     sandbox.write("few.toml", "[data]\nrandom-points = 1500\n");
     let mut means = Vec::new();
-    for (option, corner) in [("", [0; 3]), ("--white-background", [255; 3])] {
+    for (option, corner) in [("--background black", [0; 3]), ("", [255; 3])] {
         let model = format!("out{}", corner[0]);
         let train = "train blender --config few.toml --eval --iterations 20 --method 3dgs";
         let outcome = sandbox.succeeds(&format!("{train} -m {model} {option}"));
@@ -149,7 +149,7 @@ fn objects_are_measured_over_the_background() {
     write_blender_scene(&sandbox, &dataset);
     let test = dataset.test[0];
     sandbox.write("few.toml", "[data]\nrandom-points = 1500\n");
-    for (option, corner, background) in [("", [0; 3], "black"), ("--white-background", [255; 3], "white")] {
+    for (option, corner, background) in [("--background black", [0; 3], "black"), ("", [255; 3], "white")] {
         let model = format!("out{}", corner[0]);
         let train = "train blender --config few.toml --eval --iterations 20 --masks object";
         let outcome = sandbox.succeeds(&format!("{train} -m {model} {option}"));

@@ -61,8 +61,6 @@ fn check_model_folder(sandbox: &Sandbox) {
         NETWORK,
         // The first save and evaluation: 7,000 of 30,000 iterations, scaled. The residual begins after 10,000.
         "point_cloud/iteration_7/point_cloud.ply",
-        // Whether the photos differ in exposure is decided after 10,000 too; these do not.
-        "point_cloud/iteration_7/exposure.json",
     ]
     .map(String::from)
     .into();

@@ -53,10 +53,13 @@ pub fn scores(target: &SweepView, sources: &[&SweepView], pixel: (i64, i64), dep
     let (w, h) = (i64::from(target.photo.width), i64::from(target.photo.height));
     let inside = pixel.0 >= REACH && pixel.1 >= REACH && pixel.0 + REACH < w && pixel.1 + REACH < h;
     let score = |&depth: &f64| {
+        if !inside {
+            return None;
+        }
         let mut all: Vec<f64> = sources.iter().filter_map(|source| correlation(target, source, pixel, depth)).collect();
         all.sort_by(|a, b| b.total_cmp(a));
         all.truncate(3);
-        (inside && all.len() >= 2).then(|| all.iter().sum::<f64>() / all.len() as f64)
+        (all.len() >= 2).then(|| all.iter().sum::<f64>() / all.len() as f64)
     };
     depths.iter().map(score).collect()
 }

@@ -68,7 +68,8 @@ impl fmt::Display for ExposureEvidence {
     }
 }
 
-/// Settles `exposure.enabled = "auto"`: `on` or `off`. None where that needs no trial.
+/// Settles `exposure.enabled = "auto"`: `on` or `off`. None where there is no trial: in short runs, with few photos, and on a
+/// software adapter, where it would take minutes.
 ///
 /// # Errors
 /// Not enough memory, the device is lost, a photo cannot be decoded again.
@@ -81,7 +82,8 @@ pub fn settle(
         return Ok(None);
     }
     config.exposure.enabled = ExposureSwitch::Off;
-    if config.iterations() < SHORTEST_RUN || dataset.train.len() < LEAST_PHOTOS || config.init.is_some() {
+    let is_long = config.iterations() >= SHORTEST_RUN && !raster.gpu().is_software();
+    if !is_long || dataset.train.len() < LEAST_PHOTOS || config.init.is_some() {
         return Ok(None);
     }
     let evidence = trial(raster, dataset, config)?;

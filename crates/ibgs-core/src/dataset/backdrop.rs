@@ -12,6 +12,8 @@ use rayon::prelude::*;
 const LOOKED_AT: usize = 12;
 /// Least share of such a photo that has the colour exactly, but for [`EXACT`] levels.
 const LEAST_SHARE: f64 = 0.15;
+/// Largest share: there is an object, and not just a plain picture.
+const MOST_SHARE: f64 = 0.98;
 /// Least share of its outermost pixels that have the colour.
 const LEAST_EDGE: f64 = 0.5;
 /// Levels that the colours of different photos, and pixels of the backdrop, may differ by.
@@ -50,8 +52,8 @@ fn backdrop(photo: &RgbaImage) -> Option<[u8; 3]> {
     });
     let on_edge = edge.iter().filter(|&&pixel| differs(pixel, color) <= COMPRESSED).count();
     let exact = photo.pixels().filter(|pixel| differs(rgb(pixel), color) <= EXACT).count();
-    let is_backdrop = on_edge as f64 >= LEAST_EDGE * edge.len() as f64
-        && exact as f64 >= LEAST_SHARE * f64::from(photo.width()) * f64::from(photo.height());
+    let share = exact as f64 / (f64::from(photo.width()) * f64::from(photo.height()));
+    let is_backdrop = on_edge as f64 >= LEAST_EDGE * edge.len() as f64 && (LEAST_SHARE..=MOST_SHARE).contains(&share);
     is_backdrop.then_some(color)
 }
 
@@ -157,6 +159,7 @@ mod tests {
         assert_eq!(backdrop(&disc([20, 120, 40], [255; 3])), Some([255; 3]));
         let scene = RgbaImage::from_fn(64, 48, |x, y| Rgba([(x * 3) as u8, (y * 5) as u8, 90, 255]));
         assert_eq!(backdrop(&scene), None);
+        assert_eq!(backdrop(&RgbaImage::from_pixel(64, 48, Rgba([90, 120, 150, 255]))), None, "no object");
         let mut masked = disc([200, 120, 40], [0; 3]);
         masked.get_pixel_mut(3, 3).0[3] = 0;
         assert_eq!(backdrop(&masked), None, "its alpha says what is empty");
