@@ -139,9 +139,8 @@ fn sources_that_are_another_scene() {
     copied(&sandbox, "turned", same, |list| {
         for frame in list["frames"].as_array_mut().unwrap() {
             let rows = frame["transform_matrix"].as_array_mut().unwrap();
-            for column in 0..4 {
-                rows[1][column] = (-rows[1][column].as_f64().unwrap()).into();
-                rows[2][column] = (-rows[2][column].as_f64().unwrap()).into();
+            for value in rows[1..3].iter_mut().flat_map(|row| row.as_array_mut().unwrap()) {
+                *value = (-value.as_f64().unwrap()).into();
             }
         }
     });

@@ -14,7 +14,7 @@ use ibgs_train::tensor::device;
 const WEIGHT: f64 = 0.03;
 /// What stands in the gradient buffers before.
 const BEFORE: f32 = 0.0625;
-const NO_TRANSMITTANCE: [f64; 70 * 50] = [0.0; 70 * 50];
+static NO_TRANSMITTANCE: [f64; 70 * 50] = [0.0; 70 * 50];
 
 /// All pixels that the photo does not mask are compared.
 fn everywhere<'a>(camera: &'a Camera, valid: &'a [bool]) -> Surface<'a> {

@@ -2,9 +2,11 @@
 
 use super::{dataset, plain, trainer};
 use crate::common::{gpu, rasterizer};
-use glam::DVec3;
-use ibgs_core::config::{ExposureSwitch, TrainConfig};
-use ibgs_core::dataset::{Dataset, InitialPoints, Point, PointsFrom, demo, unrelated_colors};
+use crate::reference::plane_sweep::wall_photo;
+use glam::{DMat3, DVec2, DVec3};
+use ibgs_core::camera::Camera;
+use ibgs_core::config::ExposureSwitch;
+use ibgs_core::dataset::{Dataset, InitialPoints, Masks, Point, PointsFrom, View, unrelated_colors};
 use ibgs_core::sources::sweep;
 use ibgs_train::{TrainError, Trainer, find_points, settle_exposure};
 use std::sync::Arc;
@@ -54,48 +56,69 @@ fn colours_that_fit_no_photo_are_told() {
     assert_eq!(unrelated_colors(&grey).unwrap(), None);
 }
 
-/// Share of the points that lie within this part of their distance from the surface that a training camera sees there.
-fn on_surface(dataset: &Dataset, points: &[Point], part: f64) -> f64 {
-    let views: Vec<_> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
-    let truths: Vec<_> = views.iter().map(demo::truth).collect();
-    let near = |point: &&Point| {
-        views.iter().zip(&truths).any(|(camera, truth)| {
-            let (at, depth) = camera.project(point.position);
-            let inside = depth > 0.0
-                && (0.0..f64::from(camera.width)).contains(&at.x)
-                && (0.0..f64::from(camera.height)).contains(&at.y);
-            let pixel = at.y.max(0.0) as usize * camera.width as usize + at.x.max(0.0) as usize;
-            inside && (f64::from(truth.depth[pixel]) / depth - 1.0).abs() < part
-        })
+/// Eight photos of a textured wall, from a ring of places in front of it, with a random point.
+fn wall() -> Dataset {
+    let view = |i: u32| {
+        let angle = 0.785 * f64::from(i);
+        let place = DVec3::new(1.5 * angle.cos(), 1.0 * angle.sin(), 0.3 * (2.0 * angle).cos());
+        let view_from_world = DMat3::from_rotation_y(0.2 * place.x);
+        let camera = Camera {
+            width: 72,
+            height: 54,
+            focal: DVec2::splat(70.0),
+            principal: DVec2::new(36.0, 27.0),
+            view_from_world,
+            translation: -(view_from_world * place),
+        };
+        View { name: format!("{i}.png"), camera, photo: wall_photo(&camera, SLOPE).into() }
     };
-    points.iter().filter(near).count() as f64 / points.len() as f64
+    Dataset {
+        path: "wall".into(),
+        views: (0..8).map(view).collect(),
+        train: (0..8).collect(),
+        test: Vec::new(),
+        points: vec![Point { position: DVec3::Z, color: [0; 3] }],
+        points_from: PointsFrom::Chance,
+        extent: None,
+        backdrop: None,
+        notes: Vec::new(),
+    }
 }
+
+const SLOPE: f64 = 0.3;
 
 #[test]
 fn points_are_found_in_the_photos() {
-    let mut dataset = dataset();
-    let config = TrainConfig { ..plain(5) };
-    dataset.points_from = PointsFrom::Chance;
-    let chance = dataset.clone();
-    find_points(&gpu(), &mut dataset, &config, &()).unwrap();
+    let mut dataset = wall();
+    find_points(&gpu(), &mut dataset, &plain(5), &()).unwrap();
     println!("{:?}", dataset.notes);
     assert_eq!(dataset.points_from, PointsFrom::Photos);
-    let share = on_surface(&dataset, &dataset.points, 0.05);
-    println!("{} points, {:.0} % of them on the surface", dataset.points.len(), 100.0 * share);
-    assert!(share > 0.8, "{share}");
     assert!(dataset.notes.last().unwrap().contains("replace the random ones"));
+    let error = |point: &Point| (point.position.z / (4.0 + SLOPE * point.position.x) - 1.0).abs();
+    let near = dataset.points.iter().filter(|point| error(point) < 0.02).count();
+    println!("{near} of {} points within 2 % of the wall", dataset.points.len());
+    assert!(near * 10 > dataset.points.len() * 9, "{near} of {}", dataset.points.len());
     // The same again, and never more than asked for.
-    let some = sweep::points(&gpu(), &chance, 600, &()).unwrap();
-    let again = sweep::points(&gpu(), &chance, 600, &()).unwrap();
+    let some = || sweep::points(&gpu(), &wall(), 600, &()).unwrap();
     let places = |points: &[Point]| points.iter().map(|point| point.position.to_array()).collect::<Vec<_>>();
-    assert_eq!((some.len(), places(&some)), (600, places(&again)));
-    // A scene's own points stay as they are on a software adapter, and where they alone are asked for.
-    let mut own = Dataset { points_from: PointsFrom::Scene, ..chance };
-    let count = own.points.len();
-    let mut alone = config.clone();
+    let first = some();
+    assert_eq!((first.len(), places(&first)), (600, places(&some())));
+}
+
+#[test]
+fn a_scene_may_begin_with_its_own_points_alone() {
+    let own = Dataset { points_from: PointsFrom::Scene, ..wall() };
+    let mut alone = plain(5);
     alone.data.initial_points = InitialPoints::Scene;
-    find_points(&gpu(), &mut own, if gpu().is_software() { &config } else { &alone }, &()).unwrap();
-    assert_eq!((own.points.len(), own.points_from), (count, PointsFrom::Scene));
+    let mut object = plain(5);
+    object.data.masks = Masks::Object;
+    // On a software adapter also where nothing is asked for.
+    let usual = plain(5);
+    for config in [Some(&alone), Some(&object), gpu().is_software().then_some(&usual)].into_iter().flatten() {
+        let mut dataset = own.clone();
+        find_points(&gpu(), &mut dataset, config, &()).unwrap();
+        assert_eq!((dataset.points.len(), dataset.points_from), (1, PointsFrom::Scene));
+    }
 }
 
 #[test]

@@ -14,7 +14,7 @@ const LOOKED_AT: usize = 12;
 const LEAST_SHARE: f64 = 0.15;
 /// Largest share: there is an object, and not just a plain picture.
 const MOST_SHARE: f64 = 0.98;
-/// Least share of its outermost pixels that have the colour.
+/// Least share of its outermost pixels that have the colour, as exactly.
 const LEAST_EDGE: f64 = 0.5;
 /// Levels that the colours of different photos, and pixels of the backdrop, may differ by.
 const EXACT: u8 = 2;
@@ -50,7 +50,7 @@ fn backdrop(photo: &RgbaImage) -> Option<[u8; 3]> {
         let middle = levels.len() / 2;
         *levels.select_nth_unstable(middle).1
     });
-    let on_edge = edge.iter().filter(|&&pixel| differs(pixel, color) <= COMPRESSED).count();
+    let on_edge = edge.iter().filter(|&&pixel| differs(pixel, color) <= EXACT).count();
     let exact = photo.pixels().filter(|pixel| differs(rgb(pixel), color) <= EXACT).count();
     let share = exact as f64 / (f64::from(photo.width()) * f64::from(photo.height()));
     let is_backdrop = on_edge as f64 >= LEAST_EDGE * edge.len() as f64 && (LEAST_SHARE..=MOST_SHARE).contains(&share);

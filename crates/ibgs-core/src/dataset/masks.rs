@@ -76,7 +76,7 @@ pub fn is_mask(path: &Path) -> bool {
         return false;
     };
     let is_of = |suffix: &&str| stem.strip_suffix(*suffix).is_some_and(|photo| find_photo(folder, photo).is_some());
-    SUFFIXES[1..].iter().any(|suffix| is_of(&suffix))
+    SUFFIXES[1..].iter().any(is_of)
 }
 
 /// A note on the files in `masks/` that belong to no photo; `used` are the masks of the photos.

@@ -30,13 +30,12 @@ pub(crate) fn from_files(candidates: &[PathBuf]) -> Result<Option<Cloud>, Datase
     Ok(None)
 }
 
+/// Points, and the file that they are from, unless that is the scene's model, with whether it has colours.
+type Own = (Vec<Point>, Option<(PathBuf, bool)>);
+
 /// A scene's own points: from `init.ply` if it has one, else from `model`, else from a file of points; with the file that they
 /// are from, unless that is the model, and whether it has colours.
-pub(crate) fn own(
-    model: Vec<Point>,
-    mut files: Vec<PathBuf>,
-    root: &Path,
-) -> Result<(Vec<Point>, Option<(PathBuf, bool)>), DatasetError> {
+pub(crate) fn own(model: Vec<Point>, mut files: Vec<PathBuf>, root: &Path) -> Result<Own, DatasetError> {
     files.push(root.join("points3D.ply"));
     let mut cloud = from_files(&[root.join("init.ply")])?;
     if cloud.is_none() && model.is_empty() {

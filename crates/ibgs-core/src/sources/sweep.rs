@@ -32,6 +32,8 @@ const LEAST_AGREEING: usize = 2;
 const OUTLIERS: f64 = 0.02;
 /// The margin, as a factor on depths.
 const MARGIN: f64 = 1.5;
+/// Views that are swept; of more, every n-th.
+const MOST_VIEWS: usize = 400;
 /// Fewer points are no start.
 const LEAST_POINTS: usize = 500;
 
@@ -191,11 +193,13 @@ impl Swept {
 /// # Errors
 /// Not enough memory, the device is lost, or a photo cannot be decoded again.
 pub fn points(gpu: &Gpu, dataset: &Dataset, most: usize, progress: &dyn Progress) -> Result<Vec<Point>, GpuError> {
+    let step = dataset.train.len().div_ceil(MOST_VIEWS).max(1);
+    let swept: Vec<usize> = dataset.train.iter().step_by(step).copied().collect();
     let small = |side: u32| {
-        let reduced: Result<Dataset, DatasetError> = dataset.reduced(&dataset.train, side);
+        let reduced: Result<Dataset, DatasetError> = dataset.reduced(&swept, side);
         reduced.map(|dataset| dataset.views).map_err(|error| GpuError::Photo(error.to_string()))
     };
-    progress.begin("finding points in the photos", 2 * dataset.train.len());
+    progress.begin("finding points in the photos", 2 * swept.len());
     let views = small(SIDES[0])?;
     let (_, extent) = crate::camera::scene_extent(views.iter().map(|view| &view.camera));
     let extent = crate::camera::usable_extent(extent);
