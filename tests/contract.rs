@@ -233,7 +233,7 @@ fn host_structs_have_the_layout_of_their_twins() {
     twin!(ObserveParams { size, count, near_depth, largest, errors });
     twin!(OpacityResetParams { count, limit });
     twin!(MeanParams { count, weight });
-    twin!(SurfaceParams { size, focal, principal, weight, bend });
+    twin!(SurfaceParams { size, focal, principal, weight, pad });
     twin!(SweepParams { size, planes, sources, focal, principal, nearest, farthest, pad });
     twin!(FeatureParams {
         row0,

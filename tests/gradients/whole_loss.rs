@@ -111,9 +111,9 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
         (base.clone(), exposures.as_ref().map_or(base.clone(), |e| autodiff::exposed(e, &base, &forward).unwrap()));
     let warped = exposures.as_ref().map_or(warped.clone(), |e| autodiff::exposed_warped(e, warped, &pass).unwrap());
     let image_loss = ImageLoss::new(gpu.clone(), LAMBDA as f32);
-    let surface = SurfaceBuffers::of(&forward);
+    let surface = SurfaceBuffers::of(forward.surface().unwrap());
     let l_base = image_loss.tracked(base.clone(), &photo).unwrap().0;
-    let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32, 0.0).tracked(&plain, &surface, &photo).unwrap();
+    let l_normal = NormalLoss::new(gpu.clone(), NORMAL as f32).tracked(&plain, &surface, &photo).unwrap();
     let l_photo =
         PhotometricLoss::new(gpu.clone(), PHOTO as f32).tracked(warped.clone(), &seen.visible, &photo).unwrap();
     let residual = Residual::new(gpu.clone(), case.variant, Precision::Full);

@@ -14,12 +14,6 @@ use ibgs_train::tensor::device;
 const WEIGHT: f64 = 0.03;
 /// What stands in the gradient buffers before.
 const BEFORE: f32 = 0.0625;
-static NO_TRANSMITTANCE: [f64; 70 * 50] = [0.0; 70 * 50];
-
-/// All pixels that the photo does not mask are compared.
-fn everywhere<'a>(camera: &'a Camera, valid: &'a [bool]) -> Surface<'a> {
-    Surface { camera, valid, transmittance: &NO_TRANSMITTANCE[..valid.len()], bend: 0.0 }
-}
 
 struct OnGpu {
     loss: f64,
@@ -36,7 +30,6 @@ fn on_gpu(seen: Surface, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnG
     let surface = SurfaceBuffers {
         depth: gpu.upload("depth", &narrow(depth)).unwrap(),
         normal: gpu.upload("normal", &narrow(normal.as_flattened())).unwrap(),
-        transmittance: gpu.upload("transmittance", &narrow(seen.transmittance)).unwrap(),
         v_depth: gpu.upload("v_depth", &vec![before; depth.len()]).unwrap(),
         v_normal: gpu.upload("v_normal", &vec![before; 3 * depth.len()]).unwrap(),
         ..SurfaceBuffers::new(&gpu, camera).unwrap()
@@ -46,8 +39,7 @@ fn on_gpu(seen: Surface, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnG
     let image = Tensor::<3>::from_data(TensorData::new(vec![0.5f32; 3 * pixels], shape), device(&gpu).unwrap());
     let leaf = image.autodiff().require_grad();
     let produced = leaf.clone() * 2.0;
-    let loss =
-        NormalLoss::new(gpu.clone(), WEIGHT as f32, seen.bend as f32).tracked(&produced, &surface, &photo).unwrap();
+    let loss = NormalLoss::new(gpu.clone(), WEIGHT as f32).tracked(&produced, &surface, &photo).unwrap();
     let mut grads = (loss.clone() * 3.0 + produced.sum()).backward();
     let by_image = values(leaf.grad_remove(&mut grads).unwrap());
     assert!(by_image.iter().all(|v| *v == 2.0), "the image has no gradient from the normal loss");
@@ -81,46 +73,30 @@ fn loss_and_gradients_follow_the_twin_at_every_size() {
         let (depth, normal) = surface(&camera, seed, seed % 2 == 1);
         // Every other size has a mask.
         let valid: Vec<bool> = (0..depth.len()).map(|i| seed % 2 == 0 || i % 5 != 1).collect();
-        let seen = everywhere(&camera, &valid);
-        follows(seen, &depth, &normal, width >= 3 && height >= 3);
-        // Some pixels are not covered, and those on a steep turn do not count.
-        let transmittance: Vec<f64> = (0..depth.len()).map(|i| if i % 23 == 7 { 0.75 } else { 0.25 }).collect();
-        let bend = 0.05 * camera.focal.x;
-        let smooth = Surface { transmittance: &transmittance, bend, ..seen };
-        let compared = (0..depth.len()).filter(|&i| smooth.compares(&depth, i)).count();
-        println!("{compared} of {} pixels on a smooth surface", depth.len());
-        if width > 30 {
-            assert!((depth.len() / 20..depth.len() * 7 / 8).contains(&compared), "{compared}");
+        let seen = Surface { camera: &camera, valid: &valid };
+        let ours = on_gpu(seen, &depth, &normal, 0.0);
+        let what = format!("{width} x {height}");
+        let expected = normal_loss(seen, &depth, &normal, WEIGHT);
+        let error = (ours.loss - expected).abs() / expected;
+        let (v_depth, v_normal) = normal_loss_backward(seen, &depth, &normal, 3.0 * WEIGHT);
+        let by_depth = relative_error(&ours.v_depth, &v_depth);
+        let by_normal = relative_error(&ours.v_normal, v_normal.as_flattened());
+        println!("{what}: loss {error:.1e}, by depth {by_depth:.1e}, by normal {by_normal:.1e}");
+        assert!(error <= 1e-5, "{what}: loss {} against {expected}", ours.loss);
+        assert!(by_depth <= 1e-4 && by_normal <= 1e-5, "{what}");
+        for (a, b) in ours.v_depth.iter().zip(&v_depth) {
+            assert!(*b != 0.0 || *a == 0.0, "{what}: {a} where the truth is zero");
         }
-        follows(smooth, &depth, &normal, compared > 0);
+        assert_eq!(v_depth.iter().any(|v| *v != 0.0), width >= 3 && height >= 3, "{what}: gradient by depth");
+        assert!(v_normal.as_flattened().iter().any(|v| *v != 0.0), "{what}: gradient by normal");
     }
-}
-
-/// Checks loss and gradients; `any`: some pixel has a depth normal that counts.
-fn follows(seen: Surface, depth: &[f64], normal: &[[f64; 3]], any: bool) {
-    let ours = on_gpu(seen, depth, normal, 0.0);
-    let what = format!("{} x {}, bend {}", seen.camera.width, seen.camera.height, seen.bend);
-    let expected = normal_loss(seen, depth, normal, WEIGHT);
-    let error = (ours.loss - expected).abs() / expected.max(1e-9);
-    let (v_depth, v_normal) = normal_loss_backward(seen, depth, normal, 3.0 * WEIGHT);
-    let by_depth = relative_error(&ours.v_depth, &v_depth);
-    let by_normal = relative_error(&ours.v_normal, v_normal.as_flattened());
-    println!("{what}: loss {error:.1e}, by depth {by_depth:.1e}, by normal {by_normal:.1e}");
-    assert!(error <= 1e-5, "{what}: loss {} against {expected}", ours.loss);
-    assert!(by_depth <= 1e-4 && by_normal <= 1e-5, "{what}");
-    for (a, b) in ours.v_depth.iter().zip(&v_depth) {
-        assert!(*b != 0.0 || *a == 0.0, "{what}: {a} where the truth is zero");
-    }
-    assert_eq!(v_depth.iter().any(|v| *v != 0.0), any, "{what}: gradient by depth");
-    assert!((seen.bend > 0.0 && !any) || v_normal.as_flattened().iter().any(|v| *v != 0.0), "{what}: by normal");
 }
 
 #[test]
 fn gradients_are_added_to_what_is_there() {
     let camera = random_camera(33, 17, 5);
     let (depth, normal) = surface(&camera, 5, true);
-    let valid = vec![true; depth.len()];
-    let seen = everywhere(&camera, &valid);
+    let seen = Surface { camera: &camera, valid: &vec![true; depth.len()] };
     let fresh = on_gpu(seen, &depth, &normal, 0.0);
     let added = on_gpu(seen, &depth, &normal, BEFORE);
     let same = |sum: &[f64], part: &[f64]| {
@@ -135,7 +111,7 @@ fn the_normals_of_a_frontal_plane_cost_only_the_border() {
     let camera = random_camera(24, 16, 7);
     let depth = vec![2.5; 24 * 16];
     let normal = vec![[0.0, 0.0, -1.0]; 24 * 16];
-    let ours = on_gpu(everywhere(&camera, &[true; 24 * 16]), &depth, &normal, 0.0);
+    let ours = on_gpu(Surface { camera: &camera, valid: &[true; 24 * 16] }, &depth, &normal, 0.0);
     let border = (24.0 * 16.0 - 22.0 * 14.0) / (24.0 * 16.0);
     assert!((ours.loss - WEIGHT * border).abs() < 1e-8, "{} for a border of {border}", ours.loss);
     assert!(ours.v_depth.iter().all(|v| v.abs() < 1e-9), "nothing to gain by another depth");
@@ -147,8 +123,8 @@ fn what_the_photo_masks_has_no_part() {
     let (depth, normal) = surface(&camera, 6, false);
     // The right half is masked: beside the border of the mask its depth still makes the normals of the left half.
     let valid: Vec<bool> = (0..depth.len()).map(|i| i % 33 < 16).collect();
-    let masked = on_gpu(everywhere(&camera, &valid), &depth, &normal, BEFORE);
-    let open = on_gpu(everywhere(&camera, &vec![true; depth.len()]), &depth, &normal, BEFORE);
+    let masked = on_gpu(Surface { camera: &camera, valid: &valid }, &depth, &normal, BEFORE);
+    let open = on_gpu(Surface { camera: &camera, valid: &vec![true; depth.len()] }, &depth, &normal, BEFORE);
     assert!(masked.loss > 0.0 && masked.loss < 0.7 * open.loss, "{} of {}", masked.loss, open.loss);
     for (i, v) in masked.v_depth.iter().enumerate().filter(|(i, _)| i % 33 > 16) {
         assert!(*v == f64::from(BEFORE) && masked.v_normal[3 * i..3 * i + 3] == [f64::from(BEFORE); 3], "pixel {i}");

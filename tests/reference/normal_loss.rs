@@ -43,43 +43,16 @@ pub struct Surface<'a> {
     pub camera: &'a Camera,
     /// Not masked.
     pub valid: &'a [bool],
-    pub transmittance: &'a [f64],
-    /// Largest turn of the depth, in pixel widths; 0: all pixels are compared.
-    pub bend: f64,
 }
 
-impl Surface<'_> {
-    /// Whether a pixel is compared.
-    pub fn compares(&self, depth: &[f64], pixel: usize) -> bool {
-        let is_smooth = || {
-            let around = neighbours(self.camera, pixel)?;
-            let [right, left, top, bottom] = around;
-            let covered = around.iter().chain([&pixel]).all(|&i| self.transmittance[i] <= 0.5);
-            let turns = |a: usize, b: usize, focal: f64| {
-                (depth[a] + depth[b] - 2.0 * depth[pixel]).abs() * focal > self.bend * depth[pixel]
-            };
-            let focal = self.camera.focal;
-            Some(covered && !turns(right, left, focal.x) && !turns(top, bottom, focal.y))
-        };
-        self.valid[pixel] && (self.bend == 0.0 || is_smooth().unwrap_or(false))
-    }
-
-    /// The normal that is compared, and its length in the map where that is not.
-    fn normal(&self, normal: [f64; 3]) -> (DVec3, Option<f64>) {
-        let normal = DVec3::from(normal);
-        if self.bend == 0.0 { (normal, None) } else { (normal.normalize(), Some(normal.length())) }
-    }
-}
-
-/// weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N)); pixels that are not compared add nothing to the sums.
+/// weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N)); masked pixels add nothing to the sums.
 pub fn normal_loss(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> f64 {
-    let term = |(pixel, nd): (usize, &[f64; 3])| {
-        let (nd, n) = (DVec3::from(*nd), surface.normal(normal[pixel]).0);
-        let compares = surface.compares(depth, pixel);
-        if compares { L1 * (nd - n).abs().element_sum() + DOT * (1.0 - nd.dot(n)) } else { 0.0 }
+    let term = |((nd, n), valid): ((&[f64; 3], &[f64; 3]), &bool)| {
+        let (nd, n) = (DVec3::from(*nd), DVec3::from(*n));
+        if *valid { L1 * (nd - n).abs().element_sum() + DOT * (1.0 - nd.dot(n)) } else { 0.0 }
     };
     let normals = depth_normals(surface.camera, depth);
-    weight * normals.iter().enumerate().map(term).sum::<f64>() / depth.len() as f64
+    weight * normals.iter().zip(normal).zip(surface.valid).map(term).sum::<f64>() / depth.len() as f64
 }
 
 /// Gradients of `normal_loss` by depth and by normal map. Where a component of the two normals is equal the absolute
@@ -91,13 +64,12 @@ pub fn normal_loss_backward(surface: Surface, depth: &[f64], normal: &[[f64; 3]]
     let mut v_depth = vec![0.0; depth.len()];
     let mut v_normal = vec![[0.0; 3]; depth.len()];
     for (i, nd) in depth_normals(camera, depth).into_iter().enumerate() {
-        if !surface.compares(depth, i) {
+        if !surface.valid[i] {
             continue;
         }
-        let (nd, (n, length)) = (DVec3::from(nd), surface.normal(normal[i]));
+        let (nd, n) = (DVec3::from(nd), DVec3::from(normal[i]));
         let signs = DVec3::from_array((nd - n).to_array().map(sign));
-        let v_n = -share * (L1 * signs + DOT * nd);
-        v_normal[i] = length.map_or(v_n, |length| (v_n - n * n.dot(v_n)) / length).to_array();
+        v_normal[i] = (-share * (L1 * signs + DOT * nd)).to_array();
         let Some(around) = neighbours(camera, i).filter(|_| nd != DVec3::ZERO) else { continue };
         let v_nd = share * (L1 * signs - DOT * n);
         let [a, b] = edges(camera, depth, around);

@@ -188,7 +188,7 @@ impl Case {
             base: image_loss(&exposed, &self.photo, width, height, LAMBDA),
             last: image_loss(&image, &self.photo, width, height, LAMBDA),
             normal: normal_loss(
-                self.surface(&valid, &geometry.base.final_t),
+                Surface { camera: &self.scene.camera, valid: &valid },
                 &geometry.depth,
                 &geometry.normal,
                 NORMAL,
@@ -196,10 +196,6 @@ impl Case {
             photo: photometric_loss(&masked, &warped, &visible, PHOTO),
         };
         Run { geometry, warped, visible, sources, plain, exposed, view, network, image, losses }
-    }
-
-    fn surface<'a>(&'a self, valid: &'a [bool], transmittance: &'a [f64]) -> Surface<'a> {
-        Surface { camera: &self.scene.camera, valid, transmittance, bend: 0.0 }
     }
 
     fn centers(&self) -> Vec<[f64; 3]> {
@@ -232,8 +228,8 @@ impl Case {
         let valid = vec![true; pixels];
         let masked = Masked { photo: &self.photo, valid: &valid, width, height };
         let (last, weights) = self.last_backward(run);
-        let surface = self.surface(&valid, &run.geometry.base.final_t);
-        let (v_depth, v_normal) = normal_loss_backward(surface, depth, normal, NORMAL);
+        let (v_depth, v_normal) =
+            normal_loss_backward(Surface { camera: &self.scene.camera, valid: &valid }, depth, normal, NORMAL);
         let mut v = Cotangents {
             base: halved(image_loss_backward(&run.exposed, &self.photo, width, height, LAMBDA)),
             normal: v_normal,

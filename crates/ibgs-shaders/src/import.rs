@@ -23,7 +23,6 @@ const SHARED: &[(&str, &str)] = &[
     ("half_weights_tile", include_str!("../wgsl/shared/half_weights_tile.wgsl")),
     ("hash", include_str!("../wgsl/shared/hash.wgsl")),
     ("index", include_str!("../wgsl/shared/index.wgsl")),
-    ("normal_pair", include_str!("../wgsl/shared/normal_pair.wgsl")),
     ("photo", include_str!("../wgsl/shared/photo.wgsl")),
     ("project", include_str!("../wgsl/shared/project.wgsl")),
     ("quaternion", include_str!("../wgsl/shared/quaternion.wgsl")),

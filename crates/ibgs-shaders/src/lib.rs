@@ -294,11 +294,10 @@ kernels! {
         read("depth"), write("depth_normals");
     /// Depth normals against the normal map, forward.
     NORMAL_LOSS = "normal_loss" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
-        read("depth"), read("normal"), read("photo"), read("transmittance"), write("partials");
+        read("depth"), read("normal"), read("photo"), write("partials");
     /// Depth normals against the normal map, gradients by median depth and normal map.
     NORMAL_LOSS_BACKWARD = "normal_loss_backward" [TILE, TILE, 1] (size_of::<types::SurfaceParams>()):
-        read("depth"), read("normal"), read("photo"), read("transmittance"), read("v_loss"), write("v_depth"),
-        write("v_normal");
+        read("depth"), read("normal"), read("photo"), read("v_loss"), write("v_depth"), write("v_normal");
     /// SSIM of a photo and the images warped to it, forward, one visible source.
     PHOTOMETRIC_LOSS = "photometric_loss" [TILE, TILE, 1] (size_of::<types::LossParams>()):
         read("warped"), read("seen"), read("photo"), write("moments"), write("partials");

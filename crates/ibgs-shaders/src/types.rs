@@ -271,8 +271,8 @@ pub struct SurfaceParams {
     pub principal: [f32; 2],
     /// Weight of the loss.
     pub weight: f32,
-    /// Pixel widths by which the depth may turn where it is compared; 0: it is compared everywhere.
-    pub bend: f32,
+    /// Padding.
+    pub pad: f32,
 }
 
 /// A plane sweep; the twin of `SweepParams` in `wgsl/plane_sweep.wgsl`.

@@ -1,13 +1,13 @@
 // One workgroup a tile: sum of 0.4 sum_c |Nd - N| + 0.6 (1 - Nd . N), and the number of pixels (method.md section 7).
-// Pixels that are not compared, masked ones for instance, add nothing to the sum.
-#import normal_pair
+// Pixels that are masked in the photo add nothing to the sum.
+#import depth_normal
+#import photo
 #import reduce
 
 @group(0) @binding(0) var<storage, read> depth: array<f32>;
 @group(0) @binding(1) var<storage, read> normal: array<f32>;
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
-@group(0) @binding(3) var<storage, read> transmittance: array<f32>;
-@group(0) @binding(4) var<storage, read_write> partials: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read_write> partials: array<vec2<f32>>;
 
 @compute @workgroup_size(TILE, TILE)
 fn main(
@@ -19,10 +19,11 @@ fn main(
     let at = wid.xy * TILE + lid.xy;
     var value = vec4(0.0);
     if all(at < params.size) {
+        let p = at.y * params.size.x + at.x;
         value.y = 1.0;
-        if is_compared(at) {
+        if photo_valid(photo[p]) {
             let nd = depth_normal(at).normal;
-            let n = map_normal(at.y * params.size.x + at.x).direction;
+            let n = vec3(normal[3u * p], normal[3u * p + 1u], normal[3u * p + 2u]);
             let difference = dot(abs(nd - n), vec3(1.0));
             value.x = NORMAL_L1 * difference + NORMAL_DOT * (1.0 - dot(nd, n));
         }

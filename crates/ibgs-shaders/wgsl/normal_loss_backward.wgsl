@@ -1,20 +1,24 @@
 // One workgroup a tile: adds the gradients of the normal loss by median depth and normal map, times the upstream
-// scalar. Pixels that are not compared have no part in it. A pixel's depth enters the depth normals of its four neighbours: it gathers
-// from them.
-#import normal_pair
+// scalar. Pixels that are masked in the photo have no part in it. A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
+#import depth_normal
+#import photo
 
 @group(0) @binding(0) var<storage, read> depth: array<f32>;
 @group(0) @binding(1) var<storage, read> normal: array<f32>;
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
-@group(0) @binding(3) var<storage, read> transmittance: array<f32>;
-@group(0) @binding(4) var<storage, read> v_loss: array<f32>;
-@group(0) @binding(5) var<storage, read_write> v_depth: array<f32>;
-@group(0) @binding(6) var<storage, read_write> v_normal: array<f32>;
+@group(0) @binding(3) var<storage, read> v_loss: array<f32>;
+@group(0) @binding(4) var<storage, read_write> v_depth: array<f32>;
+@group(0) @binding(5) var<storage, read_write> v_normal: array<f32>;
 
 // A tile with one pixel around it.
 const EDGE: u32 = TILE + 2u;
 // 2 v_p / (z_r + z_l)^2 and 2 v_q / (z_t + z_b)^2 of each pixel, see shared/depth_normal.wgsl.
 var<workgroup> slopes: array<vec2<f32>, EDGE * EDGE>;
+
+fn normal_at(at: vec2<u32>) -> vec3<f32> {
+    let p = 3u * (at.y * params.size.x + at.x);
+    return vec3(normal[p], normal[p + 1u], normal[p + 2u]);
+}
 
 fn scale() -> f32 {
     return v_loss[0] * params.weight / f32(params.size.x * params.size.y);
@@ -22,10 +26,10 @@ fn scale() -> f32 {
 
 fn slope_gradient(at: vec2<u32>) -> vec2<f32> {
     let nd = depth_normal(at);
-    if nd.inverse == 0.0 || !is_compared(at) {
+    if nd.inverse == 0.0 || !photo_valid(photo[at.y * params.size.x + at.x]) {
         return vec2(0.0);
     }
-    let n = map_normal(at.y * params.size.x + at.x).direction;
+    let n = normal_at(at);
     let v_nd = scale() * (NORMAL_L1 * sign(nd.normal - n) - NORMAL_DOT * n);
     let v_m = (v_nd - nd.normal * dot(nd.normal, v_nd)) * nd.inverse;
     let offset = vec2<f32>(at) - params.principal;
@@ -68,15 +72,11 @@ fn main(
     // row above.
     v_depth[p] += slopes[k - 1u].x * depth_at(at - vec2(2, 0)) - slopes[k + 1u].x * depth_at(at + vec2(2, 0))
         + slopes[k + EDGE].y * depth_at(at + vec2(0, 2)) - slopes[k - EDGE].y * depth_at(at - vec2(0, 2));
-    if !is_compared(pixel) {
+    if !photo_valid(photo[p]) {
         return;
     }
     let nd = depth_normal(pixel).normal;
-    let n = map_normal(p);
-    var v_n = -scale() * (NORMAL_L1 * sign(nd - n.direction) + NORMAL_DOT * nd);
-    if n.inverse > 0.0 {
-        v_n = (v_n - n.direction * dot(n.direction, v_n)) * n.inverse;
-    }
+    let v_n = -scale() * (NORMAL_L1 * sign(nd - normal_at(pixel)) + NORMAL_DOT * nd);
     v_normal[3u * p] += v_n.x;
     v_normal[3u * p + 1u] += v_n.y;
     v_normal[3u * p + 2u] += v_n.z;

@@ -122,11 +122,7 @@ impl ImageStages {
             depths: DepthCache::new(config.surface.depth_memory.bytes(gpu)),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
-            normal_loss: NormalLoss::new(
-                gpu.clone(),
-                config.surface.normal_weight as f32,
-                config.surface.normal_bend as f32,
-            ),
+            normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
             photometric_loss: PhotometricLoss::new(gpu.clone(), photometric_weight as f32),
             photometric_every: config.surface.photometric_every,
             network_optimizer: TensorOptimizer::new(gpu, &network.network().weights, WEIGHTS, adam)?,
@@ -213,7 +209,7 @@ impl ImageStages {
         let (base_loss, scratch) = work.loss.tracked(work.shown.clone(), work.target)?;
         let mut total = Total::base(base_loss, scratch);
         if work.schedule.normal_loss_at(work.iteration) && self.normal_loss.weight > 0.0 {
-            let surface = SurfaceBuffers::of(work.forward);
+            let surface = SurfaceBuffers::of(work.forward.surface().expect("the surface stage has one"));
             total.surface_losses.push(self.normal_loss.tracked(work.image, &surface, work.target)?);
         }
         if !work.sources.is_empty() {

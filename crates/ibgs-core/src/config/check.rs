@@ -120,7 +120,6 @@ impl TrainConfig {
             "surface.",
             &[
                 ("normal-weight", self.surface.normal_weight, Range::NotNegative),
-                ("normal-bend", self.surface.normal_bend, Range::NotNegative),
                 ("photometric-weight", self.surface.photometric_weight, Range::NotNegative),
             ],
         )?;

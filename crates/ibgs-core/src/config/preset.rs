@@ -55,7 +55,6 @@ impl TrainConfig {
         self.sources.distances = Distances::Absolute;
         self.sources.draw = Draw::Nearest;
         (self.surface.normal_weight, self.surface.photometric_weight) = (0.03, 0.3);
-        self.surface.normal_bend = 0.0;
         self.surface.photometric_every = 1;
         self.residual.burn_in_gain = 0.5;
         self.residual.dropout = 0.0;

@@ -17,9 +17,6 @@ pub struct SurfaceConfig {
     pub normal_from: Option<u32>,
     /// Weight of the normal loss (published: 0.03).
     pub normal_weight: f64,
-    /// The normal loss counts where a surface turns by at most this many pixel widths from one pixel to the next, and compares
-    /// directions there; 0: everywhere, and by length too, as published. A departure from method.md.
-    pub normal_bend: f64,
     /// Weight of the photometric loss (published: 0.3).
     pub photometric_weight: f64,
     /// The photometric loss is part of every N-th iteration, with N times its weight (published: 1).
@@ -173,7 +170,6 @@ impl Default for SurfaceConfig {
             start: None,
             normal_from: None,
             normal_weight: 0.01,
-            normal_bend: 2.0,
             photometric_weight: 0.05,
             photometric_every: 4,
             depth_memory: MemoryBudget::Unlimited,

@@ -10,8 +10,7 @@ struct SurfaceParams {
     // Pixel-index coordinates: the pixel with index x lies at x.
     principal: vec2<f32>,
     weight: f32,
-    // Of the normal loss, see shared/normal_pair.wgsl.
-    bend: f32,
+    pad: f32,
 }
 
 var<immediate> params: SurfaceParams;

@@ -9,7 +9,7 @@ use bytemuck::bytes_of;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
-use ibgs_core::raster::Forward;
+use ibgs_core::raster::Surface;
 use ibgs_core::sources::DevicePhoto;
 use ibgs_shaders::types::{MeanParams, SurfaceParams};
 use ibgs_shaders::{DEPTH_NORMALS, LOSS_MEAN, NORMAL_LOSS, NORMAL_LOSS_BACKWARD, TILE};
@@ -23,8 +23,6 @@ pub struct SurfaceBuffers {
     pub depth: Buffer,
     /// `[P, 3]` f32: normal map in camera space, not normalised.
     pub normal: Buffer,
-    /// `[P]` f32: transmittance behind all Gaussians.
-    pub transmittance: Buffer,
     /// `[P]` f32: gradient by the depth; losses add to it.
     pub v_depth: Buffer,
     /// `[P, 3]` f32: gradient by the normal map; losses add to it.
@@ -47,7 +45,6 @@ impl SurfaceBuffers {
         Ok(Self {
             depth: gpu.allocate("median depth", 4 * pixels)?,
             normal: gpu.allocate("normal map", 12 * pixels)?,
-            transmittance: gpu.allocate("transmittance", 4 * pixels)?,
             v_depth: gpu.allocate("gradient of the median depth", 4 * pixels)?,
             v_normal: gpu.allocate("gradient of the normal map", 12 * pixels)?,
             size: [camera.width, camera.height],
@@ -56,17 +53,15 @@ impl SurfaceBuffers {
         })
     }
 
-    /// Those of a pass whose surface keeps gradients; they share its memory.
+    /// Those of a surface that keeps gradients; they share its memory.
     ///
     /// # Panics
-    /// Where it has no such surface: a bug of ours.
-    pub fn of(forward: &Forward) -> Self {
-        let surface = forward.surface().expect("the surface stage has one");
+    /// When it keeps none: a bug of ours.
+    pub fn of(surface: &Surface) -> Self {
         let v = surface.v.as_ref().expect("a tracked surface has gradients");
         Self {
             depth: surface.median_depth.clone(),
             normal: surface.normal_map.clone(),
-            transmittance: forward.workspace.final_t.clone(),
             v_depth: v.median_depth.clone(),
             v_normal: v.normal_map.clone(),
             size: [surface.camera.width, surface.camera.height],
@@ -75,8 +70,8 @@ impl SurfaceBuffers {
         }
     }
 
-    fn params(&self, weight: f32, bend: f32) -> SurfaceParams {
-        SurfaceParams { size: self.size, focal: self.focal, principal: self.principal, weight, bend }
+    fn params(&self, weight: f32) -> SurfaceParams {
+        SurfaceParams { size: self.size, focal: self.focal, principal: self.principal, weight, pad: 0.0 }
     }
 
     fn tiles(&self) -> [u32; 3] {
@@ -86,7 +81,7 @@ impl SurfaceBuffers {
     /// Records the depth normals Nd of method.md section 3 into `out`, `[P, 3]` f32 in camera space: unit length, or
     /// zero on the one-pixel border and where neighbours met nothing. For pictures; the loss does not need them.
     pub fn record_depth_normals(&self, pass: &mut Pass, out: &Buffer) {
-        pass.grid(&DEPTH_NORMALS, &[&self.depth, out], bytes_of(&self.params(0.0, 0.0)), self.tiles());
+        pass.grid(&DEPTH_NORMALS, &[&self.depth, out], bytes_of(&self.params(0.0)), self.tiles());
     }
 }
 
@@ -99,22 +94,19 @@ struct Scratch {
 }
 
 /// `weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N))` over all pixels, of which those that the photo masks add
-/// nothing to the sums, and with a `bend` neither those off smooth surfaces; owns its scratch memory.
+/// nothing to the sums; owns its scratch memory.
 #[derive(Debug)]
 pub struct NormalLoss {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Scratch>>,
     /// Weight of the loss.
     pub weight: f32,
-    /// Pixels count where all five depths that their normals depend on lie on a surface that turns by at most this many pixel widths
-    /// from one pixel to the next; the normal map is then compared by direction. 0: everywhere, as it is (method.md section 7).
-    pub bend: f32,
 }
 
 impl NormalLoss {
-    /// A loss with this weight and bend.
-    pub fn new(gpu: Arc<Gpu>, weight: f32, bend: f32) -> Self {
-        Self { gpu, pool: Arc::default(), weight, bend }
+    /// A loss with this weight.
+    pub fn new(gpu: Arc<Gpu>, weight: f32) -> Self {
+        Self { gpu, pool: Arc::default(), weight }
     }
 
     fn scratch(&self, groups: usize) -> Result<Lease<Scratch>, GpuError> {
@@ -143,8 +135,8 @@ impl NormalLoss {
         let loss = empty_like(like, &[1]);
         let bound = bind(&loss);
         let mut pass = Pass::new(gpu, "normal loss");
-        let buffers = [&surface.depth, &surface.normal, &photo.texels, &surface.transmittance, &scratch.partials];
-        pass.grid(&NORMAL_LOSS, &buffers, bytes_of(&surface.params(self.weight, self.bend)), tiles);
+        let buffers = [&surface.depth, &surface.normal, &photo.texels, &scratch.partials];
+        pass.grid(&NORMAL_LOSS, &buffers, bytes_of(&surface.params(self.weight)), tiles);
         let mean = MeanParams { count: groups, weight: self.weight };
         pass.groups(&LOSS_MEAN, &[&scratch.partials, &bound, &scratch.stats], bytes_of(&mean), 1);
         pass.submit();
@@ -167,7 +159,7 @@ impl NormalLoss {
         photo: &DevicePhoto,
     ) -> Result<Tensor<1>, GpuError> {
         assert_eq!(surface.size, photo.size, "surface and photo differ in size");
-        let (gpu, params) = (self.gpu.clone(), surface.params(self.weight, self.bend));
+        let (gpu, params) = (self.gpu.clone(), surface.params(self.weight));
         let (surface, photo) = (surface.clone(), photo.clone());
         unary(image.clone(), |image| {
             let loss = self.forward(&image, &surface, &photo)?;
@@ -175,15 +167,8 @@ impl NormalLoss {
             let rule = move |v_loss: &CubeTensor| {
                 let upstream = bind(v_loss);
                 let mut pass = Pass::new(&gpu, "normal loss backward");
-                let buffers: [&Buffer; 7] = [
-                    &surface.depth,
-                    &surface.normal,
-                    &photo.texels,
-                    &surface.transmittance,
-                    &upstream,
-                    &surface.v_depth,
-                    &surface.v_normal,
-                ];
+                let buffers: [&Buffer; 6] =
+                    [&surface.depth, &surface.normal, &photo.texels, &upstream, &surface.v_depth, &surface.v_normal];
                 pass.grid(&NORMAL_LOSS_BACKWARD, &buffers, bytes_of(&params), surface.tiles());
                 pass.submit();
                 None
