@@ -192,6 +192,30 @@ fn blender_scenes_keep_their_split() {
     assert_eq!(load_plain(folder.path()).train.len(), 3);
 }
 
+/// Photos without alpha in the layout of Blender: of an object on one colour, or of a scene.
+#[test]
+fn blender_scenes_without_alpha_are_seen_for_what_they_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, photo: &dyn Fn(f64, f64) -> [u8; 3]| {
+        write_photo(&folder.path().join(name), 16, 16, |u, v| {
+            let [r, g, b] = photo(u, v);
+            [r, g, b, 255]
+        });
+    };
+    let thing = |u: f64, v: f64| {
+        let inside = (u - 8.0).abs() < 3.0 && (v - 8.0).abs() < 3.0;
+        if inside { [200, 100, 50] } else { [0; 3] }
+    };
+    let json = transforms(r#""camera_angle_x": 0.7,"#, &[("./train/r_0", ""), ("./train/r_1", "")]);
+    write_file(&folder.path().join("transforms_train.json"), json);
+    for name in ["train/r_0.png", "train/r_1.png"] {
+        write(name, &thing);
+    }
+    assert_eq!(load_plain(folder.path()).backdrop, Some((Alpha::Keyed, [0; 3])));
+    write("train/r_1.png", &|u, v| [(9.0 * u) as u8, (11.0 * v) as u8, 90]);
+    assert_eq!(load_plain(folder.path()).backdrop, None);
+}
+
 /// A thing in the middle of transparent photos: random points lie on the rays through it, as far away as it can be.
 #[test]
 fn random_points_of_blender_scenes_show_the_thing() {

@@ -56,6 +56,21 @@ impl Camera {
         (self.focal * p.truncate() / p.z + self.principal, p.z)
     }
 
+    /// Pixel coordinates and view depth of a world point that lies in front of the camera and within its image; none of any other,
+    /// nor of one that is not finite.
+    pub fn seen(&self, world: DVec3) -> Option<(DVec2, f64)> {
+        let (at, depth) = self.project(world);
+        let within = (0.0..f64::from(self.width)).contains(&at.x) && (0.0..f64::from(self.height)).contains(&at.y);
+        (depth > 0.0 && within).then_some((at, depth))
+    }
+
+    /// Rows of `[R | t]` that take the view space of another camera to this one's, in single precision.
+    pub(crate) fn rows_from(&self, other: &Camera) -> [[f32; 4]; 3] {
+        let rotation = self.view_from_world * other.view_from_world.transpose();
+        let translation = self.translation - rotation * other.translation;
+        [0, 1, 2].map(|r| rotation.row(r).extend(translation[r]).as_vec4().to_array())
+    }
+
     /// The way back from [`Camera::project`]: pixel coordinates and view depth to a world point.
     pub fn unproject(&self, uv: DVec2, depth: f64) -> DVec3 {
         let ray = ((uv - self.principal) / self.focal).extend(1.0);

@@ -57,7 +57,7 @@ impl TrainConfig {
 
     /// Degree of the spherical harmonics.
     pub fn sh_degree(&self) -> u32 {
-        self.sh_degree.unwrap_or(if self.method == Method::Gs3 { 3 } else { 2 })
+        self.sh_degree.unwrap_or(if self.method == Method::Gs3 || self.shows_object() { 3 } else { 2 })
     }
 
     /// Part of the run after which no Gaussian is left out any more: an object's base then gains more than its final image loses.

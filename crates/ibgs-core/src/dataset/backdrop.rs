@@ -4,7 +4,7 @@
 use super::decode::decode;
 use super::error::{DatasetError, read_bytes};
 use super::photos::ListedPhoto;
-use super::{ALPHA_EMPTY, LoadOptions, Masks};
+use super::{ALPHA_EMPTY, Alpha, LoadOptions, Masks, Scene, SceneKind};
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
@@ -39,10 +39,20 @@ fn edge(photo: &RgbaImage) -> impl Iterator<Item = (u32, u32)> + use<> {
     across.chain((0..height).flat_map(move |y| [(0, y), (width - 1, y)]))
 }
 
-/// The colour that a photo lies on; none where it lies on none, or has an alpha channel that says so itself.
-fn backdrop(photo: &RgbaImage) -> Option<[u8; 3]> {
+/// What tells object and surroundings apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Behind {
+    /// The photo's alpha.
+    Alpha,
+    /// The colour that the photo lies on.
+    Color([u8; 3]),
+    /// Nothing: a photo of a whole scene.
+    Scene,
+}
+
+fn behind(photo: &RgbaImage) -> Behind {
     if photo.pixels().any(|pixel| pixel.0[3] < u8::MAX) {
-        return None;
+        return Behind::Alpha;
     }
     let edge: Vec<[u8; 3]> = edge(photo).map(|(x, y)| rgb(photo.get_pixel(x, y))).collect();
     let color = [0, 1, 2].map(|c| {
@@ -54,24 +64,51 @@ fn backdrop(photo: &RgbaImage) -> Option<[u8; 3]> {
     let exact = photo.pixels().filter(|pixel| differs(rgb(pixel), color) <= EXACT).count();
     let share = exact as f64 / (f64::from(photo.width()) * f64::from(photo.height()));
     let is_backdrop = on_edge as f64 >= LEAST_EDGE * edge.len() as f64 && (LEAST_SHARE..=MOST_SHARE).contains(&share);
-    is_backdrop.then_some(color)
+    if is_backdrop { Behind::Color(color) } else { Behind::Scene }
 }
 
-/// The one colour that all photos lie on, judged by some of them; none where they lie on none, or have masks or alpha.
+/// The same for all photos, judged by some of them: the alpha of any, or the one colour of all. Masks say it themselves, and are
+/// taken for a scene's here.
 ///
 /// # Errors
 /// A photo that does not decode.
-pub(super) fn detect(frames: &[ListedPhoto], options: &LoadOptions) -> Result<Option<[u8; 3]>, DatasetError> {
+fn behind_all(frames: &[ListedPhoto], options: &LoadOptions) -> Result<Behind, DatasetError> {
     if options.masks == Masks::Object || frames.is_empty() || frames.iter().any(|frame| frame.mask.is_some()) {
-        return Ok(None);
+        return Ok(Behind::Scene);
     }
     let some: Vec<&ListedPhoto> = frames.iter().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
-    // Most scenes are told by their first photo.
-    let look = |frame: &&ListedPhoto| Ok(backdrop(&decode(&frame.photo, &read_bytes(&frame.photo)?, options)?));
-    let Some(first) = look(&some[0])? else { return Ok(None) };
-    let colors = some[1..].par_iter().map(look).collect::<Result<Vec<_>, DatasetError>>()?;
-    let is_one = colors.iter().all(|color| color.is_some_and(|color| differs(color, first) <= EXACT));
-    Ok(is_one.then_some(first))
+    let look = |frame: &&ListedPhoto| Ok(behind(&decode(&frame.photo, &read_bytes(&frame.photo)?, options)?));
+    // Most are told by their first photo.
+    let Behind::Color(first) = look(&some[0])? else { return look(&some[0]) };
+    let others = some[1..].par_iter().map(look).collect::<Result<Vec<_>, DatasetError>>()?;
+    let is_one = |other: &Behind| matches!(other, Behind::Color(color) if differs(*color, first) <= EXACT);
+    Ok(if others.contains(&Behind::Alpha) {
+        Behind::Alpha
+    } else if others.iter().all(is_one) {
+        Behind::Color(first)
+    } else {
+        Behind::Scene
+    })
+}
+
+/// What the photos' alpha means, and the colour that an object is shown on: of Blender scenes white, as figures of this field are
+/// measured.
+pub(super) fn meaning_of_alpha(scene: &Scene, options: &LoadOptions) -> Result<(Alpha, [u8; 3]), DatasetError> {
+    let is_blender = scene.kind == SceneKind::Blender;
+    let usual = if is_blender { [255; 3] } else { [0; 3] };
+    Ok(match (options.alpha, options.masks) {
+        (Some(alpha @ (Alpha::Mask | Alpha::Composite)), _) => (alpha, usual),
+        (None, Masks::Object) => (Alpha::Mask, usual),
+        (given, _) => match (behind_all(&scene.frames, options)?, given) {
+            (Behind::Color(color), _) => (Alpha::Keyed, color),
+            (_, Some(_)) => {
+                let path = scene.listing.clone();
+                return Err(DatasetError::NoBackdrop { path });
+            }
+            (Behind::Alpha, None) if is_blender => (Alpha::Composite, usual),
+            (Behind::Alpha | Behind::Scene, None) => (Alpha::Mask, [0; 3]),
+        },
+    })
 }
 
 /// Sets the alpha of a photo on a backdrop: [`ALPHA_EMPTY`] where the backdrop reaches from the photo's edge, a part where a pixel
@@ -155,20 +192,20 @@ mod tests {
 
     #[test]
     fn a_backdrop_is_found_and_a_scene_is_none() {
-        assert_eq!(backdrop(&disc([200, 120, 40], [0; 3])), Some([0; 3]));
-        assert_eq!(backdrop(&disc([20, 120, 40], [255; 3])), Some([255; 3]));
+        assert_eq!(behind(&disc([200, 120, 40], [0; 3])), Behind::Color([0; 3]));
+        assert_eq!(behind(&disc([20, 120, 40], [255; 3])), Behind::Color([255; 3]));
         let scene = RgbaImage::from_fn(64, 48, |x, y| Rgba([(x * 3) as u8, (y * 5) as u8, 90, 255]));
-        assert_eq!(backdrop(&scene), None);
-        assert_eq!(backdrop(&RgbaImage::from_pixel(64, 48, Rgba([90, 120, 150, 255]))), None, "no object");
+        assert_eq!(behind(&scene), Behind::Scene);
+        assert_eq!(behind(&RgbaImage::from_pixel(64, 48, Rgba([90, 120, 150, 255]))), Behind::Scene, "no object");
         let mut masked = disc([200, 120, 40], [0; 3]);
         masked.get_pixel_mut(3, 3).0[3] = 0;
-        assert_eq!(backdrop(&masked), None, "its alpha says what is empty");
+        assert_eq!(behind(&masked), Behind::Alpha, "its alpha says what is empty");
         // Dark, but with the noise of a sensor.
         let noisy = RgbaImage::from_fn(64, 48, |x, y| {
             let v = ((x * 7919 + y * 104_729 + x * y * 31) % 23) as u8;
             Rgba([v, v / 2, v, 255])
         });
-        assert_eq!(backdrop(&noisy), None);
+        assert_eq!(behind(&noisy), Behind::Scene);
     }
 
     #[test]

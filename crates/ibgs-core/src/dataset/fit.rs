@@ -18,15 +18,9 @@ const LEAST_DIFFERENCE: f64 = 8.0;
 /// clouds that belong to their photos it is 0.3 to 0.7.
 const UNRELATED: f64 = 0.9;
 
-/// Whether a camera has a place in its image.
-fn shows(camera: &Camera, place: DVec3) -> bool {
-    let (at, depth) = camera.project(place);
-    depth > 0.0 && (0.0..f64::from(camera.width)).contains(&at.x) && (0.0..f64::from(camera.height)).contains(&at.y)
-}
-
 /// Number of places that some camera has in its image.
 pub fn shown_by_any(cameras: &[Camera], places: impl IndexedParallelIterator<Item = DVec3>) -> usize {
-    places.filter(|&place| cameras.iter().any(|camera| shows(camera, place))).count()
+    places.filter(|&place| cameras.iter().any(|camera| camera.seen(place).is_some())).count()
 }
 
 /// A sentence of warning where the points' colours have nothing to do with the photos that show them, as of a cloud that was turned
@@ -42,8 +36,8 @@ pub fn unrelated_colors(dataset: &Dataset) -> Result<Option<String>, DatasetErro
     let views = views.collect::<Result<Vec<_>, DatasetError>>()?;
     let compared = |(camera, photo): &(Camera, Arc<Photo>)| {
         let (mut own, mut other, mut count) = (0.0, 0.0, 0);
-        for (index, point) in points.iter().enumerate().filter(|(_, point)| shows(camera, point.position)) {
-            let at = camera.project(point.position).0;
+        for (index, point) in points.iter().enumerate() {
+            let Some((at, _)) = camera.seen(point.position) else { continue };
             let pixel = 4 * (at.y as usize * photo.width as usize + at.x as usize);
             let color = [0, 1, 2].map(|c| photo.rgba[pixel + c]);
             if photo.rgba[pixel + 3] >= 128 {

@@ -83,13 +83,7 @@ impl Silhouette {
 
     /// The colour of the object there; none outside of it.
     fn color(&self, place: DVec3) -> Option<[u8; 3]> {
-        let (at, depth) = self.camera.project(place);
-        let inside = depth > 0.0
-            && (0.0..f64::from(self.photo.width)).contains(&at.x)
-            && (0.0..f64::from(self.photo.height)).contains(&at.y);
-        if !inside {
-            return None;
-        }
+        let (at, _) = self.camera.seen(place)?;
         let index = 4 * (at.y as usize * self.photo.width as usize + at.x as usize);
         let [r, g, b, a] = [0, 1, 2, 3].map(|c| self.photo.rgba[index + c]);
         (a >= 128).then_some([r, g, b])

@@ -10,6 +10,7 @@ mod fit;
 mod host;
 mod hull;
 mod info;
+mod kind;
 mod lens;
 mod llff;
 mod masks;
@@ -35,6 +36,7 @@ pub use error::DatasetError;
 pub use fit::{shown_by_any, unrelated_colors};
 pub use host::HostPhoto;
 pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
+pub use kind::SceneKind;
 pub use llff::check_poses_bounds;
 pub use masks::is_mask;
 pub use neus::check_neus_cameras;
@@ -51,9 +53,7 @@ use glam::DVec3;
 use info::Beside;
 use photos::ListedPhoto;
 use rayon::prelude::*;
-use serde::Serialize;
 use split::StatedSplit;
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -202,40 +202,6 @@ impl Dataset {
     }
 }
 
-/// Format of a scene on disk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SceneKind {
-    /// COLMAP model, binary.
-    ColmapBinary,
-    /// COLMAP model, text.
-    ColmapText,
-    /// `transforms.json` of nerfstudio or instant-ngp.
-    Transforms,
-    /// `transforms_train.json` and its companions, of the Blender scenes.
-    Blender,
-    /// Camera parameters of RealityCapture or RealityScan, CSV.
-    RealityCapture,
-    /// `poses_bounds.npy` of LLFF.
-    Llff,
-    /// `cameras_sphere.npz` or `cameras.npz` of NeuS and IDR.
-    Neus,
-}
-
-impl fmt::Display for SceneKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            SceneKind::ColmapBinary => "COLMAP, binary",
-            SceneKind::ColmapText => "COLMAP, text",
-            SceneKind::Transforms => "transforms.json",
-            SceneKind::Blender => "Blender transforms",
-            SceneKind::RealityCapture => "RealityCapture",
-            SceneKind::Llff => "LLFF",
-            SceneKind::Neus => "NeuS",
-        })
-    }
-}
-
 /// What the readers of the formats hand over: posed photos on disk, not decoded yet.
 pub(crate) struct Scene {
     kind: SceneKind,
@@ -369,7 +335,7 @@ fn load_folder(
     if let Some(split) = &options.split {
         split::keep_named(&mut scene.frames, split)?;
     }
-    let (alpha, color) = meaning_of_alpha(&scene, options)?;
+    let (alpha, color) = backdrop::meaning_of_alpha(&scene, options)?;
     let is_object = alpha.is_cover() || (scene.kind == SceneKind::Blender && options.masks == Masks::Object);
     dataset.backdrop = is_object.then_some((alpha, color));
     let options = &LoadOptions { alpha: Some(alpha), ..options.clone() };
@@ -383,25 +349,6 @@ fn load_folder(
     split::split(&mut dataset, scene.split, root, options)?;
     points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;
     Ok(dataset)
-}
-
-/// What the photos' alpha means, and the colour that an object is shown on: of Blender scenes white, as figures of this field are
-/// measured.
-fn meaning_of_alpha(scene: &Scene, options: &LoadOptions) -> Result<(Alpha, [u8; 3]), DatasetError> {
-    let usual = if scene.kind == SceneKind::Blender { [255; 3] } else { [0; 3] };
-    Ok(match (options.alpha, options.masks) {
-        (Some(alpha @ (Alpha::Mask | Alpha::Composite)), _) => (alpha, usual),
-        (None, Masks::Object) => (Alpha::Mask, usual),
-        (None, Masks::Ignore) if scene.kind == SceneKind::Blender => (Alpha::Composite, usual),
-        (given, _) => match (backdrop::detect(&scene.frames, options)?, given) {
-            (Some(color), _) => (Alpha::Keyed, color),
-            (None, None) => (Alpha::Mask, usual),
-            (None, Some(_)) => {
-                let path = scene.listing.clone();
-                return Err(DatasetError::NoBackdrop { path });
-            }
-        },
-    })
 }
 
 /// Reads a scene's metadata, without its photos.

@@ -292,7 +292,7 @@ pub struct LoadOptions {
     pub principal_point: PrincipalPoint,
     /// What lies outside of the masks.
     pub masks: Masks,
-    /// What the photos' alpha means; unset: `Composite` in Blender scenes, `Keyed` where all photos lie on one colour, else
+    /// What the photos' alpha means; unset: `Composite` in Blender scenes with alpha, `Keyed` where all photos lie on one colour, else
     /// `Mask`, and always with [`Masks::Object`].
     pub alpha: Option<Alpha>,
     /// What the photos' values mean; unset: `Linear` in EXR files, `Srgb` in others.

@@ -17,9 +17,7 @@ pub fn shown(camera: &Camera, points: &[DVec3]) -> Vec<(u32, u32)> {
     let mut nearest = vec![f64::INFINITY; columns as usize * rows as usize];
     let mut inside = Vec::new();
     for (index, &point) in points.iter().enumerate() {
-        let (at, depth) = camera.project(point);
-        // A point that is not finite is in no image.
-        if depth > 0.0 && (0.0..size[0]).contains(&at.x) && (0.0..size[1]).contains(&at.y) {
+        if let Some((at, depth)) = camera.seen(point) {
             let [x, y] = [at.x, at.y].map(|length| (length / side) as u32);
             let cell = y.min(rows - 1) * columns + x.min(columns - 1);
             let first = &mut nearest[cell as usize];

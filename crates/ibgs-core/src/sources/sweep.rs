@@ -24,8 +24,9 @@ const FARTHEST: f64 = 200.0;
 const SOURCES: usize = 6;
 /// Least score of a depth.
 const LEAST_SCORE: f32 = 0.75;
-/// Depths agree that differ by less than this part.
+/// Depths agree that differ by less than this part, or by less than this part of what lies between two planes there.
 const AGREEMENT: f64 = 0.02;
+const AGREEMENT_PLANES: f64 = 0.75;
 /// Sources that must agree.
 const LEAST_AGREEING: usize = 2;
 /// What lies beyond this share of a view's depths on either side is not swept again, but for a margin.
@@ -90,15 +91,11 @@ pub fn sweep(
 fn gather(target: &SweepView, sources: &[&SweepView]) -> (Vec<u8>, Vec<SweepSource>) {
     let mut texels = target.photo.rgba.clone();
     let place = |source: &&SweepView| {
-        let (own, camera) = (&target.camera, &source.camera);
-        let rotation = camera.view_from_world * own.view_from_world.transpose();
-        let translation = camera.translation - rotation * own.translation;
-        let r = rotation.transpose();
-        let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
+        let camera = &source.camera;
         let offset = texels.len() as u32 / 4;
         texels.extend_from_slice(&source.photo.rgba);
         SweepSource {
-            rows: [row(r.x_axis, translation.x), row(r.y_axis, translation.y), row(r.z_axis, translation.z)],
+            rows: camera.rows_from(&target.camera),
             focal: camera.focal.as_vec2().to_array(),
             principal: (camera.principal - 0.5).as_vec2().to_array(),
             size: [camera.width, camera.height],
@@ -114,6 +111,8 @@ fn gather(target: &SweepView, sources: &[&SweepView]) -> (Vec<u8>, Vec<SweepSour
 struct DepthMap {
     width: usize,
     values: Vec<[f32; 2]>,
+    /// What lies between two planes, in inverse depth.
+    step: f64,
 }
 
 impl DepthMap {
@@ -121,6 +120,11 @@ impl DepthMap {
     fn at(&self, index: usize) -> Option<f64> {
         let [depth, score] = self.values[index];
         (score >= LEAST_SCORE).then_some(f64::from(depth))
+    }
+
+    /// By how much depths may differ from this one to agree with it.
+    fn tolerance(&self, depth: f64) -> f64 {
+        depth * AGREEMENT.max(AGREEMENT_PLANES * self.step * depth)
     }
 }
 
@@ -156,8 +160,10 @@ impl Swept {
         let mut maps = Vec::with_capacity(views.len());
         for (index, view) in views.iter().enumerate() {
             let sources: Vec<&SweepView> = sources[index].iter().map(|&source| &views[source]).collect();
-            let values = sweep(gpu, view, &sources, inverse(index), planes)?;
-            maps.push(DepthMap { width: view.camera.width as usize, values });
+            let inverse = inverse(index);
+            let values = sweep(gpu, view, &sources, inverse, planes)?;
+            let step = (inverse[0] - inverse[1]) / f64::from(planes - 1);
+            maps.push(DepthMap { width: view.camera.width as usize, values, step });
             progress.step();
         }
         Ok(Self { views, sources, maps })
@@ -168,12 +174,10 @@ impl Swept {
         let (view, map) = (&self.views[index], &self.maps[index]);
         let agrees = |point: glam::DVec3, source: &usize| {
             let (camera, map) = (&self.views[*source].camera, &self.maps[*source]);
-            let (at, depth) = camera.project(point);
-            let inside = depth > 0.0
-                && (0.0..f64::from(camera.width)).contains(&at.x)
-                && (0.0..f64::from(camera.height)).contains(&at.y);
-            let own = if inside { map.at(at.y as usize * map.width + at.x as usize) } else { None };
-            own.is_some_and(|own| (own - depth).abs() <= AGREEMENT * depth)
+            camera.seen(point).is_some_and(|(at, depth)| {
+                let own = map.at(at.y as usize * map.width + at.x as usize);
+                own.is_some_and(|own| (own - depth).abs() <= map.tolerance(depth))
+            })
         };
         let point = |pixel: usize| {
             let depth = map.at(pixel)?;

@@ -140,14 +140,11 @@ fn tiles(size: [u32; 2]) -> [u32; 3] {
 
 fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOptions) -> SourceParams {
     let (target, camera) = (&surface.camera, &source.camera);
-    let rotation = camera.view_from_world * target.view_from_world.transpose();
-    let translation = camera.translation - rotation * target.translation;
-    let r = rotation.transpose();
-    let row = |axis: glam::DVec3, t: f64| axis.extend(t).as_vec4().to_array();
+    let [row0, row1, row2] = camera.rows_from(target);
     SourceParams {
-        row0: row(r.x_axis, translation.x),
-        row1: row(r.y_axis, translation.y),
-        row2: row(r.z_axis, translation.z),
+        row0,
+        row1,
+        row2,
         focal: target.focal.as_vec2().to_array(),
         principal: surface.options.principal(target),
         source_focal: camera.focal.as_vec2().to_array(),

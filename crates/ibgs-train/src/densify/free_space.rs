@@ -71,15 +71,7 @@ fn cube(place: Vec3, side: f32) -> [i32; 3] {
 
 /// None where the camera sees no point.
 fn radius(camera: &Camera, points: &[DVec3], part: f64) -> Option<f64> {
-    let size = [f64::from(camera.width), f64::from(camera.height)];
-    let mut depths: Vec<f64> = points
-        .iter()
-        .filter_map(|&point| {
-            let (pixel, depth) = camera.project(point);
-            let within = depth > 0.0 && (0.0..size[0]).contains(&pixel.x) && (0.0..size[1]).contains(&pixel.y);
-            within.then_some(depth)
-        })
-        .collect();
+    let mut depths: Vec<f64> = points.iter().filter_map(|&point| Some(camera.seen(point)?.1)).collect();
     if depths.is_empty() {
         return None;
     }
