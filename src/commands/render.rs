@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<()> {
         spare_other_models(output, &args.model.files.model)?;
     }
     // EXR files have the exact values.
-    let harmonics = if args.exr { Harmonics::Full } else { Harmonics::of_frames(args.model.precision) };
+    let harmonics = if args.exr { Harmonics::Full } else { args.model.precision.of_colors() };
     let mut model = ModelArgs { harmonics, ..args.model.clone() }.open()?;
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {

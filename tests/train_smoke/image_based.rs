@@ -7,7 +7,7 @@ use ibgs_core::config::{Learners, Method, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::dataset::demo::{self, DemoOptions};
 use ibgs_core::eval::score_view;
-use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
+use ibgs_core::render::{ImagePart, Renderer};
 use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::scene::{Gaussians, Splats};
 use ibgs_core::sources::find::Draw;
@@ -58,7 +58,7 @@ pub fn image_part(dataset: &Dataset, config: &TrainConfig, network: &[f32]) -> I
         cameras: training().map(|view| view.camera).collect(),
         photos: Arc::new(SourceStore::new(gpu(), photos, None).unwrap()),
         network: ResidualNetwork::from_values(&gpu(), network).unwrap(),
-        options: ImageOptions::new(config),
+        options: config.image_options(),
     }
 }
 

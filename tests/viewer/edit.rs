@@ -197,7 +197,7 @@ fn an_edited_file_of_gaussians_is_saved_and_opened_again() {
     assert_eq!(back.len(), left);
     let whole = read_gaussians(&path).unwrap();
     let places: Vec<_> = whole.positions().collect();
-    let kept = whole.only(&Mask::of(whole.len(), |i| back.positions().any(|p| p.distance(places[i]) < 1e-5)));
+    let kept = Mask::of(whole.len(), |i| back.positions().any(|p| p.distance(places[i]) < 1e-5)).of_model(&whole);
     assert_eq!(kept.len(), left, "what was saved is what the file had");
     // Never over another file without being asked.
     pick(&mut window, "Save model");

@@ -29,38 +29,25 @@
 //! memory and the only place that dispatches. [`progress`] reports long work; warnings and notes go to the `log` crate.
 //! Training is in `ibgs-train`.
 //!
-//! A model is rendered in a line: see [`model`].
+//! This crate is the front of three: `ibgs-data` (no GPU), `ibgs-render` and `ibgs-model`.
+//!
+//! A model is rendered in a line:
+//!
+//! ```no_run
+//! use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
+//! use ibgs_core::model::{Model, ModelOptions};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::open(&AdapterChoice::Best, Use::Rendering)?;
+//! let mut model = Model::open("output/demo".as_ref(), &ModelOptions::default())?;
+//! let renderer = model.renderer(&gpu)?;
+//! let frame = renderer.render(&model.cameras[0].camera)?;
+//! println!("{} pixels", frame.base()?.rgb.len() / 3);
+//! # Ok(())
+//! # }
+//! ```
 
-pub mod blocks;
-pub mod bundle;
-pub mod camera;
-pub mod camera_path;
-pub mod config;
-pub mod dataset;
-pub mod edit;
-pub mod eval;
-pub mod exposure;
-pub mod files;
-pub mod gpu;
-pub mod image_io;
-pub mod inspect;
-pub mod levels;
-pub mod local_space;
-pub mod mesh;
-pub mod model;
-pub mod output;
-pub mod picture;
-mod ply_color;
-mod ply_offset;
-pub mod present;
-pub mod progress;
-pub mod raster;
-pub mod render;
-pub mod residual;
-pub mod scene;
-mod sentence;
-pub mod sources;
-pub mod stored_zip;
-pub mod video;
-
-pub use sentence::{sentence, sentence_with};
+pub use ibgs_data::{
+    camera, camera_path, dataset, files, image_io, local_space, picture, progress, sentence, sentence_with, stored_zip,
+};
+pub use ibgs_model::{blocks, bundle, config, edit, eval, mesh, model, output, video};
+pub use ibgs_render::{exposure, gpu, inspect, levels, present, raster, render, residual, scene, sources};

@@ -109,7 +109,7 @@ impl ImageStages {
     /// For the training views, whose cameras come in the scene's and in local coordinates.
     pub fn new(gpu: &Arc<Gpu>, cameras: [&Arc<[Camera]>; 2], config: &TrainConfig) -> Result<Self, GpuError> {
         let [scene_cameras, cameras] = cameras;
-        let options = ImageOptions::new(config);
+        let options = config.image_options();
         let finder = SourceFinder::new(scene_cameras, &options.sources);
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = NetworkParameters::init(gpu, &options.variant, config.seed)?;

@@ -77,7 +77,7 @@ impl EditWork {
                 if whole.len() != save.left.total() {
                     return Ok(None);
                 }
-                let kept = whole.only(&save.left);
+                let kept = save.left.of_model(&whole);
                 Ok(Some(EditMessage::Saved(write(&save, kept)?, save.revision)))
             }
         }
@@ -105,7 +105,7 @@ impl EditWork {
         let (Some(Content::Model(renderer)), Some(whole)) = (content, whole) else { return Ok(None) };
         // Set even if the upload fails, as no newer command will follow.
         self.revision = revision;
-        let splats = Splats::upload(&whole.only(&left), renderer.gpu())?;
+        let splats = Splats::upload(&left.of_model(whole), renderer.gpu())?;
         Ok(Some(renderer.with_splats(splats)))
     }
 }

@@ -6,10 +6,10 @@ use crate::commands::report::page::{self, Cell, escape};
 use crate::commands::report::plot::{self, Plot, Series};
 use anyhow::{Context, Result};
 use ibgs_core::files::write_atomically;
-use ibgs_core::image_io::read_picture;
 use ibgs_core::output::PictureKind;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::picture::Picture;
+use ibgs_core::picture::read_picture;
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -1,0 +1,244 @@
+//! The parameters of all Gaussians as plain arrays (method.md section 1).
+
+use super::SceneError;
+use crate::local_space::LocalSpace;
+use glam::DVec3;
+use std::borrow::Cow;
+
+/// Highest degree of the spherical harmonics.
+pub const MAX_SH_DEGREE: u32 = 3;
+
+/// Constant basis function of the spherical harmonics, `1 / (2 sqrt(pi))`: colour = 0.5 + `SH_C0` dc + ...
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+
+/// N Gaussians, every value as stored, before its activation (method.md section 1), in local coordinates.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    /// Where the local coordinates lie in the scene.
+    pub space: LocalSpace,
+    /// N means.
+    pub means: Vec<[f32; 3]>,
+    /// N quaternions in the order w, x, y, z, not normalised.
+    pub rotations: Vec<[f32; 4]>,
+    /// N x 3 natural logarithms of the standard deviations.
+    pub log_scales: Vec<[f32; 3]>,
+    /// N logits of the opacity.
+    pub opacity_logits: Vec<f32>,
+    /// N x C x 3 coefficients with C = (`sh_degree` + 1)^2: Gaussian, then coefficient (0 is dc), then channel.
+    pub sh: Vec<f32>,
+    /// Degree L of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// N plane normals in world space, not normalised.
+    pub normals: Vec<[f32; 3]>,
+    /// N offsets of the plane along its normal from the mean.
+    pub offsets: Vec<f32>,
+}
+
+impl Gaussians {
+    /// No Gaussians, with room for `capacity` of them.
+    pub fn with_capacity(capacity: usize, sh_degree: u32) -> Self {
+        Self {
+            space: LocalSpace::default(),
+            means: Vec::with_capacity(capacity),
+            rotations: Vec::with_capacity(capacity),
+            log_scales: Vec::with_capacity(capacity),
+            opacity_logits: Vec::with_capacity(capacity),
+            sh: Vec::with_capacity(capacity.saturating_mul(3 * coefficients(sh_degree))),
+            sh_degree,
+            normals: Vec::with_capacity(capacity),
+            offsets: Vec::with_capacity(capacity),
+        }
+    }
+
+    /// Number of Gaussians N.
+    pub fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+
+    /// Coefficients per channel, C = (L + 1)^2.
+    pub fn sh_coefficients(&self) -> usize {
+        coefficients(self.sh_degree)
+    }
+
+    /// Makes 3D smoothing filters of these standard deviations a part of scales and opacities (Yu et al., "Mip-Splatting", CVPR
+    /// 2024): s' = sqrt(s^2 + f^2), and opacity times the product of s / s'.
+    pub fn apply_filters(&mut self, filters: &[f32]) {
+        for ((scales, logit), &filter) in self.log_scales.iter_mut().zip(&mut self.opacity_logits).zip(filters) {
+            if filter == 0.0 {
+                continue;
+            }
+            let filter = f64::from(filter);
+            let mut gain = 1.0;
+            for scale in scales {
+                let raw = f64::from(*scale).exp();
+                let wide = raw.hypot(filter);
+                gain *= raw / wide;
+                *scale = wide.ln() as f32;
+            }
+            let opacity = gain / (1.0 + (-f64::from(*logit)).exp());
+            // The least opacity that float32 can distinguish from 0 in this form.
+            *logit = (opacity.max(1e-30) / (1.0 - opacity)).ln() as f32;
+        }
+    }
+
+    /// Positions of the means in the scene.
+    pub fn positions(&self) -> impl Iterator<Item = DVec3> + Clone {
+        self.means.iter().map(|&mean| self.space.to_scene(DVec3::from(mean.map(f64::from))))
+    }
+
+    /// The offset of their coordinates in files of single precision ([`LocalSpace::file_offset`]). Those of another file may
+    /// have an offset that float32 does not need, such as the translation of a node of glTF: they get none.
+    pub fn file_offset(&self) -> Option<DVec3> {
+        let offset = self.space.file_offset()?;
+        if self.space.scale != 1.0 {
+            return Some(offset);
+        }
+        let own = LocalSpace::of_points(self.positions()).unwrap_or_else(|| {
+            let largest = self.log_scales.as_flattened().iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            LocalSpace { scale: f64::from(largest).exp(), ..self.space }
+        });
+        (!own.is_near()).then_some(offset)
+    }
+
+    /// The same Gaussians in the local coordinates of another space.
+    pub fn into_space(mut self, space: LocalSpace) -> Self {
+        let carry = Carry::new(self.space, space);
+        self.space = space;
+        self.means.iter_mut().for_each(|mean| *mean = carry.mean(*mean));
+        self.log_scales.as_flattened_mut().iter_mut().for_each(|scale| *scale = carry.log_scale(*scale));
+        self.offsets.iter_mut().for_each(|offset| *offset = carry.offset(*offset));
+        self
+    }
+
+    /// [`Gaussians::into_space`] without a copy where they are in it already.
+    pub fn in_space(&self, space: LocalSpace) -> Cow<'_, Self> {
+        if self.space == space { Cow::Borrowed(self) } else { Cow::Owned(self.clone().into_space(space)) }
+    }
+
+    /// Adds those of another part of the same model: of the same degree, in the same space.
+    ///
+    /// # Panics
+    /// Another degree of the spherical harmonics: a bug of ours.
+    pub fn append(&mut self, part: Self) {
+        assert_eq!(self.sh_degree, part.sh_degree, "parts of one model have one degree");
+        self.means.extend(part.means);
+        self.rotations.extend(part.rotations);
+        self.log_scales.extend(part.log_scales);
+        self.opacity_logits.extend(part.opacity_logits);
+        self.sh.extend(part.sh);
+        self.normals.extend(part.normals);
+        self.offsets.extend(part.offsets);
+    }
+
+    /// Those with the given numbers, `count` of them, in that order.
+    ///
+    /// # Panics
+    /// A number that no Gaussian has.
+    pub fn rows(&self, count: usize, numbers: impl Iterator<Item = usize>) -> Self {
+        let row = 3 * self.sh_coefficients();
+        let mut kept = Self { space: self.space, ..Self::with_capacity(count, self.sh_degree) };
+        for i in numbers {
+            kept.means.push(self.means[i]);
+            kept.rotations.push(self.rotations[i]);
+            kept.log_scales.push(self.log_scales[i]);
+            kept.opacity_logits.push(self.opacity_logits[i]);
+            kept.sh.extend_from_slice(&self.sh[row * i..row * (i + 1)]);
+            kept.normals.push(self.normals[i]);
+            kept.offsets.push(self.offsets[i]);
+        }
+        kept
+    }
+
+    /// Takes the planes away: from a format that has none.
+    pub(super) fn remove_planes(&mut self) {
+        self.normals = vec![[0.0, 0.0, 1.0]; self.len()];
+        self.offsets = vec![0.0; self.len()];
+    }
+
+    /// Whether the planes are those of a format that has none.
+    pub fn lacks_planes(&self) -> bool {
+        self.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0])
+    }
+
+    /// Checks that all fields have the length that `means` asks for and that every value is finite.
+    ///
+    /// # Errors
+    /// [`SceneError::ShDegree`], [`SceneError::Shape`] or [`SceneError::NotFinite`], naming the field.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        if self.sh_degree > MAX_SH_DEGREE {
+            return Err(SceneError::ShDegree { degree: self.sh_degree });
+        }
+        let n = self.len();
+        let sh_row = 3 * self.sh_coefficients();
+        check("means", self.means.as_flattened(), 3, n)?;
+        check("rotations", self.rotations.as_flattened(), 4, n)?;
+        check("log_scales", self.log_scales.as_flattened(), 3, n)?;
+        check("opacity_logits", &self.opacity_logits, 1, n)?;
+        check("sh", &self.sh, sh_row, n)?;
+        check("normals", self.normals.as_flattened(), 3, n)?;
+        check("offsets", &self.offsets, 1, n)
+    }
+}
+
+/// Takes parameters from one space to another, in double precision.
+pub(super) struct Carry {
+    from: LocalSpace,
+    to: LocalSpace,
+    ratio: f64,
+}
+
+impl Carry {
+    pub(super) fn new(from: LocalSpace, to: LocalSpace) -> Self {
+        Self { from, to, ratio: from.scale / to.scale }
+    }
+
+    pub(super) fn mean(&self, mean: [f32; 3]) -> [f32; 3] {
+        if self.from == self.to {
+            return mean;
+        }
+        self.to.to_local(self.from.to_scene(DVec3::from(mean.map(f64::from)))).to_array().map(single)
+    }
+
+    pub(super) fn log_scale(&self, log_scale: f32) -> f32 {
+        if self.ratio == 1.0 { log_scale } else { single(f64::from(log_scale) + self.ratio.ln()) }
+    }
+
+    pub(super) fn offset(&self, offset: f32) -> f32 {
+        single(f64::from(offset) * self.ratio)
+    }
+}
+
+/// In single precision; what does not fit becomes the largest number that does.
+fn single(value: f64) -> f32 {
+    (value as f32).clamp(f32::MIN, f32::MAX)
+}
+
+/// Coefficients per channel of the degrees 0 to `sh_degree`.
+pub fn coefficients(sh_degree: u32) -> usize {
+    (sh_degree.min(MAX_SH_DEGREE) as usize + 1).pow(2)
+}
+
+/// The degree whose higher coefficients are so many numbers, all channels together.
+pub(super) fn degree_of(higher: usize) -> Option<u32> {
+    (0..=MAX_SH_DEGREE).find(|&degree| 3 * (coefficients(degree) - 1) == higher)
+}
+
+fn check(field: &'static str, values: &[f32], row: usize, n: usize) -> Result<(), SceneError> {
+    if values.len() != n * row {
+        return Err(SceneError::Shape { field, expected: n * row, found: values.len() });
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(SceneError::NotFinite {
+            place: "the model in memory".to_owned(),
+            field: field.to_owned(),
+            index: at / row,
+            value: values[at],
+        }),
+    }
+}

@@ -1,0 +1,445 @@
+//! [`Renderer`]: the one path that training, render, eval and the viewer use. Its cameras, and the depths of its frames, are in the
+//! scene's coordinates; on the device all is local ([`LocalSpace`]).
+
+mod frame;
+
+pub(crate) use frame::{FinalImage, FrameSource};
+pub use frame::{Frame, Rendered};
+
+use crate::camera::Camera;
+use crate::exposure::{Exposer, ExposureField, Exposures};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::levels::Stream;
+use crate::local_space::LocalSpace;
+use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Shape, SurfaceOptions};
+use crate::residual::mix::SourceMix;
+use crate::residual::network::ResidualNetwork;
+use crate::residual::{Aggregation, Precision, Residual, ResidualInputs, ResidualTask, Variant};
+use crate::scene::{SceneError, Splats};
+use crate::sources::depth_cache::DepthCache;
+use crate::sources::find::{SourceFinder, SourceOptions};
+use crate::sources::source_store::SourceStore;
+use crate::sources::{SourceView, WarpOptions, Warper};
+use std::sync::{Arc, Mutex};
+
+/// How the photos of neighbouring views are used (method.md sections 3 to 6).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageOptions {
+    /// Which views are the sources, and how they are read.
+    pub sources: SourceOptions,
+    /// Median intersections.
+    pub surface: SurfaceOptions,
+    /// Variant of the residual network.
+    pub variant: Variant,
+    /// How precisely it computes.
+    pub precision: Precision,
+    /// Most weight of the sources' mean colour in the final image.
+    pub source_share: f32,
+}
+
+impl ImageOptions {
+    /// How photos are warped.
+    pub fn warp(&self) -> WarpOptions {
+        WarpOptions {
+            visible: self.sources.visible,
+            agreement: self.sources.depth_agreement as f32,
+            reach: if self.variant.aggregation == Aggregation::Soft { WarpOptions::SOFT_REACH } else { 1.0 },
+        }
+    }
+}
+
+/// What a model has besides its Gaussians.
+#[derive(Clone, Debug)]
+pub struct ImagePart {
+    /// Cameras of the training views, which are the sources, in the scene's coordinates.
+    pub cameras: Arc<[Camera]>,
+    /// Their photos.
+    pub photos: Arc<SourceStore>,
+    /// The residual network.
+    pub network: ResidualNetwork,
+    /// How they are used.
+    pub options: ImageOptions,
+}
+
+/// Renders a model.
+#[derive(Debug)]
+pub struct Renderer {
+    raster: Arc<Rasterizer>,
+    splats: Splats,
+    background: [f32; 3],
+    /// Find the surface of models that do not need it for their image.
+    shows_surface: bool,
+    shape: Shape,
+    image: Option<ImageStage>,
+    /// The exposures of its photos, where they were corrected.
+    exposure: Option<(ExposureField, Exposer)>,
+    /// Chunks that come and go with the views, of a model with levels of detail.
+    stream: Option<Stream>,
+}
+
+#[derive(Debug)]
+struct ImageStage {
+    part: ImagePart,
+    finder: SourceFinder,
+    warper: Warper,
+    residual: Residual,
+    /// Median depths of the sources, valid as long as the Gaussians do not change.
+    depths: Mutex<DepthCache>,
+}
+
+impl ImageStage {
+    fn new(gpu: &Arc<Gpu>, part: ImagePart, residual: Residual) -> Self {
+        Self {
+            finder: SourceFinder::new(&part.cameras, &part.options.sources),
+            warper: Warper::new(gpu.clone(), part.options.warp()),
+            residual,
+            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(gpu))),
+            part,
+        }
+    }
+}
+
+/// The sources of a frame: which training views, and what the pass reads of them.
+struct Sources {
+    indices: Vec<usize>,
+    views: Vec<SourceView>,
+}
+
+impl Renderer {
+    /// A renderer of Gaussians, with the image-based part where there is one.
+    pub fn new(raster: Arc<Rasterizer>, splats: Splats, background: [f32; 3], part: Option<ImagePart>) -> Self {
+        let gpu = raster.gpu().clone();
+        let stage = |part: ImagePart| {
+            let residual = Residual::new(gpu.clone(), part.options.variant, part.options.precision);
+            ImageStage::new(&gpu, part, residual)
+        };
+        Self {
+            image: part.map(stage),
+            raster,
+            splats,
+            background,
+            shows_surface: false,
+            shape: Shape::default(),
+            exposure: None,
+            stream: None,
+        }
+    }
+
+    /// The same renderer of other Gaussians in the same space; both share photos, network and scratch memory.
+    pub fn with_splats(&self, splats: Splats) -> Self {
+        let gpu = self.gpu();
+        let stage = |stage: &ImageStage| ImageStage::new(gpu, stage.part.clone(), stage.residual.clone());
+        Self {
+            raster: self.raster.clone(),
+            splats,
+            background: self.background,
+            shows_surface: self.shows_surface,
+            shape: self.shape,
+            image: self.image.as_ref().map(stage),
+            exposure: self.exposure().map(|field| (field.clone(), Exposer::new(gpu.clone()))),
+            stream: None,
+        }
+    }
+
+    /// A renderer of the centres of the Gaussians alone, as opaque points of their colours.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn of_points(&self) -> Result<Self, GpuError> {
+        let splats = self.splats.as_points(self.gpu())?;
+        Ok(Self::new(self.raster.clone(), splats, self.background, None))
+    }
+
+    /// A renderer of the Gaussians as opaque ellipsoids with hard edges.
+    pub fn of_ellipsoids(&self) -> Self {
+        let plain = Self::new(self.raster.clone(), self.splats.clone(), self.background, None);
+        Self { shape: Shape::Ellipsoids, ..plain }
+    }
+
+    /// Every view in the exposure that is predicted from its neighbours. Those of the image-based part's cameras must come in their order.
+    pub fn with_exposure(self, field: Option<ExposureField>) -> Self {
+        let exposure = field.map(|field| (field, Exposer::new(self.gpu().clone())));
+        Self { exposure, ..self }
+    }
+
+    /// The same of Gaussians that are the chunks of a model with levels of detail.
+    pub fn with_stream(self, stream: Stream) -> Self {
+        Self { stream: Some(stream), ..self }
+    }
+
+    /// Brings all chunks of a view, of a model with levels of detail whose frames do not wait for them.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn settle(&self, camera: &Camera) -> Result<(), GpuError> {
+        if let Some(stream) = &self.stream
+            && stream.complete(self.gpu(), &self.splats, &self.space().camera(camera))?
+        {
+            self.forget_depths();
+        }
+        Ok(())
+    }
+
+    /// The chunks on the device, of a model with levels of detail that is larger.
+    pub fn stream(&self) -> Option<&Stream> {
+        self.stream.as_ref()
+    }
+
+    /// Every view in the photos' mean exposure, without a prediction.
+    pub fn levelled(self) -> Self {
+        Self { exposure: self.exposure.map(|(field, exposer)| (field.levelled(), exposer)), ..self }
+    }
+
+    /// The exposures of the photos, where they were corrected.
+    pub fn exposure(&self) -> Option<&ExposureField> {
+        self.exposure.as_ref().map(|(field, _)| field)
+    }
+
+    /// Depth and normals of every frame, also of a model without an image-based part.
+    pub fn showing_surface(self) -> Self {
+        Self { shows_surface: true, ..self }
+    }
+
+    /// Gives every Gaussian the plane of its shortest axis where none was ever trained (method.md section 1), so that depths
+    /// mean something.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn shape_missing_planes(&self) -> Result<(), SceneError> {
+        // Those of a model with levels of detail have been shaped when its bundle was written.
+        if self.stream.is_none() && self.splats.download(self.gpu())?.lacks_planes() {
+            self.shape_planes();
+        }
+        Ok(())
+    }
+
+    /// Sets all planes: normals to the Gaussians' shortest axes, offsets to 0.
+    pub fn shape_planes(&self) {
+        self.raster.shape_normals(&self.splats);
+        self.forget_depths();
+    }
+
+    /// The GPU it works on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        self.raster.gpu()
+    }
+
+    /// The Gaussians.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// The image-based part.
+    pub fn part(&self) -> Option<&ImagePart> {
+        self.image.as_ref().map(|stage| &stage.part)
+    }
+
+    /// Forgets the sources' median depths.
+    pub fn forget_depths(&self) {
+        if let Some(stage) = &self.image {
+            stage.depths.lock().expect("depth cache").clear();
+        }
+    }
+
+    /// Where its local coordinates lie in the scene.
+    pub fn space(&self) -> LocalSpace {
+        self.splats.space
+    }
+
+    /// A view of a local camera.
+    fn view(&self, camera: &Camera) -> RasterView {
+        let mut view = RasterView::new(*camera, self.splats.sh_degree());
+        (view.background, view.shape) = (self.background, self.shape);
+        view.surface = match &self.image {
+            Some(stage) => Some(stage.part.options.surface),
+            None => self.shows_surface.then(SurfaceOptions::default),
+        };
+        view
+    }
+
+    /// Renders a view of a camera in the scene and waits until it is certain that every tile intersection fitted.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    pub fn render(&self, camera: &Camera) -> Result<Frame, GpuError> {
+        self.render_in(camera, Room::Checked, |_| Ok(()))
+    }
+
+    /// As [`Renderer::render`]; `then` hands work on the frame to the device before the one wait for both. It is called again
+    /// where the frame has to be rendered again.
+    ///
+    /// # Errors
+    /// Not enough memory, the device is lost, or what `then` finds.
+    pub fn render_and(
+        &self,
+        camera: &Camera,
+        then: impl FnMut(&Frame) -> Result<(), GpuError>,
+    ) -> Result<Frame, GpuError> {
+        self.render_in(camera, Room::Checked, then)
+    }
+
+    /// As [`Renderer::render`] without waiting: for timing and for viewers that have rendered about the same view before.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn render_unchecked(&self, camera: &Camera) -> Result<Frame, GpuError> {
+        self.render_in(camera, Room::Assumed, |_| Ok(()))
+    }
+
+    /// As [`Renderer::render_and`], for browsers, where a program cannot wait for the GPU.
+    ///
+    /// # Errors
+    /// Not enough memory, the device is lost, or what `then` finds.
+    pub async fn render_later(
+        &self,
+        camera: &Camera,
+        mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
+    ) -> Result<Frame, GpuError> {
+        if let Some(stage) = &self.image {
+            // A map that is made within a frame is not checked.
+            for index in self.chosen(stage, camera) {
+                if stage.depths.lock().expect("depth cache").get(index).is_none() {
+                    let view = self.view(&self.space().camera(&stage.part.cameras[index]));
+                    let map = self.raster.depth_map_later(&self.splats, &view).await?;
+                    stage.depths.lock().expect("depth cache").insert(index, map);
+                }
+            }
+        }
+        loop {
+            let frame = self.render_in(camera, Room::Assumed, &mut then)?;
+            if self.raster.had_room_later(&frame.forward).await? {
+                return Ok(frame);
+            }
+        }
+    }
+
+    fn render_in(
+        &self,
+        camera: &Camera,
+        room: Room,
+        mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
+    ) -> Result<Frame, GpuError> {
+        let gpu = self.gpu().clone();
+        let space = self.space();
+        let local = space.camera(camera);
+        if let Some(stream) = &self.stream
+            && stream.prepare(&gpu, &self.splats, &local)?
+        {
+            self.forget_depths();
+        }
+        // The sources' depth maps first: what they were made in then serves the frame.
+        let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
+        let view = self.view(&local);
+        let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
+        let exposures = self.exposures(camera, indices)?;
+        loop {
+            let mut pass = Pass::new(&gpu, "frame");
+            let memory = self.raster.image_memory(camera)?;
+            let forward = self.raster.record(&mut pass, &self.splats, &view, Keep::Image, memory)?;
+            let base = match &exposures {
+                Some(exposures) => {
+                    let exposed = gpu.transient("exposed image", forward.image.size)?;
+                    exposures.record(&mut pass, &forward, &exposed);
+                    exposed
+                }
+                None => forward.image.clone(),
+            };
+            let image = match (&self.image, &sources) {
+                (Some(stage), Some(sources)) => {
+                    let base = (base.clone(), exposures.as_ref());
+                    Some(record_final(&mut pass, (&gpu, stage), &local, &forward, base, sources)?)
+                }
+                _ => None,
+            };
+            pass.submit();
+            let gpu = gpu.clone();
+            let frame = Frame { gpu, forward, image, base, camera: *camera, local, space };
+            then(&frame)?;
+            if room == Room::Assumed || self.raster.had_room(&frame.forward)? {
+                return Ok(frame);
+            }
+        }
+    }
+
+    /// The exposures of a view and its sources; none where exposures were not corrected.
+    fn exposures(&self, camera: &Camera, sources: &[usize]) -> Result<Option<Exposures>, GpuError> {
+        let Some((field, exposer)) = &self.exposure else { return Ok(None) };
+        let sources: Vec<_> = sources.iter().map(|&source| field.photos()[source]).collect();
+        Ok(Some(exposer.upload(&field.at(camera), &sources)?))
+    }
+
+    /// Which training views are the sources of a view; none where it has none or is too small for the network.
+    fn chosen(&self, stage: &ImageStage, camera: &Camera) -> Vec<usize> {
+        // A training view is no source of itself, at any size.
+        let own = stage.part.cameras.iter().position(|other| other.has_pose_of(camera));
+        if stage.residual.fits(camera) { stage.finder.sources(camera, own) } else { Vec::new() }
+    }
+
+    /// The sources of a view, with their photos and depth maps.
+    fn sources(&self, stage: &ImageStage, camera: &Camera, room: Room) -> Result<Sources, GpuError> {
+        let chosen = self.chosen(stage, camera);
+        let photos = stage.part.photos.photos(&chosen)?;
+        let mut depths = stage.depths.lock().expect("depth cache");
+        let source = |(&index, photo)| {
+            let camera = self.space().camera(&stage.part.cameras[index]);
+            let make = || self.raster.depth_map(&self.splats, &self.view(&camera), room);
+            let depth = depths.get_or_make(index, make)?;
+            Ok(SourceView { camera, photo, depth })
+        };
+        let views = chosen.iter().zip(photos).map(source).collect::<Result<_, GpuError>>()?;
+        Ok(Sources { indices: chosen, views })
+    }
+}
+
+/// Records the final image of a view, whose base image stands as it is without sources.
+fn record_final(
+    pass: &mut Pass,
+    (gpu, stage): (&Gpu, &ImageStage),
+    camera: &Camera,
+    forward: &Forward,
+    (base, exposures): (Buffer, Option<&Exposures>),
+    sources: &Sources,
+) -> Result<FinalImage, GpuError> {
+    let options = stage.warper.options;
+    if sources.views.is_empty() {
+        return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
+    }
+    let warper = &stage.warper;
+    let warped = warper.record(pass, forward, &sources.views, warper.memory(camera)?)?;
+    let colors = match exposures {
+        Some(exposures) => {
+            let exposed = gpu.transient("exposed warped colours", warped.colors.size)?;
+            exposures.record_warped(pass, &warped, &exposed);
+            exposed
+        }
+        None => warped.colors.clone(),
+    };
+    let task = ResidualTask { camera: *camera, seen: warped.seen.clone(), gain: 1.0 };
+    let weights = stage.part.network.weights.clone();
+    let inputs = ResidualInputs { base, warped: colors.clone(), visible: warped.visible, weights };
+    let image = gpu.transient("final image", forward.image.size)?;
+    let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
+    let mix = SourceMix::new(camera.pixels() as u32, warped.visible, stage.part.options.source_share);
+    mix.record(pass, &colors, &warped.seen.visible, &residual.image);
+    // The photos on the device are not kept: the store could not reuse their memory.
+    let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
+        view: index,
+        camera: source.camera,
+        photo: stage.part.photos.on_host(index).clone(),
+        depth: source.depth.clone(),
+    };
+    let sources = sources.indices.iter().zip(&sources.views).map(keep).collect();
+    let image = residual.image.clone();
+    pass.keep(residual);
+    Ok(FinalImage { image, seen: Some(warped.seen), sources, options })
+}
+
+/// The base image of Gaussians alone, from a camera in the scene.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn render_base(raster: &Rasterizer, splats: &Splats, camera: &Camera) -> Result<Rendered, GpuError> {
+    let Camera { width, height, .. } = *camera;
+    let image = raster.render(splats, &RasterView::new(splats.space.camera(camera), splats.sh_degree()))?;
+    Ok(Rendered { width, height, rgb: raster.gpu().read(&image, 3 * camera.pixels())? })
+}
