@@ -4,7 +4,7 @@
 //! (Gaussians, depth maps, everything on the device) is in *local* coordinates: the scene moved to the origin and scaled so
 //! that the extent of its cameras is about [`EXTENT`]. The near plane and float32 then suit every scene, and a training sees
 //! the same numbers in any unit and at any place of its scene. [`Gaussians`](crate::scene::Gaussians) and
-//! [`Splats`](crate::scene::Splats) carry their [`LocalSpace`]; trainer and renderer convert cameras to it.
+//! `Splats` carry their [`LocalSpace`]; trainer and renderer convert cameras to it.
 
 use crate::camera::{Camera, ROUNDING};
 use glam::DVec3;
