@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub const MAX_COORDINATE: f64 = 1e12;
 
 /// Distances up to this part of a coordinate are rounding.
-pub const ROUNDING: f64 = 1e-14;
+pub(crate) const ROUNDING: f64 = 1e-14;
 
 /// A posed pinhole camera with its own image size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -15,7 +15,7 @@ pub mod files;
 pub mod image_io;
 pub mod local_space;
 pub mod picture;
-pub mod ply_color;
+mod ply_color;
 pub mod ply_offset;
 pub mod progress;
 pub mod scene;

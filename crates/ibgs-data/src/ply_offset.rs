@@ -14,7 +14,7 @@ pub fn line(offset: Option<DVec3>) -> String {
 ///
 /// # Errors
 /// What is wrong with the numbers.
-pub fn parse(line: &str) -> Result<Option<DVec3>, String> {
+pub(crate) fn parse(line: &str) -> Result<Option<DVec3>, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let ["comment", "offset", numbers @ ..] = words.as_slice() else { return Ok(None) };
     let values: Vec<f64> = numbers.iter().map_while(|word| word.parse().ok()).collect();

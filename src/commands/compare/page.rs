@@ -8,8 +8,7 @@ use anyhow::{Context, Result};
 use ibgs_core::files::write_atomically;
 use ibgs_core::output::PictureKind;
 use ibgs_core::output::cameras::Split;
-use ibgs_core::picture::Picture;
-use ibgs_core::picture::read_picture;
+use ibgs_core::picture::{Picture, read_picture};
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -79,7 +79,8 @@ fn behind_all(frames: &[ListedPhoto], options: &LoadOptions) -> Result<Behind, D
     let some: Vec<&ListedPhoto> = frames.iter().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
     let look = |frame: &&ListedPhoto| Ok(behind(&decode(&frame.photo, &read_bytes(&frame.photo)?, options)?));
     // Most are told by their first photo.
-    let Behind::Color(first) = look(&some[0])? else { return look(&some[0]) };
+    let told = look(&some[0])?;
+    let Behind::Color(first) = told else { return Ok(told) };
     let others = some[1..].par_iter().map(look).collect::<Result<Vec<_>, DatasetError>>()?;
     let is_one = |other: &Behind| matches!(other, Behind::Color(color) if differs(*color, first) <= EXACT);
     Ok(if others.contains(&Behind::Alpha) {

@@ -338,12 +338,12 @@ impl Default for LoadOptions {
 
 impl LoadOptions {
     /// Whether the photos show an object with nothing around it.
-    pub fn shows_object(&self) -> bool {
+    pub(crate) fn shows_object(&self) -> bool {
         self.masks == Masks::Object || self.alpha.is_some_and(Alpha::is_cover)
     }
 
     /// Refuses values that no scene can be loaded with.
-    pub fn check(&self) -> Result<(), DatasetError> {
+    pub(crate) fn check(&self) -> Result<(), DatasetError> {
         let refuse = |option, value: String, allowed| Err(DatasetError::Option { option, value, allowed });
         match self {
             LoadOptions { resolution: Resolution::Factor(0) | Resolution::Width(0), .. } => Err(resolution_error("0")),
