@@ -140,7 +140,7 @@ pub struct DataConfig {
     /// the scene has points); `scene`: its own alone; `photos`: those found in the photos alone, also where the scene has none;
     /// `random`.
     pub initial_points: InitialPoints,
-    /// Number of points that are made where the scene has none.
+    /// Number of points that are made; in the hull of an object at most 150 for each photo.
     pub random_points: u32,
     /// Memory of the host for decoded photos: `auto` (half of what is free), `none` (no limit: all are kept), or a size such as
     /// `8GiB`. Beyond it those used longest ago are decoded again when they are needed.

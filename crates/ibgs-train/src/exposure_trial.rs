@@ -4,7 +4,7 @@
 
 use crate::step::{TrainError, Trainer};
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
-use ibgs_core::dataset::Dataset;
+use ibgs_core::dataset::{Dataset, thinned};
 use ibgs_core::eval::EvalError;
 use ibgs_core::eval::scores::score_test_views;
 use ibgs_core::exposure::ExposureField;
@@ -20,8 +20,11 @@ const ITERATIONS: u32 = 1_500;
 const SHORTEST_RUN: u32 = 2 * ITERATIONS;
 /// Longest side of the photos, in pixels.
 const LONGEST: u32 = 480;
-/// Every so many training photos one is left out.
+/// Every so many training photos one is left out, but not many more than enough.
 const EVERY: usize = 4;
+const ENOUGH_LEFT_OUT: usize = 24;
+/// Most points to begin with.
+const MOST_POINTS: usize = 30_000;
 /// Fewer training photos say nothing.
 const LEAST_PHOTOS: usize = 8;
 /// Most Gaussians.
@@ -95,7 +98,9 @@ pub fn settle(
 
 fn trial(raster: &Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<ExposureEvidence, TrainError> {
     let mut small = dataset.reduced(&dataset.train, LONGEST).map_err(EvalError::from)?;
-    (small.test, small.train) = (0..small.views.len()).partition(|view| view % EVERY == EVERY / 2);
+    let every = EVERY.max(small.views.len() / ENOUGH_LEFT_OUT);
+    (small.test, small.train) = (0..small.views.len()).partition(|view| view % every == every / 2);
+    small.points = thinned(&small.points, MOST_POINTS);
     let psnr = |renderer: &Renderer, config: &TrainConfig| -> Result<f64, TrainError> {
         let scores = score_test_views(renderer, &small, config, None, None, &mut |_, _| {})?;
         Ok(means(&scores.base).psnr)

@@ -7,7 +7,6 @@ use glam::{DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use std::collections::HashSet;
 use std::sync::Arc;
 
 /// Cells along the first cube's side, before it is divided further.
@@ -16,8 +15,10 @@ const FIRST: i32 = 8;
 const FINE: u32 = 2;
 /// Divisions of those cells at most.
 const MOST_DIVISIONS: u32 = 6;
-/// Cells are divided until the shell has this many for each point.
-const CELLS_PER_POINT: f64 = 0.5;
+/// Cells are divided until there are this many for each point.
+const CELLS_PER_POINT: usize = 4;
+/// Points for each view at most: few photos do not tell which of many are inside of the object, and they stay as fog.
+const POINTS_PER_VIEW: usize = 150;
 /// A cell stays though one of so many views shows it to be empty: masks err.
 const ASTRAY: usize = 50;
 /// Views that must show a cell, and the least share of all.
@@ -25,8 +26,6 @@ const LEAST_VIEWS: usize = 3;
 const LEAST_SHARE: f64 = 0.25;
 /// Alpha, as a share, from which a pixel counts as covered.
 const COVERED: f64 = 0.1;
-/// Share of the points that lie in the hull's shell; the others lie in all of it.
-const SHELL: f64 = 0.6;
 
 /// Which pixels of a view the object covers, as sums over rectangles.
 struct Silhouette {
@@ -129,19 +128,6 @@ impl Cells {
         };
         Self { side: 0.5 * self.side, left: self.left.iter().flat_map(children).collect(), ..*self }
     }
-
-    /// Those with a neighbour that is not left.
-    fn shell(&self) -> Vec<[i32; 3]> {
-        let all: HashSet<[i32; 3]> = self.left.iter().copied().collect();
-        let is_outside = |cell: &[i32; 3]| {
-            (0..6).any(|i| {
-                let mut beside = *cell;
-                beside[i / 2] += if i % 2 == 0 { 1 } else { -1 };
-                !all.contains(&beside)
-            })
-        };
-        self.left.par_iter().copied().filter(is_outside).collect()
-    }
 }
 
 /// The point that the optical axes pass closest to, by least squares, and the median distance of the cameras from it.
@@ -160,12 +146,14 @@ fn focus(views: &[&View]) -> (DVec3, f64) {
     (focus, distances.get(distances.len() / 2).copied().unwrap_or_default())
 }
 
-/// `count` points in the visual hull of these views, whose alpha says what the object covers: most of them in its shell, coloured
-/// by the median of the photos that show them. Empty where the photos leave nothing. The same for the same seed.
+/// Points in the visual hull of these views, whose alpha says what the object covers: at most `most`, and not more than the views
+/// can tell apart, spread evenly, in colours that are the median of the photos that show them. Empty where the photos leave nothing.
+/// The same for the same seed.
 ///
 /// # Errors
 /// A photo that cannot be decoded again.
-pub(super) fn points(views: &[&View], count: usize, seed: u64) -> Result<Vec<Point>, DatasetError> {
+pub(super) fn points(views: &[&View], most: usize, seed: u64) -> Result<Vec<Point>, DatasetError> {
+    let count = most.min(POINTS_PER_VIEW * views.len());
     let silhouette = |view: &&View| Ok(Silhouette::new(view.camera, view.photo.pixels()?));
     let silhouettes = views.par_iter().map(silhouette).collect::<Result<Vec<_>, DatasetError>>()?;
     let (middle, distance) = focus(views);
@@ -175,26 +163,20 @@ pub(super) fn points(views: &[&View], count: usize, seed: u64) -> Result<Vec<Poi
     let first = (0..FIRST).flat_map(|x| (0..FIRST).flat_map(move |y| (0..FIRST).map(move |z| [x, y, z])));
     let mut cells = Cells { corner: middle - distance, side: 2.0 * distance / f64::from(FIRST), left: first.collect() };
     cells.carve(&silhouettes, 0);
-    let mut shell = Vec::new();
     for division in 1..=MOST_DIVISIONS {
         cells = cells.divided();
         cells.carve(&silhouettes, division);
-        if division >= FINE {
-            shell = cells.shell();
-        }
-        if cells.left.is_empty() || shell.len() as f64 >= CELLS_PER_POINT * count as f64 {
+        if cells.left.is_empty() || division >= FINE && cells.left.len() >= CELLS_PER_POINT * count {
             break;
         }
     }
-    if shell.is_empty() {
+    if cells.left.is_empty() {
         return Ok(Vec::new());
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let in_shell = (SHELL * count as f64) as usize;
     let places: Vec<DVec3> = (0..count)
-        .map(|i| {
-            let from = if i < in_shell { &shell } else { &cells.left };
-            let cell = from[rng.random_range(0..from.len())];
+        .map(|_| {
+            let cell = cells.left[rng.random_range(0..cells.left.len())];
             let offset = DVec3::from(std::array::from_fn::<f64, 3, _>(|_| rng.random::<f64>() - 0.5));
             cells.centre(cell) + offset * cells.side
         })
@@ -258,8 +240,9 @@ mod tests {
             let distances: Vec<f64> = points.iter().map(|p| p.position.distance(middle) / radius).collect();
             let farthest = distances.iter().fold(0.0, |a: f64, &b| a.max(b));
             assert!(farthest < 1.25, "{farthest}");
-            let near_surface = distances.iter().filter(|d| (0.8..1.15).contains(*d)).count();
-            assert!(near_surface > 2_400, "{near_surface}");
+            // Evenly: half of them within the root of a half in the third.
+            let inner = distances.iter().filter(|d| **d < 0.5f64.cbrt() * farthest).count();
+            assert!((1_700..2_600).contains(&inner), "{inner}");
             assert!(points.iter().all(|p| p.color == [200, 10, 10] || p.position.distance(middle) > radius));
             // On all sides of it.
             for axis in [DVec3::X, DVec3::Y, DVec3::Z] {

@@ -42,6 +42,7 @@ pub use masks::is_mask;
 pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub use photos::resample;
+pub use points::thinned;
 pub use reality_capture::check_reality_capture;
 pub use shown::shown;
 

@@ -306,7 +306,7 @@ pub struct LoadOptions {
     pub initial_points: InitialPoints,
     /// Seed of the random points.
     pub seed: u64,
-    /// Number of random points where the scene has none.
+    /// Number of points that are made where the scene has none; in a hull at most 150 for each photo.
     pub random_points: usize,
     /// Bytes of memory for decoded photos; none: all are kept. Beyond it those used longest ago are decoded again when needed.
     pub host_memory: Option<u64>,

@@ -88,6 +88,12 @@ pub(crate) fn fill(
     Ok(())
 }
 
+/// At most `most` of the points, evenly taken.
+pub fn thinned(points: &[Point], most: usize) -> Vec<Point> {
+    let kept = points.len().min(most);
+    (0..kept).map(|i| points[i * points.len() / kept]).collect()
+}
+
 /// Keeps the points that a training view shows.
 fn keep_shown(points: &mut Vec<Point>, dataset: &Dataset) {
     let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();

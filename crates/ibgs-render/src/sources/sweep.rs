@@ -2,7 +2,7 @@
 
 use super::find::{SourceFinder, SourceOptions};
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetError, Photo, Point, View};
+use crate::dataset::{Dataset, DatasetError, Photo, Point, View, thinned};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::progress::Progress;
 use bytemuck::bytes_of;
@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Longer side of the photos, in pixels, of the first sweep, which finds where things are, and of the second.
-const SIDES: [u32; 2] = [128, 384];
+const SIDES: [u32; 2] = [128, 256];
 /// Planes of both.
-const PLANES: [u32; 2] = [256, 192];
+const PLANES: [u32; 2] = [256, 128];
 /// Nearest plane of the first sweep, in extents of the cameras.
 const NEAREST: f64 = 0.1;
 /// Its farthest plane, likewise.
@@ -35,6 +35,8 @@ const OUTLIERS: f64 = 0.02;
 const MARGIN: f64 = 1.5;
 /// Views that are swept; of more, every n-th.
 const MOST_VIEWS: usize = 400;
+/// Pixels that are asked for each point that is wanted.
+const ASKED: usize = 32;
 /// Fewer points are no start.
 const LEAST_POINTS: usize = 500;
 
@@ -169,8 +171,8 @@ impl Swept {
         Ok(Self { views, sources, maps })
     }
 
-    /// Depth and point of each pixel of a view on which enough of its sources agree.
-    fn agreed(&self, index: usize) -> Vec<(f64, Point)> {
+    /// Depth and point of each pixel of a view, or of every so many, on which enough of its sources agree.
+    fn agreed(&self, index: usize, every: usize) -> Vec<(f64, Point)> {
         let (view, map) = (&self.views[index], &self.maps[index]);
         let agrees = |point: glam::DVec3, source: &usize| {
             let (camera, map) = (&self.views[*source].camera, &self.maps[*source]);
@@ -187,7 +189,7 @@ impl Swept {
             let color = [0, 1, 2].map(|c| view.photo.rgba[4 * pixel + c]);
             (agreeing >= LEAST_AGREEING).then_some((depth, Point { position, color }))
         };
-        (0..map.values.len()).into_par_iter().filter_map(point).collect()
+        (0..map.values.len()).into_par_iter().step_by(every).filter_map(point).collect()
     }
 }
 
@@ -211,17 +213,18 @@ pub fn points(gpu: &Gpu, dataset: &Dataset, most: usize, progress: &dyn Progress
     let first = Swept::new(gpu, &views, |_| whole, PLANES[0], progress)?;
     let mut ranges: Vec<Option<[f64; 2]>> = Vec::with_capacity(views.len());
     for index in 0..views.len() {
-        ranges.push(range(first.agreed(index).into_iter().map(|(depth, _)| depth).collect(), whole));
+        ranges.push(range(first.agreed(index, 1).into_iter().map(|(depth, _)| depth).collect(), whole));
     }
     let second = Swept::new(gpu, &small(SIDES[1])?, |index| ranges[index].unwrap_or(whole), PLANES[1], progress)?;
+    let pixels: usize = second.maps.iter().map(|map| map.values.len()).sum();
+    let every = (pixels / (ASKED * most)).max(1);
     let points: Vec<Point> =
-        (0..views.len()).flat_map(|index| second.agreed(index).into_iter().map(|(_, point)| point)).collect();
+        (0..views.len()).flat_map(|index| second.agreed(index, every).into_iter().map(|(_, point)| point)).collect();
     progress.end();
     if points.len() < LEAST_POINTS {
         return Ok(Vec::new());
     }
-    let kept = points.len().min(most);
-    Ok((0..kept).map(|i| points[i * points.len() / kept]).collect())
+    Ok(thinned(&points, most))
 }
 
 /// The inverse depths to sweep again: those of the nearest and the farthest depth but for outliers, with a margin. None where a
