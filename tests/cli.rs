@@ -26,12 +26,13 @@ mod suite;
 mod units;
 mod web;
 
-use crate::scene_files::write_file;
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::dataset::demo;
 use ibgs_core::dataset::{self, Dataset, LoadOptions};
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::scene::{PlyFlavor, from_points, write_ply};
+use ibgs_testing::scene_files::write_file;
+use ibgs_testing::tiny_demo;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read;
@@ -40,11 +41,6 @@ use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-
-/// A demo scene that traces and trains in a second: two of its ten views are held out.
-pub fn tiny_demo() -> DemoOptions {
-    DemoOptions { width: 48, height: 36, views: 10, samples: 1, points: 300, seed: 0 }
-}
 
 /// A folder of its own that the program runs in, so that relative paths and default folders end up there.
 struct Sandbox {

@@ -1,8 +1,6 @@
 //! Attacks made by hand, each with the sentence that answers it.
 
 use super::{readers, seeds};
-use crate::bad_input::fails;
-use crate::scene_files::{Camera, Model, PINHOLE, write_file, write_photo, zip_of};
 use glam::DVec3;
 use ibgs_core::bundle::Bundle;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
@@ -12,6 +10,8 @@ use ibgs_core::output::cameras;
 use ibgs_core::output::figures::Storage;
 use ibgs_core::residual::state_dict::StateDict;
 use ibgs_core::scene::from_points;
+use ibgs_testing::fails;
+use ibgs_testing::scene_files::{Camera, Model, PINHOLE, write_file, write_photo, zip_of};
 use serde_json::json;
 use std::io::Cursor;
 use std::path::Path;
@@ -123,7 +123,7 @@ fn many_cameras_are_counted_in_one_go() {
     let image = model.images[0].clone();
     let camera = |id| Camera { id, model: PINHOLE, size: [12, 8], params: vec![10.0, 11.0, 6.5, 3.75] };
     model.cameras = (0..150_000).map(camera).collect();
-    model.images = (0..150_000).map(|camera| crate::scene_files::Image { camera, ..image.clone() }).collect();
+    model.images = (0..150_000).map(|camera| ibgs_testing::scene_files::Image { camera, ..image.clone() }).collect();
     let folder = tempfile::tempdir().unwrap();
     write_photo(&folder.path().join("images/a0.png"), 12, 8, |_, _| [1; 4]);
     model.write_binary(folder.path());

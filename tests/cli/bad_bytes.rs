@@ -3,7 +3,7 @@
 use super::{Outcome, Sandbox};
 use crate::bad_input_random::mutate::{damaged, damages};
 use crate::bad_input_random::{attacks, seeds};
-use crate::scene_files::{Model, write_file, zip_of};
+use ibgs_testing::scene_files::{Model, write_file, zip_of};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 

@@ -1,7 +1,7 @@
 //! Scenes and options that cannot be trained on: one sentence, nothing written.
 
 use super::Sandbox;
-use crate::scene_files::{Model, write_file};
+use ibgs_testing::scene_files::{Model, write_file};
 use std::fs;
 
 /// The small COLMAP scene after a change, in `scene/`.

@@ -1,7 +1,7 @@
 //! Machines that refuse: no adapter, no permission, no space.
 
 use super::Sandbox;
-use crate::common::skipped;
+use ibgs_testing::skipped;
 use std::fs;
 use std::path::Path;
 use std::process::Command;

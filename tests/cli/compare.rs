@@ -2,7 +2,7 @@
 
 use super::report::{assert_self_contained, sources};
 use super::{Sandbox, snapshot};
-use crate::scene_files::write_file;
+use ibgs_testing::scene_files::write_file;
 use serde_json::{Value, json};
 
 const KEY: &str = "ours_30";

@@ -1,7 +1,6 @@
 //! What goes beyond plain splatting: outputs of the residual and the surface, photos as sources, networks.
 
 use super::{Sandbox, files_in};
-use crate::common::fixture;
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -202,7 +201,7 @@ fn folders_of_the_published_code() {
     assert_eq!(base["ours_30"]["views"], 2, "{base}");
     assert!(!sandbox.path("published/results_renders_aggregate.json").exists());
 
-    let network = fixture("color_aggregation_network.pth");
+    let network = concat!(env!("CARGO_MANIFEST_DIR"), "/crates/ibgs-render/tests/color_aggregation_network.pth");
     fs::copy(network, sandbox.path("published/color_aggregation_network.pth")).unwrap();
     for command in ["render published", "export published -o a.ibgs"] {
         sandbox.fails(command, &["cameras.json"]);

@@ -1,13 +1,13 @@
 //! Every form of scene trains through the program, and the model finds it again.
 
 use super::{Outcome, Sandbox, files_in};
-use crate::scene_files::{Model, write_photo, zip_of_folder};
 use exr::prelude::write_rgba_file;
 use glam::DVec2;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, demo};
 use ibgs_core::sources::find::Draw;
+use ibgs_testing::scene_files::{Model, write_photo, zip_of_folder};
 use image::{Rgba, RgbaImage};
 use std::fs;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! `ibgs prepare` with programs that stand in for COLMAP.
 
 use super::Sandbox;
-use crate::scene_files::Model;
+use ibgs_testing::scene_files::Model;
 use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use std::fs;

@@ -1,7 +1,7 @@
 //! The report of `ibgs eval`, and LPIPS in its figures.
 
 use super::Sandbox;
-use crate::lpips::write_network;
+use crate::lpips_network::write_network;
 use serde_json::{Value, json};
 use std::fs;
 

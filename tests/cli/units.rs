@@ -1,11 +1,11 @@
 //! Any unit, any place: the program on a scene in map coordinates, against the same scene as it is.
 
 use super::Sandbox;
-use crate::scene_files::copy_scene;
 use glam::DVec3;
 use ibgs_core::camera_path::{Keyframe, KeyframePath};
 use ibgs_core::dataset::parse_points_ply;
 use ibgs_core::scene::read_ply;
+use ibgs_testing::scene_files::copy_scene;
 use std::fs;
 use std::path::Path;
 

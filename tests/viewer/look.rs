@@ -105,7 +105,7 @@ fn a_split_shows_two_modes() {
 #[test]
 fn models_without_a_network_or_photos_offer_what_they_have() {
     let (renderer, dataset) = small_model();
-    let (raster, splats) = (crate::common::rasterizer(), renderer.splats().clone());
+    let (raster, splats) = (ibgs_reference::gpu::rasterizer(), renderer.splats().clone());
     let renderer = ibgs_core::render::Renderer::new(Arc::new(raster), splats, [0.0; 3], None);
     let view = View { name: "one".to_owned(), camera: dataset.views[0].camera, held_out: false, photo: None };
     let scene = Scene { views: vec![view], ..Scene::default() };

@@ -1,13 +1,13 @@
 //! The start page, what is dropped into the window, and what cannot be opened.
 
 use super::*;
-use crate::scene_files::{Model, write_file};
 use eframe::egui::{DroppedFile, Theme};
 use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::Plan;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch, Method, Preset};
 use ibgs_core::scene::{PlyFlavor, write_ply};
+use ibgs_testing::scene_files::{Model, write_file};
 use ibgs_viewer::{TrainingWish, Wanted};
 use std::collections::HashMap;
 use std::path::PathBuf;

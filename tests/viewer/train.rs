@@ -1,7 +1,7 @@
 //! Training in the window.
 
 use super::*;
-use crate::train_smoke::image_based::{dataset, staged};
+use crate::small::{dataset, staged};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::{Failure, Watched};
 use ibgs_core::gpu::{AdapterChoice, Use};

@@ -103,7 +103,7 @@ mod tests {
     use crate::residual::layers::{COLORS, FINAL, WEIGHTS};
 
     /// Made up, but written by PyTorch as the published code does.
-    const PUBLISHED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fixtures/color_aggregation_network.pth");
+    const PUBLISHED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/color_aggregation_network.pth");
 
     #[test]
     fn published_network_loads() {

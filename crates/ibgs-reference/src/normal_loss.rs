@@ -1,0 +1,84 @@
+//! Twin of the normal loss (method.md sections 3 and 7) and of its gradients by median depth and normal map.
+
+use glam::DVec3;
+use ibgs_data::camera::Camera;
+
+use super::geometry::pixel_ray;
+use super::image_loss::Map;
+
+const L1: f64 = 0.4;
+const DOT: f64 = 0.6;
+
+/// The four neighbours of an inner pixel: right, left, top, bottom. None on the one-pixel border.
+fn neighbours(camera: &Camera, pixel: usize) -> Option<[usize; 4]> {
+    let (w, h) = (camera.width as usize, camera.height as usize);
+    let (x, y) = (pixel % w, pixel / w);
+    let inner = x > 0 && y > 0 && x + 1 < w && y + 1 < h;
+    inner.then(|| [pixel + 1, pixel - 1, pixel - w, pixel + w])
+}
+
+fn ray(camera: &Camera, pixel: usize) -> DVec3 {
+    pixel_ray(camera, pixel as u32 % camera.width, pixel as u32 / camera.width)
+}
+
+/// P_right - P_left and P_top - P_bottom.
+fn edges(camera: &Camera, depth: &[f64], [right, left, top, bottom]: [usize; 4]) -> [DVec3; 2] {
+    let point = |i: usize| ray(camera, i) * depth[i];
+    [point(right) - point(left), point(top) - point(bottom)]
+}
+
+/// Depth normals in camera space; zero on the border and where the cross product has no length.
+pub fn depth_normals(camera: &Camera, depth: &[f64]) -> Map {
+    let normal = |pixel: usize| {
+        let Some(around) = neighbours(camera, pixel) else { return [0.0; 3] };
+        let [a, b] = edges(camera, depth, around);
+        a.cross(b).try_normalize().unwrap_or_default().to_array()
+    };
+    (0..depth.len()).map(normal).collect()
+}
+
+/// What the camera sees of the surface, and which pixels its photo masks.
+#[derive(Clone, Copy)]
+pub struct Surface<'a> {
+    pub camera: &'a Camera,
+    /// Not masked.
+    pub valid: &'a [bool],
+}
+
+/// weight (0.4 mean_p sum_c |Nd - N| + 0.6 mean_p (1 - Nd . N)); masked pixels add nothing to the sums.
+pub fn normal_loss(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> f64 {
+    let term = |((nd, n), valid): ((&[f64; 3], &[f64; 3]), &bool)| {
+        let (nd, n) = (DVec3::from(*nd), DVec3::from(*n));
+        if *valid { L1 * (nd - n).abs().element_sum() + DOT * (1.0 - nd.dot(n)) } else { 0.0 }
+    };
+    let normals = depth_normals(surface.camera, depth);
+    weight * normals.iter().zip(normal).zip(surface.valid).map(term).sum::<f64>() / depth.len() as f64
+}
+
+/// Gradients of `normal_loss` by depth and by normal map. Where a component of the two normals is equal the absolute
+/// difference passes nothing.
+pub fn normal_loss_backward(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> (Vec<f64>, Map) {
+    let camera = surface.camera;
+    let share = weight / depth.len() as f64;
+    let sign = |d: f64| if d == 0.0 { 0.0 } else { d.signum() };
+    let mut v_depth = vec![0.0; depth.len()];
+    let mut v_normal = vec![[0.0; 3]; depth.len()];
+    for (i, nd) in depth_normals(camera, depth).into_iter().enumerate() {
+        if !surface.valid[i] {
+            continue;
+        }
+        let (nd, n) = (DVec3::from(nd), DVec3::from(normal[i]));
+        let signs = DVec3::from_array((nd - n).to_array().map(sign));
+        v_normal[i] = (-share * (L1 * signs + DOT * nd)).to_array();
+        let Some(around) = neighbours(camera, i).filter(|_| nd != DVec3::ZERO) else { continue };
+        let v_nd = share * (L1 * signs - DOT * n);
+        let [a, b] = edges(camera, depth, around);
+        let v_cross = (v_nd - nd * nd.dot(v_nd)) / a.cross(b).length();
+        // d(a x b) . v = da . (b x v) + db . (v x a).
+        let (v_a, v_b) = (b.cross(v_cross), v_cross.cross(a));
+        for (pixel, v) in around.into_iter().zip([v_a, -v_a, v_b, -v_b]) {
+            v_depth[pixel] += ray(camera, pixel).dot(v);
+        }
+    }
+    (v_depth, v_normal)
+}

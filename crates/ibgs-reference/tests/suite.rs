@@ -1,0 +1,10 @@
+//! Holds the CPU twins to finite differences, to the golden data and to independent evaluations.
+#![allow(missing_docs, clippy::print_stdout)]
+#![forbid(unsafe_code)]
+
+mod geometry;
+mod golden;
+mod gradients;
+mod losses;
+mod surface_losses;
+mod thresholds;

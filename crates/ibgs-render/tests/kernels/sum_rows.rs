@@ -1,0 +1,84 @@
+//! Sums of the rows of gradients of each Gaussian's intersections.
+
+use bytemuck::bytes_of;
+use ibgs_reference::gpu::gpu;
+use ibgs_render::gpu::{Buffer, Pass};
+use ibgs_shaders::types::ViewUniforms;
+use ibgs_shaders::{SUM_ROWS, SUM_ROWS_SURFACE};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const UNTOUCHED: f32 = 7.0;
+
+/// Few Gaussians have hundreds of rows, as in a scene; some have none.
+#[test]
+fn small_and_large_gaussians_have_the_sums_of_their_rows() {
+    let gpu = gpu();
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for (n, most) in [(1, 700), (3, 17), (300, 40), (777, 2000)] {
+        let mut counts: Vec<u32> = (0..n)
+            .map(|_| match rng.random_range(0..10) {
+                0..2 => 0,
+                2 => rng.random_range(0..=most),
+                _ => rng.random_range(1..=6),
+            })
+            .collect();
+        let mut offsets = Vec::new();
+        let mut total = 0;
+        for count in &counts {
+            offsets.push(total);
+            total += count;
+        }
+        let mut rows: [Vec<f32>; 4] =
+            std::array::from_fn(|_| (0..4 * total.max(1)).map(|_| rng.random_range(-1.0..1.0)).collect());
+        // Some were counted and not found: their rows hold anything.
+        let counted = counts.clone();
+        for g in (0..n).step_by(3) {
+            counts[g] -= counts[g] / 2;
+            let lost = 4 * (offsets[g] + counts[g]) as usize..4 * (offsets[g] + counted[g]) as usize;
+            rows.iter_mut().for_each(|row| row[lost.clone()].fill(f32::NAN));
+        }
+        for (room, surface) in [(total, false), (total, true), (total.saturating_sub(1), true)] {
+            let fits = room == total;
+            let upload = |values: &[u32]| gpu.upload("test", values).unwrap();
+            let outputs = |width: usize| gpu.upload("test", &vec![UNTOUCHED; width * n]).unwrap();
+            let lists = [upload(&offsets), upload(&counts), upload(&[total])];
+            let inputs = rows.each_ref().map(|row| gpu.upload("test", row).unwrap());
+            let out = [outputs(4), outputs(4), outputs(3), outputs(3), outputs(1)];
+            let mut buffers: Vec<&Buffer> = lists.iter().chain(&inputs[..3]).chain(&out[..3]).collect();
+            let params = ViewUniforms { count: n as u32, capacity: room, ..ViewUniforms::default() };
+            let mut pass = Pass::new(&gpu, "test");
+            if surface {
+                buffers.extend([&inputs[3], &out[3], &out[4]]);
+                pass.linear(&SUM_ROWS_SURFACE, &buffers, bytes_of(&params), n);
+            } else {
+                pass.linear(&SUM_ROWS, &buffers, bytes_of(&params), n);
+            }
+            pass.submit();
+            let read = |index: usize, width: usize| gpu.read::<f32>(&out[index], width * n).unwrap();
+            let found = [read(0, 4), read(1, 4), read(2, 3), read(3, 3), read(4, 1)];
+            for (g, &first) in offsets.iter().enumerate() {
+                let first = first as usize;
+                let sum = |row: usize, c: usize| -> f64 {
+                    (first..first + counts[g] as usize).map(|i| f64::from(rows[row][4 * i + c])).sum()
+                };
+                let expected: [Vec<f64>; 5] = [
+                    (0..4).map(|c| sum(0, c)).collect(),
+                    (0..4).map(|c| sum(1, c)).collect(),
+                    (0..3).map(|c| sum(2, c)).collect(),
+                    (0..3).map(|c| sum(3, c)).collect(),
+                    vec![sum(3, 3)],
+                ];
+                let written = fits && counts[g] > 0;
+                for (index, expected) in expected.iter().enumerate() {
+                    let width = expected.len();
+                    for (c, expected) in expected.iter().enumerate() {
+                        let expected = if written && (index < 3 || surface) { *expected } else { UNTOUCHED.into() };
+                        let error = (f64::from(found[index][width * g + c]) - expected).abs();
+                        assert!(error < 1e-4, "{n} Gaussians, {} rows of {g}, output {index}: {error:e}", counts[g]);
+                    }
+                }
+            }
+        }
+    }
+}

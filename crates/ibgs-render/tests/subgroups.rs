@@ -1,0 +1,99 @@
+//! Kernels that have a form for subgroups, against their form for devices without.
+
+use ibgs_data::scene::Gaussians;
+use ibgs_reference::gpu::view_of;
+use ibgs_reference::gpu::{gaussians, gpu, without_subgroups};
+use ibgs_reference::random_scene::{random_camera, random_params};
+use ibgs_reference::relative_error;
+use ibgs_reference::surface_scene::wall;
+use ibgs_render::gpu::{Buffer, Gpu};
+use ibgs_render::raster::{Keep, RasterGradients, RasterView, Rasterizer};
+use ibgs_render::scene::Splats;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+
+/// What a pass gives, and its gradients from random ones of all that it gives.
+struct Results {
+    outputs: Vec<Vec<f32>>,
+    gradients: Vec<Vec<f64>>,
+}
+
+fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut random = |buffer: &Buffer, count: usize| {
+        let values: Vec<f32> = (0..count).map(|_| rng.random_range(-1.0..1.0)).collect();
+        gpu.queue.write_buffer(&buffer.buffer, buffer.offset, bytemuck::cast_slice(&values));
+    };
+    let splats = Splats::upload(model, gpu).unwrap();
+    let raster = Rasterizer::new(gpu.clone());
+    // Makes room for every intersection.
+    raster.render(&splats, view).unwrap();
+    let image = raster.image_memory(&view.camera).unwrap();
+    let forward = raster.forward(&splats, view, Keep::Gradients, image).unwrap();
+    let (n, pixels) = (model.len(), view.camera.pixels());
+    let buffer = |count: usize| gpu.allocate("test", 4 * count as u64).unwrap();
+    let read = |buffer: &Buffer, count: usize| gpu.read::<f32>(buffer, count).unwrap();
+    let mut outputs = vec![read(&forward.image, 3 * pixels)];
+    let v_image = buffer(3 * pixels);
+    random(&v_image, 3 * pixels);
+    if let Some(surface) = forward.surface() {
+        let medians = 2 * surface.options.intersections as usize * pixels;
+        outputs.push(read(&surface.normal_map, 3 * pixels));
+        outputs.push(read(&surface.median_depth, pixels));
+        outputs.push(read(&surface.intersections, medians));
+        let v = surface.v.as_ref().unwrap();
+        random(&v.normal_map, 3 * pixels);
+        random(&v.median_depth, pixels);
+        random(&v.intersections, medians);
+    }
+    let coefficients = model.sh_coefficients();
+    let v = RasterGradients {
+        means: buffer(3 * n),
+        rotations: buffer(4 * n),
+        log_scales: buffer(3 * n),
+        opacity_logits: buffer(n),
+        sh: buffer(3 * coefficients * n),
+        screen: buffer(4 * n),
+        planes: view.surface.map(|_| [buffer(3 * n), buffer(n)]),
+    };
+    forward.backward(gpu, &splats, &v_image, &v);
+    let own = [
+        (&v.means, 3 * n),
+        (&v.rotations, 4 * n),
+        (&v.log_scales, 3 * n),
+        (&v.opacity_logits, n),
+        (&v.sh, 3 * coefficients * n),
+        (&v.screen, 4 * n),
+    ];
+    let planes = v.planes.iter().flat_map(|[normals, offsets]| [(normals, 3 * n), (offsets, n)]);
+    let double = |(buffer, count)| read(buffer, count).into_iter().map(f64::from).collect();
+    Results { outputs, gradients: own.into_iter().chain(planes).map(double).collect() }
+}
+
+/// The images are equal bit for bit. Gradients are sums in another order.
+#[test]
+fn the_rasterizer_gives_the_same_with_subgroups_and_without() {
+    let without = without_subgroups();
+    assert_eq!(without.subgroup_lanes, None);
+    let with = gpu();
+    println!("{:?} lanes", with.subgroup_lanes);
+    let random = random_params(2000, 2, 4);
+    let mut cases = vec![(gaussians(&random), RasterView::new(random_camera(150, 90, 4), 2))];
+    for (seed, k) in [(5, 2), (6, 4), (7, 8)] {
+        let scene = wall(seed, k);
+        let mut model = gaussians(&scene.params);
+        model.normals = scene.planes.normals.iter().map(|n| n.map(|x| x as f32)).collect();
+        model.offsets = scene.planes.offsets.iter().map(|x| *x as f32).collect();
+        cases.push((model, view_of(&scene, 0.5)));
+    }
+    for (case, (model, view)) in cases.iter().enumerate() {
+        let [a, b] = [&with, &without].map(|gpu| results(gpu, model, view));
+        assert!(a.outputs == b.outputs, "case {case}: images");
+        for (index, (a, b)) in a.gradients.iter().zip(&b.gradients).enumerate() {
+            assert!(b.iter().any(|v| *v != 0.0), "case {case}: gradient {index} is zero");
+            let error = relative_error(a, b);
+            assert!(error <= 1e-4, "case {case}, gradient {index}: {error:e}");
+        }
+    }
+}

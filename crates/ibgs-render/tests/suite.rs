@@ -1,0 +1,8 @@
+//! The tests of the passes on the GPU: one binary. They need an adapter; a software one will do.
+#![allow(missing_docs, clippy::print_stderr, clippy::print_stdout)]
+#![forbid(unsafe_code)]
+
+mod formats;
+mod kernels;
+mod source_store;
+mod subgroups;

@@ -1,0 +1,86 @@
+//! What the tests of several crates share: scenes of every layout, real scenes beside the checkout, random models.
+#![allow(missing_docs, reason = "for tests alone")]
+#![forbid(unsafe_code)]
+
+pub mod scene_files;
+
+use glam::DVec3;
+use ibgs_data::dataset::demo::DemoOptions;
+use ibgs_data::dataset::{self, LoadOptions, Point};
+use ibgs_data::scene::Gaussians;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// A file or folder of `../shared`, which is not in the repository; None where it is absent, and `test` is skipped.
+pub fn shared(file: &str, test: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared").join(file);
+    if path.exists() {
+        return Some(path);
+    }
+    skipped(test, &format!("../shared/{file} is absent"));
+    None
+}
+
+/// Says on stderr that `test` does not run, or only in part. The test passes all the same, and of a test that passes
+/// libtest hides what the print macros write; it does not hide this.
+pub fn skipped(test: &str, why: &str) {
+    let line = format!("SKIPPED {test}: {why}\n");
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// The built-in scene in a size that a test can train.
+pub fn tiny_demo() -> DemoOptions {
+    DemoOptions { width: 48, height: 36, views: 10, samples: 1, points: 300, seed: 0 }
+}
+
+/// Gaussians with values of either sign.
+pub fn random_gaussians(n: usize, sh_degree: u32, seed: u64) -> Gaussians {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut value = move || rng.random_range(-4.0_f32..4.0);
+    let mut g = Gaussians::with_capacity(n, sh_degree);
+    for _ in 0..n {
+        g.means.push([0; 3].map(|_| value()));
+        g.rotations.push([0; 4].map(|_| value()));
+        g.log_scales.push([0; 3].map(|_| value()));
+        g.opacity_logits.push(value());
+        g.normals.push([0; 3].map(|_| value()));
+        g.offsets.push(value());
+        g.sh.extend((0..3 * (sh_degree + 1).pow(2)).map(|_| value()));
+    }
+    g
+}
+
+/// Loading fails, and its message holds every fragment.
+#[track_caller]
+pub fn fails(scene: &Path, fragments: &[&str]) {
+    fails_with(scene, &LoadOptions::default(), fragments);
+}
+
+/// The same with options.
+#[track_caller]
+pub fn fails_with(scene: &Path, options: &LoadOptions, fragments: &[&str]) {
+    let message = match dataset::load(scene, options) {
+        Ok(_) => panic!("loaded, but should fail with {fragments:?}"),
+        Err(error) => error.to_string(),
+    };
+    for fragment in fragments {
+        assert!(message.contains(fragment), "`{fragment}` is not in: {message}");
+    }
+    assert!(!message.contains('\n') && !message.contains("  "), "not one sentence: {message}");
+}
+
+/// Points around the origin.
+pub fn random_points(n: usize, seed: u64) -> Vec<Point> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..n)
+        .map(|_| Point { position: DVec3::from([0; 3].map(|_| rng.random_range(-2.0..2.0))), color: rng.random() })
+        .collect()
+}
+
+/// Bytes of a PLY up to its data.
+pub fn header_length(bytes: &[u8]) -> usize {
+    let end = b"end_header\n";
+    bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len()
+}

@@ -1,0 +1,86 @@
+//! Rendering on a device that has no more than a browser's.
+
+use crate::small::small_model;
+use ibgs_core::gpu::{Gpu, GpuError};
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
+use ibgs_core::residual::{Precision, ResidualNetwork};
+use ibgs_core::scene::Splats;
+use ibgs_core::sources::source_store::SourceStore;
+use ibgs_reference::gpu::{device_of, gpu, rasterizer};
+use std::sync::Arc;
+
+/// The tests' adapter with ten storage buffers a stage, 32 KiB of workgroup memory and no feature at all.
+fn limited() -> Arc<Gpu> {
+    device_of(|adapter| wgpu::DeviceDescriptor {
+        required_limits: wgpu::Limits {
+            max_storage_buffers_per_shader_stage: 10,
+            max_compute_workgroup_storage_size: 32 * 1024,
+            max_compute_invocations_per_workgroup: 256,
+            max_immediate_size: 0,
+            ..adapter.limits()
+        },
+        ..Default::default()
+    })
+}
+
+#[test]
+fn frames_are_the_same_bit_for_bit() {
+    let (model, dataset) = small_model();
+    let usual = gpu();
+    let limited = limited();
+    limited.watch();
+    // Half precision on matrix units would differ.
+    let part = model.part().unwrap().clone();
+    let part = ImagePart { options: ImageOptions { precision: Precision::Full, ..part.options }, ..part };
+    let renderer = Renderer::new(Arc::new(rasterizer()), model.splats().clone(), [0.0; 3], Some(part.clone()));
+    let photos = dataset.train.iter().map(|&index| dataset.views[index].photo.clone()).collect();
+    let part = ImagePart {
+        cameras: part.cameras.clone(),
+        photos: Arc::new(SourceStore::new(limited.clone(), photos, None).unwrap()),
+        network: ResidualNetwork::from_values(&limited, &part.network.to_values(&usual).unwrap()).unwrap(),
+        options: part.options.clone(),
+    };
+    let splats = Splats::upload(&renderer.splats().download(&usual).unwrap(), &limited).unwrap();
+    let raster = Arc::new(Rasterizer::new(limited.clone()));
+    let other = Renderer::new(raster, splats, [0.0; 3], Some(part));
+    for &index in &dataset.test {
+        let camera = &dataset.views[index].camera;
+        let [expected, found] = [&renderer, &other].map(|renderer| renderer.render(camera).unwrap());
+        let both = [&expected, &found];
+        let [a, b] = both.map(|frame| frame.image().unwrap().unwrap().rgb);
+        assert!(a == b, "final image of {}", dataset.views[index].name);
+        let [a, b] = both.map(|frame| frame.base().unwrap().rgb);
+        assert!(a == b, "base image of {}", dataset.views[index].name);
+        let [a, b] = both.map(|frame| frame.depth().unwrap().unwrap());
+        assert!(a == b, "median depth of {}", dataset.views[index].name);
+        let [a, b] = both.map(|frame| frame.normals().unwrap().unwrap());
+        assert!(a == b, "normals of {}", dataset.views[index].name);
+    }
+    limited.check().unwrap();
+}
+
+#[test]
+fn a_training_says_what_the_device_lacks() {
+    let error = limited().warm_up().unwrap_err();
+    assert!(matches!(&error, GpuError::Lacking { missing, .. } if missing.contains("storage buffers")), "{error}");
+}
+
+/// What a browser does gives the same frames, also where nothing has room at first.
+#[test]
+fn frames_for_browsers_have_room() {
+    let (model, dataset) = small_model();
+    let camera = &dataset.views[dataset.test[0]].camera;
+    let fresh = || {
+        let part = model.part().cloned();
+        let raster = rasterizer();
+        raster.set_capacity(16);
+        Renderer::new(Arc::new(raster), model.splats().clone(), [0.0; 3], part)
+    };
+    let expected = fresh().render(camera).unwrap().image().unwrap().unwrap();
+    let frame = pollster::block_on(fresh().render_later(camera, |_| Ok(()))).unwrap();
+    let found = pollster::block_on(frame.image_later()).unwrap().unwrap();
+    assert!(expected.rgb == found.rgb);
+    let base = pollster::block_on(frame.base_later()).unwrap();
+    assert!(base.rgb == frame.base().unwrap().rgb && base.rgb != found.rgb);
+}

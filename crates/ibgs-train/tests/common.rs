@@ -1,0 +1,152 @@
+//! Models as a training has them, and their gradients under burn's autodiff, in the shapes of the twins.
+
+use burn::tensor::{Tensor, TensorData};
+use ibgs_core::raster::RasterView;
+use ibgs_core::sources::{WarpOptions, Warper};
+use ibgs_reference::geometry_backward::Cotangents;
+use ibgs_reference::gpu::{floats, gaussians, gpu, rasterizer, scene_gaussians, source_view};
+use ibgs_reference::surface_scene::Scene;
+use ibgs_reference::{Params, Tensor as Name};
+use ibgs_train::autodiff::{self, Leaves};
+use ibgs_train::parameters::Parameters;
+use ibgs_train::tensor::device;
+
+/// The twin's parameters as a training has them.
+pub fn parameters(p: &Params) -> Parameters {
+    let parameters = Parameters::upload(&gaussians(p), &gpu()).unwrap();
+    if !p.filters.is_empty() {
+        parameters.splats().set_filters(&gpu(), &floats(p.filters.iter().copied()));
+    }
+    parameters
+}
+
+/// Values of a tensor.
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
+    tensor.into_data().try_into_vec::<f32>().unwrap().into_iter().map(f64::from).collect()
+}
+
+/// Gradients of `sum(cotangent * image)` on the GPU, in the twin's order, and the screen-space ones, [N, 4].
+pub struct GpuGradients {
+    tensors: [Vec<f64>; 5],
+    /// (x, y, |x|, |y|) of each Gaussian.
+    pub screen: Vec<f64>,
+}
+
+impl GpuGradients {
+    /// One tensor's gradient.
+    pub fn get(&self, name: Name) -> &[f64] {
+        let index = Name::ALL.iter().position(|n| *n == name).unwrap();
+        &self.tensors[index]
+    }
+
+    /// Columns `from..from + 2` of the screen-space gradient.
+    pub fn screen_pair(&self, from: usize) -> Vec<f64> {
+        self.screen.chunks_exact(4).flat_map(|row| [row[from], row[from + 1]]).collect()
+    }
+}
+
+/// Runs forward and backward under burn's autodiff.
+pub fn gradients(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> GpuGradients {
+    let raster = rasterizer();
+    let model = parameters(p);
+    // Makes room for every intersection.
+    raster.render(model.splats(), view).unwrap();
+    let leaves = Leaves::new(&gpu(), &model).unwrap();
+    let (image, _pass) = autodiff::rasterized(&raster, &leaves, view).unwrap();
+    let shape = image.dims();
+    let cotangent: Vec<f32> = cotangent.as_flattened().iter().map(|v| *v as f32).collect();
+    let cotangent = Tensor::<3>::from_data(TensorData::new(cotangent, shape), &image.device());
+    let mut grads = (image * cotangent).sum().backward();
+    let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
+    GpuGradients {
+        tensors: [values(g.means), values(g.rotations), values(g.log_scales), values(g.opacity_logits), values(g.sh)],
+        screen: values(g.screen),
+    }
+}
+
+/// A scene's model as a training has it.
+pub fn scene_parameters(scene: &Scene) -> Parameters {
+    Parameters::upload(&scene_gaussians(scene), &gpu()).unwrap()
+}
+
+/// What a target view gives on the GPU, in the shapes of the twin.
+pub struct GpuSurface {
+    /// Base, normal map, median depth, warped colours, cosines.
+    pub outputs: Cotangents,
+    /// Each visible source or -1, source by source.
+    pub source: Vec<i32>,
+    /// Step of the depth's error of each visible source, 0 where there is none.
+    pub error: Vec<u8>,
+    /// Most visible sources of any pixel.
+    pub most_visible: u32,
+    /// Gradients by tensor name.
+    pub grads: Vec<(&'static str, Vec<f64>)>,
+}
+
+impl GpuSurface {
+    /// The gradient of one tensor.
+    pub fn grad(&self, name: &str) -> &[f64] {
+        &self.grads.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no tensor {name}")).1
+    }
+}
+
+/// Renders and warps a scene under burn's autodiff and runs the backward pass for the cotangents `v`.
+pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotangents) -> GpuSurface {
+    let gpu = gpu();
+    let raster = rasterizer();
+    let model = scene_parameters(scene);
+    raster.render(model.splats(), view).unwrap();
+    let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
+    let warper = Warper::new(gpu.clone(), warping);
+    let leaves = Leaves::new(&gpu, &model).unwrap();
+    let (image, forward) = autodiff::rasterized(&raster, &leaves, view).unwrap();
+    let (warped, pass) = autodiff::warped(&warper, &image, &forward, &sources).unwrap();
+    let seen = pass.seen;
+    let surface = forward.surface().unwrap();
+    let pixels = v.depth.len();
+    let visible = warping.visible as usize;
+    let read =
+        |buffer, count| -> Vec<f64> { gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect() };
+    let warped_values = values(warped.clone().inner());
+    let packed: Vec<u32> = gpu.read(&seen.visible, pixels).unwrap();
+    let bytes = (0..visible).flat_map(|m| packed.iter().map(move |word| word.to_le_bytes()[m]));
+    let source = bytes.clone().map(|byte| if byte == 255 { -1 } else { i32::from(byte & 15) }).collect();
+    let error = bytes.map(|byte| if byte == 255 { 0 } else { byte >> 4 }).collect();
+    let outputs = Cotangents {
+        base: values(image.clone().inner()).as_chunks().0.to_vec(),
+        normal: read(&surface.normal_map, 3 * pixels).as_chunks().0.to_vec(),
+        depth: read(&surface.median_depth, pixels),
+        warped: warped_values.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect(),
+        cosine: warped_values.chunks_exact(4).map(|c| c[3]).collect(),
+    };
+    let most_visible = gpu.read::<u32>(&seen.most_visible, 1).unwrap()[0];
+    let side = surface.v.as_ref().unwrap();
+    let write = |buffer: &ibgs_core::gpu::Buffer, values: Vec<f32>| {
+        gpu.queue.write_buffer(&buffer.buffer, 0, bytemuck::cast_slice(&values));
+    };
+    write(&side.normal_map, floats(v.normal.iter().flatten().copied()));
+    write(&side.median_depth, floats(v.depth.iter().copied()));
+    let v_warped = v.warped.iter().zip(&v.cosine).take(visible * pixels).flat_map(|(c, x)| [c[0], c[1], c[2], *x]);
+    let tensor = |values: Vec<f32>, shape: [usize; 3]| {
+        Tensor::<3>::from_data(TensorData::new(values, shape), device(&gpu).unwrap())
+    };
+    let v_image = tensor(floats(v.base.iter().flatten().copied()), image.dims()).autodiff();
+    let v_warped = tensor(floats(v_warped), [visible, pixels, 4]).autodiff();
+    let mut grads = ((image * v_image).sum() + (warped * v_warped).sum()).backward();
+    let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
+    let (normals, offsets) = g.planes.expect("a surface has plane gradients");
+    let screen = values(g.screen);
+    let pair = |from: usize| screen.chunks_exact(4).flat_map(|row| [row[from], row[from + 1]]).collect::<Vec<_>>();
+    let grads = vec![
+        ("mean", values(g.means)),
+        ("rotation", values(g.rotations)),
+        ("log_scale", values(g.log_scales)),
+        ("opacity_logit", values(g.opacity_logits)),
+        ("sh", values(g.sh)),
+        ("normal", values(normals)),
+        ("offset", values(offsets)),
+        ("xy_pixels", pair(0)),
+        ("xy_pixels_abs", pair(2)),
+    ];
+    GpuSurface { outputs, source, error, most_visible, grads }
+}

@@ -1,0 +1,24 @@
+//! Each kernel against its twin. A module has the name of its kernel, or of the beginning that several kernels share; the
+//! contract test looks for it.
+
+mod adam;
+mod bench;
+mod densify;
+mod depth_normals;
+mod expose;
+mod filter;
+mod finite;
+mod growth;
+mod half;
+mod image_loss;
+mod loss_mean;
+mod mcmc;
+mod normal_loss;
+mod opacity_reset;
+mod photometric_loss;
+mod present;
+mod project;
+mod rasterize;
+mod rasterize_surface_image;
+mod residual;
+mod warp;

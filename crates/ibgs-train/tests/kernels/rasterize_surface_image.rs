@@ -1,0 +1,39 @@
+//! Blending with surface for an image alone against the same for gradients, which the twin checks.
+
+use crate::small::small_model;
+use ibgs_core::raster::{Keep, RasterView, SurfaceOptions};
+use ibgs_reference::gpu::{gpu, rasterizer};
+
+#[test]
+fn it_gives_what_gradients_get_bit_for_bit() {
+    let (model, dataset) = small_model();
+    let (gpu, splats) = (gpu(), model.splats());
+    for (&index, intersections) in dataset.test.iter().zip([2, 4, 6, 8]) {
+        let camera = splats.space.camera(&dataset.views[index].camera);
+        let mut view = RasterView::new(camera, splats.sh_degree());
+        view.background = [0.2, 0.4, 0.6];
+        view.surface = Some(SurfaceOptions { intersections, ..SurfaceOptions::default() });
+        let passes = [Keep::Image, Keep::Gradients].map(|keep| {
+            // Of its own, so that it has no memory for gradients that another pass has left.
+            let raster = rasterizer();
+            let image = raster.image_memory(&camera).unwrap();
+            let forward = raster.forward(splats, &view, keep, image).unwrap();
+            assert!(raster.had_room(&forward).unwrap());
+            let surface = forward.surface().unwrap();
+            assert_eq!(surface.v.is_some(), keep == Keep::Gradients);
+            let read = |buffer, values| gpu.read::<u32>(buffer, values * camera.pixels()).unwrap();
+            [
+                read(&forward.image, 3),
+                read(&forward.workspace.final_t, 1),
+                read(&surface.normal_map, 3),
+                read(&surface.median_depth, 1),
+                read(&surface.intersections, 2 * intersections as usize),
+            ]
+        });
+        let names = ["image", "transmittance", "normal map", "median depth", "intersections"];
+        for ((name, a), b) in names.iter().zip(&passes[0]).zip(&passes[1]) {
+            assert!(a == b, "{name}, {intersections} intersections");
+            assert!(a.iter().any(|bits| *bits != 0), "{name} is not empty");
+        }
+    }
+}

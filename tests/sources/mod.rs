@@ -1,4 +1,0 @@
-//! Sources: their choice, their photos and their depth maps.
-
-mod find;
-mod source_store;
