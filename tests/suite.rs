@@ -9,7 +9,6 @@ mod bad_input_random;
 mod browser_limits;
 mod cli;
 mod common;
-mod contract;
 mod dataset;
 mod dataset_photos;
 mod dataset_real;
