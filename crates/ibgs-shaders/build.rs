@@ -59,6 +59,7 @@ fn wgsl_files(folder: &str) -> Vec<(String, String)> {
 
 /// What the host must know of a kernel, which is the same of all its forms.
 fn describe(name: &str, source: &str, shared: &[(&str, &str)]) -> Description {
+    let _named = Named(name);
     let header = header::read(name, source);
     let shape = |variant: Variant| Shape::of(name, &variant.text(source, shared));
     let matrix = |side, lanes| Variant::Matrix(MatrixUnits { side, lanes });
@@ -75,4 +76,15 @@ fn describe(name: &str, source: &str, shared: &[(&str, &str)]) -> Description {
         assert!(other == usual, "wgsl/{name}.wgsl: its form {variant:?} has other bindings, parameters or workgroups");
     }
     Description { name: name.to_string(), header, shape: usual }
+}
+
+/// The kernel that is read: a panic of the library's part does not name it.
+struct Named<'a>(&'a str);
+
+impl Drop for Named<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("this happened to wgsl/{}.wgsl", self.0);
+        }
+    }
 }
