@@ -28,7 +28,7 @@ use shared::variant::{MatrixUnits, Variant};
 use std::path::{Path, PathBuf};
 
 fn main() {
-    println!("cargo:rerun-if-changed=wgsl");
+    println!("cargo::rerun-if-changed=wgsl");
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let files = wgsl_files("wgsl/shared");
     let shared: Vec<_> = files.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
@@ -84,7 +84,7 @@ struct Named<'a>(&'a str);
 impl Drop for Named<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            eprintln!("this happened to wgsl/{}.wgsl", self.0);
+            println!("cargo::error=wgsl/{}.wgsl cannot be read", self.0);
         }
     }
 }

@@ -23,8 +23,9 @@ var<immediate> params: ObserveParams;
 @group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> errors: array<u32>;
-/// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or (largest
-/// absolute-gradient norm, pixels of large error, views that saw it, largest radius in units of the image's longer side).
+/// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or
+/// (largest absolute-gradient norm, pixels of large error, views that saw it, largest radius in units of the image's
+/// longer side).
 @group(0) @binding(3) var<storage, read_write> statistics: array<vec4<f32>>;
 
 @compute @workgroup_size(256)
