@@ -4,7 +4,6 @@
 
 mod bad_input_random;
 mod cli;
-mod contract;
 #[path = "../crates/ibgs-train/tests/lpips_network.rs"]
 mod lpips_network;
 #[path = "../crates/ibgs-train/tests/small.rs"]

@@ -2,70 +2,18 @@
 //! `#endif` count, without it those between `#else` and `#endif`: kernels that are variants of each other share one file. The lines
 //! between `#repeat name count` and `#end` come `count` times, with the number of the repetition in place of `$name`: drivers do
 //! not unroll every loop that they should.
+//!
+//! A kernel's file begins with what the host is told of it, which the build script reads (build/header.rs) and which leaves no line
+//! here: `//!` and a sentence of documentation, `#set` and the kernel's set, `#stage` and its stage, by the names of class.rs.
 
-const SHARED: &[(&str, &str)] = &[
-    ("blend", include_str!("../wgsl/shared/blend.wgsl")),
-    ("blend_backward", include_str!("../wgsl/shared/blend_backward.wgsl")),
-    ("blend_backward_pixel", include_str!("../wgsl/shared/blend_backward_pixel.wgsl")),
-    ("blend_backward_subgroups", include_str!("../wgsl/shared/blend_backward_subgroups.wgsl")),
-    ("block", include_str!("../wgsl/shared/block.wgsl")),
-    ("cover", include_str!("../wgsl/shared/cover.wgsl")),
-    ("depth_normal", include_str!("../wgsl/shared/depth_normal.wgsl")),
-    ("expose_params", include_str!("../wgsl/shared/expose_params.wgsl")),
-    ("filter", include_str!("../wgsl/shared/filter.wgsl")),
-    ("frame", include_str!("../wgsl/shared/frame.wgsl")),
-    ("gaussian", include_str!("../wgsl/shared/gaussian.wgsl")),
-    ("half", include_str!("../wgsl/shared/half.wgsl")),
-    ("half_conv_tile", include_str!("../wgsl/shared/half_conv_tile.wgsl")),
-    ("half_mlp", include_str!("../wgsl/shared/half_mlp.wgsl")),
-    ("half_mlp_first", include_str!("../wgsl/shared/half_mlp_first.wgsl")),
-    ("half_resize", include_str!("../wgsl/shared/half_resize.wgsl")),
-    ("half_weights_tile", include_str!("../wgsl/shared/half_weights_tile.wgsl")),
-    ("hash", include_str!("../wgsl/shared/hash.wgsl")),
-    ("index", include_str!("../wgsl/shared/index.wgsl")),
-    ("photo", include_str!("../wgsl/shared/photo.wgsl")),
-    ("project", include_str!("../wgsl/shared/project.wgsl")),
-    ("quaternion", include_str!("../wgsl/shared/quaternion.wgsl")),
-    ("reduce", include_str!("../wgsl/shared/reduce.wgsl")),
-    ("residual_conv_tile", include_str!("../wgsl/shared/residual_conv_tile.wgsl")),
-    ("residual_difference", include_str!("../wgsl/shared/residual_difference.wgsl")),
-    ("residual_feature", include_str!("../wgsl/shared/residual_feature.wgsl")),
-    ("residual_features_main", include_str!("../wgsl/shared/residual_features_main.wgsl")),
-    ("residual_features_rest", include_str!("../wgsl/shared/residual_features_rest.wgsl")),
-    ("residual_head", include_str!("../wgsl/shared/residual_head.wgsl")),
-    ("residual_head_kernel", include_str!("../wgsl/shared/residual_head_kernel.wgsl")),
-    ("residual_image", include_str!("../wgsl/shared/residual_image.wgsl")),
-    ("residual_input", include_str!("../wgsl/shared/residual_input.wgsl")),
-    ("residual_mlp", include_str!("../wgsl/shared/residual_mlp.wgsl")),
-    ("residual_mlp_layout", include_str!("../wgsl/shared/residual_mlp_layout.wgsl")),
-    ("residual_output", include_str!("../wgsl/shared/residual_output.wgsl")),
-    ("residual_source", include_str!("../wgsl/shared/residual_source.wgsl")),
-    ("residual_weights_tile", include_str!("../wgsl/shared/residual_weights_tile.wgsl")),
-    ("resize", include_str!("../wgsl/shared/resize.wgsl")),
-    ("room", include_str!("../wgsl/shared/room.wgsl")),
-    ("scan_block", include_str!("../wgsl/shared/scan_block.wgsl")),
-    ("scan_length", include_str!("../wgsl/shared/scan_length.wgsl")),
-    ("seen", include_str!("../wgsl/shared/seen.wgsl")),
-    ("sh", include_str!("../wgsl/shared/sh.wgsl")),
-    ("visible_params", include_str!("../wgsl/shared/visible_params.wgsl")),
-    ("source", include_str!("../wgsl/shared/source.wgsl")),
-    ("ssim", include_str!("../wgsl/shared/ssim.wgsl")),
-    ("ssim_maps", include_str!("../wgsl/shared/ssim_maps.wgsl")),
-    ("ssim_moments", include_str!("../wgsl/shared/ssim_moments.wgsl")),
-    ("subgroup_sums", include_str!("../wgsl/shared/subgroup_sums.wgsl")),
-    ("sum_rows", include_str!("../wgsl/shared/sum_rows.wgsl")),
-    ("surface", include_str!("../wgsl/shared/surface.wgsl")),
-    ("tile", include_str!("../wgsl/shared/tile.wgsl")),
-    ("tile_order", include_str!("../wgsl/shared/tile_order.wgsl")),
-];
-
-/// The WGSL of a kernel's file: imports, variants and repetitions resolved; `defined`: names that are defined before it.
+/// The WGSL of a kernel's file: imports, variants and repetitions resolved; `defined`: names that are defined before it; `shared`:
+/// name and text of the files that may be imported.
 ///
 /// # Panics
 /// When a kernel imports a file that does not exist, a condition or a repetition has no end, or a repetition no count: mistakes in
-/// this crate, caught by its tests.
-pub fn resolve(source: &str, defined: &[&str]) -> String {
-    let mut expansion = Expansion { defined: defined.to_vec(), ..Expansion::default() };
+/// this crate, caught by its build.
+pub fn resolve(source: &str, defined: &[&str], shared: &[(&str, &str)]) -> String {
+    let mut expansion = Expansion { shared, imported: Vec::new(), defined: defined.to_vec(), text: String::new() };
     expansion.file(source);
     repeat(&expansion.text)
 }
@@ -102,8 +50,8 @@ fn repeat(source: &str) -> String {
     out
 }
 
-#[derive(Default)]
 struct Expansion<'a> {
+    shared: &'a [(&'a str, &'a str)],
     imported: Vec<&'a str>,
     defined: Vec<&'a str>,
     text: String,
@@ -126,6 +74,7 @@ impl<'a> Expansion<'a> {
                 _ if conditions.iter().any(|(condition, _)| !condition) => {}
                 "#define" => self.defined.push(name),
                 "#import" => self.import(name),
+                "//!" | "#set" | "#stage" => {}
                 _ => {
                     self.text.push_str(line);
                     self.text.push('\n');
@@ -140,7 +89,7 @@ impl<'a> Expansion<'a> {
             return;
         }
         self.imported.push(name);
-        let Some((_, text)) = SHARED.iter().find(|(file, _)| *file == name) else {
+        let Some((_, text)) = self.shared.iter().find(|(file, _)| *file == name) else {
             panic!("WGSL import of unknown file {name}");
         };
         self.file(text);
@@ -149,8 +98,10 @@ impl<'a> Expansion<'a> {
 
 #[cfg(test)]
 mod tests {
+    const SHARED: &[(&str, &str)] = &[("one", "fn one() {}\n"), ("both", "#import one\nfn two() {}\n")];
+
     fn resolve(source: &str) -> String {
-        super::resolve(source, &[])
+        super::resolve(source, &[], SHARED)
     }
 
     #[test]
@@ -167,9 +118,13 @@ mod tests {
 
     #[test]
     fn imports_once() {
-        let text = resolve("#import index\n#import index\nfn f() {}\n");
-        assert_eq!(text.matches("fn linear_workgroup").count(), 1);
-        assert!(text.ends_with("fn f() {}\n"));
+        let text = resolve("#import one\n#import one\n#import both\nfn f() {}\n");
+        assert_eq!(text, "fn one() {}\nfn two() {}\nfn f() {}\n");
+    }
+
+    #[test]
+    fn the_header_leaves_no_line() {
+        assert_eq!(resolve("//! A kernel.\n#set train\n#stage other\n// How it works.\n"), "// How it works.\n");
     }
 
     #[test]
@@ -179,7 +134,7 @@ mod tests {
         assert_eq!(resolve(&format!("#define A\n{source}")), "a\nc\n");
         assert_eq!(resolve(&format!("#define A\n#define B\n{source}")), "a\nab\nc\n");
         assert_eq!(resolve(&format!("#define B\n{source}")), "b\nc\n");
-        assert_eq!(super::resolve(source, &["A"]), "a\nc\n");
+        assert_eq!(super::resolve(source, &["A"], SHARED), "a\nc\n");
     }
 
     #[test]

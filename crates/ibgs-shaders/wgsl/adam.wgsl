@@ -1,21 +1,33 @@
+//! Adam.
+#set train
+#stage adam
 // One thread a value: Adam with bias correction (method.md section 1), eps added to the corrected root. The values beyond the
 // head decay by themselves, not through the gradient (Loshchilov and Hutter, Decoupled Weight Decay Regularization, 2019).
 #import index
 
+/// One Adam step of one tensor.
 struct AdamParams {
+    /// Number of values.
     count: u32,
-    // Values a row; the first `head` of a row step with `rate`, the others with `rate_rest`.
+    /// Values a row.
     row: u32,
+    /// Leading values of a row that step with `rate`.
     head: u32,
+    /// Learning rate of the head.
     rate: f32,
+    /// Learning rate of the rest of the row.
     rate_rest: f32,
+    /// Decay of the first moment.
     beta1: f32,
+    /// Decay of the second moment.
     beta2: f32,
+    /// Added to the root of the corrected second moment.
     eps: f32,
-    // 1 / (1 - beta^t).
+    /// 1 / (1 - beta1^t).
     correction1: f32,
+    /// 1 / (1 - beta2^t).
     correction2: f32,
-    // Share of a value beyond the head that is lost, times its rate.
+    /// Share of a value of the rest that is lost, times its rate.
     decay_rest: f32,
 }
 

@@ -1,7 +1,10 @@
+//! A copy of a large buffer.
+#set train
+#stage other
 // One thread a vec4: a copy, to measure how fast memory is read and written.
 #import index
 
-// Number of vec4.
+/// Number of vec4.
 var<immediate> count: u32;
 
 @group(0) @binding(0) var<storage, read> values: array<vec4<f32>>;

@@ -1,15 +1,20 @@
+//! Multiply-adds in registers.
+#set train
+#stage other
 // Multiply-adds in registers, BENCH_FMAS a step, in 16 chains that do not wait for each other: how fast the device computes.
 #import index
 
+/// Multiply-adds in registers.
 struct FmaParams {
-    // Threads.
+    /// Threads.
     count: u32,
+    /// Steps of [`crate::BENCH_FMAS`] multiply-adds.
     steps: u32,
 }
 
 var<immediate> params: FmaParams;
 
-// Read, so that the compiler cannot know them.
+/// In memory, so that the compiler cannot know them.
 @group(0) @binding(0) var<storage, read> factor_and_summand: array<f32>;
 @group(0) @binding(1) var<storage, read_write> sums: array<f32>;
 

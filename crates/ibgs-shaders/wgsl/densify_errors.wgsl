@@ -1,3 +1,6 @@
+//! Pixels of large error that each Gaussian covers.
+#set train
+#stage other
 // One workgroup a tile, one thread a pixel: counts for each Gaussian the pixels with an error above the image's mean to which it
 // contributes (the counting of FastGS, 2025). Only integers are added, so the order of the threads does not matter.
 #import ssim
@@ -9,7 +12,7 @@
 @group(0) @binding(3) var<storage, read> last_entry: array<u32>;
 @group(0) @binding(4) var<storage, read> image: array<f32>;
 @group(0) @binding(5) var<storage, read> photo: array<u32>;
-// (loss, mean |x - y|, mean SSIM, mean squared error).
+/// (loss, mean |x - y|, mean SSIM, mean squared error).
 @group(0) @binding(6) var<storage, read> stats: array<f32>;
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 

@@ -1,11 +1,19 @@
+//! Rows of the next model from rows of the last.
+#set train
+#stage other
 // One thread a value: rows of the next model from rows of the last. The top bit of a source marks a new Gaussian, whose
 // optimiser moments start at zero (`params.fresh_zero` = 1).
 #import index
 
+/// Row gathering.
 struct GatherParams {
+    /// Values to write.
     count: u32,
+    /// Values a row.
     row: u32,
+    /// 1: rows of new Gaussians are zero.
     fresh_zero: u32,
+    /// Padding.
     pad: u32,
 }
 

@@ -1,15 +1,20 @@
+//! Densification statistics.
+#set train
+#stage other
 // One thread a Gaussian: adds one view to the densification statistics (method.md section 7).
 #import index
 
+/// Densification statistics.
 struct ObserveParams {
-    // Image size in pixels.
+    /// Image size in pixels.
     size: vec2<u32>,
+    /// Number of Gaussians.
     count: u32,
-    // Gradients of Gaussians nearer than this view depth count by the square of their depth over it.
+    /// Gradients of Gaussians nearer than this view depth count by the square of their depth over it.
     near_depth: f32,
-    // 1: the largest norm over the views, in units of the image, in place of sums in units of half of it.
+    /// 1: the largest norm over the views, in units of the image, in place of sums in units of half of it.
     largest: u32,
-    // 1: the pixels of large error were counted in this view.
+    /// 1: pixels of large error were counted.
     errors: u32,
 }
 
@@ -18,8 +23,9 @@ var<immediate> params: ObserveParams;
 @group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> errors: array<u32>;
-// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or (largest
-// absolute-gradient norm, pixels of large error, views that saw it, largest radius in units of the image's longer side).
+/// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or
+/// (largest absolute-gradient norm, pixels of large error, views that saw it, largest radius in units of the image's
+/// longer side).
 @group(0) @binding(3) var<storage, read_write> statistics: array<vec4<f32>>;
 
 @compute @workgroup_size(256)

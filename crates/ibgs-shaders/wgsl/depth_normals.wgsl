@@ -1,3 +1,6 @@
+//! Depth normals, for pictures.
+#set train
+#stage other
 // One thread a pixel: the depth normals as a map, [P, 3].
 #import depth_normal
 

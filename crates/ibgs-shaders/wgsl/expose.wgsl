@@ -1,9 +1,12 @@
+//! What the Gaussians show in a photo's exposure.
+#set render
+#stage other
 // One thread a pixel: what the Gaussians show, in a photo's exposure; the background stays as it is.
 // out = exp(g) (x - T bg) + (1 - T) o + T bg.
 #import index
 #import expose_params
 
-// Rows of (log gains, -), (offsets, -): the target's first.
+/// Rows of (log gains, -), (offsets, -): the target's first.
 @group(0) @binding(0) var<storage, read> exposures: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> image: array<f32>;
 @group(0) @binding(2) var<storage, read> transmittance: array<f32>;

@@ -1,3 +1,6 @@
+//! Gradient by the image; sums of those by the exposure.
+#set train
+#stage other
 // A fixed number of workgroups, each over its share of the pixels: the gradient by the image, v_x = exp(g) v, and sums of those
 // by log gains and offsets. The transmittance is a constant.
 #import reduce
@@ -8,7 +11,7 @@
 @group(0) @binding(2) var<storage, read> transmittance: array<f32>;
 @group(0) @binding(3) var<storage, read> v_exposed: array<f32>;
 @group(0) @binding(4) var<storage, read_write> v_image: array<f32>;
-// Two a workgroup.
+/// Two a workgroup.
 @group(0) @binding(5) var<storage, read_write> partials: array<vec4<f32>>;
 
 @compute @workgroup_size(256)

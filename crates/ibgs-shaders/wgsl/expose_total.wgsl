@@ -1,3 +1,6 @@
+//! Gradient by the exposure.
+#set train
+#stage other
 // One workgroup: gradient by a photo's exposure from the workgroups' sums, with that of a pull towards none, so that the photos'
 // exposures have a mean that stays.
 #import reduce

@@ -1,11 +1,14 @@
+//! Warped colours in the target's exposure.
+#set render
+#stage other
 // One thread a pixel: each warped colour from its source's exposure to the target's, exp(g_0 - g_s) (y - o_s) + o_0.
 #import index
 #import seen
 #import visible_params
 
-// Rows of (log gains, -), (offsets, -): the target's, then the sources'.
+/// Rows of (log gains, -), (offsets, -): the target's, then the sources'.
 @group(0) @binding(0) var<storage, read> exposures: array<vec4<f32>>;
-// [V, P, 4]: colour and cosine.
+/// [V, P, 4]: colour and cosine.
 @group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> seen: array<u32>;
 @group(0) @binding(3) var<storage, read_write> shifted: array<vec4<f32>>;

@@ -1,3 +1,6 @@
+//! Gradient by the warped colours in the sources' exposures.
+#set train
+#stage other
 // One thread a pixel: v_y = exp(g_0 - g_s) v. The exposures are constants.
 #import index
 #import seen

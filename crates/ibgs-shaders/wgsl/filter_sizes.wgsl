@@ -1,17 +1,24 @@
+//! Sizes of the 3D smoothing filters.
+#set train
+#stage other
 // One thread a Gaussian: the size of its 3D smoothing filter (Yu et al., "Mip-Splatting", CVPR 2024), a standard deviation that the
 // nearest training camera can just resolve: `factor` pixels of that camera at the Gaussian's distance.
 #import index
 
+/// Sizes of the 3D smoothing filters.
 struct FilterParams {
+    /// Number of Gaussians.
     count: u32,
+    /// Number of cameras.
     cameras: u32,
+    /// Size of a filter in pixels of the nearest camera.
     factor: f32,
 }
 
 var<immediate> params: FilterParams;
 
 @group(0) @binding(0) var<storage, read> means: array<f32>;
-// Centre of each training camera, and its larger focal length in pixels.
+/// Centre of each training camera, and its larger focal length in pixels.
 @group(0) @binding(1) var<storage, read> cameras: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> filters: array<f32>;
 

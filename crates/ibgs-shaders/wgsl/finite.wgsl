@@ -1,12 +1,12 @@
+//! Values that are not finite, counted.
+#set train
+#stage other
 // One thread a value: counts the values that are not finite. It tests their bits, because compilers may assume that
 // floats are finite.
 #import index
 
-struct FiniteParams {
-    count: u32,
-}
-
-var<immediate> params: FiniteParams;
+/// Number of values.
+var<immediate> count: u32;
 
 @group(0) @binding(0) var<storage, read> values: array<u32>;
 @group(0) @binding(1) var<storage, read_write> broken: array<atomic<u32>>;
@@ -20,7 +20,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let i = linear_workgroup(wid, groups) * 256u + local;
-    if i < params.count && (values[i] & EXPONENT) == EXPONENT {
+    if i < count && (values[i] & EXPONENT) == EXPONENT {
         atomicAdd(&broken[0], 1u);
     }
 }

@@ -1,3 +1,6 @@
+//! 3 x 3 convolution on the matrix units, forward or gradient by the input.
+#set matrix
+#stage unet
 // A 3 x 3 convolution with zero padding on the matrix units, over one or two inputs (two: a concatenation that is never
 // stored), or with weights packed for it the gradient by the input; channels last in half precision, sums in float32
 // (method.md section 6).
@@ -9,23 +12,31 @@
 #import half
 #import half_conv_tile
 
+/// A 3 x 3 convolution on the matrix units.
 struct HalfConvParams {
-    // Size of the output, and of what input a is read from.
+    /// Size of the output in pixels.
     size: vec2<u32>,
+    /// Size of what input a is read from.
     source: vec2<u32>,
+    /// As [`ConvParams::mode`].
     mode: u32,
-    // Values a pixel, with padding: of input a and of input b (0: there is none) divided by 8, of the output divided by 4.
+    /// Values a pixel of input a, with padding, divided by 8.
     pairs_a: u32,
+    /// The same of input b; 0: there is none.
     pairs_b: u32,
+    /// Values a pixel of the output, with padding, divided by 4.
     quads_out: u32,
+    /// Output channels.
     outputs: u32,
-    // First bias.
+    /// First bias.
     bias: u32,
-    // Where the packed weights begin, in groups of 4, and groups of SIDE outputs.
+    /// Where the packed weights begin, in groups of 4.
     packed: u32,
+    /// Groups of SIDE outputs of the packed weights.
     packed_groups: u32,
-    // What becomes of the sums.
+    /// As [`ConvParams::store`].
     store: u32,
+    /// Padding.
     pad: u32,
 }
 

@@ -1,3 +1,6 @@
+//! 3 x 3 convolution on the matrix units, partial sums of the gradient by weights and biases.
+#set matrix
+#stage unet_weights
 // Gradient of a 3 x 3 convolution's weights and biases on the matrix units: dW[tap][i][o] = sum over pixels of x[p + tap][i] v[p][o].
 //
 // A workgroup of nine subgroups, one a tap, walks through a part of the tiles of SIDE x SIDE / 2 pixels for 3 SIDE inputs (y of the
@@ -5,17 +8,23 @@
 #import half_weights_tile
 #import residual_source
 
+/// Gradient of a convolution's weights on the matrix units.
 struct HalfConvWeightsParams {
-    // Size of v and of the convolution's input, and of what the input is read from.
+    /// Size of input and output in pixels.
     size: vec2<u32>,
+    /// Size of what the input is read from.
     source: vec2<u32>,
+    /// As [`ConvParams::mode`].
     mode: u32,
-    // Channels of the input; values a pixel with padding, divided by 8, of input and v.
+    /// Input channels.
     inputs: u32,
+    /// The same with padding, divided by 8.
     pairs_in: u32,
+    /// Output channels with padding, divided by 8.
     pairs_out: u32,
-    // Workgroups that share the tiles.
+    /// Workgroups that share the image.
     splits: u32,
+    /// Padding.
     pad: u32,
 }
 
@@ -23,7 +32,7 @@ var<immediate> params: HalfConvWeightsParams;
 
 @group(0) @binding(0) var<storage, read> v: array<Pair>;
 @group(0) @binding(1) var<storage, read> input: array<Pair>;
-// [split][group of inputs][group of outputs][tap][input][output].
+/// [split][group of inputs][group of outputs][tap][input][output].
 @group(0) @binding(2) var<storage, read_write> partials: array<f32>;
 
 const THREADS: u32 = 9u * LANES;

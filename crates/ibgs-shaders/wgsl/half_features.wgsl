@@ -1,3 +1,6 @@
+//! As [`RESIDUAL_FEATURES_HALF`], with the per-view MLP on matrix units of 16 x 16.
+#set matrix
+#stage features
 // The input that residual_features_half.wgsl makes, with the per-view MLP on the matrix units.
 //
 // A lane is a pixel. The MLP is two products of matrices over the pixels of a subgroup: hidden = ReLU(W1 F), outputs = ReLU(W2 hidden +
@@ -12,7 +15,7 @@
 @group(0) @binding(3) var<storage, read> most_visible: array<u32>;
 @group(0) @binding(4) var<storage, read> centers: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
-// [pixel][48 / 4].
+/// [pixel][48 / 4].
 @group(0) @binding(6) var<storage, read_write> x: array<vec4<f16>>;
 
 const THREADS: u32 = 4u * LANES;

@@ -1,3 +1,6 @@
+//! Gradient of the per-view MLP, rows of weight gradients.
+#set matrix
+#stage features_backward
 // residual_features_backward.wgsl on the matrix units, for the mean and the mean by confidence over the sources: gradient of the
 // per-view MLP by the features and, summed over all pixels of a workgroup, by the MLP's weights.
 //
@@ -14,11 +17,11 @@
 @group(0) @binding(3) var<storage, read> most_visible: array<u32>;
 @group(0) @binding(4) var<storage, read> centers: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
-// Scaled gradient by the U-Net's input, [pixel][48 / 4].
+/// Scaled gradient by the U-Net's input, [pixel][48 / 4].
 @group(0) @binding(6) var<storage, read> v_x: array<vec4<f16>>;
-// (rgb, cosine) of each visible source, [visible][pixels].
+/// (rgb, cosine) of each visible source, [visible][pixels].
 @group(0) @binding(7) var<storage, read_write> v_features: array<vec4<f32>>;
-// Rows of MLP_WEIGHTS and CONFIDENCE_WEIGHTS, one a workgroup.
+/// Rows of MLP_WEIGHTS and CONFIDENCE_WEIGHTS, one a workgroup.
 @group(0) @binding(8) var<storage, read_write> partials: array<f32>;
 
 const SUBGROUPS: u32 = 4u;

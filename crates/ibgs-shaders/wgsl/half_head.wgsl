@@ -1,16 +1,24 @@
+//! The U-Net's last two layers on the matrix units.
+#set matrix
+#stage unet
 // The last two layers of the residual network on the matrix units: f = ReLU(1 x 1 of [d1, x]), output = 1 x 1 of f
 // (method.md section 6). A subgroup takes twice SIDE pixels; f passes through workgroup memory.
 #import half
 #import index
 
+/// The last two layers on the matrix units.
 struct HalfHeadParams {
+    /// Number of pixels.
     pixels: u32,
-    // First bias and first packed weight (in groups of 4) of f, then of the output.
+    /// First bias of the layer before the last.
     fuse_bias: u32,
+    /// Where its packed weights begin, in groups of 4.
     fuse: u32,
+    /// First bias of the last layer.
     last_bias: u32,
+    /// Where its packed weights begin, in groups of 4.
     last: u32,
-    // 1: f is kept.
+    /// 1: the input of the last layer is kept.
     keep: u32,
 }
 

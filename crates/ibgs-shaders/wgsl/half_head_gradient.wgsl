@@ -1,12 +1,18 @@
+//! Gradient by the input of the U-Net's last layer.
+#set matrix
+#stage unet_backward
 // One thread four channels of a pixel, so that neighbours write side by side: the scaled gradient by the output in half precision,
 // and the gradient by f through the last layer and the ReLU of f.
 #import half
 #import index
 
+/// Gradient by the last layer's input.
 struct HalfHeadGradientParams {
+    /// Number of pixels.
     pixels: u32,
-    // First weight of the last layer.
+    /// First weight of the last layer.
     last: u32,
+    /// Gradients are multiplied by this, so that halves hold them.
     scale: f32,
 }
 
@@ -15,8 +21,9 @@ var<immediate> params: HalfHeadGradientParams;
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
 @group(0) @binding(1) var<storage, read> v_residual: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> f: array<vec4<f16>>;
-// Channels last, padded to 16 and 48.
+/// Channels last, padded to 16.
 @group(0) @binding(3) var<storage, read_write> v_out: array<vec4<f16>>;
+/// Channels last, padded to 48.
 @group(0) @binding(4) var<storage, read_write> v_f: array<vec4<f16>>;
 
 const WIDTH: u32 = NETWORK_CHANNELS;

@@ -1,16 +1,23 @@
+//! 1 x 1 convolution on the matrix units, partial sums of the gradient by weights and biases.
+#set matrix
+#stage unet_weights
 // Gradient of a 1 x 1 convolution's weights and biases on the matrix units: dW[i][o] = sum over pixels of x[p][i] v[p][o].
 //
 // A workgroup of nine subgroups walks through a part of the pixels, 3 SIDE at a time, for 3 SIDE inputs (y of the workgroup) and
 // 3 SIDE outputs (z): a subgroup SIDE inputs by SIDE outputs.
 #import half_weights_tile
 
+/// Gradient of a 1 x 1 convolution's weights on the matrix units.
 struct HalfLinearWeightsParams {
+    /// Pixels of input and output.
     pixels: u32,
-    // Channels of the input; values a pixel with padding, divided by 8, of input and v.
+    /// Input channels.
     inputs: u32,
+    /// The same with padding, divided by 8.
     pairs_in: u32,
+    /// Output channels with padding, divided by 8.
     pairs_out: u32,
-    // Workgroups that share the pixels.
+    /// Workgroups that share the image.
     splits: u32,
 }
 
@@ -18,7 +25,7 @@ var<immediate> params: HalfLinearWeightsParams;
 
 @group(0) @binding(0) var<storage, read> v: array<Pair>;
 @group(0) @binding(1) var<storage, read> input: array<Pair>;
-// [split][group of inputs][group of outputs][input][output].
+/// [split][group of inputs][group of outputs][input][output].
 @group(0) @binding(2) var<storage, read_write> partials: array<f32>;
 
 const THREADS: u32 = 9u * LANES;

@@ -1,23 +1,31 @@
+//! Rows of the matrix units' partial sums into the flat weight gradient.
+#set matrix
+#stage unet_weights
 // Adds the partial sums of a layer's weight gradient in a fixed order, takes the scale back, and puts the result where the
 // layer's weights and biases lie.
 #import index
 
+/// Sum of rows of the partial sums of matrix units.
 struct HalfSumParams {
-    // Rows of partial sums.
+    /// Rows.
     splits: u32,
-    // Groups of 3 SIDE inputs and of 3 SIDE outputs; taps: 9 or 1.
+    /// Groups of 3 SIDE input channels.
     groups_in: u32,
+    /// Groups of 3 SIDE output channels.
     groups_out: u32,
+    /// 9 or 1.
     taps: u32,
-    // Channels of this input and of the output.
+    /// Input channels.
     inputs: u32,
+    /// Output channels.
     outputs: u32,
-    // Where the first weight's gradient goes, and the distance between outputs.
+    /// Where the first weight's gradient goes.
     into: u32,
+    /// Distance to the next output's.
     stride: u32,
-    // Where the biases' go; 0: nowhere.
+    /// Where the biases' go; 0: nowhere.
     bias: u32,
-    // Inverse of the gradients' scale.
+    /// Inverse of the gradients' scale.
     unscale: f32,
 }
 

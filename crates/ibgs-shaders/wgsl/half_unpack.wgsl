@@ -1,12 +1,18 @@
+//! Gradients in half precision to planes.
+#set matrix
+#stage unet_backward
 // One thread a pixel: scaled gradients in half precision, channels last, to planes in float32.
 #import index
 
+/// Gradients in half precision to planes.
 struct HalfUnpackParams {
+    /// Number of pixels.
     pixels: u32,
+    /// Number of planes.
     channels: u32,
-    // Values a pixel with padding, divided by 4.
+    /// Values a pixel with padding, divided by 4.
     quads: u32,
-    // Inverse of the scale.
+    /// Inverse of the gradients' scale.
     unscale: f32,
 }
 

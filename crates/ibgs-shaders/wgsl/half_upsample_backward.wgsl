@@ -1,8 +1,11 @@
+//! Gradient of the enlargement by nearest in half precision.
+#set matrix
+#stage unet_backward
 // As residual_upsample_backward in half precision, channels last: one thread four channels of a pixel before the enlargement.
 #import half_resize
 
 @group(0) @binding(0) var<storage, read> v_enlarged: array<vec4<f16>>;
-// Activation in, gradient out.
+/// Activation in, gradient out.
 @group(0) @binding(1) var<storage, read_write> v: array<vec4<f16>>;
 
 @compute @workgroup_size(256)

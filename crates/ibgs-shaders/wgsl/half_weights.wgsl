@@ -1,32 +1,45 @@
+//! All layers' weights to half precision in the order in which the matrix units read them.
+#set matrix
+#stage unet
 // One thread four inputs of an output and tap: the weights of all layers in float32 to matrices in half precision, [input channels /
 // SIDE][tap][outputs / SIDE][output][input], padded with zeros. For the gradient by the input the layer's outputs are the inputs
 // here and the other way round, and the taps are turned by half a circle.
 #import half
 #import index
 
+/// A layer's weights for the matrix units.
 struct HalfWeights {
-    // First weight; distances between the weights of neighbouring outputs and inputs.
+    /// First weight.
     weights: u32,
+    /// Distance between the weights of neighbouring outputs.
     stride_out: u32,
+    /// Distance between the weights of neighbouring inputs.
     stride_in: u32,
+    /// Taps: 9 or 1.
     taps: u32,
-    // 1: taps turned.
+    /// 1: the taps turned by half a circle.
     turned: u32,
-    // Channels of input a, and with padding; those of b, and of both with padding.
+    /// Channels of input a.
     channels_a: u32,
+    /// Channels of input a with padding.
     padded_a: u32,
+    /// Channels of input b.
     channels_b: u32,
+    /// Channels of both inputs with padding.
     padded: u32,
+    /// Output channels.
     outputs: u32,
-    // Groups of SIDE outputs.
+    /// Groups of SIDE outputs.
     groups: u32,
-    // Where the result begins, in groups of 4; in rising order.
+    /// Where the result begins, in groups of 4; rises from layer to layer.
     into: u32,
 }
 
+/// All layers' weights for the matrix units.
 struct HalfWeightsParams {
+    /// How many layers there are.
     layers: u32,
-    // Groups of 4 in all.
+    /// Groups of 4 weights in all.
     quads: u32,
 }
 

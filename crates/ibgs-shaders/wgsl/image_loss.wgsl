@@ -1,12 +1,15 @@
+//! L1 + SSIM, forward.
+#set train
+#stage image_loss
 // One workgroup a tile and channel: |x - y|, SSIM, and the derivatives of SSIM by its windowed moments.
 #import ssim_moments
 #import reduce
 
 @group(0) @binding(0) var<storage, read> image: array<f32>;
 @group(0) @binding(1) var<storage, read> photo: array<u32>;
-// Nine planes: for each channel dSSIM/d(mu_x), /d(E[x x]), /d(E[x y]).
+/// Nine planes: for each channel dSSIM/d(mu_x), /d(E[x x]), /d(E[x y]).
 @group(0) @binding(2) var<storage, read_write> moments: array<f32>;
-// (sum |x - y|, sum SSIM, sum of squared errors of the clamped image, 0) of each workgroup.
+/// (sum |x - y|, sum SSIM, sum of squared errors of the clamped image, 0) of each workgroup.
 @group(0) @binding(3) var<storage, read_write> partials: array<vec4<f32>>;
 
 @compute @workgroup_size(TILE, TILE)

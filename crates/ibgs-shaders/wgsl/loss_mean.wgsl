@@ -1,9 +1,15 @@
+//! A loss that is a weighted mean, from the workgroups' sums.
+#set train
+#stage other
 // One workgroup: loss = weight * sum / count over the workgroups' (sum, count), 0 when nothing counts.
 // stats = (loss, count).
 #import reduce
 
+/// A loss that is a weighted mean.
 struct MeanParams {
+    /// Partial sums.
     count: u32,
+    /// Weight of the mean.
     weight: f32,
 }
 

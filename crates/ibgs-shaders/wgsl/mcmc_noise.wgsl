@@ -1,13 +1,19 @@
+//! Random steps of the means.
+#set train
+#stage other
 // One thread a Gaussian: a random step of its mean (Kheradmand et al., 2024): its covariance times a normal vector, large
 // only while the Gaussian is nearly transparent.
 #import index
 #import quaternion
 #import hash
 
+/// Random steps of the means.
 struct McmcNoiseParams {
+    /// Number of Gaussians.
     count: u32,
-    // Of this iteration.
+    /// Seed of this iteration.
     seed: u32,
+    /// Gain of the steps of a transparent Gaussian.
     strength: f32,
 }
 

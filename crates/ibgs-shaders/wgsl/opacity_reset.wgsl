@@ -1,9 +1,14 @@
+//! Opacity clamped from above.
+#set train
+#stage other
 // One thread a Gaussian: opacity clamped from above, Adam moments cleared (method.md section 7).
 #import index
 
+/// Opacity reset.
 struct OpacityResetParams {
+    /// Number of Gaussians.
     count: u32,
-    // The logit that no opacity may exceed.
+    /// The logit that no opacity may exceed.
     limit: f32,
 }
 

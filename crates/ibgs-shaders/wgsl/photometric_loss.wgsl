@@ -1,3 +1,6 @@
+//! SSIM of a photo and the images warped to it, forward, one visible source.
+#set train
+#stage photometric_loss
 // One workgroup a tile and channel of one of the visible sources: SSIM of the photo y and of x, the warped image where it
 // counts and the photo elsewhere, summed over the pixels that count, and the derivatives of SSIM by its windowed moments. A
 // pixel counts where that source is there, its depth agrees, and the photo is valid there. A masked part of the photo is
@@ -6,13 +9,13 @@
 #import reduce
 #import seen
 
-// [V, P, 4]: colour and cosine.
+/// [V, P, 4]: colour and cosine.
 @group(0) @binding(0) var<storage, read> warped: array<f32>;
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
-// Nine planes: for each channel dSSIM/d(mu_x), /d(E[x x]), /d(E[x y]); zero where the pixel does not count.
+/// Nine planes: for each channel dSSIM/d(mu_x), /d(E[x x]), /d(E[x y]); zero where the pixel does not count.
 @group(0) @binding(3) var<storage, read_write> moments: array<f32>;
-// (sum of 1 - SSIM, pixels that count) of each workgroup, source by source.
+/// (sum of 1 - SSIM, pixels that count) of each workgroup, source by source.
 @group(0) @binding(4) var<storage, read_write> partials: array<vec2<f32>>;
 
 @compute @workgroup_size(TILE, TILE)

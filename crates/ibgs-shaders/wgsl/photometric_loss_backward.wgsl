@@ -1,3 +1,6 @@
+//! SSIM of a photo and the images warped to it, gradient by the warped colours, one visible source.
+#set train
+#stage photometric_loss_backward
 // One workgroup a tile and channel of one of the visible sources: gradient of the photometric loss by the warped colours, times the
 // upstream scalar; zero where a pixel does not count. The cosine beside the colour has none.
 #import ssim_maps
@@ -7,7 +10,7 @@
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
 @group(0) @binding(3) var<storage, read> moments: array<f32>;
-// (loss, pixels and channels that count in all of them).
+/// (loss, pixels and channels that count in all of them).
 @group(0) @binding(4) var<storage, read> stats: array<f32>;
 @group(0) @binding(5) var<storage, read> v_loss: array<f32>;
 @group(0) @binding(6) var<storage, read_write> v_warped: array<f32>;

@@ -1,40 +1,53 @@
+//! Depth of each pixel by comparing photos on planes.
+#set train
+#stage other
 // One thread a pixel: the plane, parallel to the image, on which the photos of other views agree best with the pixel's
 // surroundings (plane sweep: Collins, 1996). A source's score on a plane is the correlation of 5 x 5 brightnesses, normalised by mean
 // and variance; the pixel's score is the mean of the best three sources. Planes are even in inverse depth.
 #import photo
 
+/// A plane sweep.
 struct SweepParams {
+    /// Image size in pixels.
     size: vec2<u32>,
+    /// Number of planes, at least 2.
     planes: u32,
+    /// Number of sources.
     sources: u32,
+    /// Focal lengths in pixels.
     focal: vec2<f32>,
-    // Pixel-index coordinates: the pixel with index x lies at x.
+    /// Principal point minus one half: the pixel with index x lies at x.
     principal: vec2<f32>,
-    // Inverse depths of the first and the last plane.
+    /// Inverse depth of the first plane.
     nearest: f32,
+    /// Inverse depth of the last plane, above 0.
     farthest: f32,
+    /// Padding.
     pad: vec2<u32>,
 }
 
+/// A source of a plane sweep, in a buffer.
 struct SweepSource {
-    // Rows of [R | t]: x_source = R x_target + t.
-    row0: vec4<f32>,
-    row1: vec4<f32>,
-    row2: vec4<f32>,
+    /// Rows of [R | t] with `x_source = R x_target + t`.
+    rows: array<vec4<f32>, 3>,
+    /// Focal lengths in pixels.
     focal: vec2<f32>,
+    /// Principal point minus one half.
     principal: vec2<f32>,
+    /// Photo size in pixels, at least 2 each.
     size: vec2<u32>,
-    // First texel in `photos`.
+    /// First texel of its photo among all.
     offset: u32,
+    /// Padding.
     pad: u32,
 }
 
 var<immediate> params: SweepParams;
 
-// The target's photo, then those of the sources.
+/// The target's photo, then those of the sources.
 @group(0) @binding(0) var<storage, read> photos: array<u32>;
 @group(0) @binding(1) var<storage, read> sources: array<SweepSource>;
-// (view depth, score); the score is under 0 where nothing was found.
+/// (view depth, score); the score is under 0 where nothing was found.
 @group(0) @binding(2) var<storage, read_write> found: array<vec2<f32>>;
 
 const RADIUS: i32 = 2;
@@ -76,8 +89,8 @@ fn correlation(index: u32, pixel: vec2<u32>, depth: f32, own: ptr<function, arra
     for (var tap = 0u; tap < TAPS; tap++) {
         let offset = vec2(i32(tap % 5u), i32(tap / 5u)) - RADIUS;
         let ray = vec3((vec2<f32>(vec2<i32>(pixel) + offset) - params.principal) / params.focal, 1.0) * depth;
-        let point = vec3(dot(source.row0.xyz, ray), dot(source.row1.xyz, ray), dot(source.row2.xyz, ray))
-            + vec3(source.row0.w, source.row1.w, source.row2.w);
+        let point = vec3(dot(source.rows[0].xyz, ray), dot(source.rows[1].xyz, ray), dot(source.rows[2].xyz, ray))
+            + vec3(source.rows[0].w, source.rows[1].w, source.rows[2].w);
         if point.z <= 0.0 {
             return NOTHING;
         }

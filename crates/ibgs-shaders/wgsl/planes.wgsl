@@ -1,3 +1,6 @@
+//! Plane of each Gaussian in camera space.
+#set render
+#stage planes
 // One thread a Gaussian: its plane as the camera sees it, n_c and D_c (method.md section 3). All zero, which no ray
 // meets, where the normal has no direction or a value is not finite.
 #import index
@@ -7,7 +10,7 @@
 @group(0) @binding(0) var<storage, read> means: array<f32>;
 @group(0) @binding(1) var<storage, read> normals: array<f32>;
 @group(0) @binding(2) var<storage, read> plane_offsets: array<f32>;
-// (n_c, D_c)
+/// (n_c, D_c).
 @group(0) @binding(3) var<storage, read_write> planes: array<vec4<f32>>;
 
 @compute @workgroup_size(256)

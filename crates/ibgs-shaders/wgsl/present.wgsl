@@ -1,17 +1,23 @@
+//! A part of a frame as 8-bit colours.
+#set render
+#stage other
 // One thread a pixel: a part of a frame as 8-bit colours for the screen, as the pictures of the host show it. Rows are padded to
 // `stride` pixels, as copies into textures ask for.
 #import index
 
+/// What is shown of a frame.
 struct PresentParams {
+    /// Width and height.
     size: vec2<u32>,
-    // Pixels from one row to the next.
+    /// Pixels from one row to the next.
     stride: u32,
+    /// A [`crate::Presented`].
     mode: u32,
-    // Depth of the brightest and of the darkest colour.
+    /// Depth of the brightest and of the darkest colour.
     range: vec2<f32>,
-    // Number of sources that has the brightest colour.
+    /// Number of sources that has the brightest colour.
     most: u32,
-    // Factor by which differences are shown.
+    /// Differences are amplified by this factor.
     gain: f32,
 }
 
@@ -20,7 +26,7 @@ var<immediate> params: PresentParams;
 @group(0) @binding(0) var<storage, read> values: array<f32>;
 @group(0) @binding(1) var<storage, read> others: array<f32>;
 @group(0) @binding(2) var<storage, read> words: array<u32>;
-// 256 colours, from dark to bright.
+/// 256 colours, from dark to bright.
 @group(0) @binding(3) var<storage, read> palette: array<u32>;
 @group(0) @binding(4) var<storage, read_write> pixels: array<u32>;
 

@@ -1,3 +1,6 @@
+//! Culling, projection, colour, tile counts.
+#set render
+#stage project
 // One thread a Gaussian: cull, project, colour, number of tiles touched (method.md section 2).
 #import project
 

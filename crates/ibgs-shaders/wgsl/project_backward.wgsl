@@ -1,3 +1,6 @@
+//! Gradient of the projection by the raw parameters.
+#set train
+#stage project_backward
 // One thread a Gaussian: carries the gradient from the projected quantities to the raw parameters (method.md sections 1 and 2).
 // sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance). In between the threads
 // share the workgroup's coefficients, one after the other as they lie in memory.
@@ -20,7 +23,7 @@
 @group(0) @binding(9) var<storage, read_write> v_log_scales: array<f32>;
 @group(0) @binding(10) var<storage, read_write> v_opacity_logits: array<f32>;
 @group(0) @binding(11) var<storage, read_write> v_sh: array<f32>;
-// (x, y, |x|, |y|) by the projected mean in pixels, for densification.
+/// (x, y, |x|, |y|) by the projected mean in pixels, for densification.
 @group(0) @binding(12) var<storage, read_write> v_screen: array<vec4<f32>>;
 @group(0) @binding(13) var<storage, read> filters: array<f32>;
 

@@ -1,8 +1,11 @@
+//! As [`PROJECT`], with spherical harmonics in half precision.
+#set render
+#stage project
 // One thread a Gaussian: cull, project, colour, number of tiles touched (method.md section 2).
 // The coefficients are halves.
 #import project
 
-// Three words for two coefficients: (r, g), (b, r), (g, b).
+/// Three words for two coefficients: (r, g), (b, r), (g, b).
 @group(0) @binding(4) var<storage, read> sh: array<u32>;
 
 // The number of a half's 16 bits, by hand: some drivers lack the built-in function. Infinities and NaNs stay what they are.

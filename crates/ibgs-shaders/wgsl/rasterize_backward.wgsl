@@ -1,3 +1,6 @@
+//! Gradient of the blending by the projected quantities, a row an intersection.
+#set train
+#stage blend_backward
 // Gradient of rasterize.wgsl by the projected Gaussians.
 #import frame
 #import tile
@@ -9,9 +12,11 @@
 @group(0) @binding(4) var<storage, read> final_t: array<f32>;
 @group(0) @binding(5) var<storage, read> last_entry: array<u32>;
 @group(0) @binding(6) var<storage, read> v_image: array<f32>;
-// Rows: (r, g, b, opacity), (x, y, |x|, |y|), (xx, xy, yy of the covariance, 0).
+/// (r, g, b, opacity), a row an intersection, as in the next two.
 @group(0) @binding(7) var<storage, read_write> v_isect_color: array<vec4<f32>>;
+/// (x, y, |x|, |y|).
 @group(0) @binding(8) var<storage, read_write> v_isect_xy: array<vec4<f32>>;
+/// (xx, xy, yy of the covariance, 0).
 @group(0) @binding(9) var<storage, read_write> v_isect_cov: array<vec4<f32>>;
 
 #import blend_backward

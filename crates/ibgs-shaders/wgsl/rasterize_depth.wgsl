@@ -1,3 +1,6 @@
+//! Median depth alone.
+#set render
+#stage depth_maps
 // The median depth alone (method.md section 3).
 #define PLANES
 #import surface

@@ -1,3 +1,6 @@
+//! Opaque ellipsoids.
+#set render
+#stage blend
 // Every Gaussian as an opaque ellipsoid with a hard edge, darker towards it. Of those that cover a pixel the first of its tile's
 // list shows: the one whose centre is nearest. One workgroup a tile, one thread a pixel.
 #import frame

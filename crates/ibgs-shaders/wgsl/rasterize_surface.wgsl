@@ -1,3 +1,6 @@
+//! Alpha blending with normal map, median intersections and median depth.
+#set train
+#stage blend
 // Front-to-back alpha blending of the colour (method.md section 2), and beside it the normal map, the K median intersections and
 // the median depth (section 3).
 #define COLOR
@@ -14,12 +17,12 @@
 @group(0) @binding(4) var<storage, read_write> image: array<f32>;
 @group(0) @binding(5) var<storage, read_write> final_t: array<f32>;
 @group(0) @binding(6) var<storage, read_write> last_entry: array<u32>;
-// Sum of w n_c, three values a pixel.
+/// Sum of w n_c, three values a pixel.
 @group(0) @binding(7) var<storage, read_write> normal_map: array<f32>;
 @group(0) @binding(8) var<storage, read_write> median_depth: array<f32>;
-// K planes of (view depth, weight), front to back; weight 0 = empty.
+/// K planes of (view depth, weight), front to back; weight 0 = empty.
 @group(0) @binding(9) var<storage, read_write> intersections: array<vec2<f32>>;
-// Their entries in the tile's list.
+/// Their entries in the tile's list.
 @group(0) @binding(10) var<storage, read_write> intersection_entries: array<u32>;
 
 #import blend

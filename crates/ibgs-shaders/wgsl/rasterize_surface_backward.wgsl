@@ -1,3 +1,6 @@
+//! Gradient of the blending with surface by projected quantities and planes, a row an intersection.
+#set train
+#stage blend_backward
 // Gradient of rasterize_surface.wgsl by the projected Gaussians and their planes.
 #define INTERSECTIONS
 #import surface
@@ -17,10 +20,13 @@
 @group(0) @binding(11) var<storage, read> v_normal_map: array<f32>;
 @group(0) @binding(12) var<storage, read> v_median_depth: array<f32>;
 @group(0) @binding(13) var<storage, read> v_intersections: array<vec2<f32>>;
-// Rows: (r, g, b, opacity), (x, y, |x|, |y|), (xx, xy, yy of the covariance, 0), (n_c, D_c).
+/// (r, g, b, opacity), a row an intersection, as in the next three.
 @group(0) @binding(14) var<storage, read_write> v_isect_color: array<vec4<f32>>;
+/// (x, y, |x|, |y|).
 @group(0) @binding(15) var<storage, read_write> v_isect_xy: array<vec4<f32>>;
+/// (xx, xy, yy of the covariance, 0).
 @group(0) @binding(16) var<storage, read_write> v_isect_cov: array<vec4<f32>>;
+/// (n_c, D_c).
 @group(0) @binding(17) var<storage, read_write> v_isect_plane: array<vec4<f32>>;
 
 #import blend_backward

@@ -1,3 +1,6 @@
+//! Alpha blending with normal map, median intersections and median depth, without what gradients need.
+#set render
+#stage blend
 // As rasterize_surface, without the list entries that gradients need.
 #define COLOR
 #define PLANES
@@ -11,10 +14,10 @@
 @group(0) @binding(3) var<storage, read> tile_ranges: array<u32>;
 @group(0) @binding(4) var<storage, read_write> image: array<f32>;
 @group(0) @binding(5) var<storage, read_write> final_t: array<f32>;
-// Sum of w n_c, three values a pixel.
+/// Sum of w n_c, three values a pixel.
 @group(0) @binding(6) var<storage, read_write> normal_map: array<f32>;
 @group(0) @binding(7) var<storage, read_write> median_depth: array<f32>;
-// K planes of (view depth, weight), front to back; weight 0 = empty.
+/// K planes of (view depth, weight), front to back; weight 0 = empty.
 @group(0) @binding(8) var<storage, read_write> intersections: array<vec2<f32>>;
 
 #import blend

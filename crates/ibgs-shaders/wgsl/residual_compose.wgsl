@@ -1,3 +1,6 @@
+//! Base colour, sources and the network's output to the final colour.
+#set render
+#stage compose
 // One thread a pixel: the final colour from base colour and the network's output, which is resized to the image's size with
 // corners aligned (method.md section 6).
 #import index
@@ -5,7 +8,7 @@
 #import residual_difference
 
 @group(0) @binding(0) var<storage, read> most_visible: array<u32>;
-// Visible sources of the pixels.
+/// Visible sources of the pixels.
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> base: array<f32>;
 @group(0) @binding(3) var<storage, read> warped: array<vec4<f32>>;

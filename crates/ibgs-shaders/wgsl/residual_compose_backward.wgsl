@@ -1,3 +1,6 @@
+//! Gradient of the composition.
+#set train
+#stage compose_backward
 // One thread a pixel of either size: gradient of the final colour by the network's output, and by the base colour as far as it does
 // not pass through the sources' mean difference. The resize is transposed as a gather.
 #import index
@@ -5,7 +8,7 @@
 #import residual_difference
 
 @group(0) @binding(0) var<storage, read> most_visible: array<u32>;
-// Visible sources of the pixels.
+/// Visible sources of the pixels.
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read> base: array<f32>;
 @group(0) @binding(3) var<storage, read> warped: array<vec4<f32>>;

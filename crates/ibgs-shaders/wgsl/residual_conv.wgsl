@@ -1,3 +1,6 @@
+//! 3 x 3 convolution, forward or gradient by the input.
+#set render
+#stage unet
 // A 3 x 3 convolution with zero padding over one or two inputs (two: a concatenation that is never stored), forward or,
 // with the strides of the weights exchanged and the taps turned, the gradient by the input (method.md section 6).
 //
@@ -7,26 +10,35 @@
 // branch, and all of its register indices are constants.
 #import residual_conv_tile
 
+/// A 3 x 3 convolution or its gradient by the input.
 struct ConvParams {
-    // Size of input and output.
+    /// Size of input and output in pixels.
     size: vec2<u32>,
-    // Size of what input a is read from.
+    /// Size of what input a is read from.
     source: vec2<u32>,
+    /// How input a is read: a [`crate::ConvInput`].
     mode: u32,
+    /// Channels of input a.
     channels_a: u32,
+    /// Channels of input b, behind those of a.
     channels_b: u32,
+    /// Output channels, at most 40.
     outputs: u32,
-    // First weight; distances between the weights of neighbouring outputs and inputs; 1: taps turned by half a circle.
+    /// First weight.
     weights: u32,
+    /// Distance between the weights of neighbouring outputs.
     stride_out: u32,
+    /// Distance between the weights of neighbouring inputs.
     stride_in: u32,
+    /// 1: the taps turned by half a circle.
     turned: u32,
-    // First bias.
+    /// First bias.
     bias: u32,
-    // What becomes of the sums.
+    /// A [`crate::Store`].
     store: u32,
-    // Groups of 20 outputs: 1 or 2.
+    /// Groups of 20 outputs: 1 or 2.
     groups: u32,
+    /// Padding.
     pad: u32,
 }
 

@@ -1,19 +1,25 @@
+//! 3 x 3 convolution, partial sums of the gradient by weights and biases.
+#set train
+#stage unet_weights
 // Gradient of a 3 x 3 convolution's weights and biases: dW[o][i][tap] = sum over pixels of v[o][p] x[i][p + tap].
 //
 // Each workgroup walks through a part of the 16 x 2 pixel tiles and writes one row of partial sums. A thread owns
 // 4 outputs x 2 inputs x 9 taps (18 registers of four outputs) and slides along the tile's rows four pixels at a time.
 #import residual_weights_tile
 
+/// Gradient of a 3 x 3 convolution's weights.
 struct ConvWeightsParams {
-    // Size of v and of the convolution's input.
+    /// Size of input and output in pixels.
     size: vec2<u32>,
-    // Size of what the input is read from.
+    /// Size of what the input is read from.
     source: vec2<u32>,
+    /// As [`ConvParams::mode`].
     mode: u32,
-    // Channels of the input and of v, at most 38.
+    /// Input channels, at most 38.
     inputs: u32,
+    /// Output channels, at most 38.
     outputs: u32,
-    // Workgroups that share the tiles.
+    /// Workgroups that share the image.
     splits: u32,
 }
 
@@ -21,7 +27,7 @@ var<immediate> params: ConvWeightsParams;
 
 @group(0) @binding(0) var<storage, read> v: array<f32>;
 @group(0) @binding(1) var<storage, read> input: array<f32>;
-// [split][outputs * inputs * 9 weights, then outputs biases].
+/// [split][outputs * inputs * 9 weights, then outputs biases].
 @group(0) @binding(2) var<storage, read_write> partials: array<f32>;
 
 // Four pixels' gradients (4 outputs each) times their inputs, added.

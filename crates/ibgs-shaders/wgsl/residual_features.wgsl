@@ -1,7 +1,10 @@
+//! Features and per-view MLP: the U-Net's input.
+#set render
+#stage features
 // The U-Net's input as planes in float32.
 #import residual_features_main
 
-// Planes [38][pixels].
+/// Planes [38][pixels].
 @group(0) @binding(6) var<storage, read_write> x: array<f32>;
 
 fn put(channel: u32, i: u32, v: vec4<f32>) {

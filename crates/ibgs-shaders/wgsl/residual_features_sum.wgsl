@@ -1,12 +1,17 @@
+//! Sum of the rows of weight gradients of [`RESIDUAL_FEATURES_BACKWARD`].
+#set train
+#stage features_backward
 // Sums the workgroups' gradients of the per-view MLP and of the confidence in a fixed order: 32 weights a workgroup, eight threads each.
 
+/// Sum of the per-view MLP's gradients.
 struct FeatureSumParams {
-    // Weights a row.
+    /// Weights a row.
     count: u32,
-    // Rows.
+    /// Rows.
     groups: u32,
-    // Weights of a row that lie at the front of the network's, and where the others lie.
+    /// Weights of a row that lie at the front of the network's.
     first: u32,
+    /// Where the others lie.
     rest: u32,
 }
 

@@ -1,3 +1,6 @@
+//! The U-Net's last two layers.
+#set render
+#stage unet
 // One thread four pixels: f and the output of the U-Net's last two layers.
 #import index
 #import residual_head_kernel

@@ -1,3 +1,6 @@
+//! The U-Net's last two layers, partial sums of the gradient by weights and biases.
+#set train
+#stage unet_weights
 // Gradients of the weights and biases of the U-Net's last two layers. Each workgroup walks through a part of the image
 // in blocks of 32 pixels and writes one row of partial sums; a thread owns 4 outputs x 4 inputs of the first layer.
 #import residual_head
@@ -7,7 +10,7 @@
 @group(0) @binding(2) var<storage, read> x: array<f32>;
 @group(0) @binding(3) var<storage, read> f: array<f32>;
 @group(0) @binding(4) var<storage, read> v_residual: array<vec4<f32>>;
-// [split][38 * 76 weights, 38 biases, 4 * 38 weights, 4 biases].
+/// [split][38 * 76 weights, 38 biases, 4 * 38 weights, 4 biases].
 @group(0) @binding(5) var<storage, read_write> partials: array<f32>;
 
 const BLOCK: u32 = 32u;

@@ -1,3 +1,6 @@
+//! Gradient by warped colours, cosines and base colour.
+#set train
+#stage features_backward
 // One thread a pixel of the image: the resize of features and base colour transposed as a gather, then the gradient by
 // warped colours and cosines (assigned) and by the base colour (added). With OUTPUT_GATED also through the sources' mean
 // difference.
@@ -7,7 +10,7 @@
 
 @group(0) @binding(0) var<storage, read> seen: array<u32>;
 @group(0) @binding(1) var<storage, read> most_visible: array<u32>;
-// Planes [38][pixels of the network's size].
+/// Planes [38][pixels of the network's size].
 @group(0) @binding(2) var<storage, read> v_x: array<f32>;
 @group(0) @binding(3) var<storage, read> v_features: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> base: array<f32>;

@@ -1,23 +1,28 @@
+//! The final colour towards the sources' mean colour.
+#set render
+#stage compose
 // One thread a pixel: moves the final colour towards the mean colour of the sources that see its point, the more of them look
 // from about the same direction and agree in depth.
 #import index
 #import seen
 
+/// The sources' share in the final colour.
 struct MixParams {
+    /// Number of pixels.
     pixels: u32,
-    // Visible sources a pixel, V.
+    /// Visible sources a pixel, V.
     visible: u32,
-    // Most weight of the mean.
+    /// Most weight of the sources' mean colour.
     share: f32,
-    // Distance of the unit viewing directions at which a source counts 1/e.
+    /// Distance of the unit viewing directions at which a source counts 1/e.
     angle: f32,
-    // What stands against the sources' weights.
+    /// What stands against the sources' weights.
     doubt: f32,
 }
 
 var<immediate> params: MixParams;
 
-// V planes of (r, g, b, cosine).
+/// V planes of (r, g, b, cosine).
 @group(0) @binding(0) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
 @group(0) @binding(2) var<storage, read_write> image: array<f32>;

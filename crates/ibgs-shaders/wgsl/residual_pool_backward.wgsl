@@ -1,11 +1,17 @@
+//! Gradient of the 2 x 2 maximum.
+#set train
+#stage unet_backward
 // One thread a value before the 2 x 2 maximum: adds the gradient of the maximum where the value is the first largest of
 // its window, then passes the whole through the value's own ReLU.
 #import index
 
+/// Gradient of the 2 x 2 maximum.
 struct PoolParams {
-    // Size before the maximum.
+    /// Size before the maximum in pixels.
     size: vec2<u32>,
+    /// Channels.
     channels: u32,
+    /// Padding.
     pad: u32,
 }
 

@@ -1,18 +1,26 @@
+//! Rows of partial sums into the flat weight gradient.
+#set train
+#stage unet_weights
 // Adds the rows of partial sums in a fixed order and puts the result where the layer's weights and biases lie.
 #import index
 
+/// Sum of rows of partial sums.
 struct SumParams {
-    // Rows of partial sums, and values a row.
+    /// Rows.
     splits: u32,
+    /// Values a row.
     stride: u32,
-    // The first `rows * length` values of a row are weights: `length` for each output.
+    /// Outputs of the layer: the first `rows * length` values of a row are weights.
     rows: u32,
+    /// Weights of an output.
     length: u32,
-    // Where the first output's go, and the distance to the next output's.
+    /// Where the first output's weights go.
     target_offset: u32,
+    /// Distance to the next output's.
     target_stride: u32,
-    // Where the values behind the weights go, and how many are wanted.
+    /// Where the biases go.
     bias: u32,
+    /// How many of them are wanted.
     biases: u32,
 }
 

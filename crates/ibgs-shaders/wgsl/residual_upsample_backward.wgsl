@@ -1,20 +1,26 @@
+//! Gradient of the enlargement by nearest.
+#set train
+#stage unet_backward
 // One thread a value before the enlargement: the sum of the gradients of its copies takes the value's place where its own
 // ReLU lets it pass.
 #import index
 
+/// Gradient of the enlargement.
 struct UpsampleParams {
-    // Size after the enlargement.
+    /// Size after the enlargement in pixels.
     size: vec2<u32>,
-    // Size before it.
+    /// Size before it.
     source: vec2<u32>,
+    /// Channels.
     channels: u32,
+    /// Padding.
     pad: u32,
 }
 
 var<immediate> params: UpsampleParams;
 
 @group(0) @binding(0) var<storage, read> v_enlarged: array<f32>;
-// Activation in, gradient out.
+/// Activation in, gradient out.
 @group(0) @binding(1) var<storage, read_write> v: array<f32>;
 
 @compute @workgroup_size(256)

@@ -1,3 +1,6 @@
+//! Prefix sum, grand total.
+#set render
+#stage sort
 // Second step: exclusive prefix sum inside every block, plus the sum of the blocks before, which each workgroup adds up by itself: that
 // takes less time than a launch in between. The last block writes the grand total.
 #import index
@@ -16,7 +19,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let block = linear_workgroup(wid, groups);
-    let blocks = (scan.count + SCAN_BLOCK - 1u) / SCAN_BLOCK;
+    let blocks = (count + SCAN_BLOCK - 1u) / SCAN_BLOCK;
     var before = 0u;
     for (var k = local; k < min(block, blocks); k += 256u) {
         before += block_sums[k];
@@ -24,7 +27,7 @@ fn main(
     let start = scan_block(local, before).total;
     // Each thread has values in a row.
     let first = block * SCAN_BLOCK + local * (SCAN_BLOCK / 256u);
-    let behind = min(first + SCAN_BLOCK / 256u, scan.count);
+    let behind = min(first + SCAN_BLOCK / 256u, count);
     var own = 0u;
     for (var i = first; i < behind; i++) {
         own += values[i];

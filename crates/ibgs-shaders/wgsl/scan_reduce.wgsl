@@ -1,3 +1,6 @@
+//! Prefix sum, block sums.
+#set render
+#stage sort
 // First step of the prefix sum: the sum of every block of SCAN_BLOCK elements.
 #import index
 #import scan_block
@@ -16,12 +19,12 @@ fn main(
     var sum = 0u;
     for (var k = 0u; k < SCAN_BLOCK / 256u; k++) {
         let i = block * SCAN_BLOCK + k * 256u + local;
-        if i < scan.count {
+        if i < count {
             sum += values[i];
         }
     }
     let result = scan_block(local, sum);
-    if local == 0u && block * SCAN_BLOCK < scan.count {
+    if local == 0u && block * SCAN_BLOCK < count {
         block_sums[block] = result.total;
     }
 }

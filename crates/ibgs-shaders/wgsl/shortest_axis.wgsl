@@ -1,3 +1,6 @@
+//! Plane normals from the shortest axes.
+#set render
+#stage other
 // One thread a Gaussian: its plane's normal becomes its shortest axis, its offset 0 (method.md section 1).
 #import index
 #import frame

@@ -1,2 +1,5 @@
+//! Gradients of each Gaussian's intersections, summed.
+#set train
+#stage project_backward
 // Sums of the gradients of each Gaussian's intersections.
 #import sum_rows

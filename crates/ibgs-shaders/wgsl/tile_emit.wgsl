@@ -1,3 +1,6 @@
+//! Tile of each intersection, its place in the tile's list, its Gaussian.
+#set render
+#stage sort
 // One thread an intersection, by Gaussians and by rows of tiles within a Gaussian: its tile, its place among that tile's
 // intersections, and its Gaussian. The place is by chance; `tile_sort` brings order. The Gaussian is found in the scanned offsets, so
 // that a thread takes equally long for a Gaussian that covers the whole image.
@@ -12,7 +15,7 @@
 @group(0) @binding(3) var<storage, read_write> isect_tiles: array<u32>;
 @group(0) @binding(4) var<storage, read_write> isect_places: array<u32>;
 @group(0) @binding(5) var<storage, read_write> isect_to_gaussian: array<u32>;
-// Zeros before: entries of each tile's list.
+/// Zeros before: entries of each tile's list.
 @group(0) @binding(6) var<storage, read_write> list_lengths: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> tile_counts: array<atomic<u32>>;
 

@@ -1,3 +1,6 @@
+//! Intersections into the lists of their tiles.
+#set render
+#stage sort
 // One thread an intersection: into the list of its tile, with the bits of its Gaussian's depth as the key of the sort. Depths are
 // positive, so that their bits are in the same order.
 #import index
@@ -9,7 +12,7 @@
 @group(0) @binding(3) var<storage, read> isect_places: array<u32>;
 @group(0) @binding(4) var<storage, read> isect_to_gaussian: array<u32>;
 @group(0) @binding(5) var<storage, read> tile_ranges: array<u32>;
-// (depth key, emission index) of each.
+/// (depth key, emission index) of each.
 @group(0) @binding(6) var<storage, read_write> list: array<vec2<u32>>;
 
 @compute @workgroup_size(256)

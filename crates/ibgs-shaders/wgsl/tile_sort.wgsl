@@ -1,3 +1,6 @@
+//! Each tile's list by depth.
+#set render
+#stage sort
 // One workgroup a tile: its list by depth. Equal depths come by emission index, which is the order of the Gaussians; as no two
 // entries are equal, the order is the same however the list was filled. Blocks of SORT_BLOCK entries are sorted in registers
 // (bitonic: every step compares and swaps pairs, the smaller entry to the front), four in a row a thread, or one in short lists.
@@ -8,9 +11,9 @@
 
 @group(0) @binding(0) var<storage, read> tile_ranges: array<u32>;
 @group(0) @binding(1) var<storage, read> isect_to_gaussian: array<u32>;
-// (depth key, emission index) of each.
+/// (depth key, emission index) of each.
 @group(0) @binding(2) var<storage, read_write> list: array<vec2<u32>>;
-// Keys of merged blocks, then the Gaussians.
+/// Keys of merged blocks, then the Gaussians.
 @group(0) @binding(3) var<storage, read_write> sorted_gaussians: array<u32>;
 @group(0) @binding(4) var<storage, read_write> sorted_isects: array<u32>;
 

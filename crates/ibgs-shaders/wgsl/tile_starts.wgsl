@@ -1,3 +1,6 @@
+//! Start and end of each tile's list.
+#set render
+#stage sort
 // One workgroup: where each tile's list starts and ends, and in which order workgroups take the tiles: long lists first, sorted by
 // eighths of a power of two. Which of two lists as long comes first is by chance, and nothing depends on it. Behind the last tile
 // stands the list of the tile that does not exist. The lengths are zeros again afterwards, for the next pass.
@@ -5,7 +8,7 @@
 #import scan_block
 
 @group(0) @binding(0) var<storage, read_write> list_lengths: array<u32>;
-// (start, end) of each tile, then the tiles in their order.
+/// (start, end) of each tile, then the tiles in their order.
 @group(0) @binding(1) var<storage, read_write> tile_ranges: array<u32>;
 
 // Lists of a thread in a row.

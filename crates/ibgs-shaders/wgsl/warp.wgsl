@@ -1,3 +1,6 @@
+//! Colours of one source photo at the median intersections, visibility, packing.
+#set render
+#stage warp
 // One thread a pixel, one source a dispatch, in order: reads the source's photo where the median intersections fall,
 // decides by depth whether the source sees the pixel's point, and packs it (method.md section 5). Departs from the published
 // code (method.md 10.5): the depth test decides.
@@ -5,17 +8,17 @@
 #import seen
 
 @group(0) @binding(0) var<storage, read> median_depth: array<f32>;
-// K planes of (view depth, weight).
+/// K planes of (view depth, weight).
 @group(0) @binding(1) var<storage, read> intersections: array<vec2<f32>>;
-// RGBA8; a read that touches a texel with alpha under one half does not count.
+/// RGBA8; a read that touches a texel with alpha under one half does not count.
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
-// The source's own median depth.
+/// The source's own median depth.
 @group(0) @binding(3) var<storage, read> source_depth: array<f32>;
-// V planes of (r, g, b, cosine).
+/// V planes of (r, g, b, cosine).
 @group(0) @binding(4) var<storage, read_write> warped: array<vec4<f32>>;
-// One byte a visible source.
+/// One byte a visible source.
 @group(0) @binding(5) var<storage, read_write> seen: array<u32>;
-// [0]: visible sources of the pixel that has most.
+/// [0]: visible sources of the pixel that has most.
 @group(0) @binding(6) var<storage, read_write> most_visible: array<atomic<u32>>;
 
 var<workgroup> most: atomic<u32>;

@@ -1,3 +1,6 @@
+//! Gradient of one source's warping by the median intersections and the median depth.
+#set train
+#stage warp_backward
 // One thread a pixel, one source a dispatch: adds the gradients by the median intersections and by the median depth. Departs
 // from the published code: the bilinear read is differentiated as it was done (method.md 10.3), and the cosine has a
 // derivative (10.4).
@@ -10,7 +13,7 @@
 @group(0) @binding(3) var<storage, read> warped: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> seen: array<u32>;
 @group(0) @binding(5) var<storage, read> v_warped: array<vec4<f32>>;
-// By (view depth, weight).
+/// By (view depth, weight).
 @group(0) @binding(6) var<storage, read_write> v_intersections: array<vec2<f32>>;
 @group(0) @binding(7) var<storage, read_write> v_median_depth: array<f32>;
 

@@ -4,12 +4,18 @@
 //     (z_r + z_l) (z_t + z_b) / (fx fy) * m,    m = (fx p, -fy q, -1 - (x - cx) p + (y - cy) q),
 // so Nd = m / |m|. Written so there is no difference of nearly equal points, and since m . r_center = -1 the normal
 // always faces the camera. The kernel declares `depth`.
+
+/// The normal loss.
 struct SurfaceParams {
+    /// Image size in pixels.
     size: vec2<u32>,
+    /// Focal lengths in pixels.
     focal: vec2<f32>,
-    // Pixel-index coordinates: the pixel with index x lies at x.
+    /// Principal point minus one half: the pixel with index x lies at x.
     principal: vec2<f32>,
+    /// Weight of the loss.
     weight: f32,
+    /// Padding.
     pad: f32,
 }
 

@@ -1,31 +1,37 @@
-// What one target view needs; the Rust twin is `ibgs_shaders::types::ViewUniforms`.
+/// One target view.
 struct ViewUniforms {
-    // Rows of [R | t]: x_view = R x_world + t.
+    /// Rows of [R | t] with `x_view = R x_world + t`.
     row0: vec4<f32>,
+    /// Second row.
     row1: vec4<f32>,
+    /// Third row.
     row2: vec4<f32>,
+    /// Focal lengths in pixels.
     focal: vec2<f32>,
-    // Principal point in pixel-index coordinates (u - 0.5): the pixel with index x lies at x.
+    /// Principal point minus one half: the pixel with index x lies at x.
     principal: vec2<f32>,
-    // Camera centre, world space.
+    /// Camera centre in world space.
     center: vec3<f32>,
-    // Number of Gaussians.
+    /// Number of Gaussians.
     count: u32,
-    // Image size in pixels.
+    /// Image size in pixels.
     size: vec2<u32>,
-    // Gaussians whose hash with the seed is smaller are left out; 0: none.
+    /// Gaussians whose hash with the seed is smaller are left out; 0: none.
     dropout_below: u32,
+    /// Seed of that hash.
     dropout_seed: u32,
+    /// Background colour.
     background: vec3<f32>,
-    // Active spherical-harmonics degree, at most the stored one.
+    /// Active spherical-harmonics degree, at most the stored one.
     sh_degree: u32,
-    // Stored coefficients a channel.
+    /// Stored coefficients a channel.
     sh_coefficients: u32,
-    // Length of the intersection buffers.
+    /// Length of the intersection buffers.
     capacity: u32,
-    // Half side of the box that a Gaussian is cut by, in standard deviations: 3 as published; 0: none, alpha >= 1/255 everywhere.
+    /// Half side of the box that a Gaussian is cut by, in standard deviations: 3 as published; 0: none, alpha >=
+    /// 1/255 everywhere.
     box_sigma: f32,
-    // x/z and y/z are clamped to this many tan(half field of view) in the projection's Jacobian.
+    /// x/z and y/z are clamped to this many tan(half field of view) in the projection's Jacobian.
     tangent_limit: f32,
 }
 

@@ -2,12 +2,15 @@
 #import half
 #import index
 
+/// Gradient of the 2 x 2 maximum or of the enlargement.
 struct HalfResizeParams {
-    // Larger and smaller size.
+    /// The larger size.
     size: vec2<u32>,
+    /// The smaller size.
     source: vec2<u32>,
-    // Values a pixel, divided by 4.
+    /// Values a pixel, divided by 4.
     quads: u32,
+    /// Padding.
     pad: u32,
 }
 

@@ -12,10 +12,10 @@
 @group(0) @binding(1) var<storage, read> rotations: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> log_scales: array<f32>;
 @group(0) @binding(3) var<storage, read> opacity_logits: array<f32>;
-// Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
+/// Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
 @group(0) @binding(5) var<storage, read_write> projected: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> tile_counts: array<u32>;
-// Size of each Gaussian's 3D smoothing filter; 0: none.
+/// Size of each Gaussian's 3D smoothing filter; 0: none.
 @group(0) @binding(7) var<storage, read> filters: array<f32>;
 
 fn load3(i: u32) -> vec3<f32> {

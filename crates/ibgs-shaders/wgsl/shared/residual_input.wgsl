@@ -4,29 +4,35 @@
 #import resize
 #import seen
 
+/// Input of the residual network.
 struct FeatureParams {
-    // Rows of R with x_view = R x_world + t.
+    /// Rows of R with `x_view = R x_world + t`; the fourth number is not used.
     row0: vec4<f32>,
+    /// Second row.
     row1: vec4<f32>,
+    /// Third row.
     row2: vec4<f32>,
+    /// Focal lengths in pixels.
     focal: vec2<f32>,
-    // Principal point minus one half: the pixel with index x lies at x.
+    /// Principal point minus one half: the pixel with index x lies at x.
     principal: vec2<f32>,
+    /// Image size in pixels.
     size: vec2<u32>,
-    // Size at which the network runs.
+    /// Size at which the network runs.
     low: vec2<u32>,
-    // Visible sources a pixel, V.
+    /// Visible sources a pixel, at most four.
     visible: u32,
-    // What the network sees: see INPUTS_*.
+    /// A [`crate::NetworkInputs`].
     inputs: u32,
-    // How the features of the sources become one: see AGGREGATION_*.
+    /// An [`crate::Aggregation`].
     aggregation: u32,
-    // Workgroups of the backward pass.
+    /// Workgroups of the backward pass.
     groups: u32,
-    // Inverse of the scale of gradients in half precision.
+    /// Inverse of the scale of gradients in half precision.
     unscale: f32,
-    // What the network gives: see OUTPUT_*.
+    /// An [`crate::Output`].
     output: u32,
+    /// Padding.
     pad: vec2<u32>,
 }
 

@@ -1,17 +1,19 @@
 // How the residual network's output becomes the final colour.
 #import seen
 
+/// The final colour.
 struct ComposeParams {
+    /// Image size in pixels.
     size: vec2<u32>,
-    // Size at which the network ran.
+    /// Size at which the network ran.
     low: vec2<u32>,
-    // Factor of the base colour (burn-in).
+    /// Factor of the base colour (burn-in).
     gain: f32,
-    // What the network gives: see OUTPUT_*.
+    /// An [`crate::Output`].
     output: u32,
-    // 1: pixels that see no source have the base colour.
+    /// 1: pixels that see no source have the base colour.
     seen_only: u32,
-    // Visible sources a pixel, V.
+    /// Visible sources a pixel, V.
     visible: u32,
 }
 

@@ -1,6 +1,2 @@
-struct ScanLength {
-    // Elements to scan.
-    count: u32,
-}
-
-var<immediate> scan: ScanLength;
+/// Number of values.
+var<immediate> count: u32;

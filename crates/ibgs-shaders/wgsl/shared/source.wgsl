@@ -1,29 +1,37 @@
-// Where points of a target view fall in one source view (method.md section 5); the Rust twin is
-// `ibgs_shaders::types::SourceParams`.
+/// One source view beside a target view.
 struct SourceParams {
-    // Rows of [R | t]: x_source = R x_target + t.
+    /// Rows of [R | t] that take the target's view space to the source's.
     row0: vec4<f32>,
+    /// Second row.
     row1: vec4<f32>,
+    /// Third row.
     row2: vec4<f32>,
-    // Of the target.
+    /// The target's focal lengths in pixels.
     focal: vec2<f32>,
+    /// The target's principal point, as in [`SurfaceUniforms`].
     principal: vec2<f32>,
-    // Of the source: its texel with index x lies at x.
+    /// The source's focal lengths in pixels.
     source_focal: vec2<f32>,
+    /// The source's principal point: its texel with index x lies at x.
     source_principal: vec2<f32>,
+    /// The target's size in pixels.
     size: vec2<u32>,
+    /// The source's size in pixels.
     source_size: vec2<u32>,
-    // Number of the source among the target's.
+    /// Number of the source among the target's sources.
     index: u32,
-    // Visible sources V and median intersections K.
+    /// Visible sources a pixel, V.
     visible: u32,
+    /// Median intersections a pixel.
     intersections: u32,
-    // Depths that differ by less than this part agree.
+    /// The depths of source and point agree when they differ by less than this part of the latter.
     agreement: f32,
-    // Sources are packed whose depths differ by less than this many times the depth limit: 1, or up to 5 where a confidence
-    // weighs them.
+    /// A source is packed when they differ by less than this many times that: 1, or up to 5 where a confidence weighs
+    /// the sources.
     reach: f32,
+    /// Unused.
     pad0: u32,
+    /// Unused.
     pad1: vec2<u32>,
 }
 

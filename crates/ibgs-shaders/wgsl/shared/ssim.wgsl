@@ -1,17 +1,22 @@
 // Shared pieces of the losses with SSIM (method.md section 7): an 11 x 11 Gaussian window, separable, zero padding.
 #import photo
 
+/// The image loss and the photometric loss.
 struct LossParams {
+    /// Image size in pixels.
     size: vec2<u32>,
+    /// Image size in tiles.
     tiles: vec2<u32>,
-    // Colour behind the photo of an object.
+    /// Colour behind the photo of an object.
     background: vec3<f32>,
-    // 1: the photo shows an object over the background, and alpha says how much of it; 0: alpha under one half is masked.
+    /// 1: the photo shows an object over the background, and alpha says how much of it; 0: alpha under one half is
+    /// masked.
     object: u32,
-    // Weight of 1 - SSIM; L1 has the rest.
+    /// Weight of 1 - SSIM; L1 has the rest.
     lambda: f32,
-    // Index m among the V visible sources of the warped image; 0 in the image loss.
+    /// Index m among the V visible sources of the warped image; 0 in the image loss.
     visible_index: u32,
+    /// Padding.
     pad: vec2<u32>,
 }
 

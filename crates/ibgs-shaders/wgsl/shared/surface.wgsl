@@ -1,12 +1,16 @@
-// Rays and planes of a target view (method.md section 3); the Rust twin is `ibgs_shaders::types::SurfaceUniforms`.
+/// Rays and planes of a target view.
 struct SurfaceUniforms {
+    /// Background colour.
     background: vec3<f32>,
-    // Median intersections a pixel, K: even, 2 to 8.
+    /// Median intersections a pixel, K: even, 2 to 8.
     intersections: u32,
+    /// Focal lengths in pixels.
     focal: vec2<f32>,
-    // The ray of the pixel with index x passes through (x - principal) / focal.
+    /// The ray of the pixel with index x passes through (x - principal) / focal.
     principal: vec2<f32>,
+    /// Image size in pixels.
     size: vec2<u32>,
+    /// Image size in tiles.
     tiles: vec2<u32>,
 }
 

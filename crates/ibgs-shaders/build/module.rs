@@ -1,0 +1,100 @@
+//! A kernel's module, as naga reads it.
+
+use super::header::Header;
+use super::layout::{Reader, Struct, is_for_kernels_alone, lines, wgsl_type};
+use naga::front::wgsl::{Frontend, Options};
+use naga::{AddressSpace, GlobalVariable, Module, StorageAccess, TypeInner};
+
+/// What the host must know of a kernel.
+pub struct Description {
+    pub name: String,
+    pub header: Header,
+    pub shape: Shape,
+}
+
+/// What all forms of a kernel have in common.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// In binding order.
+    pub bindings: Vec<Binding>,
+    pub workgroup: [u32; 3],
+    /// Rust type of the immediate data, and its size in bytes.
+    pub immediates: Option<(String, u32)>,
+    /// Structs that the host needs.
+    pub structs: Vec<Struct>,
+}
+
+/// A storage buffer of a kernel.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Binding {
+    pub name: String,
+    pub doc: Vec<String>,
+    /// Type in WGSL.
+    pub ty: String,
+    pub writes: bool,
+}
+
+impl Shape {
+    /// Reads a kernel's complete text.
+    pub fn of(kernel: &str, text: &str) -> Self {
+        // naga finds `///` only where no other comment comes before it.
+        let is_comment = |line: &&str| line.trim_start().starts_with("//") && !line.trim_start().starts_with("///");
+        let text = &text.lines().filter(|line| !is_comment(line)).collect::<Vec<_>>().join("\n");
+        let options = Options { parse_doc_comments: true, ..Options::new() };
+        let module = Frontend::new_with_options(options)
+            .parse(text)
+            .unwrap_or_else(|e| panic!("wgsl/{kernel}.wgsl: {}", e.emit_to_string(text)));
+        let [entry] = &module.entry_points[..] else { panic!("wgsl/{kernel}.wgsl has not one entry point") };
+        assert!(entry.name == "main", "wgsl/{kernel}.wgsl: the entry point is called `{}`, not main", entry.name);
+        let mut reader = Reader { kernel, module: &module, found: Vec::new() };
+        let (mut bindings, mut immediates) = (Vec::new(), None);
+        for (handle, variable) in module.global_variables.iter() {
+            match variable.space {
+                AddressSpace::Immediate => immediates = Some(reader.host_type(variable.ty)),
+                AddressSpace::Storage { access } => {
+                    let comments = module.doc_comments.as_deref();
+                    let doc = lines(comments.and_then(|all| all.global_variables.get(&handle)));
+                    bindings.push(binding(kernel, &module, variable, doc, access));
+                    if let Some(values) = host_filled(&module, variable, access) {
+                        reader.host_type(values);
+                    }
+                }
+                _ => assert!(variable.binding.is_none(), "wgsl/{kernel}.wgsl: only storage buffers can be bound"),
+            }
+        }
+        let structs = reader.found;
+        Self { bindings: in_order(kernel, bindings), workgroup: entry.workgroup_size, immediates, structs }
+    }
+}
+
+/// The struct of which a buffer that is read alone is an array, where the host can fill it.
+fn host_filled(module: &Module, variable: &GlobalVariable, access: StorageAccess) -> Option<naga::Handle<naga::Type>> {
+    let TypeInner::Array { base, .. } = module.types[variable.ty].inner else { return None };
+    let is_struct = matches!(module.types[base].inner, TypeInner::Struct { .. });
+    let reads_alone = !access.contains(StorageAccess::STORE);
+    (is_struct && reads_alone && !is_for_kernels_alone(module, base)).then_some(base)
+}
+
+fn binding(
+    kernel: &str,
+    module: &Module,
+    variable: &GlobalVariable,
+    doc: Vec<String>,
+    access: StorageAccess,
+) -> (u32, Binding) {
+    let name = variable.name.clone().unwrap_or_default();
+    let Some(at) = variable.binding else { panic!("wgsl/{kernel}.wgsl: buffer {name} has no @binding") };
+    assert!(at.group == 0, "wgsl/{kernel}.wgsl: buffer {name} is not in group 0");
+    let writes = access.contains(StorageAccess::STORE);
+    (at.binding, Binding { name, doc, ty: wgsl_type(module, variable.ty), writes })
+}
+
+fn in_order(kernel: &str, mut bindings: Vec<(u32, Binding)>) -> Vec<Binding> {
+    bindings.sort_by_key(|(at, _)| *at);
+    let bindings = bindings.into_iter().enumerate().map(|(index, (at, binding))| {
+        let name = &binding.name;
+        assert!(at as usize == index, "wgsl/{kernel}.wgsl: buffer {name} has number {at} and should have {index}");
+        binding
+    });
+    bindings.collect()
+}

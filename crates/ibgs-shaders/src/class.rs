@@ -1,0 +1,93 @@
+//! What the header of a kernel's file says of it.
+
+/// Makes the enums with the names of their variants.
+macro_rules! named {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)* })*) => {
+        $(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            pub enum $name {
+                $($(#[$variant_doc])* $variant,)*
+            }
+
+            impl $name {
+                /// All of them.
+                pub const ALL: &[Self] = &[$(Self::$variant),*];
+
+                /// Its name in the header of a kernel's file.
+                pub fn name(self) -> &'static str {
+                    match self {
+                        $(Self::$variant => $text,)*
+                    }
+                }
+            }
+        )*
+    };
+}
+
+named! {
+    /// Who needs a kernel, and so what of a device it may use.
+    KernelSet {
+        /// Rendering, which keeps to the limits of a browser.
+        Render = "render",
+        /// Training and measurements.
+        Train = "train",
+        /// The residual network in half precision, sums in float32, on [`MatrixUnits`](crate::MatrixUnits).
+        Matrix = "matrix",
+    }
+
+    /// The part of a frame or of a training iteration that a kernel belongs to. A kernel of several passes has the stage of the
+    /// first of them.
+    KernelStage {
+        /// Median depth maps of the sources.
+        DepthMaps = "depth_maps",
+        /// Culling, projection, colour.
+        Project = "project",
+        /// Prefix sum, tile intersections, lists of the tiles, each by depth.
+        Sort = "sort",
+        /// Planes in camera space.
+        Planes = "planes",
+        /// Alpha blending, with the surface where there is one.
+        Blend = "blend",
+        /// Colours of the sources at the median intersections.
+        Warp = "warp",
+        /// Features and per-view MLP.
+        Features = "features",
+        /// The U-Net.
+        UNet = "unet",
+        /// Base colour and residual to the final colour.
+        Compose = "compose",
+        /// L1 and SSIM, of base and final image.
+        ImageLoss = "image_loss",
+        /// Depth normals against the normal map.
+        NormalLoss = "normal_loss",
+        /// SSIM of photo and warped photos.
+        PhotometricLoss = "photometric_loss",
+        /// Gradient of the image loss.
+        ImageLossBackward = "image_loss_backward",
+        /// Gradient of the normal loss.
+        NormalLossBackward = "normal_loss_backward",
+        /// Gradient of the photometric loss.
+        PhotometricLossBackward = "photometric_loss_backward",
+        /// Gradient of the composition.
+        ComposeBackward = "compose_backward",
+        /// Gradient of the U-Net by activations.
+        UNetBackward = "unet_backward",
+        /// Gradient of the U-Net by weights.
+        UNetWeights = "unet_weights",
+        /// Gradient of features and MLP by inputs and weights.
+        FeaturesBackward = "features_backward",
+        /// Gradient of the warping.
+        WarpBackward = "warp_backward",
+        /// Gradient of the blending.
+        BlendBackward = "blend_backward",
+        /// Gradient of the planes.
+        PlanesBackward = "planes_backward",
+        /// Gradient of the projection.
+        ProjectBackward = "project_backward",
+        /// Adam for Gaussians and network.
+        Adam = "adam",
+        /// None of these.
+        Other = "other",
+    }
+}
