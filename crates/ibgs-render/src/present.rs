@@ -4,9 +4,9 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::picture::viridis;
 use crate::render::Frame;
 use crate::sources::DevicePhoto;
-use bytemuck::bytes_of;
+use ibgs_shaders::Presented;
+use ibgs_shaders::bindings::PresentBindings;
 use ibgs_shaders::types::PresentParams;
-use ibgs_shaders::{PRESENT, Presented};
 use std::sync::Arc;
 
 /// A part of a frame, in the colours of [`Picture`](crate::picture::Picture).
@@ -121,8 +121,8 @@ impl Presenter {
                 let values = &inputs.values;
                 let others = inputs.others.as_ref().unwrap_or(values);
                 let words = inputs.words.as_ref().unwrap_or(values);
-                let buffers = [values, others, words, &self.palette, &pixels];
-                pass.linear(&PRESENT, &buffers, bytes_of(&params), size[0] as usize * size[1] as usize);
+                let buffers = PresentBindings { values, others, words, palette: &self.palette, pixels: &pixels };
+                pass.linear(&buffers, &params, size[0] as usize * size[1] as usize);
             }
             None => pass.clear(&pixels),
         }

@@ -1,11 +1,10 @@
 //! The 3D smoothing filter of the training views: no Gaussian is narrower than the nearest of them can resolve, so that
 //! renders from other distances do not show detail that no photo has. Yu et al., "Mip-Splatting", CVPR 2024.
 
-use bytemuck::bytes_of;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::Splats;
-use ibgs_shaders::FILTER_SIZES;
+use ibgs_shaders::bindings::FilterSizesBindings;
 use ibgs_shaders::types::FilterParams;
 
 /// Finds the sizes of the filters.
@@ -33,12 +32,9 @@ impl FilterSizes {
     pub fn update(&self, gpu: &Gpu, splats: &Splats) {
         let params = FilterParams { count: splats.len() as u32, cameras: self.count, factor: self.factor };
         let mut pass = Pass::new(gpu, "filter sizes");
-        pass.linear(
-            &FILTER_SIZES,
-            &[&splats.parameters.means, &self.cameras, &splats.filters],
-            bytes_of(&params),
-            splats.len(),
-        );
+        let means = &splats.parameters.means;
+        let buffers = FilterSizesBindings { means, cameras: &self.cameras, filters: &splats.filters };
+        pass.linear(&buffers, &params, splats.len());
         pass.submit();
     }
 }

@@ -3,12 +3,11 @@
 use crate::autodiff::SplatGradients;
 use crate::tensor::{bind, primitive};
 use burn_cubecl::tensor::CubeTensor;
-use bytemuck::bytes_of;
 use ibgs_core::config::{AdamConfig, Method, TrainConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::{PerGaussian, Splats};
+use ibgs_shaders::bindings::{AdamBindings, FiniteBindings, OpacityResetBindings};
 use ibgs_shaders::types::{AdamParams, OpacityResetParams};
-use ibgs_shaders::{ADAM, FINITE, OPACITY_RESET};
 
 /// Tensors of the base colour and of the planes: normals and offsets.
 const BASE: usize = 5;
@@ -57,7 +56,8 @@ impl Learned {
 
     /// Records the count of the parameter's values that are not finite.
     fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
-        pass.linear(&FINITE, &[&self.parameter, broken], bytes_of(&(self.count as u32)), self.count);
+        let buffers = FiniteBindings { values: &self.parameter, broken };
+        pass.linear(&buffers, &(self.count as u32), self.count);
     }
 
     /// Reads the moments back.
@@ -95,8 +95,9 @@ impl Learned {
             correction2: correction(config.beta2),
             decay_rest: decay_rest as f32,
         };
-        let [first, second] = &self.moments;
-        pass.linear(&ADAM, &[&gradient, &self.parameter, first, second], bytes_of(&params), self.count);
+        let [moment1, moment2] = &self.moments;
+        let buffers = AdamBindings { gradient: &gradient, values: &self.parameter, moment1, moment2 };
+        pass.linear(&buffers, &params, self.count);
         // Else burn could take its memory for something new before the pass is submitted.
         pass.keep(gradient);
     }
@@ -229,8 +230,9 @@ impl Optimizer {
         let tensor = &self.tensors[OPACITY];
         let params = OpacityResetParams { count: tensor.count as u32, limit: (limit / (1.0 - limit)).ln() as f32 };
         let mut pass = Pass::new(gpu, "opacity reset");
-        let [first, second] = &tensor.moments;
-        pass.linear(&OPACITY_RESET, &[&tensor.parameter, first, second], bytes_of(&params), tensor.count);
+        let [moment1, moment2] = &tensor.moments;
+        let buffers = OpacityResetBindings { opacity_logits: &tensor.parameter, moment1, moment2 };
+        pass.linear(&buffers, &params, tensor.count);
         pass.submit();
     }
 }

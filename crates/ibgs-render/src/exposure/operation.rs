@@ -5,9 +5,12 @@ use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Forward;
 use crate::sources::{MAX_SOURCES, Warped};
-use bytemuck::{bytes_of, cast_slice};
+use bytemuck::cast_slice;
+use ibgs_shaders::EXPOSURE_GROUPS;
+use ibgs_shaders::bindings::{
+    ExposeBackwardBindings, ExposeBindings, ExposeTotalBindings, ExposeWarpedBackwardBindings, ExposeWarpedBindings,
+};
 use ibgs_shaders::types::ExposeParams;
-use ibgs_shaders::{EXPOSE, EXPOSE_BACKWARD, EXPOSE_TOTAL, EXPOSE_WARPED, EXPOSE_WARPED_BACKWARD, EXPOSURE_GROUPS};
 use std::sync::Arc;
 
 /// The exposures of a target view and of its sources on the device, in this order.
@@ -113,20 +116,22 @@ impl Exposures {
     pub fn record(&self, pass: &mut Pass, forward: &Forward, exposed: &Buffer) {
         pass.relabel(LABEL);
         let params = Self::params(forward);
-        let buffers: [&Buffer; 4] = [&self.room.rows, &forward.image, &forward.workspace.final_t, exposed];
-        pass.linear(&EXPOSE, &buffers, bytes_of(&params), params.pixels as usize);
+        let (exposures, image, transmittance) = (&self.room.rows, &forward.image, &forward.workspace.final_t);
+        let bindings = ExposeBindings { exposures, image, transmittance, exposed };
+        pass.linear(&bindings, &params, params.pixels as usize);
         pass.keep((self.clone(), forward.clone()));
     }
 
     /// The gradient by the image of a pass into `v_image` from that by the exposed one, `[H, W, 3]`, and that by the exposure
     /// itself into [`Exposures::v_target`]; none flows through the transmittance.
     pub fn backward(&self, forward: &Forward, v_exposed: &Buffer, v_image: &Buffer) {
-        let (room, params) = (&self.room, Self::params(forward));
+        let params = Self::params(forward);
         let mut pass = Pass::new(&self.gpu, "exposure backward");
-        let t = &forward.workspace.final_t;
-        let buffers: [&Buffer; 6] = [&room.rows, &forward.image, t, v_exposed, v_image, &room.partials];
-        pass.groups(&EXPOSE_BACKWARD, &buffers, bytes_of(&params), EXPOSURE_GROUPS as usize);
-        pass.groups(&EXPOSE_TOTAL, &[&room.rows, &room.partials, &room.v_target], &[], 1);
+        let Room { rows: exposures, partials, v_target: v_exposure } = &**self.room;
+        let (image, transmittance) = (&forward.image, &forward.workspace.final_t);
+        let bindings = ExposeBackwardBindings { exposures, image, transmittance, v_exposed, v_image, partials };
+        pass.groups(&bindings, &params, EXPOSURE_GROUPS as usize);
+        pass.groups(&ExposeTotalBindings { exposures, partials, v_exposure }, &(), 1);
         pass.submit();
     }
 
@@ -134,8 +139,13 @@ impl Exposures {
     pub fn record_warped(&self, pass: &mut Pass, warped: &Warped, exposed: &Buffer) {
         pass.relabel(LABEL);
         let params = warped.per_visible();
-        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.colors, &warped.seen.visible, exposed];
-        pass.linear(&EXPOSE_WARPED, &buffers, bytes_of(&params), params.pixels as usize);
+        let bindings = ExposeWarpedBindings {
+            exposures: &self.room.rows,
+            warped: &warped.colors,
+            seen: &warped.seen.visible,
+            shifted: exposed,
+        };
+        pass.linear(&bindings, &params, params.pixels as usize);
         pass.keep((self.clone(), warped.clone()));
     }
 
@@ -143,8 +153,13 @@ impl Exposures {
     pub fn warped_backward(&self, warped: &Warped, v_exposed: &Buffer, v_colors: &Buffer) {
         let params = warped.per_visible();
         let mut pass = Pass::new(&self.gpu, "exposure backward");
-        let buffers: [&Buffer; 4] = [&self.room.rows, &warped.seen.visible, v_exposed, v_colors];
-        pass.linear(&EXPOSE_WARPED_BACKWARD, &buffers, bytes_of(&params), params.pixels as usize);
+        let bindings = ExposeWarpedBackwardBindings {
+            exposures: &self.room.rows,
+            seen: &warped.seen.visible,
+            v_shifted: v_exposed,
+            v_warped: v_colors,
+        };
+        pass.linear(&bindings, &params, params.pixels as usize);
         pass.submit();
     }
 }

@@ -2,8 +2,7 @@
 
 use super::{Exposure, ROW, ROW_BYTES};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use bytemuck::bytes_of;
-use ibgs_shaders::ADAM;
+use ibgs_shaders::bindings::AdamBindings;
 use ibgs_shaders::types::AdamParams;
 use serde::{Deserialize, Serialize};
 
@@ -152,6 +151,7 @@ impl PhotoExposures {
             correction2: correction(self.adam.beta2),
             decay_rest: 0.0,
         };
-        pass.linear(&ADAM, &[gradient, &values, &first, &second], bytes_of(&params), ROW);
+        let bindings = AdamBindings { gradient, values: &values, moment1: &first, moment2: &second };
+        pass.linear(&bindings, &params, ROW);
     }
 }

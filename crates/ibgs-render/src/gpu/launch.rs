@@ -2,7 +2,8 @@
 
 use super::uniforms::Chunk;
 use super::{Buffer, Gpu, Mark};
-use ibgs_shaders::Kernel;
+use bytemuck::bytes_of;
+use ibgs_shaders::{Bindings, Kernel};
 use std::any::Any;
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -92,26 +93,24 @@ impl<'a> Pass<'a> {
     }
 
     /// Dispatches enough workgroups for `items` threads in a row.
-    pub fn linear(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], items: usize) {
-        let groups = items.div_ceil(kernel.workgroup[0] as usize);
-        self.groups(kernel, buffers, immediates, groups);
+    pub fn linear<'b, T: Bindings<'b, Buffer>>(&mut self, buffers: &T, params: &T::Params, items: usize) {
+        self.groups(buffers, params, items.div_ceil(T::KERNEL.workgroup[0] as usize));
     }
 
     /// Dispatches `groups` workgroups in a row, folded into two dimensions where the device's limit asks for it.
-    pub fn groups(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], groups: usize) {
+    pub fn groups<'b, T: Bindings<'b, Buffer>>(&mut self, buffers: &T, params: &T::Params, groups: usize) {
         let limit = self.gpu.limits.max_compute_workgroups_per_dimension as usize;
         let rows = groups.div_ceil(limit).max(1);
         let columns = groups.div_ceil(rows);
-        self.grid(kernel, buffers, immediates, [columns as u32, rows as u32, 1]);
+        self.grid(buffers, params, [columns as u32, rows as u32, 1]);
     }
 
     /// Dispatches a grid of workgroups; nothing when it is empty.
-    ///
-    /// # Panics
-    /// When the buffers do not fit the kernel's table entry: a bug of ours.
-    pub fn grid(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], grid: [u32; 3]) {
-        assert_eq!(buffers.len(), kernel.bindings.len(), "{}: bindings", kernel.name);
-        assert_eq!(immediates.len(), kernel.immediates as usize, "{}: immediates", kernel.name);
+    pub fn grid<'b, T: Bindings<'b, Buffer>>(&mut self, buffers: &T, params: &T::Params, grid: [u32; 3]) {
+        self.launch(T::KERNEL, buffers.in_order().as_ref(), bytes_of(params), grid);
+    }
+
+    fn launch(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], grid: [u32; 3]) {
         if grid.contains(&0) {
             return;
         }

@@ -1,7 +1,8 @@
 //! Exclusive prefix sum of u32 values.
 
 use super::{Buffer, Gpu, GpuError, Pass};
-use ibgs_shaders::{SCAN_APPLY, SCAN_BLOCK, SCAN_REDUCE};
+use ibgs_shaders::SCAN_BLOCK;
+use ibgs_shaders::bindings::{ScanApplyBindings, ScanReduceBindings};
 
 /// Scratch memory of a scan of at most `capacity` values.
 #[derive(Debug)]
@@ -23,10 +24,11 @@ impl Scan {
     /// Records `sums = exclusive prefix sum of values[..count]` and `total[0] = their sum` (modulo 2^32).
     pub fn record(&self, pass: &mut Pass, values: &Buffer, sums: &Buffer, total: &Buffer, count: usize) {
         assert!(count <= self.capacity, "scan scratch too small");
-        let length = (count as u32).to_ne_bytes();
+        let length = count as u32;
+        let block_sums = &self.block_sums;
         let blocks = count.div_ceil(SCAN_BLOCK as usize);
-        pass.groups(&SCAN_REDUCE, &[values, &self.block_sums], &length, blocks);
+        pass.groups(&ScanReduceBindings { values, block_sums }, &length, blocks);
         // Without values there still is a sum.
-        pass.groups(&SCAN_APPLY, &[values, &self.block_sums, sums, total], &length, blocks.max(1));
+        pass.groups(&ScanApplyBindings { values, block_sums, sums, total }, &length, blocks.max(1));
     }
 }

@@ -1,11 +1,12 @@
 //! The backward pass.
 
+use super::workspace::Workspace;
 use super::{Forward, tile_grid};
 use crate::gpu::{Buffer, Gpu, Pass};
 use crate::scene::{Harmonics, PerGaussian, Splats};
-use bytemuck::bytes_of;
-use ibgs_shaders::{
-    PLANES_BACKWARD, PROJECT_BACKWARD, RASTERIZE_BACKWARD, RASTERIZE_SURFACE_BACKWARD, SUM_ROWS, SUM_ROWS_SURFACE,
+use ibgs_shaders::bindings::{
+    PlanesBackwardBindings, ProjectBackwardBindings, RasterizeBackwardBindings, RasterizeSurfaceBackwardBindings,
+    SumRowsBindings, SumRowsSurfaceBindings,
 };
 
 /// Where the gradients of one backward pass go, float32; contents before are overwritten.
@@ -47,88 +48,123 @@ impl Forward {
         let ws = &self.workspace;
         let frame = &self.frame;
         let grid = tile_grid(frame);
-        let (list, isects) = (&ws.sorted_gaussians, &ws.sorted_isects);
+        let Workspace { projected, sorted_gaussians, sorted_isects, tile_ranges, final_t, last_entry, .. } = &***ws;
         match &self.surface {
             None => {
-                let [v_color, v_xy, v_cov] = [0, 1, 2].map(|i| &ws.rows[i]);
-                let blend: [&Buffer; 10] = [
-                    &ws.projected,
-                    list,
-                    isects,
-                    &ws.tile_ranges,
-                    &ws.final_t,
-                    &ws.last_entry,
+                let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &ws.rows[i]);
+                let blend = RasterizeBackwardBindings {
+                    projected,
+                    sorted_gaussians,
+                    sorted_isects,
+                    tile_ranges,
+                    final_t,
+                    last_entry,
                     v_image,
-                    v_color,
-                    v_xy,
-                    v_cov,
-                ];
-                pass.grid(&RASTERIZE_BACKWARD, &blend, bytes_of(frame), grid);
+                    v_isect_color,
+                    v_isect_xy,
+                    v_isect_cov,
+                };
+                pass.grid(&blend, frame, grid);
             }
             Some(s) => {
                 let v = s.v.as_ref().expect("a tracked surface has gradients");
-                let [v_color, v_xy, v_cov, v_plane] = [0, 1, 2, 3].map(|i| &ws.rows[i]);
-                let blend: [&Buffer; 18] = [
-                    &ws.projected,
-                    &s.planes,
-                    list,
-                    isects,
-                    &ws.tile_ranges,
-                    &ws.final_t,
-                    &ws.last_entry,
-                    &s.median_depth,
-                    &s.intersections,
-                    &v.entries,
+                let [v_isect_color, v_isect_xy, v_isect_cov, v_isect_plane] = [0, 1, 2, 3].map(|i| &ws.rows[i]);
+                let blend = RasterizeSurfaceBackwardBindings {
+                    projected,
+                    planes: &s.planes,
+                    sorted_gaussians,
+                    sorted_isects,
+                    tile_ranges,
+                    final_t,
+                    last_entry,
+                    median_depth: &s.median_depth,
+                    intersections: &s.intersections,
+                    intersection_entries: &v.entries,
                     v_image,
-                    &v.normal_map,
-                    &v.median_depth,
-                    &v.intersections,
-                    v_color,
-                    v_xy,
-                    v_cov,
-                    v_plane,
-                ];
-                pass.grid(&RASTERIZE_SURFACE_BACKWARD, &blend, bytes_of(&s.frame), grid);
+                    v_normal_map: &v.normal_map,
+                    v_median_depth: &v.median_depth,
+                    v_intersections: &v.intersections,
+                    v_isect_color,
+                    v_isect_xy,
+                    v_isect_cov,
+                    v_isect_plane,
+                };
+                pass.grid(&blend, &s.frame, grid);
             }
         }
     }
 
     fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
-        let PerGaussian { means, rotations, log_scales, sh, normals, offsets, .. } = &splats.parameters;
-        let ws = &self.workspace;
-        let frame = bytes_of(&self.frame);
-        let mut rows: Vec<&Buffer> = vec![&ws.offsets, &ws.tile_counts, &ws.total];
-        rows.extend(&ws.rows[..3]);
-        rows.extend([&v.rotations, &v.screen, &v.log_scales]);
+        let PerGaussian { means, rotations, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
+        let Workspace { offsets, tile_counts, total, projected, rows, .. } = &**self.workspace;
+        let (frame, count) = (&self.frame, splats.count);
+        let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
+        let RasterGradients { rotations: v_rotations, log_scales: v_log_scales, screen: v_screen, .. } = v;
         let surface = self.surface.as_ref().zip(v.planes.as_ref());
         match surface {
-            None => pass.linear(&SUM_ROWS, &rows, frame, splats.count),
-            Some((_, [v_normals, v_offsets])) => {
-                rows.extend([&ws.rows[3], v_normals, v_offsets]);
-                pass.linear(&SUM_ROWS_SURFACE, &rows, frame, splats.count);
+            None => {
+                let sums = SumRowsBindings {
+                    offsets,
+                    tile_counts,
+                    total,
+                    v_isect_color,
+                    v_isect_xy,
+                    v_isect_cov,
+                    v_rotations,
+                    v_screen,
+                    v_log_scales,
+                };
+                pass.linear(&sums, frame, count);
+            }
+            Some((_, [v_normals, v_plane_offsets])) => {
+                let sums = SumRowsSurfaceBindings {
+                    offsets,
+                    tile_counts,
+                    total,
+                    v_isect_color,
+                    v_isect_xy,
+                    v_isect_cov,
+                    v_rotations,
+                    v_screen,
+                    v_log_scales,
+                    v_isect_plane: &rows[3],
+                    v_normals,
+                    v_plane_offsets,
+                };
+                pass.linear(&sums, frame, count);
             }
         }
-        let project: [&Buffer; 14] = [
+        let project = ProjectBackwardBindings {
             means,
             rotations,
             log_scales,
             sh,
-            &ws.projected,
-            &ws.tile_counts,
-            &ws.total,
-            &v.means,
-            &v.rotations,
-            &v.log_scales,
-            &v.opacity_logits,
-            &v.sh,
-            &v.screen,
-            &splats.filters,
-        ];
-        pass.linear(&PROJECT_BACKWARD, &project, frame, splats.count);
-        if let Some((s, [v_normals, v_offsets])) = surface {
-            let planes: [&Buffer; 9] =
-                [means, normals, offsets, &s.planes, &ws.tile_counts, &ws.total, &v.means, v_normals, v_offsets];
-            pass.linear(&PLANES_BACKWARD, &planes, frame, splats.count);
+            projected,
+            tile_counts,
+            total,
+            v_means: &v.means,
+            v_rotations,
+            v_log_scales,
+            v_opacity_logits: &v.opacity_logits,
+            v_sh: &v.sh,
+            v_screen,
+            filters: &splats.filters,
+        };
+        pass.linear(&project, frame, count);
+        if let Some((s, [v_normals, v_plane_offsets])) = surface {
+            let (planes, v_means) = (&s.planes, &v.means);
+            let gradients = PlanesBackwardBindings {
+                means,
+                normals,
+                plane_offsets,
+                planes,
+                tile_counts,
+                total,
+                v_means,
+                v_normals,
+                v_plane_offsets,
+            };
+            pass.linear(&gradients, frame, count);
         }
     }
 }

@@ -22,7 +22,10 @@ use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass, at_once};
 use crate::scene::{Harmonics, PerGaussian, Splats};
-use bytemuck::bytes_of;
+use ibgs_shaders::bindings::{
+    ProjectBindings, ProjectHalfBindings, RasterizeBindings, RasterizeDepthBindings, RasterizeEllipsoidsBindings,
+    TileEmitBindings, TilePlaceBindings, TileSortBindings, TileStartsBindings,
+};
 use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::*;
 use std::sync::Arc;
@@ -249,19 +252,20 @@ impl Rasterizer {
         }
         record_lists(pass, &ws, splats, &frame);
         let grid = tile_grid(&frame);
-        let list = &ws.sorted_gaussians;
+        let Workspace { projected, sorted_gaussians, tile_ranges, .. } = &ws;
         match &surface {
             None if view.shape == Shape::Ellipsoids => {
-                let buffers = [&ws.projected, list, &ws.tile_ranges, &image];
-                pass.grid(&RASTERIZE_ELLIPSOIDS, &buffers, bytes_of(&frame), grid);
+                let blend = RasterizeEllipsoidsBindings { projected, sorted_gaussians, tile_ranges, image: &image };
+                pass.grid(&blend, &frame, grid);
             }
             None => {
-                let blend: [&Buffer; 6] = [&ws.projected, list, &ws.tile_ranges, &image, &ws.final_t, &ws.last_entry];
-                pass.grid(&RASTERIZE, &blend, bytes_of(&frame), grid);
+                let (image, final_t, last_entry) = (&image, &ws.final_t, &ws.last_entry);
+                let blend = RasterizeBindings { projected, sorted_gaussians, tile_ranges, image, final_t, last_entry };
+                pass.grid(&blend, &frame, grid);
             }
             Some(s) => {
                 surface::record_planes(pass, splats, &s.planes, &frame);
-                s.record(pass, (&ws, list), &image, grid);
+                s.record(pass, (&ws, sorted_gaussians), &image, grid);
             }
         }
         Ok(Forward { image, frame, workspace: Arc::new(self.pool.lease(ws)), surface })
@@ -310,9 +314,14 @@ impl Rasterizer {
             let mut pass = Pass::new(gpu, "depth map");
             record_lists(&mut pass, &ws, splats, &frame);
             surface::record_planes(&mut pass, splats, &planes, &frame);
-            let buffers: [&Buffer; 5] = [&ws.projected, &planes, &ws.sorted_gaussians, &ws.tile_ranges, &depth];
-            let params = options.frame(&view);
-            pass.grid(&RASTERIZE_DEPTH, &buffers, bytes_of(&params), tile_grid(&frame));
+            let blend = RasterizeDepthBindings {
+                projected: &ws.projected,
+                planes: &planes,
+                sorted_gaussians: &ws.sorted_gaussians,
+                tile_ranges: &ws.tile_ranges,
+                median_depth: &depth,
+            };
+            pass.grid(&blend, &options.frame(&view), tile_grid(&frame));
             pass.submit();
             let ws = self.pool.lease(ws);
             if room == Room::Assumed {
@@ -402,28 +411,59 @@ fn tile_grid(frame: &ViewUniforms) -> [u32; 3] {
     [frame.size[0].div_ceil(TILE), frame.size[1].div_ceil(TILE), 1]
 }
 
+/// Records the projection.
+fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
+    let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
+    let (projected, tile_counts, filters) = (&ws.projected, &ws.tile_counts, &splats.filters);
+    let n = frame.count as usize;
+    match splats.harmonics {
+        Harmonics::Full => {
+            let buffers =
+                ProjectBindings { means, rotations, log_scales, opacity_logits, sh, projected, tile_counts, filters };
+            pass.linear(&buffers, frame, n);
+        }
+        Harmonics::Half => {
+            let buffers = ProjectHalfBindings {
+                means,
+                rotations,
+                log_scales,
+                opacity_logits,
+                sh,
+                projected,
+                tile_counts,
+                filters,
+            };
+            pass.linear(&buffers, frame, n);
+        }
+    }
+}
+
 /// Records everything up to the tile lists.
 fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
     let n = frame.count as usize;
-    let bytes = bytes_of(frame);
-    let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
-    let project: [&Buffer; 8] =
-        [means, rotations, log_scales, opacity_logits, sh, &ws.projected, &ws.tile_counts, &splats.filters];
-    let kernel = match splats.harmonics {
-        Harmonics::Full => &PROJECT,
-        Harmonics::Half => &PROJECT_HALF,
-    };
-    pass.linear(kernel, &project, bytes, n);
-    ws.scan.record(pass, &ws.tile_counts, &ws.offsets, &ws.total, n);
+    let Workspace {
+        projected, offsets, total, tile_counts, tile_ranges, list_lengths, isect_to_gaussian, list, ..
+    } = ws;
+    record_project(pass, ws, splats, frame);
+    ws.scan.record(pass, tile_counts, offsets, total, n);
     // What the sort writes are the tiles and places before.
-    let [tiles, places] = [&ws.sorted_gaussians, &ws.sorted_isects];
-    let gaussians = &ws.isect_to_gaussian;
-    let (lengths, counts) = (&ws.list_lengths, &ws.tile_counts);
-    let emit: [&Buffer; 8] = [&ws.projected, &ws.offsets, &ws.total, tiles, places, gaussians, lengths, counts];
-    pass.linear(&TILE_EMIT, &emit, bytes, ws.capacity);
-    pass.grid(&TILE_STARTS, &[lengths, &ws.tile_ranges], bytes, [1, 1, 1]);
-    let place: [&Buffer; 7] = [&ws.projected, &ws.total, tiles, places, gaussians, &ws.tile_ranges, &ws.list];
-    pass.linear(&TILE_PLACE, &place, bytes, ws.capacity);
-    let sort: [&Buffer; 5] = [&ws.tile_ranges, gaussians, &ws.list, tiles, places];
-    pass.grid(&TILE_SORT, &sort, bytes, tile_grid(frame));
+    let [isect_tiles, isect_places] = [&ws.sorted_gaussians, &ws.sorted_isects];
+    let emit = TileEmitBindings {
+        projected,
+        offsets,
+        count: total,
+        isect_tiles,
+        isect_places,
+        isect_to_gaussian,
+        list_lengths,
+        tile_counts,
+    };
+    pass.linear(&emit, frame, ws.capacity);
+    pass.grid(&TileStartsBindings { list_lengths, tile_ranges }, frame, [1, 1, 1]);
+    let place =
+        TilePlaceBindings { projected, count: total, isect_tiles, isect_places, isect_to_gaussian, tile_ranges, list };
+    pass.linear(&place, frame, ws.capacity);
+    let (sorted_gaussians, sorted_isects) = (isect_tiles, isect_places);
+    let sort = TileSortBindings { tile_ranges, isect_to_gaussian, list, sorted_gaussians, sorted_isects };
+    pass.grid(&sort, frame, tile_grid(frame));
 }

@@ -6,9 +6,11 @@ use crate::camera::Camera;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{PerGaussian, Splats};
-use bytemuck::bytes_of;
+use ibgs_shaders::TILE;
+use ibgs_shaders::bindings::{
+    PlanesBindings, RasterizeSurfaceBindings, RasterizeSurfaceImageBindings, ShortestAxisBindings,
+};
 use ibgs_shaders::types::{SurfaceUniforms, ViewUniforms};
-use ibgs_shaders::{PLANES, RASTERIZE_SURFACE, RASTERIZE_SURFACE_IMAGE, SHORTEST_AXIS, TILE};
 use std::sync::Arc;
 
 /// How the surface is found.
@@ -119,15 +121,21 @@ impl Surface {
     }
 
     /// Records the blending of `image` with the surface.
-    pub(super) fn record(&self, pass: &mut Pass, (ws, list): (&Workspace, &Buffer), image: &Buffer, grid: [u32; 3]) {
+    pub(super) fn record(
+        &self,
+        pass: &mut Pass,
+        (ws, sorted_gaussians): (&Workspace, &Buffer),
+        image: &Buffer,
+        grid: [u32; 3],
+    ) {
         let Surface { planes, normal_map, median_depth, intersections, .. } = self;
         let Workspace { projected, tile_ranges, final_t, last_entry, .. } = ws;
         match &self.v {
             Some(v) => {
-                let buffers: [&Buffer; 11] = [
+                let blend = RasterizeSurfaceBindings {
                     projected,
                     planes,
-                    list,
+                    sorted_gaussians,
                     tile_ranges,
                     image,
                     final_t,
@@ -135,14 +143,23 @@ impl Surface {
                     normal_map,
                     median_depth,
                     intersections,
-                    &v.entries,
-                ];
-                pass.grid(&RASTERIZE_SURFACE, &buffers, bytes_of(&self.frame), grid);
+                    intersection_entries: &v.entries,
+                };
+                pass.grid(&blend, &self.frame, grid);
             }
             None => {
-                let buffers: [&Buffer; 9] =
-                    [projected, planes, list, tile_ranges, image, final_t, normal_map, median_depth, intersections];
-                pass.grid(&RASTERIZE_SURFACE_IMAGE, &buffers, bytes_of(&self.frame), grid);
+                let blend = RasterizeSurfaceImageBindings {
+                    projected,
+                    planes,
+                    sorted_gaussians,
+                    tile_ranges,
+                    image,
+                    final_t,
+                    normal_map,
+                    median_depth,
+                    intersections,
+                };
+                pass.grid(&blend, &self.frame, grid);
             }
         }
     }
@@ -157,18 +174,18 @@ impl Surface {
 }
 
 pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer, frame: &ViewUniforms) {
-    let PerGaussian { means, normals, offsets, .. } = &splats.parameters;
-    pass.linear(&PLANES, &[means, normals, offsets, planes], bytes_of(frame), splats.count);
+    let PerGaussian { means, normals, offsets: plane_offsets, .. } = &splats.parameters;
+    pass.linear(&PlanesBindings { means, normals, plane_offsets, planes }, frame, splats.count);
 }
 
 impl Rasterizer {
     /// Sets every plane's normal to its Gaussian's shortest axis and its offset to 0 (method.md section 1), in place.
     pub fn shape_normals(&self, splats: &Splats) {
-        let PerGaussian { rotations, log_scales, normals, offsets, .. } = &splats.parameters;
+        let PerGaussian { rotations, log_scales, normals, offsets: plane_offsets, .. } = &splats.parameters;
         let frame = ViewUniforms { count: splats.count as u32, ..ViewUniforms::default() };
         let mut pass = Pass::new(&self.gpu, "shape normals");
-        let buffers: [&Buffer; 4] = [rotations, log_scales, normals, offsets];
-        pass.linear(&SHORTEST_AXIS, &buffers, bytes_of(&frame), splats.count);
+        let buffers = ShortestAxisBindings { rotations, log_scales, normals, plane_offsets };
+        pass.linear(&buffers, &frame, splats.count);
         pass.submit();
     }
 

@@ -3,9 +3,8 @@
 use super::variant::Variant;
 use crate::gpu::{Buffer, Pass};
 use crate::sources::Reach;
-use bytemuck::bytes_of;
+use ibgs_shaders::bindings::{ResidualComposeBackwardBindings, ResidualComposeBindings};
 use ibgs_shaders::types::ComposeParams;
-use ibgs_shaders::{RESIDUAL_COMPOSE, RESIDUAL_COMPOSE_BACKWARD};
 
 /// `gain base + residual`, or the network's colour alone; the network's output is resized with corners aligned. With
 /// [`Output::Gated`](super::Output::Gated) (a departure from method.md)
@@ -75,8 +74,8 @@ impl Compose {
         let ComposeBuffers { most_visible, seen, base, warped, residual, image } = *buffers;
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
-        let buffers = [most_visible, seen, base, warped, residual, image];
-        pass.linear(&RESIDUAL_COMPOSE, &buffers, bytes_of(&self.params), pixels);
+        let bindings = ResidualComposeBindings { most_visible, seen, base, warped, residual, image };
+        pass.linear(&bindings, &self.params, pixels);
     }
 
     /// Records the gradients by the network's output and the base colour; those through D by the sources' colours are the features'.
@@ -84,7 +83,8 @@ impl Compose {
         let ComposeGradients { most_visible, seen, base, warped, residual, v_image, v_residual, v_base } = *gradients;
         let ComposeParams { size, low, .. } = self.params;
         let items = (size[0] * size[1]).max(low[0] * low[1]) as usize;
-        let buffers = [most_visible, seen, base, warped, residual, v_image, v_residual, v_base];
-        pass.linear(&RESIDUAL_COMPOSE_BACKWARD, &buffers, bytes_of(&self.params), items);
+        let bindings =
+            ResidualComposeBackwardBindings { most_visible, seen, base, warped, residual, v_image, v_residual, v_base };
+        pass.linear(&bindings, &self.params, items);
     }
 }

@@ -6,12 +6,12 @@ use super::variant::Variant;
 use crate::camera::Camera;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::sources::MAX_VISIBLE;
-use bytemuck::bytes_of;
-use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
-use ibgs_shaders::{
-    Aggregation, HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES, RESIDUAL_FEATURES_BACKWARD,
-    RESIDUAL_FEATURES_HALF, RESIDUAL_FEATURES_SUM, RESIDUAL_INPUTS_BACKWARD,
+use ibgs_shaders::bindings::{
+    HalfFeaturesBackwardBindings, HalfFeaturesBindings, ResidualFeaturesBackwardBindings, ResidualFeaturesBindings,
+    ResidualFeaturesHalfBindings, ResidualFeaturesSumBindings, ResidualInputsBackwardBindings,
 };
+use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
+use ibgs_shaders::{Aggregation, HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES_BACKWARD};
 
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
 const GROUPS: u32 = 768;
@@ -94,12 +94,6 @@ pub struct InputGradients<'a> {
     pub v_base: &'a Buffer,
 }
 
-/// The bindings of the kernels that write the input `x`.
-fn buffers<'a>(inputs: &FeatureInputs<'a>, x: &'a Buffer) -> [&'a Buffer; 7] {
-    let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
-    [base, warped, seen, most_visible, centers, weights, x]
-}
-
 /// One target view's features: size, camera and variant.
 #[derive(Clone, Copy, Debug)]
 pub struct Features {
@@ -158,22 +152,24 @@ impl Features {
     /// Records the U-Net's input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
     /// base colour (zeros with [`NetworkInputs::DifferencesOnly`](super::NetworkInputs::DifferencesOnly)).
     pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
-        self.record_with(&RESIDUAL_FEATURES, pass, inputs, x);
+        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
+        let bindings = ResidualFeaturesBindings { base, warped, seen, most_visible, centers, weights, x };
+        pass.linear(&bindings, &self.params, self.low_pixels());
     }
 
     /// The same in half precision, channels last and padded with zeros: `[w h][48]`.
     pub fn record_half(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
-        self.record_with(&RESIDUAL_FEATURES_HALF, pass, inputs, x);
+        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
+        let bindings = ResidualFeaturesHalfBindings { base, warped, seen, most_visible, centers, weights, x };
+        pass.linear(&bindings, &self.params, self.low_pixels());
     }
 
     /// The same with the per-view MLP on matrix units of 16 x 16, in subgroups of 32 lanes.
     pub fn record_on_units(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
         let groups = self.groups(&HALF_FEATURES, HALF_GROUPS);
-        pass.grid(&HALF_FEATURES, &buffers(inputs, x), bytes_of(&self.params), [groups, 1, 1]);
-    }
-
-    fn record_with(&self, kernel: &'static Kernel, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
-        pass.linear(kernel, &buffers(inputs, x), bytes_of(&self.params), self.low_pixels());
+        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
+        let bindings = HalfFeaturesBindings { base, warped, seen, most_visible, centers, weights, x };
+        pass.grid(&bindings, &self.params, [groups, 1, 1]);
     }
 
     /// Workgroups of a kernel whose workgroups go round over the pixels.
@@ -185,20 +181,48 @@ impl Features {
     /// needs, where only the network learns.
     pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
-        let FeatureGradients { v_x, half, v_weights, scratch } = *gradients;
+        let FeatureGradients { v_x, half, v_weights, scratch: FeatureScratch { v_features, partials } } = *gradients;
         // The kernel for the matrix units has no largest value.
         let half = half.filter(|_| self.params.aggregation != Aggregation::Max as u32);
-        let (kernel, v_x, unscale, most) = match half {
-            Some(half) => (&HALF_FEATURES_BACKWARD, half.v_x, half.unscale, HALF_GROUPS),
-            None => (&RESIDUAL_FEATURES_BACKWARD, v_x, 1.0, GROUPS),
+        let groups = match half {
+            Some(HalfGradient { v_x, unscale }) => {
+                let groups = self.groups(&HALF_FEATURES_BACKWARD, HALF_GROUPS);
+                let params = FeatureParams { unscale, groups, ..self.params };
+                let bindings = HalfFeaturesBackwardBindings {
+                    base,
+                    warped,
+                    seen,
+                    most_visible,
+                    centers,
+                    weights,
+                    v_x,
+                    v_features,
+                    partials,
+                };
+                pass.grid(&bindings, &params, [groups, 1, 1]);
+                groups
+            }
+            None => {
+                let groups = self.groups(&RESIDUAL_FEATURES_BACKWARD, GROUPS);
+                let params = FeatureParams { unscale: 1.0, groups, ..self.params };
+                let bindings = ResidualFeaturesBackwardBindings {
+                    base,
+                    warped,
+                    seen,
+                    most_visible,
+                    centers,
+                    weights,
+                    v_x,
+                    v_features,
+                    partials,
+                };
+                pass.grid(&bindings, &params, [groups, 1, 1]);
+                groups
+            }
         };
-        let groups = self.groups(kernel, most);
-        let buffers = [base, warped, seen, most_visible, centers, weights, v_x, &scratch.v_features, &scratch.partials];
-        let params = FeatureParams { unscale, groups, ..self.params };
-        pass.grid(kernel, &buffers, bytes_of(&params), [groups, 1, 1]);
         let sum =
             FeatureSumParams { count: SUMS as u32, groups, first: MLP_WEIGHTS as u32, rest: CONFIDENCE.offset as u32 };
-        pass.groups(&RESIDUAL_FEATURES_SUM, &[&scratch.partials, v_weights], bytes_of(&sum), SUMS.div_ceil(HIDDEN));
+        pass.groups(&ResidualFeaturesSumBindings { partials, v_weights }, &sum, SUMS.div_ceil(HIDDEN));
     }
 
     /// Records the gradient by warped colours, cosines and base colour; to follow [`Self::record_backward`].
@@ -209,13 +233,23 @@ impl Features {
         gradients: &FeatureGradients<'_>,
         out: &InputGradients<'_>,
     ) {
-        let v_features = &gradients.scratch.v_features;
         let FeatureInputs { base, warped, seen, most_visible, .. } = *inputs;
+        let FeatureGradients { v_x, scratch: FeatureScratch { v_features, .. }, .. } = *gradients;
         let InputGradients { residual, v_image, v_warped, v_base } = *out;
-        let buffers =
-            [seen, most_visible, gradients.v_x, v_features, base, warped, residual, v_image, v_warped, v_base];
+        let bindings = ResidualInputsBackwardBindings {
+            seen,
+            most_visible,
+            v_x,
+            v_features,
+            base,
+            warped,
+            residual,
+            v_image,
+            v_warped,
+            v_base,
+        };
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
-        pass.linear(&RESIDUAL_INPUTS_BACKWARD, &buffers, bytes_of(&self.params), pixels);
+        pass.linear(&bindings, &self.params, pixels);
     }
 }

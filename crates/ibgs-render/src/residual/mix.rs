@@ -12,8 +12,7 @@
 //! In training the share is 0: the network would learn to take it back. A departure from the published method (method.md section 6).
 
 use crate::gpu::{Buffer, Pass};
-use bytemuck::bytes_of;
-use ibgs_shaders::RESIDUAL_MIX;
+use ibgs_shaders::bindings::ResidualMixBindings;
 use ibgs_shaders::types::MixParams;
 
 /// Moves final colours towards the mean colour of the visible sources.
@@ -38,8 +37,8 @@ impl SourceMix {
     /// [`Seen::visible`](crate::sources::Seen::visible).
     pub fn record(&self, pass: &mut Pass<'_>, warped: &Buffer, seen: &Buffer, image: &Buffer) {
         if self.params.share > 0.0 {
-            let buffers = [warped, seen, image];
-            pass.linear(&RESIDUAL_MIX, &buffers, bytes_of(&self.params), self.params.pixels as usize);
+            let bindings = ResidualMixBindings { warped, seen, image };
+            pass.linear(&bindings, &self.params, self.params.pixels as usize);
         }
     }
 }

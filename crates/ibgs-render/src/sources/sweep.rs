@@ -3,12 +3,12 @@
 use super::find::{SourceFinder, SourceOptions};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetError, Photo, Point, View, thinned};
-use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::gpu::{Gpu, GpuError, Pass};
 use crate::progress::Progress;
-use bytemuck::bytes_of;
 use glam::DVec2;
+use ibgs_shaders::TILE;
+use ibgs_shaders::bindings::PlaneSweepBindings;
 use ibgs_shaders::types::{SweepParams, SweepSource};
-use ibgs_shaders::{PLANE_SWEEP, TILE};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -82,9 +82,9 @@ pub fn sweep(
         pad: [0; 2],
     };
     let mut pass = Pass::new(gpu, "plane sweep");
-    let buffers: [&Buffer; 3] = [&photos, &placed, &found];
+    let buffers = PlaneSweepBindings { photos: &photos, sources: &placed, found: &found };
     let tiles = params.size.map(|side| side.div_ceil(TILE));
-    pass.grid(&PLANE_SWEEP, &buffers, bytes_of(&params), [tiles[0], tiles[1], 1]);
+    pass.grid(&buffers, &params, [tiles[0], tiles[1], 1]);
     pass.submit();
     gpu.read(&found, pixels)
 }

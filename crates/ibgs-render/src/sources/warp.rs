@@ -6,9 +6,9 @@ use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::{Forward, Surface};
-use bytemuck::bytes_of;
+use ibgs_shaders::TILE;
+use ibgs_shaders::bindings::{WarpBackwardBindings, WarpBindings};
 use ibgs_shaders::types::{SourceParams, VisibleParams};
-use ibgs_shaders::{TILE, WARP, WARP_BACKWARD};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -116,17 +116,17 @@ impl Warped {
         let v = self.surface.v.as_ref().expect("a tracked surface has gradients");
         let mut pass = Pass::new(gpu, "warp backward");
         for (source, params) in &self.sources {
-            let buffers: [&Buffer; 8] = [
-                &self.surface.median_depth,
-                &self.surface.intersections,
-                &source.photo.texels,
-                &self.colors,
-                &self.seen.visible,
-                v_colors,
-                &v.intersections,
-                &v.median_depth,
-            ];
-            pass.grid(&WARP_BACKWARD, &buffers, bytes_of(params), tiles(params.size));
+            let buffers = WarpBackwardBindings {
+                median_depth: &self.surface.median_depth,
+                intersections: &self.surface.intersections,
+                photo: &source.photo.texels,
+                warped: &self.colors,
+                seen: &self.seen.visible,
+                v_warped: v_colors,
+                v_intersections: &v.intersections,
+                v_median_depth: &v.median_depth,
+            };
+            pass.grid(&buffers, params, tiles(params.size));
         }
         pass.submit();
     }
@@ -234,16 +234,16 @@ impl Warper {
         let mut used = Vec::with_capacity(sources.len());
         for (index, source) in sources.iter().enumerate() {
             let params = params(surface, source, index, &self.options);
-            let buffers: [&Buffer; 7] = [
-                &surface.median_depth,
-                &surface.intersections,
-                &source.photo.texels,
-                &source.depth,
-                &colors,
-                &seen.visible,
-                &seen.most_visible,
-            ];
-            pass.grid(&WARP, &buffers, bytes_of(&params), tiles(params.size));
+            let buffers = WarpBindings {
+                median_depth: &surface.median_depth,
+                intersections: &surface.intersections,
+                photo: &source.photo.texels,
+                source_depth: &source.depth,
+                warped: &colors,
+                seen: &seen.visible,
+                most_visible: &seen.most_visible,
+            };
+            pass.grid(&buffers, &params, tiles(params.size));
             used.push((source.clone(), params));
         }
         let seen = Arc::new(self.pool.lease(seen));

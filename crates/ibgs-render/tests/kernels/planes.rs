@@ -1,12 +1,11 @@
 //! The Gaussians' planes in the camera's space against the twin.
 
-use bytemuck::bytes_of;
 use glam::DVec3;
 use ibgs_reference::geometry::Plane;
 use ibgs_reference::gpu::{gpu, scene_splats};
 use ibgs_reference::surface_scene::wall;
 use ibgs_render::gpu::Pass;
-use ibgs_shaders::PLANES;
+use ibgs_shaders::bindings::PlanesBindings;
 use ibgs_shaders::types::ViewUniforms;
 
 #[test]
@@ -24,8 +23,9 @@ fn planes_follow_the_twin_and_face_the_camera() {
     let uniforms = ViewUniforms { row0, row1, row2, center, count: n as u32, ..ViewUniforms::default() };
     let planes = gpu.upload("planes", &vec![[f32::NAN; 4]; n]).unwrap();
     let p = &splats.parameters;
+    let buffers = PlanesBindings { means: &p.means, normals: &p.normals, plane_offsets: &p.offsets, planes: &planes };
     let mut pass = Pass::new(&gpu, "test");
-    pass.linear(&PLANES, &[&p.means, &p.normals, &p.offsets, &planes], bytes_of(&uniforms), n);
+    pass.linear(&buffers, &uniforms, n);
     pass.submit();
     let ours: Vec<[f32; 4]> = gpu.read(&planes, n).unwrap();
     assert_eq!(ours[0], [0.0; 4]);

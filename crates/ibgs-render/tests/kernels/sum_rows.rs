@@ -1,14 +1,55 @@
 //! Sums of the rows of gradients of each Gaussian's intersections.
 
-use bytemuck::bytes_of;
 use ibgs_reference::gpu::gpu;
 use ibgs_render::gpu::{Buffer, Pass};
+use ibgs_shaders::bindings::{SumRowsBindings, SumRowsSurfaceBindings};
 use ibgs_shaders::types::ViewUniforms;
-use ibgs_shaders::{SUM_ROWS, SUM_ROWS_SURFACE};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const UNTOUCHED: f32 = 7.0;
+
+/// Records the sums of every Gaussian, those of the planes too where there is a surface.
+fn record(
+    pass: &mut Pass,
+    params: &ViewUniforms,
+    (lists, rows, sums): (&[Buffer; 3], &[Buffer; 4], &[Buffer; 5]),
+    surface: bool,
+) {
+    let [offsets, tile_counts, total] = lists;
+    let [v_isect_color, v_isect_xy, v_isect_cov, v_isect_plane] = rows;
+    let [v_rotations, v_screen, v_log_scales, v_normals, v_plane_offsets] = sums;
+    if surface {
+        let buffers = SumRowsSurfaceBindings {
+            offsets,
+            tile_counts,
+            total,
+            v_isect_color,
+            v_isect_xy,
+            v_isect_cov,
+            v_rotations,
+            v_screen,
+            v_log_scales,
+            v_isect_plane,
+            v_normals,
+            v_plane_offsets,
+        };
+        pass.linear(&buffers, params, params.count as usize);
+    } else {
+        let buffers = SumRowsBindings {
+            offsets,
+            tile_counts,
+            total,
+            v_isect_color,
+            v_isect_xy,
+            v_isect_cov,
+            v_rotations,
+            v_screen,
+            v_log_scales,
+        };
+        pass.linear(&buffers, params, params.count as usize);
+    }
+}
 
 /// Few Gaussians have hundreds of rows, as in a scene; some have none.
 #[test]
@@ -45,15 +86,9 @@ fn small_and_large_gaussians_have_the_sums_of_their_rows() {
             let lists = [upload(&offsets), upload(&counts), upload(&[total])];
             let inputs = rows.each_ref().map(|row| gpu.upload("test", row).unwrap());
             let out = [outputs(4), outputs(4), outputs(3), outputs(3), outputs(1)];
-            let mut buffers: Vec<&Buffer> = lists.iter().chain(&inputs[..3]).chain(&out[..3]).collect();
             let params = ViewUniforms { count: n as u32, capacity: room, ..ViewUniforms::default() };
             let mut pass = Pass::new(&gpu, "test");
-            if surface {
-                buffers.extend([&inputs[3], &out[3], &out[4]]);
-                pass.linear(&SUM_ROWS_SURFACE, &buffers, bytes_of(&params), n);
-            } else {
-                pass.linear(&SUM_ROWS, &buffers, bytes_of(&params), n);
-            }
+            record(&mut pass, &params, (&lists, &inputs, &out), surface);
             pass.submit();
             let read = |index: usize, width: usize| gpu.read::<f32>(&out[index], width * n).unwrap();
             let found = [read(0, 4), read(1, 4), read(2, 3), read(3, 3), read(4, 1)];

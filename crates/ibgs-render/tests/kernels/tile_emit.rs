@@ -1,13 +1,13 @@
 //! Tile intersections of each Gaussian, also where more were counted than there are.
 
-use bytemuck::bytes_of;
 use ibgs_reference::gpu::view;
 use ibgs_reference::gpu::{gpu, rasterizer, splats};
 use ibgs_reference::random_scene::{random_camera, random_params};
 use ibgs_reference::sort::exclusive_scan;
 use ibgs_render::gpu::{Gpu, Pass};
+use ibgs_shaders::TILE;
+use ibgs_shaders::bindings::TileEmitBindings;
 use ibgs_shaders::types::ViewUniforms;
-use ibgs_shaders::{TILE, TILE_EMIT};
 
 const UNTOUCHED: u32 = u32::MAX;
 
@@ -26,12 +26,21 @@ fn emit(gpu: &Gpu, frame: &ViewUniforms, projected: &[f32], counts: &[u32], capa
     let [columns, rows] = frame.size.map(|side| side.div_ceil(TILE));
     let lists = (columns * rows + 1) as usize;
     let upload = |values: &[u32]| gpu.upload("test", values).unwrap();
-    let inputs = [gpu.upload("test", projected).unwrap(), upload(&offsets), upload(&[total])];
     let out = [(); 3].map(|()| upload(&vec![UNTOUCHED; total as usize]));
     let (lengths, counted) = (upload(&vec![0; lists]), upload(counts));
     let mut pass = Pass::new(gpu, "test");
-    let buffers: Vec<_> = inputs.iter().chain(&out).chain([&lengths, &counted]).collect();
-    pass.linear(&TILE_EMIT, &buffers, bytes_of(&frame), total as usize);
+    let [isect_tiles, isect_places, isect_to_gaussian] = &out;
+    let buffers = TileEmitBindings {
+        projected: &gpu.upload("test", projected).unwrap(),
+        offsets: &upload(&offsets),
+        count: &upload(&[total]),
+        isect_tiles,
+        isect_places,
+        isect_to_gaussian,
+        list_lengths: &lengths,
+        tile_counts: &counted,
+    };
+    pass.linear(&buffers, &frame, total as usize);
     pass.submit();
     let [tiles, places, gaussians] = out.map(|list| gpu.read(&list, total as usize).unwrap());
     let [lengths, counts] =

@@ -1,18 +1,32 @@
 //! The lists of the tiles by depth, from intersections as `tile_emit` leaves them.
 
-use bytemuck::bytes_of;
 use ibgs_reference::gpu::gpu;
 use ibgs_reference::gpu::without_subgroups;
 use ibgs_reference::sort::stable_sort;
-use ibgs_render::gpu::{Gpu, Pass};
+use ibgs_render::gpu::{Buffer, Gpu, Pass};
+use ibgs_shaders::bindings::{TilePlaceBindings, TileSortBindings, TileStartsBindings};
 use ibgs_shaders::types::ViewUniforms;
-use ibgs_shaders::{SORT_BLOCK, TILE, TILE_PLACE, TILE_SORT, TILE_STARTS};
+use ibgs_shaders::{SORT_BLOCK, TILE};
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const UNTOUCHED: u32 = 7;
 const GAUSSIANS: u32 = 5000;
+
+/// Finds where the lists start, puts the intersections there and sorts them. What the sort writes are the tiles and
+/// places before.
+fn sort(gpu: &Gpu, frame: &ViewUniforms, list_lengths: &Buffer, place: &TilePlaceBindings<'_, Buffer>) {
+    let TilePlaceBindings { isect_tiles, isect_places, isect_to_gaussian, tile_ranges, list, .. } = *place;
+    let [columns, rows] = frame.size.map(|side| side / TILE);
+    let mut pass = Pass::new(gpu, "test");
+    pass.grid(&TileStartsBindings { list_lengths, tile_ranges }, frame, [1, 1, 1]);
+    pass.linear(place, frame, frame.capacity as usize);
+    let (sorted_gaussians, sorted_isects) = (isect_tiles, isect_places);
+    let buffers = TileSortBindings { tile_ranges, isect_to_gaussian, list, sorted_gaussians, sorted_isects };
+    pass.grid(&buffers, frame, [columns, rows, 1]);
+    pass.submit();
+}
 
 /// Lists of these lengths, of which the last is that of the tile that does not exist, in an image of so many columns of tiles, filled
 /// by chance, with depths of a few different values or of many.
@@ -40,20 +54,22 @@ fn check(gpu: &Gpu, (lengths, columns): (&[u32], u32), values: u32, rng: &mut Ch
     let list = upload(&vec![UNTOUCHED; 2 * (total + 1)]);
     let (list_lengths, ranges) = (upload(lengths), upload(&vec![UNTOUCHED; 3 * lengths.len()]));
     let count = upload(&[total as u32]);
-    let params = ViewUniforms {
+    let frame = ViewUniforms {
         count: GAUSSIANS,
         capacity: total as u32,
         size: [columns * TILE, rows * TILE],
         ..ViewUniforms::default()
     };
-    let frame = bytes_of(&params);
-    let mut pass = Pass::new(gpu, "test");
-    pass.grid(&TILE_STARTS, &[&list_lengths, &ranges], frame, [1, 1, 1]);
-    let place = [&projected, &count, &tile_list, &place_list, &gaussian_list, &ranges, &list];
-    pass.linear(&TILE_PLACE, &place, frame, total);
-    let sort = [&ranges, &gaussian_list, &list, &tile_list, &place_list];
-    pass.grid(&TILE_SORT, &sort, frame, [columns, rows, 1]);
-    pass.submit();
+    let place = TilePlaceBindings {
+        projected: &projected,
+        count: &count,
+        isect_tiles: &tile_list,
+        isect_places: &place_list,
+        isect_to_gaussian: &gaussian_list,
+        tile_ranges: &ranges,
+        list: &list,
+    };
+    sort(gpu, &frame, &list_lengths, &place);
 
     assert_eq!(gpu.read::<u32>(&list_lengths, lengths.len()).unwrap(), vec![0; lengths.len()], "lengths");
     let mut start = 0;

@@ -1,10 +1,10 @@
 //! How fast the device moves memory and computes, measured.
 
 use super::median;
-use bytemuck::bytes_of;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_shaders::bindings::{BenchCopyBindings, BenchFmaBindings};
 use ibgs_shaders::types::FmaParams;
-use ibgs_shaders::{BENCH_COPY, BENCH_FMA, BENCH_FMAS, Kernel};
+use ibgs_shaders::{BENCH_FMAS, Bindings};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -29,18 +29,17 @@ pub struct Rates {
 }
 
 /// Milliseconds of one dispatch: by timestamps, or by the clock where the device has none.
-fn time(
+fn time<'b, T: Bindings<'b, Buffer>>(
     gpu: &Gpu,
-    kernel: &'static Kernel,
-    buffers: &[&Buffer],
-    immediates: &[u8],
+    buffers: &T,
+    params: &T::Params,
     items: usize,
 ) -> Result<f64, GpuError> {
     let by_timestamps = gpu.start_profile();
     gpu.wait()?;
     let start = Instant::now();
     let mut pass = Pass::new(gpu, "rates");
-    pass.linear(kernel, buffers, immediates, items);
+    pass.linear(buffers, params, items);
     pass.submit();
     gpu.wait()?;
     let clock = 1e3 * start.elapsed().as_secs_f64();
@@ -69,7 +68,8 @@ fn bandwidth(gpu: &Gpu) -> Result<f64, GpuError> {
     let bytes = COPIED[usize::from(gpu.is_software())].min(gpu.binding_limit() / 16 * 16);
     let [from, to] = [gpu.allocate("copy", bytes)?, gpu.allocate("copy", bytes)?];
     let count = (bytes / 16) as u32;
-    let ms = median_time(&mut || time(gpu, &BENCH_COPY, &[&from, &to], bytes_of(&count), count as usize))?;
+    let buffers = BenchCopyBindings { values: &from, copied: &to };
+    let ms = median_time(&mut || time(gpu, &buffers, &count, count as usize))?;
     Ok(2.0 * bytes as f64 / (1e-3 * ms))
 }
 
@@ -78,7 +78,7 @@ fn operations(gpu: &Gpu) -> Result<f64, GpuError> {
     let sums = gpu.allocate("multiply-adds", 4 * u64::from(THREADS[1]))?;
     let run = |count: u32| {
         let params = FmaParams { count, steps: STEPS };
-        time(gpu, &BENCH_FMA, &[&values, &sums], bytes_of(&params), count as usize)
+        time(gpu, &BenchFmaBindings { factor_and_summand: &values, sums: &sums }, &params, count as usize)
     };
     let mut count = THREADS[0];
     run(count)?;

@@ -7,12 +7,11 @@ use super::{FRESH, Observations, Plan, Round, sigmoid};
 use crate::autodiff::SplatGradients;
 use crate::parameters::Parameters;
 use burn::tensor::activation;
-use bytemuck::bytes_of;
 use ibgs_core::config::{DensifyConfig, McmcConfig};
 use ibgs_core::gpu::Pass;
 use ibgs_core::raster::iteration_seed;
 use ibgs_core::scene::{PerGaussian, Splats};
-use ibgs_shaders::MCMC_NOISE;
+use ibgs_shaders::bindings::McmcNoiseBindings;
 use ibgs_shaders::types::McmcNoiseParams;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -118,5 +117,5 @@ pub fn record_noise(pass: &mut Pass, splats: &Splats, strength: f64, seed: u64, 
     let params = McmcNoiseParams { count: count as u32, seed, strength: strength as f32 };
     let PerGaussian { means, rotations, log_scales, opacity_logits, .. } = &splats.parameters;
     pass.relabel("noise");
-    pass.linear(&MCMC_NOISE, &[rotations, log_scales, opacity_logits, means], bytes_of(&params), count);
+    pass.linear(&McmcNoiseBindings { rotations, log_scales, opacity_logits, means }, &params, count);
 }

@@ -10,7 +10,6 @@ use super::optim::Optimizer;
 use crate::parameters::Parameters;
 use crate::tensor::{self, bind, primitive};
 use burn::tensor::Tensor;
-use bytemuck::bytes_of;
 use free_space::FreeSpace;
 use glam::{DVec3, Vec3};
 use ibgs_core::config::{DensifyConfig, Strategy};
@@ -18,8 +17,8 @@ use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::Forward;
 use ibgs_core::scene::PerGaussian;
 use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::bindings::{DensifyErrorsBindings, DensifyGatherBindings, DensifyObserveBindings};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
-use ibgs_shaders::{DENSIFY_ERRORS, DENSIFY_GATHER, DENSIFY_OBSERVE};
 use rand_chacha::ChaCha8Rng;
 
 /// Marks a new Gaussian in [`Plan::sources`].
@@ -149,19 +148,19 @@ pub fn covered_errors(
     let params = target.params(0.0);
     let image = bind(&primitive(image.clone().inner()));
     let workspace = &forward.workspace;
-    let buffers: [&Buffer; 8] = [
-        &workspace.projected,
-        &workspace.sorted_gaussians,
-        &workspace.tile_ranges,
-        &workspace.last_entry,
-        &image,
-        &target.texels,
+    let buffers = DensifyErrorsBindings {
+        projected: &workspace.projected,
+        sorted_gaussians: &workspace.sorted_gaussians,
+        tile_ranges: &workspace.tile_ranges,
+        last_entry: &workspace.last_entry,
+        image: &image,
+        photo: &target.texels,
         stats,
-        &counts,
-    ];
+        counts: &counts,
+    };
     let [x, y] = params.tiles;
     pass.relabel("densify errors");
-    pass.grid(&DENSIFY_ERRORS, &buffers, bytes_of(&params), [x, y, 1]);
+    pass.grid(&buffers, &params, [x, y, 1]);
     pass.keep(image);
     Ok(counts)
 }
@@ -219,8 +218,9 @@ impl Statistics {
         pass.relabel("densify observe");
         let workspace = &forward.workspace;
         let errors = errors.unwrap_or(&workspace.tile_counts);
-        let buffers: [&Buffer; 4] = [&gradient, &workspace.projected, errors, &self.values];
-        pass.linear(&DENSIFY_OBSERVE, &buffers, bytes_of(&params), self.count);
+        let (projected, statistics) = (&workspace.projected, &self.values);
+        let buffers = DensifyObserveBindings { v_screen: &gradient, projected, errors, statistics };
+        pass.linear(&buffers, &params, self.count);
         pass.keep(gradient);
     }
 
@@ -257,7 +257,8 @@ pub fn apply(
     let mut pass = Pass::new(gpu, "densify");
     let mut gather = |from: &Buffer, to: &Buffer, row: usize, fresh_zero: u32| {
         let params = GatherParams { count: (n * row) as u32, row: row as u32, fresh_zero, pad: 0 };
-        pass.linear(&DENSIFY_GATHER, &[&sources, from, to], bytes_of(&params), n * row);
+        let buffers = DensifyGatherBindings { sources: &sources, previous: from, next: to };
+        pass.linear(&buffers, &params, n * row);
     };
     let mut moments = Vec::new();
     for tensor in optimizer.tensors() {

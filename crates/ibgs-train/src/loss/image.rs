@@ -4,12 +4,11 @@ use crate::autodiff::unary;
 use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use bytemuck::bytes_of;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::bindings::{ImageLossBackwardBindings, ImageLossBindings, ImageLossTotalBindings};
 use ibgs_shaders::types::LossParams;
-use ibgs_shaders::{IMAGE_LOSS, IMAGE_LOSS_BACKWARD, IMAGE_LOSS_TOTAL};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -73,9 +72,15 @@ impl Saved {
         let v_image = empty_like(&self.image, self.image.meta.shape());
         let (image, upstream, out) = (bind(&self.image), bind(v_loss), bind(&v_image));
         let mut pass = Pass::new(gpu, "image loss backward");
-        let buffers: [&Buffer; 5] = [&image, &self.target.texels, &self.scratch.moments, &upstream, &out];
+        let buffers = ImageLossBackwardBindings {
+            image: &image,
+            photo: &self.target.texels,
+            moments: &self.scratch.moments,
+            v_loss: &upstream,
+            v_image: &out,
+        };
         let [x, y] = self.params.tiles;
-        pass.grid(&IMAGE_LOSS_BACKWARD, &buffers, bytes_of(&self.params), [x, y, 3]);
+        pass.grid(&buffers, &self.params, [x, y, 3]);
         pass.submit();
         v_image
     }
@@ -113,10 +118,10 @@ impl ImageLoss {
         let loss = empty_like(&image, &[1]);
         let (bound_image, bound_loss) = (bind(&image), bind(&loss));
         let mut pass = Pass::new(gpu, "image loss");
-        let buffers: [&Buffer; 4] = [&bound_image, &target.texels, &scratch.moments, &scratch.partials];
-        pass.grid(&IMAGE_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
-        let total: [&Buffer; 3] = [&scratch.partials, &bound_loss, &scratch.stats];
-        pass.grid(&IMAGE_LOSS_TOTAL, &total, bytes_of(&params), [1, 1, 1]);
+        let LossScratch { moments, partials, stats, .. } = &scratch;
+        let buffers = ImageLossBindings { image: &bound_image, photo: &target.texels, moments, partials };
+        pass.grid(&buffers, &params, [tiles[0], tiles[1], 3]);
+        pass.grid(&ImageLossTotalBindings { partials, loss: &bound_loss, stats }, &params, [1, 1, 1]);
         pass.submit();
         let scratch = Arc::new(self.pool.lease(scratch));
         let saved = Saved { gpu: self.gpu.clone(), image, target: target.clone(), params, scratch };

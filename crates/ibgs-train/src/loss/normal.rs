@@ -5,14 +5,14 @@ use crate::autodiff::unary;
 use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use bytemuck::bytes_of;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::Surface;
 use ibgs_core::sources::DevicePhoto;
+use ibgs_shaders::TILE;
+use ibgs_shaders::bindings::{DepthNormalsBindings, LossMeanBindings, NormalLossBackwardBindings, NormalLossBindings};
 use ibgs_shaders::types::{MeanParams, SurfaceParams};
-use ibgs_shaders::{DEPTH_NORMALS, LOSS_MEAN, NORMAL_LOSS, NORMAL_LOSS_BACKWARD, TILE};
 use std::sync::Arc;
 
 /// The surface that a forward pass met, and where the gradients by it are gathered. Pixels row by row, P of them; four
@@ -81,7 +81,8 @@ impl SurfaceBuffers {
     /// Records the depth normals Nd of method.md section 3 into `out`, `[P, 3]` f32 in camera space: unit length, or
     /// zero on the one-pixel border and where neighbours met nothing. For pictures; the loss does not need them.
     pub fn record_depth_normals(&self, pass: &mut Pass, out: &Buffer) {
-        pass.grid(&DEPTH_NORMALS, &[&self.depth, out], bytes_of(&self.params(0.0)), self.tiles());
+        let buffers = DepthNormalsBindings { depth: &self.depth, depth_normals: out };
+        pass.grid(&buffers, &self.params(0.0), self.tiles());
     }
 }
 
@@ -135,10 +136,11 @@ impl NormalLoss {
         let loss = empty_like(like, &[1]);
         let bound = bind(&loss);
         let mut pass = Pass::new(gpu, "normal loss");
-        let buffers = [&surface.depth, &surface.normal, &photo.texels, &scratch.partials];
-        pass.grid(&NORMAL_LOSS, &buffers, bytes_of(&surface.params(self.weight)), tiles);
+        let (SurfaceBuffers { depth, normal, .. }, Scratch { partials, stats, .. }) = (surface, &*scratch);
+        let buffers = NormalLossBindings { depth, normal, photo: &photo.texels, partials };
+        pass.grid(&buffers, &surface.params(self.weight), tiles);
         let mean = MeanParams { count: groups, weight: self.weight };
-        pass.groups(&LOSS_MEAN, &[&scratch.partials, &bound, &scratch.stats], bytes_of(&mean), 1);
+        pass.groups(&LossMeanBindings { partials, loss: &bound, stats }, &mean, 1);
         pass.submit();
         Ok(loss)
     }
@@ -167,9 +169,10 @@ impl NormalLoss {
             let rule = move |v_loss: &CubeTensor| {
                 let upstream = bind(v_loss);
                 let mut pass = Pass::new(&gpu, "normal loss backward");
-                let buffers: [&Buffer; 6] =
-                    [&surface.depth, &surface.normal, &photo.texels, &upstream, &surface.v_depth, &surface.v_normal];
-                pass.grid(&NORMAL_LOSS_BACKWARD, &buffers, bytes_of(&params), surface.tiles());
+                let SurfaceBuffers { depth, normal, v_depth, v_normal, .. } = &surface;
+                let (photo, v_loss) = (&photo.texels, &upstream);
+                let buffers = NormalLossBackwardBindings { depth, normal, photo, v_loss, v_depth, v_normal };
+                pass.grid(&buffers, &params, surface.tiles());
                 pass.submit();
                 None
             };

@@ -5,12 +5,12 @@ use crate::autodiff::unary;
 use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
-use bytemuck::bytes_of;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::sources::{DevicePhoto, MAX_VISIBLE};
+use ibgs_shaders::TILE;
+use ibgs_shaders::bindings::{LossMeanBindings, PhotometricLossBackwardBindings, PhotometricLossBindings};
 use ibgs_shaders::types::{LossParams, MeanParams};
-use ibgs_shaders::{LOSS_MEAN, PHOTOMETRIC_LOSS, PHOTOMETRIC_LOSS_BACKWARD, TILE};
 use std::sync::Arc;
 
 /// Scratch memory of one image size and number of visible sources.
@@ -60,10 +60,17 @@ impl Saved {
         let mut pass = Pass::new(gpu, "photometric loss backward");
         let [x, y] = self.params.tiles;
         for (source, moments) in (0..).zip(&self.scratch.moments[..self.visible()]) {
-            let texels = &self.target.texels;
-            let buffers = [&warped, &self.seen, texels, moments, &self.scratch.stats, &upstream, &out];
+            let buffers = PhotometricLossBackwardBindings {
+                warped: &warped,
+                seen: &self.seen,
+                photo: &self.target.texels,
+                moments,
+                stats: &self.scratch.stats,
+                v_loss: &upstream,
+                v_warped: &out,
+            };
             let params = LossParams { visible_index: source, ..self.params };
-            pass.grid(&PHOTOMETRIC_LOSS_BACKWARD, &buffers, bytes_of(&params), [x, y, 3]);
+            pass.grid(&buffers, &params, [x, y, 3]);
         }
         pass.submit();
         v_warped
@@ -112,13 +119,14 @@ impl PhotometricLoss {
         let loss = empty_like(&warped, &[1]);
         let (bound_warped, bound_loss) = (bind(&warped), bind(&loss));
         let mut pass = Pass::new(gpu, "photometric loss");
+        let (photo, partials) = (&target.texels, &scratch.partials);
         for (source, moments) in (0..).zip(&scratch.moments[..visible]) {
-            let buffers = [&bound_warped, seen, &target.texels, moments, &scratch.partials];
+            let buffers = PhotometricLossBindings { warped: &bound_warped, seen, photo, moments, partials };
             let params = LossParams { visible_index: source, ..params };
-            pass.grid(&PHOTOMETRIC_LOSS, &buffers, bytes_of(&params), [tiles[0], tiles[1], 3]);
+            pass.grid(&buffers, &params, [tiles[0], tiles[1], 3]);
         }
         let mean = MeanParams { count: groups, weight: self.weight };
-        pass.groups(&LOSS_MEAN, &[&scratch.partials, &bound_loss, &scratch.stats], bytes_of(&mean), 1);
+        pass.groups(&LossMeanBindings { partials, loss: &bound_loss, stats: &scratch.stats }, &mean, 1);
         pass.submit();
         let (gpu, seen, target) = (self.gpu.clone(), seen.clone(), target.clone());
         Ok((loss, Saved { gpu, warped, seen, target, params, scratch: Arc::new(scratch) }))

@@ -1,10 +1,9 @@
 //! Adam against its twin.
 
-use bytemuck::bytes_of;
 use ibgs_core::gpu::Pass;
 use ibgs_reference::adam::Adam;
 use ibgs_reference::gpu::gpu;
-use ibgs_shaders::ADAM;
+use ibgs_shaders::bindings::AdamBindings;
 use ibgs_shaders::types::AdamParams;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -50,7 +49,8 @@ fn follows_the_twin(decay: f64) {
         };
         let input = gpu.upload("gradient", &gradient).unwrap();
         let mut pass = Pass::new(&gpu, "test");
-        pass.linear(&ADAM, &[&input, &values, &moments[0], &moments[1]], bytes_of(&params), n);
+        let [moment1, moment2] = &moments;
+        pass.linear(&AdamBindings { gradient: &input, values: &values, moment1, moment2 }, &params, n);
         pass.submit();
         for i in 0..n {
             let is_rest = i as u32 % row >= head;

@@ -1,10 +1,10 @@
 //! The kernels that measure the device, against what they must compute.
 
-use bytemuck::bytes_of;
 use ibgs_core::gpu::Pass;
 use ibgs_reference::gpu::gpu;
+use ibgs_shaders::BENCH_FMAS;
+use ibgs_shaders::bindings::{BenchCopyBindings, BenchFmaBindings};
 use ibgs_shaders::types::FmaParams;
-use ibgs_shaders::{BENCH_COPY, BENCH_FMA, BENCH_FMAS};
 use ibgs_train::bench::Rates;
 
 #[test]
@@ -15,7 +15,7 @@ fn the_copy_is_a_copy() {
     let values: Vec<f32> = (0..4 * (count + 1)).map(|i| 1.0 + i as f32).collect();
     let (from, to) = (gpu.upload("from", &values).unwrap(), gpu.allocate("to", 16 * u64::from(count + 1)).unwrap());
     let mut pass = Pass::new(&gpu, "test");
-    pass.linear(&BENCH_COPY, &[&from, &to], bytes_of(&count), count as usize);
+    pass.linear(&BenchCopyBindings { values: &from, copied: &to }, &count, count as usize);
     pass.submit();
     let copied: Vec<f32> = gpu.read(&to, values.len()).unwrap();
     let (inside, outside) = copied.split_at(4 * count as usize);
@@ -38,7 +38,7 @@ fn every_multiply_add_is_done() {
     let sums = gpu.allocate("sums", 4 * u64::from(count + 3)).unwrap();
     let mut pass = Pass::new(&gpu, "test");
     let params = FmaParams { count, steps };
-    pass.linear(&BENCH_FMA, &[&values, &sums], bytes_of(&params), count as usize);
+    pass.linear(&BenchFmaBindings { factor_and_summand: &values, sums: &sums }, &params, count as usize);
     pass.submit();
     let ours: Vec<f32> = gpu.read(&sums, count as usize + 3).unwrap();
     let mut largest = 0.0f64;

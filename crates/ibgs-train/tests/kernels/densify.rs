@@ -1,7 +1,6 @@
 //! Densification: the plan's rules, and the kernels that carry it out.
 
 use crate::common::parameters;
-use bytemuck::bytes_of;
 use glam::DVec3;
 use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::dataset::Photo;
@@ -11,8 +10,9 @@ use ibgs_core::sources::{DevicePhoto, Outside};
 use ibgs_reference::gpu::{gpu, rasterizer};
 use ibgs_reference::random_scene::{random_camera, random_image, random_params};
 use ibgs_reference::{self as reference, raster::contributions};
+use ibgs_shaders::bindings::{DensifyGatherBindings, DensifyObserveBindings};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
-use ibgs_shaders::{ALPHA_EMPTY, DENSIFY_GATHER, DENSIFY_OBSERVE, TILE};
+use ibgs_shaders::{ALPHA_EMPTY, TILE};
 use ibgs_train::autodiff::{Leaves, rasterized};
 use ibgs_train::densify::free_space::NOWHERE;
 use ibgs_train::densify::{Observations, Plan, Round, covered_errors, distance_length, plan};
@@ -166,7 +166,13 @@ fn statistics_grow_only_where_the_gaussian_was_seen() {
         let errors = gpu.upload("errors", &[7u32; 3]).unwrap();
         let params = ObserveParams { size: [200, 200], count: 3, near_depth, largest: 0, errors: 0 };
         let mut pass = Pass::new(&gpu, "test");
-        pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &errors, &statistics], bytes_of(&params), 3);
+        let buffers = DensifyObserveBindings {
+            v_screen: &gradient,
+            projected: &projected,
+            errors: &errors,
+            statistics: &statistics,
+        };
+        pass.linear(&buffers, &params, 3);
         pass.submit();
         let ours: Vec<[f32; 4]> = gpu.read(&statistics, 3).unwrap();
         let close = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
@@ -194,7 +200,13 @@ fn the_largest_gradient_over_the_views_is_kept() {
         let params = ObserveParams { size: [200, 100], count: 3, near_depth: 1.0, largest: 1, errors: counted };
         let gradient = gpu.upload("gradient", &rows).unwrap();
         let mut pass = Pass::new(&gpu, "test");
-        pass.linear(&DENSIFY_OBSERVE, &[&gradient, &projected, &errors, &statistics], bytes_of(&params), 3);
+        let buffers = DensifyObserveBindings {
+            v_screen: &gradient,
+            projected: &projected,
+            errors: &errors,
+            statistics: &statistics,
+        };
+        pass.linear(&buffers, &params, 3);
         pass.submit();
     }
     let ours: Vec<[f32; 4]> = gpu.read(&statistics, 3).unwrap();
@@ -281,7 +293,8 @@ fn rows_are_gathered_and_new_moments_are_zero() {
         let to = gpu.upload("to", &vec![f32::NAN; 4 * row]).unwrap();
         let params = GatherParams { count: 4 * row as u32, row: row as u32, fresh_zero, pad: 0 };
         let mut pass = Pass::new(&gpu, "test");
-        pass.linear(&DENSIFY_GATHER, &[&list, &from, &to], bytes_of(&params), 4 * row);
+        let buffers = DensifyGatherBindings { sources: &list, previous: &from, next: &to };
+        pass.linear(&buffers, &params, 4 * row);
         pass.submit();
         let ours: Vec<f32> = gpu.read(&to, 4 * row).unwrap();
         for (k, source) in sources.iter().enumerate() {

@@ -1,7 +1,6 @@
 //! The 3D smoothing filter: its sizes, its place in the projection, and models saved with it.
 
 use crate::common::gradients;
-use bytemuck::bytes_of;
 use glam::DVec3;
 use ibgs_core::gpu::Pass;
 use ibgs_core::raster::RasterView;
@@ -9,7 +8,7 @@ use ibgs_core::scene::Splats;
 use ibgs_reference::gpu::{assert_images_agree, gpu, render, splats};
 use ibgs_reference::random_scene::{exact, random_camera, random_image, random_params};
 use ibgs_reference::{self as reference, Params, Tensor, relative_error};
-use ibgs_shaders::FILTER_SIZES;
+use ibgs_shaders::bindings::FilterSizesBindings;
 use ibgs_shaders::types::FilterParams;
 
 /// A random scene with filters from a tenth of the scales to twice as large, and some without.
@@ -64,24 +63,22 @@ fn a_model_without_its_filters_but_with_their_effect_renders_alike() {
 fn sizes_are_those_of_the_nearest_camera() {
     let gpu = gpu();
     let p = random_params(300, 0, 63);
-    let cameras: Vec<_> = (0..5).map(|i| random_camera(40 + 10 * i, 30, u64::from(i))).collect();
+    let views: Vec<_> = (0..5).map(|i| random_camera(40 + 10 * i, 30, u64::from(i))).collect();
     let rows: Vec<[f32; 4]> =
-        cameras.iter().map(|c| c.center().extend(c.focal.max_element()).as_vec4().to_array()).collect();
+        views.iter().map(|c| c.center().extend(c.focal.max_element()).as_vec4().to_array()).collect();
     let means: Vec<[f32; 3]> = p.means.iter().map(|m| m.map(|v| v as f32)).collect();
-    let buffers = [
-        gpu.upload("means", &means).unwrap(),
-        gpu.upload("cameras", &rows).unwrap(),
-        gpu.upload("filters", &vec![-1.0f32; 300]).unwrap(),
-    ];
+    let means = gpu.upload("means", &means).unwrap();
+    let cameras = gpu.upload("cameras", &rows).unwrap();
+    let filters = gpu.upload("filters", &vec![-1.0f32; 300]).unwrap();
     // The last Gaussian is beyond the count.
     let params = FilterParams { count: 299, cameras: 5, factor: 0.5 };
     let mut pass = Pass::new(&gpu, "test");
-    pass.linear(&FILTER_SIZES, &buffers.each_ref(), bytes_of(&params), 300);
+    pass.linear(&FilterSizesBindings { means: &means, cameras: &cameras, filters: &filters }, &params, 300);
     pass.submit();
-    let ours: Vec<f32> = gpu.read(&buffers[2], 300).unwrap();
+    let ours: Vec<f32> = gpu.read(&filters, 300).unwrap();
     for (mean, ours) in p.means.iter().zip(&ours).take(299) {
         let size = |c: &ibgs_core::camera::Camera| c.center().distance(DVec3::from(*mean)) / c.focal.max_element();
-        let truth = 0.5 * cameras.iter().map(size).fold(f64::INFINITY, f64::min);
+        let truth = 0.5 * views.iter().map(size).fold(f64::INFINITY, f64::min);
         assert!((f64::from(*ours) / truth - 1.0).abs() < 1e-5, "{ours} for {truth}");
     }
     assert_eq!(ours[299], -1.0);

@@ -1,9 +1,8 @@
 //! The search for values that are not finite.
 
-use bytemuck::bytes_of;
 use ibgs_core::gpu::Pass;
 use ibgs_reference::gpu::gpu;
-use ibgs_shaders::FINITE;
+use ibgs_shaders::bindings::FiniteBindings;
 
 #[test]
 fn what_is_not_finite_is_counted() {
@@ -11,13 +10,13 @@ fn what_is_not_finite_is_counted() {
     let mut values = vec![0.0f32, -0.0, f32::MAX, f32::MIN, f32::MIN_POSITIVE, 1e-45, -1.0];
     values.resize(1000, 0.5);
     let count = |values: &[f32]| {
-        let buffers = [gpu.upload("values", values).unwrap(), gpu.upload("broken", &[0u32]).unwrap()];
+        let (uploaded, broken) = (gpu.upload("values", values).unwrap(), gpu.upload("broken", &[0u32]).unwrap());
         let mut pass = Pass::new(&gpu, "test");
         // Beyond the count lie values that are not looked at.
         let looked_at = values.len() as u32 - 1;
-        pass.linear(&FINITE, &[&buffers[0], &buffers[1]], bytes_of(&looked_at), values.len());
+        pass.linear(&FiniteBindings { values: &uploaded, broken: &broken }, &looked_at, values.len());
         pass.submit();
-        gpu.read::<u32>(&buffers[1], 1).unwrap()[0]
+        gpu.read::<u32>(&broken, 1).unwrap()[0]
     };
     assert_eq!(count(&values), 0);
     values[999] = f32::NAN;

@@ -1,9 +1,8 @@
 //! The weighted mean of partial sums.
 
-use bytemuck::bytes_of;
 use ibgs_core::gpu::Pass;
 use ibgs_reference::gpu::gpu;
-use ibgs_shaders::LOSS_MEAN;
+use ibgs_shaders::bindings::LossMeanBindings;
 use ibgs_shaders::types::MeanParams;
 
 /// The loss, and the loss with the count beside it, of sums with their counts.
@@ -16,7 +15,7 @@ fn mean(partials: &[[f32; 2]], weight: f32) -> (f32, [f32; 2]) {
     let stats = gpu.upload("stats", &[f32::NAN; 2]).unwrap();
     let params = MeanParams { count: partials.len() as u32, weight };
     let mut pass = Pass::new(&gpu, "test");
-    pass.groups(&LOSS_MEAN, &[&sums, &loss, &stats], bytes_of(&params), 1);
+    pass.groups(&LossMeanBindings { partials: &sums, loss: &loss, stats: &stats }, &params, 1);
     pass.submit();
     let stats: Vec<f32> = gpu.read(&stats, 2).unwrap();
     (gpu.read::<f32>(&loss, 1).unwrap()[0], [stats[0], stats[1]])

@@ -1,11 +1,10 @@
 //! The strategy `mcmc`: its plan, its noise and its penalties.
 
-use bytemuck::bytes_of;
 use glam::{DMat3, DQuat, DVec3};
 use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::gpu::Pass;
 use ibgs_reference::gpu::gpu;
-use ibgs_shaders::MCMC_NOISE;
+use ibgs_shaders::bindings::McmcNoiseBindings;
 use ibgs_shaders::types::McmcNoiseParams;
 use ibgs_train::densify::free_space::NOWHERE;
 use ibgs_train::densify::mcmc::shared;
@@ -135,17 +134,18 @@ fn noise_follows_the_twin_and_the_covariance() {
     let logits: Vec<f32> = (0..n).map(|i| if alike(i) { -9.0 } else { draw(-12.0, 8.0) }).collect();
     let (seed, strength) = (77, 0.25);
     let upload = |what, values: &[f32]| gpu.upload(what, values).unwrap();
-    let buffers = [
-        upload("rotations", rotations.as_flattened()),
-        upload("log scales", log_scales.as_flattened()),
-        upload("logits", &logits),
-        upload("means", &vec![0.0; 3 * n]),
-    ];
+    let means = upload("means", &vec![0.0; 3 * n]);
+    let buffers = McmcNoiseBindings {
+        rotations: &upload("rotations", rotations.as_flattened()),
+        log_scales: &upload("log scales", log_scales.as_flattened()),
+        opacity_logits: &upload("logits", &logits),
+        means: &means,
+    };
     let params = McmcNoiseParams { count: n as u32, seed, strength: strength as f32 };
     let mut pass = Pass::new(&gpu, "test");
-    pass.linear(&MCMC_NOISE, &buffers.each_ref(), bytes_of(&params), n);
+    pass.linear(&buffers, &params, n);
     pass.submit();
-    let moved: Vec<[f32; 3]> = gpu.read(&buffers[3], n).unwrap();
+    let moved: Vec<[f32; 3]> = gpu.read(&means, n).unwrap();
     let steps: Vec<DVec3> =
         (0..n).map(|i| noise_twin(i as u32, seed, strength, rotations[i], log_scales[i], logits[i])).collect();
     for (i, (ours, twin)) in moved.iter().zip(&steps).enumerate() {

@@ -5,13 +5,13 @@ use super::memory::{Activations, Map};
 use crate::gpu::{Buffer, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part};
-use bytemuck::bytes_of;
+use ibgs_shaders::Store;
+use ibgs_shaders::bindings::{
+    ResidualConvBindings, ResidualConvWeightsBindings, ResidualHeadBackwardBindings, ResidualHeadBindings,
+    ResidualHeadWeightsBindings, ResidualPoolBackwardBindings, ResidualSumBindings, ResidualUpsampleBackwardBindings,
+};
 use ibgs_shaders::layers::{CONV_OUTPUTS, CONV_TILE};
 use ibgs_shaders::types::{ConvParams, ConvWeightsParams, HeadParams, PoolParams, SumParams, UpsampleParams};
-use ibgs_shaders::{
-    RESIDUAL_CONV, RESIDUAL_CONV_WEIGHTS, RESIDUAL_HEAD, RESIDUAL_HEAD_BACKWARD, RESIDUAL_HEAD_WEIGHTS,
-    RESIDUAL_POOL_BACKWARD, RESIDUAL_SUM, RESIDUAL_UPSAMPLE_BACKWARD, Store,
-};
 
 /// Pixels of a workgroup of the head.
 const HEAD_PIXELS: u32 = 512;
@@ -50,8 +50,9 @@ fn conv(pass: &mut Pass, weights: &Buffer, inputs: &[&Map], output: &Map, store:
         ..params
     };
     let grid = [output.size[0].div_ceil(CONV_TILE[0]), output.size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1];
-    let buffers = [weights, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
-    pass.grid(&RESIDUAL_CONV, &buffers, bytes_of(&params), grid);
+    let (input_a, input_b) = (&a.buffer, &b.unwrap_or(a).buffer);
+    let bindings = ResidualConvBindings { weights, input_a, input_b, output: &output.buffer };
+    pass.grid(&bindings, &params, grid);
 }
 
 fn head_params(maps: &Activations) -> HeadParams {
@@ -67,8 +68,8 @@ fn head_params(maps: &Activations) -> HeadParams {
 
 /// Adds the rows of partial sums, `values` in all that are wanted.
 fn sum(pass: &mut Pass, buffers: &BackwardBuffers, params: SumParams, values: u32) {
-    let bound = [&buffers.gradients.partials, buffers.v_weights];
-    pass.groups(&RESIDUAL_SUM, &bound, bytes_of(&params), values.div_ceil(32) as usize);
+    let bindings = ResidualSumBindings { partials: &buffers.gradients.partials, sums: buffers.v_weights };
+    pass.groups(&bindings, &params, values.div_ceil(32) as usize);
 }
 
 impl Backend for Full {
@@ -85,8 +86,9 @@ impl Backend for Full {
 
     fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations) {
         let params = head_params(maps);
-        let buffers = [weights, &maps.d1.buffer, &maps.x.buffer, &maps.residual, &maps.f.buffer];
-        pass.groups(&RESIDUAL_HEAD, &buffers, bytes_of(&params), params.pixels.div_ceil(HEAD_PIXELS) as usize);
+        let (d1, x, f) = (&maps.d1.buffer, &maps.x.buffer, &maps.f.buffer);
+        let bindings = ResidualHeadBindings { weights, d1, x, residual: &maps.residual, f };
+        pass.groups(&bindings, &params, params.pixels.div_ceil(HEAD_PIXELS) as usize);
     }
 
     fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
@@ -95,15 +97,16 @@ impl Backend for Full {
         let (d1, x, f) = (&maps.d1.buffer, &maps.x.buffer, &maps.f.buffer);
         // Light workgroups: twice as many fit a multiprocessor, and their rows of sums are a quarter as long.
         let splits = 2 * splits(params.pixels.div_ceil(32), MIN_TILES, MAX_SPLITS);
-        let bound = [weights, d1, x, f, v_residual, &gradients.partials];
-        pass.grid(&RESIDUAL_HEAD_WEIGHTS, &bound, bytes_of(&params), [splits, 1, 1]);
+        let partials = &gradients.partials;
+        let bindings = ResidualHeadWeightsBindings { weights, d1, x, f, v_residual, partials };
+        pass.grid(&bindings, &params, [splits, 1, 1]);
         // The two layers follow each other in the flat weights as in a row of partial sums.
         let length = (FINAL.end() - FUSE.offset) as u32;
         let target_offset = FUSE.offset as u32;
         let row = SumParams { splits, stride: length, rows: 1, length, target_offset, ..Default::default() };
         sum(pass, buffers, row, length);
         let groups = params.pixels.div_ceil(HEAD_PIXELS) as usize;
-        pass.groups(&RESIDUAL_HEAD_BACKWARD, &[weights, v_residual, d1, f], bytes_of(&params), groups);
+        pass.groups(&ResidualHeadBackwardBindings { weights, v_residual, d1, f }, &params, groups);
     }
 
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
@@ -111,8 +114,9 @@ impl Backend for Full {
         let splits = splits(conv_tiles(v.size), MIN_TILES, MAX_SPLITS);
         let mode = conv_input(input.size, v.size) as u32;
         let params = ConvWeightsParams { size: v.size, source: input.size, mode, inputs, outputs, splits };
-        let bound = [&v.buffer, &input.buffer, &buffers.gradients.partials];
-        pass.grid(&RESIDUAL_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, 1, 1]);
+        let partials = &buffers.gradients.partials;
+        let bindings = ResidualConvWeightsBindings { v: &v.buffer, input: &input.buffer, partials };
+        pass.grid(&bindings, &params, [splits, 1, 1]);
         let length = 9 * inputs;
         let biases = if part.first == 0 { outputs } else { 0 };
         let rows = SumParams {
@@ -142,14 +146,15 @@ impl Backend for Full {
 
     fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map) {
         let params = PoolParams { size: v.size, channels: v.channels as u32, pad: 0 };
-        let buffers = [&activation.buffer, &v_pooled.buffer, &v.buffer];
-        pass.linear(&RESIDUAL_POOL_BACKWARD, &buffers, bytes_of(&params), v.channels * v.pixels() as usize);
+        let bindings =
+            ResidualPoolBackwardBindings { activation: &activation.buffer, v_pooled: &v_pooled.buffer, v: &v.buffer };
+        pass.linear(&bindings, &params, v.channels * v.pixels() as usize);
     }
 
     fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map) {
         let params = UpsampleParams { size: v_enlarged.size, source: v.size, channels: v.channels as u32, pad: 0 };
-        let buffers = [&v_enlarged.buffer, &v.buffer];
-        pass.linear(&RESIDUAL_UPSAMPLE_BACKWARD, &buffers, bytes_of(&params), v.channels * v.pixels() as usize);
+        let bindings = ResidualUpsampleBackwardBindings { v_enlarged: &v_enlarged.buffer, v: &v.buffer };
+        pass.linear(&bindings, &params, v.channels * v.pixels() as usize);
     }
 
     fn partial_bytes(&self, size: [u32; 2]) -> u64 {

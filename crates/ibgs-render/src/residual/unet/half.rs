@@ -10,16 +10,17 @@ use super::memory::{Activations, Map, padded};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part, UNET};
-use bytemuck::bytes_of;
+use ibgs_shaders::bindings::{
+    HalfConvBindings, HalfConvWeightsBindings, HalfHeadBackwardBindings, HalfHeadBindings, HalfHeadGradientBindings,
+    HalfLinearWeightsBindings, HalfPoolBackwardBindings, HalfSumBindings, HalfUnpackBindings,
+    HalfUpsampleBackwardBindings, HalfWeightsBindings,
+};
 use ibgs_shaders::layers::{HALF_CONV_ROWS, HALF_SUBGROUPS};
 use ibgs_shaders::types::{
     HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
     HalfLinearWeightsParams, HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeights, HalfWeightsParams,
 };
-use ibgs_shaders::{
-    HALF_CONV, HALF_CONV_WEIGHTS, HALF_HEAD, HALF_HEAD_BACKWARD, HALF_HEAD_GRADIENT, HALF_LINEAR_WEIGHTS,
-    HALF_POOL_BACKWARD, HALF_SUM, HALF_UNPACK, HALF_UPSAMPLE_BACKWARD, HALF_WEIGHTS, Kernel, MatrixUnits, Store,
-};
+use ibgs_shaders::{Bindings, MatrixUnits, Store};
 
 /// Fewest tiles for a workgroup of its own.
 const MIN_TILES: u32 = 2;
@@ -160,8 +161,9 @@ impl Half {
         };
         let side = self.units.side;
         let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(HALF_CONV_ROWS), packed.weights.groups / 3];
-        let buffers = [weights, &self.packed, &a.buffer, &b.unwrap_or(a).buffer, &output.buffer];
-        pass.grid(&HALF_CONV, &buffers, bytes_of(&params), grid);
+        let (input_a, input_b) = (&a.buffer, &b.unwrap_or(a).buffer);
+        let bindings = HalfConvBindings { weights, packed: &self.packed, input_a, input_b, output: &output.buffer };
+        pass.grid(&bindings, &params, grid);
     }
 
     /// Workgroups of the head's kernels, of which a subgroup takes so many matrices of pixels.
@@ -182,15 +184,18 @@ impl Half {
 }
 
 /// Back through a change of size, to the gradient `v`.
-fn resize(pass: &mut Pass, kernel: &'static Kernel, buffers: &[&Buffer], [size, source]: [[u32; 2]; 2], v: &Map) {
+fn resize<'b, T>(pass: &mut Pass, bindings: &T, [size, source]: [[u32; 2]; 2], v: &Map)
+where
+    T: Bindings<'b, Buffer, Params = HalfResizeParams>,
+{
     let params = HalfResizeParams { size, source, quads: quads(v), pad: 0 };
-    pass.linear(kernel, buffers, bytes_of(&params), (params.quads * v.pixels()) as usize);
+    pass.linear(bindings, &params, (params.quads * v.pixels()) as usize);
 }
 
 impl Backend for Half {
     fn prepare(&self, pass: &mut Pass, weights: &Buffer) {
-        let buffers = [weights, &self.layers, &self.packed];
-        pass.linear(&HALF_WEIGHTS, &buffers, bytes_of(&self.sizes), self.sizes.quads as usize);
+        let bindings = HalfWeightsBindings { weights, layers: &self.layers, packed: &self.packed };
+        pass.linear(&bindings, &self.sizes, self.sizes.quads as usize);
     }
 
     fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
@@ -208,8 +213,9 @@ impl Backend for Half {
             keep: u32::from(maps.keep == Keep::Gradients),
         };
         let Activations { x, d1, f, residual, .. } = maps;
-        let buffers = [weights, &self.packed, &d1.buffer, &x.buffer, residual, &f.buffer];
-        pass.groups(&HALF_HEAD, &buffers, bytes_of(&params), self.head_groups(x, 2));
+        let bindings =
+            HalfHeadBindings { weights, packed: &self.packed, d1: &d1.buffer, x: &x.buffer, residual, kept: &f.buffer };
+        pass.groups(&bindings, &params, self.head_groups(x, 2));
     }
 
     fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
@@ -218,15 +224,21 @@ impl Backend for Half {
         let v_f = &buffers.gradients.v_e1;
         let (pixels, groups) = (x.pixels(), self.head_groups(x, 1));
         let params = HalfHeadGradientParams { pixels, last: FINAL.offset as u32, scale: self.scale };
-        let bound = [buffers.weights, buffers.v_residual, &f.buffer, &v_residual.buffer, &v_f.buffer];
-        pass.linear(&HALF_HEAD_GRADIENT, &bound, bytes_of(&params), (pixels * quads(v_f)) as usize);
+        let bindings = HalfHeadGradientBindings {
+            weights: buffers.weights,
+            v_residual: buffers.v_residual,
+            f: &f.buffer,
+            v_out: &v_residual.buffer,
+            v_f: &v_f.buffer,
+        };
+        pass.linear(&bindings, &params, (pixels * quads(v_f)) as usize);
         let ([by_f, _], [by_d1, by_x]) = (FINAL.parts(), FUSE.parts());
         self.weight_gradient(pass, buffers, by_f, v_residual, f);
         self.weight_gradient(pass, buffers, by_d1, v_f, d1);
         self.weight_gradient(pass, buffers, by_x, v_f, x);
         let params = HalfHeadBackwardParams { pixels, fuse: find(&self.forward, FUSE.offset).weights.into };
-        let bound = [&self.packed, &v_f.buffer, &d1.buffer, &f.buffer];
-        pass.groups(&HALF_HEAD_BACKWARD, &bound, bytes_of(&params), groups);
+        let (v_f, d1, f) = (&v_f.buffer, &d1.buffer, &f.buffer);
+        pass.groups(&HalfHeadBackwardBindings { packed: &self.packed, v_f, d1, f }, &params, groups);
     }
 
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
@@ -235,17 +247,18 @@ impl Backend for Half {
         let (pairs_in, pairs_out) = (quads(input) / 2, quads(v) / 2);
         // The padding's first channel counts as 1 in the sums.
         let [groups_in, groups_out] = [input.channels + 1, v.channels].map(|channels| triples(channels, self.units));
-        let bound = [&v.buffer, &input.buffer, partials];
         let splits = if taps == 1 {
             let splits = self.linear_splits(v.pixels());
             let params = HalfLinearWeightsParams { pixels: v.pixels(), inputs, pairs_in, pairs_out, splits };
-            pass.grid(&HALF_LINEAR_WEIGHTS, &bound, bytes_of(&params), [splits, groups_in, groups_out]);
+            let bindings = HalfLinearWeightsBindings { v: &v.buffer, input: &input.buffer, partials };
+            pass.grid(&bindings, &params, [splits, groups_in, groups_out]);
             splits
         } else {
             let splits = self.conv_splits(v.size);
             let (size, source, mode) = (v.size, input.size, conv_input(input.size, v.size) as u32);
             let params = HalfConvWeightsParams { size, source, mode, inputs, pairs_in, pairs_out, splits, pad: 0 };
-            pass.grid(&HALF_CONV_WEIGHTS, &bound, bytes_of(&params), [splits, groups_in, groups_out]);
+            let bindings = HalfConvWeightsBindings { v: &v.buffer, input: &input.buffer, partials };
+            pass.grid(&bindings, &params, [splits, groups_in, groups_out]);
             splits
         };
         let sum = HalfSumParams {
@@ -262,7 +275,7 @@ impl Backend for Half {
         };
         let group = 3 * self.units.side;
         let values = groups_in * groups_out * taps * group * group;
-        pass.groups(&HALF_SUM, &[partials, buffers.v_weights], bytes_of(&sum), values.div_ceil(32) as usize);
+        pass.groups(&HalfSumBindings { partials, sums: buffers.v_weights }, &sum, values.div_ceil(32) as usize);
     }
 
     fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store) {
@@ -270,18 +283,20 @@ impl Backend for Half {
     }
 
     fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map) {
-        let buffers = [&activation.buffer, &v_pooled.buffer, &v.buffer];
-        resize(pass, &HALF_POOL_BACKWARD, &buffers, [v.size, v_pooled.size], v);
+        let bindings =
+            HalfPoolBackwardBindings { activation: &activation.buffer, v_pooled: &v_pooled.buffer, v: &v.buffer };
+        resize(pass, &bindings, [v.size, v_pooled.size], v);
     }
 
     fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map) {
-        resize(pass, &HALF_UPSAMPLE_BACKWARD, &[&v_enlarged.buffer, &v.buffer], [v_enlarged.size, v.size], v);
+        let bindings = HalfUpsampleBackwardBindings { v_enlarged: &v_enlarged.buffer, v: &v.buffer };
+        resize(pass, &bindings, [v_enlarged.size, v.size], v);
     }
 
     fn finish(&self, pass: &mut Pass, f: &Map, v_x: &Buffer) {
         let pixels = f.pixels();
         let params = HalfUnpackParams { pixels, channels: INPUT as u32, quads: quads(f), unscale: self.scale.recip() };
-        pass.linear(&HALF_UNPACK, &[&f.buffer, v_x], bytes_of(&params), pixels as usize);
+        pass.linear(&HalfUnpackBindings { packed: &f.buffer, planes: v_x }, &params, pixels as usize);
     }
 
     fn multiplies_features(&self) -> bool {
