@@ -6,7 +6,6 @@ pub mod mutate;
 mod readers;
 pub mod seeds;
 
-use ibgs_testing::scene_files;
 use mutate::{damaged, damages};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};

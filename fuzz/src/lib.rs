@@ -2,9 +2,6 @@
 
 #[path = "../../tests/bad_input_random/readers.rs"]
 pub mod readers;
-#[allow(dead_code)]
-#[path = "../../tests/scene_files.rs"]
-mod scene_files;
 #[path = "../../tests/bad_input_random/seeds.rs"]
 pub mod seeds;
 

@@ -1,6 +1,5 @@
 //! Whole files, small: what the damaged ones are made from.
 
-use super::scene_files::{Model, write_photo};
 use exr::prelude::{
     Blocks, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage, write_rgba_file,
 };
@@ -14,6 +13,7 @@ use ibgs_core::exposure::Exposure;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::output::cameras::{self, CameraRecord, Split};
 use ibgs_core::scene::{self, Format, PlyFlavor};
+use ibgs_testing::scene_files::{Model, write_photo};
 use ibgs_train::checkpoint;
 use image::{DynamicImage, ImageFormat};
 use serde_json::json;
@@ -62,7 +62,7 @@ pub fn of(reader: &str) -> Vec<Vec<u8>> {
         "checkpoint" => archives(&checkpoint_parts()),
         "pth" => vec![chosen(1, &pickle()), chosen(0, &pth_of(&pickle())), chosen(0, &legacy_pth())],
         "safetensors" => vec![safetensors()],
-        "zip_scene" => vec![super::scene_files::zip_of_folder(Model::small(2).scene().path(), "top/")],
+        "zip_scene" => vec![ibgs_testing::scene_files::zip_of_folder(Model::small(2).scene().path(), "top/")],
         "photo" => photos(),
         "config" => vec![TrainConfig::default().to_text().unwrap().into_bytes(), b"iterations = 3\n".to_vec()],
         "model_folder" => numbered(model_files()),
@@ -327,9 +327,9 @@ fn reality_capture() -> Vec<Vec<u8>> {
 fn pose_arrays() -> [Vec<u8>; 2] {
     let row = [0.0, 1.0, 0.0, 0.5, 48.0, 1.0, 0.0, 0.0, -2.0, 64.0, 0.0, 0.0, -1.0, 3.0, 70.5, 0.1, 9.0];
     let matrix = [70.0, 0.0, 32.0, 5.0, 0.0, 71.0, 24.0, -6.0, 0.0, 0.0, 1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
-    let matrix = super::scene_files::npy(4, &matrix);
+    let matrix = ibgs_testing::scene_files::npy(4, &matrix);
     let parts = [("world_mat_0.npy", &matrix[..]), ("scale_mat_0.npy", &matrix), ("world_mat_1.npy", &matrix)];
-    [super::scene_files::npy(17, &[row, row].concat()), super::scene_files::zip_of(&parts)]
+    [ibgs_testing::scene_files::npy(17, &[row, row].concat()), ibgs_testing::scene_files::zip_of(&parts)]
 }
 
 fn photos() -> Vec<Vec<u8>> {

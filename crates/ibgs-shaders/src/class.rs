@@ -40,7 +40,7 @@ named! {
     /// first of them.
     KernelStage {
         /// Median depth maps of the sources.
-        DepthMaps = "depth_maps",
+        DepthMaps = "depth maps of the sources",
         /// Culling, projection, colour.
         Project = "project",
         /// Prefix sum, tile intersections, lists of the tiles, each by depth.
@@ -58,33 +58,33 @@ named! {
         /// Base colour and residual to the final colour.
         Compose = "compose",
         /// L1 and SSIM, of base and final image.
-        ImageLoss = "image_loss",
+        ImageLoss = "image loss",
         /// Depth normals against the normal map.
-        NormalLoss = "normal_loss",
+        NormalLoss = "normal loss",
         /// SSIM of photo and warped photos.
-        PhotometricLoss = "photometric_loss",
+        PhotometricLoss = "photometric loss",
         /// Gradient of the image loss.
-        ImageLossBackward = "image_loss_backward",
+        ImageLossBackward = "image loss backward",
         /// Gradient of the normal loss.
-        NormalLossBackward = "normal_loss_backward",
+        NormalLossBackward = "normal loss backward",
         /// Gradient of the photometric loss.
-        PhotometricLossBackward = "photometric_loss_backward",
-        /// Gradient of the composition.
-        ComposeBackward = "compose_backward",
+        PhotometricLossBackward = "photometric loss backward",
+        /// Gradient of the composition, and of the colour map.
+        ComposeBackward = "compose backward",
         /// Gradient of the U-Net by activations.
-        UNetBackward = "unet_backward",
+        UNetBackward = "unet backward",
         /// Gradient of the U-Net by weights.
-        UNetWeights = "unet_weights",
+        UNetWeights = "unet weights",
         /// Gradient of features and MLP by inputs and weights.
-        FeaturesBackward = "features_backward",
+        FeaturesBackward = "features backward",
         /// Gradient of the warping.
-        WarpBackward = "warp_backward",
+        WarpBackward = "warp backward",
         /// Gradient of the blending.
-        BlendBackward = "blend_backward",
+        BlendBackward = "blend backward",
         /// Gradient of the planes.
-        PlanesBackward = "planes_backward",
+        PlanesBackward = "planes backward",
         /// Gradient of the projection.
-        ProjectBackward = "project_backward",
+        ProjectBackward = "project backward",
         /// Adam for Gaussians and network.
         Adam = "adam",
         /// None of these.

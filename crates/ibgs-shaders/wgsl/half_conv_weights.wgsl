@@ -1,6 +1,6 @@
 //! 3 x 3 convolution on the matrix units, partial sums of the gradient by weights and biases.
 #set matrix
-#stage unet_weights
+#stage unet weights
 // Gradient of a 3 x 3 convolution's weights and biases on the matrix units: dW[tap][i][o] = sum over pixels of x[p + tap][i] v[p][o].
 //
 // A workgroup of nine subgroups, one a tap, walks through a part of the tiles of SIDE x SIDE / 2 pixels for 3 SIDE inputs (y of the

@@ -1,6 +1,6 @@
 //! Gradient of the per-view MLP, rows of weight gradients.
 #set matrix
-#stage features_backward
+#stage features backward
 // residual_features_backward.wgsl on the matrix units, for the mean and the mean by confidence over the sources: gradient of the
 // per-view MLP by the features and, summed over all pixels of a workgroup, by the MLP's weights.
 //

@@ -1,6 +1,6 @@
 //! Gradients by the inputs of the U-Net's layer before the last.
 #set matrix
-#stage unet_backward
+#stage unet backward
 // Gradients by the two inputs of the layer before the last on the matrix units: v_d1, through the ReLU of d1, takes the place
 // of d1; v_x takes that of f. A subgroup takes SIDE pixels.
 #import half

@@ -1,6 +1,6 @@
 //! Gradient by the input of the U-Net's last layer.
 #set matrix
-#stage unet_backward
+#stage unet backward
 // One thread four channels of a pixel, so that neighbours write side by side: the scaled gradient by the output in half precision,
 // and the gradient by f through the last layer and the ReLU of f.
 #import half

@@ -1,6 +1,6 @@
 //! 1 x 1 convolution on the matrix units, partial sums of the gradient by weights and biases.
 #set matrix
-#stage unet_weights
+#stage unet weights
 // Gradient of a 1 x 1 convolution's weights and biases on the matrix units: dW[i][o] = sum over pixels of x[p][i] v[p][o].
 //
 // A workgroup of nine subgroups walks through a part of the pixels, 3 SIDE at a time, for 3 SIDE inputs (y of the workgroup) and

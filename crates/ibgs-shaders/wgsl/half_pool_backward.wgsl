@@ -1,6 +1,6 @@
 //! Gradient of the 2 x 2 maximum in half precision.
 #set matrix
-#stage unet_backward
+#stage unet backward
 // As residual_pool_backward in half precision, channels last: one thread four channels of a pixel before the maximum.
 #import half_resize
 

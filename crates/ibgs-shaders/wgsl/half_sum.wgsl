@@ -1,6 +1,6 @@
 //! Rows of the matrix units' partial sums into the flat weight gradient.
 #set matrix
-#stage unet_weights
+#stage unet weights
 // Adds the partial sums of a layer's weight gradient in a fixed order, takes the scale back, and puts the result where the
 // layer's weights and biases lie.
 #import index

@@ -1,6 +1,6 @@
 //! Gradients in half precision to planes.
 #set matrix
-#stage unet_backward
+#stage unet backward
 // One thread a pixel: scaled gradients in half precision, channels last, to planes in float32.
 #import index
 

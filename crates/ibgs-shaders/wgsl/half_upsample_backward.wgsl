@@ -1,6 +1,6 @@
 //! Gradient of the enlargement by nearest in half precision.
 #set matrix
-#stage unet_backward
+#stage unet backward
 // As residual_upsample_backward in half precision, channels last: one thread four channels of a pixel before the enlargement.
 #import half_resize
 

@@ -1,6 +1,6 @@
 //! L1 + SSIM, forward.
 #set train
-#stage image_loss
+#stage image loss
 // One workgroup a tile and channel: |x - y|, SSIM, and the derivatives of SSIM by its windowed moments.
 #import ssim_moments
 #import reduce

@@ -1,6 +1,6 @@
 //! L1 + SSIM, gradient by the image.
 #set train
-#stage image_loss_backward
+#stage image loss backward
 // One workgroup a tile and channel: gradient of the L1 + SSIM loss by the image, times the upstream scalar.
 #import ssim_maps
 

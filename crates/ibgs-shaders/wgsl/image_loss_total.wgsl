@@ -1,6 +1,6 @@
 //! L1 + SSIM, sum over the tiles.
 #set train
-#stage image_loss
+#stage image loss
 // One workgroup: sums the tiles' partial sums in a fixed order. stats = (loss, mean |x - y|, mean SSIM, mean squared error).
 #import ssim
 #import reduce

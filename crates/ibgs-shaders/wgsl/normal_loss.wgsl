@@ -1,6 +1,6 @@
 //! Depth normals against the normal map, forward.
 #set train
-#stage normal_loss
+#stage normal loss
 // One workgroup a tile: sum of 0.4 sum_c |Nd - N| + 0.6 (1 - Nd . N), and the number of pixels (method.md section 7).
 // Pixels that are masked in the photo add nothing to the sum.
 #import depth_normal

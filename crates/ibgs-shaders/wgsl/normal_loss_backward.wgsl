@@ -1,6 +1,6 @@
 //! Depth normals against the normal map, gradients by median depth and normal map.
 #set train
-#stage normal_loss_backward
+#stage normal loss backward
 // One workgroup a tile: adds the gradients of the normal loss by median depth and normal map, times the upstream
 // scalar. Pixels that are masked in the photo have no part in it. A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
 #import depth_normal

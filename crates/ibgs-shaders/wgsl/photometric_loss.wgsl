@@ -1,6 +1,6 @@
 //! SSIM of a photo and the images warped to it, forward, one visible source.
 #set train
-#stage photometric_loss
+#stage photometric loss
 // One workgroup a tile and channel of one of the visible sources: SSIM of the photo y and of x, the warped image where it
 // counts and the photo elsewhere, summed over the pixels that count, and the derivatives of SSIM by its windowed moments. A
 // pixel counts where that source is there, its depth agrees, and the photo is valid there. A masked part of the photo is

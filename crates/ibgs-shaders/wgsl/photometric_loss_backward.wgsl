@@ -1,6 +1,6 @@
 //! SSIM of a photo and the images warped to it, gradient by the warped colours, one visible source.
 #set train
-#stage photometric_loss_backward
+#stage photometric loss backward
 // One workgroup a tile and channel of one of the visible sources: gradient of the photometric loss by the warped colours, times the
 // upstream scalar; zero where a pixel does not count. The cosine beside the colour has none.
 #import ssim_maps

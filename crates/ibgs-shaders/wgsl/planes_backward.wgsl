@@ -1,6 +1,6 @@
 //! Gradient of the planes by means, normals and offsets.
 #set train
-#stage planes_backward
+#stage planes backward
 // One thread a Gaussian: carries the gradient from its plane (n_c, D_c), which sum_rows_surface.wgsl has left in v_normals and
 // v_plane_offsets, to the mean (added), the raw normal and the raw offset. Departs from the published code (method.md 10.1): each
 // plane gets its derivative once.

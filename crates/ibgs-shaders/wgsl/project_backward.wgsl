@@ -1,6 +1,6 @@
 //! Gradient of the projection by the raw parameters.
 #set train
-#stage project_backward
+#stage project backward
 // One thread a Gaussian: carries the gradient from the projected quantities to the raw parameters (method.md sections 1 and 2).
 // sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance). In between the threads
 // share the workgroup's coefficients, one after the other as they lie in memory.

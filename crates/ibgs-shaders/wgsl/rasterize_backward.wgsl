@@ -1,6 +1,6 @@
 //! Gradient of the blending by the projected quantities, a row an intersection.
 #set train
-#stage blend_backward
+#stage blend backward
 // Gradient of rasterize.wgsl by the projected Gaussians.
 #import frame
 #import tile

@@ -1,6 +1,6 @@
 //! Median depth alone.
 #set render
-#stage depth_maps
+#stage depth maps of the sources
 // The median depth alone (method.md section 3).
 #define PLANES
 #import surface

@@ -1,6 +1,6 @@
 //! Gradient of the blending with surface by projected quantities and planes, a row an intersection.
 #set train
-#stage blend_backward
+#stage blend backward
 // Gradient of rasterize_surface.wgsl by the projected Gaussians and their planes.
 #define INTERSECTIONS
 #import surface

@@ -1,6 +1,6 @@
 //! Gradient of the composition.
 #set train
-#stage compose_backward
+#stage compose backward
 // One thread a pixel of either size: gradient of the final colour by the network's output, and by the base colour as far as it does
 // not pass through the sources' mean difference. The resize is transposed as a gather.
 #import index

@@ -1,6 +1,6 @@
 //! 3 x 3 convolution, partial sums of the gradient by weights and biases.
 #set train
-#stage unet_weights
+#stage unet weights
 // Gradient of a 3 x 3 convolution's weights and biases: dW[o][i][tap] = sum over pixels of v[o][p] x[i][p + tap].
 //
 // Each workgroup walks through a part of the 16 x 2 pixel tiles and writes one row of partial sums. A thread owns

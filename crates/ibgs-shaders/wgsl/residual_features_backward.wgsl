@@ -1,6 +1,6 @@
 //! Gradient of the per-view MLP by features and weights, a row of weights a workgroup.
 #set train
-#stage features_backward
+#stage features backward
 // Gradient of the per-view MLP: by the features (colour and cosine, at the network's size) and, summed over all pixels of
 // a workgroup, by the MLP's weights. The hidden layers are recomputed; the workgroups stride over the image, and each
 // thread owns a 4 x 4 tile of the second layer's outer product, read from staged rows of all its pixels.

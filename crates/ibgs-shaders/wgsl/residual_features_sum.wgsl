@@ -1,6 +1,6 @@
 //! Sum of the rows of weight gradients of [`RESIDUAL_FEATURES_BACKWARD`].
 #set train
-#stage features_backward
+#stage features backward
 // Sums the workgroups' gradients of the per-view MLP and of the confidence in a fixed order: 32 weights a workgroup, eight threads each.
 
 /// Sum of the per-view MLP's gradients.

@@ -1,6 +1,6 @@
 //! The U-Net's last two layers, gradient by their inputs.
 #set train
-#stage unet_backward
+#stage unet backward
 // One thread four pixels: gradients by the two inputs of the U-Net's last two layers. Each takes the place of what it
 // was made from at the same pixel: d1 becomes v_d1 (through its ReLU), f becomes v_x.
 #import index

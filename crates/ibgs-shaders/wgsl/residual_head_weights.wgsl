@@ -1,6 +1,6 @@
 //! The U-Net's last two layers, partial sums of the gradient by weights and biases.
 #set train
-#stage unet_weights
+#stage unet weights
 // Gradients of the weights and biases of the U-Net's last two layers. Each workgroup walks through a part of the image
 // in blocks of 32 pixels and writes one row of partial sums; a thread owns 4 outputs x 4 inputs of the first layer.
 #import residual_head

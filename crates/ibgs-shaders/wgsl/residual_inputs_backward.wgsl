@@ -1,6 +1,6 @@
 //! Gradient by warped colours, cosines and base colour.
 #set train
-#stage features_backward
+#stage features backward
 // One thread a pixel of the image: the resize of features and base colour transposed as a gather, then the gradient by
 // warped colours and cosines (assigned) and by the base colour (added). With OUTPUT_GATED also through the sources' mean
 // difference.

@@ -1,6 +1,6 @@
 //! Gradient of the 2 x 2 maximum.
 #set train
-#stage unet_backward
+#stage unet backward
 // One thread a value before the 2 x 2 maximum: adds the gradient of the maximum where the value is the first largest of
 // its window, then passes the whole through the value's own ReLU.
 #import index

@@ -1,6 +1,6 @@
 //! Rows of partial sums into the flat weight gradient.
 #set train
-#stage unet_weights
+#stage unet weights
 // Adds the rows of partial sums in a fixed order and puts the result where the layer's weights and biases lie.
 #import index
 

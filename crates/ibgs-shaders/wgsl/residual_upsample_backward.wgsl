@@ -1,6 +1,6 @@
 //! Gradient of the enlargement by nearest.
 #set train
-#stage unet_backward
+#stage unet backward
 // One thread a value before the enlargement: the sum of the gradients of its copies takes the value's place where its own
 // ReLU lets it pass.
 #import index

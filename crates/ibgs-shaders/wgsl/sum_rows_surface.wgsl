@@ -1,6 +1,6 @@
 //! As [`SUM_ROWS`], with the gradients by the planes.
 #set train
-#stage project_backward
+#stage project backward
 // The same with the gradients by the planes.
 #define SURFACE
 #import sum_rows

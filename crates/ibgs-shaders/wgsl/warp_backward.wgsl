@@ -1,6 +1,6 @@
 //! Gradient of one source's warping by the median intersections and the median depth.
 #set train
-#stage warp_backward
+#stage warp backward
 // One thread a pixel, one source a dispatch: adds the gradients by the median intersections and by the median depth. Departs
 // from the published code: the bilinear read is differentiated as it was done (method.md 10.3), and the cosine has a
 // derivative (10.4).

@@ -7,7 +7,7 @@ use super::launch::flush;
 use super::matrix::matrix_units;
 use super::profile::Profiler;
 use super::uniforms::Uniforms;
-use ibgs_shaders::{Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
+use ibgs_shaders::{Kernel, KernelSet, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
@@ -279,7 +279,7 @@ impl Gpu {
     pub fn warm_up_rendering(&self, network: bool) {
         // The test of the matrix units has backward passes too.
         let tested = network && self.matrix_units.is_some();
-        let renders = |kernel: &Kernel| RENDER_KERNELS.iter().any(|render| render.name == kernel.name);
+        let renders = |kernel: &Kernel| kernel.set == KernelSet::Render;
         if !cfg!(target_arch = "wasm32") {
             self.compile_all(|kernel| {
                 if kernel.is_of_network() { tested || network && renders(kernel) } else { renders(kernel) }

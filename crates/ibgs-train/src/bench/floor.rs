@@ -269,7 +269,7 @@ mod tests {
                 assert!(ms(&doubled).max(ms(&larger)) > 1.2 * ms(&load()), "{work:?} {stage:?}");
             }
         }
-        assert_eq!(load().floor(Work::BaseFrame, Stage::Other("new")), None);
+        assert_eq!(load().floor(Work::BaseFrame, Stage::Other), None);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::median;
 use super::rates::Rates;
 use super::report::{Configuration, StageTiming, Timing};
 use super::scene::{Setting, options, views};
-use super::stage::{Stage, Work};
+use super::stage::{Stage, Work, stage_of};
 use crate::memory::{Demand, Estimate};
 use crate::{TrainError, Trainer};
 use ibgs_core::config::{Method, TrainConfig};
@@ -14,7 +14,7 @@ use ibgs_core::raster::{RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Factor;
 use ibgs_core::scene::{Harmonics, MAX_SH_DEGREE, Splats};
-use ibgs_shaders::TILE;
+use ibgs_shaders::{Kernel, TILE};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -64,27 +64,31 @@ impl Clock<'_> {
 
     /// Every stage of the work, and the kernels outside of them that ran in most runs.
     fn stages(&self, work: Work, run: Run) -> Result<Vec<StageTiming>, TrainError> {
-        let mut stages: Vec<(Stage, Vec<f64>)> = work.stages().into_iter().map(|stage| (stage, Vec::new())).collect();
+        // Kernels of no stage by their own names.
+        let known = |stage: Stage| (stage, stage.name(), Vec::new());
+        let mut stages: Vec<(Stage, &'static str, Vec<f64>)> = work.stages().into_iter().map(known).collect();
         let timestamps = self.gpu.start_profile();
         for number in 0..if timestamps { self.runs as usize } else { 0 } {
             self.elapsed(1, run)?;
             for measured in self.gpu.take_profile() {
-                let stage = Stage::of(measured.pass, measured.kernel);
-                let at = stages.iter().position(|(known, _)| *known == stage).unwrap_or_else(|| {
-                    stages.push((stage, Vec::new()));
+                let stage =
+                    Kernel::named(measured.kernel).map_or(Stage::Other, |kernel| stage_of(measured.pass, kernel));
+                let name = if stage == Stage::Other { measured.kernel } else { stage.name() };
+                let at = stages.iter().position(|(_, known, _)| *known == name).unwrap_or_else(|| {
+                    stages.push((stage, name, Vec::new()));
                     stages.len() - 1
                 });
-                let by_run = &mut stages[at].1;
+                let by_run = &mut stages[at].2;
                 by_run.resize(number + 1, 0.0);
                 by_run[number] += measured.ms;
             }
         }
         self.gpu.finish_profile();
-        let timing = |(stage, mut by_run): (Stage, Vec<f64>)| {
+        let timing = |(stage, name, mut by_run): (Stage, &str, Vec<f64>)| {
             by_run.resize(self.runs as usize, 0.0);
             let floor = self.load.floor(work, stage);
             StageTiming {
-                stage: stage.name().to_owned(),
+                stage: name.to_owned(),
                 ms: timestamps.then(|| median(by_run)),
                 floor_ms: floor.map(|floor| floor.ms(self.rates)),
                 floor,

@@ -1,5 +1,6 @@
-//! The stages that the bench measures, and the kernels that each is made of.
+//! The stages that the bench measures.
 
+use ibgs_shaders::Kernel;
 use serde::{Deserialize, Serialize};
 
 /// What is measured as a whole.
@@ -18,62 +19,8 @@ pub enum Work {
     FinalIteration,
 }
 
-/// A part of the work with a floor of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Median depth maps of the sources, each with its own projection and sort.
-    DepthMaps,
-    /// Culling, projection, colour.
-    Project,
-    /// Prefix sum, tile intersections, lists of the tiles, each by depth.
-    Sort,
-    /// Planes in camera space.
-    Planes,
-    /// Alpha blending, with the surface where there is one.
-    Blend,
-    /// Colours of the sources at the median intersections.
-    Warp,
-    /// Features and per-view MLP.
-    Features,
-    /// The U-Net.
-    UNet,
-    /// Base colour and residual to the final colour.
-    Compose,
-    /// L1 and SSIM, of base and final image.
-    ImageLoss,
-    /// Depth normals against the normal map.
-    NormalLoss,
-    /// SSIM of photo and warped photos.
-    PhotometricLoss,
-    /// Gradient of the image loss.
-    ImageLossBackward,
-    /// Gradient of the normal loss.
-    NormalLossBackward,
-    /// Gradient of the photometric loss.
-    PhotometricLossBackward,
-    /// Gradient of the composition, and of the colour map.
-    ComposeBackward,
-    /// Gradient of the U-Net by activations.
-    UNetBackward,
-    /// Gradient of the U-Net by weights.
-    UNetWeights,
-    /// Gradient of features and MLP by inputs and weights.
-    FeaturesBackward,
-    /// Gradient of the warping.
-    WarpBackward,
-    /// Gradient of the blending.
-    BlendBackward,
-    /// Gradient of the planes.
-    PlanesBackward,
-    /// Gradient of the projection.
-    ProjectBackward,
-    /// Adam for Gaussians and network.
-    Adam,
-    /// A kernel that belongs to none of the stages above.
-    Other(&'static str),
-}
-
 use Stage::*;
+pub use ibgs_shaders::KernelStage as Stage;
 
 impl Work {
     /// All of them.
@@ -127,77 +74,14 @@ impl Work {
     }
 }
 
-impl Stage {
-    /// What it is called.
-    pub fn name(self) -> &'static str {
-        match self {
-            DepthMaps => "depth maps of the sources",
-            Project => "project",
-            Sort => "sort",
-            Planes => "planes",
-            Blend => "blend",
-            Warp => "warp",
-            Features => "features",
-            UNet => "unet",
-            Compose => "compose",
-            ImageLoss => "image loss",
-            NormalLoss => "normal loss",
-            PhotometricLoss => "photometric loss",
-            ImageLossBackward => "image loss backward",
-            NormalLossBackward => "normal loss backward",
-            PhotometricLossBackward => "photometric loss backward",
-            ComposeBackward => "compose backward",
-            UNetBackward => "unet backward",
-            UNetWeights => "unet weights",
-            FeaturesBackward => "features backward",
-            WarpBackward => "warp backward",
-            BlendBackward => "blend backward",
-            PlanesBackward => "planes backward",
-            ProjectBackward => "project backward",
-            Adam => "adam",
-            Other(kernel) => kernel,
-        }
-    }
-
-    /// The stage of a kernel in a pass. A kernel of the residual's passes that is not known by its name counts as one
-    /// of the U-Net.
-    pub fn of(pass: &'static str, kernel: &'static str) -> Self {
-        match (pass, kernel) {
-            ("depth map", _) => DepthMaps,
-            ("image loss", _) => ImageLoss,
-            ("image loss backward", _) => ImageLossBackward,
-            ("normal loss", _) => NormalLoss,
-            ("normal loss backward", _) => NormalLossBackward,
-            ("photometric loss", _) => PhotometricLoss,
-            ("photometric loss backward", _) => PhotometricLossBackward,
-            ("warp", _) => Warp,
-            ("warp backward", _) => WarpBackward,
-            (_, "adam") => Adam,
-            (_, "project" | "project_half") => Project,
-            (_, "planes") => Planes,
-            (_, "rasterize" | "rasterize_surface" | "rasterize_surface_image") => Blend,
-            (_, "rasterize_backward" | "rasterize_surface_backward") => BlendBackward,
-            (_, "planes_backward") => PlanesBackward,
-            (_, "project_backward" | "sum_rows" | "sum_rows_surface") => ProjectBackward,
-            ("rasterize", _) => Sort,
-            ("residual", "residual_features" | "residual_features_half" | "half_features") => Features,
-            ("residual", "residual_compose" | "residual_mix") => Compose,
-            ("residual", _) => UNet,
-            ("residual backward", "residual_compose_backward") => ComposeBackward,
-            ("residual backward", kernel) if kernel.starts_with("residual_features") => FeaturesBackward,
-            ("residual backward", "residual_inputs_backward" | "half_features_backward") => FeaturesBackward,
-            (
-                "residual backward",
-                "residual_conv_weights"
-                | "residual_head_weights"
-                | "residual_sum"
-                | "half_conv_weights"
-                | "half_linear_weights"
-                | "half_sum",
-            ) => UNetWeights,
-            ("residual backward", _) => UNetBackward,
-            (_, kernel) => Other(kernel),
-        }
+/// The stage that a kernel has in a pass: its own but where kernels serve several.
+pub fn stage_of(pass: &str, kernel: &Kernel) -> Stage {
+    match (pass, kernel.stage) {
+        ("depth map", _) => DepthMaps,
+        ("residual backward", UNet) => UNetBackward,
+        ("normal loss", Other) => NormalLoss,
+        ("photometric loss", Other) => PhotometricLoss,
+        (_, stage) => stage,
     }
 }
 
@@ -212,14 +96,16 @@ mod tests {
             let distinct: std::collections::BTreeSet<_> = names.iter().collect();
             assert_eq!(distinct.len(), names.len(), "{work:?}");
         }
-        assert_eq!(Stage::of("residual", "residual_conv"), UNet);
-        assert_eq!(Stage::of("residual backward", "residual_conv"), UNetBackward);
-        assert_eq!(Stage::of("residual backward", "residual_head_weights"), UNetWeights);
-        assert_eq!(Stage::of("residual backward", "half_sum"), UNetWeights);
-        assert_eq!(Stage::of("residual backward", "half_conv"), UNetBackward);
-        assert_eq!(Stage::of("residual backward", "half_features_backward"), FeaturesBackward);
-        assert_eq!(Stage::of("rasterize backward", "sum_rows_surface"), ProjectBackward);
-        assert_eq!(Stage::of("depth map", "project"), DepthMaps);
-        assert_eq!(Stage::of("shape normals", "shortest_axis"), Other("shortest_axis"));
+        let of = |pass, kernel| stage_of(pass, Kernel::named(kernel).unwrap());
+        assert_eq!(of("residual", "residual_conv"), UNet);
+        assert_eq!(of("residual backward", "residual_conv"), UNetBackward);
+        assert_eq!(of("residual backward", "residual_head_weights"), UNetWeights);
+        assert_eq!(of("residual backward", "half_sum"), UNetWeights);
+        assert_eq!(of("residual backward", "half_conv"), UNetBackward);
+        assert_eq!(of("residual backward", "half_features_backward"), FeaturesBackward);
+        assert_eq!(of("rasterize backward", "sum_rows_surface"), ProjectBackward);
+        assert_eq!(of("depth map", "project"), DepthMaps);
+        assert_eq!(of("photometric loss", "loss_mean"), PhotometricLoss);
+        assert_eq!(of("shape normals", "shortest_axis"), Other);
     }
 }
