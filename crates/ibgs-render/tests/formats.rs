@@ -1,25 +1,13 @@
 //! What a file of another format does to the picture.
 
-use ibgs_data::scene::{Format, Gaussians, SceneError, read_gaussians_from, write_gaussians};
+use ibgs_data::scene::{Format, Gaussians};
 use ibgs_reference::gpu::{gaussians, gpu, pixels, rasterizer};
 use ibgs_reference::psnr;
 use ibgs_reference::random_scene::{random_camera, random_params};
 use ibgs_render::raster::RasterView;
 use ibgs_render::scene::Splats;
+use ibgs_testing::{bytes_of, read};
 use std::f64::consts::PI;
-use std::io::Cursor;
-use std::path::Path;
-
-fn bytes_of(g: &Gaussians, format: Format) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("model");
-    write_gaussians(&path, g, format).unwrap();
-    std::fs::read(path).unwrap()
-}
-
-fn read(bytes: &[u8], name: &str) -> Result<Gaussians, SceneError> {
-    read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name))
-}
 
 fn pictures(g: &Gaussians) -> Vec<f64> {
     let splats = Splats::upload(g, &gpu()).unwrap();

@@ -1,6 +1,6 @@
 //! What the host knows of a kernel.
 
-use crate::{KernelSet, KernelStage, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, SHARED, TRAIN_KERNELS, Variant};
+use crate::{KernelSet, KernelStage, MatrixUnits, SHARED, Variant};
 
 /// How a kernel uses a storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,12 +40,6 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// The kernel of this name.
-    pub fn named(name: &str) -> Option<&'static Kernel> {
-        let all = RENDER_KERNELS.iter().chain(TRAIN_KERNELS).chain(MATRIX_KERNELS);
-        all.copied().find(|kernel| kernel.name == name)
-    }
-
     /// The complete WGSL source: shared constants, imported files, the kernel.
     pub fn wgsl(&self) -> String {
         Variant::Plain.text(self.source, SHARED)

@@ -36,12 +36,3 @@ pub mod bindings {
 
     include!(concat!(env!("OUT_DIR"), "/bindings.rs"));
 }
-
-/// The WGSL of a kernel's file: imports, variants and repetitions resolved; `defined`: names that are defined before it.
-///
-/// # Panics
-/// When a kernel imports a file that does not exist, a condition or a repetition has no end, or a repetition no count: mistakes in
-/// this crate, caught by its build.
-pub fn resolve(source: &str, defined: &[&str]) -> String {
-    import::resolve(source, defined, SHARED)
-}

@@ -7,10 +7,10 @@ pub mod scene_files;
 use glam::DVec3;
 use ibgs_data::dataset::demo::DemoOptions;
 use ibgs_data::dataset::{self, LoadOptions, Point};
-use ibgs_data::scene::Gaussians;
+use ibgs_data::scene::{Format, Gaussians, SceneError, read_gaussians_from, write_gaussians};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::io::Write as _;
+use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 /// A file or folder of `../shared`, which is not in the repository; None where it is absent, and `test` is skipped.
@@ -83,4 +83,17 @@ pub fn random_points(n: usize, seed: u64) -> Vec<Point> {
 pub fn header_length(bytes: &[u8]) -> usize {
     let end = b"end_header\n";
     bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len()
+}
+
+/// A model as a file.
+pub fn bytes_of(g: &Gaussians, format: Format) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model");
+    write_gaussians(&path, g, format).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+/// A model from a file of this name.
+pub fn read(bytes: &[u8], name: &str) -> Result<Gaussians, SceneError> {
+    read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name))
 }

@@ -240,7 +240,7 @@ mod tests {
             let distances: Vec<f64> = points.iter().map(|p| p.position.distance(middle) / radius).collect();
             let farthest = distances.iter().fold(0.0, |a: f64, &b| a.max(b));
             assert!(farthest < 1.25, "{farthest}");
-            // Evenly: half of them within the root of a half in the third.
+            // Evenly: a ball of half the volume holds half of them.
             let inner = distances.iter().filter(|d| **d < 0.5f64.cbrt() * farthest).count();
             assert!((1_700..2_600).contains(&inner), "{inner}");
             assert!(points.iter().all(|p| p.color == [200, 10, 10] || p.position.distance(middle) > radius));

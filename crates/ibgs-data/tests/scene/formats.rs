@@ -1,24 +1,14 @@
-//! Files of other programs: what a round trip does to the picture, and hostile files.
+//! Files of other programs that are damaged or hostile.
 
 use super::{TEXT_PLY, random_gaussians};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use ibgs_data::scene::{Format, Gaussians, SceneError, read_gaussians, read_gaussians_from, write_gaussians};
+use ibgs_data::scene::{Format, read_gaussians};
 use ibgs_testing::scene_files::zip_of;
+use ibgs_testing::{bytes_of, read};
 use serde_json::Value;
 use std::io::{Cursor, Write};
 use std::path::Path;
-
-pub fn bytes_of(g: &Gaussians, format: Format) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("model");
-    write_gaussians(&path, g, format).unwrap();
-    std::fs::read(path).unwrap()
-}
-
-pub fn read(bytes: &[u8], name: &str) -> Result<Gaussians, SceneError> {
-    read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name))
-}
 
 /// The error's text, which must be one line that names the file.
 #[track_caller]

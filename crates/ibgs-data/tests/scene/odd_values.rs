@@ -1,11 +1,11 @@
 //! Values of other programs that look like damage and are none, and damage that looks like values.
 
-use super::formats::{bytes_of, complaint, read};
+use super::formats::complaint;
 use super::{ply_bytes, random_gaussians, read_bytes};
 use glam::DVec3;
 use ibgs_data::local_space::LocalSpace;
 use ibgs_data::scene::{Format, Gaussians, PlyFlavor, SH_C0, read_gaussians, write_gaussians};
-use ibgs_testing::header_length;
+use ibgs_testing::{bytes_of, header_length, read};
 
 /// Columns of a PLY of degree 0 with all fields.
 const OPACITY: usize = 10;

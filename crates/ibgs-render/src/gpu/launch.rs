@@ -120,7 +120,7 @@ impl<'a> Pass<'a> {
         if profiler.is_some() {
             self.recording.open = None;
         }
-        let query = profiler.as_mut().and_then(|p| p.begin((self.label, kernel.name)));
+        let query = profiler.as_mut().and_then(|p| p.begin((self.label, kernel)));
         let timestamp_writes = match (&*profiler, query) {
             (Some(p), Some(index)) => Some(wgpu::ComputePassTimestampWrites {
                 query_set: &p.set,

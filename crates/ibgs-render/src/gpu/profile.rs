@@ -1,20 +1,21 @@
 //! GPU time by pass and kernel, from timestamps around every dispatch. Off unless asked for: it waits after every submit.
 
 use super::{Gpu, GpuError};
+use ibgs_shaders::Kernel;
 use std::collections::BTreeMap;
 
 const QUERIES: u32 = 1024;
 
-/// A kernel within a pass, by the label of the pass and the name of the kernel.
-pub type Launch = (&'static str, &'static str);
+/// The label of a pass, and a kernel within it.
+pub type Launch = (&'static str, &'static Kernel);
 
 /// What a kernel took within the passes of one label.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Measured {
     /// Label of the pass.
     pub pass: &'static str,
-    /// Name of the kernel.
-    pub kernel: &'static str,
+    /// The kernel.
+    pub kernel: &'static Kernel,
     /// Milliseconds in all.
     pub ms: f64,
     /// Dispatches.
@@ -27,8 +28,8 @@ pub(super) struct Profiler {
     resolve: wgpu::Buffer,
     /// What each pair of timestamps recorded since the last submit belongs to.
     pub pending: Vec<Launch>,
-    /// Nanoseconds by launch, and how often it ran.
-    totals: BTreeMap<Launch, (f64, u64)>,
+    /// By the label of the pass and the kernel's name.
+    totals: BTreeMap<(&'static str, &'static str), Measured>,
 }
 
 impl Profiler {
@@ -74,8 +75,7 @@ impl Gpu {
     pub fn take_profile(&self) -> Vec<Measured> {
         let mut profiler = self.profiler.lock().expect("profiler");
         let totals = profiler.as_mut().map(|p| std::mem::take(&mut p.totals)).unwrap_or_default();
-        let one = |((pass, kernel), (ns, dispatches))| Measured { pass, kernel, ms: ns * 1e-6, dispatches };
-        totals.into_iter().map(one).collect()
+        totals.into_values().collect()
     }
 
     /// Stops measuring; what [`Gpu::take_profile`] would give.
@@ -96,10 +96,11 @@ impl Gpu {
         let view = super::Buffer::whole(profiler.resolve.clone()).part(0, size);
         let ticks: Vec<u64> = self.read(&view, 2 * pending.len())?;
         let period = f64::from(self.queue.get_timestamp_period());
-        for (launch, pair) in pending.iter().zip(ticks.chunks_exact(2)) {
-            let entry = profiler.totals.entry(*launch).or_default();
-            entry.0 += pair[1].saturating_sub(pair[0]) as f64 * period;
-            entry.1 += 1;
+        for (&(pass, kernel), pair) in pending.iter().zip(ticks.chunks_exact(2)) {
+            let none = Measured { pass, kernel, ms: 0.0, dispatches: 0 };
+            let total = profiler.totals.entry((pass, kernel.name)).or_insert(none);
+            total.ms += pair[1].saturating_sub(pair[0]) as f64 * period * 1e-6;
+            total.dispatches += 1;
         }
         Ok(())
     }

@@ -10,6 +10,7 @@
 
 mod backward;
 mod dropout;
+mod lists;
 mod surface;
 mod workspace;
 
@@ -21,11 +22,8 @@ pub use workspace::Workspace;
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass, at_once};
-use crate::scene::{Harmonics, PerGaussian, Splats};
-use ibgs_shaders::bindings::{
-    ProjectBindings, ProjectHalfBindings, RasterizeBindings, RasterizeDepthBindings, RasterizeEllipsoidsBindings,
-    TileEmitBindings, TilePlaceBindings, TileSortBindings, TileStartsBindings,
-};
+use crate::scene::Splats;
+use ibgs_shaders::bindings::{RasterizeBindings, RasterizeDepthBindings, RasterizeEllipsoidsBindings};
 use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::*;
 use std::sync::Arc;
@@ -250,7 +248,7 @@ impl Rasterizer {
         if let Some(s) = &surface {
             s.clear_gradients(pass);
         }
-        record_lists(pass, &ws, splats, &frame);
+        lists::record_lists(pass, &ws, splats, &frame);
         let grid = tile_grid(&frame);
         let Workspace { projected, sorted_gaussians, tile_ranges, .. } = &ws;
         match &surface {
@@ -312,7 +310,7 @@ impl Rasterizer {
             let ws = self.leased_workspace(splats, &view, 0)?;
             let frame = view.frame(splats, ws.capacity);
             let mut pass = Pass::new(gpu, "depth map");
-            record_lists(&mut pass, &ws, splats, &frame);
+            lists::record_lists(&mut pass, &ws, splats, &frame);
             surface::record_planes(&mut pass, splats, &planes, &frame);
             let blend = RasterizeDepthBindings {
                 projected: &ws.projected,
@@ -409,61 +407,4 @@ impl Forward {
 /// Workgroups of a kernel that has one a tile.
 fn tile_grid(frame: &ViewUniforms) -> [u32; 3] {
     [frame.size[0].div_ceil(TILE), frame.size[1].div_ceil(TILE), 1]
-}
-
-/// Records the projection.
-fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
-    let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
-    let (projected, tile_counts, filters) = (&ws.projected, &ws.tile_counts, &splats.filters);
-    let n = frame.count as usize;
-    match splats.harmonics {
-        Harmonics::Full => {
-            let buffers =
-                ProjectBindings { means, rotations, log_scales, opacity_logits, sh, projected, tile_counts, filters };
-            pass.linear(&buffers, frame, n);
-        }
-        Harmonics::Half => {
-            let buffers = ProjectHalfBindings {
-                means,
-                rotations,
-                log_scales,
-                opacity_logits,
-                sh,
-                projected,
-                tile_counts,
-                filters,
-            };
-            pass.linear(&buffers, frame, n);
-        }
-    }
-}
-
-/// Records everything up to the tile lists.
-fn record_lists(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
-    let n = frame.count as usize;
-    let Workspace {
-        projected, offsets, total, tile_counts, tile_ranges, list_lengths, isect_to_gaussian, list, ..
-    } = ws;
-    record_project(pass, ws, splats, frame);
-    ws.scan.record(pass, tile_counts, offsets, total, n);
-    // What the sort writes are the tiles and places before.
-    let [isect_tiles, isect_places] = [&ws.sorted_gaussians, &ws.sorted_isects];
-    let emit = TileEmitBindings {
-        projected,
-        offsets,
-        count: total,
-        isect_tiles,
-        isect_places,
-        isect_to_gaussian,
-        list_lengths,
-        tile_counts,
-    };
-    pass.linear(&emit, frame, ws.capacity);
-    pass.grid(&TileStartsBindings { list_lengths, tile_ranges }, frame, [1, 1, 1]);
-    let place =
-        TilePlaceBindings { projected, count: total, isect_tiles, isect_places, isect_to_gaussian, tile_ranges, list };
-    pass.linear(&place, frame, ws.capacity);
-    let (sorted_gaussians, sorted_isects) = (isect_tiles, isect_places);
-    let sort = TileSortBindings { tile_ranges, isect_to_gaussian, list, sorted_gaussians, sorted_isects };
-    pass.grid(&sort, frame, tile_grid(frame));
 }

@@ -14,7 +14,7 @@ use ibgs_core::raster::{RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Factor;
 use ibgs_core::scene::{Harmonics, MAX_SH_DEGREE, Splats};
-use ibgs_shaders::{Kernel, TILE};
+use ibgs_shaders::TILE;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -71,9 +71,8 @@ impl Clock<'_> {
         for number in 0..if timestamps { self.runs as usize } else { 0 } {
             self.elapsed(1, run)?;
             for measured in self.gpu.take_profile() {
-                let stage =
-                    Kernel::named(measured.kernel).map_or(Stage::Other, |kernel| stage_of(measured.pass, kernel));
-                let name = if stage == Stage::Other { measured.kernel } else { stage.name() };
+                let stage = stage_of(measured.pass, measured.kernel);
+                let name = if stage == Stage::Other { measured.kernel.name } else { stage.name() };
                 let at = stages.iter().position(|(_, known, _)| *known == name).unwrap_or_else(|| {
                     stages.push((stage, name, Vec::new()));
                     stages.len() - 1

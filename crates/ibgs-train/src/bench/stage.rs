@@ -96,16 +96,15 @@ mod tests {
             let distinct: std::collections::BTreeSet<_> = names.iter().collect();
             assert_eq!(distinct.len(), names.len(), "{work:?}");
         }
-        let of = |pass, kernel| stage_of(pass, Kernel::named(kernel).unwrap());
-        assert_eq!(of("residual", "residual_conv"), UNet);
-        assert_eq!(of("residual backward", "residual_conv"), UNetBackward);
-        assert_eq!(of("residual backward", "residual_head_weights"), UNetWeights);
-        assert_eq!(of("residual backward", "half_sum"), UNetWeights);
-        assert_eq!(of("residual backward", "half_conv"), UNetBackward);
-        assert_eq!(of("residual backward", "half_features_backward"), FeaturesBackward);
-        assert_eq!(of("rasterize backward", "sum_rows_surface"), ProjectBackward);
-        assert_eq!(of("depth map", "project"), DepthMaps);
-        assert_eq!(of("photometric loss", "loss_mean"), PhotometricLoss);
-        assert_eq!(of("shape normals", "shortest_axis"), Other);
+        assert_eq!(stage_of("residual", &ibgs_shaders::RESIDUAL_CONV), UNet);
+        assert_eq!(stage_of("residual backward", &ibgs_shaders::RESIDUAL_CONV), UNetBackward);
+        assert_eq!(stage_of("residual backward", &ibgs_shaders::RESIDUAL_HEAD_WEIGHTS), UNetWeights);
+        assert_eq!(stage_of("residual backward", &ibgs_shaders::HALF_SUM), UNetWeights);
+        assert_eq!(stage_of("residual backward", &ibgs_shaders::HALF_CONV), UNetBackward);
+        assert_eq!(stage_of("residual backward", &ibgs_shaders::HALF_FEATURES_BACKWARD), FeaturesBackward);
+        assert_eq!(stage_of("rasterize backward", &ibgs_shaders::SUM_ROWS_SURFACE), ProjectBackward);
+        assert_eq!(stage_of("depth map", &ibgs_shaders::PROJECT), DepthMaps);
+        assert_eq!(stage_of("photometric loss", &ibgs_shaders::LOSS_MEAN), PhotometricLoss);
+        assert_eq!(stage_of("shape normals", &ibgs_shaders::SHORTEST_AXIS), Other);
     }
 }

@@ -281,7 +281,7 @@ fn unet_speed() {
                 (0..repeat).for_each(|_| once());
                 for Measured { kernel, ms, dispatches, .. } in gpu.finish_profile() {
                     let [ms, dispatches] = [ms, dispatches as f64].map(|sum| sum / f64::from(repeat));
-                    println!("    {kernel}: {ms:.3} ms in {dispatches}");
+                    println!("    {}: {ms:.3} ms in {dispatches}", kernel.name);
                 }
             }
         };
