@@ -1,0 +1,126 @@
+//! Options of densification: strategies, their rounds and constants, opacity resets (method.md section 7).
+
+use serde::{Deserialize, Serialize};
+
+/// How Gaussians are added and removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Strategy {
+    /// Splits by the largest gradient, pruning and replacement in every round, fading opacities, no resets.
+    #[default]
+    Default,
+    /// By mean gradients of the projected means and, for wide Gaussians, by absolute gradients (method.md section 7).
+    Published,
+    /// AbsGS (Ye et al., 2024): the absolute gradient alone says what is split.
+    AbsGs,
+    /// 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., 2024): moves, noise and a cap.
+    Mcmc,
+}
+
+/// Densification and pruning (method.md section 7). Lengths are multiples of the scene extent, gradients are by the
+/// projected mean in units of half the image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct DensifyConfig {
+    /// How Gaussians are added and removed: `default`, `published`, `absgs`, `mcmc`.
+    pub strategy: Strategy,
+    /// Rounds come after this iteration; unset: 500, scaled only in short runs.
+    pub start: Option<u32>,
+    /// The number of Gaussians grows before this iteration; unset: 21000, with MCMC 25000, with `published` and `absgs` 15000,
+    /// scaled.
+    pub end: Option<u32>,
+    /// Rounds come at multiples of this; unset: 200, with the other strategies 100, scaled only in short runs.
+    pub interval: Option<u32>,
+    /// Mean gradient norm from which a Gaussian is cloned or split.
+    pub grad_threshold: f64,
+    /// Gradients of Gaussians nearer than this view depth, times the extent, count by the square of their depth over it:
+    /// it keeps clouds from growing right in front of a camera; 0: all count in full. A departure from method.md.
+    pub near_depth: f64,
+    /// Largest scale that is cloned, times the extent; larger ones are split.
+    pub scale_threshold: f64,
+    /// Split by the absolute gradient too.
+    pub abs_split: bool,
+    /// Mean norm of the absolute gradient from which a Gaussian is split.
+    pub abs_grad_threshold: f64,
+    /// With AbsGS: mean norm of the absolute gradient from which a large Gaussian is split.
+    pub absgs_threshold: f64,
+    /// Such a split needs a screen radius above this, in pixels.
+    pub abs_min_radius: f64,
+    /// Most such splits in one round.
+    pub abs_max_per_round: u32,
+    /// A split divides the scales by this.
+    pub split_divisor: f64,
+    /// Gaussians in all; unset: with `default` and `mcmc` by the scene (`choose_cap`), 5 million with the others.
+    pub max_splats: Option<u32>,
+    /// Gaussians below this opacity are removed.
+    pub prune_opacity: f64,
+    /// Gaussians with a larger scale, times the extent, are removed after `prune-scale-after`.
+    pub prune_scale: f64,
+    /// Measure that scale by the median distance of the first Gaussians from the mean camera where that is over three extents:
+    /// the extent of a capture that faces forward says nothing about its scene. A departure from method.md.
+    pub prune_scale_by_distance: bool,
+    /// Pruning by scale begins after this iteration; unset: the interval of the opacity resets.
+    pub prune_scale_after: Option<u32>,
+    /// Gaussians with a larger screen radius, in pixels, are removed after `prune-scale-after`; 0: never.
+    pub prune_screen_radius: f64,
+    /// What only the strategy `default` uses.
+    pub growth: GrowthConfig,
+    /// What only the strategy `mcmc` uses.
+    pub mcmc: McmcConfig,
+}
+
+impl DensifyConfig {
+    /// Gaussians in all.
+    pub fn most(&self) -> u32 {
+        self.max_splats.unwrap_or(if self.strategy == Strategy::Mcmc { 1_000_000 } else { 5_000_000 })
+    }
+}
+
+/// Constants of the strategy `default`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct GrowthConfig {
+    /// Largest norm of the absolute gradient over the views, in units of the image, from which a Gaussian may be split.
+    pub threshold: f64,
+    /// Share of those that is split in a round.
+    pub fraction: f64,
+    /// Pixels with an error above their photo's mean that such a Gaussian must have covered in the last ten iterations before the
+    /// round, summed over the views; 0: errors are ignored. 60 halves the number of Gaussians.
+    pub error_pixels: f64,
+    /// Gaussians below this opacity are removed.
+    pub prune_opacity: f64,
+    /// What every opacity loses in a round, times the part of the run that is left.
+    pub opacity_decay: f64,
+    /// Gaussians with a larger radius, in units of the image's longer side, are always split; 0: none are.
+    pub screen_size: f64,
+    /// Gaussians nearer to a training camera than this part of the median depth of the points in its image are removed, except
+    /// where points are as near; 0: none are.
+    pub free_space: f64,
+}
+
+/// Constants of the strategy `mcmc`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct McmcConfig {
+    /// Noise of the means, times their learning rate.
+    pub noise: f64,
+    /// Weight of the mean opacity in the loss.
+    pub opacity_weight: f64,
+    /// Weight of the mean scale in the loss.
+    pub scale_weight: f64,
+    /// Gaussians up to this opacity are moved elsewhere.
+    pub dead_opacity: f64,
+    /// Factor by which the number of Gaussians grows in a round; unset: the one that reaches the cap by half of the
+    /// run, at least 1.05.
+    pub growth: Option<f64>,
+}
+
+/// Opacity resets (method.md section 7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct OpacityResetConfig {
+    /// Resets come at multiples of this, before densification ends; unset: 3000, scaled.
+    pub interval: Option<u32>,
+    /// Opacity is clamped to at most this.
+    pub max_opacity: f64,
+}
