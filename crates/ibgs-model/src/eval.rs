@@ -2,6 +2,8 @@
 
 pub mod scores;
 
+pub use crate::score::Score;
+
 use crate::camera::Camera;
 use crate::dataset::{DatasetError, Photo, View};
 use crate::files::WriteError;
@@ -11,29 +13,7 @@ use crate::render::{Frame, Rendered, Renderer};
 use glam::{DMat3, DVec3};
 use ibgs_shaders::{SSIM_C1, SSIM_C2, SSIM_RADIUS, ssim_window};
 use rayon::prelude::*;
-use serde::{Deserialize, Deserializer, Serialize};
 use std::time::{Duration, Instant};
-
-/// PSNR, SSIM and LPIPS of an image rounded to 8 bits against a photo.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Score {
-    /// Peak signal-to-noise ratio in dB, over the valid pixels; infinite for equal images.
-    #[serde(deserialize_with = "or_infinite")]
-    pub psnr: f64,
-    /// The same after the affine map of the image's colours that brings it nearest to the photo, for photos whose exposure
-    /// cannot be predicted from their neighbours.
-    #[serde(deserialize_with = "or_infinite")]
-    pub aligned_psnr: f64,
-    /// Mean SSIM over the valid pixels and channels, 11 x 11 Gaussian window, zero padding; 1 without a valid pixel.
-    pub ssim: f64,
-    /// LPIPS, 0 for equal images; none where it was not computed.
-    pub lpips: Option<f64>,
-}
-
-/// JSON has no infinity, so null stands for it.
-fn or_infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
-}
 
 /// An image and a photo that are compared, 8-bit RGB row by row. Where a photo's alpha is under one half it takes the
 /// image's value.
@@ -356,12 +336,5 @@ mod tests {
         assert!(scored.aligned_psnr.is_finite() && scored.aligned_psnr >= scored.psnr, "{scored:?}");
         let same = score(&flat, &Photo { rgba: vec![128; photo.rgba.len()], ..photo });
         assert_eq!(same.psnr, f64::INFINITY);
-    }
-
-    #[test]
-    fn an_infinite_score_survives_json() {
-        let score = Score { psnr: f64::INFINITY, aligned_psnr: 30.5, ssim: 1.0, lpips: None };
-        let text = serde_json::to_string(&score).unwrap();
-        assert_eq!(serde_json::from_str::<Score>(&text).unwrap(), score);
     }
 }

@@ -13,6 +13,7 @@ pub mod eval;
 pub mod mesh;
 pub mod model;
 pub mod output;
+mod score;
 pub mod video;
 
 // What the modules here build on, by its short name.

@@ -1,6 +1,6 @@
 //! `training_log.json`: loss, PSNR and Gaussians over a training, for its curves.
 
-use crate::eval::Score;
+use crate::score::Score;
 use serde::{Deserialize, Serialize};
 
 /// Most entries of a log; when there are more, every other one is left out.

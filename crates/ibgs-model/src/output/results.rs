@@ -1,6 +1,6 @@
 //! `results_renders.json`, `per_view_renders.json` and their like for the final image: scores with the protocol that they were taken by.
 
-use crate::eval::Score;
+use crate::score::Score;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
