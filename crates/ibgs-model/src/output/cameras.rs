@@ -3,6 +3,8 @@
 use crate::camera::{Camera, MAX_COORDINATE};
 use crate::dataset::Dataset;
 use crate::files::without_mark;
+use crate::local_space::LocalSpace;
+use crate::scene::Gaussians;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -76,6 +78,13 @@ pub fn records(dataset: &Dataset) -> Vec<CameraRecord> {
         }
     }
     records
+}
+
+/// The local coordinates in which a model is rendered: those of its training, from its cameras and the extent that they were
+/// given; without cameras, those of the Gaussians.
+pub fn space(cameras: &[CameraRecord], gaussians: &Gaussians, extent: Option<f64>) -> LocalSpace {
+    let space = LocalSpace::of_scene(cameras.iter().map(|record| &record.camera), gaussians.positions());
+    space.with_extent(extent)
 }
 
 /// Contents of `cameras.json`.

@@ -1,0 +1,126 @@
+//! The scene that a model was trained on, loaded where its photos or cameras are needed.
+
+use super::{Model, ModelError, scene_check};
+use crate::config::TrainConfig;
+use crate::dataset::demo::{self, DemoOptions};
+use crate::dataset::{self, Dataset};
+use crate::output::cameras::{self, Split};
+use crate::progress::Progress;
+use std::path::Path;
+
+impl Model {
+    /// Loads the scene where a renderer needs its photos or cameras: once, and not for a model that brings them.
+    ///
+    /// # Errors
+    /// The scene is missing, damaged, or not the one that the model was trained on.
+    pub fn load_photos(&mut self, progress: &dyn Progress) -> Result<(), ModelError> {
+        if self.dataset.is_some() {
+            return Ok(());
+        }
+        if let Some(source) = self.source.as_ref().filter(|_| self.foreign) {
+            let found = load_scene(&self.config, source, progress)?;
+            self.check_foreign(&found, source)?;
+            self.cameras = cameras::records(&found);
+            self.dataset = Some(found);
+        } else if self.network.is_some() && self.photos.is_none() {
+            self.dataset = Some(self.scene(progress)?);
+        }
+        Ok(())
+    }
+
+    /// The scene that the model was trained on, with the model's own split.
+    ///
+    /// # Errors
+    /// As [`Model::load_photos`].
+    pub fn dataset(&mut self, progress: &dyn Progress) -> Result<&Dataset, ModelError> {
+        if self.dataset.is_none() {
+            self.dataset = Some(self.scene(progress)?);
+        }
+        Ok(self.dataset.as_ref().expect("just loaded"))
+    }
+
+    /// Loads the scene that the model was trained on, with the model's own split.
+    fn scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
+        let config = &self.config;
+        let mut dataset = match self.source.as_ref().or(config.data.source.as_ref()) {
+            Some(source) if self.source.is_none() && !source.exists() => {
+                return Err(ModelError::SceneGone { path: source.clone() });
+            }
+            Some(source) => {
+                let found = load_scene(config, source, progress)?;
+                if self.source.is_some() {
+                    scene_check::check(&self.cameras, &found, source)?;
+                }
+                found
+            }
+            None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
+            None => self.demo_scene(progress)?,
+        };
+        let split = |wanted: Split| {
+            let named = self.cameras.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
+            let found = named.map(|name| {
+                let position = dataset.views.iter().position(|view| view.name == *name);
+                position.ok_or_else(|| ModelError::NoPhoto { name: name.clone() })
+            });
+            found.collect::<Result<Vec<_>, _>>()
+        };
+        let (train, test) = (split(Split::Train)?, split(Split::Test)?);
+        (dataset.train, dataset.test) = (train, test);
+        Ok(dataset)
+    }
+
+    /// Compares a scene with the cameras that another program's folder lists, where it does.
+    fn check_foreign(&self, scene: &Dataset, source: &Path) -> Result<(), ModelError> {
+        if !self.folder.cameras_path().is_file() {
+            return Ok(());
+        }
+        match self.folder.read_cameras() {
+            Ok(listed) => {
+                scene_check::check(&listed, scene, source)?;
+                scene_check::say_unlisted(&listed, scene, source);
+            }
+            Err(error) => log::warn!("{error}; the scene {} is taken as the model's own", source.display()),
+        }
+        Ok(())
+    }
+
+    /// The demo scene in the size that the model's cameras have.
+    fn demo_scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
+        let width = self.cameras.first().ok_or(ModelError::NoCameras)?.camera.width;
+        let presets = [DemoOptions::small(), DemoOptions::large()];
+        let preset = presets.into_iter().find(|p| p.width == width).ok_or(ModelError::DemoSize { width })?;
+        Ok(load_demo(&preset, self.config.data.demo_exposure_seed, progress)?)
+    }
+}
+
+/// Loads a scene as a run was configured with it; notes go to the log.
+///
+/// # Errors
+/// The scene is missing or damaged, or an option makes no sense.
+pub fn load_scene(
+    config: &TrainConfig,
+    source: &Path,
+    progress: &dyn Progress,
+) -> Result<Dataset, dataset::DatasetError> {
+    let dataset = dataset::load_with(source, &config.load_options(), progress)?;
+    for note in &dataset.notes {
+        log::info!("{note}");
+    }
+    Ok(dataset)
+}
+
+/// Loads the demo scene; with a seed every photo has another exposure.
+///
+/// # Errors
+/// Options outside of their range.
+pub fn load_demo(
+    options: &DemoOptions,
+    exposure_seed: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Dataset, demo::DemoError> {
+    let mut dataset = demo::load(options, None, progress)?;
+    if let Some(seed) = exposure_seed {
+        demo::change_exposure(&mut dataset, seed)?;
+    }
+    Ok(dataset)
+}
