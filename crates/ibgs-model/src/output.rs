@@ -24,7 +24,9 @@
 //! A folder of the published code has no `config.toml`, and its network in `color_aggregation_network.pth`.
 
 pub mod cameras;
+mod checkpoints;
 mod error;
+mod existing;
 pub mod figures;
 mod lock;
 pub mod log;
@@ -33,6 +35,7 @@ pub mod pictures;
 pub mod results;
 
 pub use error::OutputError;
+pub use existing::Existing;
 pub use lock::FolderLock;
 
 use crate::config::{Method, TrainConfig};
@@ -49,23 +52,11 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-/// Files that describe the run, by which our folders are recognised.
-const RUN_FILES: [&str; 4] = ["config.toml", "cameras.json", "split.json", "input.ply"];
-
 /// File of the report on a model.
 pub const REPORT_FILE: &str = "report.html";
 
 /// Extensions of photo names, which a picture's `.png` replaces.
 const PHOTO_EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "bmp", "webp"];
-
-/// What to do with a model that is in the folder already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Existing {
-    /// Refuse to touch it.
-    Keep,
-    /// Remove its point clouds, pictures and results before the new run.
-    Replace,
-}
 
 /// What a picture of a view shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,22 +99,6 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Makes the folder for a new run. Call it once the data set is loaded: with [`Existing::Replace`] an older model
-    /// is gone afterwards.
-    ///
-    /// # Errors
-    /// With [`Existing::Keep`], [`OutputError::HoldsModel`] where a trained model is and [`OutputError::Foreign`]
-    /// where a file of the run would replace one that belongs to something else. [`OutputError::Write`] in both cases.
-    pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
-        files::create_folder(path)?;
-        let folder = Self { root: path.to_owned() };
-        match existing {
-            Existing::Keep => folder.refuse_existing()?,
-            Existing::Replace => folder.remove_model()?,
-        }
-        Ok(folder)
-    }
-
     /// Opens the folder of a finished or interrupted run.
     ///
     /// # Errors
@@ -231,42 +206,6 @@ impl OutputFolder {
         }
         path.as_mut_os_string().push(".png");
         path
-    }
-
-    /// `checkpoints`.
-    pub fn checkpoints_path(&self) -> PathBuf {
-        self.root.join("checkpoints")
-    }
-
-    /// `checkpoints/N.ibgs`.
-    pub fn checkpoint_path(&self, iteration: u32) -> PathBuf {
-        self.checkpoints_path().join(format!("{iteration}.ibgs"))
-    }
-
-    /// The checkpoints with their iterations, the latest first.
-    ///
-    /// # Errors
-    /// [`OutputError::Read`] when the folder cannot be listed; a missing one has none.
-    pub fn checkpoints(&self) -> Result<Vec<(u32, PathBuf)>, OutputError> {
-        let mut found = self.numbered("checkpoints", "", ".ibgs")?;
-        found.sort_unstable_by_key(|(iteration, _)| std::cmp::Reverse(*iteration));
-        Ok(found)
-    }
-
-    /// Removes all checkpoints but those of the iterations that are `kept`, and what a killed run left half-written beside them.
-    ///
-    /// # Errors
-    /// [`OutputError::Read`], [`OutputError::Write`].
-    pub fn remove_checkpoints(&self, kept: &[u32]) -> Result<(), OutputError> {
-        let old = self.checkpoints()?.into_iter().filter(|(iteration, _)| !kept.contains(iteration));
-        for path in old.map(|(_, path)| path).chain(files::leftovers(&self.checkpoints_path())) {
-            fs::remove_file(&path).map_err(|source| WriteError::new(&path, source))?;
-        }
-        // The folder stays if it holds anything else.
-        if kept.is_empty() {
-            let _ = fs::remove_dir(self.checkpoints_path());
-        }
-        Ok(())
     }
 
     /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
@@ -393,59 +332,6 @@ impl OutputFolder {
             Ok(found)
         };
         list().map_err(|source| OutputError::Read { path: path.clone(), source })
-    }
-
-    fn refuse_existing(&self) -> Result<(), OutputError> {
-        if let Some(iteration) = self.latest_iteration()? {
-            return Err(OutputError::HoldsModel { path: self.root.clone(), iteration });
-        }
-        if let Some(&(iteration, _)) = self.checkpoints()?.first() {
-            return Err(OutputError::HoldsTraining { path: self.root.clone(), iteration });
-        }
-        // A run that ended before its first save left options that load; its files may be replaced.
-        if TrainConfig::load(&self.config_path()).is_ok() {
-            return Ok(());
-        }
-        match RUN_FILES.into_iter().find(|file| self.root.join(file).exists()) {
-            None => Ok(()),
-            Some(file) => Err(OutputError::Foreign { path: self.root.clone(), file }),
-        }
-    }
-
-    /// Removes what an older run saved, so that none of it is taken for the new run's.
-    fn remove_model(&self) -> Result<(), OutputError> {
-        let folders = [
-            ("point_cloud", "iteration_"),
-            (Split::Test.folder(), "ours_"),
-            (Split::Train.folder(), "ours_"),
-            ("path", "ours_"),
-            ("mesh", "ours_"),
-        ];
-        for (folder, prefix) in folders {
-            for (_, path) in self.numbered(folder, prefix, "")? {
-                fs::remove_dir_all(&path).map_err(|source| WriteError::new(&path, source))?;
-            }
-        }
-        self.remove_checkpoints(&[])?;
-        let scores = [Scored::Base, Scored::Final].map(Scored::files);
-        let others = [
-            figures::SPEED_FILE,
-            figures::TIME_FILE,
-            figures::LOG_FILE,
-            REPORT_FILE,
-            figures::MESH_FILE,
-            "multi_view.json",
-        ];
-        for file in scores.as_flattened().iter().chain(&others) {
-            let path = self.root.join(file);
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(WriteError::new(&path, error).into());
-                }
-                _ => {}
-            }
-        }
-        Ok(())
     }
 }
 
