@@ -67,7 +67,7 @@ impl Unpacked {
         let top = self.folder.path().to_owned();
         let entries = || fs::read_dir(&top).into_iter().flatten().flatten().map(|entry| entry.path());
         match entries().next() {
-            Some(only) if only.is_dir() && entries().count() == 1 && super::format_of(&top).is_err() => only,
+            Some(only) if only.is_dir() && entries().count() == 1 && super::format::format_of(&top).is_err() => only,
             _ => top,
         }
     }

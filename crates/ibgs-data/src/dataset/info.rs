@@ -1,9 +1,10 @@
 //! What a scene on disk holds, without decoding its photos.
 
+use super::archive::{Unpacked, is_archive};
 use super::decode::{Header, header};
 use super::names::{photos_below, photos_in};
 use super::split::{self, StatedSplit};
-use super::{DatasetError, LoadOptions, SceneKind, masks, notes};
+use super::{DatasetError, LoadOptions, SceneKind, format, masks, notes, root};
 use glam::DVec2;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -196,8 +197,25 @@ impl Headers {
     }
 }
 
+/// Reads a scene's metadata, without its photos.
+pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
+    if !is_archive(path) {
+        return inspect_folder(path);
+    }
+    let unpacked = Unpacked::new(path)?;
+    let inspected = inspect_folder(&unpacked.root());
+    let info = inspected.map_err(|error| unpacked.error(error))?;
+    let named = |texts: Vec<String>| texts.iter().map(|text| unpacked.named(text)).collect();
+    let refused = info.refused.map(|refused| unpacked.named(&refused));
+    Ok(SceneInfo { path: path.to_owned(), missing: named(info.missing), notes: named(info.notes), refused, ..info })
+}
+
+fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
+    complete(path, root(path), format::inspect(path)?)
+}
+
 /// Adds what is the same for all formats.
-pub(crate) fn complete(path: &Path, root: &Path, inspected: Inspected) -> Result<SceneInfo, DatasetError> {
+fn complete(path: &Path, root: &Path, inspected: Inspected) -> Result<SceneInfo, DatasetError> {
     let Inspected { kind, listing, models, images, cameras, points, missing, found, beside, split, .. } = inspected;
     let listed = found.iter().map(|one| &one.photo).chain(&inspected.unsolved);
     let unposed = unposed(root, &beside, listed.map(PathBuf::as_path));

@@ -7,12 +7,14 @@ mod decode;
 pub mod demo;
 mod error;
 mod fit;
+mod format;
 mod host;
 mod hull;
 mod info;
 mod kind;
 mod lens;
 mod llff;
+mod load;
 mod masks;
 mod names;
 mod nerf;
@@ -35,9 +37,10 @@ pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use fit::{shown_by_any, unrelated_colors};
 pub use host::HostPhoto;
-pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
+pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo, inspect};
 pub use kind::SceneKind;
 pub use llff::check_poses_bounds;
+pub use load::{PosedScene, load, load_poses, load_with};
 pub use masks::is_mask;
 pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
@@ -48,15 +51,12 @@ pub use shown::shown;
 
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
-use crate::progress::Progress;
-use archive::Unpacked;
 use glam::DVec3;
 use info::Beside;
 use photos::ListedPhoto;
 use rayon::prelude::*;
 use split::StatedSplit;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Alpha where the photo of an object shows nothing.
 pub const ALPHA_EMPTY: u8 = ibgs_shaders::ALPHA_EMPTY as u8;
@@ -231,180 +231,6 @@ pub fn parse_points_ply(path: &Path, bytes: &[u8]) -> Result<Vec<Point>, Dataset
     Ok(points_ply::read(path, bytes)?.points)
 }
 
-/// Loads a scene: poses, photos (undistorted, resized), split, initial points. `path` is a scene folder, a ZIP archive
-/// of one, or a `transforms.json`.
-pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
-    load_with(path, options, &())
-}
-
-/// As [`load`]; `progress` receives the photos.
-///
-/// # Errors
-/// As [`load`].
-pub fn load_with(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
-    options.check()?;
-    if !is_archive(path) {
-        return load_folder(path, options, None, progress);
-    }
-    let unpacked = Arc::new(Unpacked::new(path)?);
-    let loaded = load_folder(&unpacked.root(), options, Some(&unpacked), progress);
-    let dataset = loaded.map_err(|error| unpacked.error(error))?;
-    let notes = dataset.notes.iter().map(|note| unpacked.named(note)).collect();
-    Ok(Dataset { path: path.to_owned(), notes, ..dataset })
-}
-
-/// A scene without its photos: cameras in the size that the photos will have, split and points.
-#[derive(Clone, Debug)]
-pub struct PosedScene {
-    /// Names and cameras of all views, sorted by name.
-    pub views: Vec<(String, Camera)>,
-    /// Indices into `views` that train.
-    pub train: Vec<usize>,
-    /// Indices into `views` that are held out.
-    pub test: Vec<usize>,
-    /// The scene's own points; none where random ones would stand in.
-    pub points: Vec<Point>,
-}
-
-/// As [`load`], but of the photos only their sizes are read.
-///
-/// # Errors
-/// As [`load`], but for photos that do not decode.
-pub fn load_poses(path: &Path, options: &LoadOptions) -> Result<PosedScene, DatasetError> {
-    options.check()?;
-    if !is_archive(path) {
-        return poses_in_folder(path, options);
-    }
-    let unpacked = Unpacked::new(path)?;
-    poses_in_folder(&unpacked.root(), options).map_err(|error| unpacked.error(error))
-}
-
-fn poses_in_folder(path: &Path, options: &LoadOptions) -> Result<PosedScene, DatasetError> {
-    let (scene, root) = (read_sorted(path, options)?, root(path));
-    let camera = |photo: &ListedPhoto| Ok((photo.name.clone(), photos::camera(photo, options)?));
-    let views = scene.frames.par_iter().map(camera).collect::<Result<Vec<_>, DatasetError>>()?;
-    let names: Vec<String> = views.iter().map(|(name, _)| name.clone()).collect();
-    let split = split::divided(&names, scene.split, root, options)?;
-    let (mut points, _) = points::own(scene.points, scene.point_files, root)?;
-    points.retain(|point| point.position.is_finite());
-    Ok(PosedScene { views, train: split.train, test: split.test, points })
-}
-
-/// The views of a scene by name, none twice.
-fn read_sorted(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let mut scene = match format_of(path)? {
-        Format::Colmap => colmap::read(path, options)?,
-        Format::Transforms => nerf::read(path, options)?,
-        Format::RealityCapture => reality_capture::read(path, options)?,
-        Format::Llff => llff::read(path, options)?,
-        Format::Neus => neus::read(path, options)?,
-    };
-    check_photos(path, &scene)?;
-    scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = scene.frames.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        let name = pair[0].name.clone();
-        return Err(DatasetError::DuplicateImage { path: scene.listing, name });
-    }
-    Ok(scene)
-}
-
-/// Loads a scene folder, which may be an unpacked archive.
-fn load_folder(
-    path: &Path,
-    options: &LoadOptions,
-    archive: Option<&Arc<Unpacked>>,
-    progress: &dyn Progress,
-) -> Result<Dataset, DatasetError> {
-    let mut scene = read_sorted(path, options)?;
-    let mut dataset = Dataset {
-        path: path.to_owned(),
-        views: Vec::new(),
-        train: Vec::new(),
-        test: Vec::new(),
-        points: Vec::new(),
-        points_from: PointsFrom::Scene,
-        extent: options.extent,
-        backdrop: None,
-        notes: std::mem::take(&mut scene.notes),
-    };
-    dataset.notes.extend(notes::missing(&scene.missing, scene.frames.len()));
-    let root = root(path);
-    let listed = scene.frames.iter().map(|frame| &frame.photo).chain(&scene.unsolved);
-    let unposed = info::unposed(root, &scene.beside, listed.map(PathBuf::as_path));
-    dataset.notes.extend(notes::unposed(&unposed));
-    dataset.notes.extend(masks::unfit_note(root, scene.frames.iter().filter_map(|frame| frame.mask.as_deref())));
-    if let Some(split) = &options.split {
-        split::keep_named(&mut scene.frames, split)?;
-    }
-    let (alpha, color) = backdrop::meaning_of_alpha(&scene, options)?;
-    let is_object = alpha.is_cover() || (scene.kind == SceneKind::Blender && options.masks == Masks::Object);
-    dataset.backdrop = is_object.then_some((alpha, color));
-    let options = &LoadOptions { alpha: Some(alpha), ..options.clone() };
-    if alpha == Alpha::Keyed {
-        // Held-out photos stay as they are: figures compare with them.
-        let names: Vec<String> = scene.frames.iter().map(|frame| frame.name.clone()).collect();
-        let split = split::divided(&names, scene.split.clone(), root, options)?;
-        split.train.iter().for_each(|&view| scene.frames[view].key = Some(color));
-    }
-    photos::load_views(scene.frames, (options, archive), progress, &mut dataset)?;
-    split::split(&mut dataset, scene.split, root, options)?;
-    points::fill(&mut dataset, scene.points, scene.point_files, root, options)?;
-    Ok(dataset)
-}
-
-/// Reads a scene's metadata, without its photos.
-pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
-    if !is_archive(path) {
-        return inspect_folder(path);
-    }
-    let unpacked = Unpacked::new(path)?;
-    let inspected = inspect_folder(&unpacked.root());
-    let info = inspected.map_err(|error| unpacked.error(error))?;
-    let named = |texts: Vec<String>| texts.iter().map(|text| unpacked.named(text)).collect();
-    let refused = info.refused.map(|refused| unpacked.named(&refused));
-    Ok(SceneInfo { path: path.to_owned(), missing: named(info.missing), notes: named(info.notes), refused, ..info })
-}
-
-fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
-    let inspected = match format_of(path)? {
-        Format::Colmap => colmap::inspect(path),
-        Format::Transforms => nerf::inspect(path),
-        Format::RealityCapture => reality_capture::inspect(path),
-        Format::Llff => llff::inspect(path),
-        Format::Neus => neus::inspect(path),
-    };
-    info::complete(path, root(path), inspected?)
-}
-
-enum Format {
-    Colmap,
-    Transforms,
-    RealityCapture,
-    Llff,
-    Neus,
-}
-
-fn format_of(path: &Path) -> Result<Format, DatasetError> {
-    std::fs::metadata(path).map_err(|cause| DatasetError::read(path, &cause))?;
-    if colmap::is_scene(path) {
-        Ok(Format::Colmap)
-    } else if nerf::is_scene(path) {
-        Ok(Format::Transforms)
-    } else if colmap::is_nerfstudio_scene(path) {
-        Ok(Format::Colmap)
-    } else if reality_capture::is_scene(path) {
-        Ok(Format::RealityCapture)
-    } else if llff::is_scene(path) {
-        Ok(Format::Llff)
-    } else if neus::is_scene(path) {
-        Ok(Format::Neus)
-    } else if colmap::is_flat_scene(path) {
-        Ok(Format::Colmap)
-    } else {
-        Err(DatasetError::NotAScene { path: path.to_owned() })
-    }
-}
-
 /// The scene folder, also where the path names a file in it.
 fn root(path: &Path) -> &Path {
     match path.parent() {
@@ -412,19 +238,5 @@ fn root(path: &Path) -> &Path {
         Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
         Some(folder) => folder,
         None => path,
-    }
-}
-
-/// Some photos may be missing, but at least two have to be there.
-fn check_photos(path: &Path, scene: &Scene) -> Result<(), DatasetError> {
-    match (scene.frames.len(), scene.missing.first()) {
-        (0, None) => Err(DatasetError::NoImages { path: scene.listing.clone() }),
-        (0, Some(first)) => Err(DatasetError::NoPhotos {
-            path: scene.listing.clone(),
-            count: scene.missing.len(),
-            first: first.clone(),
-        }),
-        (1, _) => Err(DatasetError::TooFewViews { path: path.to_owned(), count: 1, what: "views" }),
-        _ => Ok(()),
     }
 }
