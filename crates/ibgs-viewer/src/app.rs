@@ -1,31 +1,28 @@
 //! The window: camera, what is open, and what stands around the canvas.
 
+mod central;
 mod framing;
 mod input;
 mod link;
 mod messages;
+mod outside;
 mod screenshot;
 
-use crate::canvas::{Canvas, SIDES, Wanted as WantedFrame};
+use crate::canvas::{Canvas, SIDES};
 use crate::curves::Curves;
 use crate::edit::Edit;
-use crate::looks::Look;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::panels::{self, Panels, Start};
 use crate::thumbnails::Thumbnails;
-use crate::worker::{Command, Rendered, Worker};
-use crate::{Open, Opened, Outcome, Scene, Wanted, marks};
-use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
-use framing::fitted;
+use crate::worker::{Command, Worker};
+use crate::{Open, Opened, Outcome, Scene, Wanted};
+use eframe::egui::{self, Ui};
 use glam::DVec3;
-use ibgs_core::camera::Camera;
-use ibgs_core::dataset::HostPhoto;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::sources::DevicePhoto;
-use ibgs_core::sources::source_store::pixels;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,6 +31,7 @@ use web_time::Instant;
 
 /// Time that the camera rests before the picture is rendered sharp.
 const REST: Duration = Duration::from_millis(150);
+
 /// What is kept from one start of the program to the next.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -161,99 +159,6 @@ impl Viewer {
         })
     }
 
-    /// What the canvas shows.
-    pub fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    /// What it shows right of the divider.
-    pub fn other_mode(&self) -> Option<Mode> {
-        self.other
-    }
-
-    /// The view that the camera stands on.
-    pub fn on_view(&self) -> Option<usize> {
-        self.on_view
-    }
-
-    /// Where the camera is.
-    pub fn navigator(&self) -> &Navigator {
-        &self.navigator
-    }
-
-    /// What is open.
-    pub fn scene(&self) -> Option<&Scene> {
-        self.scene.as_ref()
-    }
-
-    /// How far the training is, and whether it continues.
-    pub fn progress(&self) -> Option<(&TrainingProgress, bool)> {
-        self.training.as_ref().map(|trained| (&trained.progress, trained.running))
-    }
-
-    /// The pixel that was asked about last.
-    pub fn inspection(&self) -> Option<&Inspection> {
-        self.found.as_ref().map(|found| &found.inspection)
-    }
-
-    /// Keyframes of the camera path.
-    pub fn keyframes(&self) -> usize {
-        self.panels.path.keyframes()
-    }
-
-    /// Width and height of the last frame in pixels.
-    pub fn image_size(&self) -> Option<[u32; 2]> {
-        self.canvas.last().map(|last| [last.frame.camera().width, last.frame.camera().height])
-    }
-
-    /// Where the line between two modes stands, in points from the window's left.
-    pub fn divider(&self) -> Option<f32> {
-        self.other.and(self.divider_x)
-    }
-
-    /// Shows or hides time, size and memory of the image.
-    pub fn show_figures(&mut self, shown: bool) {
-        self.panels.hides_figures = !shown;
-    }
-
-    /// Whether a resting camera's image has the full size, however long it takes.
-    pub fn show_always_sharp(&mut self, on: bool) {
-        self.panels.always_sharp = on;
-    }
-
-    /// Shows or hides the camera path.
-    pub fn show_path(&mut self, shown: bool) {
-        self.panels.shows_path = shown;
-    }
-
-    /// Where the camera path is saved and loaded.
-    pub fn set_path_file(&mut self, path: &std::path::Path) {
-        self.panels.path.set_file(path);
-    }
-
-    /// What was done last, in one sentence.
-    pub fn message(&self) -> Option<&str> {
-        self.message.as_deref()
-    }
-
-    /// What went wrong last, in one sentence.
-    pub fn error(&self) -> Option<&str> {
-        self.error.as_deref()
-    }
-
-    /// Whether the last frame or the start page is up to date and no work is in progress.
-    pub fn is_settled(&self) -> bool {
-        let has_all = match self.start.shown {
-            true => self.start.is_complete(),
-            false => self.scene.is_none() || self.canvas.is_settled(),
-        };
-        self.doing.is_none() && !self.moving() && has_all
-    }
-
-    fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
-        wanted(self.mode) || self.other.is_some_and(wanted)
-    }
-
     /// Whether the model and the camera's place have what a mode shows.
     pub fn offers(&self, mode: Mode) -> bool {
         let has_photo = || self.view().is_some_and(|view| view.photo.is_some());
@@ -344,90 +249,6 @@ impl Viewer {
             self.doing = None;
             self.error = Some("the part that renders has stopped; close the window and start again".to_owned());
         }
-    }
-
-    /// The camera of the canvas. That of a view keeps its ratio, and its size where the photo is compared with.
-    fn camera(&self) -> Camera {
-        let [width, height] = self.room;
-        let Some(view) = self.view() else { return self.navigator.camera(width, height) };
-        if self.shows(Mode::needs_photo) {
-            return view.camera;
-        }
-        let sides = |side: f64| (side.round() as u32).max(SIDES[0]);
-        let (w, h) = (f64::from(view.camera.width), f64::from(view.camera.height));
-        let scale = (f64::from(width) / w).min(f64::from(height) / h);
-        view.camera.resized(sides(w * scale), sides(h * scale))
-    }
-
-    fn photo(&mut self) -> Result<Option<DevicePhoto>, GpuError> {
-        let index = self.on_view.filter(|_| self.shows(Mode::needs_photo));
-        let Some(index) = index else {
-            self.photo = None;
-            return Ok(None);
-        };
-        if self.photo.as_ref().is_none_or(|(of, _)| *of != index) {
-            let photo = self.view().and_then(|view| view.photo.clone());
-            let upload = |photo: HostPhoto| DevicePhoto::upload(&self.gpu, &*pixels(&photo)?);
-            self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
-        }
-        Ok(self.photo.as_ref().map(|(_, target)| target.clone()))
-    }
-
-    fn central(&mut self, ui: &mut Ui, frame: &eframe::Frame) -> Result<(), GpuError> {
-        let room = ui.available_rect_before_wrap();
-        let response = ui.allocate_rect(room, Sense::click_and_drag());
-        let response = response.on_hover_cursor(egui::CursorIcon::Crosshair);
-        let pixels = room.size() * ui.ctx().pixels_per_point();
-        self.room = [pixels.x, pixels.y].map(|length| (length.round() as u32).clamp(SIDES[0], SIDES[1]));
-        let camera = self.camera();
-        self.pointer(ui, &response, fitted(room, camera.width as f32 / camera.height as f32));
-        if let Some(pose) = self.panels.path.pose(ui) {
-            self.navigator.follow(&pose);
-            self.has_moved();
-        }
-        let camera = self.camera();
-        let image = fitted(room, camera.width as f32 / camera.height as f32);
-        let wanted = WantedFrame {
-            camera,
-            moving: self.moving(),
-            exact: self.view().is_some() && self.shows(Mode::needs_photo),
-            always_sharp: self.panels.always_sharp,
-            with_range: self.shows(|mode| mode == Mode::Depth) || self.edit.needs_depths(),
-            looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
-            iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
-            running: self.training.as_ref().is_some_and(|trained| trained.running),
-        };
-        let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
-        // A device that has failed once returns nothing.
-        if self.gpu.check().is_ok()
-            && let Some(request) = self.canvas.request(&wanted)
-        {
-            let sheet = self.canvas.sheet(state, &request, self.mode);
-            self.send(Command::Render(Box::new(request), sheet));
-        }
-        let painter = ui.painter_at(room);
-        painter.rect_filled(room, 0.0, Color32::BLACK);
-        let photo = self.photo()?;
-        let split = if self.other.is_some() { self.divider } else { 1.0 };
-        let sides = [Some((self.mode, 0.0, split)), self.other.map(|other| (other, split, 1.0))];
-        for (number, (mode, from, to)) in sides.into_iter().enumerate().filter_map(|(i, side)| Some((i, side?))) {
-            if let Some(texture) = self.canvas.texture(state, number, mode, photo.as_ref())? {
-                let at = |share: f32| image.left() + share * image.width();
-                let part = Rect::from_min_max(Pos2::new(at(from), image.top()), Pos2::new(at(to), image.bottom()));
-                let whole = Rect::from_min_max(Pos2::new(from, 0.0), Pos2::new(to, 1.0));
-                painter.image(texture, part, whole, Color32::WHITE);
-            }
-        }
-        marks::draw(self, &painter, image, &camera);
-        panels::divider(self, ui, image);
-        panels::edit_in_image(self, ui, &response, image, &camera);
-        panels::overlay(self, ui, room);
-        let is_outdated = |last: &Rendered| last.iteration != wanted.iteration || last.facts.is_loading;
-        let outdated = self.canvas.last().is_some_and(is_outdated);
-        if self.moving() || outdated {
-            ui.ctx().request_repaint_after(Duration::from_millis(20));
-        }
-        Ok(())
     }
 
     fn dropped(&mut self, ctx: &egui::Context) {

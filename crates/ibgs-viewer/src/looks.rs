@@ -1,7 +1,6 @@
 //! Other looks of the Gaussians than their own.
 
 use crate::IN_BROWSER;
-use crate::worker::Request;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::render::{Frame, Renderer};
@@ -49,23 +48,24 @@ pub async fn rendered(
 pub struct Looks([Option<Renderer>; Look::ALL.len()]);
 
 impl Looks {
-    /// The looks that a request asks for, each handed to `then`.
+    /// The looks that are asked for, each handed to `then`.
     ///
     /// # Errors
     /// Not enough memory, the device is lost, or what `then` finds.
     pub async fn frames(
         &mut self,
         renderer: &Renderer,
-        request: &Request,
+        camera: &Camera,
+        asked_for: [bool; Look::ALL.len()],
         mut then: impl FnMut(&Frame, Look) -> Result<(), GpuError>,
     ) -> Result<[Option<Arc<Frame>>; Look::ALL.len()], GpuError> {
         let mut frames = [const { None }; Look::ALL.len()];
-        for look in Look::ALL.into_iter().filter(|&look| request.looks[look as usize]) {
+        for look in Look::ALL.into_iter().filter(|&look| asked_for[look as usize]) {
             let made = match self.0[look as usize].take() {
                 Some(made) => made,
                 None => look.of(renderer)?,
             };
-            let frame = rendered(&made, &request.camera, |frame| then(frame, look)).await?;
+            let frame = rendered(&made, camera, |frame| then(frame, look)).await?;
             frames[look as usize] = Some(Arc::new(frame));
             self.0[look as usize] = Some(made);
         }

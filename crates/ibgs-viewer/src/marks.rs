@@ -79,15 +79,13 @@ impl<'a> Onto<'a> {
 }
 
 /// Draws what is to be seen over the image.
-pub fn draw(viewer: &Viewer, painter: &Painter, image: Rect, camera: &Camera) {
+pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
     let Some(scene) = &viewer.scene else { return };
-    let painter = painter.with_clip_rect(image.intersect(painter.clip_rect()));
-    let onto = Onto::new(camera, image, viewer.extent);
     if viewer.panels.shows_points {
         let mut mesh = Mesh::default();
         let step = scene.points.len().div_ceil(MOST_POINTS).max(1);
         for point in scene.points.iter().step_by(step) {
-            if let Some(at) = onto.point(point.position).filter(|at| image.contains(*at)) {
+            if let Some(at) = onto.point(point.position).filter(|at| onto.image.contains(*at)) {
                 let [r, g, b] = point.color;
                 mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.0)), Color32::from_rgb(r, g, b));
             }
@@ -104,16 +102,14 @@ pub fn draw(viewer: &Viewer, painter: &Painter, image: Rect, camera: &Camera) {
                 (false, false) => TRAINED,
             };
             let stroke = Stroke::new(if is_source { 2.0 } else { 1.0 }, color);
-            onto.frustum(&painter, &view.camera, LENGTH * viewer.extent, stroke);
+            onto.frustum(painter, &view.camera, LENGTH * viewer.extent, stroke);
         }
     }
     if let Some(point) = viewer.found.as_ref().and_then(|found| found.inspection.point)
         && let Some(at) = onto.point(point)
     {
-        cross(&painter, at);
+        cross(painter, at);
     }
-    crate::panels::draw_edit(viewer, &painter, &onto);
-    viewer.panels.path.draw(|ends, stroke| onto.line(&painter, ends, stroke));
 }
 
 /// A cross with a dark rim, seen on any colour.

@@ -1,0 +1,111 @@
+//! The middle of the window: which frame is asked for, and the picture with all that is drawn over it.
+
+use super::Viewer;
+use super::framing::fitted;
+use crate::canvas::{SIDES, Wanted as WantedFrame};
+use crate::looks::Look;
+use crate::marks::{self, Onto};
+use crate::mode::Mode;
+use crate::panels;
+use crate::worker::{Command, Rendered};
+use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::HostPhoto;
+use ibgs_core::gpu::GpuError;
+use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::source_store::pixels;
+use std::time::Duration;
+
+impl Viewer {
+    fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
+        wanted(self.mode) || self.other.is_some_and(wanted)
+    }
+
+    /// The camera of the canvas. That of a view keeps its ratio, and its size where the photo is compared with.
+    fn camera(&self) -> Camera {
+        let [width, height] = self.room;
+        let Some(view) = self.view() else { return self.navigator.camera(width, height) };
+        if self.shows(Mode::needs_photo) {
+            return view.camera;
+        }
+        let sides = |side: f64| (side.round() as u32).max(SIDES[0]);
+        let (w, h) = (f64::from(view.camera.width), f64::from(view.camera.height));
+        let scale = (f64::from(width) / w).min(f64::from(height) / h);
+        view.camera.resized(sides(w * scale), sides(h * scale))
+    }
+
+    pub(super) fn photo(&mut self) -> Result<Option<DevicePhoto>, GpuError> {
+        let index = self.on_view.filter(|_| self.shows(Mode::needs_photo));
+        let Some(index) = index else {
+            self.photo = None;
+            return Ok(None);
+        };
+        if self.photo.as_ref().is_none_or(|(of, _)| *of != index) {
+            let photo = self.view().and_then(|view| view.photo.clone());
+            let upload = |photo: HostPhoto| DevicePhoto::upload(&self.gpu, &*pixels(&photo)?);
+            self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
+        }
+        Ok(self.photo.as_ref().map(|(_, target)| target.clone()))
+    }
+
+    pub(super) fn central(&mut self, ui: &mut Ui, frame: &eframe::Frame) -> Result<(), GpuError> {
+        let room = ui.available_rect_before_wrap();
+        let response = ui.allocate_rect(room, Sense::click_and_drag());
+        let response = response.on_hover_cursor(egui::CursorIcon::Crosshair);
+        let pixels = room.size() * ui.ctx().pixels_per_point();
+        self.room = [pixels.x, pixels.y].map(|length| (length.round() as u32).clamp(SIDES[0], SIDES[1]));
+        let camera = self.camera();
+        self.pointer(ui, &response, fitted(room, camera.width as f32 / camera.height as f32));
+        if let Some(pose) = self.panels.path.pose(ui) {
+            self.navigator.follow(&pose);
+            self.has_moved();
+        }
+        let camera = self.camera();
+        let image = fitted(room, camera.width as f32 / camera.height as f32);
+        let wanted = WantedFrame {
+            camera,
+            moving: self.moving(),
+            exact: self.view().is_some() && self.shows(Mode::needs_photo),
+            always_sharp: self.panels.always_sharp,
+            with_range: self.shows(|mode| mode == Mode::Depth) || self.edit.needs_depths(),
+            looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
+            iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
+            running: self.training.as_ref().is_some_and(|trained| trained.running),
+        };
+        let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
+        // A device that has failed once returns nothing.
+        if self.gpu.check().is_ok()
+            && let Some(request) = self.canvas.request(&wanted)
+        {
+            let sheet = self.canvas.sheet(state, &request, self.mode);
+            self.send(Command::Render(Box::new(request), sheet));
+        }
+        let painter = ui.painter_at(room);
+        painter.rect_filled(room, 0.0, Color32::BLACK);
+        let photo = self.photo()?;
+        let split = if self.other.is_some() { self.divider } else { 1.0 };
+        let sides = [Some((self.mode, 0.0, split)), self.other.map(|other| (other, split, 1.0))];
+        for (number, (mode, from, to)) in sides.into_iter().enumerate().filter_map(|(i, side)| Some((i, side?))) {
+            if let Some(texture) = self.canvas.texture(state, number, mode, photo.as_ref())? {
+                let at = |share: f32| image.left() + share * image.width();
+                let part = Rect::from_min_max(Pos2::new(at(from), image.top()), Pos2::new(at(to), image.bottom()));
+                let whole = Rect::from_min_max(Pos2::new(from, 0.0), Pos2::new(to, 1.0));
+                painter.image(texture, part, whole, Color32::WHITE);
+            }
+        }
+        let over = painter.with_clip_rect(image.intersect(painter.clip_rect()));
+        let onto = Onto::new(&camera, image, self.extent);
+        marks::draw(self, &over, &onto);
+        panels::draw_edit(self, &over, &onto);
+        self.panels.path.draw(|ends, stroke| onto.line(&over, ends, stroke));
+        panels::divider(self, ui, image);
+        panels::edit_in_image(self, ui, &response, image, &camera);
+        panels::overlay(self, ui, room);
+        let is_outdated = |last: &Rendered| last.iteration != wanted.iteration || last.facts.is_loading;
+        let outdated = self.canvas.last().is_some_and(is_outdated);
+        if self.moving() || outdated {
+            ui.ctx().request_repaint_after(Duration::from_millis(20));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,135 @@
+//! What the window and the worker send each other.
+
+use crate::edit_work::{EditCommand, EditMessage};
+use crate::film::Film;
+use crate::looks::Look;
+use crate::mode::{Mode, Style};
+use crate::{Opened, Scene, Wanted};
+use ibgs_core::camera::Camera;
+use ibgs_core::inspect::Inspection;
+use ibgs_core::output::log::TrainingProgress;
+use ibgs_core::render::Frame;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A frame that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// From where.
+    pub camera: Camera,
+    /// Find the usual range of its depths as well.
+    pub with_range: bool,
+    /// Render these looks beside the image.
+    pub looks: [bool; Look::ALL.len()],
+}
+
+/// Where a frame's picture goes.
+#[derive(Clone, Debug)]
+pub struct Sheet {
+    /// A texture of the frame's size that the window does not paint now.
+    pub texture: wgpu::Texture,
+    /// What it is to show; nothing that needs a photo.
+    pub mode: Mode,
+    /// How.
+    pub style: Style,
+}
+
+/// What the window asks for.
+pub enum Command {
+    /// Open something in place of what is open.
+    Open(Wanted),
+    /// Show another model of the same scene, as this revision.
+    Replace(Box<Opened>, u32),
+    /// Render a view; of several the last one counts.
+    Render(Box<Request>, Option<Sheet>),
+    /// Explain why a pixel of a frame looks as it does.
+    Inspect {
+        /// The frame.
+        frame: Arc<Frame>,
+        /// The pixel.
+        pixel: [u32; 2],
+        /// Turn the camera to the pixel's surface point.
+        focus: bool,
+    },
+    /// Continue the training, or pause it.
+    Run(bool),
+    /// One iteration, then pause.
+    Step,
+    /// Save the model now.
+    Save,
+    /// Render a film.
+    Film(Box<Film>),
+    /// Leave the film unfinished.
+    CancelFilm,
+    /// What the editor asks for.
+    Edit(EditCommand),
+}
+
+/// What a model has, as a frame found it.
+#[derive(Clone, Debug)]
+pub struct ModelFacts {
+    /// Number of Gaussians; of a model with levels of detail those that the frame is made of.
+    pub gaussians: usize,
+    /// Finer chunks of such a model are still to come.
+    pub is_loading: bool,
+    /// Cameras of the source photos; none without a residual network.
+    pub sources: Option<Arc<[Camera]>>,
+    /// Most sources that a pixel uses.
+    pub most_sources: u32,
+}
+
+/// A finished frame.
+pub struct Rendered {
+    /// The frame.
+    pub frame: Arc<Frame>,
+    /// The usual range of its depths, where it was asked for.
+    pub range: Option<[f32; 2]>,
+    /// Its median depths, where their range was asked for.
+    pub depths: Option<Arc<[f32]>>,
+    /// The same view in other looks, where they were asked for.
+    pub looks: [Option<Arc<Frame>>; Look::ALL.len()],
+    /// From the request to the end of the GPU's work.
+    pub time: Duration,
+    /// What the model has.
+    pub facts: ModelFacts,
+    /// Device memory in use, where the driver reports it.
+    pub memory: Option<u64>,
+    /// Iteration of the training, or revision of an edited model.
+    pub iteration: u32,
+}
+
+/// What the worker sends to the window.
+pub enum Message {
+    /// What is being done.
+    Doing(String),
+    /// Something was opened; with how far it is where it is a training.
+    Opened(Box<Scene>, Option<TrainingProgress>),
+    /// Another model of the same scene is in place of the one before, as this revision.
+    Replaced(Box<Scene>, u32),
+    /// What was to be opened is a scene.
+    Scene(PathBuf),
+    /// A finished frame.
+    Rendered(Box<Rendered>),
+    /// Why a pixel looks as it does.
+    Inspected {
+        /// What was found.
+        found: Box<Inspection>,
+        /// Turn the camera to the surface point.
+        focus: bool,
+    },
+    /// How far the training is; with whether it continues.
+    Progress(Box<TrainingProgress>, bool),
+    /// The model was saved.
+    Saved(PathBuf),
+    /// Frames of the film that are done, and their number.
+    Filmed(usize, usize),
+    /// The film has ended: what was written, where nothing failed.
+    FilmDone(Option<String>),
+    /// Something failed, in one sentence.
+    Failed(String),
+    /// The frame that was asked for could not be rendered.
+    NoFrame,
+    /// What the editor is sent.
+    Edit(EditMessage),
+}
