@@ -1,23 +1,23 @@
 //! Errors in the words of the command line. The libraries say what is wrong and where, and know no flags; what the user can do
 //! about it with the flags of this program is added here.
 
+mod passed_on;
+
 use crate::prepare;
 use ibgs_core::blocks::PlanError;
 use ibgs_core::config::ConfigError;
 use ibgs_core::dataset::DatasetError;
-use ibgs_core::eval::EvalError;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::local_space::Length;
 use ibgs_core::mesh::MeshError;
 use ibgs_core::model::ModelError;
 use ibgs_core::output::OutputError;
-use ibgs_core::output::pictures::RenderError;
 use ibgs_core::residual::NetworkError;
 use ibgs_core::sentence_with;
-use ibgs_train::TrainError;
 use ibgs_train::checkpoint::CheckpointError;
 use ibgs_train::lpips::LpipsError;
 use ibgs_train::session::SessionError;
+use passed_on::passed_on;
 use std::error::Error;
 use std::str::FromStr;
 
@@ -90,77 +90,6 @@ fn words(error: AnyError) -> String {
     match advice(error) {
         Some(advice) => format!("{text}; {advice}"),
         None => text,
-    }
-}
-
-/// The error that another one passes on unchanged.
-fn passed_on(error: AnyError) -> Option<AnyError> {
-    None.or_else(|| in_model(error.downcast_ref()?))
-        .or_else(|| in_session(error.downcast_ref()?))
-        .or_else(|| in_session(error.downcast_ref::<Box<SessionError>>()?))
-        .or_else(|| in_training(error.downcast_ref()?))
-        .or_else(|| in_evaluation(error.downcast_ref()?))
-        .or_else(|| in_lpips(error.downcast_ref()?))
-        .or_else(|| match error.downcast_ref()? {
-            RenderError::Gpu(error) => Some(error as AnyError),
-            RenderError::Write(error) => Some(error),
-        })
-        .or_else(|| match error.downcast_ref()? {
-            OutputError::Config(error) => Some(error as AnyError),
-            _ => None,
-        })
-        .or_else(|| match error.downcast_ref()? {
-            PlanError::Config(error) => Some(error as AnyError),
-            PlanError::Write(error) => Some(error),
-            _ => None,
-        })
-}
-
-fn in_model(error: &ModelError) -> Option<AnyError<'_>> {
-    match error {
-        ModelError::Folder(error) => Some(error),
-        ModelError::Network(error) => Some(error),
-        ModelError::Scene(error) => Some(error),
-        ModelError::Gpu(error) => Some(error),
-        _ => None,
-    }
-}
-
-fn in_session(error: &SessionError) -> Option<AnyError<'_>> {
-    match error {
-        SessionError::Train(error) => Some(error),
-        SessionError::Gpu(error) => Some(error),
-        SessionError::Eval(error) => Some(error),
-        SessionError::Output(error) => Some(error),
-        SessionError::Network(error) => Some(error),
-        SessionError::Checkpoint(error) => Some(error),
-        _ => None,
-    }
-}
-
-fn in_training(error: &TrainError) -> Option<AnyError<'_>> {
-    match error {
-        TrainError::Gpu(error) => Some(error),
-        TrainError::Network(error) => Some(error),
-        TrainError::Checkpoint(error) => Some(error),
-        _ => None,
-    }
-}
-
-fn in_evaluation(error: &EvalError) -> Option<AnyError<'_>> {
-    match error {
-        EvalError::Gpu(error) => Some(error),
-        EvalError::Photo(error) => Some(error),
-        EvalError::Write(error) => Some(error),
-        EvalError::Distance(error) => Some(&**error),
-    }
-}
-
-fn in_lpips(error: &LpipsError) -> Option<AnyError<'_>> {
-    match error {
-        LpipsError::File(error) => Some(error),
-        LpipsError::Gpu(error) => Some(error),
-        _ => None,
     }
 }
 
@@ -307,6 +236,8 @@ fn scene(error: &DatasetError) -> Option<&'static str> {
 mod tests {
     use super::*;
     use ibgs_core::dataset::{Alpha, LoadOptions, Masks, Resolution};
+    use ibgs_core::eval::EvalError;
+    use ibgs_train::TrainError;
     use ibgs_train::session::Event;
     use std::path::PathBuf;
 
