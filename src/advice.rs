@@ -1,6 +1,8 @@
 //! Errors in the words of the command line. The libraries say what is wrong and where, and know no flags; what the user can do
 //! about it with the flags of this program is added here.
 
+mod start;
+
 use crate::prepare;
 use ibgs_core::blocks::PlanError;
 use ibgs_core::config::ConfigError;
@@ -17,7 +19,7 @@ use ibgs_core::sentence_with;
 use ibgs_train::TrainError;
 use ibgs_train::checkpoint::CheckpointError;
 use ibgs_train::lpips::LpipsError;
-use ibgs_train::session::SessionError;
+use ibgs_train::session::{Event, SessionError};
 use std::error::Error;
 use std::str::FromStr;
 
@@ -73,6 +75,11 @@ pub fn of(error: AnyError) -> String {
     sentence_with(error, &words)
 }
 
+/// What a training reports.
+pub fn event(event: &Event) -> String {
+    start::event(event).unwrap_or_else(|| event.with_errors(&|error| of(error)).to_string())
+}
+
 /// Parses the value of a flag; clap adds the name of the flag to the error.
 pub fn value<T: FromStr<Err = DatasetError>>(text: &str) -> Result<T, String> {
     text.parse().map_err(|error| match error {
@@ -98,6 +105,7 @@ fn passed_on(error: AnyError) -> Option<AnyError> {
     None.or_else(|| in_model(error.downcast_ref()?))
         .or_else(|| in_session(error.downcast_ref()?))
         .or_else(|| in_session(error.downcast_ref::<Box<SessionError>>()?))
+        .or_else(|| start::passed_on(error.downcast_ref()?))
         .or_else(|| in_training(error.downcast_ref()?))
         .or_else(|| in_evaluation(error.downcast_ref()?))
         .or_else(|| in_lpips(error.downcast_ref()?))
@@ -169,6 +177,7 @@ fn rephrased(error: AnyError) -> Option<String> {
     None.or_else(|| dataset(error.downcast_ref()?))
         .or_else(|| session(error.downcast_ref()?))
         .or_else(|| session(error.downcast_ref::<Box<SessionError>>()?))
+        .or_else(|| start::rephrased(error.downcast_ref()?))
         .or_else(|| match error.downcast_ref()? {
             GpuError::UnknownAdapter { wanted, available } => {
                 Some(format!("no adapter matches `--adapter {wanted}`; this machine has: {available}"))
@@ -231,6 +240,7 @@ fn advice(error: AnyError) -> Option<String> {
         .map(str::to_owned)
         .or_else(|| mesh(error.downcast_ref()?))
         .or_else(|| poses(error.downcast_ref()?))
+        .or_else(|| start::advice(error.downcast_ref()?))
 }
 
 fn model(error: &ModelError) -> Option<&'static str> {

@@ -7,6 +7,7 @@ mod adapt;
 mod background;
 mod check;
 mod defaults;
+mod difference;
 mod error;
 mod image;
 mod preset;
@@ -16,6 +17,7 @@ mod text;
 
 pub use crate::sources::find::SourceOptions;
 pub use background::Background;
+pub use difference::OptionDifference;
 pub use error::ConfigError;
 pub use preset::Preset;
 pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, SurfaceConfig};
