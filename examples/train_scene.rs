@@ -8,11 +8,9 @@
 
 use ibgs_core::config::TrainConfig;
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
-use ibgs_core::model::load_scene;
 use ibgs_core::output::log::TrainingProgress;
-use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_train::Session;
-use ibgs_train::session::{Event, Observer};
+use ibgs_train::session::{Event, Observer, Output};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -43,12 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
     config.data.source = Some(std::path::absolute(scene)?);
     config.data.eval = true;
-    let dataset = load_scene(&config, scene, &())?;
-    let folder = OutputFolder::create(output, Existing::Keep)?;
-    let lock = folder.lock()?;
-    folder.write_start(&config, &dataset)?;
     let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
-    let mut session = Session::new(&gpu, dataset, config)?.with_output(folder, lock, None);
-    session.run(&mut Printer)?;
+    let session = Session::builder(config).output(Output::at(output)).checkpoint_every(None);
+    session.build(&gpu, &mut Printer)?.run(&mut Printer)?;
     Ok(())
 }

@@ -2,6 +2,7 @@
 //! about it with the flags of this program is added here.
 
 mod passed_on;
+mod start;
 
 use crate::prepare;
 use ibgs_core::blocks::PlanError;
@@ -16,7 +17,7 @@ use ibgs_core::residual::NetworkError;
 use ibgs_core::sentence_with;
 use ibgs_train::checkpoint::CheckpointError;
 use ibgs_train::lpips::LpipsError;
-use ibgs_train::session::SessionError;
+use ibgs_train::session::{Event, SessionError};
 use passed_on::passed_on;
 use std::error::Error;
 use std::str::FromStr;
@@ -73,6 +74,11 @@ pub fn of(error: AnyError) -> String {
     sentence_with(error, &words)
 }
 
+/// What a training reports.
+pub fn event(event: &Event) -> String {
+    start::event(event).unwrap_or_else(|| event.with_errors(&|error| of(error)).to_string())
+}
+
 /// Parses the value of a flag; clap adds the name of the flag to the error.
 pub fn value<T: FromStr<Err = DatasetError>>(text: &str) -> Result<T, String> {
     text.parse().map_err(|error| match error {
@@ -98,6 +104,7 @@ fn rephrased(error: AnyError) -> Option<String> {
     None.or_else(|| dataset(error.downcast_ref()?))
         .or_else(|| session(error.downcast_ref()?))
         .or_else(|| session(error.downcast_ref::<Box<SessionError>>()?))
+        .or_else(|| start::rephrased(error.downcast_ref()?))
         .or_else(|| match error.downcast_ref()? {
             GpuError::UnknownAdapter { wanted, available } => {
                 Some(format!("no adapter matches `--adapter {wanted}`; this machine has: {available}"))
@@ -160,6 +167,7 @@ fn advice(error: AnyError) -> Option<String> {
         .map(str::to_owned)
         .or_else(|| mesh(error.downcast_ref()?))
         .or_else(|| poses(error.downcast_ref()?))
+        .or_else(|| start::advice(error.downcast_ref()?))
 }
 
 fn model(error: &ModelError) -> Option<&'static str> {

@@ -1,6 +1,6 @@
 //! Errors that another one passes on unchanged: what is said of them is said of the inner one.
 
-use super::AnyError;
+use super::{AnyError, start};
 use ibgs_core::blocks::PlanError;
 use ibgs_core::eval::EvalError;
 use ibgs_core::model::ModelError;
@@ -15,6 +15,7 @@ pub(super) fn passed_on(error: AnyError) -> Option<AnyError> {
     None.or_else(|| in_model(error.downcast_ref()?))
         .or_else(|| in_session(error.downcast_ref()?))
         .or_else(|| in_session(error.downcast_ref::<Box<SessionError>>()?))
+        .or_else(|| start::passed_on(error.downcast_ref()?))
         .or_else(|| in_training(error.downcast_ref()?))
         .or_else(|| in_evaluation(error.downcast_ref()?))
         .or_else(|| in_lpips(error.downcast_ref()?))

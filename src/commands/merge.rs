@@ -1,6 +1,7 @@
 //! `ibgs merge`
 
-use super::train::{self, DoesNotFit, Plan, block};
+use super::train::{self, Reports, block};
+use crate::advice;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Context, Result, anyhow, bail};
@@ -11,12 +12,13 @@ use ibgs_core::files;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::model::load_scene;
-use ibgs_core::output::OutputFolder;
 use ibgs_core::output::figures::TIME_FILE;
+use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
 use ibgs_core::sources::memory::MemoryBudget;
-use ibgs_train::TrainError;
+use ibgs_train::session::{BuildError, Output, SessionBuilder, StoppedTraining};
+use ibgs_train::{Session, TrainError};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -62,32 +64,38 @@ pub fn run(args: &Args) -> Result<()> {
     let checkpoints = OutputFolder::at(&model).checkpoints()?;
     if is_own && !checkpoints.is_empty() {
         let resumed = resumed(&plan, &model, args.iterations)?;
-        return train::train(Plan { gpu_memory, ..resumed }, args.adapter.as_ref());
+        return train::train(resumed.gpu_memory(gpu_memory), args.adapter.as_ref());
     }
     let joined = Joined::write(&plan, &blocks)?;
-    let merge = |iterations| {
-        let config = joined.config(&plan, iterations, gpu_memory)?;
-        let (model, overwrite) = (Some(model.clone()), args.overwrite || is_own);
-        Ok::<_, anyhow::Error>(Plan { model, overwrite, gpu_memory, ..Plan::new(config) })
-    };
+    let existing = if args.overwrite || is_own { Existing::Replace } else { Existing::Keep };
+    let output = Output::at(&model).existing(existing);
+    let config = |iterations| joined.config(&plan, iterations, gpu_memory);
+    let untrained = || joined.write_model(&config(Some(0))?, &output);
     if args.iterations == Some(0) {
-        return joined.write_model(&merge(Some(0))?);
+        return untrained();
     }
-    match train::train(merge(args.iterations)?, args.adapter.as_ref()) {
-        // Unless a training is asked for.
-        Err(error) if args.iterations.is_none() && does_not_fit(&error) => {
-            stderr!("warning: {error:#}; so the blocks are merged without a training");
-            joined.write_model(&merge(Some(0))?)
+    let training = Session::builder(config(args.iterations)?).output(output.clone()).gpu_memory(gpu_memory);
+    let outcome = train::train(training, args.adapter.as_ref());
+    // Unless a training is asked for.
+    match outcome.as_ref().err().filter(|_| args.iterations.is_none()).and_then(too_large) {
+        Some(why) => {
+            stderr!("warning: {why}; so the blocks are merged without a training");
+            untrained()
         }
-        outcome => outcome,
+        None => outcome,
     }
 }
 
-/// Whether the device cannot hold the training of the whole at its beginning.
-fn does_not_fit(error: &anyhow::Error) -> bool {
-    let is_full =
-        |error: &TrainError| matches!(error, TrainError::Gpu(GpuError::OutOfMemory { .. } | GpuError::TooLarge { .. }));
-    error.is::<DoesNotFit>() || error.downcast_ref().is_some_and(is_full)
+/// Why the device cannot hold the training of the whole at its beginning; none where something else is wrong.
+fn too_large(error: &anyhow::Error) -> Option<String> {
+    match error.downcast_ref()? {
+        BuildError::DoesNotFit(_) => Some(advice::sentence(error)),
+        // The flags that help a training are none of a merge.
+        BuildError::Train(TrainError::Gpu(GpuError::OutOfMemory { .. } | GpuError::TooLarge { .. })) => {
+            Some(format!("{error:#}"))
+        }
+        _ => None,
+    }
 }
 
 /// Refuses the plan's own folder, whose files a model would replace.
@@ -137,9 +145,10 @@ fn belongs_to(plan: &PlanFolder, folder: &OutputFolder) -> Result<bool> {
 }
 
 /// The training of a merge that was stopped.
-fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<Plan> {
-    let mut checkpoint = train::newest(&OutputFolder::at(model))?;
-    let own = checkpoint.config.iterations();
+fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<SessionBuilder> {
+    let stopped = StoppedTraining::open(model, &mut Reports::to(&|_| {}))?;
+    let mut config = stopped.checkpoint().config.clone();
+    let own = config.iterations();
     if let Some(iterations) = iterations.filter(|&wanted| wanted != own) {
         let path = model.display();
         bail!(
@@ -147,9 +156,8 @@ fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<P
         );
     }
     // The scene may have moved.
-    checkpoint.config.data.source = plan.config()?.data.source;
-    let config = checkpoint.config.clone();
-    Ok(Plan { resumed: Some(checkpoint), model: Some(model.to_owned()), ..Plan::new(config) })
+    config.data.source = plan.config()?.data.source;
+    Ok(Session::builder(config).resumed_from(stopped))
 }
 
 /// The blocks, joined.
@@ -219,12 +227,12 @@ impl Joined {
     }
 
     /// Writes the model as it is, without a training.
-    fn write_model(&self, merge: &Plan) -> Result<()> {
-        let start = merge.config.init.as_ref().context("a merge begins with the joined Gaussians")?;
-        merge.refuse_output()?;
-        let source = merge.config.data.source.clone().context("a plan has a scene")?;
-        let dataset = load_scene(&merge.config, &source, &Bars::default())?;
-        let (folder, _lock) = merge.create_output(&merge.config, &dataset)?;
+    fn write_model(&self, config: &TrainConfig, output: &Output) -> Result<()> {
+        let start = config.init.as_ref().context("a merge begins with the joined Gaussians")?;
+        output.check(config.data.source.as_deref())?;
+        let source = config.data.source.as_ref().context("a plan has a scene")?;
+        let dataset = load_scene(config, source, &Bars::default())?;
+        let (folder, _lock) = output.create(config, &dataset)?;
         if let Some(network) = &self.network {
             weights::write(&folder.network_save_path(self.iteration), &weights::load(network)?)?;
         }

@@ -2,8 +2,8 @@
 
 mod slurm;
 
+use super::train;
 use super::train::block::is_trained;
-use super::train::{self, Needs};
 use crate::stdout;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
@@ -14,6 +14,7 @@ use ibgs_core::dataset::{PosedScene, load_poses};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::memory::Needs;
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -140,15 +141,16 @@ impl Planner<'_> {
             config.adapt_to_photos(training.len(), pixels);
             let mean_pixels = pixels as f64 / training.len() as f64;
             let needs = Needs::planned(&config, training, block.start_points, !block.test.is_empty());
-            (block.gaussians, block.memory) = match budget {
-                None => needs.most(),
+            let most = match budget {
+                None => needs.at_most(),
                 Some(budget) => needs.within(budget).with_context(|| {
-                    let (least, limit) = (Bytes(needs.least()), Bytes(budget));
+                    let (least, limit) = (Bytes(needs.at_start().bytes), Bytes(budget));
                     format!(
                         "block {number} of {blocks} does not fit into {limit}, it needs at least {least}; cut the scene into more blocks"
                     )
                 })?,
             };
+            (block.gaussians, block.memory) = (most.gaussians, most.bytes);
             block.iterations = config.iterations();
             block.minutes = f64::from(block.iterations) * milliseconds(config.method, mean_pixels) / 60_000.0;
         }

@@ -1,41 +1,36 @@
 //! `ibgs train`
 
 pub mod block;
-mod estimate;
+mod demo;
 mod json_log;
+mod options;
 mod pace;
-mod plan;
-mod resume;
 mod stages;
+mod start;
 mod terminal;
 mod window;
 
-pub use estimate::{DoesNotFit, Needs};
-pub use plan::{DemoDefaults, Plan};
-pub use resume::newest;
+pub use demo::DemoDefaults;
+pub use start::{Reports, prepare, wished};
 pub use window::{Failure, Watched};
 
-use super::{number, open_gpu, view};
+use super::{open_gpu, view};
 use crate::advice::value;
 use crate::stderr;
 use anyhow::{Result, bail};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args as ClapArgs, Parser};
+use clap::Args as ClapArgs;
 use ibgs_core::blocks::PlanFolder;
-use ibgs_core::config::{Background, ConfigError, Method, Preset, Strategy, TrainConfig};
+use ibgs_core::config::{Background, Method, Preset, Strategy, TrainConfig};
 use ibgs_core::dataset::{Alpha, ColorSpace, InitialPoints, Masks, PrincipalPoint, Resampler, Resolution};
 use ibgs_core::gpu::Use;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Session;
-use ibgs_train::session::JsonLines;
+use ibgs_train::session::{JsonLines, SessionBuilder};
 use json_log::Before;
-use serde::de::DeserializeOwned;
-use serde_json::Value;
+use options::{minutes, splats, word};
 use stages::StageArgs;
-use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// Headings of `ibgs train --help`, in their order there.
 mod heading {
@@ -54,7 +49,7 @@ Examples:
   ibgs train --resume -m output/my-scene         # resume a stopped training";
 
 /// Options of `ibgs train`; they override the options file.
-// `[default: ...]` in these texts repeats the defaults of `TrainConfig`, `Schedule` and `Plan`.
+// `[default: ...]` in these texts repeats the defaults of `TrainConfig`, `Schedule` and `Session::builder`.
 #[derive(ClapArgs, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -255,175 +250,6 @@ pub struct Args {
     adapter: Option<String>,
 }
 
-/// A line of options alone.
-#[derive(Parser)]
-struct Line {
-    #[command(flatten)]
-    args: Args,
-}
-
-/// Parses one of these words, as the options file has them.
-fn word<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
-where
-    T: DeserializeOwned + Clone + Send + Sync + 'static,
-{
-    PossibleValuesParser::new(words).try_map(|word| serde_json::from_value(Value::String(word)))
-}
-
-/// Parses a number of Gaussians.
-fn splats(text: &str) -> Result<u32, String> {
-    match number(text) {
-        Some(count) if (1.0..=f64::from(u32::MAX)).contains(&count) => Ok(count as u32),
-        _ => Err("write it as 5000, 100k or 1.5M".to_owned()),
-    }
-}
-
-/// Parses a number of minutes, up to a year.
-fn minutes(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(minutes) if (0.0..=525_600.0).contains(&minutes) => Ok(minutes),
-        _ => Err("give a number of minutes, 0 or above".to_owned()),
-    }
-}
-
-fn set<T>(option: &mut T, value: &Option<T>)
-where
-    T: Clone,
-{
-    if let Some(value) = value {
-        *option = value.clone();
-    }
-}
-
-fn set_some<T: Clone>(option: &mut Option<T>, value: &Option<T>) {
-    if value.is_some() {
-        option.clone_from(value);
-    }
-}
-
-impl Args {
-    /// The training that the command line describes.
-    fn plan(&self) -> Result<Plan> {
-        let resumed =
-            self.model.as_deref().filter(|_| self.resume).map(|path| resume::checkpoint(self, path)).transpose()?;
-        let file = if resumed.is_some() { None } else { self.file()? };
-        let file = file.as_ref().map(|(text, path)| (&**text, *path));
-        let config = match &resumed {
-            Some(checkpoint) => checkpoint.config.clone(),
-            None => self.config(file)?,
-        };
-        Ok(Plan {
-            resumed,
-            model: self.model.clone(),
-            overwrite: self.overwrite,
-            gpu_memory: self.gpu_memory,
-            checkpoint_every: (self.checkpoint_every > 0.0)
-                .then(|| Duration::from_secs_f64(60.0 * self.checkpoint_every)),
-            ..Plan::new(config)
-        })
-    }
-
-    /// The options file's text, and its path.
-    fn file(&self) -> Result<Option<(String, &Path)>> {
-        let read = |path: &PathBuf| {
-            fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.clone(), source })
-        };
-        let text = self.config.as_ref().map(read).transpose()?;
-        Ok(text.zip(self.config.as_deref()))
-    }
-
-    /// The options file, overridden by the command line.
-    fn config(&self, file: Option<(&str, &Path)>) -> Result<TrainConfig> {
-        let given = file.map(|(text, path)| TrainConfig::from_text(text, path)).transpose()?;
-        let base = || self.base.clone().unwrap_or_else(|| TrainConfig::preset(self.preset.unwrap_or_default()));
-        let mut config = self.over(given.unwrap_or_else(base))?;
-        // As the scene: the model may be opened from another working directory.
-        for path in [&mut config.init, &mut config.residual.init, &mut config.data.split].into_iter().flatten() {
-            *path = std::path::absolute(&*path)?;
-        }
-        Ok(config)
-    }
-
-    /// The options that the command line describes, for trainings of blocks.
-    ///
-    /// # Errors
-    /// The options file is damaged, or an option has nothing to do with what is trained.
-    pub fn shared_config(&self) -> Result<TrainConfig> {
-        let usual = Self::parse(&[])?;
-        let refused = [
-            ("SCENE", self.scene.is_some() || self.source.is_some()),
-            ("--block", self.block.is_some()),
-            ("--resume", self.resume),
-            ("--init", self.init.is_some()),
-            ("--model", self.model.is_some()),
-            ("--overwrite", self.overwrite),
-            ("--log-json", self.log_json.is_some()),
-            ("--with-viewer", self.with_viewer),
-            ("--checkpoint-every", self.checkpoint_every != usual.checkpoint_every),
-            ("--gpu-memory", self.gpu_memory != usual.gpu_memory),
-            ("--adapter", self.adapter.is_some()),
-        ];
-        if let Some((option, _)) = refused.iter().find(|(_, given)| *given) {
-            bail!("`{option}` is no option that all blocks share; leave it out after `--`");
-        }
-        let file = self.file()?;
-        let config = self.config(file.as_ref().map(|(text, path)| (&**text, *path)))?;
-        config.validate()?;
-        if config.init.is_some() {
-            bail!("blocks begin with their own points; leave the option `init` out of the options file");
-        }
-        Ok(config)
-    }
-
-    /// Parses options of `ibgs train`.
-    ///
-    /// # Errors
-    /// An option that is unknown or has a wrong value, in clap's words.
-    pub fn parse(options: &[OsString]) -> Result<Self, clap::Error> {
-        Line::try_parse_from(std::iter::once(&OsString::from("ibgs train")).chain(options)).map(|line| line.args)
-    }
-
-    /// `c`, overridden by the command line.
-    fn over(&self, mut c: TrainConfig) -> Result<TrainConfig> {
-        set(&mut c.method, &self.method);
-        // Absolute: the model may be opened from another working directory.
-        let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
-        set_some(&mut c.data.source, &source);
-        set(&mut c.data.resolution, &self.resolution);
-        set(&mut c.data.resampler, &self.resampler);
-        set_some(&mut c.data.images, &self.images);
-        set_some(&mut c.data.max_resolution, &self.max_resolution);
-        set(&mut c.data.eval_split_every, &self.eval_split_every);
-        set(&mut c.data.principal_point, &self.principal_point);
-        set(&mut c.data.masks, &self.masks);
-        set_some(&mut c.data.alpha, &self.alpha);
-        set_some(&mut c.data.color_space, &self.color_space);
-        set(&mut c.data.initial_points, &self.initial_points);
-        c.data.filter_points |= self.filter_points;
-        c.data.eval |= self.eval || self.eval_split_every.is_some();
-        set_some(&mut c.iterations, &self.iterations);
-        c.schedule_scaling &= !self.no_schedule_scaling;
-        set_some(&mut c.sh_degree, &self.sh_degree);
-        set_some(&mut c.init, &self.init.as_ref().map(std::path::absolute).transpose()?);
-        set_some(&mut c.sh_interval, &self.sh_interval);
-        set_some(&mut c.learning_rates.mean_iterations, &self.mean_iterations);
-        set_some(&mut c.densify.start, &self.densify_start);
-        set_some(&mut c.densify.end, &self.densify_end);
-        set_some(&mut c.densify.interval, &self.densify_interval);
-        set_some(&mut c.opacity_reset.interval, &self.opacity_reset_interval);
-        set(&mut c.densify.strategy, &self.densify);
-        set_some(&mut c.densify.max_splats, &self.max_splats);
-        set(&mut c.eval_every, &self.eval_every);
-        set_some(&mut c.eval_iterations, &self.eval_iterations);
-        set_some(&mut c.save_iterations, &self.save_iterations);
-        set(&mut c.seed, &self.seed);
-        set_some(&mut c.background, &self.background.or(self.white_background.then_some(Background::WHITE)));
-        c.deterministic |= self.deterministic;
-        self.stages.apply(&mut c);
-        Ok(c)
-    }
-}
-
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     if let Some(number) = args.block {
@@ -443,7 +269,7 @@ fn run_whole(args: &Args, before: Before) -> Result<()> {
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;
     }
-    let mut session = start(args.plan()?, args.adapter.as_ref())?;
+    let mut session = start(args.training()?, args.adapter.as_ref())?;
     let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
     match args.with_viewer {
         true => view::look(|failure| Watched::new(session, failure).with_log(log)),
@@ -458,12 +284,12 @@ fn run_whole(args: &Args, before: Before) -> Result<()> {
 }
 
 /// Trains to the end, with progress on the terminal.
-pub fn train(plan: Plan, adapter: Option<&String>) -> Result<()> {
-    terminal::train(&mut start(plan, adapter)?, None)
+pub fn train(training: SessionBuilder, adapter: Option<&String>) -> Result<()> {
+    terminal::train(&mut start(training, adapter)?, None)
 }
 
-fn start(plan: Plan, adapter: Option<&String>) -> Result<Session> {
-    Ok(plan.start(|| open_gpu(adapter, Use::Training), &|_| {})?.with_command(command_line()))
+fn start(training: SessionBuilder, adapter: Option<&String>) -> Result<Session> {
+    prepare(training.command(command_line()), || open_gpu(adapter, Use::Training), &|_| {})
 }
 
 /// Opens the log of a training, and notes that it starts.

@@ -2,7 +2,7 @@
 
 use super::model::{FileArgs, ModelArgs};
 use super::open_gpu;
-use super::train::{DemoDefaults, Failure, Plan, Watched};
+use super::train::{DemoDefaults, Failure, Watched, prepare, wished};
 use crate::advice::{self, value};
 use crate::progress::Bars;
 use crate::signals::on_stop;
@@ -21,6 +21,7 @@ use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::session::SessionBuilder;
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Training, TrainingWish, View, Wanted};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -86,7 +87,7 @@ pub fn run(args: &Args) -> Result<()> {
     let open = |wanted| open_gpu(args.adapter.as_ref(), wanted);
     if let Some(scene) = &args.train {
         let wish = TrainingWish { scene: scene.clone(), ..TrainingWish::default() };
-        let session = Plan::wished(&wish)?.start(|| open(Use::Training), &|_| {})?;
+        let session = prepare(wished(&wish)?, || open(Use::Training), &|_| {})?;
         return look(|failure| Watched::new(session, failure));
     }
     let gpu = || open(Use::Rendering);
@@ -195,9 +196,9 @@ impl Opener {
     /// Begins a training.
     ///
     /// # Errors
-    /// Those of [`Plan::start`].
-    pub fn train(&self, plan: Plan, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
-        let session = plan.start(|| Ok(gpu.clone()), status)?;
+    /// Those of [`prepare`].
+    pub fn train(&self, training: SessionBuilder, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
+        let session = prepare(training, || Ok(gpu.clone()), status)?;
         Ok(trained(Watched::new(session, &self.failure)))
     }
 }
@@ -223,7 +224,7 @@ impl Open for Opener {
         let opened = match wanted {
             Wanted::Train(wish) => {
                 wish.scene.as_deref().map_or(Ok(()), check_path)?;
-                self.train(Plan::wished(wish)?, gpu, status)?
+                self.train(wished(wish)?, gpu, status)?
             }
             Wanted::Path(path) => {
                 check_path(path)?;

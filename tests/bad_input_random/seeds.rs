@@ -13,6 +13,7 @@ use ibgs_core::exposure::Exposure;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::output::cameras::{self, CameraRecord, Split};
 use ibgs_core::scene::{self, Format, PlyFlavor};
+use ibgs_testing::checkpoint_file;
 use ibgs_testing::scene_files::{Model, write_photo};
 use ibgs_train::checkpoint;
 use image::{DynamicImage, ImageFormat};
@@ -83,36 +84,8 @@ fn archives(parts: &Parts) -> Vec<Vec<u8>> {
 
 /// A whole checkpoint of plain splatting with two Gaussians, part by part.
 pub fn checkpoint_parts() -> Parts {
-    let header = json!({ "format": checkpoint::FORMAT, "version": checkpoint::VERSION, "scene": 7 });
-    let rng = json!({ "seed": vec![0; 32], "stream": 0, "word_pos": 5 });
-    let telemetry = json!({ "stats": { "loss": 0.5, "l1": 0.1, "ssim": 0.9, "mse": 0.01 }, "most_isects": 9, "broken": false,
-        "overflows": 0 });
-    let recorder = json!({ "written": 3, "capacities": vec![100; 32], "ring": vec![0; 256], "pending": null });
-    let state = json!({ "iteration": 3, "space": { "origin": [5e6, 0.5, -1.0], "scale": 0.25 },
-        "sh_degree": 0, "gaussians": 2, "steps": [3, 0], "network_steps": null,
-        "queue": [1, 0], "rng": rng, "extent": 1.5, "prune_length": 1.5, "has_planes": false, "overflowed": false,
-        "room": 100, "caution": 1.0, "exposure": null, "depths": {}, "telemetry": telemetry, "recorder": recorder });
-    let text = |name: &str, value: serde_json::Value| (name.to_owned(), value.to_string().into_bytes());
     let config = TrainConfig { method: Method::Gs3, ..TrainConfig::default() }.to_text().unwrap();
-    let mut parts = vec![
-        text("checkpoint.json", header),
-        ("config.toml".to_owned(), config.into_bytes()),
-        text("state.json", state),
-        text("run.json", json!(null)),
-    ];
-    let mut tensor = |name: &str, values: usize| {
-        let bytes = (0..values).flat_map(|v| (v as f32).to_le_bytes()).collect();
-        parts.push((format!("tensors/{name}"), bytes));
-    };
-    for (name, row) in [("means", 3), ("rotations", 4), ("scales", 3), ("opacities", 1), ("sh", 3)] {
-        tensor(name, 2 * row);
-        tensor(&format!("{name}.first"), 2 * row);
-        tensor(&format!("{name}.second"), 2 * row);
-    }
-    for (name, row) in [("normals", 3), ("offsets", 1), ("filters", 1), ("statistics", 4)] {
-        tensor(name, 2 * row);
-    }
-    parts
+    checkpoint_file::parts(checkpoint::FORMAT, checkpoint::VERSION, &config)
 }
 
 fn numbered<const N: usize>(files: [Vec<u8>; N]) -> Vec<Vec<u8>> {

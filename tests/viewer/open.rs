@@ -4,10 +4,11 @@ use super::*;
 use eframe::egui::{DroppedFile, Theme};
 use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
-use ibgs::commands::train::Plan;
+use ibgs::commands::train::wished;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch, Method, Preset};
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_testing::scene_files::{Model, write_file};
+use ibgs_train::session::Output;
 use ibgs_viewer::{TrainingWish, Wanted};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -60,8 +61,8 @@ impl Open for Into {
     fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
         match wanted {
             Wanted::Train(wish) if wish.scene.as_ref().is_some_and(|scene| scene.exists()) => {
-                let plan = Plan { model: Some(self.0.clone()), ..Plan::wished(wish)? };
-                Ok(Outcome::Opened(Box::new(Opener::default().train(plan, gpu, status)?)))
+                let training = wished(wish)?.output(Output::at(&self.0));
+                Ok(Outcome::Opened(Box::new(Opener::default().train(training, gpu, status)?)))
             }
             other => Opener::default().open(other, gpu, status),
         }
@@ -217,8 +218,8 @@ fn a_scene_that_is_missing_is_an_error_in_the_page() {
 
 #[test]
 fn a_wish_becomes_the_options_of_a_training() {
-    let usual = Plan::wished(&TrainingWish::default()).unwrap().config;
-    assert_eq!(usual, TrainConfig::default());
+    let usual = wished(&TrainingWish::default()).unwrap();
+    assert_eq!(*usual.config(), TrainConfig::default());
     let wish = TrainingWish {
         scene: Some("some/scene".into()),
         preset: Preset::Fast,
@@ -226,13 +227,13 @@ fn a_wish_becomes_the_options_of_a_training() {
         iterations: Some(77),
         exposure: ExposureSwitch::On,
     };
-    let config = Plan::wished(&wish).unwrap().config;
+    let training = wished(&wish).unwrap();
     let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
     expected.data.source = Some(std::path::absolute("some/scene").unwrap());
     expected.data.eval = true;
-    assert_eq!(config, expected);
-    assert!(Plan::wished(&TrainingWish { scene: Some(PathBuf::new()), ..wish }).is_err());
+    assert_eq!(*training.config(), expected);
+    assert!(wished(&TrainingWish { scene: Some(PathBuf::new()), ..wish }).is_err());
 }
 
 #[test]

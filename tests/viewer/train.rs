@@ -4,10 +4,13 @@ use super::*;
 use crate::small::{dataset, staged};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::{Failure, Watched};
+use ibgs_core::config::ExposureSwitch;
+use ibgs_core::dataset::InitialPoints;
 use ibgs_core::gpu::{AdapterChoice, Use};
-use ibgs_core::output::{Existing, OutputFolder};
-use ibgs_core::raster::Rasterizer;
-use ibgs_train::{Session, Trainer};
+use ibgs_core::output::OutputFolder;
+use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_train::Session;
+use ibgs_train::session::Output;
 
 fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
     training_with(gpu, folder, iterations, &Failure::default())
@@ -17,13 +20,12 @@ fn training(gpu: &Arc<Gpu>, folder: &Path, iterations: u32) -> Opened {
 fn training_with(gpu: &Arc<Gpu>, folder: &Path, iterations: u32, failure: &Failure) -> Opened {
     let (dataset, mut config) = (dataset(), staged(iterations));
     config.residual.factor = Some(0.25);
-    let raster = Arc::new(Rasterizer::new(gpu.clone()));
-    let trainer = Trainer::new(raster.clone(), &dataset, &config).unwrap();
-    let output = OutputFolder::create(&folder.join("model"), Existing::Keep).unwrap();
-    output.write_start(&config, &dataset).unwrap();
+    // The same on every adapter.
+    config.data.initial_points = InitialPoints::Scene;
+    config.exposure.enabled = ExposureSwitch::On;
     let scene = surroundings(&dataset, folder);
-    let lock = output.lock().unwrap();
-    let session = Session::of(trainer, raster, dataset, config, Instant::now()).with_output(output, lock, None);
+    let session = Session::builder(config).dataset(dataset).output(Output::at(folder.join("model")));
+    let session = session.gpu_memory(MemoryBudget::Unlimited).checkpoint_every(None).build(gpu, &mut ()).unwrap();
     Opened { scene, content: Content::Training(Box::new(Watched::new(session, failure))) }
 }
 

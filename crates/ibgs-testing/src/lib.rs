@@ -2,6 +2,7 @@
 #![allow(missing_docs, reason = "for tests alone")]
 #![forbid(unsafe_code)]
 
+pub mod checkpoint_file;
 pub mod scene_files;
 
 use glam::DVec3;

@@ -21,6 +21,10 @@
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 
+mod needs;
+
+pub use needs::{DoesNotFit, MemoryLimit, Need, Needs};
+
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::residual::Factor;

@@ -3,31 +3,38 @@
 //! ```no_run
 //! use ibgs_core::config::TrainConfig;
 //! use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
-//! use ibgs_core::model::load_scene;
 //! use ibgs_train::Session;
+//! use ibgs_train::session::Output;
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
-//! let dataset = load_scene(&config, "my-scene".as_ref(), &())?;
+//! let mut config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
+//! config.data.source = Some("my-scene".into());
 //! let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
-//! let mut session = Session::new(&gpu, dataset, config)?;
+//! let mut session = Session::builder(config).output(Output::at("my-model")).build(&gpu, &mut ())?;
 //! session.run(&mut ())?;
 //! # Ok(())
 //! # }
 //! ```
 
+mod builder;
 mod error;
 mod event;
 mod json_lines;
 mod keeper;
+mod output;
+mod preparation;
 mod saving;
+mod stopped;
 mod watch;
 
+pub use builder::{BuildError, Loaded, SessionBuilder};
 pub use error::SessionError;
 pub use event::{Event, ExposureSummary, Observer, Summary};
 pub use json_lines::JsonLines;
+pub use output::Output;
+pub use preparation::Preparation;
+pub use stopped::StoppedTraining;
 
-use crate::checkpoint::Checkpoint;
-use crate::{TrainError, Trainer, exposure_trial, find_points};
+use crate::{TrainError, Trainer};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::gpu::Gpu;
@@ -90,70 +97,9 @@ pub struct Session {
 }
 
 impl Session {
-    /// A training of a scene that writes no files. Options that depend on the scene get their values.
-    ///
-    /// # Errors
-    /// Not enough memory, or no training view.
-    pub fn new(gpu: &Arc<Gpu>, mut dataset: Dataset, mut config: TrainConfig) -> Result<Self> {
-        let started = Instant::now();
-        config.adapt_to(&dataset);
-        find_points(gpu, &mut dataset, &config, &()).map_err(TrainError::from)?;
-        let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        gpu.warm_up()?;
-        if let Some(evidence) = exposure_trial::settle(&raster, &dataset, &mut config)? {
-            log::info!("{evidence}");
-        }
-        let trainer = Trainer::new(raster.clone(), &dataset, &config)?;
-        Ok(Self::of(trainer, raster, dataset, config, started))
-    }
-
-    /// A training that has been prepared, from `started` on.
-    pub fn of(
-        trainer: Trainer,
-        raster: Arc<Rasterizer>,
-        dataset: Dataset,
-        config: TrainConfig,
-        started: Instant,
-    ) -> Self {
-        let (records, keeper) = (Records::default(), Keeper::new(None, None));
-        let (folder, before) = (None, Duration::ZERO);
-        Self {
-            trainer,
-            raster,
-            dataset,
-            config,
-            folder,
-            records,
-            keeper,
-            started,
-            before,
-            lost_records: None,
-            _lock: None,
-        }
-    }
-
-    /// The same with files in a model folder that is locked, and a checkpoint after each time `every`; none: only when it is stopped.
-    pub fn with_output(mut self, folder: OutputFolder, lock: FolderLock, every: Option<Duration>) -> Self {
-        self._lock = Some(lock);
-        self.keeper = Keeper::new(Some(folder.clone()), every);
-        self.folder = Some(folder);
-        self
-    }
-
-    /// The same with the records of a checkpoint that it is resumed from; after [`Session::with_output`].
-    pub fn with_records_of(mut self, checkpoint: &Checkpoint) -> Self {
-        self.keeper.resumed(checkpoint.iteration());
-        match Records::deserialize(&checkpoint.run) {
-            Ok(records) => (self.before, self.records) = (records.watch.total(), records),
-            Err(error) => self.lost_records = Some(error.to_string()),
-        }
-        self
-    }
-
-    /// The same with the command line that started or resumed it, for its figures; after [`Session::with_records_of`].
-    pub fn with_command(mut self, command: String) -> Self {
-        self.records.commands.push(command);
-        self
+    /// Describes a training with these options, step by step. As it is it writes nothing.
+    pub fn builder(config: TrainConfig) -> SessionBuilder {
+        SessionBuilder::new(config)
     }
 
     /// The GPU that it trains on.

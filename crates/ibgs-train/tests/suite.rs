@@ -2,6 +2,7 @@
 #![allow(missing_docs, clippy::print_stderr, clippy::print_stdout)]
 #![forbid(unsafe_code)]
 
+mod begin;
 mod browser_limits;
 mod common;
 mod gradients;

@@ -1,6 +1,7 @@
 //! Options of the image-based part. The options file has more.
 
-use super::{heading, set, set_some};
+use super::heading;
+use super::options::{set, set_some};
 use clap::Args as ClapArgs;
 use ibgs_core::config::{ExposureSwitch, TrainConfig};
 use ibgs_core::sources::find::Distances;

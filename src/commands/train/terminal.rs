@@ -66,12 +66,15 @@ impl Observer for Terminal {
     }
 }
 
+/// Whether an event is work that begins, whose result a later event reports. A window shows it; on the terminal the bar pauses.
+pub fn is_status(event: &Event) -> bool {
+    matches!(event, Event::Loading | Event::Preparing | Event::Measuring | Event::Saving)
+}
+
 /// Prints an event if it deserves a line.
 pub fn print(event: &Event) {
-    match event {
-        // The bar pauses; the next event reports the result.
-        Event::Measuring | Event::Saving => {}
-        event => stderr!("{}", event.with_errors(&|error| advice::of(error))),
+    if !is_status(event) {
+        stderr!("{}", advice::event(event));
     }
     if let Event::Finished(Summary { resumable: Some(folder), .. }) = event {
         stderr!("`ibgs train --resume -m {}` continues from here", folder.display());

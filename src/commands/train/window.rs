@@ -1,6 +1,6 @@
 //! A training in the viewer's window.
 
-use super::terminal::print;
+use super::terminal::{is_status, print};
 use crate::advice;
 use anyhow::{Error, Result, bail};
 use ibgs_core::output::log::TrainingProgress;
@@ -69,7 +69,7 @@ struct All<'a> {
 
 impl Observer for All<'_> {
     fn event(&mut self, event: &Event) {
-        if matches!(event, Event::Measuring | Event::Saving) {
+        if is_status(event) {
             (self.window)(&event.to_string());
         }
         print(event);

@@ -1,7 +1,11 @@
 //! What a session reports, and to whom.
 
-use super::{SessionError, TrainingProgress};
+use super::{Preparation, SessionError, TrainingProgress};
+use crate::ExposureEvidence;
+use crate::checkpoint::CheckpointError;
+use crate::memory::MemoryLimit;
 use ibgs_core::eval::scores::Scores;
+use ibgs_core::progress::Progress;
 use std::error::Error;
 use std::fmt;
 use std::ops::ControlFlow;
@@ -21,6 +25,11 @@ pub trait Observer {
     fn event(&mut self, event: &Event) {
         let _ = event;
     }
+
+    /// Receives how far the loading of the scene is, and other long work before the first iteration.
+    fn progress(&self) -> &dyn Progress {
+        &()
+    }
 }
 
 impl Observer for () {}
@@ -36,12 +45,40 @@ impl<O: Observer> Observer for Option<O> {
             observer.event(event);
         }
     }
+
+    fn progress(&self) -> &dyn Progress {
+        self.as_ref().map_or(&(), |observer| observer.progress())
+    }
 }
 
-/// What happens beside the iterations of a training.
+/// What happens before and beside the iterations of a training.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Event<'a> {
+    /// A checkpoint cannot be read; the training resumes from the one before.
+    DamagedCheckpoint {
+        /// Why.
+        error: &'a CheckpointError,
+    },
+    /// The scene will be loaded.
+    Loading,
+    /// Something worth knowing about the scene.
+    Note(&'a str),
+    /// The scene is complete, and the training will be prepared on the device.
+    Preparing,
+    /// It was tried whether exposures are worth correcting.
+    ExposureTried(&'a ExposureEvidence),
+    /// Not all Gaussians that the options allow fit into the device's memory.
+    Limited(&'a MemoryLimit),
+    /// A stopped training will be resumed.
+    Resuming {
+        /// Iterations done.
+        iteration: u32,
+        /// Iterations of the whole run.
+        iterations: u32,
+    },
+    /// The training is prepared, and its folder locked.
+    Prepared(&'a Preparation),
     /// The held-out views will be rendered and measured.
     Measuring,
     /// The model will be saved.
@@ -163,6 +200,18 @@ impl Event<'_> {
 
     fn write(&self, f: &mut fmt::Formatter<'_>, words: &dyn Fn(&(dyn Error + 'static)) -> String) -> fmt::Result {
         match self {
+            Self::DamagedCheckpoint { error } => {
+                write!(f, "warning: {}; resuming from the one before", words(*error))
+            }
+            Self::Loading => f.write_str("loading the photos"),
+            Self::Note(note) => write!(f, "note: {note}"),
+            Self::Preparing => f.write_str("preparing the training"),
+            Self::ExposureTried(evidence) => fmt::Display::fmt(evidence, f),
+            Self::Limited(limit) => write!(f, "warning: {limit}"),
+            Self::Resuming { iteration, iterations } => {
+                write!(f, "resuming from iteration {iteration} of {iterations}")
+            }
+            Self::Prepared(preparation) => fmt::Display::fmt(preparation, f),
             Self::Measuring => f.write_str("measuring on the held-out views"),
             Self::Saving => f.write_str("saving"),
             Self::Evaluated { iteration, gaussians, scores, iteration_time } => {

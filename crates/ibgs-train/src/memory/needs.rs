@@ -1,24 +1,65 @@
-//! Estimates the device memory that a training needs, before it begins.
+//! What a training needs of the device's memory, and how many Gaussians fit into what there is.
 
-use crate::stderr;
-use anyhow::Result;
+use super::{Demand, Estimate, INTERSECTIONS};
+use crate::Trainer;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
-use ibgs_core::gpu::Bytes;
-use ibgs_core::gpu::Gpu;
+use ibgs_core::gpu::{Bytes, Gpu};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::sources::memory::MemoryBudget;
-use ibgs_train::Trainer;
-use ibgs_train::memory::{Demand, Estimate, INTERSECTIONS};
+use std::fmt;
 
 /// Share of the free device memory that `auto` may use; other programs and the driver need some.
 const PART: f64 = 0.9;
 
-/// A training needs more device memory than there is.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct DoesNotFit(String);
+/// A training needs more device memory than there is, however few Gaussians it is limited to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the training needs about {} of device memory at {} Gaussians, and {} is there",
+    Bytes(needed.bytes),
+    needed.gaussians,
+    Bytes(*budget)
+)]
+pub struct DoesNotFit {
+    /// What it needs at its start.
+    pub needed: Need,
+    /// Bytes that there are.
+    pub budget: u64,
+    /// It begins with a trained network, as merged blocks do.
+    pub has_network: bool,
+}
+
+/// Fewer Gaussians than the options allow, because more do not fit into the memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryLimit {
+    /// What the most Gaussians of the options would need.
+    pub wanted: Need,
+    /// Bytes that there are.
+    pub budget: u64,
+    /// Gaussians that fit.
+    pub fits: u32,
+}
+
+impl fmt::Display for MemoryLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { wanted: Need { gaussians, bytes }, budget, fits } = *self;
+        let (bytes, budget) = (Bytes(bytes), Bytes(budget));
+        write!(
+            f,
+            "{gaussians} Gaussians would need {bytes} of device memory, and {budget} is there: their number stops at {fits}"
+        )
+    }
+}
+
+/// Bytes of device memory that a number of Gaussians needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Need {
+    /// Number of Gaussians.
+    pub gaussians: u64,
+    /// Bytes, about.
+    pub bytes: u64,
+}
 
 /// Estimates the memory that a training needs, by the number of Gaussians.
 pub struct Needs {
@@ -67,25 +108,28 @@ impl Needs {
         }
     }
 
-    /// Most Gaussians of the training, and the bytes that it needs with them.
-    pub fn most(&self) -> (u64, u64) {
-        (self.most, self.bytes(self.most))
+    /// What is needed at the start.
+    pub fn at_start(&self) -> Need {
+        self.at(self.gaussians)
     }
 
-    /// Bytes needed at the start.
-    pub fn least(&self) -> u64 {
-        self.bytes(self.gaussians)
+    /// What is needed with the most Gaussians.
+    pub fn at_most(&self) -> Need {
+        self.at(self.most)
     }
 
-    /// [`Needs::most`] within a budget: with fewer Gaussians where that is needed. None where it does not even begin.
-    pub fn within(&self, budget: u64) -> Option<(u64, u64)> {
-        let most = self.fitting(budget)?;
-        Some((most, self.bytes(most)))
+    /// [`Needs::at_most`] within a budget: with fewer Gaussians where that is needed. None where it does not even begin.
+    pub fn within(&self, budget: u64) -> Option<Need> {
+        self.fitting(budget).map(|most| self.at(most))
+    }
+
+    fn at(&self, gaussians: u64) -> Need {
+        Need { gaussians, bytes: self.bytes(gaussians) }
     }
 
     /// The largest number of Gaussians, up to the cap of the options, that fits into a budget; none if the initial ones do not.
     fn fitting(&self, budget: u64) -> Option<u64> {
-        if self.least() > budget {
+        if self.bytes(self.gaussians) > budget {
             return None;
         }
         if !self.grows() || self.bytes(self.most) <= budget {
@@ -99,7 +143,8 @@ impl Needs {
         Some(fits)
     }
 
-    fn grows(&self) -> bool {
+    /// Whether Gaussians may still be added.
+    pub fn grows(&self) -> bool {
         self.config.init.is_none() && self.gaussians < self.most
     }
 
@@ -119,11 +164,11 @@ impl Needs {
         Estimate::new(&demand).total()
     }
 
-    /// The largest number of Gaussians that fits into the budget; none if the cap of the options fits.
+    /// Limits the Gaussians to those that fit into the budget; none if as many fit as the options allow.
     ///
     /// # Errors
     /// The initial Gaussians do not fit.
-    pub fn limit(&mut self, budget: MemoryBudget, gpu: &Gpu) -> Result<Option<u32>> {
+    pub fn limit(&mut self, budget: MemoryBudget, gpu: &Gpu) -> Result<Option<MemoryLimit>, DoesNotFit> {
         let budget = match budget {
             MemoryBudget::Auto => gpu.memory_bytes().map(|bytes| (PART * bytes as f64) as u64),
             MemoryBudget::Unlimited => None,
@@ -131,41 +176,16 @@ impl Needs {
         };
         let Some(budget) = budget else { return Ok(None) };
         let Some(fits) = self.fitting(budget) else {
-            let advice = match self.config.residual.init {
-                // A merge, whose photos and Gaussians are what they are.
-                Some(_) => "`ibgs merge --iterations 0` does without it",
-                None => {
-                    "train on smaller photos (`--resolution`), give the source photos less (`--source-memory`), or cut the scene \
-                     into more blocks (`ibgs split`)"
-                }
-            };
-            let text = format!(
-                "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`); {advice}",
-                Bytes(self.least()),
-                self.gaussians,
-                Bytes(budget)
-            );
-            return Err(DoesNotFit(text).into());
+            let has_network = self.config.residual.init.is_some();
+            return Err(DoesNotFit { needed: self.at_start(), budget, has_network });
         };
         if fits >= self.most {
             return Ok(None);
         }
-        stderr!(
-            "warning: {} Gaussians would need {} of device memory, and {} is there (`--gpu-memory`): their number stops at {fits}",
-            self.most,
-            Bytes(self.bytes(self.most)),
-            Bytes(budget)
-        );
+        let wanted = self.at_most();
         self.most = fits;
-        Ok(Some(u32::try_from(fits)?))
-    }
-
-    /// `memory: needs about 310 MiB at 5000 Gaussians, 1.2 GiB at 1000000 (--max-splats)`.
-    pub fn sentence(&self) -> String {
-        let mut text = format!("memory: needs about {} at {} Gaussians", Bytes(self.least()), self.gaussians);
-        if self.grows() {
-            text += &format!(", {} at {} (`--max-splats`)", Bytes(self.bytes(self.most)), self.most);
-        }
-        text
+        // The options' own cap, which is larger, has 32 bits.
+        let fits = u32::try_from(fits).unwrap_or(u32::MAX);
+        Ok(Some(MemoryLimit { wanted, budget, fits }))
     }
 }

@@ -1,0 +1,96 @@
+//! How a training begins, from the command line or in the window.
+
+use super::demo;
+use super::terminal::{is_status, print};
+use crate::progress::Bars;
+use anyhow::Result;
+use ibgs_core::config::TrainConfig;
+use ibgs_core::gpu::Gpu;
+use ibgs_core::output::Existing;
+use ibgs_core::progress::Progress;
+use ibgs_train::Session;
+use ibgs_train::session::{Event, Observer, Output, SessionBuilder};
+use ibgs_viewer::TrainingWish;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Reports work in progress to `status`, and the rest to the terminal.
+pub struct Reports<'a> {
+    status: &'a dyn Fn(&str),
+    bars: Bars,
+}
+
+impl<'a> Reports<'a> {
+    /// With a place for work in progress.
+    pub fn to(status: &'a dyn Fn(&str)) -> Self {
+        Self { status, bars: Bars::default() }
+    }
+}
+
+impl Observer for Reports<'_> {
+    fn event(&mut self, event: &Event) {
+        if is_status(event) {
+            (self.status)(&event.to_string());
+        }
+        print(event);
+    }
+
+    fn progress(&self) -> &dyn Progress {
+        &self.bars
+    }
+}
+
+/// Where a training writes: the given folder, or a free one below `output`.
+pub fn output(model: Option<&Path>, existing: Existing, config: &TrainConfig) -> Output {
+    let output = match (model, &config.data.source) {
+        (Some(path), _) => Output::at(path),
+        (None, Some(source)) => free(source.file_stem().and_then(|name| name.to_str()).unwrap_or("scene")),
+        (None, None) => free("demo"),
+    };
+    output.existing(existing)
+}
+
+fn free(name: &str) -> Output {
+    Output::first_free(Path::new("output").join(name))
+}
+
+/// A training as the viewer's start page describes it.
+///
+/// # Errors
+/// A path that cannot be made absolute, such as the empty one.
+pub fn wished(wish: &TrainingWish) -> Result<SessionBuilder> {
+    let mut config = TrainConfig::preset(wish.preset);
+    config.method = wish.method;
+    // Held-out photos let the window measure the training.
+    config.data.eval = wish.scene.is_some();
+    // Absolute: the model may be opened from another working directory.
+    config.data.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
+    config.iterations = wish.iterations.or(config.iterations);
+    config.exposure.enabled = wish.exposure;
+    let output = output(None, Existing::Keep, &config);
+    Ok(Session::builder(config).output(output))
+}
+
+/// Prepares a training, on the demo scene where it has none. `status` is called with what is being done; `gpu` is called after the
+/// files have been read, because errors that need no GPU come first.
+///
+/// # Errors
+/// What the training cannot begin with.
+pub fn prepare(
+    training: SessionBuilder,
+    gpu: impl FnOnce() -> Result<Arc<Gpu>>,
+    status: &dyn Fn(&str),
+) -> Result<Session> {
+    let mut reports = Reports::to(status);
+    let mut loaded = training.load(&mut reports)?;
+    let is_demo = !loaded.has_scene();
+    if is_demo {
+        demo::refuse_scene_options(&loaded.config().data)?;
+    }
+    let gpu = gpu()?;
+    if is_demo {
+        status("ray tracing the demo scene; this takes some minutes the first time");
+        demo::load(&mut loaded, &gpu)?;
+    }
+    Ok(loaded.build(&gpu, &mut reports)?)
+}
