@@ -1,5 +1,5 @@
 //! Writes what the host must know of the kernels, as Rust, from their WGSL alone: the table of kernels, the structs of their
-//! immediate data and of host-filled buffers, and a struct of named buffers for each kernel.
+//! immediate data and of buffers, and for each kernel a struct of its buffers with their names and the types of their rows.
 
 #[path = "build/header.rs"]
 mod header;

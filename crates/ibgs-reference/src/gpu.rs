@@ -101,8 +101,8 @@ pub fn floats(values: impl IntoIterator<Item = f64>) -> Vec<f32> {
 }
 
 /// A camera's image on the device.
-pub fn pixels(image: &Buffer, camera: &Camera) -> Vec<f64> {
-    gpu().read::<f32>(image, 3 * camera.pixels()).unwrap().into_iter().map(f64::from).collect()
+pub fn pixels(image: &Buffer<f32>, camera: &Camera) -> Vec<f64> {
+    gpu().read(image, 3 * camera.pixels()).unwrap().into_iter().map(f64::from).collect()
 }
 
 /// The image that the GPU makes, row by row.

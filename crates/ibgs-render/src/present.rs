@@ -34,16 +34,16 @@ pub enum Shown<'a> {
 #[derive(Debug)]
 pub struct Presenter {
     gpu: Arc<Gpu>,
-    palette: Buffer,
-    pixels: Option<Buffer>,
+    palette: Buffer<u32>,
+    pixels: Option<Buffer<u32>>,
 }
 
 /// What the kernel reads; the frame keeps the memory.
 struct Inputs {
     mode: Presented,
-    values: Buffer,
-    others: Option<Buffer>,
-    words: Option<Buffer>,
+    values: Buffer<f32>,
+    others: Option<Buffer<f32>>,
+    words: Option<Buffer<u32>>,
 }
 
 impl Presenter {
@@ -91,20 +91,24 @@ impl Presenter {
         let mut pass = Pass::new(&gpu, "present");
         let (pixels, stride) = self.record(&mut pass, frame, shown)?;
         pass.submit();
-        let rgba: Vec<[u8; 4]> = self.gpu.read(&pixels, stride as usize * size[1] as usize)?;
-        let rows = rgba.chunks_exact(stride as usize).map(|row| &row[..size[0] as usize]);
-        Ok(rows.flatten().flat_map(|&[r, g, b, _]| [r, g, b]).collect())
+        let words = self.gpu.read(&pixels, stride as usize * size[1] as usize)?;
+        let rows = words.chunks_exact(stride as usize).map(|row| &row[..size[0] as usize]);
+        let rgb = |word: &u32| {
+            let [r, g, b, _] = word.to_le_bytes();
+            [r, g, b]
+        };
+        Ok(rows.flatten().flat_map(rgb).collect())
     }
 
     /// Records the picture; returns where it will lie, and pixels from one of its rows to the next.
-    fn record(&mut self, pass: &mut Pass, frame: &Frame, shown: &Shown) -> Result<(Buffer, u32), GpuError> {
+    fn record(&mut self, pass: &mut Pass, frame: &Frame, shown: &Shown) -> Result<(Buffer<u32>, u32), GpuError> {
         let size = [frame.camera().width, frame.camera().height];
         // Rows of copies into textures begin at multiples of 256 bytes.
         let stride = size[0].next_multiple_of(64);
-        let bytes = 4 * u64::from(stride) * u64::from(size[1]);
-        if self.pixels.as_ref().is_none_or(|pixels| pixels.size < bytes) {
+        let words = stride as usize * size[1] as usize;
+        if self.pixels.as_ref().is_none_or(|pixels| pixels.rows() < words) {
             self.pixels = None;
-            self.pixels = Some(self.gpu.allocate("screen", bytes)?);
+            self.pixels = Some(self.gpu.allocate("screen", words)?);
         }
         let pixels = self.pixels.clone().expect("just made");
         let (mut range, mut most, mut gain) = ([0.0; 2], 1, 1.0);
@@ -120,7 +124,8 @@ impl Presenter {
                 let params = PresentParams { size, stride, mode: inputs.mode as u32, range, most, gain };
                 let values = &inputs.values;
                 let others = inputs.others.as_ref().unwrap_or(values);
-                let words = inputs.words.as_ref().unwrap_or(values);
+                // A mode without words does not look at them.
+                let words = &inputs.words.unwrap_or_else(|| values.cast());
                 let buffers = PresentBindings { values, others, words, palette: &self.palette, pixels: &pixels };
                 pass.linear(&buffers, &params, size[0] as usize * size[1] as usize);
             }

@@ -338,7 +338,7 @@ impl Renderer {
             let forward = self.raster.record(&mut pass, &self.splats, &view, Keep::Image, memory)?;
             let base = match &exposures {
                 Some(exposures) => {
-                    let exposed = gpu.transient("exposed image", forward.image.size)?;
+                    let exposed = gpu.transient("exposed image", forward.image.rows())?;
                     exposures.record(&mut pass, &forward, &exposed);
                     exposed
                 }
@@ -397,7 +397,7 @@ fn record_final(
     (gpu, stage): (&Gpu, &ImageStage),
     camera: &Camera,
     forward: &Forward,
-    (base, exposures): (Buffer, Option<&Exposures>),
+    (base, exposures): (Buffer<f32>, Option<&Exposures>),
     sources: &Sources,
 ) -> Result<FinalImage, GpuError> {
     let options = stage.warper.options;
@@ -408,7 +408,7 @@ fn record_final(
     let warped = warper.record(pass, forward, &sources.views, warper.memory(camera)?)?;
     let colors = match exposures {
         Some(exposures) => {
-            let exposed = gpu.transient("exposed warped colours", warped.colors.size)?;
+            let exposed = gpu.transient("exposed warped colours", warped.colors.rows())?;
             exposures.record_warped(pass, &warped, &exposed);
             exposed
         }
@@ -417,7 +417,7 @@ fn record_final(
     let task = ResidualTask { camera: *camera, seen: warped.seen.clone(), gain: 1.0 };
     let weights = stage.part.network.weights.clone();
     let inputs = ResidualInputs { base, warped: colors.clone(), visible: warped.visible, weights };
-    let image = gpu.transient("final image", forward.image.size)?;
+    let image = gpu.transient("final image", forward.image.rows())?;
     let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
     let mix = SourceMix::new(camera.pixels() as u32, warped.visible, stage.part.options.source_share);
     mix.record(pass, &colors, &warped.seen.visible, &residual.image);

@@ -24,7 +24,7 @@ const LARGE: u64 = 480;
 const SMALL: u64 = 128;
 
 fn contents(target: &DevicePhoto) -> Vec<u8> {
-    gpu().read(&target.texels, (target.size[0] * target.size[1] * 4) as usize).unwrap()
+    gpu().read(&target.texels.cast(), (target.size[0] * target.size[1] * 4) as usize).unwrap()
 }
 
 fn resident(store: &SourceStore) -> Vec<usize> {

@@ -21,9 +21,9 @@ struct Results {
 
 fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut random = |buffer: &Buffer, count: usize| {
+    let mut random = |buffer: &Buffer<f32>, count: usize| {
         let values: Vec<f32> = (0..count).map(|_| rng.random_range(-1.0..1.0)).collect();
-        gpu.queue.write_buffer(&buffer.buffer, buffer.offset, bytemuck::cast_slice(&values));
+        gpu.write(buffer, 0, &values);
     };
     let splats = Splats::upload(model, gpu).unwrap();
     let raster = Rasterizer::new(gpu.clone());
@@ -32,8 +32,8 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
     let image = raster.image_memory(&view.camera).unwrap();
     let forward = raster.forward(&splats, view, Keep::Gradients, image).unwrap();
     let (n, pixels) = (model.len(), view.camera.pixels());
-    let buffer = |count: usize| gpu.allocate("test", 4 * count as u64).unwrap();
-    let read = |buffer: &Buffer, count: usize| gpu.read::<f32>(buffer, count).unwrap();
+    let buffer = |count: usize| gpu.allocate("test", count).unwrap();
+    let read = |buffer: &Buffer<f32>, count: usize| gpu.read(buffer, count).unwrap();
     let mut outputs = vec![read(&forward.image, 3 * pixels)];
     let v_image = buffer(3 * pixels);
     random(&v_image, 3 * pixels);
@@ -41,33 +41,33 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
         let medians = 2 * surface.options.intersections as usize * pixels;
         outputs.push(read(&surface.normal_map, 3 * pixels));
         outputs.push(read(&surface.median_depth, pixels));
-        outputs.push(read(&surface.intersections, medians));
+        outputs.push(read(&surface.intersections.cast(), medians));
         let v = surface.v.as_ref().unwrap();
         random(&v.normal_map, 3 * pixels);
         random(&v.median_depth, pixels);
-        random(&v.intersections, medians);
+        random(&v.intersections.cast(), medians);
     }
     let coefficients = model.sh_coefficients();
     let v = RasterGradients {
         means: buffer(3 * n),
-        rotations: buffer(4 * n),
+        rotations: buffer(4 * n).cast(),
         log_scales: buffer(3 * n),
         opacity_logits: buffer(n),
         sh: buffer(3 * coefficients * n),
-        screen: buffer(4 * n),
+        screen: buffer(4 * n).cast(),
         planes: view.surface.map(|_| [buffer(3 * n), buffer(n)]),
     };
     forward.backward(gpu, &splats, &v_image, &v);
     let own = [
-        (&v.means, 3 * n),
-        (&v.rotations, 4 * n),
-        (&v.log_scales, 3 * n),
-        (&v.opacity_logits, n),
-        (&v.sh, 3 * coefficients * n),
-        (&v.screen, 4 * n),
+        (v.means, 3 * n),
+        (v.rotations.cast(), 4 * n),
+        (v.log_scales, 3 * n),
+        (v.opacity_logits, n),
+        (v.sh, 3 * coefficients * n),
+        (v.screen.cast(), 4 * n),
     ];
-    let planes = v.planes.iter().flat_map(|[normals, offsets]| [(normals, 3 * n), (offsets, n)]);
-    let double = |(buffer, count)| read(buffer, count).into_iter().map(f64::from).collect();
+    let planes = v.planes.into_iter().flat_map(|[normals, offsets]| [(normals, 3 * n), (offsets, n)]);
+    let double = |(buffer, count)| read(&buffer, count).into_iter().map(f64::from).collect();
     Results { outputs, gradients: own.into_iter().chain(planes).map(double).collect() }
 }
 

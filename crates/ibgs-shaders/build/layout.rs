@@ -1,7 +1,7 @@
 //! The structs that host and kernels share, and the types of their fields.
 
 use super::module::Description;
-use naga::{ArraySize, Handle, Module, Scalar, ScalarKind, Type, TypeInner};
+use naga::{ArraySize, GlobalVariable, Handle, Module, Scalar, ScalarKind, Type, TypeInner};
 use std::collections::BTreeMap;
 
 /// A struct as the host has it.
@@ -31,14 +31,28 @@ pub struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// The Rust type of a value that the host fills, and its size in bytes. Structs in it are put into `found`.
+    /// The Rust type of the rows of a buffer: what it is an array of, an atomic as the number in it.
+    pub fn row(&mut self, buffer: &GlobalVariable) -> String {
+        let (kernel, name) = (self.kernel, buffer.name.as_deref().unwrap_or_default());
+        let TypeInner::Array { base, stride, .. } = self.module.types[buffer.ty].inner else {
+            panic!("wgsl/{kernel}.wgsl: buffer {name} is no array")
+        };
+        let (row, size) = match self.module.types[base].inner {
+            TypeInner::Atomic(scalar) => (self.host_scalar(scalar), u32::from(scalar.width)),
+            _ => self.host_type(base),
+        };
+        assert!(size == stride, "wgsl/{kernel}.wgsl: buffer {name} has implicit padding in each `{row}`");
+        row
+    }
+
+    /// The Rust type of a value that host and kernel share, and its size in bytes. Structs in it are put into `found`.
     pub fn host_type(&mut self, handle: Handle<Type>) -> (String, u32) {
         let ty = &self.module.types[handle];
         match &ty.inner {
-            TypeInner::Scalar(scalar) => (self.host_scalar(*scalar), 4),
+            TypeInner::Scalar(scalar) => (self.host_scalar(*scalar), u32::from(scalar.width)),
             TypeInner::Vector { size, scalar } => {
                 let count = *size as u32;
-                (format!("[{}; {count}]", self.host_scalar(*scalar)), 4 * count)
+                (format!("[{}; {count}]", self.host_scalar(*scalar)), u32::from(scalar.width) * count)
             }
             TypeInner::Array { base, size: ArraySize::Constant(count), stride } => {
                 let (base, size) = self.host_type(*base);
@@ -47,18 +61,17 @@ impl Reader<'_> {
                 (format!("[{base}; {count}]"), size * count.get())
             }
             TypeInner::Struct { span, .. } => (self.read(handle), *span),
-            _ => panic!("wgsl/{}.wgsl: the host cannot fill `{}`", self.kernel, wgsl_type(self.module, handle)),
+            _ => panic!("wgsl/{}.wgsl: the host has no type for `{}`", self.kernel, wgsl_type(self.module, handle)),
         }
     }
 
     fn host_scalar(&self, scalar: Scalar) -> String {
         let name = scalar_name(scalar);
-        assert!(
-            matches!(name.as_str(), "f32" | "u32" | "i32"),
-            "wgsl/{}.wgsl: the host cannot fill a value of type `{name}`",
-            self.kernel
-        );
-        name
+        match name.as_str() {
+            "f32" | "u32" | "i32" => name,
+            "f16" => "F16".to_string(),
+            _ => panic!("wgsl/{}.wgsl: the host has no type for `{name}`", self.kernel),
+        }
     }
 
     /// Reads a struct and gives its name.
@@ -88,16 +101,6 @@ impl Reader<'_> {
         assert!(gap == 0, "wgsl/{kernel}.wgsl: struct {name} ends with {gap} bytes of implicit padding; add a field");
         self.found.push(Struct { name: name.clone(), doc, fields });
         name
-    }
-}
-
-/// Whether a value has a part of 16 bits, or an atomic one: no host fills such structs.
-pub fn is_for_kernels_alone(module: &Module, handle: Handle<Type>) -> bool {
-    match &module.types[handle].inner {
-        TypeInner::Scalar(scalar) | TypeInner::Vector { scalar, .. } => scalar.width != 4,
-        TypeInner::Array { base, .. } => is_for_kernels_alone(module, *base),
-        TypeInner::Struct { members, .. } => members.iter().any(|member| is_for_kernels_alone(module, member.ty)),
-        _ => true,
     }
 }
 

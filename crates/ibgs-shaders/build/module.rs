@@ -1,9 +1,9 @@
 //! A kernel's module, as naga reads it.
 
 use super::header::Header;
-use super::layout::{Reader, Struct, is_for_kernels_alone, lines, wgsl_type};
+use super::layout::{Reader, Struct, lines, wgsl_type};
 use naga::front::wgsl::{Frontend, Options};
-use naga::{AddressSpace, GlobalVariable, Module, StorageAccess, TypeInner};
+use naga::{AddressSpace, GlobalVariable, Module, StorageAccess};
 
 /// What the host must know of a kernel.
 pub struct Description {
@@ -31,6 +31,8 @@ pub struct Binding {
     pub doc: Vec<String>,
     /// Type in WGSL.
     pub ty: String,
+    /// Type of a row in Rust.
+    pub row: String,
     pub writes: bool,
 }
 
@@ -54,10 +56,8 @@ impl Shape {
                 AddressSpace::Storage { access } => {
                     let comments = module.doc_comments.as_deref();
                     let doc = lines(comments.and_then(|all| all.global_variables.get(&handle)));
-                    bindings.push(binding(kernel, &module, variable, doc, access));
-                    if let Some(values) = host_filled(&module, variable, access) {
-                        reader.host_type(values);
-                    }
+                    let row = reader.row(variable);
+                    bindings.push(binding(kernel, &module, (variable, row), doc, access));
                 }
                 _ => assert!(variable.binding.is_none(), "wgsl/{kernel}.wgsl: only storage buffers can be bound"),
             }
@@ -67,18 +67,10 @@ impl Shape {
     }
 }
 
-/// The struct of which a buffer that is read alone is an array, where the host can fill it.
-fn host_filled(module: &Module, variable: &GlobalVariable, access: StorageAccess) -> Option<naga::Handle<naga::Type>> {
-    let TypeInner::Array { base, .. } = module.types[variable.ty].inner else { return None };
-    let is_struct = matches!(module.types[base].inner, TypeInner::Struct { .. });
-    let reads_alone = !access.contains(StorageAccess::STORE);
-    (is_struct && reads_alone && !is_for_kernels_alone(module, base)).then_some(base)
-}
-
 fn binding(
     kernel: &str,
     module: &Module,
-    variable: &GlobalVariable,
+    (variable, row): (&GlobalVariable, String),
     doc: Vec<String>,
     access: StorageAccess,
 ) -> (u32, Binding) {
@@ -86,7 +78,7 @@ fn binding(
     let Some(at) = variable.binding else { panic!("wgsl/{kernel}.wgsl: buffer {name} has no @binding") };
     assert!(at.group == 0, "wgsl/{kernel}.wgsl: buffer {name} is not in group 0");
     let writes = access.contains(StorageAccess::STORE);
-    (at.binding, Binding { name, doc, ty: wgsl_type(module, variable.ty), writes })
+    (at.binding, Binding { name, doc, ty: wgsl_type(module, variable.ty), row, writes })
 }
 
 fn in_order(kernel: &str, mut bindings: Vec<(u32, Binding)>) -> Vec<Binding> {

@@ -72,7 +72,7 @@ fn table_entry(text: &mut String, Description { name, header, shape }: &Descript
     text.push_str("};\n\n");
 }
 
-/// The structs of immediate data and of host-filled buffers.
+/// The structs of immediate data and of buffers.
 pub fn types(structs: &[Struct]) -> String {
     let mut text = String::new();
     for Struct { name, doc: own, fields } in structs {
@@ -97,7 +97,7 @@ pub fn bindings(kernels: &[Description]) -> String {
             (format!("{}Bindings", camel_case(name)), name.to_uppercase(), shape.bindings.len());
         line!(text, "/// The buffers of [`{kernel}`](crate::{kernel}).");
         line!(text, "#[derive(Debug)]");
-        line!(text, "pub struct {ident}<'a, B: ?Sized> {{");
+        line!(text, "pub struct {ident}<'a, B: UntypedBuffer> {{");
         for binding in &shape.bindings {
             doc(&mut text, "    ", &binding.doc);
             if !binding.doc.is_empty() {
@@ -105,16 +105,17 @@ pub fn bindings(kernels: &[Description]) -> String {
             }
             let access = if binding.writes { "Read and written" } else { "Read" };
             line!(text, "    /// {access}: `{}`.", binding.ty);
-            line!(text, "    pub {}: &'a B,", binding.name);
+            line!(text, "    pub {}: &'a B::Of<{}>,", binding.name, path(&binding.row));
         }
         text.push_str("}\n\n");
-        line!(text, "impl<'a, B: ?Sized> Bindings<'a, B> for {ident}<'a, B> {{");
+        line!(text, "impl<'a, B: UntypedBuffer + 'a> Bindings<'a, B> for {ident}<'a, B> {{");
         line!(text, "    const KERNEL: &'static Kernel = &crate::{kernel};");
-        line!(text, "    type Params = {};", params(shape.immediates.as_ref().map(|(ty, _)| ty.as_str())));
+        line!(text, "    type Params = {};", shape.immediates.as_ref().map_or("()".to_string(), |(ty, _)| path(ty)));
         line!(text, "    type InOrder = [&'a B; {count}];");
         line!(text, "");
         line!(text, "    fn in_order(&self) -> Self::InOrder {{");
-        let fields: Vec<_> = shape.bindings.iter().map(|binding| format!("self.{}", binding.name)).collect();
+        let fields: Vec<_> =
+            shape.bindings.iter().map(|binding| format!("B::untyped(self.{})", binding.name)).collect();
         list(&mut text, "        ", &fields);
         text.push_str("    }\n}\n\n");
     }
@@ -135,13 +136,10 @@ fn list(text: &mut String, indent: &str, values: &[String]) {
     line!(text, "{indent}]");
 }
 
-/// The path of a Rust type of immediate data.
-fn params(ty: Option<&str>) -> String {
-    match ty {
-        None => "()".to_string(),
-        Some(ty) if ty.starts_with(|first: char| first.is_uppercase()) => format!("types::{ty}"),
-        Some(ty) => ty.to_string(),
-    }
+/// The path of a Rust type that host and kernels share: a number, an array of them, or a struct.
+fn path(ty: &str) -> String {
+    let is_struct = ty.starts_with(|first: char| first.is_uppercase());
+    if is_struct { format!("types::{ty}") } else { ty.to_string() }
 }
 
 /// Documentation comments. What looks like a link or a tag is text, unless it has backticks.

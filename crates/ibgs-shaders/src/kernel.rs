@@ -72,8 +72,55 @@ impl Kernel {
     }
 }
 
-/// The buffers of one kernel by name; [`bindings`](crate::bindings) has a struct for each. `B` is the host's buffer type.
-pub trait Bindings<'a, B: ?Sized + 'a> {
+/// The host's buffer, whatever its rows are.
+pub trait UntypedBuffer {
+    /// One whose rows are of type `T`.
+    type Of<T>: ?Sized;
+
+    /// The same buffer without the type.
+    fn untyped<T>(buffer: &Self::Of<T>) -> &Self;
+}
+
+/// The buffers of one kernel by name; [`bindings`](crate::bindings) has a struct for each. `B` is the host's buffer. Each field
+/// has the type of the rows that the kernel declares, so buffers of different rows cannot be exchanged:
+///
+/// ```
+/// # use ibgs_shaders::{Bindings, UntypedBuffer, bindings::FilterSizesBindings};
+/// # use std::marker::PhantomData;
+/// # struct Untyped(&'static str);
+/// # struct Buffer<T>(Untyped, PhantomData<T>);
+/// # impl UntypedBuffer for Untyped {
+/// #     type Of<T> = Buffer<T>;
+/// #     fn untyped<T>(buffer: &Buffer<T>) -> &Self { &buffer.0 }
+/// # }
+/// # fn buffer<T>(name: &'static str) -> Buffer<T> { Buffer(Untyped(name), PhantomData) }
+/// let means: Buffer<f32> = buffer("means");
+/// let cameras: Buffer<[f32; 4]> = buffer("cameras");
+/// let filters: Buffer<f32> = buffer("filters");
+/// let buffers: FilterSizesBindings<Untyped> =
+///     FilterSizesBindings { cameras: &cameras, means: &means, filters: &filters };
+/// assert_eq!(buffers.in_order().map(|buffer| buffer.0), ["means", "cameras", "filters"]);
+/// ```
+///
+/// The same with two of them exchanged does not compile:
+///
+/// ```compile_fail,E0308
+/// # use ibgs_shaders::{Bindings, UntypedBuffer, bindings::FilterSizesBindings};
+/// # use std::marker::PhantomData;
+/// # struct Untyped(&'static str);
+/// # struct Buffer<T>(Untyped, PhantomData<T>);
+/// # impl UntypedBuffer for Untyped {
+/// #     type Of<T> = Buffer<T>;
+/// #     fn untyped<T>(buffer: &Buffer<T>) -> &Self { &buffer.0 }
+/// # }
+/// # fn buffer<T>(name: &'static str) -> Buffer<T> { Buffer(Untyped(name), PhantomData) }
+/// let means: Buffer<f32> = buffer("means");
+/// let cameras: Buffer<[f32; 4]> = buffer("cameras");
+/// let filters: Buffer<f32> = buffer("filters");
+/// let buffers: FilterSizesBindings<Untyped> =
+///     FilterSizesBindings { cameras: &means, means: &cameras, filters: &filters };
+/// ```
+pub trait Bindings<'a, B: UntypedBuffer + 'a> {
     /// The kernel that they are for.
     const KERNEL: &'static Kernel;
 

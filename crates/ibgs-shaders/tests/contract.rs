@@ -2,10 +2,12 @@
 //! workgroups that the table has from its usual form.
 
 use ibgs_shaders::{
-    Access, Bindings, Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS, bindings, types,
+    Access, Bindings, Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS, UntypedBuffer, bindings,
+    types,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess};
+use std::marker::PhantomData;
 
 /// Every kernel's module as a GPU gets it, without subgroups and with; those for matrix units as an H100 and as a software
 /// adapter have them.
@@ -128,28 +130,64 @@ fn rendering_keeps_to_the_limits_of_browsers() {
     }
 }
 
+/// A buffer that is a name.
+struct Named(&'static str);
+
+/// The same with rows.
+struct Rows<T>(Named, PhantomData<T>);
+
+impl UntypedBuffer for Named {
+    type Of<T> = Rows<T>;
+
+    fn untyped<T>(buffer: &Rows<T>) -> &Self {
+        &buffer.0
+    }
+}
+
+fn rows<T>(name: &'static str) -> Rows<T> {
+    Rows(Named(name), PhantomData)
+}
+
 /// As a host's function that launches kernels takes them.
-fn launched<'a, B: ?Sized + 'a, T: Bindings<'a, B>>(
+fn launched<'a, T: Bindings<'a, Named>>(
     buffers: &T,
     params: &T::Params,
-) -> (&'static Kernel, Vec<&'a B>, usize) {
-    (T::KERNEL, buffers.in_order().into_iter().collect(), bytemuck::bytes_of(params).len())
+) -> (&'static Kernel, Vec<&'static str>, usize) {
+    let names = buffers.in_order().into_iter().map(|buffer| buffer.0);
+    (T::KERNEL, names.collect(), bytemuck::bytes_of(params).len())
 }
 
 #[test]
 fn buffers_come_in_binding_order_with_the_parameters_of_their_kernel() {
     let buffers = bindings::PlanesBindings {
-        means: "means",
-        planes: "planes",
-        plane_offsets: "plane_offsets",
-        normals: "normals",
+        means: &rows("means"),
+        planes: &rows("planes"),
+        plane_offsets: &rows("plane_offsets"),
+        normals: &rows("normals"),
     };
     let (kernel, names, size) = launched(&buffers, &types::ViewUniforms::default());
     assert_eq!(kernel.name, "planes");
     assert_eq!(names, kernel.bindings.iter().map(|binding| binding.name).collect::<Vec<_>>());
     assert_eq!(size, kernel.immediates as usize);
-    let buffers = bindings::ExposeTotalBindings { exposures: &0, partials: &1, v_exposure: &2 };
+    let (exposures, partials, v_exposure) = (&rows("0"), &rows("1"), &rows("2"));
+    let buffers = bindings::ExposeTotalBindings { exposures, partials, v_exposure };
     assert_eq!(launched(&buffers, &()).2, 0);
-    let (_, numbers, size) = launched(&bindings::BenchCopyBindings { values: &0, copied: &1 }, &7_u32);
-    assert_eq!((numbers, size), (vec![&0, &1], 4));
+    let (values, copied) = (&rows("0"), &rows("1"));
+    let (_, numbers, size) = launched(&bindings::BenchCopyBindings { values, copied }, &7_u32);
+    assert_eq!((numbers, size), (vec!["0", "1"], 4));
+}
+
+/// Each value has the type that it is declared with.
+#[test]
+fn buffers_have_the_rows_that_their_kernel_declares() {
+    let (weights, packed) = (&rows::<f32>("weights"), &rows::<[types::F16; 4]>("packed"));
+    let (pairs, output) = (&rows::<types::Pair>("input"), &rows::<[types::F16; 4]>("output"));
+    let buffers = bindings::HalfConvBindings { weights, packed, input_a: pairs, input_b: pairs, output };
+    assert_eq!(launched(&buffers, &types::HalfConvParams::default()).1[2..], ["input", "input", "output"]);
+    let (photos, sources) = (&rows::<u32>("photos"), &rows::<types::SweepSource>("sources"));
+    let buffers = bindings::PlaneSweepBindings { photos, sources, found: &rows::<[f32; 2]>("found") };
+    assert_eq!(launched(&buffers, &types::SweepParams::default()).1[2], "found");
+    // Atomics are numbers to the host.
+    let (values, broken) = (&rows::<u32>("values"), &rows::<u32>("broken"));
+    assert_eq!(launched(&bindings::FiniteBindings { values, broken }, &7_u32).1, ["values", "broken"]);
 }

@@ -10,8 +10,8 @@ use ibgs_shaders::types::FilterParams;
 /// Finds the sizes of the filters.
 #[derive(Debug)]
 pub struct FilterSizes {
-    /// Centre and larger focal length in pixels of each camera, as `[f32; 4]`.
-    cameras: Buffer,
+    /// Centre and larger focal length in pixels of each camera, by rows.
+    cameras: Buffer<[f32; 4]>,
     count: u32,
     factor: f32,
 }

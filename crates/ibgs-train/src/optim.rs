@@ -40,8 +40,8 @@ impl Rates {
 
 /// One parameter tensor with its moments.
 pub(super) struct Learned {
-    pub parameter: Buffer,
-    pub moments: [Buffer; 2],
+    pub parameter: Buffer<f32>,
+    pub moments: [Buffer<f32>; 2],
     /// Number of values and values a Gaussian.
     pub count: usize,
     pub row: usize,
@@ -49,14 +49,15 @@ pub(super) struct Learned {
 
 impl Learned {
     /// Moments at zero for a parameter with `row` values a Gaussian.
-    fn new(gpu: &Gpu, (parameter, count, row): (Buffer, usize, usize)) -> Result<Self, GpuError> {
-        let moment = || gpu.allocate("Adam moments", 4 * count.max(1) as u64);
+    fn new(gpu: &Gpu, (parameter, count, row): (Buffer<f32>, usize, usize)) -> Result<Self, GpuError> {
+        let moment = || gpu.allocate("Adam moments", count.max(1));
         Ok(Self { parameter, moments: [moment()?, moment()?], count, row })
     }
 
     /// Records the count of the parameter's values that are not finite.
-    fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
-        let buffers = FiniteBindings { values: &self.parameter, broken };
+    fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
+        // The kernel looks at their bits.
+        let buffers = FiniteBindings { values: &self.parameter.cast(), broken };
         pass.linear(&buffers, &(self.count as u32), self.count);
     }
 
@@ -76,7 +77,7 @@ impl Learned {
     fn record_step(
         &self,
         pass: &mut Pass,
-        gradient: Buffer,
+        gradient: Buffer<f32>,
         config: &AdamConfig,
         [rate, rate_rest, decay_rest]: [f64; 3],
         steps: i32,
@@ -115,11 +116,11 @@ impl TensorOptimizer {
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn new(gpu: &Gpu, parameter: &Buffer, count: usize, config: AdamConfig) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, parameter: &Buffer<f32>, count: usize, config: AdamConfig) -> Result<Self, GpuError> {
         Ok(Self { tensor: Learned::new(gpu, (parameter.clone(), count, 1))?, config, steps: 0 })
     }
 
-    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
         self.tensor.record_check(pass, broken);
     }
 
@@ -156,7 +157,7 @@ pub struct Optimizer {
 }
 
 /// The first `count` parameters: memory, values, values of a Gaussian.
-fn parameters(splats: &Splats, count: usize) -> Vec<(Buffer, usize, usize)> {
+fn parameters(splats: &Splats, count: usize) -> Vec<(Buffer<f32>, usize, usize)> {
     let rows = PerGaussian::rows(splats.coefficients);
     let all = splats.parameters.clone().zip(rows).into_array().into_iter();
     all.take(count).map(|(parameter, row)| (parameter, row * splats.count, row)).collect()
@@ -179,7 +180,7 @@ impl Optimizer {
     }
 
     /// Records the count of all values that are not finite.
-    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+    pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
         self.tensors.iter().for_each(|tensor| tensor.record_check(pass, broken));
     }
 
@@ -196,7 +197,7 @@ impl Optimizer {
     }
 
     /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the tensors.
-    pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer; 2]>) -> Self {
+    pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer<f32>; 2]>) -> Self {
         let parameters = parameters(splats, self.tensors.len()).into_iter();
         let tensor = |((parameter, count, row), moments)| Learned { parameter, moments, count, row };
         let tensors = parameters.zip(moments).map(tensor).collect();

@@ -39,7 +39,7 @@ impl Parameters {
         let [count, coefficients, _] = tensors.sh.meta.shape()[..] else {
             unreachable!("harmonics have three dimensions")
         };
-        let filters = gpu.allocate("filters", 4 * count as u64)?;
+        let filters = gpu.allocate("filters", count)?;
         let parameters = tensors.as_ref().map(bind);
         let harmonics = Harmonics::Full;
         let splats = Splats { space, count, coefficients, harmonics, parameters, filters };

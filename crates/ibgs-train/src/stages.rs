@@ -135,7 +135,7 @@ impl ImageStages {
     }
 
     /// Records the count of the network's weights that are not finite.
-    pub fn record_check(&self, pass: &mut Pass, broken: &Buffer) {
+    pub fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
         self.network_optimizer.record_check(pass, broken);
     }
 
@@ -284,10 +284,9 @@ impl ImageStages {
             self.network_optimizer.record_step(pass, &primitive(gradient), rate);
         }
         if let Some(surface) = work.forward.surface() {
-            let Camera { width, height, .. } = self.cameras[work.index];
-            let bytes = 4 * u64::from(width) * u64::from(height);
-            let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", bytes))?;
-            pass.copy(&surface.median_depth, &kept, 0, bytes);
+            let pixels = self.cameras[work.index].pixels();
+            let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", pixels))?;
+            pass.copy(&surface.median_depth, &kept, 0, pixels);
         }
         Ok(())
     }

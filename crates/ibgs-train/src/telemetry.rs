@@ -10,8 +10,9 @@ use std::sync::mpsc::{Receiver, channel};
 const RING: usize = 32;
 /// Iterations from asking for a readback to using it.
 const DELAY: usize = 8;
-/// Bytes of one entry: four statistics, the intersection count, values that are not finite, padding.
-const ENTRY: usize = 32;
+/// Words of one entry: four statistics, the intersection count, values that are not finite, padding.
+const ENTRY: usize = 8;
+const RING_BYTES: u64 = (RING * ENTRY * size_of::<u32>()) as u64;
 
 /// What the last finished readback said.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -59,7 +60,7 @@ pub(super) struct RecorderState {
 impl RecorderState {
     /// Whether a recorder can resume from it.
     pub fn is_sound(&self, iteration: u32) -> bool {
-        let words = RING * ENTRY / 4;
+        let words = RING * ENTRY;
         self.written <= iteration as usize
             && self.ring.len() == words
             && self.pending.as_ref().is_none_or(|(pending, _)| pending.len() == words)
@@ -69,9 +70,9 @@ impl RecorderState {
 /// A ring of entries on the GPU and one readback in flight.
 #[derive(Debug)]
 pub(super) struct Recorder {
-    ring: Buffer,
+    ring: Buffer<u32>,
     /// Counts values that are not finite.
-    broken: Buffer,
+    broken: Buffer<u32>,
     staging: wgpu::Buffer,
     pending: Option<Pending>,
     written: usize,
@@ -82,9 +83,9 @@ pub(super) struct Recorder {
 impl Recorder {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
-            ring: gpu.allocate("training telemetry", (RING * ENTRY) as u64)?,
-            broken: gpu.allocate("training telemetry", 4)?,
-            staging: gpu.staging((RING * ENTRY) as u64),
+            ring: gpu.allocate("training telemetry", RING * ENTRY)?,
+            broken: gpu.allocate("training telemetry", 1)?,
+            staging: gpu.staging(RING_BYTES),
             pending: None,
             written: 0,
             capacities: [0; RING],
@@ -97,7 +98,7 @@ impl Recorder {
     }
 
     /// Where they are counted.
-    pub fn broken(&self) -> &Buffer {
+    pub fn broken(&self) -> &Buffer<u32> {
         &self.broken
     }
 
@@ -107,19 +108,20 @@ impl Recorder {
         &mut self,
         gpu: &Gpu,
         mut pass: Pass,
-        stats: &Buffer,
-        isects: &Buffer,
+        stats: &Buffer<f32>,
+        isects: &Buffer<u32>,
         capacity: u64,
     ) -> Result<(Mark, Option<Telemetry>), GpuError> {
-        let at = ((self.written % RING) * ENTRY) as u64;
-        pass.copy(stats, &self.ring, at, 16);
-        pass.copy(isects, &self.ring, at + 16, 4);
-        pass.copy(&self.broken, &self.ring, at + 20, 4);
+        let at = (self.written % RING) * ENTRY;
+        // By their bits, among other words.
+        pass.copy(&stats.cast(), &self.ring, at, 4);
+        pass.copy(isects, &self.ring, at + 4, 1);
+        pass.copy(&self.broken, &self.ring, at + 5, 1);
         self.capacities[self.written % RING] = capacity;
         self.written += 1;
         let full = self.written.is_multiple_of(RING);
         if full {
-            pass.copy_out(&self.ring, &self.staging, 0, (RING * ENTRY) as u64);
+            pass.copy_out(&self.ring, &self.staging, 0, RING_BYTES);
         }
         let end = pass.submit_marked();
         if full {
@@ -168,7 +170,7 @@ impl Recorder {
     pub fn state(&mut self, gpu: &Gpu) -> Result<RecorderState, GpuError> {
         let pending = self.take(gpu)?;
         self.pending = pending.clone().map(|(words, capacities)| Pending { words: Words::Here(words), capacities });
-        let ring = gpu.read(&self.ring, RING * ENTRY / 4)?;
+        let ring = gpu.read(&self.ring, RING * ENTRY)?;
         Ok(RecorderState { written: self.written, capacities: self.capacities, ring, pending })
     }
 
@@ -188,7 +190,7 @@ impl Recorder {
 fn summary(words: &[u32], capacities: &[u64; RING]) -> Telemetry {
     let mut sums = [0.0f32; 4];
     let (mut most, mut overflows, mut broken) = (0, 0, false);
-    for (entry, capacity) in words.chunks_exact(ENTRY / 4).zip(capacities) {
+    for (entry, capacity) in words.chunks_exact(ENTRY).zip(capacities) {
         for (sum, &bits) in sums.iter_mut().zip(entry) {
             *sum += f32::from_bits(bits) / RING as f32;
         }

@@ -96,13 +96,12 @@ pub fn empty_like(like: &CubeTensor, shape: &[usize]) -> CubeTensor {
 /// As [`empty`].
 pub fn upload(gpu: &Gpu, what: &'static str, values: &[f32], shape: &[usize]) -> Result<CubeTensor, GpuError> {
     let tensor = empty(gpu, what, shape)?;
-    let memory = bind(&tensor);
-    gpu.queue.write_buffer(&memory.buffer, memory.offset, bytemuck::cast_slice(values));
+    gpu.write(&bind(&tensor), 0, values);
     Ok(tensor)
 }
 
 /// The memory behind a float tensor, which it keeps alive. Flushes burn's pending work, so that what we submit next follows it.
-pub fn bind(tensor: &CubeTensor) -> Buffer {
+pub fn bind(tensor: &CubeTensor) -> Buffer<f32> {
     let client = &tensor.client;
     let guard =
         client.get_resource::<WgpuServer<AutoCompiler>>(tensor.handle.clone()).expect("a live tensor has memory");
@@ -110,6 +109,15 @@ pub fn bind(tensor: &CubeTensor) -> Buffer {
     let (buffer, offset, size) = (resource.buffer.clone(), resource.offset, resource.size);
     // The buffer holds a clone of the tensor: burn computes in place if it believes that nobody else uses a tensor.
     Buffer::owned_by(buffer, offset, size, Mutex::new((tensor.clone(), guard)))
+}
+
+/// The same as rows of `N` values, of a tensor whose last dimension has as many.
+///
+/// # Panics
+/// When it has not: a bug of ours.
+pub fn bind_rows<const N: usize>(tensor: &CubeTensor) -> Buffer<[f32; N]> {
+    assert_eq!(tensor.meta.shape()[..].last(), Some(&N), "last dimension of a tensor");
+    bind(tensor).cast()
 }
 
 /// The contiguous primitive behind a float tensor outside autodiff.

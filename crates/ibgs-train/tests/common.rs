@@ -105,10 +105,9 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let surface = forward.surface().unwrap();
     let pixels = v.depth.len();
     let visible = warping.visible as usize;
-    let read =
-        |buffer, count| -> Vec<f64> { gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect() };
+    let read = |buffer, count| -> Vec<f64> { gpu.read(buffer, count).unwrap().into_iter().map(f64::from).collect() };
     let warped_values = values(warped.clone().inner());
-    let packed: Vec<u32> = gpu.read(&seen.visible, pixels).unwrap();
+    let packed = gpu.read(&seen.visible, pixels).unwrap();
     let bytes = (0..visible).flat_map(|m| packed.iter().map(move |word| word.to_le_bytes()[m]));
     let source = bytes.clone().map(|byte| if byte == 255 { -1 } else { i32::from(byte & 15) }).collect();
     let error = bytes.map(|byte| if byte == 255 { 0 } else { byte >> 4 }).collect();
@@ -119,11 +118,9 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
         warped: warped_values.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect(),
         cosine: warped_values.chunks_exact(4).map(|c| c[3]).collect(),
     };
-    let most_visible = gpu.read::<u32>(&seen.most_visible, 1).unwrap()[0];
+    let most_visible = gpu.read(&seen.most_visible, 1).unwrap()[0];
     let side = surface.v.as_ref().unwrap();
-    let write = |buffer: &ibgs_core::gpu::Buffer, values: Vec<f32>| {
-        gpu.queue.write_buffer(&buffer.buffer, 0, bytemuck::cast_slice(&values));
-    };
+    let write = |buffer, values: Vec<f32>| gpu.write(buffer, 0, &values);
     write(&side.normal_map, floats(v.normal.iter().flatten().copied()));
     write(&side.median_depth, floats(v.depth.iter().copied()));
     let v_warped = v.warped.iter().zip(&v.cosine).take(visible * pixels).flat_map(|(c, x)| [c[0], c[1], c[2], *x]);

@@ -52,15 +52,14 @@ fn warped(renderer: &Renderer, camera: &Camera, sources: &[usize]) -> Warped {
     let warper = Warper::new(gpu.clone(), part.options.warp());
     let warped = warper.warp(&forward, &sources, warper.memory(camera).unwrap()).unwrap();
     let pixels = camera.pixels();
-    let values: Vec<f32> = gpu.read(&warped.colors, 4 * warped.visible as usize * pixels).unwrap();
+    let values = gpu.read(&warped.colors, warped.visible as usize * pixels).unwrap();
     let intersections = &forward.surface().unwrap().intersections;
-    let intersections: Vec<[f32; 2]> =
-        gpu.read(intersections, part.options.surface.intersections as usize * pixels).unwrap();
+    let intersections = gpu.read(intersections, part.options.surface.intersections as usize * pixels).unwrap();
     let in_scene_units = |[z, weight]: [f32; 2]| [(f64::from(z) * space.scale) as f32, weight];
     Warped {
         intersections: intersections.into_iter().map(in_scene_units).collect(),
         packed: gpu.read(&warped.seen.visible, pixels).unwrap(),
-        values: values.as_chunks().0.to_vec(),
+        values,
     }
 }
 

@@ -51,9 +51,9 @@ fn trained(dataset: &Dataset, config: &TrainConfig) -> Gaussians {
 }
 
 /// Makes the first values of a trained parameter infinite.
-fn poison(parameter: &Buffer) {
+fn poison(parameter: &Buffer<f32>) {
     let gpu = gpu();
-    gpu.queue.write_buffer(&parameter.buffer, parameter.offset, bytemuck::cast_slice(&[f32::INFINITY; 4]));
+    gpu.write(parameter, 0, &[f32::INFINITY; 4]);
     gpu.wait().unwrap();
 }
 

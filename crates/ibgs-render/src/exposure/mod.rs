@@ -36,18 +36,17 @@ impl Exposure {
         self.log_gain.iter().chain(&self.offset).all(|v| v.is_finite())
     }
 
-    /// As a row on the device: (log gains, 0), (offsets, 0).
-    fn row(&self) -> [f32; ROW] {
+    /// As rows on the device: (log gains, 0), (offsets, 0).
+    fn rows(&self) -> [[f32; 4]; ROWS] {
         let ([a, b, c], [d, e, f]) = (self.log_gain, self.offset);
-        [a, b, c, 0.0, d, e, f, 0.0]
+        [[a, b, c, 0.0], [d, e, f, 0.0]]
     }
 
-    fn from_row(row: &[f32]) -> Self {
-        Self { log_gain: [row[0], row[1], row[2]], offset: [row[4], row[5], row[6]] }
+    fn from_rows(rows: &[[f32; 4]]) -> Self {
+        let [[a, b, c, _], [d, e, f, _]] = [rows[0], rows[1]];
+        Self { log_gain: [a, b, c], offset: [d, e, f] }
     }
 }
 
-/// Floats of an exposure on the device.
-const ROW: usize = 8;
-/// Bytes of the same.
-const ROW_BYTES: u64 = 4 * ROW as u64;
+/// Rows of an exposure on the device, of four floats each.
+const ROWS: usize = 2;

@@ -1,11 +1,10 @@
 //! Images and warped colours in a photo's exposure, and the gradients by them.
 
-use super::{Exposure, PhotoExposures, ROW_BYTES};
+use super::{Exposure, PhotoExposures, ROWS};
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Forward;
 use crate::sources::{MAX_SOURCES, Warped};
-use bytemuck::cast_slice;
 use ibgs_shaders::EXPOSURE_GROUPS;
 use ibgs_shaders::bindings::{
     ExposeBackwardBindings, ExposeBindings, ExposeTotalBindings, ExposeWarpedBackwardBindings, ExposeWarpedBindings,
@@ -23,11 +22,11 @@ pub struct Exposures {
 /// Memory of the same size for every image.
 #[derive(Debug)]
 struct Room {
-    /// `[1 + M, 8]` f32.
-    rows: Buffer,
-    partials: Buffer,
+    /// `[1 + M, 2]`.
+    rows: Buffer<[f32; 4]>,
+    partials: Buffer<[f32; 4]>,
     /// Gradient by the target's.
-    v_target: Buffer,
+    v_target: Buffer<[f32; 4]>,
 }
 
 /// Brings exposures to the device; owns their memory.
@@ -48,9 +47,9 @@ impl Exposer {
     fn room(&self) -> Result<Lease<Room>, GpuError> {
         let made = || {
             Ok(Room {
-                rows: self.gpu.allocate("exposures", ROW_BYTES * (1 + MAX_SOURCES as u64))?,
-                partials: self.gpu.allocate("exposure sums", ROW_BYTES * u64::from(EXPOSURE_GROUPS))?,
-                v_target: self.gpu.allocate("gradient of the exposure", ROW_BYTES)?,
+                rows: self.gpu.allocate("exposures", ROWS * (1 + MAX_SOURCES))?,
+                partials: self.gpu.allocate("exposure sums", ROWS * EXPOSURE_GROUPS as usize)?,
+                v_target: self.gpu.allocate("gradient of the exposure", ROWS)?,
             })
         };
         Ok(self.pool.lease(self.pool.take().map_or_else(made, Ok)?))
@@ -66,8 +65,8 @@ impl Exposer {
     pub fn upload(&self, target: &Exposure, sources: &[Exposure]) -> Result<Exposures, GpuError> {
         assert!(sources.len() <= MAX_SOURCES, "{} sources", sources.len());
         let room = self.room()?;
-        let rows: Vec<_> = std::iter::once(target).chain(sources).map(Exposure::row).collect();
-        self.gpu.queue.write_buffer(&room.rows.buffer, room.rows.offset, cast_slice(rows.as_flattened()));
+        let rows: Vec<_> = std::iter::once(target).chain(sources).map(Exposure::rows).collect();
+        self.gpu.write(&room.rows, 0, rows.as_flattened());
         Ok(self.exposures(room))
     }
 
@@ -82,8 +81,8 @@ impl Exposer {
         assert!(sources.len() <= MAX_SOURCES, "{} sources", sources.len());
         let room = self.room()?;
         let mut pass = Pass::new(&self.gpu, LABEL);
-        for (&photo, row) in std::iter::once(&target).chain(sources).zip(0..) {
-            pass.copy(&photos.row(photo), &room.rows, row * ROW_BYTES, ROW_BYTES);
+        for (&photo, place) in std::iter::once(&target).chain(sources).zip(0..) {
+            pass.copy(&photos.rows(photo), &room.rows, place * ROWS, ROWS);
         }
         pass.submit();
         Ok(self.exposures(room))
@@ -95,9 +94,9 @@ impl Exposer {
 }
 
 impl Exposures {
-    /// `[8]` f32: gradient by the target's (log gains, 0, offsets, 0), there once [`Exposures::backward`] is
+    /// `[2]`: gradient by the target's (log gains, 0), (offsets, 0), there once [`Exposures::backward`] is
     /// submitted; with that of half the squares of its numbers times [`EXPOSURE_PULL`](ibgs_shaders::EXPOSURE_PULL).
-    pub fn v_target(&self) -> &Buffer {
+    pub fn v_target(&self) -> &Buffer<[f32; 4]> {
         &self.room.v_target
     }
 
@@ -113,7 +112,7 @@ impl Exposures {
 
     /// Records the image of a pass in the target's exposure into `exposed`, `[H, W, 3]`. What shines through of the background
     /// keeps its colour.
-    pub fn record(&self, pass: &mut Pass, forward: &Forward, exposed: &Buffer) {
+    pub fn record(&self, pass: &mut Pass, forward: &Forward, exposed: &Buffer<f32>) {
         pass.relabel(LABEL);
         let params = Self::params(forward);
         let (exposures, image, transmittance) = (&self.room.rows, &forward.image, &forward.workspace.final_t);
@@ -124,7 +123,7 @@ impl Exposures {
 
     /// The gradient by the image of a pass into `v_image` from that by the exposed one, `[H, W, 3]`, and that by the exposure
     /// itself into [`Exposures::v_target`]; none flows through the transmittance.
-    pub fn backward(&self, forward: &Forward, v_exposed: &Buffer, v_image: &Buffer) {
+    pub fn backward(&self, forward: &Forward, v_exposed: &Buffer<f32>, v_image: &Buffer<f32>) {
         let params = Self::params(forward);
         let mut pass = Pass::new(&self.gpu, "exposure backward");
         let Room { rows: exposures, partials, v_target: v_exposure } = &**self.room;
@@ -136,7 +135,7 @@ impl Exposures {
     }
 
     /// Records warped colours, `[V, P, 4]`, in the target's exposure into `exposed`.
-    pub fn record_warped(&self, pass: &mut Pass, warped: &Warped, exposed: &Buffer) {
+    pub fn record_warped(&self, pass: &mut Pass, warped: &Warped, exposed: &Buffer<[f32; 4]>) {
         pass.relabel(LABEL);
         let params = warped.per_visible();
         let bindings = ExposeWarpedBindings {
@@ -150,7 +149,7 @@ impl Exposures {
     }
 
     /// The gradient by warped colours into `v_colors` from that by the exposed ones, `[V, P, 4]`; the exposures are constants.
-    pub fn warped_backward(&self, warped: &Warped, v_exposed: &Buffer, v_colors: &Buffer) {
+    pub fn warped_backward(&self, warped: &Warped, v_exposed: &Buffer<[f32; 4]>, v_colors: &Buffer<[f32; 4]>) {
         let params = warped.per_visible();
         let mut pass = Pass::new(&self.gpu, "exposure backward");
         let bindings = ExposeWarpedBackwardBindings {

@@ -1,13 +1,13 @@
 //! The exposures of the training photos on the device, with their optimiser.
 
-use super::{Exposure, ROW, ROW_BYTES};
+use super::{Exposure, ROWS};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_shaders::bindings::AdamBindings;
 use ibgs_shaders::types::AdamParams;
 use serde::{Deserialize, Serialize};
 
-/// Floats from one photo's exposure to the next: a part of a buffer can only be bound at multiples of 256 bytes.
-const STRIDE: usize = 64;
+/// Rows from one photo's exposure to the next: a part of a buffer can only be bound at multiples of 256 bytes.
+const STRIDE: usize = 16;
 
 /// Settings of the exposures' optimiser, but for its rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,8 +50,8 @@ impl ExposureState {
 /// its photo is visited.
 #[derive(Debug)]
 pub struct PhotoExposures {
-    values: Buffer,
-    moments: [Buffer; 2],
+    values: Buffer<[f32; 4]>,
+    moments: [Buffer<[f32; 4]>; 2],
     steps: Vec<i32>,
     /// Settings of the steps.
     pub adam: ExposureAdam,
@@ -72,9 +72,9 @@ impl PhotoExposures {
     /// Not enough memory.
     pub fn from_states(gpu: &Gpu, states: &[ExposureState], adam: ExposureAdam) -> Result<Self, GpuError> {
         let upload = |what, of: fn(&ExposureState) -> &Exposure| {
-            let mut values = vec![0.0f32; STRIDE * states.len().max(1)];
-            for (row, state) in values.chunks_exact_mut(STRIDE).zip(states) {
-                row[..ROW].copy_from_slice(&of(state).row());
+            let mut values = vec![[0.0; 4]; STRIDE * states.len().max(1)];
+            for (rows, state) in values.chunks_exact_mut(STRIDE).zip(states) {
+                rows[..ROWS].copy_from_slice(&of(state).rows());
             }
             gpu.upload(what, &values)
         };
@@ -110,34 +110,35 @@ impl PhotoExposures {
         self.read(gpu, &self.values)
     }
 
-    fn read(&self, gpu: &Gpu, buffer: &Buffer) -> Result<Vec<Exposure>, GpuError> {
-        let values = gpu.read::<f32>(buffer, STRIDE * self.steps.len())?;
-        Ok(values.chunks_exact(STRIDE).map(Exposure::from_row).collect())
+    fn read(&self, gpu: &Gpu, buffer: &Buffer<[f32; 4]>) -> Result<Vec<Exposure>, GpuError> {
+        let values = gpu.read(buffer, STRIDE * self.steps.len())?;
+        Ok(values.chunks_exact(STRIDE).map(Exposure::from_rows).collect())
     }
 
-    /// One photo's row.
+    /// One photo's rows.
     ///
     /// # Panics
     /// When there is no such photo: a bug of ours.
-    pub(super) fn row(&self, photo: usize) -> Buffer {
+    pub(super) fn rows(&self, photo: usize) -> Buffer<[f32; 4]> {
         self.part(&self.values, photo)
     }
 
-    fn part(&self, buffer: &Buffer, photo: usize) -> Buffer {
+    fn part(&self, buffer: &Buffer<[f32; 4]>, photo: usize) -> Buffer<[f32; 4]> {
         assert!(photo < self.steps.len(), "photo {photo} of {}", self.steps.len());
-        buffer.part((4 * STRIDE * photo) as u64, ROW_BYTES)
+        buffer.part(STRIDE * photo, ROWS)
     }
 
-    /// Records one step of Adam for one photo's exposure; `gradient` is a row, `[8]` f32.
+    /// Records one step of Adam for one photo's exposure; `gradient` are its rows.
     ///
     /// # Panics
     /// When there is no such photo: a bug of ours.
-    pub fn record_step(&mut self, pass: &mut Pass, photo: usize, gradient: &Buffer, rate: f64) {
-        let [first, second] = self.moments.each_ref().map(|m| self.part(m, photo));
-        let values = self.row(photo);
+    pub fn record_step(&mut self, pass: &mut Pass, photo: usize, gradient: &Buffer<[f32; 4]>, rate: f64) {
+        // Adam steps one number at a time.
+        let [first, second] = self.moments.each_ref().map(|m| self.part(m, photo).cast());
+        let (gradient, values) = (&gradient.cast(), self.rows(photo).cast());
         self.steps[photo] += 1;
         let correction = |beta: f64| (1.0 / (1.0 - beta.powi(self.steps[photo]))) as f32;
-        let count = ROW as u32;
+        let count = 4 * ROWS as u32;
         let params = AdamParams {
             count,
             row: count,
@@ -152,6 +153,6 @@ impl PhotoExposures {
             decay_rest: 0.0,
         };
         let bindings = AdamBindings { gradient, values: &values, moment1: &first, moment2: &second };
-        pass.linear(&bindings, &params, ROW);
+        pass.linear(&bindings, &params, 4 * ROWS);
     }
 }

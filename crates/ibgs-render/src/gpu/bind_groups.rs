@@ -1,7 +1,7 @@
 //! Bind groups, which dispatches with the same buffers share: in a training most dispatches of an iteration bind what those of
 //! the last one did, and making a bind group costs the host as much as recording its dispatch.
 
-use super::Buffer;
+use super::RawBuffer;
 use super::device::Pipeline;
 use ibgs_shaders::Kernel;
 use std::collections::HashMap;
@@ -22,8 +22,8 @@ struct Bound {
 }
 
 impl Bound {
-    fn is(&self, kernel: &Kernel, buffers: &[&Buffer]) -> bool {
-        let same = |((buffer, offset, size), b): (&(wgpu::Buffer, u64, u64), &&Buffer)| {
+    fn is(&self, kernel: &Kernel, buffers: &[&RawBuffer]) -> bool {
+        let same = |((buffer, offset, size), b): (&(wgpu::Buffer, u64, u64), &&RawBuffer)| {
             *buffer == b.buffer && *offset == b.offset && *size == b.size
         };
         self.kernel == kernel.name && self.buffers.len() == buffers.len() && self.buffers.iter().zip(buffers).all(same)
@@ -45,7 +45,7 @@ impl BindGroups {
         device: &wgpu::Device,
         pipeline: &Pipeline,
         kernel: &'static Kernel,
-        buffers: &[&Buffer],
+        buffers: &[&RawBuffer],
     ) -> wgpu::BindGroup {
         let mut hasher = self.hashes.build_hasher();
         kernel.name.hash(&mut hasher);
@@ -71,7 +71,7 @@ impl BindGroups {
     }
 }
 
-fn make(device: &wgpu::Device, pipeline: &Pipeline, kernel: &Kernel, buffers: &[&Buffer]) -> wgpu::BindGroup {
+fn make(device: &wgpu::Device, pipeline: &Pipeline, kernel: &Kernel, buffers: &[&RawBuffer]) -> wgpu::BindGroup {
     let entries: Vec<_> = (0u32..)
         .zip(buffers)
         .map(|(binding, b)| wgpu::BindGroupEntry {

@@ -2,14 +2,17 @@
 
 use super::launch::flush;
 use super::{Gpu, GpuError};
+use ibgs_shaders::UntypedBuffer;
 use std::any::Any;
+use std::fmt;
 use std::future::poll_fn;
+use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, Weak, mpsc};
 use std::task::{Poll, Waker};
 
-/// A storage buffer, or a part of one. Clones share the memory.
+/// A storage buffer, or a part of one, whatever its rows are: what a kernel binds. Clones share the memory.
 #[derive(Clone, Debug)]
-pub struct Buffer {
+pub struct RawBuffer {
     /// The wgpu buffer.
     pub buffer: wgpu::Buffer,
     /// First byte.
@@ -21,22 +24,79 @@ pub struct Buffer {
     _owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
-impl Buffer {
+impl UntypedBuffer for RawBuffer {
+    type Of<T> = Buffer<T>;
+
+    fn untyped<T>(buffer: &Buffer<T>) -> &Self {
+        &buffer.raw
+    }
+}
+
+/// A [`RawBuffer`] whose rows are of type `T`, as kernels declare them. Clones share the memory.
+pub struct Buffer<T> {
+    raw: RawBuffer,
+    rows: PhantomData<fn() -> T>,
+}
+
+impl<T> Clone for Buffer<T> {
+    fn clone(&self) -> Self {
+        Self::of(self.raw.clone())
+    }
+}
+
+impl<T> fmt::Debug for Buffer<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.raw.fmt(f)
+    }
+}
+
+impl<T> Buffer<T> {
+    fn of(raw: RawBuffer) -> Self {
+        Self { raw, rows: PhantomData }
+    }
+
     /// Memory that belongs to `owner`, as long as a clone of this lives.
     pub fn owned_by(buffer: wgpu::Buffer, offset: u64, size: u64, owner: impl Any + Send + Sync) -> Self {
-        Self { buffer, offset, size, _owner: Some(Arc::new(owner)) }
+        Self::of(RawBuffer { buffer, offset, size, _owner: Some(Arc::new(owner)) })
     }
 
     /// A whole wgpu buffer.
     pub fn whole(buffer: wgpu::Buffer) -> Self {
         let size = buffer.size();
-        Self { buffer, offset: 0, size, _owner: None }
+        Self::of(RawBuffer { buffer, offset: 0, size, _owner: None })
     }
 
-    /// `bytes` of it from byte `first` on.
-    pub fn part(&self, first: u64, bytes: u64) -> Self {
-        Self { offset: self.offset + first, size: bytes, ..self.clone() }
+    /// `count` rows of it from row `first` on.
+    pub fn part(&self, first: usize, count: usize) -> Self {
+        let raw = self.raw.clone();
+        Self::of(RawBuffer { offset: raw.offset + bytes::<T>(first), size: bytes::<T>(count), ..raw })
     }
+
+    /// The same memory as rows of another type: for kernels that declare the same data in two forms, and for bits that are
+    /// moved or looked at as what they are not. Nothing checks that the contents make sense so.
+    pub fn cast<U>(&self) -> Buffer<U> {
+        Buffer::of(self.raw.clone())
+    }
+
+    /// Whole rows that it holds: as many as were asked for, or some more.
+    pub fn rows(&self) -> usize {
+        (self.raw.size / size_of::<T>() as u64) as usize
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> u64 {
+        self.raw.size
+    }
+
+    /// The buffer without the type of its rows.
+    pub fn raw(&self) -> &RawBuffer {
+        &self.raw
+    }
+}
+
+/// Bytes of so many rows.
+fn bytes<T>(rows: usize) -> u64 {
+    rows as u64 * size_of::<T>() as u64
 }
 
 /// Memory that came back, by what it is for and its bytes; the oldest first.
@@ -87,11 +147,16 @@ fn rounded(bytes: u64) -> u64 {
 }
 
 impl Gpu {
-    /// A new storage buffer of `bytes`, contents zero.
+    /// A new storage buffer of so many rows, contents zero.
     ///
     /// # Errors
     /// When the device cannot bind that much at once, or has no memory left.
-    pub fn allocate(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
+    pub fn allocate<T>(&self, what: &'static str, rows: usize) -> Result<Buffer<T>, GpuError> {
+        Ok(Buffer::whole(self.create(what, bytes::<T>(rows))?))
+    }
+
+    /// A new wgpu buffer of at least `bytes`.
+    fn create(&self, what: &'static str, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
         self.check()?;
         self.check_size(what, bytes)?;
         let size = rounded(bytes);
@@ -106,12 +171,12 @@ impl Gpu {
         };
         // A browser answers later; a full memory then reaches the next check.
         if cfg!(target_arch = "wasm32") {
-            return Ok(Buffer::whole(create()));
+            return Ok(create());
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = create();
         match pollster::block_on(scope.pop()) {
-            None => Ok(Buffer::whole(buffer)),
+            None => Ok(buffer),
             Some(_) => Err(GpuError::OutOfMemory { what, bytes: size }),
         }
     }
@@ -121,11 +186,12 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::allocate`].
-    pub fn transient(&self, what: &'static str, bytes: u64) -> Result<Buffer, GpuError> {
+    pub fn transient<T>(&self, what: &'static str, rows: usize) -> Result<Buffer<T>, GpuError> {
+        let bytes = bytes::<T>(rows);
         let size = rounded(bytes);
         let buffer = match self.transients.take(what, size) {
             Some(buffer) => buffer,
-            None => self.allocate(what, bytes)?.buffer,
+            None => self.create(what, bytes)?,
         };
         let home = Arc::downgrade(&self.transients);
         Ok(Buffer::owned_by(buffer.clone(), 0, size, InUse { what, buffer, home }))
@@ -149,19 +215,24 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::allocate`].
-    pub fn upload<T: bytemuck::Pod>(&self, what: &'static str, data: &[T]) -> Result<Buffer, GpuError> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        let buffer = self.allocate(what, bytes.len() as u64)?;
-        self.queue.write_buffer(&buffer.buffer, 0, bytes);
+    pub fn upload<T: bytemuck::Pod>(&self, what: &'static str, rows: &[T]) -> Result<Buffer<T>, GpuError> {
+        let buffer = self.allocate(what, rows.len())?;
+        self.write(&buffer, 0, rows);
         Ok(buffer)
     }
 
-    /// Reads `count` values from the start of a buffer; waits for the GPU.
+    /// Writes rows into a buffer, from row `first` on, before all work that is submitted later.
+    pub fn write<T: bytemuck::Pod>(&self, target: &Buffer<T>, first: usize, rows: &[T]) {
+        let RawBuffer { buffer, offset, .. } = target.raw();
+        self.queue.write_buffer(buffer, offset + bytes::<T>(first), bytemuck::cast_slice(rows));
+    }
+
+    /// Reads `count` rows from the start of a buffer; waits for the GPU.
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn read<T: bytemuck::Pod>(&self, source: &Buffer, count: usize) -> Result<Vec<T>, GpuError> {
-        let staging = self.copied(source, (count * size_of::<T>()) as u64);
+    pub fn read<T: bytemuck::Pod>(&self, source: &Buffer<T>, count: usize) -> Result<Vec<T>, GpuError> {
+        let staging = self.copied(source.raw(), bytes::<T>(count));
         let (sender, receiver) = mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
             let _ = sender.send(result);
@@ -175,11 +246,11 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn read_later<T: bytemuck::Pod>(&self, source: &Buffer, count: usize) -> Result<Vec<T>, GpuError> {
+    pub async fn read_later<T: bytemuck::Pod>(&self, source: &Buffer<T>, count: usize) -> Result<Vec<T>, GpuError> {
         if cfg!(not(target_arch = "wasm32")) {
             return self.read(source, count);
         }
-        let staging = self.copied(source, (count * size_of::<T>()) as u64);
+        let staging = self.copied(source.raw(), bytes::<T>(count));
         let answer = Arc::new(Mutex::new((None, None::<Waker>)));
         let mapped = answer.clone();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
@@ -203,7 +274,7 @@ impl Gpu {
     }
 
     /// The first `bytes` of a buffer in one that the host can map.
-    fn copied(&self, source: &Buffer, bytes: u64) -> wgpu::Buffer {
+    fn copied(&self, source: &RawBuffer, bytes: u64) -> wgpu::Buffer {
         let staging = self.staging(bytes);
         flush();
         let mut encoder = self.device.create_command_encoder(&Default::default());
@@ -212,18 +283,17 @@ impl Gpu {
         staging
     }
 
-    /// As [`Gpu::read_later`], from the value numbered `first` on.
+    /// As [`Gpu::read_later`], from row `first` on.
     ///
     /// # Errors
     /// When the device is lost.
     pub async fn read_at_later<T: bytemuck::Pod>(
         &self,
-        source: &Buffer,
+        source: &Buffer<T>,
         first: usize,
         count: usize,
     ) -> Result<Vec<T>, GpuError> {
-        let bytes = size_of::<T>() as u64;
-        self.read_later(&source.part(first as u64 * bytes, count as u64 * bytes), count).await
+        self.read_later(&source.part(first, count), count).await
     }
 
     /// A buffer that the host can map for reading.

@@ -1,7 +1,7 @@
 //! The only place that dispatches: a [`Pass`] records kernels and submits them, or leaves them to its [`Batch`].
 
 use super::uniforms::Chunk;
-use super::{Buffer, Gpu, Mark};
+use super::{Buffer, Gpu, Mark, RawBuffer};
 use bytemuck::bytes_of;
 use ibgs_shaders::{Bindings, Kernel};
 use std::any::Any;
@@ -93,12 +93,12 @@ impl<'a> Pass<'a> {
     }
 
     /// Dispatches enough workgroups for `items` threads in a row.
-    pub fn linear<'b, T: Bindings<'b, Buffer>>(&mut self, buffers: &T, params: &T::Params, items: usize) {
+    pub fn linear<'b, T: Bindings<'b, RawBuffer>>(&mut self, buffers: &T, params: &T::Params, items: usize) {
         self.groups(buffers, params, items.div_ceil(T::KERNEL.workgroup[0] as usize));
     }
 
     /// Dispatches `groups` workgroups in a row, folded into two dimensions where the device's limit asks for it.
-    pub fn groups<'b, T: Bindings<'b, Buffer>>(&mut self, buffers: &T, params: &T::Params, groups: usize) {
+    pub fn groups<'b, T: Bindings<'b, RawBuffer>>(&mut self, buffers: &T, params: &T::Params, groups: usize) {
         let limit = self.gpu.limits.max_compute_workgroups_per_dimension as usize;
         let rows = groups.div_ceil(limit).max(1);
         let columns = groups.div_ceil(rows);
@@ -106,11 +106,11 @@ impl<'a> Pass<'a> {
     }
 
     /// Dispatches a grid of workgroups; nothing when it is empty.
-    pub fn grid<'b, T: Bindings<'b, Buffer>>(&mut self, buffers: &T, params: &T::Params, grid: [u32; 3]) {
+    pub fn grid<'b, T: Bindings<'b, RawBuffer>>(&mut self, buffers: &T, params: &T::Params, grid: [u32; 3]) {
         self.launch(T::KERNEL, buffers.in_order().as_ref(), bytes_of(params), grid);
     }
 
-    fn launch(&mut self, kernel: &'static Kernel, buffers: &[&Buffer], immediates: &[u8], grid: [u32; 3]) {
+    fn launch(&mut self, kernel: &'static Kernel, buffers: &[&RawBuffer], immediates: &[u8], grid: [u32; 3]) {
         if grid.contains(&0) {
             return;
         }
@@ -153,32 +153,34 @@ impl<'a> Pass<'a> {
     }
 
     /// Sets a buffer to zero.
-    pub fn clear(&mut self, buffer: &Buffer) {
+    pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
         self.recording.open = None;
-        self.recording.encoder.clear_buffer(&buffer.buffer, buffer.offset, Some(buffer.size));
+        let RawBuffer { buffer, offset, size, .. } = buffer.raw();
+        self.recording.encoder.clear_buffer(buffer, *offset, Some(*size));
     }
 
     /// Copies RGBA8 pixels, `stride` from row to row (a multiple of 64), into a texture.
-    pub(crate) fn copy_to_texture(&mut self, pixels: &Buffer, stride: u32, texture: &wgpu::Texture) {
+    pub(crate) fn copy_to_texture(&mut self, pixels: &Buffer<u32>, stride: u32, texture: &wgpu::Texture) {
         self.recording.open = None;
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: pixels.offset,
-            bytes_per_row: Some(4 * stride),
-            rows_per_image: None,
-        };
-        let source = wgpu::TexelCopyBufferInfo { buffer: &pixels.buffer, layout };
+        let RawBuffer { buffer, offset, .. } = pixels.raw();
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: *offset, bytes_per_row: Some(4 * stride), rows_per_image: None };
+        let source = wgpu::TexelCopyBufferInfo { buffer, layout };
         self.recording.encoder.copy_buffer_to_texture(source, texture.as_image_copy(), texture.size());
     }
 
-    /// Copies the first `bytes` to byte `at` of another buffer.
-    pub fn copy(&mut self, source: &Buffer, target: &Buffer, at: u64, bytes: u64) {
-        self.copy_out(source, &target.buffer, target.offset + at, bytes);
+    /// Copies the first `count` rows to row `at` of another buffer.
+    pub fn copy<T>(&mut self, source: &Buffer<T>, target: &Buffer<T>, at: usize, count: usize) {
+        let row = size_of::<T>() as u64;
+        let RawBuffer { buffer, offset, .. } = target.raw();
+        self.copy_out(source, buffer, offset + at as u64 * row, count as u64 * row);
     }
 
     /// Copies the first `bytes` into a mappable buffer.
-    pub fn copy_out(&mut self, source: &Buffer, target: &wgpu::Buffer, at: u64, bytes: u64) {
+    pub fn copy_out<T>(&mut self, source: &Buffer<T>, target: &wgpu::Buffer, at: u64, bytes: u64) {
         self.recording.open = None;
-        self.recording.encoder.copy_buffer_to_buffer(&source.buffer, source.offset, target, at, bytes);
+        let RawBuffer { buffer, offset, .. } = source.raw();
+        self.recording.encoder.copy_buffer_to_buffer(buffer, *offset, target, at, bytes);
     }
 
     /// Submits everything recorded, or leaves it to the [`Batch`].

@@ -16,7 +16,7 @@ pub mod scan;
 mod uniforms;
 
 pub use adapter::{Use, backends, device_descriptor, lacking};
-pub use buffer::Buffer;
+pub use buffer::{Buffer, RawBuffer};
 pub use bytes::Bytes;
 pub(crate) use device::at_once;
 pub use device::{Gpu, GpuError, Mark, MemoryKind, MemoryReport};

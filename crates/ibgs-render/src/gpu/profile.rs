@@ -1,6 +1,6 @@
 //! GPU time by pass and kernel, from timestamps around every dispatch. Off unless asked for: it waits after every submit.
 
-use super::{Gpu, GpuError};
+use super::{Buffer, Gpu, GpuError};
 use ibgs_shaders::Kernel;
 use std::collections::BTreeMap;
 
@@ -92,9 +92,8 @@ impl Gpu {
             return Ok(());
         };
         let pending = std::mem::take(&mut profiler.pending);
-        let size = pending.len() as u64 * 16;
-        let view = super::Buffer::whole(profiler.resolve.clone()).part(0, size);
-        let ticks: Vec<u64> = self.read(&view, 2 * pending.len())?;
+        let view = Buffer::<u64>::whole(profiler.resolve.clone()).part(0, 2 * pending.len());
+        let ticks = self.read(&view, 2 * pending.len())?;
         let period = f64::from(self.queue.get_timestamp_period());
         for (&(pass, kernel), pair) in pending.iter().zip(ticks.chunks_exact(2)) {
             let none = Measured { pass, kernel, ms: 0.0, dispatches: 0 };

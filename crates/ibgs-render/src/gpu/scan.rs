@@ -7,7 +7,7 @@ use ibgs_shaders::bindings::{ScanApplyBindings, ScanReduceBindings};
 /// Scratch memory of a scan of at most `capacity` values.
 #[derive(Debug)]
 pub struct Scan {
-    block_sums: Buffer,
+    block_sums: Buffer<u32>,
     capacity: usize,
 }
 
@@ -18,11 +18,11 @@ impl Scan {
     /// When the device has not enough memory.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self, GpuError> {
         let blocks = capacity.div_ceil(SCAN_BLOCK as usize).max(1);
-        Ok(Self { block_sums: gpu.allocate("prefix sums", 4 * blocks as u64)?, capacity })
+        Ok(Self { block_sums: gpu.allocate("prefix sums", blocks)?, capacity })
     }
 
     /// Records `sums = exclusive prefix sum of values[..count]` and `total[0] = their sum` (modulo 2^32).
-    pub fn record(&self, pass: &mut Pass, values: &Buffer, sums: &Buffer, total: &Buffer, count: usize) {
+    pub fn record(&self, pass: &mut Pass, values: &Buffer<u32>, sums: &Buffer<u32>, total: &Buffer<u32>, count: usize) {
         assert!(count <= self.capacity, "scan scratch too small");
         let length = count as u32;
         let block_sums = &self.block_sums;

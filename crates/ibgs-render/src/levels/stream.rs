@@ -121,8 +121,8 @@ impl Stream {
         let slots = slots.max(2);
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
         let named = PerGaussian::<()>::NAMES.zip(harmonics.rows(levels.coefficients()));
-        let parameters = named.try_map(|(name, row)| gpu.allocate(name, 4 * (row * count) as u64))?;
-        let filters = gpu.allocate("filters", 4 * count as u64)?;
+        let parameters = named.try_map(|(name, row)| gpu.allocate(name, row * count))?;
+        let filters = gpu.allocate("filters", count)?;
         let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters, filters };
         let mut state = State {
             places: vec![None; slots],
@@ -334,6 +334,6 @@ impl State {
 }
 
 /// Writes words into a buffer of them, from one on.
-fn write(gpu: &Gpu, buffer: &Buffer, first: usize, words: &[u32]) {
-    gpu.queue.write_buffer(&buffer.buffer, buffer.offset + 4 * first as u64, cast_slice(words));
+fn write(gpu: &Gpu, buffer: &Buffer<f32>, first: usize, words: &[u32]) {
+    gpu.write(&buffer.cast(), first, words);
 }

@@ -13,19 +13,19 @@ use ibgs_shaders::bindings::{
 #[derive(Clone, Debug)]
 pub struct RasterGradients {
     /// By the means, `[N, 3]`.
-    pub means: Buffer,
+    pub means: Buffer<f32>,
     /// By the raw quaternions, `[N, 4]`.
-    pub rotations: Buffer,
+    pub rotations: Buffer<[f32; 4]>,
     /// By the logarithms of the scales, `[N, 3]`.
-    pub log_scales: Buffer,
+    pub log_scales: Buffer<f32>,
     /// By the opacity logits, `[N]`.
-    pub opacity_logits: Buffer,
+    pub opacity_logits: Buffer<f32>,
     /// By the spherical-harmonics coefficients, `[N, coefficients, 3]`.
-    pub sh: Buffer,
+    pub sh: Buffer<f32>,
     /// (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels, `[N, 4]`.
-    pub screen: Buffer,
+    pub screen: Buffer<[f32; 4]>,
     /// By the planes' raw normals, `[N, 3]`, and offsets, `[N]`: needed where the pass has a surface.
-    pub planes: Option<[Buffer; 2]>,
+    pub planes: Option<[Buffer<f32>; 2]>,
 }
 
 impl Forward {
@@ -35,7 +35,7 @@ impl Forward {
     /// # Panics
     /// When the pass did not keep what its gradients need, `v` lacks the planes, or the spherical harmonics are halves: bugs of
     /// ours.
-    pub fn backward(&self, gpu: &Gpu, splats: &Splats, v_image: &Buffer, v: &RasterGradients) {
+    pub fn backward(&self, gpu: &Gpu, splats: &Splats, v_image: &Buffer<f32>, v: &RasterGradients) {
         assert_eq!(self.surface.is_some(), v.planes.is_some(), "gradients of the planes");
         assert_eq!(splats.harmonics, Harmonics::Full, "precision of what learns");
         let mut pass = Pass::new(gpu, "rasterize backward");
@@ -44,7 +44,7 @@ impl Forward {
         pass.submit();
     }
 
-    fn record_blend(&self, pass: &mut Pass, v_image: &Buffer) {
+    fn record_blend(&self, pass: &mut Pass, v_image: &Buffer<f32>) {
         let ws = &self.workspace;
         let frame = &self.frame;
         let grid = tile_grid(frame);
@@ -95,7 +95,7 @@ impl Forward {
     }
 
     fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
-        let PerGaussian { means, rotations, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
+        let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
         let Workspace { offsets, tile_counts, total, projected, rows, .. } = &**self.workspace;
         let (frame, count) = (&self.frame, splats.count);
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
@@ -136,7 +136,7 @@ impl Forward {
         }
         let project = ProjectBackwardBindings {
             means,
-            rotations,
+            rotations: &splats.rotations(),
             log_scales,
             sh,
             projected,

@@ -11,7 +11,8 @@ use ibgs_shaders::types::ViewUniforms;
 
 /// Records the projection.
 fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
-    let PerGaussian { means, rotations, log_scales, opacity_logits, sh, .. } = &splats.parameters;
+    let PerGaussian { means, log_scales, opacity_logits, sh, .. } = &splats.parameters;
+    let rotations = &splats.rotations();
     let (projected, tile_counts, filters) = (&ws.projected, &ws.tile_counts, &splats.filters);
     let n = frame.count as usize;
     match splats.harmonics {
@@ -26,7 +27,7 @@ fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &View
                 rotations,
                 log_scales,
                 opacity_logits,
-                sh,
+                sh: &splats.half_sh(),
                 projected,
                 tile_counts,
                 filters,

@@ -124,7 +124,7 @@ pub enum Room {
 #[derive(Clone, Debug)]
 pub struct Forward {
     /// Image, `[H, W, 3]`.
-    pub image: Buffer,
+    pub image: Buffer<f32>,
     /// Uniforms of the view.
     pub frame: ViewUniforms,
     /// Memory of the pass.
@@ -194,29 +194,35 @@ impl Rasterizer {
         Workspace::new(&self.gpu, count, capacity, tiles, pixels, rows)
     }
 
-    /// Bytes of a view's image.
+    /// Values of a view's image.
     ///
     /// # Errors
     /// When the device cannot bind them at once.
-    fn image_bytes(&self, camera: &Camera) -> Result<u64, GpuError> {
-        let bytes = 12 * camera.pixels() as u64;
-        self.gpu.check_size("image", bytes)?;
-        Ok(bytes)
+    fn image_values(&self, camera: &Camera) -> Result<usize, GpuError> {
+        let values = 3 * camera.pixels();
+        self.gpu.check_size("image", 4 * values as u64)?;
+        Ok(values)
     }
 
     /// Memory of its own for a view's image.
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn image_memory(&self, camera: &Camera) -> Result<Buffer, GpuError> {
-        self.gpu.transient("image", self.image_bytes(camera)?)
+    pub fn image_memory(&self, camera: &Camera) -> Result<Buffer<f32>, GpuError> {
+        self.gpu.transient("image", self.image_values(camera)?)
     }
 
     /// One forward pass into `image`, `[H, W, 3]`.
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn forward(&self, splats: &Splats, view: &RasterView, keep: Keep, image: Buffer) -> Result<Forward, GpuError> {
+    pub fn forward(
+        &self,
+        splats: &Splats,
+        view: &RasterView,
+        keep: Keep,
+        image: Buffer<f32>,
+    ) -> Result<Forward, GpuError> {
         let mut pass = Pass::new(&self.gpu, LABEL);
         let forward = self.record(&mut pass, splats, view, keep, image)?;
         pass.submit();
@@ -233,7 +239,7 @@ impl Rasterizer {
         splats: &Splats,
         view: &RasterView,
         keep: Keep,
-        image: Buffer,
+        image: Buffer<f32>,
     ) -> Result<Forward, GpuError> {
         let rows = match (keep, view.surface) {
             (Keep::Image, _) => 0,
@@ -272,7 +278,7 @@ impl Rasterizer {
     fn leased_workspace(&self, splats: &Splats, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {
         let Camera { width, height, .. } = view.camera;
         let tiles = width.div_ceil(TILE) as usize * height.div_ceil(TILE) as usize;
-        self.image_bytes(&view.camera)?;
+        self.image_values(&view.camera)?;
         self.workspace(splats.count, tiles, view.camera.pixels(), rows)
     }
 
@@ -283,7 +289,7 @@ impl Rasterizer {
     ///
     /// # Panics
     /// When the view asks for no surface: a bug of ours.
-    pub fn depth_map(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
+    pub fn depth_map(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer<f32>, GpuError> {
         at_once(self.depth_map_in(splats, view, room))
     }
 
@@ -294,18 +300,17 @@ impl Rasterizer {
     ///
     /// # Panics
     /// As [`Rasterizer::depth_map`].
-    pub async fn depth_map_later(&self, splats: &Splats, view: &RasterView) -> Result<Buffer, GpuError> {
+    pub async fn depth_map_later(&self, splats: &Splats, view: &RasterView) -> Result<Buffer<f32>, GpuError> {
         self.depth_map_in(splats, view, Room::Checked).await
     }
 
-    async fn depth_map_in(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer, GpuError> {
+    async fn depth_map_in(&self, splats: &Splats, view: &RasterView, room: Room) -> Result<Buffer<f32>, GpuError> {
         let gpu = &*self.gpu;
         let options = view.surface.expect("a depth map needs the surface's options");
         // Colours are not looked at.
         let view = RasterView { sh_degree: 0, ..*view };
-        let Camera { width, height, .. } = view.camera;
-        let depth = gpu.allocate("median depth", 4 * u64::from(width) * u64::from(height))?;
-        let planes = gpu.allocate("planes", 16 * splats.count as u64)?;
+        let depth = gpu.allocate("median depth", view.camera.pixels())?;
+        let planes = gpu.allocate("planes", splats.count)?;
         loop {
             let ws = self.leased_workspace(splats, &view, 0)?;
             let frame = view.frame(splats, ws.capacity);
@@ -325,7 +330,7 @@ impl Rasterizer {
             if room == Room::Assumed {
                 return Ok(depth);
             }
-            let needed = gpu.read_later::<u32>(&ws.total, 1).await?[0];
+            let needed = gpu.read_later(&ws.total, 1).await?[0];
             if self.fitted(&frame, needed.into()) {
                 return Ok(depth);
             }
@@ -345,7 +350,7 @@ impl Rasterizer {
     /// # Errors
     /// When the device is lost.
     pub async fn had_room_later(&self, forward: &Forward) -> Result<bool, GpuError> {
-        let total = self.gpu.read_later::<u32>(&forward.workspace.total, 1).await?[0];
+        let total = self.gpu.read_later(&forward.workspace.total, 1).await?[0];
         Ok(self.fitted(&forward.frame, total.into()))
     }
 
@@ -362,7 +367,7 @@ impl Rasterizer {
     ///
     /// # Errors
     /// Not enough memory, or the device is lost.
-    pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<Buffer, GpuError> {
+    pub fn render(&self, splats: &Splats, view: &RasterView) -> Result<Buffer<f32>, GpuError> {
         Ok(self.surface(splats, view)?.image)
     }
 
@@ -400,7 +405,7 @@ impl Forward {
     /// # Errors
     /// When the device is lost.
     pub fn intersections(&self, gpu: &Gpu) -> Result<u64, GpuError> {
-        Ok(u64::from(gpu.read::<u32>(&self.workspace.total, 1)?[0]))
+        Ok(u64::from(gpu.read(&self.workspace.total, 1)?[0]))
     }
 }
 

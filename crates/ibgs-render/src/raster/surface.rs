@@ -52,13 +52,13 @@ impl SurfaceOptions {
 #[derive(Debug)]
 pub struct Surface {
     /// (n_c, D_c) of each Gaussian.
-    pub(super) planes: Buffer,
+    pub(super) planes: Buffer<[f32; 4]>,
     /// Sum of w n_c, camera space, not normalised, `[P, 3]`.
-    pub normal_map: Buffer,
+    pub normal_map: Buffer<f32>,
     /// Median depth, `[P]`, 0 where nothing is met.
-    pub median_depth: Buffer,
+    pub median_depth: Buffer<f32>,
     /// (view depth, weight) of the median intersections front to back, `[K, P]`; weight 0 where there is none.
-    pub intersections: Buffer,
+    pub intersections: Buffer<[f32; 2]>,
     /// Gradients of the loss by the normal map, the median depth and the intersections. Zero after the forward pass; whoever uses the
     /// surface adds to them before the rasterizer's own backward pass runs. Empty without gradients.
     pub v: Option<SurfaceGradients>,
@@ -76,39 +76,39 @@ pub struct Surface {
 #[derive(Debug)]
 pub struct SurfaceGradients {
     /// By the normal map, `[P, 3]`.
-    pub normal_map: Buffer,
+    pub normal_map: Buffer<f32>,
     /// By the median depth, `[P]`.
-    pub median_depth: Buffer,
+    pub median_depth: Buffer<f32>,
     /// By the intersections' depths and weights, `[K, P]`.
-    pub intersections: Buffer,
+    pub intersections: Buffer<[f32; 2]>,
     /// Entries of the intersections in the tile's list, `[K, P]`.
-    pub(super) entries: Buffer,
+    pub(super) entries: Buffer<u32>,
 }
 
 impl Surface {
     fn new(gpu: &Gpu, count: usize, view: &RasterView, options: SurfaceOptions, keep: Keep) -> Result<Self, GpuError> {
-        let p = u64::from(view.camera.width) * u64::from(view.camera.height);
-        let values = p * u64::from(options.intersections);
+        let p = view.camera.pixels();
+        let values = p * options.intersections as usize;
         let by = || {
             Ok(SurfaceGradients {
-                normal_map: gpu.allocate("normal gradients", 12 * p)?,
-                median_depth: gpu.allocate("depth gradients", 4 * p)?,
-                intersections: gpu.allocate("intersection gradients", 8 * values)?,
-                entries: gpu.allocate("median intersections", 4 * values)?,
+                normal_map: gpu.allocate("normal gradients", 3 * p)?,
+                median_depth: gpu.allocate("depth gradients", p)?,
+                intersections: gpu.allocate("intersection gradients", values)?,
+                entries: gpu.allocate("median intersections", values)?,
             })
         };
         Ok(Self {
-            planes: gpu.allocate("planes", 16 * count as u64)?,
-            normal_map: gpu.allocate("normal map", 12 * p)?,
-            median_depth: gpu.allocate("median depth", 4 * p)?,
-            intersections: gpu.allocate("median intersections", 8 * values)?,
+            planes: gpu.allocate("planes", count)?,
+            normal_map: gpu.allocate("normal map", 3 * p)?,
+            median_depth: gpu.allocate("median depth", p)?,
+            intersections: gpu.allocate("median intersections", values)?,
             v: (keep == Keep::Gradients).then(by).transpose()?,
             camera: view.camera,
             options,
             frame: options.frame(view),
             gaussians: count,
-            pixels: p as usize,
-            values: values as usize,
+            pixels: p,
+            values,
         })
     }
 
@@ -124,8 +124,8 @@ impl Surface {
     pub(super) fn record(
         &self,
         pass: &mut Pass,
-        (ws, sorted_gaussians): (&Workspace, &Buffer),
-        image: &Buffer,
+        (ws, sorted_gaussians): (&Workspace, &Buffer<u32>),
+        image: &Buffer<f32>,
         grid: [u32; 3],
     ) {
         let Surface { planes, normal_map, median_depth, intersections, .. } = self;
@@ -173,7 +173,7 @@ impl Surface {
     }
 }
 
-pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer, frame: &ViewUniforms) {
+pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer<[f32; 4]>, frame: &ViewUniforms) {
     let PerGaussian { means, normals, offsets: plane_offsets, .. } = &splats.parameters;
     pass.linear(&PlanesBindings { means, normals, plane_offsets, planes }, frame, splats.count);
 }
@@ -181,7 +181,8 @@ pub(super) fn record_planes(pass: &mut Pass, splats: &Splats, planes: &Buffer, f
 impl Rasterizer {
     /// Sets every plane's normal to its Gaussian's shortest axis and its offset to 0 (method.md section 1), in place.
     pub fn shape_normals(&self, splats: &Splats) {
-        let PerGaussian { rotations, log_scales, normals, offsets: plane_offsets, .. } = &splats.parameters;
+        let PerGaussian { log_scales, normals, offsets: plane_offsets, .. } = &splats.parameters;
+        let rotations = &splats.rotations();
         let frame = ViewUniforms { count: splats.count as u32, ..ViewUniforms::default() };
         let mut pass = Pass::new(&self.gpu, "shape normals");
         let buffers = ShortestAxisBindings { rotations, log_scales, normals, plane_offsets };

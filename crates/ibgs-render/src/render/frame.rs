@@ -36,14 +36,14 @@ pub(crate) struct FrameSource {
     pub camera: Camera,
     pub photo: HostPhoto,
     /// The view's own median depth, `[H * W]`.
-    pub depth: Buffer,
+    pub depth: Buffer<f32>,
 }
 
 /// The final image and what it was made from.
 #[derive(Debug)]
 pub(crate) struct FinalImage {
     /// `[H, W, 3]`.
-    pub image: Buffer,
+    pub image: Buffer<f32>,
     /// Which sources its pixels see; none without any source.
     pub seen: Option<Arc<Lease<Seen>>>,
     /// Its sources, best first.
@@ -60,7 +60,7 @@ pub struct Frame {
     /// The final image, where the model has a network.
     pub(crate) image: Option<FinalImage>,
     /// The base image, `[H, W, 3]`.
-    pub(super) base: Buffer,
+    pub(super) base: Buffer<f32>,
     pub(super) camera: Camera,
     /// In local coordinates.
     pub(crate) local: Camera,
@@ -74,12 +74,12 @@ impl Frame {
     }
 
     /// The base image, on the device, `[H, W, 3]`.
-    pub(crate) fn base_memory(&self) -> &Buffer {
+    pub(crate) fn base_memory(&self) -> &Buffer<f32> {
         &self.base
     }
 
     /// The final image, on the device, `[H, W, 3]`.
-    pub(crate) fn image_memory(&self) -> Option<&Buffer> {
+    pub(crate) fn image_memory(&self) -> Option<&Buffer<f32>> {
         self.image.as_ref().map(|part| &part.image)
     }
 
@@ -107,7 +107,7 @@ impl Frame {
             return Ok(None);
         };
         let at = y as usize * self.camera.width as usize + x as usize;
-        let depth = at_once(self.gpu.read_at_later::<f32>(&surface.median_depth, at, 1))?[0];
+        let depth = at_once(self.gpu.read_at_later(&surface.median_depth, at, 1))?[0];
         Ok(Some(depth).filter(|&z| z > 0.0 && z.is_finite()).map(|z| self.in_scene_units(z)))
     }
 
@@ -136,7 +136,7 @@ impl Frame {
         self.image_memory().map(|memory| self.read(memory)).transpose()
     }
 
-    fn read(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
+    fn read(&self, memory: &Buffer<f32>) -> Result<Rendered, GpuError> {
         at_once(self.read_later(memory))
     }
 
@@ -159,7 +159,7 @@ impl Frame {
         }
     }
 
-    async fn read_later(&self, memory: &Buffer) -> Result<Rendered, GpuError> {
+    async fn read_later(&self, memory: &Buffer<f32>) -> Result<Rendered, GpuError> {
         let Camera { width, height, .. } = self.camera;
         Ok(Rendered { width, height, rgb: self.gpu.read_later(memory, 3 * self.pixels()).await? })
     }
@@ -178,7 +178,7 @@ impl Frame {
     /// When the device is lost.
     pub async fn depth_later(&self) -> Result<Option<Vec<f32>>, GpuError> {
         let Some(surface) = self.forward.surface() else { return Ok(None) };
-        let mut depth: Vec<f32> = self.gpu.read_later(&surface.median_depth, self.pixels()).await?;
+        let mut depth = self.gpu.read_later(&surface.median_depth, self.pixels()).await?;
         depth.iter_mut().for_each(|z| *z = self.in_scene_units(*z));
         Ok(Some(depth))
     }
@@ -198,7 +198,7 @@ impl Frame {
     pub fn visibility(&self) -> Result<Option<Vec<u32>>, GpuError> {
         let Some(part) = &self.image else { return Ok(None) };
         let Some(seen) = &part.seen else { return Ok(Some(vec![0; self.pixels()])) };
-        let packed: Vec<u32> = self.gpu.read(&seen.visible, self.pixels())?;
+        let packed = self.gpu.read(&seen.visible, self.pixels())?;
         let count = |word: u32| (0..4).filter(|m| (word >> (8 * m)) & 255 != 255).count() as u32;
         Ok(Some(packed.into_iter().map(count).collect()))
     }

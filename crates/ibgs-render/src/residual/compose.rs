@@ -26,38 +26,38 @@ pub struct Compose {
 #[derive(Clone, Copy, Debug)]
 pub struct ComposeBuffers<'a> {
     /// `[4]` words, the first: most visible sources of any pixel.
-    pub most_visible: &'a Buffer,
+    pub most_visible: &'a Buffer<u32>,
     /// Which sources the pixels see, `[P]` u32 as in [`Seen::visible`](crate::sources::Seen::visible).
-    pub seen: &'a Buffer,
+    pub seen: &'a Buffer<u32>,
     /// Base colour, `[P, 3]`.
-    pub base: &'a Buffer,
+    pub base: &'a Buffer<f32>,
     /// `[V][P]` of (colour of the visible source, cosine).
-    pub warped: &'a Buffer,
+    pub warped: &'a Buffer<[f32; 4]>,
     /// The network's output, `[n, 4]`.
-    pub residual: &'a Buffer,
+    pub residual: &'a Buffer<[f32; 4]>,
     /// Final colour, `[P, 3]`, written.
-    pub image: &'a Buffer,
+    pub image: &'a Buffer<f32>,
 }
 
 /// What the composition's derivative reads and writes.
 #[derive(Clone, Copy, Debug)]
 pub struct ComposeGradients<'a> {
     /// As in [`ComposeBuffers`].
-    pub most_visible: &'a Buffer,
+    pub most_visible: &'a Buffer<u32>,
     /// As in [`ComposeBuffers`].
-    pub seen: &'a Buffer,
+    pub seen: &'a Buffer<u32>,
     /// As in [`ComposeBuffers`].
-    pub base: &'a Buffer,
+    pub base: &'a Buffer<f32>,
     /// As in [`ComposeBuffers`].
-    pub warped: &'a Buffer,
+    pub warped: &'a Buffer<[f32; 4]>,
     /// As in [`ComposeBuffers`].
-    pub residual: &'a Buffer,
+    pub residual: &'a Buffer<[f32; 4]>,
     /// Gradient by the final colour, `[P, 3]`.
-    pub v_image: &'a Buffer,
+    pub v_image: &'a Buffer<f32>,
     /// `[n, 4]`, assigned; zero where no source is seen in the whole image.
-    pub v_residual: &'a Buffer,
+    pub v_residual: &'a Buffer<[f32; 4]>,
     /// `[P, 3]`, assigned; without the part that passes through D.
-    pub v_base: &'a Buffer,
+    pub v_base: &'a Buffer<f32>,
 }
 
 impl Compose {

@@ -10,7 +10,7 @@ use ibgs_shaders::bindings::{
     HalfFeaturesBackwardBindings, HalfFeaturesBindings, ResidualFeaturesBackwardBindings, ResidualFeaturesBindings,
     ResidualFeaturesHalfBindings, ResidualFeaturesSumBindings, ResidualInputsBackwardBindings,
 };
-use ibgs_shaders::types::{FeatureParams, FeatureSumParams};
+use ibgs_shaders::types::{F16, FeatureParams, FeatureSumParams};
 use ibgs_shaders::{Aggregation, HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES_BACKWARD};
 
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
@@ -37,37 +37,37 @@ const _: () = assert!(HALF_GROUPS <= GROUPS);
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureInputs<'a> {
     /// Base colour, `[P, 3]`, exposure-corrected where that is on.
-    pub base: &'a Buffer,
+    pub base: &'a Buffer<f32>,
     /// `[V][P]` of (colour of the visible source, cosine).
-    pub warped: &'a Buffer,
+    pub warped: &'a Buffer<[f32; 4]>,
     /// `[P]` words; byte m is the number of visible source m, 255: there is none.
-    pub seen: &'a Buffer,
+    pub seen: &'a Buffer<u32>,
     /// `[4]` words, the first: most visible sources of any pixel.
-    pub most_visible: &'a Buffer,
+    pub most_visible: &'a Buffer<u32>,
     /// `[sources]` of (target camera centre - source camera centre, unused), world space.
-    pub centers: &'a Buffer,
+    pub centers: &'a Buffer<[f32; 4]>,
     /// The network's flat weights.
-    pub weights: &'a Buffer,
+    pub weights: &'a Buffer<f32>,
 }
 
 /// Scratch memory of the backward pass.
 #[derive(Debug)]
 pub struct FeatureScratch {
     /// Gradient by (colour, cosine) of each visible source at the network's size.
-    v_features: Buffer,
-    partials: Buffer,
+    v_features: Buffer<[f32; 4]>,
+    partials: Buffer<f32>,
 }
 
 /// What the features' backward pass reads and writes besides the inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureGradients<'a> {
     /// Gradient by the U-Net's input, planes `[38][w h]`, read.
-    pub v_x: &'a Buffer,
+    pub v_x: &'a Buffer<f32>,
     /// The same in half precision, where the U-Net has it.
     pub half: Option<HalfGradient<'a>>,
     /// Gradient by the network's weights: those of the per-view MLP and of the confidence are assigned, zeros to the latter
     /// where it is not read.
-    pub v_weights: &'a Buffer,
+    pub v_weights: &'a Buffer<f32>,
     /// Scratch memory.
     pub scratch: &'a FeatureScratch,
 }
@@ -76,7 +76,7 @@ pub struct FeatureGradients<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct HalfGradient<'a> {
     /// Channels last, `[w h][48]`.
-    pub v_x: &'a Buffer,
+    pub v_x: &'a Buffer<[F16; 4]>,
     /// Inverse of the scale that they are multiplied by.
     pub unscale: f32,
 }
@@ -85,13 +85,13 @@ pub struct HalfGradient<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct InputGradients<'a> {
     /// The network's output, `[w h, 4]`.
-    pub residual: &'a Buffer,
+    pub residual: &'a Buffer<[f32; 4]>,
     /// Gradient by the final colour, `[P, 3]`.
-    pub v_image: &'a Buffer,
+    pub v_image: &'a Buffer<f32>,
     /// `[V][P]` of (colour, cosine), assigned; zero where there is no visible source.
-    pub v_warped: &'a Buffer,
+    pub v_warped: &'a Buffer<[f32; 4]>,
     /// `[P, 3]`, added to.
-    pub v_base: &'a Buffer,
+    pub v_base: &'a Buffer<f32>,
 }
 
 /// One target view's features: size, camera and variant.
@@ -142,30 +142,30 @@ impl Features {
     /// # Errors
     /// Not enough memory.
     pub fn scratch(&self, gpu: &Gpu) -> Result<FeatureScratch, GpuError> {
-        let features = 16 * (self.params.visible as usize * self.low_pixels()) as u64;
+        let features = self.params.visible as usize * self.low_pixels();
         Ok(FeatureScratch {
             v_features: gpu.allocate("gradients of the sources' features", features)?,
-            partials: gpu.allocate("sums of the per-view network", SUMS_BYTES)?,
+            partials: gpu.allocate("sums of the per-view network", GROUPS as usize * SUMS)?,
         })
     }
 
     /// Records the U-Net's input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
     /// base colour (zeros with [`NetworkInputs::DifferencesOnly`](super::NetworkInputs::DifferencesOnly)).
-    pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+    pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer<f32>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let bindings = ResidualFeaturesBindings { base, warped, seen, most_visible, centers, weights, x };
         pass.linear(&bindings, &self.params, self.low_pixels());
     }
 
     /// The same in half precision, channels last and padded with zeros: `[w h][48]`.
-    pub fn record_half(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+    pub fn record_half(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer<[F16; 4]>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let bindings = ResidualFeaturesHalfBindings { base, warped, seen, most_visible, centers, weights, x };
         pass.linear(&bindings, &self.params, self.low_pixels());
     }
 
     /// The same with the per-view MLP on matrix units of 16 x 16, in subgroups of 32 lanes.
-    pub fn record_on_units(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer) {
+    pub fn record_on_units(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer<[F16; 4]>) {
         let groups = self.groups(&HALF_FEATURES, HALF_GROUPS);
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let bindings = HalfFeaturesBindings { base, warped, seen, most_visible, centers, weights, x };

@@ -35,7 +35,7 @@ impl SourceMix {
 
     /// Records the change of `image`, `[P, 3]`. `warped` is `[V, P, 4]`, in the exposure of the image, `seen` `[P]` u32 as in
     /// [`Seen::visible`](crate::sources::Seen::visible).
-    pub fn record(&self, pass: &mut Pass<'_>, warped: &Buffer, seen: &Buffer, image: &Buffer) {
+    pub fn record(&self, pass: &mut Pass<'_>, warped: &Buffer<[f32; 4]>, seen: &Buffer<u32>, image: &Buffer<f32>) {
         if self.params.share > 0.0 {
             let bindings = ResidualMixBindings { warped, seen, image };
             pass.linear(&bindings, &self.params, self.params.pixels as usize);

@@ -8,7 +8,7 @@ use crate::gpu::{Buffer, Gpu};
 #[derive(Clone, Debug)]
 pub struct ResidualNetwork {
     /// Flat weights in the layout of [`layers`](super::layers), `[WEIGHTS]`.
-    pub weights: Buffer,
+    pub weights: Buffer<f32>,
 }
 
 impl ResidualNetwork {

@@ -2,7 +2,6 @@
 
 use super::compose::{Compose, ComposeBuffers, ComposeGradients};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
-use super::layers::OUTPUTS;
 use super::unet::{Arithmetic, UNet, choice};
 use super::variant::{Precision, Variant};
 use crate::camera::Camera;
@@ -44,7 +43,7 @@ struct Scratch {
 #[derive(Debug)]
 struct BackwardScratch {
     features: FeatureScratch,
-    v_residual: Buffer,
+    v_residual: Buffer<[f32; 4]>,
 }
 
 const LABEL: &str = "residual";
@@ -53,20 +52,20 @@ const LABEL: &str = "residual";
 #[derive(Clone, Debug)]
 pub struct ResidualInputs {
     /// Base colour, `[H, W, 3]`.
-    pub base: Buffer,
+    pub base: Buffer<f32>,
     /// Warped colours, `[V, P, 4]`.
-    pub warped: Buffer,
+    pub warped: Buffer<[f32; 4]>,
     /// Visible sources a pixel, V.
     pub visible: u32,
     /// Flat weights of the network, `[WEIGHTS]`.
-    pub weights: Buffer,
+    pub weights: Buffer<f32>,
 }
 
 /// The final image and what its gradients need.
 #[derive(Clone, Debug)]
 pub struct ResidualPass {
     /// Final image, `[H, W, 3]`.
-    pub image: Buffer,
+    pub image: Buffer<f32>,
     inputs: ResidualInputs,
     scratch: Arc<Lease<Scratch>>,
     task: ResidualTask,
@@ -77,11 +76,11 @@ pub struct ResidualPass {
 #[derive(Clone, Copy, Debug)]
 pub struct ResidualGradients<'a> {
     /// By the base colour, `[H, W, 3]`. Written in part where the colours do not learn.
-    pub base: &'a Buffer,
+    pub base: &'a Buffer<f32>,
     /// By the warped colours, `[V, P, 4]`; none where neither they nor the base colour learn.
-    pub warped: Option<&'a Buffer>,
+    pub warped: Option<&'a Buffer<[f32; 4]>>,
     /// By the weights, `[WEIGHTS]`.
-    pub weights: &'a Buffer,
+    pub weights: &'a Buffer<f32>,
 }
 
 impl ResidualPass {
@@ -116,7 +115,7 @@ impl ResidualPass {
     ///
     /// # Panics
     /// When the pass was made without memory for gradients: a bug of ours.
-    pub fn backward(&self, gpu: &Gpu, v_image: &Buffer, v: &ResidualGradients) {
+    pub fn backward(&self, gpu: &Gpu, v_image: &Buffer<f32>, v: &ResidualGradients) {
         let ResidualInputs { base, warped, weights, .. } = &self.inputs;
         let (scratch, seen) = (&self.scratch, &self.task.seen);
         let own = scratch.backward.as_ref().expect("a tracked pass has memory for its gradients");
@@ -146,7 +145,12 @@ impl ResidualPass {
     }
 }
 
-fn feature_inputs<'a>(seen: &'a Seen, base: &'a Buffer, warped: &'a Buffer, weights: &'a Buffer) -> FeatureInputs<'a> {
+fn feature_inputs<'a>(
+    seen: &'a Seen,
+    base: &'a Buffer<f32>,
+    warped: &'a Buffer<[f32; 4]>,
+    weights: &'a Buffer<f32>,
+) -> FeatureInputs<'a> {
     FeatureInputs {
         base,
         warped,
@@ -191,8 +195,7 @@ impl Residual {
         let backward = || {
             Ok(BackwardScratch {
                 features: Features::new(&task.camera, visible, self.variant).scratch(gpu)?,
-                v_residual: gpu
-                    .allocate("residual gradients", 4 * OUTPUTS as u64 * u64::from(low[0]) * u64::from(low[1]))?,
+                v_residual: gpu.allocate("residual gradients", low[0] as usize * low[1] as usize)?,
             })
         };
         Ok(Scratch {
@@ -215,7 +218,7 @@ impl Residual {
         task: &ResidualTask,
         inputs: ResidualInputs,
         keep: Keep,
-        image: Buffer,
+        image: Buffer<f32>,
     ) -> Result<ResidualPass, GpuError> {
         let mut pass = Pass::new(&self.gpu, LABEL);
         let forward = self.record(&mut pass, task, inputs, keep, image)?;
@@ -236,7 +239,7 @@ impl Residual {
         task: &ResidualTask,
         inputs: ResidualInputs,
         keep: Keep,
-        image: Buffer,
+        image: Buffer<f32>,
     ) -> Result<ResidualPass, GpuError> {
         let scratch = Arc::new(self.pool.lease(self.scratch(task, inputs.visible, keep)?));
         let forward = ResidualPass { image, inputs, scratch, task: task.clone(), variant: self.variant };

@@ -48,7 +48,7 @@ pub struct UNet {
     maps: Activations,
     gradients: Option<Gradients>,
     /// Float32 planes; a stub without gradients.
-    v_x: Buffer,
+    v_x: Buffer<f32>,
 }
 
 impl UNet {
@@ -68,14 +68,14 @@ impl UNet {
         };
         let maps = Activations::new(gpu, arithmetic, size, keep)?;
         let gradients = match keep {
-            Keep::Gradients => Some(Gradients::new(gpu, &maps, backend.partial_bytes(size))?),
+            Keep::Gradients => Some(Gradients::new(gpu, &maps, backend.partials(size))?),
             Keep::Image => None,
         };
         let v_x = match arithmetic {
-            Arithmetic::Full => maps.f.buffer.clone(),
+            Arithmetic::Full => maps.f.planes().clone(),
             Arithmetic::Half => {
                 let pixels = if keep == Keep::Gradients { maps.x.pixels() } else { 1 };
-                gpu.allocate("unet v_x", 4 * INPUT as u64 * u64::from(pixels))?
+                gpu.allocate("unet v_x", INPUT * pixels as usize)?
             }
         };
         Ok(Self { backend, maps, gradients, v_x })
@@ -96,20 +96,23 @@ impl UNet {
         self.gradients.is_some()
     }
 
-    /// The input, to be written before every pass: float32 planes, `[38][height * width]`, or halves with channels last,
-    /// `[height * width][48]`.
-    pub fn x(&self) -> &Buffer {
-        &self.maps.x.buffer
+    /// The input in float32, to be written before every pass: planes, `[38][height * width]`.
+    ///
+    /// # Panics
+    /// In half precision: a bug of ours.
+    pub fn x(&self) -> &Buffer<f32> {
+        self.maps.x.planes()
     }
 
-    /// Records the input.
+    /// Records the input: float32 planes, or halves with channels last, `[height * width][48]`.
     pub fn record_input(&self, pass: &mut Pass, features: &Features, inputs: &FeatureInputs) {
-        match self.maps.x.arithmetic {
-            Arithmetic::Full => features.record(pass, inputs, self.x()),
+        let x = &self.maps.x;
+        match x.arithmetic() {
+            Arithmetic::Full => features.record(pass, inputs, x.planes()),
             Arithmetic::Half if self.backend.multiplies_features() => {
-                features.record_on_units(pass, inputs, self.x());
+                features.record_on_units(pass, inputs, x.halves());
             }
-            Arithmetic::Half => features.record_half(pass, inputs, self.x()),
+            Arithmetic::Half => features.record_half(pass, inputs, x.halves()),
         }
     }
 
@@ -118,23 +121,23 @@ impl UNet {
         self.maps.x.write(gpu, planes);
     }
 
-    /// The output of [`UNet::forward`], `[height * width * 4]`: the residual, and the gate before its sigmoid.
-    pub fn residual(&self) -> &Buffer {
+    /// The output of [`UNet::forward`], `[height * width, 4]`: the residual, and the gate before its sigmoid.
+    pub fn residual(&self) -> &Buffer<[f32; 4]> {
         &self.maps.residual
     }
 
     /// The gradient by the input after [`UNet::backward`], `[38][height * width]`.
-    pub fn v_x(&self) -> &Buffer {
+    pub fn v_x(&self) -> &Buffer<f32> {
         &self.v_x
     }
 
     /// The same in half precision, where the matrix units have made it.
     pub fn half_v_x(&self) -> Option<HalfGradient<'_>> {
-        self.backend.unscale().map(|unscale| HalfGradient { v_x: &self.maps.f.buffer, unscale })
+        self.backend.unscale().map(|unscale| HalfGradient { v_x: self.maps.f.halves(), unscale })
     }
 
     /// From the input to the output. `weights`: the network's flat weights ([`layers`](super::layers)).
-    pub fn forward(&self, pass: &mut Pass, weights: &Buffer) {
+    pub fn forward(&self, pass: &mut Pass, weights: &Buffer<f32>) {
         let Activations { x, e1, e2, b, u2, d2, u1, d1, .. } = &self.maps;
         self.backend.prepare(pass, weights);
         let mut conv = |layer: &Layer, inputs: &[&Map], output: &Map| {
@@ -152,7 +155,7 @@ impl UNet {
         self.backend.head(pass, weights, &self.maps);
     }
 
-    /// From `v_residual`, `[height * width * 4]`, to [`UNet::v_x`] and the U-Net's part of `v_weights` (from the
+    /// From `v_residual`, `[height * width, 4]`, to [`UNet::v_x`] and the U-Net's part of `v_weights` (from the
     /// first weight of e1 to the end), which is assigned; the rest of `v_weights` is left alone.
     ///
     /// Consumes what the last [`UNet::forward`] kept (gradients replace activations): one backward for each forward,
@@ -160,7 +163,13 @@ impl UNet {
     ///
     /// # Panics
     /// When made without gradients: a bug of ours.
-    pub fn backward(&self, pass: &mut Pass, weights: &Buffer, v_residual: &Buffer, v_weights: &Buffer) {
+    pub fn backward(
+        &self,
+        pass: &mut Pass,
+        weights: &Buffer<f32>,
+        v_residual: &Buffer<[f32; 4]>,
+        v_weights: &Buffer<f32>,
+    ) {
         let (backend, maps) = (&*self.backend, &self.maps);
         let gradients = self.gradients.as_ref().expect("an unet made with gradients");
         let Activations { x, e1, e2, b, u2, d2, u1, d1, f, .. } = maps;

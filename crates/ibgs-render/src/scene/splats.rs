@@ -21,9 +21,9 @@ pub struct Splats {
     /// How precisely those are kept.
     pub harmonics: Harmonics,
     /// Their numbers, float32 but for that.
-    pub parameters: PerGaussian<Buffer>,
+    pub parameters: PerGaussian<Buffer<f32>>,
     /// Standard deviations of the 3D smoothing filters, `[N]`, not trained; 0: none.
-    pub filters: Buffer,
+    pub filters: Buffer<f32>,
 }
 
 /// The parameters' numbers on the host.
@@ -60,8 +60,8 @@ impl Splats {
             count: g.len(),
             coefficients,
             harmonics,
-            parameters: named.try_map(|(name, words)| gpu.upload(name, &words))?,
-            filters: gpu.allocate("filters", 4 * g.len() as u64)?,
+            parameters: named.try_map(|(name, words)| Ok::<_, GpuError>(gpu.upload(name, &words)?.cast()))?,
+            filters: gpu.allocate("filters", g.len())?,
         })
     }
 
@@ -75,7 +75,7 @@ impl Splats {
             opacity_logits: gpu.upload("opacity logits", &vec![POINT_LOGIT; self.count])?,
             ..self.parameters.clone()
         };
-        let filters = gpu.allocate("filters", 4 * self.count as u64)?;
+        let filters = gpu.allocate("filters", self.count)?;
         Ok(Self { parameters, filters, ..self.clone() })
     }
 
@@ -96,7 +96,7 @@ impl Splats {
     pub fn download_raw(&self, gpu: &Gpu) -> Result<(Gaussians, Vec<f32>), SceneError> {
         let device_error = |e: GpuError| SceneError::Device(e.to_string());
         let rows = self.harmonics.rows(self.coefficients);
-        let read = |(buffer, row): (&Buffer, usize)| gpu.read::<f32>(buffer, row * self.count);
+        let read = |(buffer, row): (&Buffer<f32>, usize)| gpu.read(buffer, row * self.count);
         let values = self.parameters.as_ref().zip(rows).try_map(read).map_err(device_error)?;
         let gaussians = Gaussians {
             space: self.space,
@@ -112,9 +112,19 @@ impl Splats {
         Ok((gaussians, gpu.read(&self.filters, self.count).map_err(device_error)?))
     }
 
+    /// The raw quaternions, one a row.
+    pub fn rotations(&self) -> Buffer<[f32; 4]> {
+        self.parameters.rotations.cast()
+    }
+
+    /// The spherical harmonics as words of two halves, which they are with [`Harmonics::Half`].
+    pub(crate) fn half_sh(&self) -> Buffer<u32> {
+        self.parameters.sh.cast()
+    }
+
     /// Sets the sizes of the filters, one a Gaussian.
     pub fn set_filters(&self, gpu: &Gpu, filters: &[f32]) {
-        gpu.queue.write_buffer(&self.filters.buffer, self.filters.offset, cast_slice(filters));
+        gpu.write(&self.filters, 0, filters);
     }
 
     /// Number of Gaussians.

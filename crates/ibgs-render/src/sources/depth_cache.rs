@@ -21,7 +21,7 @@ pub struct DepthCache {
 
 #[derive(Debug)]
 struct Entry {
-    map: Buffer,
+    map: Buffer<f32>,
     last_use: u64,
 }
 
@@ -32,7 +32,7 @@ impl DepthCache {
     }
 
     /// The map of a training view, `[height * width]` float32 view depths, 0 where there is none.
-    pub fn get(&mut self, view: usize) -> Option<Buffer> {
+    pub fn get(&mut self, view: usize) -> Option<Buffer<f32>> {
         self.clock += 1;
         let entry = self.maps.get_mut(&view)?;
         entry.last_use = self.clock;
@@ -43,7 +43,11 @@ impl DepthCache {
     ///
     /// # Errors
     /// Errors of `make`.
-    pub fn get_or_make<E>(&mut self, view: usize, make: impl FnOnce() -> Result<Buffer, E>) -> Result<Buffer, E> {
+    pub fn get_or_make<E>(
+        &mut self,
+        view: usize,
+        make: impl FnOnce() -> Result<Buffer<f32>, E>,
+    ) -> Result<Buffer<f32>, E> {
         if let Some(map) = self.get(view) {
             return Ok(map);
         }
@@ -54,10 +58,10 @@ impl DepthCache {
 
     /// Keeps the map of a training view in place of an older one. Passes that are submitted later may write it again. Its
     /// memory lives as long as a clone of it does, also after it has left the cache.
-    pub fn insert(&mut self, view: usize, map: Buffer) {
+    pub fn insert(&mut self, view: usize, map: Buffer<f32>) {
         self.remove(view);
         self.clock += 1;
-        let (bytes, last_use) = (map.size, self.clock);
+        let (bytes, last_use) = (map.bytes(), self.clock);
         while self.budget.is_some_and(|budget| self.resident + bytes > budget) {
             let oldest = self.maps.iter().min_by_key(|(_, entry)| entry.last_use).map(|(view, _)| *view);
             match oldest {
@@ -72,7 +76,7 @@ impl DepthCache {
     /// Forgets one map.
     pub fn remove(&mut self, view: usize) {
         if let Some(entry) = self.maps.remove(&view) {
-            self.resident -= entry.map.size;
+            self.resident -= entry.map.bytes();
         }
     }
 

@@ -21,7 +21,7 @@ pub enum Outside {
 #[derive(Clone, Debug)]
 pub struct DevicePhoto {
     /// One `u32` a pixel, red in the lowest byte.
-    pub texels: Buffer,
+    pub texels: Buffer<u32>,
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// What lies outside of its mask.
@@ -36,12 +36,12 @@ impl DevicePhoto {
     /// # Errors
     /// Not enough memory.
     pub fn upload(gpu: &Gpu, photo: &Photo) -> Result<Self, GpuError> {
-        let texels = gpu.upload("photo", &photo.rgba)?;
-        Ok(Self::new(texels, [photo.width, photo.height]))
+        let bytes = gpu.upload("photo", &photo.rgba)?;
+        Ok(Self::new(bytes.cast(), [photo.width, photo.height]))
     }
 
     /// Texels that are on the device, and the size of the photo they make.
-    pub(crate) fn new(texels: Buffer, size: [u32; 2]) -> Self {
+    pub(crate) fn new(texels: Buffer<u32>, size: [u32; 2]) -> Self {
         Self { texels, size, outside: Outside::default(), held: Arc::default() }
     }
 

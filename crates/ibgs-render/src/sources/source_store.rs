@@ -52,17 +52,17 @@ impl State {
     }
 
     /// Takes a photo out and gives its memory back.
-    fn evict(&mut self, index: usize) -> Option<Buffer> {
+    fn evict(&mut self, index: usize) -> Option<Buffer<u32>> {
         let resident = self.on_device[index].take()?;
-        self.resident -= resident.photo.texels.size;
+        self.resident -= resident.photo.texels.bytes();
         Some(resident.photo.texels)
     }
 
     /// Makes room for `bytes`; memory of exactly that size is handed over to be used again.
-    fn make_room(&mut self, bytes: u64) -> Option<Buffer> {
+    fn make_room(&mut self, bytes: u64) -> Option<Buffer<u32>> {
         while self.budget.is_some_and(|budget| self.resident + bytes > budget) {
             let freed = self.oldest().and_then(|index| self.evict(index))?;
-            if freed.size == bytes && self.budget.is_some_and(|budget| self.resident + bytes <= budget) {
+            if freed.bytes() == bytes && self.budget.is_some_and(|budget| self.resident + bytes <= budget) {
                 return Some(freed);
             }
         }
@@ -213,7 +213,7 @@ impl SourceStore {
         };
         // Ordered on the queue after every pass that reads what was there before.
         flush();
-        self.gpu.queue.write_buffer(&texels.buffer, 0, &pixels.rgba);
+        self.gpu.write(&texels.cast(), 0, &pixels.rgba);
         state.resident += bytes;
         state.uploads += 1;
         state.pending += bytes;
@@ -225,9 +225,9 @@ impl SourceStore {
     }
 
     /// New memory; where the device has none left the budget shrinks to what it gave, and older photos leave.
-    fn allocate(&self, state: &mut State, bytes: u64) -> Result<Buffer, GpuError> {
+    fn allocate(&self, state: &mut State, bytes: u64) -> Result<Buffer<u32>, GpuError> {
         loop {
-            let error = match self.gpu.allocate("photo", bytes) {
+            let error = match self.gpu.allocate("photo", (bytes / 4) as usize) {
                 Ok(buffer) => return Ok(buffer),
                 Err(error) => error,
             };
@@ -236,7 +236,7 @@ impl SourceStore {
             };
             state.budget = Some(state.resident);
             if let Some(freed) = state.evict(oldest)
-                && freed.size == bytes
+                && freed.bytes() == bytes
             {
                 return Ok(freed);
             }

@@ -67,9 +67,9 @@ pub fn sweep(
         return Ok(vec![[0.0, -1.0]; pixels]);
     }
     let (photos, placed) = gather(target, sources);
-    let photos = gpu.upload("photos of a sweep", &photos)?;
-    let placed = gpu.upload("sources of a sweep", bytemuck::cast_slice::<SweepSource, u8>(&placed))?;
-    let found = gpu.allocate("depths of a sweep", 8 * pixels as u64)?;
+    let photos = gpu.upload("photos of a sweep", &photos)?.cast();
+    let placed = gpu.upload("sources of a sweep", &placed)?;
+    let found = gpu.allocate("depths of a sweep", pixels)?;
     let camera = &target.camera;
     let params = SweepParams {
         size: [camera.width, camera.height],

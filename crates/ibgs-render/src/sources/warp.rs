@@ -21,7 +21,7 @@ pub struct SourceView {
     /// The photo.
     pub photo: DevicePhoto,
     /// The view's own median depth.
-    pub depth: Buffer,
+    pub depth: Buffer<f32>,
 }
 
 /// How photos are warped.
@@ -63,11 +63,11 @@ pub struct Seen {
     /// `[P]` u32: byte m has the number of visible source m in its low half and the error of its depth, in thirds of
     /// what agrees, in its high half (0 with a reach of 1); 255 where there is none. A pixel's visible sources come first,
     /// without gaps.
-    pub visible: Buffer,
+    pub visible: Buffer<u32>,
     /// `[4]` words, the first: most visible sources of any pixel.
-    pub most_visible: Buffer,
+    pub most_visible: Buffer<u32>,
     /// `[M]` of (target camera centre - source camera centre, 0), world space.
-    pub centers: Buffer,
+    pub centers: Buffer<[f32; 4]>,
     /// Number of sources M.
     pub sources: u32,
     pixels: usize,
@@ -92,7 +92,7 @@ pub struct Warper {
 pub struct Warped {
     /// `[V, P, 4]`: the colour of each visible source and the cosine of the angle between the viewing rays; zero where
     /// there is none.
-    pub colors: Buffer,
+    pub colors: Buffer<[f32; 4]>,
     /// Which sources the pixels see.
     pub seen: Arc<Lease<Seen>>,
     /// Visible sources a pixel, V.
@@ -112,7 +112,7 @@ impl Warped {
     ///
     /// # Panics
     /// When the surface was made without gradients: a bug of ours.
-    pub fn backward(&self, gpu: &Gpu, v_colors: &Buffer) {
+    pub fn backward(&self, gpu: &Gpu, v_colors: &Buffer<[f32; 4]>) {
         let v = self.surface.v.as_ref().expect("a tracked surface has gradients");
         let mut pass = Pass::new(gpu, "warp backward");
         for (source, params) in &self.sources {
@@ -178,9 +178,9 @@ impl Warper {
             return Ok(seen);
         }
         Ok(Seen {
-            visible: self.gpu.allocate("packed sources", 4 * pixels as u64)?,
-            most_visible: self.gpu.allocate("packed sources", 16)?,
-            centers: self.gpu.allocate("source centres", 16 * MAX_SOURCES as u64)?,
+            visible: self.gpu.allocate("packed sources", pixels)?,
+            most_visible: self.gpu.allocate("packed sources", 4)?,
+            centers: self.gpu.allocate("source centres", MAX_SOURCES)?,
             sources: 0,
             pixels,
         })
@@ -190,8 +190,8 @@ impl Warper {
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn memory(&self, camera: &Camera) -> Result<Buffer, GpuError> {
-        self.gpu.transient("warped colours", 16 * self.options.visible as u64 * camera.pixels() as u64)
+    pub fn memory(&self, camera: &Camera) -> Result<Buffer<[f32; 4]>, GpuError> {
+        self.gpu.transient("warped colours", self.options.visible as usize * camera.pixels())
     }
 
     /// Warps the sources, in their order, into `colors`.
@@ -201,7 +201,12 @@ impl Warper {
     ///
     /// # Panics
     /// Without a surface or a source: bugs of ours.
-    pub fn warp(&self, forward: &Forward, sources: &[SourceView], colors: Buffer) -> Result<Warped, GpuError> {
+    pub fn warp(
+        &self,
+        forward: &Forward,
+        sources: &[SourceView],
+        colors: Buffer<[f32; 4]>,
+    ) -> Result<Warped, GpuError> {
         let mut pass = Pass::new(&self.gpu, LABEL);
         let warped = self.record(&mut pass, forward, sources, colors)?;
         pass.submit();
@@ -220,7 +225,7 @@ impl Warper {
         pass: &mut Pass,
         forward: &Forward,
         sources: &[SourceView],
-        colors: Buffer,
+        colors: Buffer<[f32; 4]>,
     ) -> Result<Warped, GpuError> {
         let surface = forward.surface().expect("warping needs a surface");
         assert!((1..=MAX_SOURCES).contains(&sources.len()), "warping needs one to {MAX_SOURCES} sources");
@@ -228,7 +233,7 @@ impl Warper {
         let seen = Seen { sources: sources.len() as u32, ..self.scratch(pixels)? };
         let from = |s: &SourceView| (surface.camera.center() - s.camera.center()).extend(0.0).as_vec4().to_array();
         let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();
-        self.gpu.queue.write_buffer(&seen.centers.buffer, 0, bytemuck::cast_slice(&centers));
+        self.gpu.write(&seen.centers, 0, &centers);
         pass.relabel(LABEL);
         pass.clear(&seen.most_visible);
         let mut used = Vec::with_capacity(sources.len());

@@ -27,7 +27,7 @@ fn planes_follow_the_twin_and_face_the_camera() {
     let mut pass = Pass::new(&gpu, "test");
     pass.linear(&buffers, &uniforms, n);
     pass.submit();
-    let ours: Vec<[f32; 4]> = gpu.read(&planes, n).unwrap();
+    let ours = gpu.read(&planes, n).unwrap();
     assert_eq!(ours[0], [0.0; 4]);
     for (i, ours) in ours.iter().enumerate() {
         let (mean, normal) = (DVec3::from(scene.params.means[i]), DVec3::from(scene.planes.normals[i]));

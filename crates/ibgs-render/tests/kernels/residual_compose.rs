@@ -49,8 +49,8 @@ fn check(twin: &Composition) {
         gpu.upload("test", &single).unwrap()
     };
     let nan = |count: usize| gpu.upload("test", &vec![f32::NAN; count]).unwrap();
-    let read = |buffer: &Buffer, count: usize| -> Vec<f64> {
-        gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect()
+    let read = |buffer: &Buffer<f32>, count: usize| -> Vec<f64> {
+        gpu.read(buffer, count).unwrap().into_iter().map(f64::from).collect()
     };
     let words: Vec<u32> = twin.seen.iter().map(|s| u32::from_le_bytes(*s)).collect();
     let seen = gpu.upload("test", &words).unwrap();
@@ -60,12 +60,13 @@ fn check(twin: &Composition) {
     let mut pass = Pass::new(&gpu, "compose");
     let [gpu_base, gpu_residual, gpu_v, warped] =
         [base.as_flattened(), residual.as_flattened(), v_image.as_flattened(), twin.warped.as_flattened()].map(upload);
+    let (warped, residual_rows) = (&warped.cast(), &gpu_residual.cast());
     let buffers = ComposeBuffers {
         most_visible: &most_visible,
         seen: &seen,
         base: &gpu_base,
-        warped: &warped,
-        residual: &gpu_residual,
+        warped,
+        residual: residual_rows,
         image: &out,
     };
     compose.record(&mut pass, &buffers);
@@ -73,10 +74,10 @@ fn check(twin: &Composition) {
         most_visible: &most_visible,
         seen: &seen,
         base: &gpu_base,
-        warped: &warped,
-        residual: &gpu_residual,
+        warped,
+        residual: residual_rows,
         v_image: &gpu_v,
-        v_residual: &v_residual,
+        v_residual: &v_residual.cast(),
         v_base: &v_base,
     };
     compose.record_backward(&mut pass, &gradients);

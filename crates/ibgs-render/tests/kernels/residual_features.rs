@@ -91,8 +91,8 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     let gpu = gpu();
     let upload = |values: &[f64]| gpu.upload("test", &single(values)).unwrap();
     let nan = |count: usize| gpu.upload("test", &vec![f32::NAN; count]).unwrap();
-    let read = |buffer: &Buffer, count: usize| -> Vec<f64> {
-        gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect()
+    let read = |buffer: &Buffer<f32>, count: usize| -> Vec<f64> {
+        gpu.read(buffer, count).unwrap().into_iter().map(f64::from).collect()
     };
     let seen: Vec<u32> = view.seen.iter().map(|s| u32::from_le_bytes(*s)).collect();
     let centers: Vec<f64> = view.centers.iter().flat_map(|c| [c[0], c[1], c[2], 9.0]).collect();
@@ -105,17 +105,17 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     let most_visible = gpu.upload("test", &[view.most_visible as u32, 7, 7, 7]).unwrap();
     let inputs = FeatureInputs {
         base: &base,
-        warped: &warped,
+        warped: &warped.cast(),
         seen: &seen,
         most_visible: &most_visible,
-        centers: &centers,
+        centers: &centers.cast(),
         weights: &weights,
     };
     let mut packed = vec![f16::ZERO.to_bits(); PADDED * n];
     for (i, v) in v_x.iter().enumerate() {
         packed[i % n * PADDED + i / n] = f16::from_f32(SCALE * *v as f32).to_bits();
     }
-    let packed = gpu.upload("test", &packed).unwrap();
+    let packed = gpu.upload("test", &packed).unwrap().cast();
     let half = halves.then_some(HalfGradient { v_x: &packed, unscale: SCALE.recip() });
     let (x, v_x) = (nan(INPUT * n), upload(v_x));
     let (v_weights, v_warped) = (nan(WEIGHTS), nan(4 * view.warped.len()));
@@ -127,7 +127,8 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     features.record_backward(&mut pass, &inputs, &gradients);
     let (residual, v_image) = composed(view);
     let (residual, v_image) = (upload(residual.as_flattened()), upload(v_image.as_flattened()));
-    let out = InputGradients { residual: &residual, v_image: &v_image, v_warped: &v_warped, v_base: &v_base };
+    let out =
+        InputGradients { residual: &residual.cast(), v_image: &v_image, v_warped: &v_warped.cast(), v_base: &v_base };
     features.record_inputs_backward(&mut pass, &inputs, &gradients, &out);
     pass.submit();
     if gpu.matrix_units.is_some() {
@@ -135,11 +136,11 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     }
     let mut x_on_units = Vec::new();
     if halves {
-        let halves = gpu.upload("test", &vec![f16::NAN.to_bits(); PADDED * n]).unwrap();
+        let halves = gpu.upload("test", &vec![f16::NAN; PADDED * n]).unwrap();
         let mut pass = Pass::new(&gpu, "features");
-        features.record_on_units(&mut pass, &inputs, &halves);
+        features.record_on_units(&mut pass, &inputs, &halves.cast());
         pass.submit();
-        x_on_units.extend(gpu.read::<f16>(&halves, PADDED * n).unwrap().into_iter().map(f64::from));
+        x_on_units.extend(gpu.read(&halves, PADDED * n).unwrap().into_iter().map(f64::from));
     }
     let mut v_weights = read(&v_weights, WEIGHTS);
     let unet = &mut v_weights[MLP_WEIGHTS..CONFIDENCE.offset];
@@ -155,9 +156,9 @@ fn assert_halves(gpu: &Gpu, features: &Features, inputs: &FeatureInputs, planes:
     let n = planes.len() / INPUT;
     let x = gpu.upload("test", &vec![u16::MAX; PADDED * n]).unwrap();
     let mut pass = Pass::new(gpu, "features");
-    features.record_half(&mut pass, inputs, &x);
+    features.record_half(&mut pass, inputs, &x.cast());
     pass.submit();
-    for (i, bits) in gpu.read::<u16>(&x, PADDED * n).unwrap().into_iter().enumerate() {
+    for (i, bits) in gpu.read(&x, PADDED * n).unwrap().into_iter().enumerate() {
         let (p, channel) = (i / PADDED, i % PADDED);
         let expected = if channel < INPUT { planes[channel * n + p] } else { 0.0 };
         let error = (f16::from_bits(bits).to_f64() - expected).abs();

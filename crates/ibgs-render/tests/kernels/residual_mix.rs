@@ -64,9 +64,9 @@ impl View {
         let words: Vec<u32> = self.seen.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
         let seen = gpu.upload("test", &words).unwrap();
         let mut pass = Pass::new(&gpu, "mix");
-        SourceMix::new(PIXELS as u32, VISIBLE as u32, share).record(&mut pass, &warped, &seen, &image);
+        SourceMix::new(PIXELS as u32, VISIBLE as u32, share).record(&mut pass, &warped.cast(), &seen, &image);
         pass.submit();
-        gpu.read::<f32>(&image, 3 * PIXELS).unwrap().into_iter().map(f64::from).collect()
+        gpu.read(&image, 3 * PIXELS).unwrap().into_iter().map(f64::from).collect()
     }
 }
 

@@ -23,7 +23,7 @@ fn prefix_sums_of_every_size() {
         scan.record(&mut pass, &input, &sums, &total, n);
         pass.submit();
         let (expected, sum) = exclusive_scan(&values);
-        assert_eq!(gpu.read::<u32>(&sums, n).unwrap(), expected, "{n} values");
-        assert_eq!(gpu.read::<u32>(&total, 1).unwrap()[0], sum, "{n} values");
+        assert_eq!(gpu.read(&sums, n).unwrap(), expected, "{n} values");
+        assert_eq!(gpu.read(&total, 1).unwrap()[0], sum, "{n} values");
     }
 }

@@ -13,8 +13,8 @@ fn the_normal_is_the_axis_of_the_least_scale() {
     let splats = splats(&p);
     rasterizer().shape_normals(&splats);
     let gpu = gpu();
-    let normals: Vec<[f32; 3]> = gpu.read(&splats.parameters.normals, p.len()).unwrap();
-    let offsets: Vec<f32> = gpu.read(&splats.parameters.offsets, p.len()).unwrap();
+    let normals = gpu.read(&splats.parameters.normals.cast::<[f32; 3]>(), p.len()).unwrap();
+    let offsets = gpu.read(&splats.parameters.offsets, p.len()).unwrap();
     assert!(offsets.iter().all(|offset| *offset == 0.0));
     for (i, normal) in normals.iter().enumerate() {
         let [w, x, y, z] = p.rotations[i];

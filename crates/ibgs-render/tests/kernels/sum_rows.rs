@@ -13,12 +13,15 @@ const UNTOUCHED: f32 = 7.0;
 fn record(
     pass: &mut Pass,
     params: &ViewUniforms,
-    (lists, rows, sums): (&[Buffer; 3], &[Buffer; 4], &[Buffer; 5]),
+    lists: &[Buffer<u32>; 3],
+    rows: &[Buffer<[f32; 4]>; 4],
+    sums: &[Buffer<f32>; 5],
     surface: bool,
 ) {
     let [offsets, tile_counts, total] = lists;
     let [v_isect_color, v_isect_xy, v_isect_cov, v_isect_plane] = rows;
     let [v_rotations, v_screen, v_log_scales, v_normals, v_plane_offsets] = sums;
+    let (v_rotations, v_screen) = (&v_rotations.cast(), &v_screen.cast());
     if surface {
         let buffers = SumRowsSurfaceBindings {
             offsets,
@@ -84,13 +87,13 @@ fn small_and_large_gaussians_have_the_sums_of_their_rows() {
             let upload = |values: &[u32]| gpu.upload("test", values).unwrap();
             let outputs = |width: usize| gpu.upload("test", &vec![UNTOUCHED; width * n]).unwrap();
             let lists = [upload(&offsets), upload(&counts), upload(&[total])];
-            let inputs = rows.each_ref().map(|row| gpu.upload("test", row).unwrap());
+            let inputs = rows.each_ref().map(|row| gpu.upload("test", row.as_chunks().0).unwrap());
             let out = [outputs(4), outputs(4), outputs(3), outputs(3), outputs(1)];
             let params = ViewUniforms { count: n as u32, capacity: room, ..ViewUniforms::default() };
             let mut pass = Pass::new(&gpu, "test");
-            record(&mut pass, &params, (&lists, &inputs, &out), surface);
+            record(&mut pass, &params, &lists, &inputs, &out, surface);
             pass.submit();
-            let read = |index: usize, width: usize| gpu.read::<f32>(&out[index], width * n).unwrap();
+            let read = |index: usize, width: usize| gpu.read(&out[index], width * n).unwrap();
             let found = [read(0, 4), read(1, 4), read(2, 3), read(3, 3), read(4, 1)];
             for (g, &first) in offsets.iter().enumerate() {
                 let first = first as usize;

@@ -20,7 +20,7 @@ struct Emitted {
 }
 
 /// With room for `capacity` of them.
-fn emit(gpu: &Gpu, frame: &ViewUniforms, projected: &[f32], counts: &[u32], capacity: u32) -> Emitted {
+fn emit(gpu: &Gpu, frame: &ViewUniforms, projected: &[[f32; 4]], counts: &[u32], capacity: u32) -> Emitted {
     let (offsets, total) = exclusive_scan(counts);
     let frame = ViewUniforms { capacity, ..*frame };
     let [columns, rows] = frame.size.map(|side| side.div_ceil(TILE));
@@ -54,8 +54,8 @@ fn what_was_counted_and_is_not_found_counts_no_more() {
     let p = random_params(300, 0, 21);
     let forward = rasterizer().surface(&splats(&p), &view(random_camera(150, 90, 21), 0)).unwrap();
     let count = forward.frame.count as usize;
-    let projected: Vec<f32> = gpu.read(&forward.workspace.projected, 12 * count).unwrap();
-    let counts: Vec<u32> = gpu.read(&forward.workspace.tile_counts, count).unwrap();
+    let projected = gpu.read(&forward.workspace.projected, 3 * count).unwrap();
+    let counts = gpu.read(&forward.workspace.tile_counts, count).unwrap();
     let total: u32 = counts.iter().sum();
     let right = emit(&gpu, &forward.frame, &projected, &counts, total);
     assert_eq!(right.counts, counts);

@@ -3,7 +3,7 @@
 use ibgs_reference::gpu::gpu;
 use ibgs_reference::gpu::without_subgroups;
 use ibgs_reference::sort::stable_sort;
-use ibgs_render::gpu::{Buffer, Gpu, Pass};
+use ibgs_render::gpu::{Buffer, Gpu, Pass, RawBuffer};
 use ibgs_shaders::bindings::{TilePlaceBindings, TileSortBindings, TileStartsBindings};
 use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::{SORT_BLOCK, TILE};
@@ -16,7 +16,7 @@ const GAUSSIANS: u32 = 5000;
 
 /// Finds where the lists start, puts the intersections there and sorts them. What the sort writes are the tiles and
 /// places before.
-fn sort(gpu: &Gpu, frame: &ViewUniforms, list_lengths: &Buffer, place: &TilePlaceBindings<'_, Buffer>) {
+fn sort(gpu: &Gpu, frame: &ViewUniforms, list_lengths: &Buffer<u32>, place: &TilePlaceBindings<'_, RawBuffer>) {
     let TilePlaceBindings { isect_tiles, isect_places, isect_to_gaussian, tile_ranges, list, .. } = *place;
     let [columns, rows] = frame.size.map(|side| side / TILE);
     let mut pass = Pass::new(gpu, "test");
@@ -44,14 +44,14 @@ fn check(gpu: &Gpu, (lengths, columns): (&[u32], u32), values: u32, rng: &mut Ch
     let mut gaussians: Vec<u32> = (0..total).map(|_| rng.random_range(0..GAUSSIANS)).collect();
     gaussians.sort_unstable();
     let depths: Vec<f32> = (0..GAUSSIANS).map(|_| 0.2 + rng.random_range(0..values) as f32 / 1000.0).collect();
-    let projected: Vec<f32> =
-        depths.iter().flat_map(|depth| [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *depth, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
+    let projected: Vec<[f32; 4]> =
+        depths.iter().flat_map(|&depth| [[0.0; 4], [0.0, 0.0, depth, 0.0], [0.0; 4]]).collect();
 
     let upload = |values: &[u32]| gpu.upload("test", values).unwrap();
     let projected = gpu.upload("test", &projected).unwrap();
     let [tile_list, place_list, gaussian_list] =
         [&tiles, &places, &gaussians].map(|list| upload(&[&list[..], &[UNTOUCHED]].concat()));
-    let list = upload(&vec![UNTOUCHED; 2 * (total + 1)]);
+    let list = gpu.upload("test", &vec![[UNTOUCHED; 2]; total + 1]).unwrap();
     let (list_lengths, ranges) = (upload(lengths), upload(&vec![UNTOUCHED; 3 * lengths.len()]));
     let count = upload(&[total as u32]);
     let frame = ViewUniforms {
@@ -71,7 +71,7 @@ fn check(gpu: &Gpu, (lengths, columns): (&[u32], u32), values: u32, rng: &mut Ch
     };
     sort(gpu, &frame, &list_lengths, &place);
 
-    assert_eq!(gpu.read::<u32>(&list_lengths, lengths.len()).unwrap(), vec![0; lengths.len()], "lengths");
+    assert_eq!(gpu.read(&list_lengths, lengths.len()).unwrap(), vec![0; lengths.len()], "lengths");
     let mut start = 0;
     let expected: Vec<u32> = lengths
         .iter()
@@ -80,8 +80,8 @@ fn check(gpu: &Gpu, (lengths, columns): (&[u32], u32), values: u32, rng: &mut Ch
             [start - length, start]
         })
         .collect();
-    assert_eq!(gpu.read::<u32>(&ranges, expected.len()).unwrap(), expected, "ranges of {lengths:?}");
-    let ranges: Vec<u32> = gpu.read(&ranges, 3 * lengths.len()).unwrap();
+    assert_eq!(gpu.read(&ranges, expected.len()).unwrap(), expected, "ranges of {lengths:?}");
+    let ranges = gpu.read(&ranges, 3 * lengths.len()).unwrap();
     let (tiles_in_order, behind) = ranges[2 * lengths.len()..].split_at(existing as usize);
     assert_eq!(behind, [UNTOUCHED]);
     let mut all = tiles_in_order.to_vec();
@@ -96,10 +96,10 @@ fn check(gpu: &Gpu, (lengths, columns): (&[u32], u32), values: u32, rng: &mut Ch
     // The list of the tile that does not exist is not sorted.
     let listed = total - lengths[existing as usize] as usize;
     order.truncate(listed);
-    let found: Vec<u32> = gpu.read(&place_list, total + 1).unwrap();
+    let found = gpu.read(&place_list, total + 1).unwrap();
     assert!(found[..listed] == order, "order of {lengths:?}");
     assert_eq!(found[total], UNTOUCHED);
-    let found: Vec<u32> = gpu.read(&tile_list, listed).unwrap();
+    let found = gpu.read(&tile_list, listed).unwrap();
     let expected: Vec<u32> = order.iter().map(|&k| gaussians[k as usize]).collect();
     assert!(found == expected, "Gaussians of {lengths:?}");
 }

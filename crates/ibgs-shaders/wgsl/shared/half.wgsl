@@ -5,9 +5,11 @@ fn to_half(v: vec4<f32>) -> vec4<f16> {
     return vec4<f16>(clamp(v, vec4(-HALF_MAX), vec4(HALF_MAX)));
 }
 
-// Eight channels, which are read at once.
+/// Eight channels, which are read at once.
 struct Pair {
+    /// The first four.
     a: vec4<f16>,
+    /// The others.
     b: vec4<f16>,
 }
 

@@ -1,7 +1,7 @@
 //! Images and warped colours in a photo's exposure.
 
 use super::unary;
-use crate::tensor::{bind, empty, empty_like};
+use crate::tensor::{bind, bind_rows, empty, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use ibgs_core::exposure::Exposures;
@@ -46,12 +46,12 @@ pub fn exposed_warped(exposures: &Exposures, colors: Tensor<3>, warped: &Warped)
     unary(colors, |colors| {
         let out = empty(exposures.gpu(), "exposed warped colours", colors.meta.shape())?;
         let mut pass = Pass::new(exposures.gpu(), "exposure");
-        exposures.record_warped(&mut pass, &warped, &bind(&out));
+        exposures.record_warped(&mut pass, &warped, &bind_rows(&out));
         pass.submit();
         let exposures = exposures.clone();
         let rule = move |v_exposed: &CubeTensor| {
             let v_colors = empty_like(v_exposed, v_exposed.meta.shape());
-            exposures.warped_backward(&warped, &bind(v_exposed), &bind(&v_colors));
+            exposures.warped_backward(&warped, &bind_rows(v_exposed), &bind_rows(&v_colors));
             Some(v_colors)
         };
         Ok((out, rule))

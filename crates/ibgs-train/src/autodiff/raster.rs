@@ -2,7 +2,7 @@
 
 use super::node::{node, on_graph};
 use crate::parameters::Parameters;
-use crate::tensor::{bind, empty, empty_like};
+use crate::tensor::{bind, bind_rows, empty, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use ibgs_core::gpu::{Gpu, GpuError};
@@ -115,14 +115,15 @@ pub fn rasterized(raster: &Rasterizer, leaves: &Leaves, view: &RasterView) -> Re
             let count = if has_planes { 8 } else { 6 };
             let gradients: [Option<CubeTensor>; 8] =
                 std::array::from_fn(|i| (i < count).then(|| empty_like(v_image, &shapes[i])));
-            let memory = |i: usize| bind(gradients[i].as_ref().expect("six gradients or eight"));
+            let gradient = |i: usize| gradients[i].as_ref().expect("six gradients or eight");
+            let memory = |i: usize| bind(gradient(i));
             let v = RasterGradients {
                 means: memory(0),
-                rotations: memory(1),
+                rotations: bind_rows(gradient(1)),
                 log_scales: memory(2),
                 opacity_logits: memory(3),
                 sh: memory(4),
-                screen: memory(5),
+                screen: bind_rows(gradient(5)),
                 planes: has_planes.then(|| [memory(6), memory(7)]),
             };
             pass.backward(&gpu, &splats, &bind(v_image), &v);

@@ -1,7 +1,7 @@
 //! The residual network and the composition of the final image.
 
 use super::node::{node, on_graph};
-use crate::tensor::{bind, empty, empty_like};
+use crate::tensor::{bind, bind_rows, empty, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use ibgs_core::gpu::GpuError;
@@ -28,14 +28,14 @@ pub fn residual(
         let shapes = tensors.each_ref().map(|tensor| tensor.meta.shape().to_vec());
         let image = empty(&gpu, "final image", &shapes[0])?;
         let visible = shapes[1][0] as u32;
-        let [base, warped, weights] = tensors.each_ref().map(bind);
-        let inputs = ResidualInputs { base, warped, visible, weights };
+        let [base, warped, weights] = &tensors;
+        let inputs = ResidualInputs { base: bind(base), warped: bind_rows(warped), visible, weights: bind(weights) };
         let pass = stage.forward(task, inputs, Keep::Gradients, bind(&image))?;
         let gpu = gpu.clone();
         let rule = move |v_image: &CubeTensor, [base_learns, warped_learns, _]: [bool; 3]| {
             let inputs_learn = base_learns || warped_learns;
             let [v_base, v_warped, v_weights] = shapes.each_ref().map(|shape| empty_like(v_image, shape));
-            let [base, warped, weights] = [&v_base, &v_warped, &v_weights].map(bind);
+            let (base, warped, weights) = (bind(&v_base), bind_rows(&v_warped), bind(&v_weights));
             let gradients =
                 ResidualGradients { base: &base, warped: inputs_learn.then_some(&warped), weights: &weights };
             pass.backward(&gpu, &bind(v_image), &gradients);

@@ -1,7 +1,7 @@
 //! Warping.
 
 use super::unary;
-use crate::tensor::{bind, empty};
+use crate::tensor::{bind_rows, empty};
 use burn::tensor::Tensor;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::raster::Forward;
@@ -25,11 +25,11 @@ pub fn warped(
     let gpu = warper.gpu().clone();
     let pixels = forward.frame.size.map(|n| n as usize).iter().product();
     let colors = empty(&gpu, "warped colours", &[warper.options.visible as usize, pixels, 4])?;
-    let warped = warper.warp(forward, sources, bind(&colors))?;
+    let warped = warper.warp(forward, sources, bind_rows(&colors))?;
     let pass = warped.clone();
     let colors = unary(image.clone(), |_| {
         let rule = move |v_colors: &_| {
-            pass.backward(&gpu, &bind(v_colors));
+            pass.backward(&gpu, &bind_rows(v_colors));
             None
         };
         Ok::<_, GpuError>((colors, rule))

@@ -102,8 +102,8 @@ fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> R
     let Setting { gaussians, camera, config } = setting;
     let forward = raster.surface(splats, &RasterView::new(splats.space.camera(camera), gaussians.sh_degree))?;
     let pixels = camera.width as usize * camera.height as usize;
-    let last: Vec<u32> = gpu.read(&forward.workspace.last_entry, pixels)?;
-    let counts: Vec<u32> = gpu.read(&forward.workspace.tile_counts, gaussians.len())?;
+    let last = gpu.read(&forward.workspace.last_entry, pixels)?;
+    let counts = gpu.read(&forward.workspace.tile_counts, gaussians.len())?;
     Ok(Load {
         gaussians: gaussians.len() as u64,
         gaussians_in_view: counts.iter().filter(|&&count| count > 0).count() as u64,

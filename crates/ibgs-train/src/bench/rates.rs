@@ -1,7 +1,7 @@
 //! How fast the device moves memory and computes, measured.
 
 use super::median;
-use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
+use ibgs_core::gpu::{Gpu, GpuError, Pass, RawBuffer};
 use ibgs_shaders::bindings::{BenchCopyBindings, BenchFmaBindings};
 use ibgs_shaders::types::FmaParams;
 use ibgs_shaders::{BENCH_FMAS, Bindings};
@@ -29,7 +29,7 @@ pub struct Rates {
 }
 
 /// Milliseconds of one dispatch: by timestamps, or by the clock where the device has none.
-fn time<'b, T: Bindings<'b, Buffer>>(
+fn time<'b, T: Bindings<'b, RawBuffer>>(
     gpu: &Gpu,
     buffers: &T,
     params: &T::Params,
@@ -65,17 +65,16 @@ impl Rates {
 }
 
 fn bandwidth(gpu: &Gpu) -> Result<f64, GpuError> {
-    let bytes = COPIED[usize::from(gpu.is_software())].min(gpu.binding_limit() / 16 * 16);
-    let [from, to] = [gpu.allocate("copy", bytes)?, gpu.allocate("copy", bytes)?];
-    let count = (bytes / 16) as u32;
+    let count = (COPIED[usize::from(gpu.is_software())].min(gpu.binding_limit()) / 16) as u32;
+    let [from, to] = [gpu.allocate("copy", count as usize)?, gpu.allocate("copy", count as usize)?];
     let buffers = BenchCopyBindings { values: &from, copied: &to };
     let ms = median_time(&mut || time(gpu, &buffers, &count, count as usize))?;
-    Ok(2.0 * bytes as f64 / (1e-3 * ms))
+    Ok(2.0 * 16.0 * f64::from(count) / (1e-3 * ms))
 }
 
 fn operations(gpu: &Gpu) -> Result<f64, GpuError> {
     let values = gpu.upload("multiply-adds", &[0.999f32, 0.5])?;
-    let sums = gpu.allocate("multiply-adds", 4 * u64::from(THREADS[1]))?;
+    let sums = gpu.allocate("multiply-adds", THREADS[1] as usize)?;
     let run = |count: u32| {
         let params = FmaParams { count, steps: STEPS };
         time(gpu, &BenchFmaBindings { factor_and_summand: &values, sums: &sums }, &params, count as usize)

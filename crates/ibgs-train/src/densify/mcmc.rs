@@ -115,7 +115,8 @@ pub fn record_noise(pass: &mut Pass, splats: &Splats, strength: f64, seed: u64, 
     // Not the seeds of dropout.
     let seed = iteration_seed(seed, iteration ^ 0x9e37_79b9);
     let params = McmcNoiseParams { count: count as u32, seed, strength: strength as f32 };
-    let PerGaussian { means, rotations, log_scales, opacity_logits, .. } = &splats.parameters;
+    let PerGaussian { means, log_scales, opacity_logits, .. } = &splats.parameters;
+    let rotations = &splats.rotations();
     pass.relabel("noise");
     pass.linear(&McmcNoiseBindings { rotations, log_scales, opacity_logits, means }, &params, count);
 }

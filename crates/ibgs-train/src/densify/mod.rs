@@ -8,7 +8,7 @@ pub mod mcmc;
 
 use super::optim::Optimizer;
 use crate::parameters::Parameters;
-use crate::tensor::{self, bind, primitive};
+use crate::tensor::{self, bind, bind_rows, primitive};
 use burn::tensor::Tensor;
 use free_space::FreeSpace;
 use glam::{DVec3, Vec3};
@@ -141,10 +141,10 @@ pub fn covered_errors(
     pass: &mut Pass,
     forward: &Forward,
     (image, target): (&Tensor<3>, &DevicePhoto),
-    stats: &Buffer,
+    stats: &Buffer<f32>,
     count: usize,
-) -> Result<Buffer, GpuError> {
-    let counts = gpu.allocate("pixels of large error", 4 * count.max(1) as u64)?;
+) -> Result<Buffer<u32>, GpuError> {
+    let counts = gpu.allocate("pixels of large error", count.max(1))?;
     let params = target.params(0.0);
     let image = bind(&primitive(image.clone().inner()));
     let workspace = &forward.workspace;
@@ -168,7 +168,7 @@ pub fn covered_errors(
 /// Running statistics of every Gaussian since the last round.
 #[derive(Debug)]
 pub struct Statistics {
-    values: Buffer,
+    values: Buffer<[f32; 4]>,
     count: usize,
 }
 
@@ -178,7 +178,7 @@ impl Statistics {
     /// # Errors
     /// Not enough memory.
     pub fn new(gpu: &Gpu, count: usize) -> Result<Self, GpuError> {
-        Ok(Self { values: gpu.allocate("densification statistics", 16 * count.max(1) as u64)?, count })
+        Ok(Self { values: gpu.allocate("densification statistics", count.max(1))?, count })
     }
 
     /// Four values a Gaussian; waits for the GPU.
@@ -186,7 +186,7 @@ impl Statistics {
     /// # Errors
     /// When the device is lost.
     pub fn values(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
-        gpu.read(&self.values, 4 * self.count)
+        Ok(gpu.read(&self.values, self.count)?.into_flattened())
     }
 
     /// Statistics that continue from there.
@@ -194,7 +194,7 @@ impl Statistics {
     /// # Errors
     /// Not enough memory.
     pub fn from_values(gpu: &Gpu, values: &[f32]) -> Result<Self, GpuError> {
-        Ok(Self { values: gpu.upload("densification statistics", values)?, count: values.len() / 4 })
+        Ok(Self { values: gpu.upload("densification statistics", values.as_chunks().0)?, count: values.len() / 4 })
     }
 
     /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
@@ -205,7 +205,7 @@ impl Statistics {
         screen: Tensor<2>,
         forward: &Forward,
         (over, near_depth): (Over, f64),
-        errors: Option<&Buffer>,
+        errors: Option<&Buffer<u32>>,
     ) {
         let params = ObserveParams {
             size: forward.frame.size,
@@ -214,7 +214,7 @@ impl Statistics {
             largest: u32::from(over == Over::Largest),
             errors: u32::from(errors.is_some()),
         };
-        let gradient = bind(&primitive(screen));
+        let gradient = bind_rows(&primitive(screen));
         pass.relabel("densify observe");
         let workspace = &forward.workspace;
         let errors = errors.unwrap_or(&workspace.tile_counts);
@@ -234,9 +234,9 @@ impl Statistics {
         };
         Ok(Observations {
             statistics: gpu.read(&self.values, self.count)?,
-            means: gpu.read(&means.parameter, self.count)?,
-            rotations: gpu.read(&rotations.parameter, self.count)?,
-            log_scales: gpu.read(&log_scales.parameter, self.count)?,
+            means: gpu.read(&means.parameter.cast(), self.count)?,
+            rotations: gpu.read(&rotations.parameter.cast(), self.count)?,
+            log_scales: gpu.read(&log_scales.parameter.cast(), self.count)?,
             opacity_logits: gpu.read(&opacity_logits.parameter, self.count)?,
         })
     }
@@ -255,7 +255,7 @@ pub fn apply(
     let (n, splats) = (plan.sources.len(), parameters.splats());
     let sources = gpu.upload("densification plan", &plan.sources)?;
     let mut pass = Pass::new(gpu, "densify");
-    let mut gather = |from: &Buffer, to: &Buffer, row: usize, fresh_zero: u32| {
+    let mut gather = |from: &Buffer<f32>, to: &Buffer<f32>, row: usize, fresh_zero: u32| {
         let params = GatherParams { count: (n * row) as u32, row: row as u32, fresh_zero, pad: 0 };
         let buffers = DensifyGatherBindings { sources: &sources, previous: from, next: to };
         pass.linear(&buffers, &params, n * row);
@@ -264,7 +264,7 @@ pub fn apply(
     for tensor in optimizer.tensors() {
         let mut pair = Vec::new();
         for from in &tensor.moments {
-            let to = gpu.allocate("Adam moments", 4 * (n * tensor.row).max(1) as u64)?;
+            let to = gpu.allocate("Adam moments", (n * tensor.row).max(1))?;
             gather(from, &to, tensor.row, 1);
             pair.push(to);
         }

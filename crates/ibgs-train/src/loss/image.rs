@@ -40,10 +40,10 @@ impl ImageStats {
 /// Scratch memory of one image size.
 #[derive(Debug)]
 pub struct LossScratch {
-    moments: Buffer,
-    partials: Buffer,
+    moments: Buffer<f32>,
+    partials: Buffer<[f32; 4]>,
     /// (loss, L1, SSIM, MSE).
-    pub stats: Buffer,
+    pub stats: Buffer<f32>,
     pixels: usize,
     groups: usize,
 }
@@ -100,9 +100,9 @@ impl ImageLoss {
             return Ok(scratch);
         }
         Ok(LossScratch {
-            moments: self.gpu.allocate("SSIM moments", 36 * pixels as u64)?,
-            partials: self.gpu.allocate("loss sums", 16 * groups as u64)?,
-            stats: self.gpu.allocate("loss statistics", 16)?,
+            moments: self.gpu.allocate("SSIM moments", 9 * pixels)?,
+            partials: self.gpu.allocate("loss sums", groups)?,
+            stats: self.gpu.allocate("loss statistics", 4)?,
             pixels,
             groups,
         })

@@ -20,13 +20,13 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct SurfaceBuffers {
     /// `[P]` f32: median depth, 0 where nothing was met, never negative.
-    pub depth: Buffer,
+    pub depth: Buffer<f32>,
     /// `[P, 3]` f32: normal map in camera space, not normalised.
-    pub normal: Buffer,
+    pub normal: Buffer<f32>,
     /// `[P]` f32: gradient by the depth; losses add to it.
-    pub v_depth: Buffer,
+    pub v_depth: Buffer<f32>,
     /// `[P, 3]` f32: gradient by the normal map; losses add to it.
-    pub v_normal: Buffer,
+    pub v_normal: Buffer<f32>,
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Focal lengths in pixels.
@@ -41,12 +41,12 @@ impl SurfaceBuffers {
     /// # Errors
     /// Not enough memory.
     pub fn new(gpu: &Gpu, camera: &Camera) -> Result<Self, GpuError> {
-        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let pixels = camera.pixels();
         Ok(Self {
-            depth: gpu.allocate("median depth", 4 * pixels)?,
-            normal: gpu.allocate("normal map", 12 * pixels)?,
-            v_depth: gpu.allocate("gradient of the median depth", 4 * pixels)?,
-            v_normal: gpu.allocate("gradient of the normal map", 12 * pixels)?,
+            depth: gpu.allocate("median depth", pixels)?,
+            normal: gpu.allocate("normal map", 3 * pixels)?,
+            v_depth: gpu.allocate("gradient of the median depth", pixels)?,
+            v_normal: gpu.allocate("gradient of the normal map", 3 * pixels)?,
             size: [camera.width, camera.height],
             focal: camera.focal.as_vec2().to_array(),
             principal: (camera.principal - 0.5).as_vec2().to_array(),
@@ -80,7 +80,7 @@ impl SurfaceBuffers {
 
     /// Records the depth normals Nd of method.md section 3 into `out`, `[P, 3]` f32 in camera space: unit length, or
     /// zero on the one-pixel border and where neighbours met nothing. For pictures; the loss does not need them.
-    pub fn record_depth_normals(&self, pass: &mut Pass, out: &Buffer) {
+    pub fn record_depth_normals(&self, pass: &mut Pass, out: &Buffer<f32>) {
         let buffers = DepthNormalsBindings { depth: &self.depth, depth_normals: out };
         pass.grid(&buffers, &self.params(0.0), self.tiles());
     }
@@ -89,8 +89,8 @@ impl SurfaceBuffers {
 /// Scratch memory of one image size.
 #[derive(Debug)]
 struct Scratch {
-    partials: Buffer,
-    stats: Buffer,
+    partials: Buffer<[f32; 2]>,
+    stats: Buffer<f32>,
     groups: usize,
 }
 
@@ -115,8 +115,8 @@ impl NormalLoss {
         let made = match fitting {
             Some(scratch) => scratch,
             None => Scratch {
-                partials: self.gpu.allocate("normal loss sums", 8 * groups as u64)?,
-                stats: self.gpu.allocate("normal loss statistics", 8)?,
+                partials: self.gpu.allocate("normal loss sums", groups)?,
+                stats: self.gpu.allocate("normal loss statistics", 2)?,
                 groups,
             },
         };

@@ -17,10 +17,10 @@ use std::sync::Arc;
 #[derive(Debug)]
 struct Scratch {
     /// Derivatives of SSIM by its windowed moments, a buffer a source: together they could outgrow one binding.
-    moments: Vec<Buffer>,
-    partials: Buffer,
+    moments: Vec<Buffer<f32>>,
+    partials: Buffer<[f32; 2]>,
     /// (loss, pixels and channels that count).
-    stats: Buffer,
+    stats: Buffer<f32>,
     pixels: usize,
     groups: usize,
 }
@@ -42,7 +42,7 @@ pub struct PhotometricLoss {
 struct Saved {
     gpu: Arc<Gpu>,
     warped: CubeTensor,
-    seen: Buffer,
+    seen: Buffer<u32>,
     target: DevicePhoto,
     params: LossParams,
     scratch: Arc<Lease<Scratch>>,
@@ -88,11 +88,11 @@ impl PhotometricLoss {
         if let Some(scratch) = self.pool.take().filter(fits) {
             return Ok(self.pool.lease(scratch));
         }
-        let moments = || self.gpu.allocate("SSIM moments of the warped images", 36 * pixels as u64);
+        let moments = || self.gpu.allocate("SSIM moments of the warped images", 9 * pixels);
         let scratch = Scratch {
             moments: (0..visible).map(|_| moments()).collect::<Result<_, _>>()?,
-            partials: self.gpu.allocate("photometric loss sums", 8 * groups as u64)?,
-            stats: self.gpu.allocate("photometric loss statistics", 8)?,
+            partials: self.gpu.allocate("photometric loss sums", groups)?,
+            stats: self.gpu.allocate("photometric loss statistics", 2)?,
             pixels,
             groups,
         };
@@ -102,7 +102,7 @@ impl PhotometricLoss {
     fn forward(
         &self,
         warped: CubeTensor,
-        seen: &Buffer,
+        seen: &Buffer<u32>,
         target: &DevicePhoto,
     ) -> Result<(CubeTensor, Saved), GpuError> {
         let gpu = &*self.gpu;
@@ -141,7 +141,7 @@ impl PhotometricLoss {
     ///
     /// # Panics
     /// When warped images and photo differ in size, or the images are not on the autodiff graph: bugs of ours.
-    pub fn tracked(&self, warped: Tensor<3>, seen: &Buffer, target: &DevicePhoto) -> Result<Tensor<1>, GpuError> {
+    pub fn tracked(&self, warped: Tensor<3>, seen: &Buffer<u32>, target: &DevicePhoto) -> Result<Tensor<1>, GpuError> {
         unary(warped, |warped| {
             let (loss, saved) = self.forward(warped, seen, target)?;
             Ok((loss, move |v_loss: &CubeTensor| Some(saved.backward(v_loss))))

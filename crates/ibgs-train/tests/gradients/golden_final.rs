@@ -102,14 +102,14 @@ fn the_network_gives_the_dumped_residual() {
     unet.forward(&mut pass, &weights);
     pass.submit();
     let pixels = golden.base.len();
-    let x: Vec<f32> = gpu.read(unet.x(), 35 * pixels).unwrap();
+    let x = gpu.read(unet.x(), 35 * pixels).unwrap();
     let rays = golden.arrays.get("camera_ray").image(0);
     let ray_error = |(i, ray): (usize, &[f64; 3])| {
         (0..3).map(|c| (f64::from(x[(32 + c) * pixels + i]) - ray[c]).abs()).fold(0.0, f64::max)
     };
     let by_ray = rays.iter().enumerate().map(ray_error).fold(0.0, f64::max);
-    let output: Vec<f32> = gpu.read(unet.residual(), OUTPUTS * pixels).unwrap();
-    let residual: Vec<f32> = output.as_chunks::<OUTPUTS>().0.iter().flat_map(|v| [v[0], v[1], v[2]]).collect();
+    let output: Vec<[f32; OUTPUTS]> = gpu.read(unet.residual(), pixels).unwrap();
+    let residual: Vec<f32> = output.iter().flat_map(|v| [v[0], v[1], v[2]]).collect();
     let truth = golden.arrays.get("residual").image(0);
     let errors: Vec<f64> = residual.iter().zip(truth.as_flattened()).map(|(a, b)| (f64::from(*a) - b).abs()).collect();
     let worst = errors.iter().copied().fold(0.0, f64::max);
@@ -177,7 +177,7 @@ fn a_published_model_gives_its_final_image() {
     let weights = gpu.upload("weights", &weights).unwrap();
     let task = ResidualTask { camera: ray_camera(&scene.camera), seen: seen.clone(), gain: 1.0 };
     let residual = Residual::new(gpu.clone(), Variant::default(), Precision::Full);
-    let render = |warped: &Buffer| {
+    let render = |warped: &Buffer<[f32; 4]>| {
         let (base, weights) = (forward.image.clone(), weights.clone());
         let inputs = ResidualInputs { base, warped: warped.clone(), visible: VISIBLE as u32, weights };
         let image = raster.image_memory(&view.camera).unwrap();
@@ -188,18 +188,18 @@ fn a_published_model_gives_its_final_image() {
 
     let pixels = golden.base.len();
     let dumped = dumped_inputs(&golden);
-    let mut words: Vec<u32> = gpu.read(&seen.visible, pixels).unwrap();
-    let mut colors: Vec<f32> = gpu.read(&warped.colors, 4 * VISIBLE * pixels).unwrap();
-    let depth: Vec<f32> = gpu.read(&forward.surface().unwrap().median_depth, pixels).unwrap();
+    let mut words = gpu.read(&seen.visible, pixels).unwrap();
+    let mut colors = gpu.read(&warped.colors, VISIBLE * pixels).unwrap();
+    let depth = gpu.read(&forward.surface().unwrap().median_depth, pixels).unwrap();
     let flipped: Vec<usize> = (0..pixels).filter(|p| packed(words[*p]) != packed(dumped.seen[*p])).collect();
     for p in &flipped {
         assert_on_threshold(&scene, *p, depth[*p].into(), packed(words[*p]), packed(dumped.seen[*p]));
         words[*p] = dumped.seen[*p];
-        (0..VISIBLE).for_each(|m| colors[4 * (m * pixels + p)..][..4].copy_from_slice(&dumped.warped[m * pixels + p]));
+        (0..VISIBLE).for_each(|m| colors[m * pixels + p] = dumped.warped[m * pixels + p]);
     }
     let share = flipped.len() as f64 / pixels as f64;
     println!("{} of {pixels} pixels ({:.3} %) see other sources", flipped.len(), 100.0 * share);
-    gpu.queue.write_buffer(&seen.visible.buffer, 0, bytemuck::cast_slice(&words));
+    gpu.write(&seen.visible, 0, &words);
     let patched = render(&gpu.upload("colours", &colors).unwrap());
 
     let base = ibgs_reference::gpu::pixels(&forward.image, &view.camera);

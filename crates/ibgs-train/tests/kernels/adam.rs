@@ -27,7 +27,7 @@ fn follows_the_twin(decay: f64) {
     let mut twin: Vec<f64> = start.iter().copied().map(f64::from).collect();
     let (mut m, mut v) = (vec![0.0; n], vec![0.0; n]);
     let values = gpu.upload("values", &start).unwrap();
-    let moments = [gpu.allocate("m", 4 * n as u64).unwrap(), gpu.allocate("v", 4 * n as u64).unwrap()];
+    let moments = [gpu.allocate("m", n).unwrap(), gpu.allocate("v", n).unwrap()];
     let rates = [2.5e-3, 1.25e-4];
     for step in 1..=20i32 {
         // Gradients over many orders of magnitude, zero among them.
@@ -61,7 +61,7 @@ fn follows_the_twin(decay: f64) {
             adam.step(step as u32, &mut twin[at.clone()], &gradient, &mut m[at.clone()], &mut v[at]);
         }
     }
-    let ours: Vec<f32> = gpu.read(&values, n).unwrap();
+    let ours = gpu.read(&values, n).unwrap();
     for (i, (a, b)) in ours.iter().zip(&twin).enumerate() {
         let moved = (f64::from(start[i]) - b).abs();
         let error = (f64::from(*a) - b).abs();

@@ -12,15 +12,15 @@ fn the_copy_is_a_copy() {
     let gpu = gpu();
     // Not a multiple of the workgroup; one more vec4 must stay as it was.
     let count = 1003u32;
-    let values: Vec<f32> = (0..4 * (count + 1)).map(|i| 1.0 + i as f32).collect();
-    let (from, to) = (gpu.upload("from", &values).unwrap(), gpu.allocate("to", 16 * u64::from(count + 1)).unwrap());
+    let values: Vec<[f32; 4]> = (0..=count).map(|i| [1.0, 2.0, 3.0, 4.0].map(|v| v + 4.0 * i as f32)).collect();
+    let (from, to) = (gpu.upload("from", &values).unwrap(), gpu.allocate("to", count as usize + 1).unwrap());
     let mut pass = Pass::new(&gpu, "test");
     pass.linear(&BenchCopyBindings { values: &from, copied: &to }, &count, count as usize);
     pass.submit();
-    let copied: Vec<f32> = gpu.read(&to, values.len()).unwrap();
-    let (inside, outside) = copied.split_at(4 * count as usize);
+    let copied = gpu.read(&to, values.len()).unwrap();
+    let (inside, outside) = copied.split_at(count as usize);
     assert_eq!(inside, &values[..inside.len()]);
-    assert_eq!(outside, [0.0; 4]);
+    assert_eq!(outside, [[0.0; 4]]);
 }
 
 /// In double precision.
@@ -35,12 +35,12 @@ fn every_multiply_add_is_done() {
     let (count, steps) = (301u32, 3);
     let (x, y) = (0.97f32, 0.5f32);
     let values = gpu.upload("values", &[x, y]).unwrap();
-    let sums = gpu.allocate("sums", 4 * u64::from(count + 3)).unwrap();
+    let sums = gpu.allocate("sums", count as usize + 3).unwrap();
     let mut pass = Pass::new(&gpu, "test");
     let params = FmaParams { count, steps };
     pass.linear(&BenchFmaBindings { factor_and_summand: &values, sums: &sums }, &params, count as usize);
     pass.submit();
-    let ours: Vec<f32> = gpu.read(&sums, count as usize + 3).unwrap();
+    let ours = gpu.read(&sums, count as usize + 3).unwrap();
     let mut largest = 0.0f64;
     for (i, sum) in ours[..count as usize].iter().enumerate() {
         let expected = twin(i, x.into(), y.into(), steps);

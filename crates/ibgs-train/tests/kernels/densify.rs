@@ -174,7 +174,7 @@ fn statistics_grow_only_where_the_gaussian_was_seen() {
         };
         pass.linear(&buffers, &params, 3);
         pass.submit();
-        let ours: Vec<[f32; 4]> = gpu.read(&statistics, 3).unwrap();
+        let ours = gpu.read(&statistics, 3).unwrap();
         let close = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         assert!(close(ours[0], [1.0 + 0.5, 2.0 + 1.3, 4.0, 9.0]), "{:?}", ours[0]);
         assert_eq!(ours[1], start[1], "culled");
@@ -209,7 +209,7 @@ fn the_largest_gradient_over_the_views_is_kept() {
         pass.linear(&buffers, &params, 3);
         pass.submit();
     }
-    let ours: Vec<[f32; 4]> = gpu.read(&statistics, 3).unwrap();
+    let ours = gpu.read(&statistics, 3).unwrap();
     let close = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
     assert!(close(ours[0], [5.0, 6.0, 3.0, 0.25]), "{:?}", ours[0]);
     assert!(close(ours[1], [0.1, 5.0, 2.0, 0.045]), "{:?}", ours[1]);
@@ -244,7 +244,7 @@ fn pixels_of_large_error_are_counted_for_those_that_cover_them() {
         let mut pass = Pass::new(&gpu, "test");
         let counts = covered_errors(&gpu, &mut pass, &forward, (&image, &target), &scratch.stats, p.len()).unwrap();
         pass.submit();
-        let ours: Vec<u32> = gpu.read(&counts, p.len()).unwrap();
+        let ours = gpu.read(&counts, p.len()).unwrap();
 
         let photo = |i: usize, c: usize| {
             let color = f64::from(rgba[4 * i + c]) / 255.0;
@@ -296,7 +296,7 @@ fn rows_are_gathered_and_new_moments_are_zero() {
         let buffers = DensifyGatherBindings { sources: &list, previous: &from, next: &to };
         pass.linear(&buffers, &params, 4 * row);
         pass.submit();
-        let ours: Vec<f32> = gpu.read(&to, 4 * row).unwrap();
+        let ours = gpu.read(&to, 4 * row).unwrap();
         for (k, source) in sources.iter().enumerate() {
             let fresh = source & FRESH != 0 && fresh_zero == 1;
             let at = (source & !FRESH) as usize * row;

@@ -14,11 +14,11 @@ fn on_gpu(camera: &Camera, depth: &[f64]) -> Vec<f64> {
     let narrow: Vec<f32> = depth.iter().map(|z| *z as f32).collect();
     let depth_map = gpu.upload("depth", &narrow).unwrap();
     let surface = SurfaceBuffers { depth: depth_map, ..SurfaceBuffers::new(&gpu, camera).unwrap() };
-    let out = gpu.allocate("depth normals", 12 * depth.len() as u64).unwrap();
+    let out = gpu.allocate("depth normals", 3 * depth.len()).unwrap();
     let mut pass = Pass::new(&gpu, "test");
     surface.record_depth_normals(&mut pass, &out);
     pass.submit();
-    gpu.read::<f32>(&out, 3 * depth.len()).unwrap().into_iter().map(f64::from).collect()
+    gpu.read(&out, 3 * depth.len()).unwrap().into_iter().map(f64::from).collect()
 }
 
 #[test]

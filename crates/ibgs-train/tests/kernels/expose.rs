@@ -51,7 +51,7 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         // The gradients by the model are those by the image, brought back.
         let mut through = (shown * cotangent).sum().backward();
         let through = leaves.gradients(&mut through).unwrap();
-        let by_numbers: Vec<f32> = gpu.read(exposures.v_target(), 8).unwrap();
+        let by_numbers = gpu.read(exposures.v_target(), 2).unwrap().into_flattened();
         let straight = Leaves::new(&gpu, &model).unwrap();
         let (image, _) = autodiff::rasterized(&raster, &straight, &view).unwrap();
         let flat: Vec<f32> = v_image.as_flattened().iter().map(|v| *v as f32).collect();
@@ -77,7 +77,7 @@ fn only_the_visited_photo_steps() {
     for (turn, photo) in [1usize, 2, 1, 1].into_iter().enumerate() {
         let gradient: [f64; 6] = std::array::from_fn(|i| (0.3 - 0.2 * turn as f64) / (i as f64 + 1.0));
         let [a, b, c, d, e, f] = gradient.map(|v| v as f32);
-        let uploaded = gpu.upload("gradient", &[a, b, c, 0.0, d, e, f, 0.0]).unwrap();
+        let uploaded = gpu.upload("gradient", &[[a, b, c, 0.0], [d, e, f, 0.0]]).unwrap();
         let mut pass = Pass::new(&gpu, "test");
         photos.record_step(&mut pass, photo, &uploaded, settings.learning_rate);
         pass.submit();

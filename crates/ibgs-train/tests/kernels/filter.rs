@@ -67,7 +67,7 @@ fn sizes_are_those_of_the_nearest_camera() {
     let rows: Vec<[f32; 4]> =
         views.iter().map(|c| c.center().extend(c.focal.max_element()).as_vec4().to_array()).collect();
     let means: Vec<[f32; 3]> = p.means.iter().map(|m| m.map(|v| v as f32)).collect();
-    let means = gpu.upload("means", &means).unwrap();
+    let means = gpu.upload("means", means.as_flattened()).unwrap();
     let cameras = gpu.upload("cameras", &rows).unwrap();
     let filters = gpu.upload("filters", &vec![-1.0f32; 300]).unwrap();
     // The last Gaussian is beyond the count.
@@ -75,7 +75,7 @@ fn sizes_are_those_of_the_nearest_camera() {
     let mut pass = Pass::new(&gpu, "test");
     pass.linear(&FilterSizesBindings { means: &means, cameras: &cameras, filters: &filters }, &params, 300);
     pass.submit();
-    let ours: Vec<f32> = gpu.read(&filters, 300).unwrap();
+    let ours = gpu.read(&filters, 300).unwrap();
     for (mean, ours) in p.means.iter().zip(&ours).take(299) {
         let size = |c: &ibgs_core::camera::Camera| c.center().distance(DVec3::from(*mean)) / c.focal.max_element();
         let truth = 0.5 * views.iter().map(size).fold(f64::INFINITY, f64::min);

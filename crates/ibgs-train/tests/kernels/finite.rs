@@ -14,9 +14,9 @@ fn what_is_not_finite_is_counted() {
         let mut pass = Pass::new(&gpu, "test");
         // Beyond the count lie values that are not looked at.
         let looked_at = values.len() as u32 - 1;
-        pass.linear(&FiniteBindings { values: &uploaded, broken: &broken }, &looked_at, values.len());
+        pass.linear(&FiniteBindings { values: &uploaded.cast(), broken: &broken }, &looked_at, values.len());
         pass.submit();
-        gpu.read::<u32>(&broken, 1).unwrap()[0]
+        gpu.read(&broken, 1).unwrap()[0]
     };
     assert_eq!(count(&values), 0);
     values[999] = f32::NAN;

@@ -17,8 +17,8 @@ fn mean(partials: &[[f32; 2]], weight: f32) -> (f32, [f32; 2]) {
     let mut pass = Pass::new(&gpu, "test");
     pass.groups(&LossMeanBindings { partials: &sums, loss: &loss, stats: &stats }, &params, 1);
     pass.submit();
-    let stats: Vec<f32> = gpu.read(&stats, 2).unwrap();
-    (gpu.read::<f32>(&loss, 1).unwrap()[0], [stats[0], stats[1]])
+    let stats = gpu.read(&stats, 2).unwrap();
+    (gpu.read(&loss, 1).unwrap()[0], [stats[0], stats[1]])
 }
 
 #[test]

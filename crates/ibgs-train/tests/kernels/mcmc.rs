@@ -136,7 +136,7 @@ fn noise_follows_the_twin_and_the_covariance() {
     let upload = |what, values: &[f32]| gpu.upload(what, values).unwrap();
     let means = upload("means", &vec![0.0; 3 * n]);
     let buffers = McmcNoiseBindings {
-        rotations: &upload("rotations", rotations.as_flattened()),
+        rotations: &gpu.upload("rotations", &rotations).unwrap(),
         log_scales: &upload("log scales", log_scales.as_flattened()),
         opacity_logits: &upload("logits", &logits),
         means: &means,
@@ -145,7 +145,7 @@ fn noise_follows_the_twin_and_the_covariance() {
     let mut pass = Pass::new(&gpu, "test");
     pass.linear(&buffers, &params, n);
     pass.submit();
-    let moved: Vec<[f32; 3]> = gpu.read(&means, n).unwrap();
+    let moved = gpu.read(&means.cast::<[f32; 3]>(), n).unwrap();
     let steps: Vec<DVec3> =
         (0..n).map(|i| noise_twin(i as u32, seed, strength, rotations[i], log_scales[i], logits[i])).collect();
     for (i, (ours, twin)) in moved.iter().zip(&steps).enumerate() {

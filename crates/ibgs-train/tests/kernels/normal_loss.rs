@@ -44,10 +44,8 @@ fn on_gpu(seen: Surface, depth: &[f64], normal: &[[f64; 3]], before: f32) -> OnG
     let mut grads = (loss.clone() * 3.0 + produced.sum()).backward();
     let by_image = values(leaf.grad_remove(&mut grads).unwrap());
     assert!(by_image.iter().all(|v| *v == 2.0), "the image has no gradient from the normal loss");
-    let read = |buffer, count| -> Vec<f64> {
-        let read: Vec<f32> = gpu.read(buffer, count).unwrap();
-        read.into_iter().map(f64::from).collect()
-    };
+    let read =
+        |buffer, count| -> Vec<f64> { gpu.read::<f32>(buffer, count).unwrap().into_iter().map(f64::from).collect() };
     OnGpu {
         loss: values(loss.inner())[0],
         v_depth: read(&surface.v_depth, pixels),

@@ -106,7 +106,7 @@ fn depth_maps_are_the_median_depths() {
         let full = surface(&scene, &view, warping(&scene), &Cotangents::zeros(pixels, scene.sources.len()));
         let raster = Rasterizer::new(ibgs_reference::gpu::gpu());
         let map = raster.depth_map(&scene_splats(&scene), &view, Room::Checked).unwrap();
-        let alone: Vec<f32> = raster.gpu().read(&map, pixels).unwrap();
+        let alone = raster.gpu().read(&map, pixels).unwrap();
         let error = relative_error(&alone.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), &full.outputs.depth);
         println!("wall {seed}: {error:.1e}");
         assert!(error < 1e-6, "wall {seed}: {error:e}");

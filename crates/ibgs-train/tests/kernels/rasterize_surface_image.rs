@@ -1,6 +1,7 @@
 //! Blending with surface for an image alone against the same for gradients, which the twin checks.
 
 use crate::small::small_model;
+use ibgs_core::gpu::Buffer;
 use ibgs_core::raster::{Keep, RasterView, SurfaceOptions};
 use ibgs_reference::gpu::{gpu, rasterizer};
 
@@ -21,13 +22,14 @@ fn it_gives_what_gradients_get_bit_for_bit() {
             assert!(raster.had_room(&forward).unwrap());
             let surface = forward.surface().unwrap();
             assert_eq!(surface.v.is_some(), keep == Keep::Gradients);
-            let read = |buffer, values| gpu.read::<u32>(buffer, values * camera.pixels()).unwrap();
+            let read =
+                |buffer: &Buffer<f32>, values| gpu.read(&buffer.cast::<u32>(), values * camera.pixels()).unwrap();
             [
                 read(&forward.image, 3),
                 read(&forward.workspace.final_t, 1),
                 read(&surface.normal_map, 3),
                 read(&surface.median_depth, 1),
-                read(&surface.intersections, 2 * intersections as usize),
+                read(&surface.intersections.cast(), 2 * intersections as usize),
             ]
         });
         let names = ["image", "transmittance", "normal map", "median depth", "intersections"];

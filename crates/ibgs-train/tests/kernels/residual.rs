@@ -81,7 +81,7 @@ pub(super) fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: A
     let mut pass = Pass::new(&gpu, "unet");
     unet.forward(&mut pass, &weights);
     pass.submit();
-    gpu.read(unet.residual(), OUTPUTS * x.width * x.height).unwrap()
+    gpu.read(unet.residual(), x.width * x.height).unwrap().into_flattened()
 }
 
 /// Forward and backward, twice over: the second time must not see anything of the first.
@@ -90,7 +90,7 @@ pub(super) fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Ari
     let n = x.width * x.height;
     let unet = unet(&gpu, x, Keep::Gradients, arithmetic);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
-    let v_residual = gpu.upload("v_residual", &single(&interleaved(v_residual))).unwrap();
+    let v_residual = gpu.upload("v_residual", single(&interleaved(v_residual)).as_chunks().0).unwrap();
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
     let run = || {
         let mut pass = Pass::new(&gpu, "unet");
@@ -98,7 +98,7 @@ pub(super) fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Ari
         unet.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
         OnGpu {
-            residual: gpu.read(unet.residual(), OUTPUTS * n).unwrap(),
+            residual: gpu.read(unet.residual(), n).unwrap().into_flattened(),
             v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
         }
@@ -259,7 +259,8 @@ fn unet_speed() {
     let mut rng = ChaCha8Rng::seed_from_u64(10);
     let planes = uniform(INPUT * width * height, 1.0, &mut rng);
     let weights = gpu.upload("weights", &single(&random_weights(11))).unwrap();
-    let v_residual = gpu.upload("v_residual", &single(&uniform(OUTPUTS * width * height, 1.0, &mut rng))).unwrap();
+    let v_residual = single(&uniform(OUTPUTS * width * height, 1.0, &mut rng));
+    let v_residual = gpu.upload("v_residual", v_residual.as_chunks().0).unwrap();
     let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
     for (precision, arithmetic) in [("full", Arithmetic::Full), ("half", Arithmetic::Half)] {
         let path = UNet::new(&gpu, [width as u32, height as u32], Keep::Gradients, arithmetic).unwrap();

@@ -25,24 +25,24 @@ pub(super) struct BackwardBuffers<'a> {
     pub maps: &'a Activations,
     pub gradients: &'a Gradients,
     /// The network's flat weights.
-    pub weights: &'a Buffer,
-    /// Gradient by the output, `[height * width * 4]`.
-    pub v_residual: &'a Buffer,
+    pub weights: &'a Buffer<f32>,
+    /// Gradient by the output, `[height * width, 4]`.
+    pub v_residual: &'a Buffer<[f32; 4]>,
     /// Gradient by the flat weights.
-    pub v_weights: &'a Buffer,
+    pub v_weights: &'a Buffer<f32>,
 }
 
 /// The operations of the U-Net's layers in one arithmetic. Each records its kernels into the pass.
 pub(super) trait Backend: std::fmt::Debug + Send + Sync {
     /// Before the first layer: brings the weights into the order in which the forward pass reads them.
-    fn prepare(&self, _pass: &mut Pass, _weights: &Buffer) {}
+    fn prepare(&self, _pass: &mut Pass, _weights: &Buffer<f32>) {}
 
     /// A 3 x 3 layer over one or two activations (two: their concatenation), with ReLU. A larger activation is read
     /// through the 2 x 2 maximum, a smaller one through the enlargement by nearest.
-    fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map);
+    fn conv(&self, pass: &mut Pass, weights: &Buffer<f32>, layer: &Layer, inputs: &[&Map], output: &Map);
 
     /// The last two layers: from d1 and x to the output, and to f where it is kept.
-    fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations);
+    fn head(&self, pass: &mut Pass, weights: &Buffer<f32>, maps: &Activations);
 
     /// First of the backward pass, back through the last two layers: their weight gradients, then d1 becomes its
     /// gradient, and f their part of the gradient by x. Until then v_e1 is free for other values.
@@ -53,7 +53,7 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map);
 
     /// Gradient by a part of a 3 x 3 layer's inputs, at the layer's size.
-    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store);
+    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer<f32>, part: Part, v: &Map, v_input: &Map, store: Store);
 
     /// Through the 2 x 2 maximum and the ReLU of `activation`: completes and masks its gradient `v`.
     fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map);
@@ -62,7 +62,7 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
     fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map);
 
     /// Last of the backward pass: the gradient by x, which f holds by now, to float32 planes; nothing where f is `v_x`.
-    fn finish(&self, _pass: &mut Pass, _f: &Map, _v_x: &Buffer) {}
+    fn finish(&self, _pass: &mut Pass, _f: &Map, _v_x: &Buffer<f32>) {}
 
     /// Whether its matrix units fit the kernels of the per-view MLP.
     fn multiplies_features(&self) -> bool {
@@ -74,6 +74,6 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
         None
     }
 
-    /// Bytes of the partial sums of any layer's weight gradient, for images of `size` pixels.
-    fn partial_bytes(&self, size: [u32; 2]) -> u64;
+    /// Partial sums that any layer's weight gradient takes at most, for images of `size` pixels.
+    fn partials(&self, size: [u32; 2]) -> usize;
 }

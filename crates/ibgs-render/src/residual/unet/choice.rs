@@ -63,9 +63,9 @@ struct Trial<'a> {
     gpu: &'a Gpu,
     unet: UNet,
     pixels: usize,
-    weights: Buffer,
-    v_residual: Buffer,
-    v_weights: Buffer,
+    weights: Buffer<f32>,
+    v_residual: Buffer<[f32; 4]>,
+    v_weights: Buffer<f32>,
 }
 
 impl<'a> Trial<'a> {
@@ -77,7 +77,7 @@ impl<'a> Trial<'a> {
             unet,
             pixels: (size[0] * size[1]) as usize,
             weights: gpu.upload("weights", &numbers.weights)?,
-            v_residual: gpu.upload("v_residual", &numbers.v_residual)?,
+            v_residual: gpu.upload("v_residual", numbers.v_residual.as_chunks().0)?,
             v_weights: gpu.upload("v_weights", &vec![0.0f32; WEIGHTS])?,
         })
     }
@@ -96,11 +96,10 @@ impl<'a> Trial<'a> {
     }
 
     fn results(&self) -> Result<Results, GpuError> {
-        let read = |buffer, count| self.gpu.read(buffer, count);
         Ok([
-            read(self.unet.residual(), layers::OUTPUTS * self.pixels)?,
-            read(self.unet.v_x(), INPUT * self.pixels)?,
-            read(&self.v_weights, WEIGHTS)?,
+            self.gpu.read(self.unet.residual(), self.pixels)?.into_flattened(),
+            self.gpu.read(self.unet.v_x(), INPUT * self.pixels)?,
+            self.gpu.read(&self.v_weights, WEIGHTS)?,
         ])
     }
 }

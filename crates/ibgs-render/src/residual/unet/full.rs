@@ -21,7 +21,7 @@ const MIN_TILES: u32 = 8;
 /// multiprocessors.
 const MAX_SPLITS: u32 = 264;
 /// Values of the longest row of partial sums: 38 x 38 x 9 weights and 38 biases.
-const LONGEST_ROW: u64 = (9 * INPUT * INPUT + INPUT) as u64;
+const LONGEST_ROW: usize = 9 * INPUT * INPUT + INPUT;
 
 /// Float32.
 #[derive(Debug)]
@@ -33,7 +33,7 @@ fn conv_tiles(size: [u32; 2]) -> u32 {
 }
 
 /// A convolution; `params` say which weights and biases.
-fn conv(pass: &mut Pass, weights: &Buffer, inputs: &[&Map], output: &Map, store: Store, params: ConvParams) {
+fn conv(pass: &mut Pass, weights: &Buffer<f32>, inputs: &[&Map], output: &Map, store: Store, params: ConvParams) {
     let (a, b) = (inputs[0], inputs.get(1).copied());
     let outputs = output.channels as u32;
     let groups = outputs.div_ceil(CONV_OUTPUTS);
@@ -50,8 +50,8 @@ fn conv(pass: &mut Pass, weights: &Buffer, inputs: &[&Map], output: &Map, store:
         ..params
     };
     let grid = [output.size[0].div_ceil(CONV_TILE[0]), output.size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1];
-    let (input_a, input_b) = (&a.buffer, &b.unwrap_or(a).buffer);
-    let bindings = ResidualConvBindings { weights, input_a, input_b, output: &output.buffer };
+    let (input_a, input_b) = (a.planes(), b.unwrap_or(a).planes());
+    let bindings = ResidualConvBindings { weights, input_a, input_b, output: output.planes() };
     pass.grid(&bindings, &params, grid);
 }
 
@@ -73,7 +73,7 @@ fn sum(pass: &mut Pass, buffers: &BackwardBuffers, params: SumParams, values: u3
 }
 
 impl Backend for Full {
-    fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
+    fn conv(&self, pass: &mut Pass, weights: &Buffer<f32>, layer: &Layer, inputs: &[&Map], output: &Map) {
         let params = ConvParams {
             weights: layer.offset as u32,
             stride_out: layer.row() as u32,
@@ -84,9 +84,9 @@ impl Backend for Full {
         conv(pass, weights, inputs, output, Store::Relu, params);
     }
 
-    fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations) {
+    fn head(&self, pass: &mut Pass, weights: &Buffer<f32>, maps: &Activations) {
         let params = head_params(maps);
-        let (d1, x, f) = (&maps.d1.buffer, &maps.x.buffer, &maps.f.buffer);
+        let (d1, x, f) = (maps.d1.planes(), maps.x.planes(), maps.f.planes());
         let bindings = ResidualHeadBindings { weights, d1, x, residual: &maps.residual, f };
         pass.groups(&bindings, &params, params.pixels.div_ceil(HEAD_PIXELS) as usize);
     }
@@ -94,7 +94,7 @@ impl Backend for Full {
     fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {
         let BackwardBuffers { maps, gradients, weights, v_residual, .. } = *buffers;
         let params = head_params(maps);
-        let (d1, x, f) = (&maps.d1.buffer, &maps.x.buffer, &maps.f.buffer);
+        let (d1, x, f) = (maps.d1.planes(), maps.x.planes(), maps.f.planes());
         // Light workgroups: twice as many fit a multiprocessor, and their rows of sums are a quarter as long.
         let splits = 2 * splits(params.pixels.div_ceil(32), MIN_TILES, MAX_SPLITS);
         let partials = &gradients.partials;
@@ -115,7 +115,7 @@ impl Backend for Full {
         let mode = conv_input(input.size, v.size) as u32;
         let params = ConvWeightsParams { size: v.size, source: input.size, mode, inputs, outputs, splits };
         let partials = &buffers.gradients.partials;
-        let bindings = ResidualConvWeightsBindings { v: &v.buffer, input: &input.buffer, partials };
+        let bindings = ResidualConvWeightsBindings { v: v.planes(), input: input.planes(), partials };
         pass.grid(&bindings, &params, [splits, 1, 1]);
         let length = 9 * inputs;
         let biases = if part.first == 0 { outputs } else { 0 };
@@ -133,7 +133,7 @@ impl Backend for Full {
     }
 
     /// The same convolution with strides exchanged and taps turned.
-    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store) {
+    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer<f32>, part: Part, v: &Map, v_input: &Map, store: Store) {
         let params = ConvParams {
             weights: part.offset() as u32,
             stride_out: 9,
@@ -146,19 +146,22 @@ impl Backend for Full {
 
     fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map) {
         let params = PoolParams { size: v.size, channels: v.channels as u32, pad: 0 };
-        let bindings =
-            ResidualPoolBackwardBindings { activation: &activation.buffer, v_pooled: &v_pooled.buffer, v: &v.buffer };
+        let bindings = ResidualPoolBackwardBindings {
+            activation: activation.planes(),
+            v_pooled: v_pooled.planes(),
+            v: v.planes(),
+        };
         pass.linear(&bindings, &params, v.channels * v.pixels() as usize);
     }
 
     fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map) {
         let params = UpsampleParams { size: v_enlarged.size, source: v.size, channels: v.channels as u32, pad: 0 };
-        let bindings = ResidualUpsampleBackwardBindings { v_enlarged: &v_enlarged.buffer, v: &v.buffer };
+        let bindings = ResidualUpsampleBackwardBindings { v_enlarged: v_enlarged.planes(), v: v.planes() };
         pass.linear(&bindings, &params, v.channels * v.pixels() as usize);
     }
 
-    fn partial_bytes(&self, size: [u32; 2]) -> u64 {
+    fn partials(&self, size: [u32; 2]) -> usize {
         // The head has twice as many rows a quarter as long, and its blocks of 32 pixels are no more than the tiles.
-        4 * LONGEST_ROW * u64::from(splits(conv_tiles(size), MIN_TILES, MAX_SPLITS))
+        LONGEST_ROW * splits(conv_tiles(size), MIN_TILES, MAX_SPLITS) as usize
     }
 }

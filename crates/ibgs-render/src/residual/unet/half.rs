@@ -7,7 +7,7 @@
 use super::Arithmetic;
 use super::backend::{Backend, BackwardBuffers, conv_input, splits};
 use super::memory::{Activations, Map, padded};
-use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass, RawBuffer};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part, UNET};
 use ibgs_shaders::bindings::{
@@ -17,7 +17,7 @@ use ibgs_shaders::bindings::{
 };
 use ibgs_shaders::layers::{HALF_CONV_ROWS, HALF_SUBGROUPS};
 use ibgs_shaders::types::{
-    HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
+    F16, HalfConvParams, HalfConvWeightsParams, HalfHeadBackwardParams, HalfHeadGradientParams, HalfHeadParams,
     HalfLinearWeightsParams, HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeights, HalfWeightsParams,
 };
 use ibgs_shaders::{Bindings, MatrixUnits, Store};
@@ -102,9 +102,9 @@ fn quads(map: &Map) -> u32 {
 pub(super) struct Half {
     units: MatrixUnits,
     /// All packed weights, one behind the other.
-    packed: Buffer,
-    /// Where each layer's lie: a [`HalfWeights`] each, those of `forward` and then those of `turned`.
-    layers: Buffer,
+    packed: Buffer<[F16; 4]>,
+    /// Where each layer's lie: those of `forward` and then those of `turned`.
+    layers: Buffer<HalfWeights>,
     sizes: HalfWeightsParams,
     forward: Vec<Packed>,
     /// For the gradients by the inputs of the 3 x 3 layers, last layer first; empty without gradients.
@@ -135,13 +135,21 @@ impl Half {
         let layers: Vec<_> = forward.iter().chain(&turned).map(|packed| packed.weights).collect();
         let sizes = HalfWeightsParams { layers: layers.len() as u32, quads: length };
         let layers = gpu.upload("layers of the network", &layers)?;
-        let packed = gpu.allocate("packed weights", 8 * u64::from(length))?;
+        let packed = gpu.allocate("packed weights", length as usize)?;
         // A power of two costs no digit.
         let scale = 16.0 * (3 * size[0] * size[1]).next_power_of_two() as f32;
         Ok(Self { units, packed, layers, sizes, forward, turned, v_residual, scale })
     }
 
-    fn conv3x3(&self, pass: &mut Pass, weights: &Buffer, packed: &Packed, inputs: &[&Map], output: &Map, store: Store) {
+    fn conv3x3(
+        &self,
+        pass: &mut Pass,
+        weights: &Buffer<f32>,
+        packed: &Packed,
+        inputs: &[&Map],
+        output: &Map,
+        store: Store,
+    ) {
         let (a, b) = (inputs[0], inputs.get(1).copied());
         assert_eq!(a.channels as u32, packed.weights.channels_a, "inputs of a convolution");
         assert_eq!(output.channels as u32, packed.weights.outputs, "outputs of a convolution");
@@ -161,8 +169,8 @@ impl Half {
         };
         let side = self.units.side;
         let grid = [output.size[0].div_ceil(side), output.size[1].div_ceil(HALF_CONV_ROWS), packed.weights.groups / 3];
-        let (input_a, input_b) = (&a.buffer, &b.unwrap_or(a).buffer);
-        let bindings = HalfConvBindings { weights, packed: &self.packed, input_a, input_b, output: &output.buffer };
+        let (input_a, input_b) = (&a.pairs(), &b.unwrap_or(a).pairs());
+        let bindings = HalfConvBindings { weights, packed: &self.packed, input_a, input_b, output: output.halves() };
         pass.grid(&bindings, &params, grid);
     }
 
@@ -186,23 +194,23 @@ impl Half {
 /// Back through a change of size, to the gradient `v`.
 fn resize<'b, T>(pass: &mut Pass, bindings: &T, [size, source]: [[u32; 2]; 2], v: &Map)
 where
-    T: Bindings<'b, Buffer, Params = HalfResizeParams>,
+    T: Bindings<'b, RawBuffer, Params = HalfResizeParams>,
 {
     let params = HalfResizeParams { size, source, quads: quads(v), pad: 0 };
     pass.linear(bindings, &params, (params.quads * v.pixels()) as usize);
 }
 
 impl Backend for Half {
-    fn prepare(&self, pass: &mut Pass, weights: &Buffer) {
+    fn prepare(&self, pass: &mut Pass, weights: &Buffer<f32>) {
         let bindings = HalfWeightsBindings { weights, layers: &self.layers, packed: &self.packed };
         pass.linear(&bindings, &self.sizes, self.sizes.quads as usize);
     }
 
-    fn conv(&self, pass: &mut Pass, weights: &Buffer, layer: &Layer, inputs: &[&Map], output: &Map) {
+    fn conv(&self, pass: &mut Pass, weights: &Buffer<f32>, layer: &Layer, inputs: &[&Map], output: &Map) {
         self.conv3x3(pass, weights, find(&self.forward, layer.offset), inputs, output, Store::Relu);
     }
 
-    fn head(&self, pass: &mut Pass, weights: &Buffer, maps: &Activations) {
+    fn head(&self, pass: &mut Pass, weights: &Buffer<f32>, maps: &Activations) {
         let [fuse, last] = [FUSE, FINAL].map(|layer| find(&self.forward, layer.offset));
         let params = HalfHeadParams {
             pixels: maps.x.pixels(),
@@ -213,8 +221,14 @@ impl Backend for Half {
             keep: u32::from(maps.keep == Keep::Gradients),
         };
         let Activations { x, d1, f, residual, .. } = maps;
-        let bindings =
-            HalfHeadBindings { weights, packed: &self.packed, d1: &d1.buffer, x: &x.buffer, residual, kept: &f.buffer };
+        let bindings = HalfHeadBindings {
+            weights,
+            packed: &self.packed,
+            d1: d1.halves(),
+            x: x.halves(),
+            residual,
+            kept: f.halves(),
+        };
         pass.groups(&bindings, &params, self.head_groups(x, 2));
     }
 
@@ -227,9 +241,9 @@ impl Backend for Half {
         let bindings = HalfHeadGradientBindings {
             weights: buffers.weights,
             v_residual: buffers.v_residual,
-            f: &f.buffer,
-            v_out: &v_residual.buffer,
-            v_f: &v_f.buffer,
+            f: f.halves(),
+            v_out: v_residual.halves(),
+            v_f: v_f.halves(),
         };
         pass.linear(&bindings, &params, (pixels * quads(v_f)) as usize);
         let ([by_f, _], [by_d1, by_x]) = (FINAL.parts(), FUSE.parts());
@@ -237,7 +251,7 @@ impl Backend for Half {
         self.weight_gradient(pass, buffers, by_d1, v_f, d1);
         self.weight_gradient(pass, buffers, by_x, v_f, x);
         let params = HalfHeadBackwardParams { pixels, fuse: find(&self.forward, FUSE.offset).weights.into };
-        let (v_f, d1, f) = (&v_f.buffer, &d1.buffer, &f.buffer);
+        let (v_f, d1, f) = (v_f.halves(), d1.halves(), f.halves());
         pass.groups(&HalfHeadBackwardBindings { packed: &self.packed, v_f, d1, f }, &params, groups);
     }
 
@@ -250,14 +264,14 @@ impl Backend for Half {
         let splits = if taps == 1 {
             let splits = self.linear_splits(v.pixels());
             let params = HalfLinearWeightsParams { pixels: v.pixels(), inputs, pairs_in, pairs_out, splits };
-            let bindings = HalfLinearWeightsBindings { v: &v.buffer, input: &input.buffer, partials };
+            let bindings = HalfLinearWeightsBindings { v: &v.pairs(), input: &input.pairs(), partials };
             pass.grid(&bindings, &params, [splits, groups_in, groups_out]);
             splits
         } else {
             let splits = self.conv_splits(v.size);
             let (size, source, mode) = (v.size, input.size, conv_input(input.size, v.size) as u32);
             let params = HalfConvWeightsParams { size, source, mode, inputs, pairs_in, pairs_out, splits, pad: 0 };
-            let bindings = HalfConvWeightsBindings { v: &v.buffer, input: &input.buffer, partials };
+            let bindings = HalfConvWeightsBindings { v: &v.pairs(), input: &input.pairs(), partials };
             pass.grid(&bindings, &params, [splits, groups_in, groups_out]);
             splits
         };
@@ -278,25 +292,25 @@ impl Backend for Half {
         pass.groups(&HalfSumBindings { partials, sums: buffers.v_weights }, &sum, values.div_ceil(32) as usize);
     }
 
-    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer, part: Part, v: &Map, v_input: &Map, store: Store) {
+    fn input_gradient(&self, pass: &mut Pass, weights: &Buffer<f32>, part: Part, v: &Map, v_input: &Map, store: Store) {
         self.conv3x3(pass, weights, find(&self.turned, part.offset()), &[v], v_input, store);
     }
 
     fn pool_backward(&self, pass: &mut Pass, activation: &Map, v_pooled: &Map, v: &Map) {
         let bindings =
-            HalfPoolBackwardBindings { activation: &activation.buffer, v_pooled: &v_pooled.buffer, v: &v.buffer };
+            HalfPoolBackwardBindings { activation: activation.halves(), v_pooled: v_pooled.halves(), v: v.halves() };
         resize(pass, &bindings, [v.size, v_pooled.size], v);
     }
 
     fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map) {
-        let bindings = HalfUpsampleBackwardBindings { v_enlarged: &v_enlarged.buffer, v: &v.buffer };
+        let bindings = HalfUpsampleBackwardBindings { v_enlarged: v_enlarged.halves(), v: v.halves() };
         resize(pass, &bindings, [v_enlarged.size, v.size], v);
     }
 
-    fn finish(&self, pass: &mut Pass, f: &Map, v_x: &Buffer) {
+    fn finish(&self, pass: &mut Pass, f: &Map, v_x: &Buffer<f32>) {
         let pixels = f.pixels();
         let params = HalfUnpackParams { pixels, channels: INPUT as u32, quads: quads(f), unscale: self.scale.recip() };
-        pass.linear(&HalfUnpackBindings { packed: &f.buffer, planes: v_x }, &params, pixels as usize);
+        pass.linear(&HalfUnpackBindings { packed: f.halves(), planes: v_x }, &params, pixels as usize);
     }
 
     fn multiplies_features(&self) -> bool {
@@ -308,9 +322,9 @@ impl Backend for Half {
         self.multiplies_features().then(|| self.scale.recip())
     }
 
-    fn partial_bytes(&self, size: [u32; 2]) -> u64 {
+    fn partials(&self, size: [u32; 2]) -> usize {
         let group = 3 * self.units.side;
         let blocks = triples(INPUT + 1, self.units) * triples(INPUT, self.units) * 9;
-        4 * u64::from(blocks * group * group) * u64::from(self.conv_splits(size))
+        (blocks * group * group) as usize * self.conv_splits(size) as usize
     }
 }

@@ -3,33 +3,40 @@
 use super::Arithmetic;
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::raster::Keep;
-use crate::residual::layers::{HALF, INPUT, OUTPUTS, QUARTER};
+use crate::residual::layers::{HALF, INPUT, QUARTER};
 use half::f16;
-use half::slice::HalfFloatSliceExt;
+use ibgs_shaders::types::{F16, Pair};
 
 /// Channels with padding, in half precision.
 pub(super) fn padded(channels: usize) -> u32 {
     (channels as u32).next_multiple_of(16)
 }
 
-/// An activation or its gradient. In float32 planes, `[channel][row][column]`; in half precision channels last and padded
-/// to a multiple of 16, `[row][column][channel]`.
+/// An activation or its gradient.
 #[derive(Clone, Debug)]
 pub(super) struct Map {
-    pub buffer: Buffer,
+    memory: Memory,
     pub channels: usize,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    pub arithmetic: Arithmetic,
 }
 
-/// Bytes of an activation of `size` pixels.
-fn bytes(arithmetic: Arithmetic, channels: usize, size: [u32; 2]) -> u64 {
-    let pixels = u64::from(size[0]) * u64::from(size[1]);
+#[derive(Clone, Debug)]
+enum Memory {
+    /// Float32, `[channel][row][column]`.
+    Planes(Buffer<f32>),
+    /// Half precision, channels last and padded to a multiple of 16, `[row][column][channel]`, four channels a row of the
+    /// buffer.
+    Halves(Buffer<[F16; 4]>),
+}
+
+/// Rows of the buffer of an activation of `size` pixels.
+fn rows(arithmetic: Arithmetic, channels: usize, size: [u32; 2]) -> usize {
+    let pixels = size[0] as usize * size[1] as usize;
     match arithmetic {
-        Arithmetic::Full => 4 * channels as u64 * pixels,
+        Arithmetic::Full => channels * pixels,
         // Room for whole matrices behind the last pixel.
-        Arithmetic::Half => 2 * u64::from(padded(channels)) * pixels.next_multiple_of(16),
+        Arithmetic::Half => padded(channels) as usize / 4 * pixels.next_multiple_of(16),
     }
 }
 
@@ -41,15 +48,60 @@ impl Map {
         channels: usize,
         size: [u32; 2],
     ) -> Result<Self, GpuError> {
-        let buffer = gpu.allocate(what, bytes(arithmetic, channels, size))?;
-        Ok(Self { buffer, channels, size, arithmetic })
+        let rows = rows(arithmetic, channels, size);
+        let memory = match arithmetic {
+            Arithmetic::Full => Memory::Planes(gpu.allocate(what, rows)?),
+            Arithmetic::Half => Memory::Halves(gpu.allocate(what, rows)?),
+        };
+        Ok(Self { memory, channels, size })
     }
 
-    /// Another activation in the same memory, from byte `at` on.
-    pub fn reuse(&self, channels: usize, size: [u32; 2], at: u64) -> Self {
-        let bytes = bytes(self.arithmetic, channels, size);
-        assert!(at + bytes <= self.buffer.size, "an activation does not fit its memory");
-        Self { buffer: self.buffer.part(at, bytes), channels, size, arithmetic: self.arithmetic }
+    /// Another activation in the same memory, from row `at` of the buffer on.
+    pub fn reuse(&self, channels: usize, size: [u32; 2], at: usize) -> Self {
+        let rows = rows(self.arithmetic(), channels, size);
+        let (memory, has) = match &self.memory {
+            Memory::Planes(planes) => (Memory::Planes(planes.part(at, rows)), planes.rows()),
+            Memory::Halves(halves) => (Memory::Halves(halves.part(at, rows)), halves.rows()),
+        };
+        assert!(at + rows <= has, "an activation does not fit its memory");
+        Self { memory, channels, size }
+    }
+
+    pub fn arithmetic(&self) -> Arithmetic {
+        match self.memory {
+            Memory::Planes(_) => Arithmetic::Full,
+            Memory::Halves(_) => Arithmetic::Half,
+        }
+    }
+
+    /// The planes of one in float32.
+    ///
+    /// # Panics
+    /// When it is in half precision: a bug of ours.
+    pub fn planes(&self) -> &Buffer<f32> {
+        match &self.memory {
+            Memory::Planes(planes) => planes,
+            Memory::Halves(_) => unreachable!("an activation in float32"),
+        }
+    }
+
+    /// The channels of one in half precision, by fours.
+    ///
+    /// # Panics
+    /// When it is in float32: a bug of ours.
+    pub fn halves(&self) -> &Buffer<[F16; 4]> {
+        match &self.memory {
+            Memory::Halves(halves) => halves,
+            Memory::Planes(_) => unreachable!("an activation in half precision"),
+        }
+    }
+
+    /// The same by eights, as the matrix units read them.
+    ///
+    /// # Panics
+    /// When it is in float32: a bug of ours.
+    pub fn pairs(&self) -> Buffer<Pair> {
+        self.halves().cast()
     }
 
     pub fn pixels(&self) -> u32 {
@@ -58,16 +110,19 @@ impl Map {
 
     /// Writes it from float32 planes, `[channel][row][column]`.
     pub fn write(&self, gpu: &Gpu, planes: &[f32]) {
-        let write = |bytes: &[u8]| gpu.queue.write_buffer(&self.buffer.buffer, self.buffer.offset, bytes);
-        if self.arithmetic == Arithmetic::Full {
-            return write(bytemuck::cast_slice(planes));
-        }
+        let memory = match &self.memory {
+            Memory::Planes(memory) => return gpu.write(memory, 0, planes),
+            Memory::Halves(memory) => memory,
+        };
         let (pixels, channels) = (self.pixels() as usize, padded(self.channels) as usize);
-        let mut halves = vec![f16::ZERO; pixels * channels];
+        let mut halves = vec![F16::default(); pixels * channels];
         for (channel, plane) in planes.chunks_exact(pixels).enumerate() {
-            plane.iter().enumerate().for_each(|(p, v)| halves[p * channels + channel] = f16::from_f32(*v));
+            plane
+                .iter()
+                .enumerate()
+                .for_each(|(p, v)| halves[p * channels + channel] = F16(f16::from_f32(*v).to_bits()));
         }
-        write(bytemuck::cast_slice(halves.reinterpret_cast()));
+        gpu.write(memory, 0, halves.as_chunks().0);
     }
 }
 
@@ -84,8 +139,8 @@ pub(super) struct Activations {
     pub d1: Map,
     /// The last layer's input; after the backward pass the gradient by x. A stub without gradients.
     pub f: Map,
-    /// Float32, `[height * width * 4]`.
-    pub residual: Buffer,
+    /// `[height * width, 4]`.
+    pub residual: Buffer<[f32; 4]>,
     /// Whether f is kept.
     pub keep: Keep,
 }
@@ -96,13 +151,13 @@ impl Activations {
         let map = |what, channels, size| Map::new(gpu, what, arithmetic, channels, size);
         let (x, e1) = (map("unet x", INPUT, full)?, map("unet e1", INPUT, full)?);
         let (u1, d1) = (map("unet u1", INPUT, full)?, map("unet d1", INPUT, full)?);
-        let residual = gpu.allocate("residual", 4 * OUTPUTS as u64 * u64::from(x.pixels()))?;
+        let residual = gpu.allocate("residual", x.pixels() as usize)?;
         if (arithmetic, keep) == (Arithmetic::Full, Keep::Image) {
             // What a layer reads never lies in the buffer that it writes: e2, u2 and then u1 share one, b, d2, d1 the
             // other.
-            let alignment = u64::from(gpu.limits.min_storage_buffer_offset_alignment);
+            let alignment = gpu.limits.min_storage_buffer_offset_alignment as usize / size_of::<f32>();
             let e2 = u1.reuse(HALF, half, 0);
-            let u2 = u1.reuse(HALF, half, e2.buffer.size.next_multiple_of(alignment));
+            let u2 = u1.reuse(HALF, half, e2.planes().rows().next_multiple_of(alignment));
             let (b, d2) = (d1.reuse(QUARTER, quarter, 0), d1.reuse(HALF, half, 0));
             let f = map("unet f", 0, full)?;
             return Ok(Self { x, e1, e2, b, u2, d2, u1, d1, f, residual, keep });
@@ -120,16 +175,16 @@ pub(super) struct Gradients {
     pub v_e1: Map,
     pub v_e2: Map,
     /// Partial sums of one layer's weight gradient, the layers by turns.
-    pub partials: Buffer,
+    pub partials: Buffer<f32>,
 }
 
 impl Gradients {
-    pub fn new(gpu: &Gpu, maps: &Activations, partial_bytes: u64) -> Result<Self, GpuError> {
-        let like = |what, map: &Map| Map::new(gpu, what, map.arithmetic, map.channels, map.size);
+    pub fn new(gpu: &Gpu, maps: &Activations, partials: usize) -> Result<Self, GpuError> {
+        let like = |what, map: &Map| Map::new(gpu, what, map.arithmetic(), map.channels, map.size);
         Ok(Self {
             v_e1: like("unet v_e1", &maps.e1)?,
             v_e2: like("unet v_e2", &maps.e2)?,
-            partials: gpu.allocate("weight gradients", partial_bytes)?,
+            partials: gpu.allocate("weight gradients", partials)?,
         })
     }
 }
