@@ -39,6 +39,7 @@ pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo};
 pub use kind::SceneKind;
 pub use llff::check_poses_bounds;
 pub use masks::is_mask;
+pub use names::{PHOTO_EXTENSIONS, has_extension, picture_extensions};
 pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub use photos::resample;
