@@ -8,7 +8,7 @@ mod video;
 
 use anyhow::{Context, Result, bail};
 use colmap::{Cameras, Colmap, Matching, Origin, Quality};
-use ibgs_core::dataset;
+use ibgs_core::dataset::{self, has_extension, picture_extensions};
 use ibgs_core::files::is_same;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
@@ -16,7 +16,7 @@ use photos::{left_out, photos_below, unread_note};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
-use tool::{Tool, has_extension};
+use tool::Tool;
 
 /// File in the scene that records its inputs and the finished steps.
 const RECORD: &str = "prepare.json";
@@ -24,7 +24,6 @@ const RECORD: &str = "prepare.json";
 const FEWEST: usize = 3;
 /// Photos that are named one by one.
 const NAMED: usize = 5;
-const PHOTOS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
 const VIDEOS: [&str; 10] = ["mp4", "mov", "m4v", "avi", "mkv", "webm", "mts", "m2ts", "mpg", "wmv"];
 
 /// What a scene is made of.
@@ -332,8 +331,7 @@ pub fn inputs_in(path: &Path) -> Option<PathBuf> {
         return is_video(path).then(|| path.to_owned());
     }
     let has_photos = |folder: &Path| {
-        fs::read_dir(folder)
-            .is_ok_and(|mut entries| entries.any(|entry| entry.is_ok_and(|e| has_extension(&e.path(), &PHOTOS))))
+        fs::read_dir(folder).is_ok_and(|mut entries| entries.any(|entry| entry.is_ok_and(|e| is_photo(&e.path()))))
     };
     [path.to_owned(), path.join("images")].into_iter().find(|folder| has_photos(folder))
 }
@@ -373,8 +371,14 @@ fn part_name(inputs: &[PathBuf], i: usize) -> String {
     format!("{:02}_{stem}", i + 1)
 }
 
+/// Whether a file has the name of a photo that COLMAP is given.
+fn is_photo(path: &Path) -> bool {
+    has_extension(path, &picture_extensions())
+}
+
 /// `.jpg, .jpeg or .png`.
 fn known_extensions() -> String {
-    let [first @ .., last] = PHOTOS.map(|extension| format!(".{extension}"));
+    let extensions: Vec<String> = picture_extensions().iter().map(|extension| format!(".{extension}")).collect();
+    let (last, first) = extensions.split_last().expect("there are extensions");
     format!("{} or {last}", first.join(", "))
 }

@@ -1,10 +1,9 @@
 //! The photos of a folder: finding them, bringing them and their masks into a scene.
 
-use super::tool::has_extension;
 use super::upright::{asks_to_turn, upright};
-use super::{PHOTOS, known_extensions};
+use super::{is_photo, known_extensions};
 use anyhow::{Context, Result};
-use ibgs_core::dataset::is_mask;
+use ibgs_core::dataset::{has_extension, is_mask};
 use ibgs_core::progress::Progress;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,7 +35,7 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// The files of a folder that are no photos we take.
 pub(super) fn left_out(folder: &Path) -> Result<Vec<PathBuf>> {
-    Ok(files_in(folder)?.into_iter().filter(|path| !has_extension(path, &PHOTOS)).collect())
+    Ok(files_in(folder)?.into_iter().filter(|path| !is_photo(path)).collect())
 }
 
 /// What to do with photos in a format that is not read, the first such format.
@@ -63,7 +62,7 @@ fn pictures_below(folder: &Path) -> Result<Vec<PathBuf>> {
             continue;
         }
         if !path.is_dir() {
-            pictures.extend(has_extension(&path, &PHOTOS).then_some(path));
+            pictures.extend(is_photo(&path).then_some(path));
         } else if !path.ends_with(MASKS) {
             pictures.extend(pictures_below(&path)?);
         }

@@ -14,6 +14,7 @@ pub mod dataset;
 pub mod files;
 pub mod image_io;
 pub mod local_space;
+pub mod lru;
 pub mod picture;
 mod ply_color;
 pub mod ply_offset;

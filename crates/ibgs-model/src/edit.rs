@@ -233,13 +233,7 @@ mod tests {
         kept.validate().unwrap();
         assert_eq!(kept.len(), 4);
         for (now, before) in [(0, 0), (1, 3), (2, 64), (3, 69)] {
-            assert_eq!(kept.means[now], whole.means[before]);
-            assert_eq!(kept.rotations[now], whole.rotations[before]);
-            assert_eq!(kept.log_scales[now], whole.log_scales[before]);
-            assert_eq!(kept.opacity_logits[now], whole.opacity_logits[before]);
-            assert_eq!(kept.sh[12 * now..12 * now + 12], whole.sh[12 * before..12 * before + 12]);
-            assert_eq!(kept.normals[now], whole.normals[before]);
-            assert_eq!(kept.offsets[now], whole.offsets[before]);
+            assert_eq!(kept.row(now), whole.row(before));
         }
         assert_eq!(Mask::all(70).of_model(&whole), *whole);
     }

@@ -39,7 +39,7 @@ pub use existing::Existing;
 pub use lock::FolderLock;
 
 use crate::config::{Method, TrainConfig};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, PHOTO_EXTENSIONS, has_extension};
 use crate::exposure::{self, Exposure};
 use crate::files::{self, WriteError};
 use crate::residual::weights;
@@ -55,8 +55,9 @@ use std::path::{Component, Path, PathBuf};
 /// File of the report on a model.
 pub const REPORT_FILE: &str = "report.html";
 
-/// Extensions of photo names, which a picture's `.png` replaces.
-const PHOTO_EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "bmp", "webp"];
+/// Extension of photo names that a picture's `.png` replaces, as it does those of [`PHOTO_EXTENSIONS`]: a scene may name BMP
+/// files although its photos, which have the same names otherwise, are in another format.
+const NAMED_EXTENSION: &str = "bmp";
 
 /// What a picture of a view shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -198,9 +199,7 @@ impl OutputFolder {
             }
         }
         // `frame.0001` has no extension that could be replaced.
-        let photo = path
-            .extension()
-            .is_some_and(|extension| PHOTO_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)));
+        let photo = has_extension(&path, &PHOTO_EXTENSIONS) || has_extension(&path, &[NAMED_EXTENSION]);
         if photo {
             path.set_extension("");
         }

@@ -62,7 +62,7 @@ pub enum Model {
     Ideal,
 }
 
-/// The trained tensors of base splatting, by name.
+/// The trained tensors of base splatting, in the order of [`PerGaussian`](ibgs_data::scene::PerGaussian).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tensor {
     Means,
@@ -75,6 +75,16 @@ pub enum Tensor {
 impl Tensor {
     pub const ALL: [Tensor; 5] =
         [Tensor::Means, Tensor::Rotations, Tensor::LogScales, Tensor::OpacityLogits, Tensor::Sh];
+
+    /// Its name in the golden data.
+    pub fn name(self) -> &'static str {
+        surface_scene::TENSORS[self as usize]
+    }
+
+    /// The one with this name.
+    pub fn named(name: &str) -> Option<Tensor> {
+        Tensor::ALL.into_iter().find(|tensor| tensor.name() == name)
+    }
 }
 
 /// Scene parameters before activation (method.md section 1): f64 that hold values representable in f32.

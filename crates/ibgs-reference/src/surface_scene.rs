@@ -10,11 +10,12 @@ use super::geometry_backward::{Cotangents, GeometryGrads, geometry_backward};
 use super::golden::GoldenGradients;
 use super::random_scene::{random_camera, random_params};
 use super::warp::{Source, Warp, warp};
-use super::{Model, Params, render_as};
+use super::{Model, Params, Tensor, render_as};
 
 pub const FILES: [&str; 3] = ["gradients_k2_m2.npz", "gradients_k4_m3.npz", "gradients_k6_m4.npz"];
 /// The outputs of a target view, each a loss of its own, and all together.
 pub const GROUPS: [&str; 6] = ["base", "normal", "depth", "warped", "cosine", "all"];
+/// Names of the parameters in the golden data, in the order of [`PerGaussian`](ibgs_data::scene::PerGaussian).
 pub const TENSORS: [&str; 7] = ["mean", "rotation", "log_scale", "opacity_logit", "sh", "normal", "offset"];
 
 /// A target view with all that it is computed from.
@@ -58,12 +59,10 @@ impl Scene {
     }
 
     pub fn tensor(&mut self, name: &str) -> &mut [f64] {
+        if let Some(tensor) = Tensor::named(name) {
+            return self.params.get_mut(tensor);
+        }
         match name {
-            "mean" => self.params.means.as_flattened_mut(),
-            "rotation" => self.params.rotations.as_flattened_mut(),
-            "log_scale" => self.params.log_scales.as_flattened_mut(),
-            "opacity_logit" => &mut self.params.opacity_logits,
-            "sh" => &mut self.params.sh,
             "normal" => self.planes.normals.as_flattened_mut(),
             "offset" => &mut self.planes.offsets,
             other => panic!("no tensor {other}"),
@@ -72,12 +71,10 @@ impl Scene {
 }
 
 pub fn grad<'a>(g: &'a GeometryGrads, name: &str) -> &'a [f64] {
+    if let Some(tensor) = Tensor::named(name) {
+        return g.base.get(tensor);
+    }
     match name {
-        "mean" => g.base.means.as_flattened(),
-        "rotation" => g.base.rotations.as_flattened(),
-        "log_scale" => g.base.log_scales.as_flattened(),
-        "opacity_logit" => &g.base.opacity_logits,
-        "sh" => &g.base.sh,
         "normal" => g.normals.as_flattened(),
         "offset" => &g.offsets,
         "xy_pixels" => g.base.xy.as_flattened(),

@@ -3,7 +3,7 @@
 use ibgs_data::camera::Camera;
 
 use ibgs_reference::golden::{load_dump, load_gradients};
-use ibgs_reference::{Forward, Model, Params, backward, psnr, relative_error, render_as};
+use ibgs_reference::{Forward, Model, Params, Tensor, backward, psnr, relative_error, render_as};
 
 /// The golden gradients know neither tiles nor held ratios; the base image of the dump knows both.
 fn render_ideal(p: &Params, camera: &Camera) -> Forward {
@@ -21,16 +21,8 @@ fn base_gradients_agree_with_automatic_differentiation() {
         assert!(error < 1e-9, "{file} out/base: relative error {error:e}");
 
         let g = backward(p, camera, [0.0; 3], &forward, &golden.cotangent_base);
-        let checks = [
-            ("mean", g.means.as_flattened()),
-            ("rotation", g.rotations.as_flattened()),
-            ("log_scale", g.log_scales.as_flattened()),
-            ("opacity_logit", &g.opacity_logits[..]),
-            ("sh", &g.sh[..]),
-            ("xy_pixels", g.xy.as_flattened()),
-            ("xy_pixels_abs", g.xy_abs.as_flattened()),
-        ];
-        for (name, ours) in checks {
+        let pairs = [("xy_pixels", g.xy.as_flattened()), ("xy_pixels_abs", g.xy_abs.as_flattened())];
+        for (name, ours) in Tensor::ALL.map(|tensor| (tensor.name(), g.get(tensor))).into_iter().chain(pairs) {
             let truth = golden.grad("base", name);
             assert!(truth.iter().any(|v| *v != 0.0), "{file} {name}: nothing to compare");
             let error = relative_error(ours, truth);
@@ -78,16 +70,9 @@ fn boxes_and_held_ratios_move_the_golden_gradients_little() {
         let forward = render_as(p, camera, [0.0; 3], p.sh_degree, Model::Boxed);
         let g = backward(p, camera, [0.0; 3], &forward, &golden.cotangent_base);
         let image = relative_error(forward.image.as_flattened(), golden.out_base.as_flattened());
-        let checks = [
-            ("mean", g.means.as_flattened()),
-            ("rotation", g.rotations.as_flattened()),
-            ("log_scale", g.log_scales.as_flattened()),
-            ("opacity_logit", &g.opacity_logits[..]),
-            ("sh", &g.sh[..]),
-        ];
         println!("{file}: image {image:.1e}");
         assert!((1e-5..3e-3).contains(&image), "{file}: image {image:e}");
-        for (name, ours) in checks {
+        for (name, ours) in Tensor::ALL.map(|tensor| (tensor.name(), g.get(tensor))) {
             let error = relative_error(ours, golden.grad("base", name));
             println!("{file}: tiled against ideal {name} {error:.1e}");
             assert!(error < 0.1, "{file} {name}: {error:e}");

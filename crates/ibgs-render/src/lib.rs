@@ -23,4 +23,4 @@ pub mod scene;
 pub mod sources;
 
 // What the modules here build on, by its short name.
-use ibgs_data::{camera, dataset, files, local_space, picture, progress};
+use ibgs_data::{camera, dataset, files, local_space, lru, picture, progress};

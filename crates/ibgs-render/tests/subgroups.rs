@@ -8,7 +8,7 @@ use ibgs_reference::relative_error;
 use ibgs_reference::surface_scene::wall;
 use ibgs_render::gpu::{Buffer, Gpu};
 use ibgs_render::raster::{Keep, RasterGradients, RasterView, Rasterizer};
-use ibgs_render::scene::Splats;
+use ibgs_render::scene::{PerGaussian, Splats};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -47,28 +47,14 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
         random(&v.median_depth, pixels);
         random(&v.intersections.cast(), medians);
     }
-    let coefficients = model.sh_coefficients();
-    let v = RasterGradients {
-        means: buffer(3 * n),
-        rotations: buffer(4 * n).cast(),
-        log_scales: buffer(3 * n),
-        opacity_logits: buffer(n),
-        sh: buffer(3 * coefficients * n),
-        screen: buffer(4 * n).cast(),
-        planes: view.surface.map(|_| [buffer(3 * n), buffer(n)]),
-    };
+    let rows = PerGaussian::rows(model.sh_coefficients());
+    let is_there = PerGaussian::with_gradients(view.surface.is_some());
+    let parameters = rows.zip(is_there).map(|(row, is_there)| is_there.then(|| buffer(row * n)));
+    let v = RasterGradients { parameters, screen: buffer(4 * n).cast() };
     forward.backward(gpu, &splats, &v_image, &v);
-    let own = [
-        (v.means, 3 * n),
-        (v.rotations.cast(), 4 * n),
-        (v.log_scales, 3 * n),
-        (v.opacity_logits, n),
-        (v.sh, 3 * coefficients * n),
-        (v.screen.cast(), 4 * n),
-    ];
-    let planes = v.planes.into_iter().flat_map(|[normals, offsets]| [(normals, 3 * n), (offsets, n)]);
+    let own = v.parameters.zip(rows).into_array().into_iter().filter_map(|(buffer, row)| Some((buffer?, row * n)));
     let double = |(buffer, count)| read(&buffer, count).into_iter().map(f64::from).collect();
-    Results { outputs, gradients: own.into_iter().chain(planes).map(double).collect() }
+    Results { outputs, gradients: own.chain([(v.screen.cast(), 4 * n)]).map(double).collect() }
 }
 
 /// The images are equal bit for bit. Gradients are sums in another order.

@@ -91,3 +91,18 @@ named! {
         Other = "other",
     }
 }
+
+impl KernelStage {
+    /// Whether it is a part of the residual network, with its gradients.
+    pub fn is_of_network(self) -> bool {
+        match self {
+            Self::Features | Self::UNet | Self::Compose => true,
+            Self::ComposeBackward | Self::UNetBackward | Self::UNetWeights | Self::FeaturesBackward => true,
+            Self::DepthMaps | Self::Project | Self::Sort | Self::Planes | Self::Blend | Self::Warp => false,
+            Self::ImageLoss | Self::NormalLoss | Self::PhotometricLoss => false,
+            Self::ImageLossBackward | Self::NormalLossBackward | Self::PhotometricLossBackward => false,
+            Self::WarpBackward | Self::BlendBackward | Self::PlanesBackward | Self::ProjectBackward => false,
+            Self::Adam | Self::Other => false,
+        }
+    }
+}

@@ -56,11 +56,6 @@ impl Kernel {
         self.wgsl().replace("var<immediate>", "@group(1) @binding(0) var<uniform>")
     }
 
-    /// Whether it is a part of the residual network.
-    pub fn is_of_network(&self) -> bool {
-        ["residual_", "half_"].iter().any(|prefix| self.name.starts_with(prefix))
-    }
-
     /// Whether this is one of the [`MATRIX_KERNELS`](crate::MATRIX_KERNELS).
     pub fn needs_matrix_units(&self) -> bool {
         self.set == KernelSet::Matrix

@@ -157,6 +157,15 @@ fn launched<'a, T: Bindings<'a, Named>>(
     (T::KERNEL, names.collect(), bytemuck::bytes_of(params).len())
 }
 
+/// Those of the network are found by their names, and by their stages.
+#[test]
+fn stages_say_which_kernels_are_of_the_network() {
+    for kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS).chain(MATRIX_KERNELS) {
+        let is_named = ["residual_", "half_"].iter().any(|prefix| kernel.name.starts_with(prefix));
+        assert_eq!(kernel.stage.is_of_network(), is_named, "{}: {:?}", kernel.name, kernel.stage);
+    }
+}
+
 #[test]
 fn buffers_come_in_binding_order_with_the_parameters_of_their_kernel() {
     let buffers = bindings::PlanesBindings {

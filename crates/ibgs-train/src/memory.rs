@@ -30,6 +30,7 @@ use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::residual::Factor;
 use ibgs_core::residual::features::SUMS_BYTES;
 use ibgs_core::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
+use ibgs_core::scene::PerGaussian;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_shaders::TILE;
 
@@ -127,10 +128,10 @@ impl Sizes {
         self.low[0] * self.low[1]
     }
 
-    /// Values of a Gaussian by tensor: mean, rotation, scales, opacity, spherical harmonics, normal, offset.
-    fn tensors(&self) -> [(&'static str, u64); 7] {
-        let sh = 3 * self.coefficients;
-        [("means", 3), ("rotations", 4), ("scales", 3), ("opacities", 1), ("sh", sh), ("normals", 3), ("offsets", 1)]
+    /// Values of a Gaussian by tensor.
+    fn tensors(&self) -> PerGaussian<(&'static str, u64)> {
+        let rows = PerGaussian::rows(self.coefficients as usize);
+        PerGaussian::KEYS.zip(rows.map(|row| row as u64))
     }
 }
 
@@ -178,9 +179,7 @@ impl Estimate {
 
     fn add_gaussians(&mut self, sizes: &Sizes, demand: &Demand) {
         let (n, grows, image_based) = (sizes.n, demand.grows, demand.config.method == Method::Ibgs);
-        for (at, (what, values)) in sizes.tensors().into_iter().enumerate() {
-            // Normals and offsets are only trained with the surface.
-            let trained = at < 5 || image_based;
+        for ((what, values), trained) in sizes.tensors().zip(PerGaussian::with_gradients(image_based)).into_array() {
             self.add("Gaussians", what, 4 * values * n, 1);
             self.add("gradients", what, 4 * values * n, u64::from(trained));
             self.add("optimiser", what, 4 * values * n, 2 * u64::from(trained));

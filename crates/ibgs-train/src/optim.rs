@@ -9,15 +9,10 @@ use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::bindings::{AdamBindings, FiniteBindings, OpacityResetBindings};
 use ibgs_shaders::types::{AdamParams, OpacityResetParams};
 
-/// Tensors of the base colour and of the planes: normals and offsets.
-const BASE: usize = 5;
-const PLANES: usize = 2;
-const OPACITY: usize = 3;
-
 /// Rates of one step, three a tensor: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
 /// the share of the rest that is lost, times its rate.
 #[derive(Clone, Copy, Debug)]
-pub struct Rates([[f64; 3]; BASE + PLANES]);
+pub struct Rates(PerGaussian<[f64; 3]>);
 
 impl Rates {
     /// The rates of one iteration; `mean` is in local units, the fixed rates count `factor` times.
@@ -26,15 +21,15 @@ impl Rates {
         let both = |rate: f64| [rate, rate, 0.0];
         let fixed = |rate: f64| both(rate * factor);
         let dc = rates.sh_dc * factor;
-        Self([
-            both(mean),
-            fixed(rates.rotation),
-            fixed(rates.scale),
-            fixed(rates.opacity),
-            [dc, dc / rates.sh_rest_divisor, config.sh_rest_decay()],
-            fixed(rates.normal),
-            both(mean * rates.offset_factor),
-        ])
+        Self(PerGaussian {
+            means: both(mean),
+            rotations: fixed(rates.rotation),
+            log_scales: fixed(rates.scale),
+            opacity_logits: fixed(rates.opacity),
+            sh: [dc, dc / rates.sh_rest_divisor, config.sh_rest_decay()],
+            normals: fixed(rates.normal),
+            offsets: both(mean * rates.offset_factor),
+        })
     }
 }
 
@@ -147,20 +142,22 @@ impl TensorOptimizer {
     }
 }
 
+/// First and second moments of the parameters, on the host; none of those that are not trained.
+pub type Moments = PerGaussian<Option<[Vec<f32>; 2]>>;
+
 /// First and second moments of every parameter, and the parameters' own memory.
 pub struct Optimizer {
-    /// Means, rotations, log scales, opacities, SH and, where planes are trained, normals and offsets.
-    tensors: Vec<Learned>,
+    /// None for those of the planes where these are not trained.
+    tensors: PerGaussian<Option<Learned>>,
     config: AdamConfig,
     /// Steps taken by the base and by the planes, which begin later.
     steps: [i32; 2],
 }
 
-/// The first `count` parameters: memory, values, values of a Gaussian.
-fn parameters(splats: &Splats, count: usize) -> Vec<(Buffer<f32>, usize, usize)> {
+/// The parameters: memory, values, values of a Gaussian.
+fn parameters(splats: &Splats) -> PerGaussian<(Buffer<f32>, usize, usize)> {
     let rows = PerGaussian::rows(splats.coefficients);
-    let all = splats.parameters.clone().zip(rows).into_array().into_iter();
-    all.take(count).map(|(parameter, row)| (parameter, row * splats.count, row)).collect()
+    splats.parameters.clone().zip(rows).map(|(parameter, row)| (parameter, row * splats.count, row))
 }
 
 impl Optimizer {
@@ -169,66 +166,63 @@ impl Optimizer {
     /// # Errors
     /// Not enough memory.
     pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, method: Method) -> Result<Self, GpuError> {
-        let count = if method == Method::Ibgs { BASE + PLANES } else { BASE };
-        let parameters = parameters(splats, count).into_iter();
-        let tensors = parameters.map(|parameter| Learned::new(gpu, parameter)).collect::<Result<_, _>>()?;
+        let trained = PerGaussian::with_gradients(method == Method::Ibgs);
+        let tensors = parameters(splats)
+            .zip(trained)
+            .try_map(|(parameter, is_trained)| is_trained.then(|| Learned::new(gpu, parameter)).transpose())?;
         Ok(Self { tensors, config, steps: [0; 2] })
     }
 
-    pub(super) fn tensors(&self) -> &[Learned] {
+    pub(super) fn tensors(&self) -> &PerGaussian<Option<Learned>> {
         &self.tensors
     }
 
     /// Records the count of all values that are not finite.
     pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
-        self.tensors.iter().for_each(|tensor| tensor.record_check(pass, broken));
+        let trained = self.tensors.as_ref().into_array().into_iter().flatten();
+        trained.for_each(|tensor| tensor.record_check(pass, broken));
     }
 
-    /// Moments of every parameter and numbers of steps; waits for the GPU.
-    #[expect(clippy::type_complexity, reason = "moments by parameter")]
-    pub(super) fn state(&self, gpu: &Gpu) -> Result<(Vec<[Vec<f32>; 2]>, [i32; 2]), GpuError> {
-        Ok((self.tensors.iter().map(|tensor| tensor.read(gpu)).collect::<Result<_, _>>()?, self.steps))
+    /// Moments and numbers of steps; waits for the GPU.
+    pub(super) fn state(&self, gpu: &Gpu) -> Result<(Moments, [i32; 2]), GpuError> {
+        let read = |tensor: &Option<Learned>| tensor.as_ref().map(|tensor| tensor.read(gpu)).transpose();
+        Ok((self.tensors.as_ref().try_map(read)?, self.steps))
     }
 
     /// Continues from moments and numbers of steps.
-    pub(super) fn restore(&mut self, gpu: &Gpu, moments: &[[Vec<f32>; 2]], steps: [i32; 2]) -> Result<(), GpuError> {
+    pub(super) fn restore(&mut self, gpu: &Gpu, moments: &Moments, steps: [i32; 2]) -> Result<(), GpuError> {
         self.steps = steps;
-        self.tensors.iter_mut().zip(moments).try_for_each(|(tensor, moments)| tensor.restore(gpu, moments))
+        let pairs = self.tensors.as_mut().zip(moments.as_ref()).into_array();
+        let mut both = pairs.into_iter().filter_map(|(tensor, moments)| tensor.as_mut().zip(moments.as_ref()));
+        both.try_for_each(|(tensor, moments)| tensor.restore(gpu, moments))
     }
 
-    /// The same optimiser for a model whose rows were rearranged: `moments` in the order of the tensors.
-    pub(super) fn rearranged(&self, splats: &Splats, moments: Vec<[Buffer<f32>; 2]>) -> Self {
-        let parameters = parameters(splats, self.tensors.len()).into_iter();
-        let tensor = |((parameter, count, row), moments)| Learned { parameter, moments, count, row };
-        let tensors = parameters.zip(moments).map(tensor).collect();
+    /// The same optimiser for a model whose rows were rearranged, with its moments.
+    pub(super) fn rearranged(&self, splats: &Splats, moments: PerGaussian<Option<[Buffer<f32>; 2]>>) -> Self {
+        let tensors = parameters(splats).zip(moments).map(|((parameter, count, row), moments)| {
+            moments.map(|moments| Learned { parameter, moments, count, row })
+        });
         Self { tensors, config: self.config.clone(), steps: self.steps }
     }
 
     /// Records one step of every parameter that has a gradient.
     pub fn record_step(&mut self, pass: &mut Pass, gradients: SplatGradients, rates: &Rates) {
-        let SplatGradients { means, rotations, log_scales, opacity_logits, sh, screen: _, planes } = gradients;
-        let mut gradients = vec![
-            primitive(means),
-            primitive(rotations),
-            primitive(log_scales),
-            primitive(opacity_logits),
-            primitive(sh),
-        ];
+        let gradients = gradients.parameters.map(|gradient| gradient.map(primitive));
         self.steps[0] += 1;
-        if let Some((normals, offsets)) = planes {
-            gradients.extend([primitive(normals), primitive(offsets)]);
-            self.steps[1] += 1;
-        }
+        self.steps[1] += i32::from(gradients.normals.is_some());
         pass.relabel("adam");
-        for (i, ((tensor, gradient), rates)) in self.tensors.iter().zip(&gradients).zip(rates.0).enumerate() {
-            let steps = self.steps[usize::from(i >= BASE)];
-            tensor.record_step(pass, bind(gradient), &self.config, rates, steps);
+        let each = self.tensors.as_ref().zip(gradients).zip(rates.0).zip(PerGaussian::OF_PLANE);
+        for (((tensor, gradient), rates), of_plane) in each.into_array() {
+            if let (Some(tensor), Some(gradient)) = (tensor, gradient) {
+                let steps = self.steps[usize::from(of_plane)];
+                tensor.record_step(pass, bind(&gradient), &self.config, rates, steps);
+            }
         }
     }
 
     /// Clamps every opacity to at most `limit` and clears the opacities' moments.
     pub fn reset_opacity(&self, gpu: &Gpu, limit: f64) {
-        let tensor = &self.tensors[OPACITY];
+        let tensor = self.tensors.opacity_logits.as_ref().expect("opacities are trained");
         let params = OpacityResetParams { count: tensor.count as u32, limit: (limit / (1.0 - limit)).ln() as f32 };
         let mut pass = Pass::new(gpu, "opacity reset");
         let [moment1, moment2] = &tensor.moments;

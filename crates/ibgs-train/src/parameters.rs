@@ -9,12 +9,12 @@ use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::residual::layers::WEIGHTS;
 use ibgs_core::residual::variant::Variant;
 use ibgs_core::residual::weights::initial;
-use ibgs_core::scene::{Gaussians, Harmonics, PerGaussian, Splats, values_of};
+use ibgs_core::scene::{Gaussians, Harmonics, PerGaussian, Splats};
 
 /// The Gaussians' raw parameters (method.md section 1).
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// The tensors.
+    /// The tensors, each of one dimension: kernels read their memory alone.
     pub tensors: PerGaussian<CubeTensor>,
     splats: Splats,
 }
@@ -25,38 +25,25 @@ impl Parameters {
     /// # Errors
     /// When the device cannot bind one of its tensors at once.
     pub fn upload(g: &Gaussians, gpu: &Gpu) -> Result<Self, GpuError> {
-        let shapes = Self::shapes(g.len(), g.sh_coefficients());
-        let named = PerGaussian::<()>::NAMES.zip(values_of(g)).zip(shapes);
-        let tensors = named.try_map(|((name, values), shape)| tensor::upload(gpu, name, values, &shape))?;
-        Self::new(gpu, g.space, tensors)
+        let named = PerGaussian::NAMES.zip(g.values());
+        let tensors = named.try_map(|(name, values)| tensor::upload(gpu, name, values, &[values.len()]))?;
+        Self::new(gpu, (g.space, g.len(), g.sh_coefficients()), tensors)
     }
 
-    /// From tensors of these shapes; without filters.
+    /// From the tensors of `count` Gaussians with `coefficients` colours each; without filters.
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn new(gpu: &Gpu, space: LocalSpace, tensors: PerGaussian<CubeTensor>) -> Result<Self, GpuError> {
-        let [count, coefficients, _] = tensors.sh.meta.shape()[..] else {
-            unreachable!("harmonics have three dimensions")
-        };
+    pub fn new(
+        gpu: &Gpu,
+        (space, count, coefficients): (LocalSpace, usize, usize),
+        tensors: PerGaussian<CubeTensor>,
+    ) -> Result<Self, GpuError> {
         let filters = gpu.allocate("filters", count)?;
         let parameters = tensors.as_ref().map(bind);
         let harmonics = Harmonics::Full;
         let splats = Splats { space, count, coefficients, harmonics, parameters, filters };
         Ok(Self { tensors, splats })
-    }
-
-    /// Shapes of the tensors of this many Gaussians.
-    pub fn shapes(count: usize, coefficients: usize) -> PerGaussian<Vec<usize>> {
-        PerGaussian {
-            means: vec![count, 3],
-            rotations: vec![count, 4],
-            log_scales: vec![count, 3],
-            opacity_logits: vec![count],
-            sh: vec![count, coefficients, 3],
-            normals: vec![count, 3],
-            offsets: vec![count],
-        }
     }
 
     /// As kernels and renderers read them, in the same memory.
@@ -69,8 +56,8 @@ impl Parameters {
         from_primitive(self.tensors.opacity_logits.clone())
     }
 
-    /// Logarithms of the scales, `[N, 3]`.
-    pub fn log_scales(&self) -> Tensor<2> {
+    /// Logarithms of the scales, three a Gaussian.
+    pub fn log_scales(&self) -> Tensor<1> {
         from_primitive(self.tensors.log_scales.clone())
     }
 }

@@ -354,7 +354,7 @@ impl Trainer {
 
     fn densify(&mut self) -> Result<(), TrainError> {
         let before = self.splats().len();
-        let observations = self.statistics.observations(&self.gpu, &self.optimizer)?;
+        let observations = self.statistics.observations(&self.gpu, self.splats())?;
         let round = Round {
             extent: self.extent,
             prune_length: self.prune_length,

@@ -2,10 +2,11 @@
 
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::raster::RasterView;
+use ibgs_core::scene::PerGaussian;
 use ibgs_core::sources::{WarpOptions, Warper};
 use ibgs_reference::geometry_backward::Cotangents;
 use ibgs_reference::gpu::{floats, gaussians, gpu, rasterizer, scene_gaussians, source_view};
-use ibgs_reference::surface_scene::Scene;
+use ibgs_reference::surface_scene::{Scene, TENSORS};
 use ibgs_reference::{Params, Tensor as Name};
 use ibgs_train::autodiff::{self, Leaves};
 use ibgs_train::parameters::Parameters;
@@ -27,7 +28,7 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
 
 /// Gradients of `sum(cotangent * image)` on the GPU, in the twin's order, and the screen-space ones, [N, 4].
 pub struct GpuGradients {
-    tensors: [Vec<f64>; 5],
+    tensors: PerGaussian<Option<Vec<f64>>>,
     /// (x, y, |x|, |y|) of each Gaussian.
     pub screen: Vec<f64>,
 }
@@ -35,8 +36,7 @@ pub struct GpuGradients {
 impl GpuGradients {
     /// One tensor's gradient.
     pub fn get(&self, name: Name) -> &[f64] {
-        let index = Name::ALL.iter().position(|n| *n == name).unwrap();
-        &self.tensors[index]
+        self.tensors.as_ref().into_array()[name as usize].as_ref().unwrap()
     }
 
     /// Columns `from..from + 2` of the screen-space gradient.
@@ -58,10 +58,7 @@ pub fn gradients(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> GpuGr
     let cotangent = Tensor::<3>::from_data(TensorData::new(cotangent, shape), &image.device());
     let mut grads = (image * cotangent).sum().backward();
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    GpuGradients {
-        tensors: [values(g.means), values(g.rotations), values(g.log_scales), values(g.opacity_logits), values(g.sh)],
-        screen: values(g.screen),
-    }
+    GpuGradients { tensors: g.parameters.map(|gradient| gradient.map(values)), screen: values(g.screen) }
 }
 
 /// A scene's model as a training has it.
@@ -131,19 +128,10 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let v_warped = tensor(floats(v_warped), [visible, pixels, 4]).autodiff();
     let mut grads = ((image * v_image).sum() + (warped * v_warped).sum()).backward();
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    let (normals, offsets) = g.planes.expect("a surface has plane gradients");
     let screen = values(g.screen);
     let pair = |from: usize| screen.chunks_exact(4).flat_map(|row| [row[from], row[from + 1]]).collect::<Vec<_>>();
-    let grads = vec![
-        ("mean", values(g.means)),
-        ("rotation", values(g.rotations)),
-        ("log_scale", values(g.log_scales)),
-        ("opacity_logit", values(g.opacity_logits)),
-        ("sh", values(g.sh)),
-        ("normal", values(normals)),
-        ("offset", values(offsets)),
-        ("xy_pixels", pair(0)),
-        ("xy_pixels_abs", pair(2)),
-    ];
+    let parameters = g.parameters.map(|gradient| values(gradient.expect("a surface has plane gradients")));
+    let pairs = [("xy_pixels", pair(0)), ("xy_pixels_abs", pair(2))];
+    let grads = TENSORS.into_iter().zip(parameters.into_array()).chain(pairs).collect();
     GpuSurface { outputs, source, error, most_visible, grads }
 }

@@ -2,6 +2,7 @@
 
 use crate::thumbnails::small;
 use eframe::egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use ibgs_core::dataset::{has_extension, picture_extensions};
 use ibgs_core::output::OutputFolder;
 use image::RgbaImage;
 use std::path::{Path, PathBuf};
@@ -101,10 +102,9 @@ fn latest(folder: &Path) -> Option<PathBuf> {
 
 /// The first picture of a folder by name.
 fn first_picture(folder: &Path) -> Option<PathBuf> {
-    let is_picture = |path: &PathBuf| {
-        let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-        matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "webp" | "tif" | "tiff"))
-    };
+    // `image::open` knows no EXR.
+    let extensions = picture_extensions();
+    let is_picture = |path: &PathBuf| has_extension(path, &extensions);
     entries(folder)?.filter(is_picture).min()
 }
 

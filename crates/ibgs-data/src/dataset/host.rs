@@ -1,6 +1,7 @@
 //! Photos on the host: decoded while there is room for them, decoded again from their files where there is none.
 
 use super::{DatasetError, Photo};
+use crate::lru::Lru;
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
@@ -120,14 +121,10 @@ pub(super) struct Shelf {
 
 struct State {
     slots: Vec<Slot>,
-    /// Bytes of the decoded photos.
-    resident: u64,
-    /// Bytes; none: no limit.
-    budget: Option<u64>,
+    /// The decoded photos.
+    decoded: Lru<Arc<Photo>>,
     /// Bytes of the photos that are decoded ahead, until they are asked for.
     ahead: u64,
-    /// Counts uses.
-    clock: u64,
     has_evicted: bool,
 }
 
@@ -145,8 +142,6 @@ enum Work {
 struct Slot {
     size: [u32; 2],
     checksum: u32,
-    photo: Option<Arc<Photo>>,
-    last_use: u64,
     work: Work,
     /// It was decoded ahead, or will be, and nobody has asked for it yet.
     is_ahead: bool,
@@ -154,7 +149,7 @@ struct Slot {
 
 impl fmt::Debug for Shelf {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Shelf").field("resident", &self.lock().resident).finish_non_exhaustive()
+        f.debug_struct("Shelf").field("resident", &self.lock().decoded.resident_bytes()).finish_non_exhaustive()
     }
 }
 
@@ -162,7 +157,7 @@ impl Shelf {
     /// A shelf for the photos of these files within a budget in bytes (none: no limit).
     pub fn new(paths: Vec<PathBuf>, budget: Option<u64>, decode: Decode) -> Self {
         let slots = vec![Slot::default(); paths.len()];
-        let state = State { slots, resident: 0, budget, ahead: 0, clock: 0, has_evicted: false };
+        let state = State { slots, decoded: Lru::new(budget), ahead: 0, has_evicted: false };
         Self { paths, decode, state: Mutex::new(state), decoded: Condvar::new() }
     }
 
@@ -183,15 +178,16 @@ impl Shelf {
     pub fn into_photos(self) -> Vec<HostPhoto> {
         let shelf = Arc::new(self);
         let mut state = shelf.lock();
-        let all_fit = !state.has_evicted;
-        let photo = |(index, slot): (usize, &mut Slot)| {
-            let place = match slot.photo.take_if(|_| all_fit) {
+        let State { slots, decoded, has_evicted, .. } = &mut *state;
+        let photo = |(index, slot): (usize, &Slot)| {
+            let photo = if *has_evicted { None } else { decoded.remove(index) };
+            let place = match photo {
                 Some(photo) => Place::Here(photo),
                 None => Place::Shelf { shelf: shelf.clone(), index },
             };
             HostPhoto { size: slot.size, checksum: Some(slot.checksum), place }
         };
-        state.slots.iter_mut().enumerate().map(photo).collect()
+        slots.iter().enumerate().map(photo).collect()
     }
 
     /// The pixels of a photo.
@@ -253,10 +249,7 @@ impl State {
     /// The pixels of a photo that is there; it counts as used.
     fn find(&mut self, index: usize) -> Option<Arc<Photo>> {
         self.is_asked_for(index);
-        self.clock += 1;
-        let slot = &mut self.slots[index];
-        slot.last_use = self.clock;
-        slot.photo.clone()
+        self.decoded.get(index).cloned()
     }
 
     /// A photo that was decoded ahead is one of all others now.
@@ -270,11 +263,10 @@ impl State {
     /// Marks a photo to be decoded ahead; false where it is there, another thread decodes it, or half of the memory is taken by
     /// photos that nobody has asked for yet.
     fn queue(&mut self, index: usize) -> bool {
-        self.clock += 1;
+        let is_there = self.decoded.get(index).is_some();
         let slot = &mut self.slots[index];
-        slot.last_use = self.clock;
-        let has_room = self.budget.is_none_or(|budget| self.ahead + slot.bytes() <= budget / 2);
-        if slot.photo.is_some() || slot.work != Work::None || slot.is_ahead || !has_room {
+        let has_room = self.decoded.budget().is_none_or(|budget| self.ahead + slot.bytes() <= budget / 2);
+        if is_there || slot.work != Work::None || slot.is_ahead || !has_room {
             return false;
         }
         (slot.work, slot.is_ahead) = (Work::Queued, true);
@@ -293,19 +285,10 @@ impl State {
 
     /// Keeps a photo in place of those used longest ago.
     fn keep(&mut self, index: usize, photo: Arc<Photo>) {
-        self.clock += 1;
-        let slot = &mut self.slots[index];
-        slot.last_use = self.clock;
-        if slot.photo.replace(photo).is_none() {
-            self.resident += slot.bytes();
-        }
-        while self.budget.is_some_and(|budget| self.resident > budget) {
-            let there = (0..self.slots.len()).filter(|&slot| self.slots[slot].photo.is_some());
-            let Some(oldest) = there.min_by_key(|&slot| self.slots[slot].last_use) else { break };
+        self.decoded.insert(index, photo, self.slots[index].bytes());
+        while !self.decoded.has_room(0) {
+            let Some((oldest, _)) = self.decoded.evict(|_| true) else { break };
             self.is_asked_for(oldest);
-            let slot = &mut self.slots[oldest];
-            slot.photo = None;
-            self.resident -= slot.bytes();
             self.has_evicted = true;
         }
     }

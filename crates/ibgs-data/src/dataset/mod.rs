@@ -42,6 +42,7 @@ pub use kind::SceneKind;
 pub use llff::check_poses_bounds;
 pub use load::{PosedScene, load, load_poses, load_with};
 pub use masks::is_mask;
+pub use names::{PHOTO_EXTENSIONS, has_extension, picture_extensions};
 pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub use photos::resample;

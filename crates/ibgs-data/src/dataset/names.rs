@@ -4,9 +4,15 @@ use super::LoadOptions;
 use super::colmap::reduced_folder;
 use std::path::{Path, PathBuf};
 
-/// Extensions of photos that are read, in lower case. A photo is found under any of them, in lower or upper case:
-/// folders of reduced photos often hold PNG files where the scene names JPEG files.
-const READ: [&str; 7] = ["jpg", "jpeg", "png", "exr", "webp", "tif", "tiff"];
+/// Extensions of photos that are read, in lower case. A photo is found under any of them in this order, in lower or upper
+/// case: folders of reduced photos often hold PNG files where the scene names JPEG files.
+pub const PHOTO_EXTENSIONS: [&str; 7] = ["jpg", "jpeg", "png", "exr", "webp", "tif", "tiff"];
+
+/// Those of them whose values are colours of a screen. An EXR file has linear values without a limit, which must be converted
+/// before a program can show them or find features in them.
+pub fn picture_extensions() -> Vec<&'static str> {
+    PHOTO_EXTENSIONS.into_iter().filter(|extension| *extension != "exr").collect()
+}
 
 /// Extensions of photos that are not read, in lower case.
 const UNREAD: [&str; 5] = ["heic", "heif", "hif", "avif", "jxl"];
@@ -21,9 +27,14 @@ fn is_one_of(extension: &str, known: &[&str]) -> bool {
     known.iter().any(|known| extension.eq_ignore_ascii_case(known))
 }
 
-fn is_photo(path: &Path) -> bool {
+/// Whether a path has one of these extensions, in any case.
+pub fn has_extension(path: &Path, known: &[&str]) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
-    extension.is_some_and(|extension| is_one_of(extension, &READ) || is_one_of(extension, &UNREAD))
+    extension.is_some_and(|extension| is_one_of(extension, known))
+}
+
+fn is_photo(path: &Path) -> bool {
+    has_extension(path, &PHOTO_EXTENSIONS) || has_extension(path, &UNREAD)
 }
 
 /// The components of a name, separated by `/` or `\`, without empty ones and `.`.
@@ -102,7 +113,7 @@ pub(crate) fn points_into(folder: &Path, name: &str) -> bool {
 /// A name without the extension of a photo.
 pub(crate) fn without_extension(name: &str) -> &str {
     match name.rsplit_once('.') {
-        Some((stem, extension)) if is_one_of(extension, &READ) || is_one_of(extension, &UNREAD) => stem,
+        Some((stem, extension)) if is_one_of(extension, &PHOTO_EXTENSIONS) || is_one_of(extension, &UNREAD) => stem,
         _ => name,
     }
 }
@@ -116,7 +127,7 @@ pub(crate) fn find_photo(folder: &Path, name: &str) -> Option<PathBuf> {
         return Some(exact);
     }
     let stem = without_extension(name);
-    let others = READ.iter().flat_map(|extension| [(*extension).to_owned(), extension.to_uppercase()]);
+    let others = PHOTO_EXTENSIONS.iter().flat_map(|extension| [(*extension).to_owned(), extension.to_uppercase()]);
     let other = others.map(|extension| folder.join(format!("{stem}.{extension}"))).find(|path| path.is_file());
     other.or_else(|| Some(exact).filter(|exact| is_unread && exact.is_file()))
 }

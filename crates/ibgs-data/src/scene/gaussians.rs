@@ -1,6 +1,6 @@
 //! The parameters of all Gaussians as plain arrays (method.md section 1).
 
-use super::SceneError;
+use super::{PerGaussian, SceneError};
 use crate::local_space::LocalSpace;
 use glam::DVec3;
 use std::borrow::Cow;
@@ -48,6 +48,44 @@ impl Gaussians {
             normals: Vec::with_capacity(capacity),
             offsets: Vec::with_capacity(capacity),
         }
+    }
+
+    /// From the numbers of each kind, one Gaussian after the other.
+    pub fn from_values(space: LocalSpace, sh_degree: u32, values: PerGaussian<Vec<f32>>) -> Self {
+        let PerGaussian { means, rotations, log_scales, opacity_logits, sh, normals, offsets } = values;
+        Self {
+            space,
+            means: in_rows(means),
+            rotations: in_rows(rotations),
+            log_scales: in_rows(log_scales),
+            opacity_logits,
+            sh,
+            sh_degree,
+            normals: in_rows(normals),
+            offsets,
+        }
+    }
+
+    /// The numbers of each kind.
+    pub fn values(&self) -> PerGaussian<&[f32]> {
+        PerGaussian {
+            means: self.means.as_flattened(),
+            rotations: self.rotations.as_flattened(),
+            log_scales: self.log_scales.as_flattened(),
+            opacity_logits: &self.opacity_logits,
+            sh: &self.sh,
+            normals: self.normals.as_flattened(),
+            offsets: &self.offsets,
+        }
+    }
+
+    /// The numbers of one Gaussian.
+    ///
+    /// # Panics
+    /// There is no Gaussian with this number.
+    pub fn row(&self, number: usize) -> PerGaussian<&[f32]> {
+        let rows = PerGaussian::rows(self.sh_coefficients());
+        self.values().zip(rows).map(|(values, row)| &values[row * number..row * (number + 1)])
     }
 
     /// Number of Gaussians N.
@@ -126,32 +164,29 @@ impl Gaussians {
     /// Another degree of the spherical harmonics: a bug of ours.
     pub fn append(&mut self, part: Self) {
         assert_eq!(self.sh_degree, part.sh_degree, "parts of one model have one degree");
-        self.means.extend(part.means);
-        self.rotations.extend(part.rotations);
-        self.log_scales.extend(part.log_scales);
-        self.opacity_logits.extend(part.opacity_logits);
-        self.sh.extend(part.sh);
-        self.normals.extend(part.normals);
-        self.offsets.extend(part.offsets);
+        // Each field by name, so that none can be forgotten.
+        let Self { space: _, means, rotations, log_scales, opacity_logits, sh, sh_degree: _, normals, offsets } = part;
+        self.means.extend(means);
+        self.rotations.extend(rotations);
+        self.log_scales.extend(log_scales);
+        self.opacity_logits.extend(opacity_logits);
+        self.sh.extend(sh);
+        self.normals.extend(normals);
+        self.offsets.extend(offsets);
     }
 
     /// Those with the given numbers, `count` of them, in that order.
     ///
     /// # Panics
     /// A number that no Gaussian has.
-    pub fn rows(&self, count: usize, numbers: impl Iterator<Item = usize>) -> Self {
-        let row = 3 * self.sh_coefficients();
-        let mut kept = Self { space: self.space, ..Self::with_capacity(count, self.sh_degree) };
-        for i in numbers {
-            kept.means.push(self.means[i]);
-            kept.rotations.push(self.rotations[i]);
-            kept.log_scales.push(self.log_scales[i]);
-            kept.opacity_logits.push(self.opacity_logits[i]);
-            kept.sh.extend_from_slice(&self.sh[row * i..row * (i + 1)]);
-            kept.normals.push(self.normals[i]);
-            kept.offsets.push(self.offsets[i]);
-        }
-        kept
+    pub fn rows(&self, count: usize, numbers: impl Iterator<Item = usize> + Clone) -> Self {
+        let rows = PerGaussian::rows(self.sh_coefficients());
+        let values = self.values().zip(rows).map(|(values, row)| {
+            let mut kept = Vec::with_capacity(row * count);
+            numbers.clone().for_each(|i| kept.extend_from_slice(&values[row * i..row * (i + 1)]));
+            kept
+        });
+        Self::from_values(self.space, self.sh_degree, values)
     }
 
     /// Takes the planes away: from a format that has none.
@@ -174,14 +209,9 @@ impl Gaussians {
             return Err(SceneError::ShDegree { degree: self.sh_degree });
         }
         let n = self.len();
-        let sh_row = 3 * self.sh_coefficients();
-        check("means", self.means.as_flattened(), 3, n)?;
-        check("rotations", self.rotations.as_flattened(), 4, n)?;
-        check("log_scales", self.log_scales.as_flattened(), 3, n)?;
-        check("opacity_logits", &self.opacity_logits, 1, n)?;
-        check("sh", &self.sh, sh_row, n)?;
-        check("normals", self.normals.as_flattened(), 3, n)?;
-        check("offsets", &self.offsets, 1, n)
+        let named = PerGaussian::FIELDS.zip(self.values()).zip(PerGaussian::rows(self.sh_coefficients()));
+        named.try_map(|((field, values), row)| check(field, values, row, n))?;
+        Ok(())
     }
 }
 
@@ -226,6 +256,10 @@ pub fn coefficients(sh_degree: u32) -> usize {
 /// The degree whose higher coefficients are so many numbers, all channels together.
 pub(super) fn degree_of(higher: usize) -> Option<u32> {
     (0..=MAX_SH_DEGREE).find(|&degree| 3 * (coefficients(degree) - 1) == higher)
+}
+
+fn in_rows<const C: usize>(values: Vec<f32>) -> Vec<[f32; C]> {
+    values.as_chunks().0.to_vec()
 }
 
 fn check(field: &'static str, values: &[f32], row: usize, n: usize) -> Result<(), SceneError> {

@@ -19,8 +19,11 @@ pub struct PerGaussian<T> {
     pub offsets: T,
 }
 
-impl<T> PerGaussian<T> {
-    /// Their names, in the order of the fields.
+impl PerGaussian<()> {
+    /// How many kinds there are.
+    pub const KINDS: usize = 7;
+
+    /// Their names in messages, in the order of the fields.
     pub const NAMES: PerGaussian<&'static str> = PerGaussian {
         means: "means",
         rotations: "rotations",
@@ -31,19 +34,51 @@ impl<T> PerGaussian<T> {
         offsets: "offsets",
     };
 
+    /// Their names in the files of checkpoints.
+    pub const KEYS: PerGaussian<&'static str> =
+        PerGaussian { log_scales: "scales", opacity_logits: "opacities", sh: "sh", ..Self::NAMES };
+
+    /// The names of their fields.
+    pub const FIELDS: PerGaussian<&'static str> =
+        PerGaussian { log_scales: "log_scales", opacity_logits: "opacity_logits", ..Self::KEYS };
+
+    /// Which of them describe the plane. The base image does not depend on these.
+    pub const OF_PLANE: PerGaussian<bool> = PerGaussian {
+        means: false,
+        rotations: false,
+        log_scales: false,
+        opacity_logits: false,
+        sh: false,
+        normals: true,
+        offsets: true,
+    };
+
+    /// Which of them have gradients: those of the planes with a surface only.
+    pub fn with_gradients(surface: bool) -> PerGaussian<bool> {
+        Self::OF_PLANE.map(|of_plane| surface || !of_plane)
+    }
+}
+
+impl<T> PerGaussian<T> {
     /// From an array in the order of the fields.
-    pub fn from_array(values: [T; 7]) -> Self {
+    pub fn from_array(values: [T; PerGaussian::KINDS]) -> Self {
         let [means, rotations, log_scales, opacity_logits, sh, normals, offsets] = values;
         Self { means, rotations, log_scales, opacity_logits, sh, normals, offsets }
     }
 
-    /// As an array in the order of the fields: five of the colour, then the two of the plane.
-    pub fn into_array(self) -> [T; 7] {
+    /// As an array in the order of the fields.
+    pub fn into_array(self) -> [T; PerGaussian::KINDS] {
         [self.means, self.rotations, self.log_scales, self.opacity_logits, self.sh, self.normals, self.offsets]
     }
 
     /// References to the values.
     pub fn as_ref(&self) -> PerGaussian<&T> {
+        let Self { means, rotations, log_scales, opacity_logits, sh, normals, offsets } = self;
+        PerGaussian { means, rotations, log_scales, opacity_logits, sh, normals, offsets }
+    }
+
+    /// References to change the values by.
+    pub fn as_mut(&mut self) -> PerGaussian<&mut T> {
         let Self { means, rotations, log_scales, opacity_logits, sh, normals, offsets } = self;
         PerGaussian { means, rotations, log_scales, opacity_logits, sh, normals, offsets }
     }
@@ -59,7 +94,7 @@ impl<T> PerGaussian<T> {
     /// The first failure.
     pub fn try_map<U, E>(self, change: impl FnMut(T) -> Result<U, E>) -> Result<PerGaussian<U>, E> {
         let values: Vec<U> = self.into_array().into_iter().map(change).collect::<Result<_, E>>()?;
-        Ok(PerGaussian::from_array(values.try_into().unwrap_or_else(|_| unreachable!("seven values"))))
+        Ok(PerGaussian::from_array(values.try_into().unwrap_or_else(|_| unreachable!("as many values"))))
     }
 
     /// Pairs with another's values.
@@ -72,6 +107,6 @@ impl<T> PerGaussian<T> {
 impl PerGaussian<usize> {
     /// Numbers in a row, one row a Gaussian, with `coefficients` colours of spherical harmonics.
     pub fn rows(coefficients: usize) -> Self {
-        Self::from_array([3, 4, 3, 1, 3 * coefficients, 3, 1])
+        Self { means: 3, rotations: 4, log_scales: 3, opacity_logits: 1, sh: 3 * coefficients, normals: 3, offsets: 1 }
     }
 }

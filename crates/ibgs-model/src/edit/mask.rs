@@ -49,7 +49,7 @@ impl Mask {
     }
 
     /// Indices of those in it, in order.
-    pub fn iter(&self) -> impl Iterator<Item = usize> {
+    pub fn iter(&self) -> impl Iterator<Item = usize> + Clone {
         self.words.iter().enumerate().flat_map(|(at, &word)| {
             let rest = std::iter::successors(Some(word), |word| Some(word & word.wrapping_sub(1)));
             rest.take_while(|&word| word != 0).map(move |word| BITS * at + word.trailing_zeros() as usize)

@@ -282,7 +282,7 @@ impl Gpu {
         let renders = |kernel: &Kernel| kernel.set == KernelSet::Render;
         if !cfg!(target_arch = "wasm32") {
             self.compile_all(|kernel| {
-                if kernel.is_of_network() { tested || network && renders(kernel) } else { renders(kernel) }
+                if kernel.stage.is_of_network() { tested || network && renders(kernel) } else { renders(kernel) }
             });
         }
     }

@@ -98,19 +98,7 @@ fn bounds(gaussians: &Gaussians) -> Node {
 
 /// Some of a model's Gaussians.
 fn rows(model: &Gaussians, indices: &[u32]) -> Gaussians {
-    let width = 3 * model.sh_coefficients();
-    let at = |i: &u32| *i as usize;
-    Gaussians {
-        space: model.space,
-        means: indices.iter().map(|i| model.means[at(i)]).collect(),
-        rotations: indices.iter().map(|i| model.rotations[at(i)]).collect(),
-        log_scales: indices.iter().map(|i| model.log_scales[at(i)]).collect(),
-        opacity_logits: indices.iter().map(|i| model.opacity_logits[at(i)]).collect(),
-        sh: indices.iter().flat_map(|i| &model.sh[width * at(i)..width * (at(i) + 1)]).copied().collect(),
-        sh_degree: model.sh_degree,
-        normals: indices.iter().map(|i| model.normals[at(i)]).collect(),
-        offsets: indices.iter().map(|i| model.offsets[at(i)]).collect(),
-    }
+    model.rows(indices.len(), indices.iter().map(|&i| i as usize))
 }
 
 /// About `wanted` Gaussians in place of all: of groups of neighbours those become one that are smallest then. Also the largest

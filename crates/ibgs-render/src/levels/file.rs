@@ -4,7 +4,7 @@
 use super::{CHUNK, Node};
 use crate::gpu::GpuError;
 use crate::local_space::LocalSpace;
-use crate::scene::{Gaussians, MAX_SH_DEGREE, PerGaussian, values_of};
+use crate::scene::{Gaussians, MAX_SH_DEGREE, PerGaussian};
 use bytemuck::{cast_slice, cast_slice_mut};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
@@ -99,7 +99,7 @@ impl Tree {
 /// Writes the numbers of the chunks.
 pub fn write(chunks: &[(Node, Gaussians)], out: &mut impl Write) -> io::Result<()> {
     for (_, gaussians) in chunks {
-        for values in values_of(gaussians).into_array() {
+        for values in gaussians.values().into_array() {
             out.write_all(cast_slice(values))?;
         }
     }
@@ -196,18 +196,8 @@ impl Levels {
         let mut all = Gaussians { space: self.space, ..Gaussians::with_capacity(0, self.sh_degree) };
         for node in nodes {
             let numbers = self.read(node)?;
-            let parts = self.parts(&numbers);
-            all.append(Gaussians {
-                space: self.space,
-                means: cast_slice(parts.means).to_vec(),
-                rotations: cast_slice(parts.rotations).to_vec(),
-                log_scales: cast_slice(parts.log_scales).to_vec(),
-                opacity_logits: parts.opacity_logits.to_vec(),
-                sh: parts.sh.to_vec(),
-                sh_degree: self.sh_degree,
-                normals: cast_slice(parts.normals).to_vec(),
-                offsets: parts.offsets.to_vec(),
-            });
+            let parts = self.parts(&numbers).map(<[f32]>::to_vec);
+            all.append(Gaussians::from_values(self.space, self.sh_degree, parts));
         }
         Ok(all)
     }

@@ -120,7 +120,7 @@ impl Stream {
     ) -> Result<(Self, Splats), GpuError> {
         let slots = slots.max(2);
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
-        let named = PerGaussian::<()>::NAMES.zip(harmonics.rows(levels.coefficients()));
+        let named = PerGaussian::NAMES.zip(harmonics.rows(levels.coefficients()));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, row * count))?;
         let filters = gpu.allocate("filters", count)?;
         let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters, filters };

@@ -12,20 +12,10 @@ use ibgs_shaders::bindings::{
 /// Where the gradients of one backward pass go, float32; contents before are overwritten.
 #[derive(Clone, Debug)]
 pub struct RasterGradients {
-    /// By the means, `[N, 3]`.
-    pub means: Buffer<f32>,
-    /// By the raw quaternions, `[N, 4]`.
-    pub rotations: Buffer<[f32; 4]>,
-    /// By the logarithms of the scales, `[N, 3]`.
-    pub log_scales: Buffer<f32>,
-    /// By the opacity logits, `[N]`.
-    pub opacity_logits: Buffer<f32>,
-    /// By the spherical-harmonics coefficients, `[N, coefficients, 3]`.
-    pub sh: Buffer<f32>,
+    /// By the raw parameters, in their shapes. Those of the planes are there where the pass has a surface.
+    pub parameters: PerGaussian<Option<Buffer<f32>>>,
     /// (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels, `[N, 4]`.
     pub screen: Buffer<[f32; 4]>,
-    /// By the planes' raw normals, `[N, 3]`, and offsets, `[N]`: needed where the pass has a surface.
-    pub planes: Option<[Buffer<f32>; 2]>,
 }
 
 impl Forward {
@@ -33,10 +23,11 @@ impl Forward {
     /// ([`Surface::v`](super::Surface::v)).
     ///
     /// # Panics
-    /// When the pass did not keep what its gradients need, `v` lacks the planes, or the spherical harmonics are halves: bugs of
+    /// When the pass did not keep what its gradients need, `v` lacks some or has too many, or the spherical harmonics are halves: bugs of
     /// ours.
     pub fn backward(&self, gpu: &Gpu, splats: &Splats, v_image: &Buffer<f32>, v: &RasterGradients) {
-        assert_eq!(self.surface.is_some(), v.planes.is_some(), "gradients of the planes");
+        let needed = PerGaussian::with_gradients(self.surface.is_some());
+        assert_eq!(v.parameters.as_ref().map(Option::is_some), needed, "gradients that the pass makes");
         assert_eq!(splats.harmonics, Harmonics::Full, "precision of what learns");
         let mut pass = Pass::new(gpu, "rasterize backward");
         self.record_blend(&mut pass, v_image);
@@ -99,8 +90,20 @@ impl Forward {
         let Workspace { offsets, tile_counts, total, projected, rows, .. } = &**self.workspace;
         let (frame, count) = (&self.frame, splats.count);
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
-        let RasterGradients { rotations: v_rotations, log_scales: v_log_scales, screen: v_screen, .. } = v;
-        let surface = self.surface.as_ref().zip(v.planes.as_ref());
+        let PerGaussian {
+            means: Some(v_means),
+            rotations: Some(v_rotations),
+            log_scales: Some(v_log_scales),
+            opacity_logits: Some(v_opacity_logits),
+            sh: Some(v_sh),
+            normals: v_normals,
+            offsets: v_plane_offsets,
+        } = &v.parameters
+        else {
+            unreachable!("the base has gradients")
+        };
+        let (v_rotations, v_screen) = (&v_rotations.cast(), &v.screen);
+        let surface = self.surface.as_ref().zip(v_normals.as_ref().zip(v_plane_offsets.as_ref()));
         match surface {
             None => {
                 let sums = SumRowsBindings {
@@ -116,7 +119,7 @@ impl Forward {
                 };
                 pass.linear(&sums, frame, count);
             }
-            Some((_, [v_normals, v_plane_offsets])) => {
+            Some((_, (v_normals, v_plane_offsets))) => {
                 let sums = SumRowsSurfaceBindings {
                     offsets,
                     tile_counts,
@@ -142,17 +145,17 @@ impl Forward {
             projected,
             tile_counts,
             total,
-            v_means: &v.means,
+            v_means,
             v_rotations,
             v_log_scales,
-            v_opacity_logits: &v.opacity_logits,
-            v_sh: &v.sh,
+            v_opacity_logits,
+            v_sh,
             v_screen,
             filters: &splats.filters,
         };
         pass.linear(&project, frame, count);
-        if let Some((s, [v_normals, v_plane_offsets])) = surface {
-            let (planes, v_means) = (&s.planes, &v.means);
+        if let Some((s, (v_normals, v_plane_offsets))) = surface {
+            let planes = &s.planes;
             let gradients = PlanesBackwardBindings {
                 means,
                 normals,

@@ -5,4 +5,4 @@ mod splats;
 
 pub use harmonics::Harmonics;
 pub use ibgs_data::scene::*;
-pub use splats::{Splats, values_of};
+pub use splats::Splats;

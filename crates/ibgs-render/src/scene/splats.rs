@@ -26,19 +26,6 @@ pub struct Splats {
     pub filters: Buffer<f32>,
 }
 
-/// The parameters' numbers on the host.
-pub fn values_of(g: &Gaussians) -> PerGaussian<&[f32]> {
-    PerGaussian {
-        means: g.means.as_flattened(),
-        rotations: g.rotations.as_flattened(),
-        log_scales: g.log_scales.as_flattened(),
-        opacity_logits: &g.opacity_logits,
-        sh: &g.sh,
-        normals: g.normals.as_flattened(),
-        offsets: &g.offsets,
-    }
-}
-
 impl Splats {
     /// Copies a model to the device.
     ///
@@ -54,7 +41,7 @@ impl Splats {
     /// As [`Splats::upload`].
     pub fn upload_in(g: &Gaussians, gpu: &Gpu, harmonics: Harmonics) -> Result<Self, GpuError> {
         let coefficients = g.sh_coefficients();
-        let named = PerGaussian::<()>::NAMES.zip(harmonics.pack(values_of(g), coefficients));
+        let named = PerGaussian::NAMES.zip(harmonics.pack(g.values(), coefficients));
         Ok(Self {
             space: g.space,
             count: g.len(),
@@ -98,17 +85,8 @@ impl Splats {
         let rows = self.harmonics.rows(self.coefficients);
         let read = |(buffer, row): (&Buffer<f32>, usize)| gpu.read(buffer, row * self.count);
         let values = self.parameters.as_ref().zip(rows).try_map(read).map_err(device_error)?;
-        let gaussians = Gaussians {
-            space: self.space,
-            means: cast_slice(&values.means).to_vec(),
-            rotations: cast_slice(&values.rotations).to_vec(),
-            log_scales: cast_slice(&values.log_scales).to_vec(),
-            opacity_logits: values.opacity_logits,
-            sh: self.harmonics.unpack_sh(cast_slice(&values.sh), self.coefficients),
-            sh_degree: self.sh_degree(),
-            normals: cast_slice(&values.normals).to_vec(),
-            offsets: values.offsets,
-        };
+        let sh = self.harmonics.unpack_sh(cast_slice(&values.sh), self.coefficients);
+        let gaussians = Gaussians::from_values(self.space, self.sh_degree(), PerGaussian { sh, ..values });
         Ok((gaussians, gpu.read(&self.filters, self.count).map_err(device_error)?))
     }
 

@@ -6,37 +6,21 @@
 //! 1 megapixel takes 4 MB, as its photo does.
 
 use crate::gpu::Buffer;
-use std::collections::HashMap;
+use crate::lru::Lru;
 
 /// Depth maps by training view within a memory budget: those used last stay.
-#[derive(Debug, Default)]
-pub struct DepthCache {
-    maps: HashMap<usize, Entry>,
-    /// Bytes; none: no limit.
-    budget: Option<u64>,
-    resident: u64,
-    /// Counts uses.
-    clock: u64,
-}
-
 #[derive(Debug)]
-struct Entry {
-    map: Buffer<f32>,
-    last_use: u64,
-}
+pub struct DepthCache(Lru<Buffer<f32>>);
 
 impl DepthCache {
     /// An empty cache that keeps at most `budget` bytes (none: no limit), but always the map that came last.
     pub fn new(budget: Option<u64>) -> Self {
-        Self { budget, ..Self::default() }
+        Self(Lru::new(budget))
     }
 
     /// The map of a training view, `[height * width]` float32 view depths, 0 where there is none.
     pub fn get(&mut self, view: usize) -> Option<Buffer<f32>> {
-        self.clock += 1;
-        let entry = self.maps.get_mut(&view)?;
-        entry.last_use = self.clock;
-        Some(entry.map.clone())
+        self.0.get(view).cloned()
     }
 
     /// The map of a training view; where there is none it is made and kept.
@@ -60,44 +44,33 @@ impl DepthCache {
     /// memory lives as long as a clone of it does, also after it has left the cache.
     pub fn insert(&mut self, view: usize, map: Buffer<f32>) {
         self.remove(view);
-        self.clock += 1;
-        let (bytes, last_use) = (map.bytes(), self.clock);
-        while self.budget.is_some_and(|budget| self.resident + bytes > budget) {
-            let oldest = self.maps.iter().min_by_key(|(_, entry)| entry.last_use).map(|(view, _)| *view);
-            match oldest {
-                Some(view) => self.remove(view),
-                None => break,
-            }
-        }
-        self.resident += bytes;
-        self.maps.insert(view, Entry { map, last_use });
+        let bytes = map.bytes();
+        while !self.0.has_room(bytes) && self.0.evict(|_| true).is_some() {}
+        self.0.insert(view, map, bytes);
     }
 
     /// Forgets one map.
     pub fn remove(&mut self, view: usize) {
-        if let Some(entry) = self.maps.remove(&view) {
-            self.resident -= entry.map.bytes();
-        }
+        self.0.remove(view);
     }
 
     /// Forgets every map: the model has changed.
     pub fn clear(&mut self) {
-        self.maps.clear();
-        self.resident = 0;
+        self.0.clear();
     }
 
     /// Bytes of all maps.
     pub fn resident_bytes(&self) -> u64 {
-        self.resident
+        self.0.resident_bytes()
     }
 
     /// Number of maps.
     pub fn len(&self) -> usize {
-        self.maps.len()
+        self.0.len()
     }
 
     /// True without any map.
     pub fn is_empty(&self) -> bool {
-        self.maps.is_empty()
+        self.0.is_empty()
     }
 }

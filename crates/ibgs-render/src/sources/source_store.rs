@@ -2,6 +2,7 @@
 
 use crate::dataset::{HostPhoto, Photo};
 use crate::gpu::{Buffer, Gpu, GpuError, flush};
+use crate::lru::Lru;
 use crate::sources::DevicePhoto;
 use std::sync::{Arc, Mutex};
 
@@ -23,47 +24,27 @@ pub struct SourceStore {
     state: Mutex<State>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct State {
-    on_device: Vec<Option<Resident>>,
-    /// Bytes; none: no limit.
-    budget: Option<u64>,
-    resident: u64,
-    /// Counts uses.
-    clock: u64,
+    on_device: Lru<DevicePhoto>,
     /// Counts uploads.
     uploads: u64,
     /// Bytes uploaded since the last flush.
     pending: u64,
 }
 
-#[derive(Debug)]
-struct Resident {
-    photo: DevicePhoto,
-    last_use: u64,
+/// Whether nobody but the store holds a photo.
+fn is_free(photo: &DevicePhoto) -> bool {
+    Arc::strong_count(&photo.held) == 1
 }
 
 impl State {
-    /// The photo on the device that was used longest ago, of those that are not held.
-    fn oldest(&self) -> Option<usize> {
-        let free = |resident: &Resident| Arc::strong_count(&resident.photo.held) == 1;
-        let all = self.on_device.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.as_ref()?)));
-        all.filter(|(_, resident)| free(resident)).min_by_key(|(_, resident)| resident.last_use).map(|(i, _)| i)
-    }
-
-    /// Takes a photo out and gives its memory back.
-    fn evict(&mut self, index: usize) -> Option<Buffer<u32>> {
-        let resident = self.on_device[index].take()?;
-        self.resident -= resident.photo.texels.bytes();
-        Some(resident.photo.texels)
-    }
-
     /// Makes room for `bytes`; memory of exactly that size is handed over to be used again.
     fn make_room(&mut self, bytes: u64) -> Option<Buffer<u32>> {
-        while self.budget.is_some_and(|budget| self.resident + bytes > budget) {
-            let freed = self.oldest().and_then(|index| self.evict(index))?;
-            if freed.bytes() == bytes && self.budget.is_some_and(|budget| self.resident + bytes <= budget) {
-                return Some(freed);
+        while !self.on_device.has_room(bytes) {
+            let (_, freed) = self.on_device.evict(is_free)?;
+            if freed.texels.bytes() == bytes && self.on_device.has_room(bytes) {
+                return Some(freed.texels);
             }
         }
         None
@@ -93,15 +74,14 @@ impl SourceStore {
             gpu.check_size("photo", bytes_of(photo))?;
         }
         let all: u64 = photos.iter().map(bytes_of).sum();
-        let on_device = photos.iter().map(|_| None).collect();
         let decodes_again = photos.iter().any(|photo| !photo.is_kept());
-        let store =
-            Self { gpu, photos, decodes_again, state: Mutex::new(State { on_device, budget, ..State::default() }) };
+        let state = State { on_device: Lru::new(budget), uploads: 0, pending: 0 };
+        let store = Self { gpu, photos, decodes_again, state: Mutex::new(state) };
         if budget.is_none_or(|budget| all <= budget) {
             for index in 0..store.photos.len() {
                 HostPhoto::decode_next(&store.photos[index + 1..]);
                 store.photo(index)?;
-                if store.lock().budget != budget {
+                if store.lock().on_device.budget() != budget {
                     // The device has less memory than the budget: the rest is uploaded on demand.
                     break;
                 }
@@ -134,14 +114,11 @@ impl SourceStore {
     /// When there is no such photo: a bug of ours.
     pub fn photo(&self, index: usize) -> Result<DevicePhoto, GpuError> {
         let mut state = self.lock();
-        state.clock += 1;
-        let last_use = state.clock;
-        if let Some(resident) = &mut state.on_device[index] {
-            resident.last_use = last_use;
-            return Ok(resident.photo.clone());
+        if let Some(photo) = state.on_device.get(index) {
+            return Ok(photo.clone());
         }
         let photo = self.upload(&mut state, &self.photos[index])?;
-        state.on_device[index] = Some(Resident { photo: photo.clone(), last_use });
+        state.on_device.insert(index, photo.clone(), photo.texels.bytes());
         Ok(photo)
     }
 
@@ -191,12 +168,12 @@ impl SourceStore {
 
     /// Whether a photo is on the device now.
     pub fn is_resident(&self, index: usize) -> bool {
-        self.lock().on_device[index].is_some()
+        self.lock().on_device.contains(index)
     }
 
     /// Bytes of the photos on the device.
     pub fn resident_bytes(&self) -> u64 {
-        self.lock().resident
+        self.lock().on_device.resident_bytes()
     }
 
     /// Uploads so far: as many as there are photos when everything fits.
@@ -214,7 +191,6 @@ impl SourceStore {
         // Ordered on the queue after every pass that reads what was there before.
         flush();
         self.gpu.write(&texels.cast(), 0, &pixels.rgba);
-        state.resident += bytes;
         state.uploads += 1;
         state.pending += bytes;
         if state.pending > FLUSH_EVERY {
@@ -231,15 +207,15 @@ impl SourceStore {
                 Ok(buffer) => return Ok(buffer),
                 Err(error) => error,
             };
-            let Some(oldest) = state.oldest() else {
+            let resident = state.on_device.resident_bytes();
+            let Some((_, freed)) = state.on_device.evict(is_free) else {
                 return Err(error);
             };
-            state.budget = Some(state.resident);
-            if let Some(freed) = state.evict(oldest)
-                && freed.bytes() == bytes
-            {
-                return Ok(freed);
+            state.on_device.set_budget(Some(resident));
+            if freed.texels.bytes() == bytes {
+                return Ok(freed.texels);
             }
+            drop(freed);
             // Evicted memory returns once the device is done with it.
             self.gpu.wait()?;
         }

@@ -7,49 +7,36 @@ use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::raster::{Forward, Keep, RasterGradients, RasterView, Rasterizer};
-use ibgs_core::scene::Splats;
+use ibgs_core::scene::{PerGaussian, Splats};
+
+/// What the image is made of: the parameters and the screen positions.
+const PARENTS: usize = PerGaussian::KINDS + 1;
 
 /// The Gaussians as leaves of one iteration's graph, and a tensor whose gradient is the screen-space one.
 pub struct Leaves {
-    /// `[N, 3]`
-    pub means: Tensor<2>,
-    /// `[N, 4]`
-    pub rotations: Tensor<2>,
-    /// `[N, 3]`
-    pub log_scales: Tensor<2>,
-    /// `[N]`
-    pub opacity_logits: Tensor<1>,
-    /// `[N, coefficients, 3]`
-    pub sh: Tensor<3>,
-    /// `[N, 3]`
-    pub normals: Tensor<2>,
-    /// `[N]`
-    pub offsets: Tensor<1>,
+    /// The raw parameters, each of one dimension.
+    parameters: PerGaussian<Tensor<1>>,
     /// `[N, 4]`: its gradient holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
-    pub screen: Tensor<2>,
+    screen: Tensor<2>,
     splats: Splats,
 }
 
-/// Gradients of one backward pass, in the shapes of [`Leaves`].
+/// Gradients of one backward pass.
 pub struct SplatGradients {
-    /// By the means.
-    pub means: Tensor<2>,
-    /// By the raw quaternions.
-    pub rotations: Tensor<2>,
-    /// By the logarithms of the scales.
-    pub log_scales: Tensor<2>,
-    /// By the opacity logits.
-    pub opacity_logits: Tensor<1>,
-    /// By the spherical-harmonics coefficients.
-    pub sh: Tensor<3>,
-    /// Signed and absolute screen-space gradients.
+    /// By the raw parameters, each of one dimension; those of the planes are none without a surface.
+    pub parameters: PerGaussian<Option<Tensor<1>>>,
+    /// Signed and absolute screen-space gradients, `[N, 4]`.
     pub screen: Tensor<2>,
-    /// By the raw normals and offsets of the planes; none without a surface.
-    pub planes: Option<(Tensor<2>, Tensor<1>)>,
 }
 
 fn leaf<const D: usize>(tensor: &CubeTensor) -> Tensor<D> {
     crate::tensor::from_primitive::<D>(tensor.clone()).autodiff().require_grad()
+}
+
+/// In the order of the image's parents.
+fn parents<T>(parameters: PerGaussian<T>, screen: T) -> [T; PARENTS] {
+    let mut all = parameters.into_array().into_iter().chain([screen]);
+    std::array::from_fn(|_| all.next().expect("as many parents"))
 }
 
 impl Leaves {
@@ -58,17 +45,10 @@ impl Leaves {
     /// # Errors
     /// When the device cannot bind that many screen-space gradients at once.
     pub fn new(gpu: &Gpu, parameters: &Parameters) -> Result<Self, GpuError> {
-        let t = &parameters.tensors;
         // Never read or written by the forward pass: it only carries a gradient.
         let screen = empty(gpu, "screen positions", &[parameters.splats().count, 4])?;
         Ok(Self {
-            means: leaf(&t.means),
-            rotations: leaf(&t.rotations),
-            log_scales: leaf(&t.log_scales),
-            opacity_logits: leaf(&t.opacity_logits),
-            sh: leaf(&t.sh),
-            normals: leaf(&t.normals),
-            offsets: leaf(&t.offsets),
+            parameters: parameters.tensors.as_ref().map(leaf),
             screen: leaf(&screen),
             splats: parameters.splats().clone(),
         })
@@ -76,15 +56,8 @@ impl Leaves {
 
     /// Takes the gradients out of a finished backward pass; none when the image did not reach the loss.
     pub fn gradients(&self, grads: &mut burn::tensor::Gradients) -> Option<SplatGradients> {
-        Some(SplatGradients {
-            means: self.means.grad_remove(grads)?,
-            rotations: self.rotations.grad_remove(grads)?,
-            log_scales: self.log_scales.grad_remove(grads)?,
-            opacity_logits: self.opacity_logits.grad_remove(grads)?,
-            sh: self.sh.grad_remove(grads)?,
-            screen: self.screen.grad_remove(grads)?,
-            planes: self.normals.grad_remove(grads).zip(self.offsets.grad_remove(grads)),
-        })
+        let screen = self.screen.grad_remove(grads)?;
+        Some(SplatGradients { parameters: self.parameters.as_ref().map(|leaf| leaf.grad_remove(grads)), screen })
     }
 }
 
@@ -98,36 +71,19 @@ pub fn rasterized(raster: &Rasterizer, leaves: &Leaves, view: &RasterView) -> Re
     let image = empty(&gpu, "image", &[view.camera.height as usize, view.camera.width as usize, 3])?;
     let forward = raster.forward(&splats, view, Keep::Gradients, bind(&image))?;
     let pass = forward.clone();
-    let parents = [
-        on_graph(leaves.means.clone()),
-        on_graph(leaves.rotations.clone()),
-        on_graph(leaves.log_scales.clone()),
-        on_graph(leaves.opacity_logits.clone()),
-        on_graph(leaves.sh.clone()),
-        on_graph(leaves.screen.clone()),
-        on_graph(leaves.normals.clone()),
-        on_graph(leaves.offsets.clone()),
-    ];
-    let image = node(parents, |tensors| {
-        let shapes = tensors.map(|tensor| tensor.meta.shape().to_vec());
+    let parents_of_image = parents(leaves.parameters.clone().map(on_graph), on_graph(leaves.screen.clone()));
+    let image = node(parents_of_image, |_| {
         let rule = move |v_image: &CubeTensor, _| {
-            let has_planes = pass.surface().is_some();
-            let count = if has_planes { 8 } else { 6 };
-            let gradients: [Option<CubeTensor>; 8] =
-                std::array::from_fn(|i| (i < count).then(|| empty_like(v_image, &shapes[i])));
-            let gradient = |i: usize| gradients[i].as_ref().expect("six gradients or eight");
-            let memory = |i: usize| bind(gradient(i));
+            let is_there = PerGaussian::with_gradients(pass.surface().is_some());
+            let sizes = PerGaussian::rows(splats.coefficients).map(|row| row * splats.count);
+            let gradients = sizes.zip(is_there).map(|(size, is_there)| is_there.then(|| empty_like(v_image, &[size])));
+            let screen = empty_like(v_image, &[splats.count, 4]);
             let v = RasterGradients {
-                means: memory(0),
-                rotations: bind_rows(gradient(1)),
-                log_scales: memory(2),
-                opacity_logits: memory(3),
-                sh: memory(4),
-                screen: bind_rows(gradient(5)),
-                planes: has_planes.then(|| [memory(6), memory(7)]),
+                parameters: gradients.as_ref().map(|gradient| gradient.as_ref().map(bind)),
+                screen: bind_rows(&screen),
             };
             pass.backward(&gpu, &splats, &bind(v_image), &v);
-            gradients
+            parents(gradients, Some(screen))
         };
         Ok::<_, GpuError>((image, rule))
     })?;

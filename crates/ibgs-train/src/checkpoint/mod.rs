@@ -2,13 +2,14 @@
 
 mod file;
 
+use super::optim::Moments;
 use super::telemetry::{RecorderState, Telemetry};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::exposure::{Exposure, ExposureState};
 use ibgs_core::files::WriteError;
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::residual::layers::WEIGHTS;
-use ibgs_core::scene::Gaussians;
+use ibgs_core::scene::{Gaussians, PerGaussian};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -121,7 +122,7 @@ pub struct Checkpoint {
     /// What the program keeps besides: times, curves, measurements.
     pub run: serde_json::Value,
     /// First and second moments of the parameters that are trained.
-    pub(super) moments: Vec<[Vec<f32>; 2]>,
+    pub(super) moments: Moments,
     /// Four values a Gaussian.
     pub(super) statistics: Vec<f32>,
     /// Median depths of the training views when they were last trained; only with `deterministic`. Other runs render
@@ -129,17 +130,6 @@ pub struct Checkpoint {
     pub(super) depths: BTreeMap<usize, Vec<f32>>,
     pub(super) state: State,
 }
-
-/// Parameters in the order of the optimiser, with values a Gaussian where these are fixed.
-const PARAMETERS: [(&str, Option<usize>); 7] = [
-    ("means", Some(3)),
-    ("rotations", Some(4)),
-    ("scales", Some(3)),
-    ("opacities", Some(1)),
-    ("sh", None),
-    ("normals", Some(3)),
-    ("offsets", Some(1)),
-];
 
 impl Checkpoint {
     /// Iterations done.
@@ -160,20 +150,12 @@ impl Checkpoint {
 
     /// All tensors by name.
     fn tensors(&self) -> Vec<(String, &[f32])> {
-        let g = &self.gaussians;
-        let parameters: [&[f32]; 7] = [
-            g.means.as_flattened(),
-            g.rotations.as_flattened(),
-            g.log_scales.as_flattened(),
-            &g.opacity_logits,
-            &g.sh,
-            g.normals.as_flattened(),
-            &g.offsets,
-        ];
-        let mut all: Vec<(String, &[f32])> =
-            PARAMETERS.iter().zip(parameters).map(|((name, _), values)| ((*name).to_owned(), values)).collect();
-        for ((name, _), pair) in PARAMETERS.iter().zip(&self.moments) {
-            all.extend([(format!("{name}.first"), &pair[0][..]), (format!("{name}.second"), &pair[1][..])]);
+        let named = PerGaussian::KEYS.zip(self.gaussians.values()).into_array();
+        let mut all: Vec<(String, &[f32])> = named.map(|(name, values)| (name.to_owned(), values)).into();
+        for (name, moments) in PerGaussian::KEYS.zip(self.moments.as_ref()).into_array() {
+            if let Some([first, second]) = moments {
+                all.extend([(format!("{name}.first"), &first[..]), (format!("{name}.second"), &second[..])]);
+            }
         }
         all.extend([("filters", &self.filters), ("statistics", &self.statistics)].map(|(n, v)| (n.to_owned(), &v[..])));
         if let Some(NetworkState { weights, moments: [first, second], .. }) = &self.network {
@@ -192,17 +174,14 @@ impl Checkpoint {
         mut tensor: impl FnMut(&str, usize) -> Result<Vec<f32>, E>,
     ) -> Result<Self, E> {
         let n = state.gaussians;
-        let sh = 3 * (state.sh_degree as usize + 1).pow(2);
-        let values = PARAMETERS.map(|(_, row)| row.unwrap_or(sh) * n);
-        let mut parameters = Vec::new();
-        for ((name, _), count) in PARAMETERS.iter().zip(values) {
-            parameters.push(tensor(name, count)?);
-        }
-        let trained = if state.network_steps.is_some() { 7 } else { 5 };
-        let mut moments = Vec::new();
-        for ((name, _), count) in PARAMETERS.iter().zip(values).take(trained) {
-            moments.push([tensor(&format!("{name}.first"), count)?, tensor(&format!("{name}.second"), count)?]);
-        }
+        let rows = PerGaussian::rows((state.sh_degree as usize + 1).pow(2));
+        let sized = PerGaussian::KEYS.zip(rows.map(|row| row * n));
+        let values = sized.try_map(|(name, count)| tensor(name, count))?;
+        let trained = PerGaussian::with_gradients(state.network_steps.is_some());
+        let moments = sized.zip(trained).try_map(|((name, count), is_trained)| {
+            let mut moment = |which| tensor(&format!("{name}.{which}"), count);
+            is_trained.then(|| Ok([moment("first")?, moment("second")?])).transpose()
+        })?;
         let network = match state.network_steps {
             None => None,
             Some(steps) => Some(NetworkState {
@@ -216,19 +195,7 @@ impl Checkpoint {
             depths.insert(view, tensor(&format!("depth.{view}"), pixels)?);
         }
         let (filters, statistics) = (tensor("filters", n)?, tensor("statistics", 4 * n)?);
-        let [means, rotations, log_scales, opacity_logits, sh, normals, offsets] =
-            parameters.try_into().unwrap_or_else(|_| unreachable!("seven parameters"));
-        let gaussians = Gaussians {
-            space: state.space,
-            means: rows(&means),
-            rotations: rows(&rotations),
-            log_scales: rows(&log_scales),
-            opacity_logits,
-            sh,
-            sh_degree: state.sh_degree,
-            normals: rows(&normals),
-            offsets,
-        };
+        let gaussians = Gaussians::from_values(state.space, state.sh_degree, values);
         Ok(Self { config, scene, gaussians, filters, network, run, moments, statistics, depths, state })
     }
 
@@ -256,8 +223,4 @@ impl Checkpoint {
         require(lengths.iter().all(|v| v.is_finite() && *v > 0.0), "its scene extent is not positive")?;
         require(self.is_finite(), "a number is not finite")
     }
-}
-
-fn rows<const C: usize>(values: &[f32]) -> Vec<[f32; C]> {
-    values.as_chunks().0.to_vec()
 }

@@ -6,7 +6,7 @@
 use super::{FRESH, Observations, Plan, Round, sigmoid};
 use crate::autodiff::SplatGradients;
 use crate::parameters::Parameters;
-use burn::tensor::activation;
+use burn::tensor::{Tensor, activation};
 use ibgs_core::config::{DensifyConfig, McmcConfig};
 use ibgs_core::gpu::Pass;
 use ibgs_core::raster::iteration_seed;
@@ -103,9 +103,10 @@ pub fn penalise(gradients: &mut SplatGradients, parameters: &Parameters, config:
     let n = parameters.splats().len().max(1) as f64;
     let opacities = activation::sigmoid(parameters.opacity_logits());
     let slope = opacities.clone() * (opacities.neg() + 1.0);
-    gradients.opacity_logits = gradients.opacity_logits.clone() + slope * (config.opacity_weight / n);
+    let add = |gradient: &mut Option<Tensor<1>>, more| *gradient = gradient.clone().map(|gradient| gradient + more);
+    add(&mut gradients.parameters.opacity_logits, slope * (config.opacity_weight / n));
     let scales = parameters.log_scales().exp();
-    gradients.log_scales = gradients.log_scales.clone() + scales * (config.scale_weight / (3.0 * n));
+    add(&mut gradients.parameters.log_scales, scales * (config.scale_weight / (3.0 * n)));
 }
 
 /// Records a random step of every mean, of its Gaussian's shape and `strength` large where the Gaussian is transparent; `seed`

@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 use ibgs_core::config::{DensifyConfig, Strategy};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::Forward;
-use ibgs_core::scene::PerGaussian;
+use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_core::sources::DevicePhoto;
 use ibgs_shaders::bindings::{DensifyErrorsBindings, DensifyGatherBindings, DensifyObserveBindings};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
@@ -228,16 +228,14 @@ impl Statistics {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn observations(&self, gpu: &Gpu, optimizer: &Optimizer) -> Result<Observations, GpuError> {
-        let [means, rotations, log_scales, opacity_logits, ..] = optimizer.tensors() else {
-            unreachable!("an optimiser has the base's tensors")
-        };
+    pub fn observations(&self, gpu: &Gpu, splats: &Splats) -> Result<Observations, GpuError> {
+        let PerGaussian { means, rotations, log_scales, opacity_logits, .. } = &splats.parameters;
         Ok(Observations {
             statistics: gpu.read(&self.values, self.count)?,
-            means: gpu.read(&means.parameter.cast(), self.count)?,
-            rotations: gpu.read(&rotations.parameter.cast(), self.count)?,
-            log_scales: gpu.read(&log_scales.parameter.cast(), self.count)?,
-            opacity_logits: gpu.read(&opacity_logits.parameter, self.count)?,
+            means: gpu.read(&means.cast(), self.count)?,
+            rotations: gpu.read(&rotations.cast(), self.count)?,
+            log_scales: gpu.read(&log_scales.cast(), self.count)?,
+            opacity_logits: gpu.read(opacity_logits, self.count)?,
         })
     }
 }
@@ -260,33 +258,33 @@ pub fn apply(
         let buffers = DensifyGatherBindings { sources: &sources, previous: from, next: to };
         pass.linear(&buffers, &params, n * row);
     };
-    let mut moments = Vec::new();
-    for tensor in optimizer.tensors() {
-        let mut pair = Vec::new();
-        for from in &tensor.moments {
+    let moments = optimizer.tensors().as_ref().try_map(|tensor| {
+        let Some(tensor) = tensor else { return Ok(None) };
+        let mut gathered = |from: &Buffer<f32>| -> Result<Buffer<f32>, GpuError> {
             let to = gpu.allocate("Adam moments", (n * tensor.row).max(1))?;
             gather(from, &to, tensor.row, 1);
-            pair.push(to);
-        }
-        moments.push(pair.try_into().unwrap_or_else(|_| unreachable!("two moments")));
-    }
+            Ok(to)
+        };
+        let [first, second] = &tensor.moments;
+        Ok::<_, GpuError>(Some([gathered(first)?, gathered(second)?]))
+    })?;
     let planned = PerGaussian {
         means: Some(plan.means.into_flattened()),
         log_scales: Some(plan.log_scales.into_flattened()),
         opacity_logits: plan.opacity_logits,
         ..PerGaussian::default()
     };
-    let shapes = Parameters::shapes(n, splats.coefficients).zip(PerGaussian::rows(splats.coefficients));
-    let each = splats.parameters.as_ref().zip(PerGaussian::<()>::NAMES).zip(shapes).zip(planned);
-    let tensors = each.try_map(|(((from, name), (shape, row)), values)| match values {
-        Some(values) => tensor::upload(gpu, name, &values, &shape),
+    let rows = PerGaussian::rows(splats.coefficients);
+    let each = splats.parameters.as_ref().zip(PerGaussian::NAMES).zip(rows).zip(planned);
+    let tensors = each.try_map(|(((from, name), row), values)| match values {
+        Some(values) => tensor::upload(gpu, name, &values, &[n * row]),
         None => {
-            let to = tensor::empty(gpu, name, &shape)?;
+            let to = tensor::empty(gpu, name, &[n * row])?;
             gather(from, &bind(&to), row, 0);
             Ok(to)
         }
     })?;
-    let next = Parameters::new(gpu, splats.space, tensors)?;
+    let next = Parameters::new(gpu, (splats.space, n, splats.coefficients), tensors)?;
     gather(&splats.filters, &next.splats().filters, 1, 0);
     pass.submit();
     let optimizer = optimizer.rearranged(next.splats(), moments);

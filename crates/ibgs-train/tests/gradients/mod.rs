@@ -63,8 +63,8 @@ fn golden_base_gradients() {
         let view = RasterView { tangent_limit: 1e6, ..RasterView::new(golden.cameras[0], p.sh_degree as u32) };
         assert_images_agree(file, &render(p, &view), &golden.out_base, 2e-5);
         let ours = gradients(p, &view, &golden.cotangent_base);
-        let names = ["mean", "rotation", "log_scale", "opacity_logit", "sh"];
-        for (tensor, name) in Tensor::ALL.into_iter().zip(names) {
+        for tensor in Tensor::ALL {
+            let name = tensor.name();
             assert_gradient(&format!("{file} {name}"), ours.get(tensor), golden.grad("base", name), 1e-3);
         }
         let xy = golden.grad("base", "xy_pixels");

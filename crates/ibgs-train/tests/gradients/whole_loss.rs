@@ -138,11 +138,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let by_weights = weights.grad_remove(&mut grads).map(values);
     assert_eq!(by_weights.is_some(), part != Part::Side, "only the final image reaches the network");
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    let (normals, offsets) = g.planes.expect("a surface has plane gradients");
-    let (opacity, offsets) = (values(g.opacity_logits), values(offsets));
-    let of = [g.means, g.rotations, g.log_scales].map(values);
-    let [means, rotations, scales] = of;
-    let tensors = [means, rotations, scales, opacity, values(g.sh), values(normals), offsets];
+    let tensors = g.parameters.map(|gradient| values(gradient.expect("a surface has plane gradients"))).into_array();
     let grads = TENSORS.into_iter().zip(tensors).chain(by_weights.map(|w| ("network", w))).collect();
     let exposure = exposures.map(|e| {
         let row = gpu.read(e.v_target(), 2).unwrap().into_flattened();

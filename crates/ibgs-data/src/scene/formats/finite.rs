@@ -3,9 +3,20 @@
 //! Two infinities are no damage: the logit of an opacity of 0 or 1, and the logarithm of a scale of 0. They become the
 //! outermost finite values.
 
-use super::super::{Gaussians, SceneError};
+use super::super::{Gaussians, PerGaussian, SceneError};
 use super::quantise;
 use std::path::Path;
+
+/// What messages call the kinds of parameters.
+const WORDS: PerGaussian<&str> = PerGaussian {
+    means: "position",
+    rotations: "rotation",
+    log_scales: "scale",
+    opacity_logits: "opacity",
+    sh: "colour",
+    normals: "normal",
+    offsets: "offset",
+};
 
 /// Makes infinite logits and logarithms finite where they mean something: opaque, transparent, flat.
 pub(in crate::scene) fn settle(opacity_logit: &mut f32, log_scales: &mut [f32; 3]) {
@@ -86,32 +97,18 @@ pub(super) fn only(mut gaussians: Gaussians, path: &Path) -> Result<Gaussians, S
     }
     let keep: Vec<bool> = (0..gaussians.len()).map(|index| is_usable(&gaussians, index, &mut dropped)).collect();
     if keep.contains(&false) {
-        let row = 3 * gaussians.sh_coefficients();
-        retain(&mut gaussians.means, 1, &keep);
-        retain(&mut gaussians.rotations, 1, &keep);
-        retain(&mut gaussians.log_scales, 1, &keep);
-        retain(&mut gaussians.opacity_logits, 1, &keep);
-        retain(&mut gaussians.sh, row, &keep);
-        retain(&mut gaussians.normals, 1, &keep);
-        retain(&mut gaussians.offsets, 1, &keep);
+        let kept = (0..gaussians.len()).filter(|&index| keep[index]);
+        gaussians = gaussians.rows(kept.clone().count(), kept);
     }
     dropped.report(gaussians.len(), path)?;
     Ok(gaussians)
 }
 
 fn is_usable(g: &Gaussians, index: usize, dropped: &mut Dropped) -> bool {
-    let row = 3 * g.sh_coefficients();
-    let opacity = [g.opacity_logits[index]];
-    let fields: [(&str, &[f32]); 5] = [
-        ("position", &g.means[index]),
-        ("rotation", &g.rotations[index]),
-        ("scale", &g.log_scales[index]),
-        ("opacity", &opacity),
-        ("colour", &g.sh[row * index..row * (index + 1)]),
-    ];
-    let bad = fields.iter().find_map(|(field, values)| Some((field, values.iter().find(|v| !v.is_finite())?)));
-    if let Some((field, &value)) = bad {
-        dropped.add(index, field, value);
+    let named = WORDS.zip(g.row(index)).into_array();
+    let bad = named.iter().find_map(|(word, values)| Some((word, values.iter().find(|v| !v.is_finite())?)));
+    if let Some((word, &value)) = bad {
+        dropped.add(index, word, value);
         return false;
     }
     let is_rotation = is_rotation(g.rotations[index]);
@@ -119,13 +116,4 @@ fn is_usable(g: &Gaussians, index: usize, dropped: &mut Dropped) -> bool {
         dropped.add_unturned(index);
     }
     is_rotation
-}
-
-/// Keeps the rows of `row` values each that `keep` marks.
-fn retain<T>(values: &mut Vec<T>, row: usize, keep: &[bool]) {
-    let mut at = 0;
-    values.retain(|_| {
-        at += 1;
-        keep[(at - 1) / row]
-    });
 }
