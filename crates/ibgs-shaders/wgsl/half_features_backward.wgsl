@@ -4,12 +4,9 @@
 // residual_features_backward.wgsl on the matrix units, for the mean and the mean by confidence over the sources: gradient of the
 // per-view MLP by the features and, summed over all pixels of a workgroup, by the MLP's weights.
 //
-// A lane is a pixel. The MLP is two products of matrices over the pixels of a subgroup: hidden = ReLU(W1 F), (outputs, confidence) =
-// W2 [hidden, F], where F are the seven numbers of a source, a one, and the error of its depth; the weights of the one are the
-// biases. Values pass through workgroup memory in half precision, sums in float32, SIDE channels at a time: the less of it a subgroup
-// needs, the more of them run at once. Gradients are multiplied by a scale. SIDE is 16, LANES 32.
-#import residual_feature
-#import half_mlp
+// A lane is a pixel. Gradients are multiplied by a scale. SIDE is 16, LANES 32.
+#import half_mlp_pixels
+#import half_mlp_rows
 
 @group(0) @binding(0) var<storage, read> base: array<f32>;
 @group(0) @binding(1) var<storage, read> warped: array<vec4<f32>>;
@@ -23,29 +20,6 @@
 @group(0) @binding(7) var<storage, read_write> v_features: array<vec4<f32>>;
 /// Rows of MLP_WEIGHTS and CONFIDENCE_WEIGHTS, one a workgroup.
 @group(0) @binding(8) var<storage, read_write> partials: array<f32>;
-
-const SUBGROUPS: u32 = 4u;
-const THREADS: u32 = SUBGROUPS * LANES;
-const QUADS: u32 = SIDE / 4u;
-const CONFIDENCE_AT: u32 = HIDDEN / 4u;
-// Distances in workgroup memory; the padding avoids bank conflicts.
-const HIDDEN_LINE: u32 = HIDDEN / 4u + 2u;
-const SUMS: u32 = QUADS + 1u;
-
-// [pixel]: F of a source; its hidden channels, then the gradient by them; gradient by the outputs and the confidence; sums.
-var<workgroup> inputs: array<vec4<f16>, THREADS * F_LINE>;
-var<workgroup> hidden: array<vec4<f16>, THREADS * HIDDEN_LINE>;
-var<workgroup> gradient: array<vec4<f16>, THREADS * LINE>;
-var<workgroup> sums: array<vec4<f32>, THREADS * SUMS>;
-
-// F of a source.
-fn put_inputs(local: u32, f: Feature, error: f32) {
-    let own = local * F_LINE;
-    inputs[own] = to_half(f.head);
-    inputs[own + 1u] = to_half(f.tail);
-    inputs[own + 2u] = to_half(vec4(error, 0.0, 0.0, 0.0));
-    inputs[own + 3u] = vec4<f16>();
-}
 
 @compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -273,32 +247,4 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         partials[out + into] = total(k / (FEATURES + 1u), i);
     }
     #end
-}
-
-// A sum of the workgroup's subgroups.
-fn total(row: u32, column: u32) -> f32 {
-    var sum = 0.0;
-    for (var s = 0u; s < SUBGROUPS; s++) {
-        sum += sums[(s * LANES + row) * SUMS + column / 4u][column % 4u];
-    }
-    return params.unscale * sum;
-}
-
-fn put2(out: u32, o: u32, i: u32, value: f32) {
-    let f = i - HIDDEN;
-    if o < HIDDEN {
-        if i < HIDDEN {
-            partials[out + WEIGHT2 + o * HIDDEN + i] = value;
-        } else if f == ONE {
-            partials[out + BIAS2 + o] = value;
-        }
-    } else if o == HIDDEN {
-        if i < HIDDEN {
-            partials[out + MLP_WEIGHTS + i] = value;
-        } else if f == ERROR {
-            partials[out + MLP_WEIGHTS + HIDDEN] = value;
-        } else if f == ONE {
-            partials[out + MLP_WEIGHTS + HIDDEN + 1u] = value;
-        }
-    }
 }

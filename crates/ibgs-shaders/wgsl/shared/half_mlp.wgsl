@@ -1,5 +1,5 @@
 // The weights of the per-view MLP in half precision in workgroup memory, as half_features_backward.wgsl multiplies with them: W1, and W2
-// with the confidence behind the outputs. The kernel declares `weights` and THREADS.
+// with the confidence behind the outputs. The kernel declares `weights`, half_mlp_pixels.wgsl THREADS.
 #import half_mlp_first
 
 // Channel of F for the error of the depth.
