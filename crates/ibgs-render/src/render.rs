@@ -2,64 +2,23 @@
 //! scene's coordinates; on the device all is local ([`LocalSpace`]).
 
 mod frame;
+mod image_part;
 
-pub(crate) use frame::{FinalImage, FrameSource};
+pub(crate) use frame::FrameSource;
 pub use frame::{Frame, Rendered};
+pub use image_part::{ImageOptions, ImagePart};
 
 use crate::camera::Camera;
 use crate::exposure::{Exposer, ExposureField, Exposures};
-use crate::gpu::{Buffer, Gpu, GpuError, Pass};
+use crate::gpu::{Gpu, GpuError, Pass};
 use crate::levels::Stream;
 use crate::local_space::LocalSpace;
-use crate::raster::{Forward, Keep, RasterView, Rasterizer, Room, Shape, SurfaceOptions};
-use crate::residual::mix::SourceMix;
-use crate::residual::network::ResidualNetwork;
-use crate::residual::{Aggregation, Precision, Residual, ResidualInputs, ResidualTask, Variant};
+use crate::raster::{Keep, RasterView, Rasterizer, Room, Shape, SurfaceOptions};
+use crate::residual::Residual;
 use crate::scene::{SceneError, Splats};
-use crate::sources::depth_cache::DepthCache;
-use crate::sources::find::{SourceFinder, SourceOptions};
-use crate::sources::source_store::SourceStore;
-use crate::sources::{SourceView, WarpOptions, Warper};
-use std::sync::{Arc, Mutex};
-
-/// How the photos of neighbouring views are used (method.md sections 3 to 6).
-#[derive(Clone, Debug, PartialEq)]
-pub struct ImageOptions {
-    /// Which views are the sources, and how they are read.
-    pub sources: SourceOptions,
-    /// Median intersections.
-    pub surface: SurfaceOptions,
-    /// Variant of the residual network.
-    pub variant: Variant,
-    /// How precisely it computes.
-    pub precision: Precision,
-    /// Most weight of the sources' mean colour in the final image.
-    pub source_share: f32,
-}
-
-impl ImageOptions {
-    /// How photos are warped.
-    pub fn warp(&self) -> WarpOptions {
-        WarpOptions {
-            visible: self.sources.visible,
-            agreement: self.sources.depth_agreement as f32,
-            reach: if self.variant.aggregation == Aggregation::Soft { WarpOptions::SOFT_REACH } else { 1.0 },
-        }
-    }
-}
-
-/// What a model has besides its Gaussians.
-#[derive(Clone, Debug)]
-pub struct ImagePart {
-    /// Cameras of the training views, which are the sources, in the scene's coordinates.
-    pub cameras: Arc<[Camera]>,
-    /// Their photos.
-    pub photos: Arc<SourceStore>,
-    /// The residual network.
-    pub network: ResidualNetwork,
-    /// How they are used.
-    pub options: ImageOptions,
-}
+use crate::sources::SourceView;
+use image_part::{ImageStage, Sources, record_final};
+use std::sync::Arc;
 
 /// Renders a model.
 #[derive(Debug)]
@@ -75,34 +34,6 @@ pub struct Renderer {
     exposure: Option<(ExposureField, Exposer)>,
     /// Chunks that come and go with the views, of a model with levels of detail.
     stream: Option<Stream>,
-}
-
-#[derive(Debug)]
-struct ImageStage {
-    part: ImagePart,
-    finder: SourceFinder,
-    warper: Warper,
-    residual: Residual,
-    /// Median depths of the sources, valid as long as the Gaussians do not change.
-    depths: Mutex<DepthCache>,
-}
-
-impl ImageStage {
-    fn new(gpu: &Arc<Gpu>, part: ImagePart, residual: Residual) -> Self {
-        Self {
-            finder: SourceFinder::new(&part.cameras, &part.options.sources),
-            warper: Warper::new(gpu.clone(), part.options.warp()),
-            residual,
-            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(gpu))),
-            part,
-        }
-    }
-}
-
-/// The sources of a frame: which training views, and what the pass reads of them.
-struct Sources {
-    indices: Vec<usize>,
-    views: Vec<SourceView>,
 }
 
 impl Renderer {
@@ -389,49 +320,6 @@ impl Renderer {
         let views = chosen.iter().zip(photos).map(source).collect::<Result<_, GpuError>>()?;
         Ok(Sources { indices: chosen, views })
     }
-}
-
-/// Records the final image of a view, whose base image stands as it is without sources.
-fn record_final(
-    pass: &mut Pass,
-    (gpu, stage): (&Gpu, &ImageStage),
-    camera: &Camera,
-    forward: &Forward,
-    (base, exposures): (Buffer<f32>, Option<&Exposures>),
-    sources: &Sources,
-) -> Result<FinalImage, GpuError> {
-    let options = stage.warper.options;
-    if sources.views.is_empty() {
-        return Ok(FinalImage { image: base, seen: None, sources: Vec::new(), options });
-    }
-    let warper = &stage.warper;
-    let warped = warper.record(pass, forward, &sources.views, warper.memory(camera)?)?;
-    let colors = match exposures {
-        Some(exposures) => {
-            let exposed = gpu.transient("exposed warped colours", warped.colors.rows())?;
-            exposures.record_warped(pass, &warped, &exposed);
-            exposed
-        }
-        None => warped.colors.clone(),
-    };
-    let task = ResidualTask { camera: *camera, seen: warped.seen.clone(), gain: 1.0 };
-    let weights = stage.part.network.weights.clone();
-    let inputs = ResidualInputs { base, warped: colors.clone(), visible: warped.visible, weights };
-    let image = gpu.transient("final image", forward.image.rows())?;
-    let residual = stage.residual.record(pass, &task, inputs, Keep::Image, image)?;
-    let mix = SourceMix::new(camera.pixels() as u32, warped.visible, stage.part.options.source_share);
-    mix.record(pass, &colors, &warped.seen.visible, &residual.image);
-    // The photos on the device are not kept: the store could not reuse their memory.
-    let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
-        view: index,
-        camera: source.camera,
-        photo: stage.part.photos.on_host(index).clone(),
-        depth: source.depth.clone(),
-    };
-    let sources = sources.indices.iter().zip(&sources.views).map(keep).collect();
-    let image = residual.image.clone();
-    pass.keep(residual);
-    Ok(FinalImage { image, seen: Some(warped.seen), sources, options })
 }
 
 /// The base image of Gaussians alone, from a camera in the scene.

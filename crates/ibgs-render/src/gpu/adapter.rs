@@ -1,6 +1,6 @@
 //! What an adapter has to offer, and what is asked of it.
 
-use super::device::GpuError;
+use super::error::GpuError;
 use super::matrix::{experimental_features, matrix_units};
 
 /// What a device is for.

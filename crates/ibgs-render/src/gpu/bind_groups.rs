@@ -2,7 +2,7 @@
 //! the last one did, and making a bind group costs the host as much as recording its dispatch.
 
 use super::RawBuffer;
-use super::device::Pipeline;
+use super::pipeline::Pipeline;
 use ibgs_shaders::Kernel;
 use std::collections::HashMap;
 use std::collections::hash_map::{Entry, RandomState};

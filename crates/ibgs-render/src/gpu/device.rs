@@ -1,93 +1,25 @@
 //! The device and everything that outlives a single pass.
 
+pub use super::error::GpuError;
+
 use super::adapter::{IMMEDIATES, Use, require};
 use super::bind_groups::BindGroups;
 use super::buffer::Transients;
 use super::launch::flush;
 use super::matrix::matrix_units;
+use super::pipeline::Pipelines;
 use super::profile::Profiler;
 use super::uniforms::Uniforms;
-use ibgs_shaders::{Kernel, KernelSet, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
-use rayon::prelude::*;
+use ibgs_shaders::MatrixUnits;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::pin::pin;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
-
-/// What can go wrong between us and the GPU.
-#[derive(Debug, thiserror::Error)]
-pub enum GpuError {
-    /// No adapter at all.
-    #[error(
-        "no GPU adapter was found; install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers` gives a software one)"
-    )]
-    NoAdapter,
-    /// The requested adapter is not there.
-    #[error("no adapter matches `{wanted}`; this machine has: {available}")]
-    UnknownAdapter {
-        /// What the user asked for.
-        wanted: String,
-        /// Index and name of each adapter.
-        available: String,
-    },
-    /// The adapter lacks something that every run needs, or every training.
-    #[error("adapter `{adapter}` lacks {missing}")]
-    Lacking {
-        /// Adapter name.
-        adapter: String,
-        /// The limits, with the needed and the present value.
-        missing: String,
-    },
-    /// The driver refused the device.
-    #[error("adapter `{adapter}` refused to open a device: {reason}")]
-    Device {
-        /// Adapter name.
-        adapter: String,
-        /// The driver's words.
-        reason: String,
-    },
-    /// A model with levels of detail: its chunks cannot be read, or the memory holds too few.
-    #[error("{0}")]
-    Levels(String),
-    /// A photo cannot be decoded again, after the host's memory did not hold it.
-    #[error("{0}")]
-    Photo(String),
-    /// A buffer would be larger than the device allows.
-    #[error("{what} needs {bytes} bytes, more than this device binds at once ({limit})")]
-    TooLarge {
-        /// What the buffer holds.
-        what: &'static str,
-        /// Bytes asked for.
-        bytes: u64,
-        /// The device's limit.
-        limit: u64,
-    },
-    /// The device has no memory left.
-    #[error("the GPU has no memory left for {what} ({bytes} bytes)")]
-    OutOfMemory {
-        /// What the buffer was for.
-        what: &'static str,
-        /// Bytes asked for.
-        bytes: u64,
-    },
-    /// Results could not be read back.
-    #[error("the GPU stopped answering while results were read back: {0}")]
-    Readback(String),
-    /// The device is lost, or the driver refused some work.
-    #[error("the GPU has failed: {0}; the program has to be started again")]
-    Failed(String),
-}
-
-impl GpuError {
-    fn no_waiting() -> Self {
-        Self::Readback("a browser does not let a program wait for the GPU".to_owned())
-    }
-}
 
 /// What a future gives that is over at once, as all of the core's are where a program can wait for the GPU.
 ///
@@ -148,19 +80,12 @@ pub struct Gpu {
     pub(crate) matrix_units_pay: OnceLock<bool>,
     /// Where kernels find their immediate data on a device that has none.
     pub(super) uniforms: Option<Uniforms>,
-    pipelines: Mutex<HashMap<&'static str, Arc<OnceLock<Pipeline>>>>,
+    pub(super) pipelines: Pipelines,
     pub(super) profiler: Mutex<Option<Profiler>>,
     /// Nanoseconds spent in waiting for the device.
     waited: AtomicU64,
     /// What went wrong first, once something has.
     fault: Arc<OnceLock<String>>,
-}
-
-/// A compiled kernel.
-#[derive(Clone)]
-pub(super) struct Pipeline {
-    pub layout: wgpu::BindGroupLayout,
-    pub pipeline: wgpu::ComputePipeline,
 }
 
 /// Interval between two checks for a lost device, while waiting for it.
@@ -216,7 +141,7 @@ impl Gpu {
             bind_groups: BindGroups::default(),
             waited: AtomicU64::default(),
             matrix_units_pay: OnceLock::new(),
-            pipelines: Mutex::default(),
+            pipelines: Pipelines::default(),
             profiler: Mutex::default(),
             fault: Arc::default(),
         }))
@@ -262,37 +187,6 @@ impl Gpu {
     /// Name, backend and driver in one line, for reports.
     pub fn describe(&self) -> String {
         format!("{} ({:?}, {} {})", self.info.name, self.info.backend, self.info.driver, self.info.driver_info)
-    }
-
-    /// Compiles every kernel now, so that no step of a training waits for it later.
-    ///
-    /// # Errors
-    /// The device can render, but lacks a limit that training needs.
-    pub fn warm_up(&self) -> Result<(), GpuError> {
-        require(&self.info, &self.limits, Use::Training)?;
-        self.compile_all(|_| true);
-        Ok(())
-    }
-
-    /// Compiles the kernels that rendering needs, so that the first frame does not wait for one after the other; `network`: also
-    /// those of the residual network. A browser compiles while the page goes on.
-    pub fn warm_up_rendering(&self, network: bool) {
-        // The test of the matrix units has backward passes too.
-        let tested = network && self.matrix_units.is_some();
-        let renders = |kernel: &Kernel| kernel.set == KernelSet::Render;
-        if !cfg!(target_arch = "wasm32") {
-            self.compile_all(|kernel| {
-                if kernel.stage.is_of_network() { tested || network && renders(kernel) } else { renders(kernel) }
-            });
-        }
-    }
-
-    /// Compiles those that are wanted, several at once: a driver may take two seconds for one of them.
-    fn compile_all(&self, wanted: impl Fn(&Kernel) -> bool) {
-        let matrix = if self.matrix_units.is_some() { MATRIX_KERNELS } else { &[] };
-        let mut kernels = [RENDER_KERNELS, TRAIN_KERNELS, matrix].concat();
-        kernels.retain(|kernel| wanted(kernel));
-        kernels.into_par_iter().for_each(|kernel| drop(self.pipeline(kernel)));
     }
 
     /// Use of device memory now; none where the driver does not report it.
@@ -391,68 +285,5 @@ impl Gpu {
     /// When the device is lost.
     pub fn wait_for(&self, mark: Mark) -> Result<(), GpuError> {
         self.wait_until(Some(mark.0))
-    }
-
-    /// The kernel, compiled at its first use.
-    pub(super) fn pipeline(&self, kernel: &'static Kernel) -> Pipeline {
-        let pipeline = self.pipelines.lock().expect("pipeline cache").entry(kernel.name).or_default().clone();
-        // Not under that lock, so that several threads compile several kernels.
-        pipeline.get_or_init(|| self.compile(kernel)).clone()
-    }
-
-    /// A kernel of ours, with bounds checks but without wgpu's guard against endless loops: it nearly doubles the time of a
-    /// loop that does little in each step, and keeps drivers from unrolling it.
-    #[expect(unsafe_code, reason = "wgpu asks for it")]
-    fn module(&self, label: &str, source: &str) -> wgpu::ShaderModule {
-        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
-        let descriptor =
-            wgpu::ShaderModuleDescriptor { label: Some(label), source: wgpu::ShaderSource::Wgsl(source.into()) };
-        // SAFETY: every kernel is part of this program, and each of their loops goes in steps of at least 1 to a bound that it
-        // does not move.
-        unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
-    }
-
-    fn compile(&self, kernel: &'static Kernel) -> Pipeline {
-        let source = match self.matrix_units.filter(|_| kernel.needs_matrix_units()) {
-            Some(units) => kernel.wgsl_for(units),
-            None if self.uniforms.is_some() => kernel.wgsl_with_uniform(),
-            None => self.subgroup_lanes.map_or_else(|| kernel.wgsl(), |lanes| kernel.wgsl_with_subgroups(lanes)),
-        };
-        let module = self.module(kernel.name, &source);
-        let entries: Vec<_> = (0u32..)
-            .zip(kernel.bindings)
-            .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Storage { read_only: b.access == ibgs_shaders::Access::Read },
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            })
-            .collect();
-        let layout = self
-            .device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(kernel.name), entries: &entries });
-        let uniforms = self.uniforms.as_ref().filter(|_| kernel.immediates > 0);
-        let groups = [Some(&layout), uniforms.map(Uniforms::layout)];
-        let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(kernel.name),
-            bind_group_layouts: &groups[..1 + usize::from(uniforms.is_some())],
-            immediate_size: if self.uniforms.is_some() { 0 } else { kernel.immediates },
-        });
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(kernel.name),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                zero_initialize_workgroup_memory: false,
-                ..Default::default()
-            },
-            cache: None,
-        });
-        Pipeline { layout, pipeline }
     }
 }
