@@ -27,7 +27,7 @@ fn a_scene_in_map_coordinates_goes_the_whole_way() {
     let (sandbox, dataset) = Sandbox::with_scene();
     copy_scene(&sandbox.path("scene"), &sandbox.path("map"), SCALE, SHIFT);
     for (scene, model) in [("scene", "model"), ("map", "far")] {
-        sandbox.succeeds(&format!("train {scene} --iterations 30 --eval -m {model}"));
+        sandbox.succeeds(&format!("train {scene} --iterations 30 --eval --residual-factor 0.25 -m {model}"));
     }
     let psnr = |model: &str, file: &str| {
         sandbox.json(&format!("{model}/results_{file}.json"))["ours_30"]["PSNR"].as_f64().unwrap()
@@ -47,7 +47,7 @@ fn a_scene_in_map_coordinates_goes_the_whole_way() {
     assert!(fs::read(sandbox.path("again.ply")).unwrap() == fs::read(sandbox.path(PLY)).unwrap());
 
     // Its Gaussians are a start in the same scene.
-    sandbox.succeeds("train map --iterations 5 --init again.ply -m warm");
+    sandbox.succeeds("train map --iterations 5 --residual-factor 0.25 --init again.ply -m warm");
     let info = sandbox.succeeds("info again.ply").stdout;
     assert!(info.contains("kept around the offset [5000"), "{info}");
 

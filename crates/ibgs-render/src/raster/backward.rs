@@ -85,26 +85,12 @@ impl Forward {
         }
     }
 
-    fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
-        let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
-        let Workspace { offsets, tile_counts, total, projected, rows, .. } = &**self.workspace;
-        let (frame, count) = (&self.frame, splats.count);
+    /// Sums the rows of the tile intersections by Gaussian.
+    fn record_sums(&self, pass: &mut Pass, count: usize, base: &Base, planes: Option<[&Buffer<f32>; 2]>) {
+        let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
-        let PerGaussian {
-            means: Some(v_means),
-            rotations: Some(v_rotations),
-            log_scales: Some(v_log_scales),
-            opacity_logits: Some(v_opacity_logits),
-            sh: Some(v_sh),
-            normals: v_normals,
-            offsets: v_plane_offsets,
-        } = &v.parameters
-        else {
-            unreachable!("the base has gradients")
-        };
-        let (v_rotations, v_screen) = (&v_rotations.cast(), &v.screen);
-        let surface = self.surface.as_ref().zip(v_normals.as_ref().zip(v_plane_offsets.as_ref()));
-        match surface {
+        let Base { v_rotations, v_log_scales, v_screen, .. } = base;
+        match planes {
             None => {
                 let sums = SumRowsBindings {
                     offsets,
@@ -117,9 +103,9 @@ impl Forward {
                     v_screen,
                     v_log_scales,
                 };
-                pass.linear(&sums, frame, count);
+                pass.linear(&sums, &self.frame, count);
             }
-            Some((_, (v_normals, v_plane_offsets))) => {
+            Some([v_normals, v_plane_offsets]) => {
                 let sums = SumRowsSurfaceBindings {
                     offsets,
                     tile_counts,
@@ -134,9 +120,18 @@ impl Forward {
                     v_normals,
                     v_plane_offsets,
                 };
-                pass.linear(&sums, frame, count);
+                pass.linear(&sums, &self.frame, count);
             }
         }
+    }
+
+    fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
+        let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
+        let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
+        let base = Base::of(v);
+        let surface = self.surface.as_ref().zip(v.parameters.normals.as_ref().zip(v.parameters.offsets.as_ref()));
+        self.record_sums(pass, splats.count, &base, surface.map(|(_, (normals, offsets))| [normals, offsets]));
+        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen } = &base;
         let project = ProjectBackwardBindings {
             means,
             rotations: &splats.rotations(),
@@ -153,7 +148,7 @@ impl Forward {
             v_screen,
             filters: &splats.filters,
         };
-        pass.linear(&project, frame, count);
+        pass.linear(&project, &self.frame, splats.count);
         if let Some((s, (v_normals, v_plane_offsets))) = surface {
             let planes = &s.planes;
             let gradients = PlanesBackwardBindings {
@@ -167,7 +162,35 @@ impl Forward {
                 v_normals,
                 v_plane_offsets,
             };
-            pass.linear(&gradients, frame, count);
+            pass.linear(&gradients, &self.frame, splats.count);
         }
+    }
+}
+
+/// The gradients that every pass makes.
+struct Base<'a> {
+    v_means: &'a Buffer<f32>,
+    v_rotations: Buffer<[f32; 4]>,
+    v_log_scales: &'a Buffer<f32>,
+    v_opacity_logits: &'a Buffer<f32>,
+    v_sh: &'a Buffer<f32>,
+    v_screen: &'a Buffer<[f32; 4]>,
+}
+
+impl<'a> Base<'a> {
+    fn of(v: &'a RasterGradients) -> Self {
+        let PerGaussian {
+            means: Some(v_means),
+            rotations: Some(v_rotations),
+            log_scales: Some(v_log_scales),
+            opacity_logits: Some(v_opacity_logits),
+            sh: Some(v_sh),
+            ..
+        } = &v.parameters
+        else {
+            unreachable!("the base has gradients")
+        };
+        let v_rotations = v_rotations.cast();
+        Self { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen: &v.screen }
     }
 }

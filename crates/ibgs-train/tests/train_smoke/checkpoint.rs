@@ -37,11 +37,11 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoints/1.ibgs");
     let plain = TrainConfig { method: Method::Gs3, ..everything(58) };
-    let mut mcmc = everything(58);
+    let mut mcmc = plain.clone();
     mcmc.densify.strategy = Strategy::Mcmc;
     mcmc.densify.max_splats = Some(400);
     mcmc.densify.end = Some(55);
-    let mut fading = everything(58);
+    let mut fading = plain.clone();
     fading.densify.strategy = Strategy::Default;
     fading.densify.growth.threshold = 1e-6;
     fading.filter = 0.3;

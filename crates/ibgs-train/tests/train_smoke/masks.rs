@@ -81,7 +81,7 @@ fn whole_psnr(trainer: &Trainer, dataset: &Dataset) -> f64 {
 
 #[test]
 fn what_lies_outside_of_an_object_is_empty() {
-    let config = densifying(160, 140);
+    let config = densifying(240, 60);
     let dataset = masked(dataset(), None);
     let after = |masks: Masks| {
         let mut trainer = trainer(&dataset, &with(masks, config.clone()));
