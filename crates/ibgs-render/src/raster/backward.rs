@@ -86,7 +86,7 @@ impl Forward {
     }
 
     /// Sums the rows of the tile intersections by Gaussian.
-    fn record_sums(&self, pass: &mut Pass, count: usize, base: &Base, planes: Option<[&Buffer<f32>; 2]>) {
+    fn record_sums(&self, pass: &mut Pass, count: usize, base: Base, planes: Option<[&Buffer<f32>; 2]>) {
         let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
         let Base { v_rotations, v_log_scales, v_screen, .. } = base;
@@ -128,10 +128,11 @@ impl Forward {
     fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
         let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
         let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
-        let base = Base::of(v);
+        let v_rotations = v.parameters.rotations.as_ref().expect("the base has gradients").cast();
+        let base = Base::of(v, &v_rotations);
         let surface = self.surface.as_ref().zip(v.parameters.normals.as_ref().zip(v.parameters.offsets.as_ref()));
-        self.record_sums(pass, splats.count, &base, surface.map(|(_, (normals, offsets))| [normals, offsets]));
-        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen } = &base;
+        self.record_sums(pass, splats.count, base, surface.map(|(_, (normals, offsets))| [normals, offsets]));
+        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen } = base;
         let project = ProjectBackwardBindings {
             means,
             rotations: &splats.rotations(),
@@ -168,9 +169,10 @@ impl Forward {
 }
 
 /// The gradients that every pass makes.
+#[derive(Clone, Copy)]
 struct Base<'a> {
     v_means: &'a Buffer<f32>,
-    v_rotations: Buffer<[f32; 4]>,
+    v_rotations: &'a Buffer<[f32; 4]>,
     v_log_scales: &'a Buffer<f32>,
     v_opacity_logits: &'a Buffer<f32>,
     v_sh: &'a Buffer<f32>,
@@ -178,10 +180,9 @@ struct Base<'a> {
 }
 
 impl<'a> Base<'a> {
-    fn of(v: &'a RasterGradients) -> Self {
+    fn of(v: &'a RasterGradients, v_rotations: &'a Buffer<[f32; 4]>) -> Self {
         let PerGaussian {
             means: Some(v_means),
-            rotations: Some(v_rotations),
             log_scales: Some(v_log_scales),
             opacity_logits: Some(v_opacity_logits),
             sh: Some(v_sh),
@@ -190,7 +191,6 @@ impl<'a> Base<'a> {
         else {
             unreachable!("the base has gradients")
         };
-        let v_rotations = v_rotations.cast();
         Self { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen: &v.screen }
     }
 }
