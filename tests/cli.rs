@@ -27,8 +27,8 @@ mod units;
 mod web;
 
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::demo;
 use ibgs_core::dataset::{self, Dataset, LoadOptions};
+use ibgs_core::demo;
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::scene::{PlyFlavor, from_points, write_ply};
 use ibgs_testing::scene_files::write_file;

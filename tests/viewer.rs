@@ -14,7 +14,7 @@ use egui_kittest::{Harness, SnapshotOptions};
 use ibgs::commands::view::Opener;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
-use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::demo::{self, DemoOptions};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{Aggregation, Factor, Variant, weights};

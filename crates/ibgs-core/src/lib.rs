@@ -1,6 +1,7 @@
 //! Image-Based Gaussian Splatting: opens and renders models, and everything around that needs no training.
 //!
 //! ```text
+//!           demo ───────┐
 //!  photos, poses ── dataset ──► scene ──────► Gaussians ─┐
 //!                     │                                  │  on the device: Splats
 //!                     │                                  ▼
@@ -12,7 +13,8 @@
 //!                                         exposure ──► residual ──► final image ──► picture, present, eval
 //! ```
 //!
-//! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, or the built-in demo scene).
+//! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, and others); [`demo`] ray traces the
+//!    built-in demo scene.
 //! 2. [`scene`] makes Gaussians of the points, on the host and on the device, and reads and writes PLY.
 //! 3. [`raster`] projects, sorts and blends them: the forward and the backward pass.
 //! 4. [`sources`] chooses the source views, keeps their photos and depth maps, and warps them into the target view.
@@ -29,7 +31,7 @@
 //! memory and the only place that dispatches. [`progress`] reports long work; warnings and notes go to the `log` crate.
 //! Training is in `ibgs-train`.
 //!
-//! This crate is the front of three: `ibgs-data` (no GPU), `ibgs-render` and `ibgs-model`.
+//! This crate is the front of four: `ibgs-data` and `ibgs-demo` (no GPU), `ibgs-render` and `ibgs-model`.
 //!
 //! A model is rendered in a line:
 //!
@@ -49,5 +51,6 @@
 pub use ibgs_data::{
     camera, camera_path, dataset, files, image_io, local_space, picture, progress, sentence, sentence_with, stored_zip,
 };
+pub use ibgs_demo as demo;
 pub use ibgs_model::{blocks, bundle, config, edit, eval, mesh, model, output, video};
 pub use ibgs_render::{exposure, gpu, inspect, levels, present, raster, render, residual, scene, sources};

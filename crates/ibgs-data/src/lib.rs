@@ -1,6 +1,6 @@
 //! What Image-Based Gaussian Splatting reads and writes: posed photos, Gaussians, camera paths, pictures. No GPU.
 //!
-//! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, or the built-in demo scene).
+//! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, and others).
 //! 2. [`scene`] makes Gaussians of the points, and reads and writes their files.
 //! 3. [`picture`] draws what a view shows, as pictures and EXR; [`image_io`] encodes and decodes them.
 //! 4. [`camera_path`] is the way of a camera through a scene.

@@ -8,5 +8,4 @@ mod bad_input_json;
 mod dataset;
 mod dataset_photos;
 mod dataset_real;
-mod demo;
 mod scene;

@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::demo::{DemoOptions, cameras};
 use ibgs_data::dataset::{self, Dataset, LoadOptions};
+use ibgs_demo::{DemoOptions, cameras};
 use ibgs_model::output::multi_view;
 use ibgs_render::sources::find::{Distances, LEAST, SourceFinder, SourceOptions, neighbours};
 use ibgs_testing::shared;

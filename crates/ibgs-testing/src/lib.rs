@@ -6,9 +6,9 @@ pub mod checkpoint_file;
 pub mod scene_files;
 
 use glam::DVec3;
-use ibgs_data::dataset::demo::DemoOptions;
 use ibgs_data::dataset::{self, LoadOptions, Point};
 use ibgs_data::scene::{Format, Gaussians, SceneError, read_gaussians_from, write_gaussians};
+use ibgs_demo::DemoOptions;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::io::{Cursor, Write as _};

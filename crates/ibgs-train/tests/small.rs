@@ -2,7 +2,7 @@
 
 use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::Dataset;
-use ibgs_core::dataset::demo::{self, DemoOptions};
+use ibgs_core::demo::{self, DemoOptions};
 use ibgs_core::render::{ImagePart, Renderer};
 use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::scene::{Gaussians, Splats};

@@ -11,7 +11,8 @@ mod units;
 
 use crate::small::{plain, run, trainer};
 use ibgs_core::config::{Strategy, TrainConfig};
-use ibgs_core::dataset::{Dataset, View, demo};
+use ibgs_core::dataset::{Dataset, View};
+use ibgs_core::demo;
 use ibgs_core::eval::score_view;
 use ibgs_core::gpu::Buffer;
 use ibgs_core::scene::Gaussians;

@@ -4,7 +4,7 @@ use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
 use ibgs_core::config::{DataConfig, TrainConfig};
-use ibgs_core::dataset::demo::DemoOptions;
+use ibgs_core::demo::DemoOptions;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::load_demo;
 use ibgs_train::session::Loaded;

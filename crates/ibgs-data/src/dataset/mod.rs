@@ -1,10 +1,9 @@
-//! Posed photos from disk or from the built-in demo scene. Uses no GPU code.
+//! Posed photos from disk. Uses no GPU code.
 
 mod archive;
 mod backdrop;
 mod colmap;
 mod decode;
-pub mod demo;
 mod error;
 mod fit;
 mod format;

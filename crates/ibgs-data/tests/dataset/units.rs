@@ -3,7 +3,7 @@
 use super::load_plain;
 use glam::DVec3;
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::{Dataset, LoadOptions, demo};
+use ibgs_data::dataset::{Dataset, LoadOptions};
 use ibgs_testing::scene_files::copy_scene;
 use ibgs_testing::tiny_demo;
 
@@ -17,7 +17,7 @@ fn local(dataset: &Dataset) -> (Vec<Camera>, Vec<DVec3>) {
 #[test]
 fn a_scaled_and_moved_scene_has_the_same_local_numbers() {
     let cache = tempfile::tempdir().unwrap();
-    let scene = demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap().path;
+    let scene = ibgs_demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap().path;
     let usual = load_plain(&scene);
     let (cameras, points) = local(&usual);
     // The cameras are about five local units apart, and their middle is the origin.
@@ -54,7 +54,7 @@ fn a_scaled_and_moved_scene_has_the_same_local_numbers() {
 #[test]
 fn the_split_and_the_points_do_not_count() {
     let cache = tempfile::tempdir().unwrap();
-    let mut dataset = demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap();
+    let mut dataset = ibgs_demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap();
     let space = dataset.space();
     std::mem::swap(&mut dataset.train, &mut dataset.test);
     dataset.points.truncate(1);

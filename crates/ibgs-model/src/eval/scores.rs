@@ -3,7 +3,8 @@
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
 use crate::camera::Camera;
 use crate::config::{Background, TrainConfig};
-use crate::dataset::{Dataset, DatasetError, HostPhoto, Photo, Resolution, View, demo};
+use crate::dataset::{Dataset, DatasetError, HostPhoto, Photo, Resolution, View};
+use crate::demo;
 use crate::gpu::{Gpu, GpuError};
 use crate::output::cameras::Split;
 use crate::output::pictures::{Output, Place};

@@ -2,7 +2,7 @@
 
 use super::score::Cloud;
 use crate::camera::Camera;
-use crate::dataset::demo::{self, TriangleMesh};
+use crate::demo::{self, TriangleMesh};
 use glam::Vec3;
 
 /// Squares along the side of a box, of the true mesh; the largest, those of the room, are 7 centimetres long.

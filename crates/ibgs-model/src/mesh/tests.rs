@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::camera::Camera;
-use crate::dataset::demo::look_at;
+use crate::demo::look_at;
 use glam::{DVec2, DVec3, dvec3};
 use std::collections::HashMap;
 

@@ -2,7 +2,7 @@
 
 use crate::bundle::BundleError;
 use crate::dataset::DatasetError;
-use crate::dataset::demo::DemoError;
+use crate::demo::DemoError;
 use crate::exposure;
 use crate::gpu::GpuError;
 use crate::output::OutputError;

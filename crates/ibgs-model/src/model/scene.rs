@@ -2,8 +2,8 @@
 
 use super::{Model, ModelError, scene_check};
 use crate::config::TrainConfig;
-use crate::dataset::demo::{self, DemoOptions};
 use crate::dataset::{self, Dataset};
+use crate::demo::{self, DemoOptions};
 use crate::output::cameras::{self, Split};
 use crate::progress::Progress;
 use std::path::Path;

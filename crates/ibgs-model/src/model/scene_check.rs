@@ -89,7 +89,7 @@ pub(super) fn say_unlisted(listed: &[CameraRecord], scene: &Dataset, source: &Pa
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::dataset::demo::{self, DemoOptions};
+    use crate::demo::{self, DemoOptions};
     use glam::DVec3;
 
     fn scene() -> (tempfile::TempDir, Dataset) {

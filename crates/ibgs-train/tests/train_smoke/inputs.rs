@@ -4,7 +4,8 @@ use super::{dataset, densifying, psnr, trained};
 use crate::small::{plain, run, trainer};
 use glam::DVec2;
 use ibgs_core::config::{Background, TrainConfig};
-use ibgs_core::dataset::{Dataset, Photo, View, demo};
+use ibgs_core::dataset::{Dataset, Photo, View};
+use ibgs_core::demo;
 use ibgs_reference::gpu::gpu;
 
 /// Replaces the photos; `pixel` gets the view, the pixel's column and row, and its RGBA bytes.

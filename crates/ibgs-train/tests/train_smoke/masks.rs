@@ -3,7 +3,8 @@
 use super::{dataset, densifying};
 use crate::small::{run, trainer};
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, Masks, Photo, View, demo};
+use ibgs_core::dataset::{Dataset, Masks, Photo, View};
+use ibgs_core::demo;
 use ibgs_core::eval::score;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::Splats;

@@ -2,8 +2,8 @@
 
 use super::scene::scene;
 use super::shape::{Form, Ray, Solid};
-use crate::camera::Camera;
 use glam::{DMat3, DVec3, Vec3};
+use ibgs_data::camera::Camera;
 use rayon::prelude::*;
 
 /// Triangles in world space (metres); counter-clockwise seen from the free space of the room.

@@ -3,8 +3,8 @@
 use super::DemoOptions;
 use super::numeric::{Stream, sin_cos};
 use super::scene::TABLE_TOP;
-use crate::camera::Camera;
 use glam::{DMat3, DVec2, DVec3};
+use ibgs_data::camera::Camera;
 
 /// Horizontal field of view in degrees.
 const FIELD_OF_VIEW: f64 = 55.0;

@@ -1,6 +1,6 @@
 //! The demo scene as a camera with automatic exposure would take it.
 
-use crate::dataset::{Dataset, DatasetError, Photo};
+use ibgs_data::dataset::{Dataset, DatasetError, Photo};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -30,13 +30,13 @@ pub fn change_exposure(dataset: &mut Dataset, seed: u64) -> Result<(), DatasetEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::demo::{self, DemoOptions};
+    use crate::DemoOptions;
 
     #[test]
     fn exposures_differ_within_their_range_and_repeat() {
         let options = DemoOptions { width: 16, height: 12, views: 9, samples: 1, points: 10, seed: 0 };
         let folder = tempfile::tempdir().unwrap();
-        let plain = demo::load(&options, Some(folder.path()), &()).unwrap();
+        let plain = crate::load(&options, Some(folder.path()), &()).unwrap();
         let changed = |seed| {
             let mut dataset = plain.clone();
             change_exposure(&mut dataset, seed).unwrap();

@@ -4,10 +4,10 @@
 //! and renamed, so an interrupted run leaves whole files, which the next run keeps.
 
 use super::{DemoOptions, VERSION, view_name};
-use crate::camera::Camera;
-use crate::dataset::{Photo, Point};
-use crate::files::write_atomically;
 use glam::DVec3;
+use ibgs_data::camera::Camera;
+use ibgs_data::dataset::{Photo, Point};
+use ibgs_data::files::write_atomically;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use serde::Serialize;
 use std::io::Error;

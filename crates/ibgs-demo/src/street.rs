@@ -3,9 +3,9 @@
 use super::cache::Cache;
 use super::scene::{Scene, room_offset};
 use super::{DemoError, DemoOptions, Traced, cameras};
-use crate::camera::Camera;
-use crate::dataset::Dataset;
-use crate::progress::Progress;
+use ibgs_data::camera::Camera;
+use ibgs_data::dataset::Dataset;
+use ibgs_data::progress::Progress;
 use serde::Serialize;
 use std::path::Path;
 
@@ -58,7 +58,7 @@ pub fn street(options: &StreetOptions, folder: &Path, progress: &dyn Progress) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::demo::{cameras, render_photo};
+    use crate::render_photo;
 
     #[test]
     fn rooms_lie_side_by_side_and_the_first_is_the_demo() {
@@ -81,7 +81,7 @@ mod tests {
         assert!(three.points.iter().any(|point| point.position.x > 9.0));
         assert_ne!(one.views[0].photo.pixels().unwrap().rgba, three.views[0].photo.pixels().unwrap().rgba);
         // What was traced is read back as the scene folder that it is.
-        let read = crate::dataset::load(&three.path, &crate::dataset::LoadOptions::default()).unwrap();
+        let read = ibgs_data::dataset::load(&three.path, &ibgs_data::dataset::LoadOptions::default()).unwrap();
         assert_eq!((read.views.len(), read.points.len()), (12, 1_200));
         assert!(read.views[5].photo.pixels().unwrap().rgba == three.views[5].photo.pixels().unwrap().rgba);
         let other = StreetOptions { rooms: 2, room: room.clone() };

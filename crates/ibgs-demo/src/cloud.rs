@@ -3,8 +3,8 @@
 use super::numeric::Stream;
 use super::scene::{LAMP, Scene, is_view_dependent};
 use super::trace::hit_at;
-use crate::dataset::{Point, View};
 use glam::DVec3;
+use ibgs_data::dataset::{Point, View};
 use rayon::prelude::*;
 
 /// Standard deviation of a point along each axis in metres.

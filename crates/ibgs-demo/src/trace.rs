@@ -4,9 +4,9 @@ use super::numeric::{hash, power_of_two, sin_cos, srgb_code};
 use super::scene::{Hit, LAMP, Material, ROOM, Scene, scene};
 use super::shape::Ray;
 use super::texture::{Texture, albedo};
-use crate::camera::Camera;
-use crate::dataset::Photo;
 use glam::{DVec2, DVec3};
+use ibgs_data::camera::Camera;
+use ibgs_data::dataset::Photo;
 use rayon::prelude::*;
 use std::sync::LazyLock;
 

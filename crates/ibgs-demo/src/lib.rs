@@ -16,11 +16,11 @@ mod street;
 mod texture;
 mod trace;
 
-use super::{Dataset, DatasetError, Photo, PointsFrom, View};
-use crate::camera::Camera;
-use crate::progress::Progress;
 use cache::{Cache, Found};
 use glam::DVec3;
+use ibgs_data::camera::Camera;
+use ibgs_data::dataset::{Dataset, DatasetError, Photo, PointsFrom, View};
+use ibgs_data::progress::Progress;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
