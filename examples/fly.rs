@@ -79,9 +79,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("the device cannot hold the whole model to compare with".into());
     }
     println!("the whole has {} Gaussians", whole.splats().len());
+    compare(&resting, &whole, (0..frames).step_by(frames.div_ceil(COMPARED)).map(camera))
+}
+
+/// Prints how the frames of a model in parts, at rest, differ from those of the whole model.
+fn compare(resting: &Renderer, whole: &Renderer, cameras: impl Iterator<Item = Camera>) -> Result<(), Box<dyn Error>> {
     let (mut base, mut last) = (Vec::new(), Vec::new());
-    for frame in (0..frames).step_by(frames.div_ceil(COMPARED)) {
-        let (ours, theirs) = (resting.render(&camera(frame))?, whole.render(&camera(frame))?);
+    for camera in cameras {
+        let (ours, theirs) = (resting.render(&camera)?, whole.render(&camera)?);
         base.push(psnr(&ours.base()?.rgb, &theirs.base()?.rgb));
         let image = |frame: &Frame| -> Result<Vec<f32>, Box<dyn Error>> {
             Ok(frame.image()?.map_or_else(|| frame.base(), Ok)?.rgb)

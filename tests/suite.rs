@@ -1,5 +1,5 @@
 //! The integration tests of ibgs: one binary.
-#![allow(missing_docs, clippy::print_stderr, clippy::print_stdout)]
+#![allow(missing_docs, clippy::print_stderr, clippy::print_stdout, clippy::too_many_lines)]
 #![forbid(unsafe_code)]
 
 mod bad_input_random;

@@ -271,21 +271,18 @@ impl ImageStages {
         Ok(views)
     }
 
-    /// Records the step of the network, and the copy of the view's median depth.
-    pub fn finish(
-        &mut self,
-        pass: &mut Pass,
-        work: &Work,
-        total: &Total,
-        gradients: &mut Gradients,
-    ) -> Result<(), GpuError> {
+    /// Records the step of the network, where the iteration's loss depends on it.
+    pub fn record_step(&mut self, pass: &mut Pass, total: &Total, gradients: &mut Gradients, rate: f64) {
         if let Some(gradient) = total.weights.as_ref().and_then(|weights| weights.grad_remove(gradients)) {
-            let rate = work.schedule.network_lr(work.iteration);
             self.network_optimizer.record_step(pass, &primitive(gradient), rate);
         }
-        if let Some(surface) = work.forward.surface() {
-            let pixels = self.cameras[work.index].pixels();
-            let kept = self.depths.get_or_make(work.index, || self.gpu.allocate("median depth", pixels))?;
+    }
+
+    /// Records the copy of a view's median depth, where it was rendered with its surface.
+    pub fn keep_depth(&mut self, pass: &mut Pass, index: usize, forward: &Forward) -> Result<(), GpuError> {
+        if let Some(surface) = forward.surface() {
+            let pixels = self.cameras[index].pixels();
+            let kept = self.depths.get_or_make(index, || self.gpu.allocate("median depth", pixels))?;
             pass.copy(&surface.median_depth, &kept, 0, pixels);
         }
         Ok(())

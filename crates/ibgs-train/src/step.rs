@@ -1,6 +1,7 @@
-//! One training run: the model, its optimiser, the photos on the device, and the loop body of method.md section 7.
+//! One training run: the model, its optimiser, the photos on the device. The loop body is in `iteration`.
 
 mod error;
+mod iteration;
 mod resume;
 mod start;
 
@@ -8,28 +9,24 @@ pub use error::TrainError;
 
 use super::background::iteration_background;
 use super::densify::free_space::FreeSpace;
-use super::densify::{self, Over, Round, Statistics, mcmc};
+use super::densify::{self, Round, Statistics};
 use super::exposing::Exposing;
 use super::filter::FilterSizes;
-use super::optim::{Optimizer, Rates};
-use super::stages::{ImageStages, Total, Work};
+use super::optim::Optimizer;
+use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
-use crate::autodiff::{self, Leaves};
 use crate::loss::ImageLoss;
 use crate::parameters::Parameters;
 use crate::tensor;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{Strategy, TrainConfig};
-use ibgs_core::dataset::HostPhoto;
 use ibgs_core::exposure::ExposureField;
-use ibgs_core::gpu::{Batch, Gpu, GpuError, Mark, Pass, flush};
+use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::Splats;
 use ibgs_core::sources::source_store::SourceStore;
-use ibgs_core::sources::{DevicePhoto, Outside};
-use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -141,15 +138,6 @@ impl Trainer {
         iteration_background(&self.config, self.iteration)
     }
 
-    /// The photo of a training view as this iteration's loss compares with it.
-    fn target(&self, index: usize) -> Result<DevicePhoto, GpuError> {
-        let mut target = self.photos.photo(index)?;
-        if self.config.shows_object() {
-            target.outside = Outside::Background(self.iteration_background());
-        }
-        Ok(target)
-    }
-
     /// Iterations done.
     pub fn iteration(&self) -> u32 {
         self.iteration
@@ -180,20 +168,6 @@ impl Trainer {
         self.overflowed
     }
 
-    /// Sources of a training view in an iteration; none where they do not count yet.
-    fn sources(&self, index: usize, iteration: u32) -> Vec<usize> {
-        let stages = self.stages.as_ref().filter(|_| self.schedule.surface_loss_at(iteration));
-        stages.map_or_else(Vec::new, |stages| stages.sources_of(index, iteration))
-    }
-
-    fn next_view(&mut self) -> usize {
-        if self.queue.is_empty() {
-            self.queue = (0..self.cameras.len()).collect();
-            self.queue.shuffle(&mut self.rng);
-        }
-        self.queue.pop().expect("there are training views")
-    }
-
     /// One iteration.
     ///
     /// # Errors
@@ -208,120 +182,6 @@ impl Trainer {
             && let Some(first) = self.in_flight.pop_front()
         {
             self.gpu.wait_for(first)?;
-        }
-        Ok(())
-    }
-
-    /// One iteration, and its end on the device.
-    fn iterate(&mut self) -> Result<Mark, TrainError> {
-        self.restructure()?;
-        let _batch = Batch::new(&self.gpu);
-        self.iteration += 1;
-        let iteration = self.iteration;
-        let index = self.next_view();
-        if !self.has_planes && self.schedule.shapes_normals_at(iteration, self.cameras.len()) {
-            self.raster.shape_normals(self.splats());
-        }
-        let target = self.target(index)?;
-        let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
-        let sources = self.sources(index, iteration);
-        let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
-        let leaves = Leaves::new(&self.gpu, &self.parameters)?;
-        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index))?;
-        let shown = match &exposures {
-            Some(exposures) => autodiff::exposed(exposures, &image, &forward)?,
-            None => image.clone(),
-        };
-        let work = Work {
-            iteration,
-            index,
-            target: &target,
-            image: &image,
-            shown: &shown,
-            exposures: exposures.as_ref(),
-            sources: &sources,
-            forward: &forward,
-            loss: &self.loss,
-            schedule: &self.schedule,
-            photos: &self.photos,
-            raster: &self.raster,
-            splats: self.parameters.splats(),
-        };
-        let total = match &mut self.stages {
-            Some(stages) => stages.total(&work)?,
-            None => self.loss.tracked(shown.clone(), &target).map(|(loss, scratch)| Total::base(loss, scratch))?,
-        };
-        flush();
-        let mut all = total.loss().backward();
-        let mut gradients = leaves.gradients(&mut all).expect("the loss depends on the image");
-        let is_mcmc = self.config.densify.strategy == Strategy::Mcmc;
-        if is_mcmc {
-            flush();
-            mcmc::penalise(&mut gradients, &self.parameters, &self.config.densify.mcmc);
-        }
-        let gpu = self.gpu.clone();
-        let mut pass = Pass::new(&gpu, "end of iteration");
-        if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &exposures) {
-            exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(iteration));
-        }
-        if self.schedule.observes(iteration) {
-            let screen = gradients.screen.clone();
-            let how = match self.config.densify.strategy {
-                Strategy::Default => (Over::Largest, 0.0),
-                _ => (Over::Sum, self.config.densify.near_depth * self.extent),
-            };
-            let errors = if self.schedule.counts_errors(iteration, &self.config.densify) {
-                let (stats, count) = (&total.scratch.stats, self.splats().len());
-                Some(densify::covered_errors(&gpu, &mut pass, &forward, (&shown, &target), stats, count)?)
-            } else {
-                None
-            };
-            self.statistics.record(&mut pass, screen, &forward, how, errors.as_ref());
-        }
-        let mean_rate = self.schedule.mean_lr(iteration, self.extent);
-        let rates = Rates::new(&self.config, mean_rate, self.schedule.rate_factor);
-        self.optimizer.record_step(&mut pass, gradients, &rates);
-        if is_mcmc {
-            let strength = self.config.densify.mcmc.noise * mean_rate;
-            mcmc::record_noise(&mut pass, self.splats(), strength, self.config.seed, iteration);
-        }
-        if let Some(stages) = &mut self.stages {
-            stages.finish(&mut pass, &work, &total, &mut all)?;
-        }
-        if self.recorder.checks() {
-            pass.relabel("finite numbers");
-            self.optimizer.record_check(&mut pass, self.recorder.broken());
-            if let Some(stages) = &self.stages {
-                stages.record_check(&mut pass, self.recorder.broken());
-            }
-        }
-        let (end, telemetry) = self.recorder.submit(
-            &gpu,
-            pass,
-            &total.scratch.stats,
-            &forward.workspace.total,
-            u64::from(forward.frame.capacity),
-        )?;
-        if let Some(telemetry) = telemetry {
-            self.note(telemetry)?;
-        }
-        self.prefetch()?;
-        Ok(end)
-    }
-
-    /// Uploads what the next iteration reads while the GPU still works on this one, and begins to decode what later ones read;
-    /// nothing to do where all photos fit.
-    fn prefetch(&self) -> Result<(), TrainError> {
-        if let (Some(_), Some(&next)) = (&self.stages, self.queue.last()) {
-            let mut wanted = vec![next];
-            wanted.extend(self.sources(next, self.iteration + 1));
-            self.photos.prefetch(&wanted)?;
-        }
-        if self.photos.decodes_again() {
-            for (later, &view) in (1..).zip(self.queue.iter().rev().take(HostPhoto::AHEAD)) {
-                self.photos.decode_ahead(&[view]);
-                self.photos.decode_ahead(&self.sources(view, self.iteration + later));
-            }
         }
         Ok(())
     }
@@ -343,13 +203,6 @@ impl Trainer {
         if let Some(filters) = &self.filters {
             filters.update(&self.gpu, self.splats());
         }
-    }
-
-    fn note(&mut self, telemetry: Telemetry) -> Result<(), TrainError> {
-        self.overflowed |= telemetry.overflows > 0;
-        self.raster.reserve(telemetry.most_isects);
-        self.telemetry = telemetry;
-        if telemetry.broken { Err(TrainError::NotFinite(self.iteration)) } else { Ok(()) }
     }
 
     fn densify(&mut self) -> Result<(), TrainError> {

@@ -1,5 +1,5 @@
 //! The tests of training: one binary. They need an adapter; a software one will do.
-#![allow(missing_docs, clippy::print_stderr, clippy::print_stdout)]
+#![allow(missing_docs, clippy::print_stderr, clippy::print_stdout, clippy::too_many_lines)]
 #![forbid(unsafe_code)]
 
 mod begin;

@@ -37,6 +37,27 @@ fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
     (0..most).map(|i| points[i * points.len() / most]).collect()
 }
 
+/// Lengths of the scene in local units.
+struct Lengths {
+    extent: f64,
+    /// What the pruning by scale measures by.
+    prune_length: f64,
+}
+
+impl Lengths {
+    /// Of a data set with the cameras of its training views, in the scene's coordinates, and the first Gaussians, in local ones.
+    fn new(dataset: &Dataset, scene_cameras: &[Camera], config: &TrainConfig, start: &Gaussians) -> Self {
+        let space = &start.space;
+        let (centre, extent) = scene_extent(scene_cameras.iter());
+        let extent = usable_extent(dataset.extent.unwrap_or(extent) / space.scale);
+        let prune_length = match config.densify.prune_scale_by_distance {
+            true => densify::distance_length(&start.means, space.to_local(centre), extent),
+            false => extent,
+        };
+        Self { extent, prune_length }
+    }
+}
+
 impl Trainer {
     /// Uploads the training photos and makes the first Gaussians from the data set's points.
     ///
@@ -120,13 +141,7 @@ impl Trainer {
         if let Some(filters) = &filters {
             filters.update(&gpu, splats);
         }
-        let (centre, extent) = scene_extent(scene_cameras.iter());
-        let extent = usable_extent(dataset.extent.unwrap_or(extent) / space.scale);
-        let centre = space.to_local(centre);
-        let prune_length = match config.densify.prune_scale_by_distance {
-            true => densify::distance_length(&start.means, centre, extent),
-            false => extent,
-        };
+        let Lengths { extent, prune_length } = Lengths::new(dataset, &scene_cameras, config, &start);
         let part = if config.densify.strategy == Strategy::Default { config.densify.growth.free_space } else { 0.0 };
         let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
         Ok(Self {

@@ -3,7 +3,7 @@
 use crate::app::{Found, Viewer};
 use crate::marks;
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui, Vec2};
-use ibgs_core::inspect::{SourceReading, Verdict};
+use ibgs_core::inspect::{Inspection, SourceReading, Verdict};
 use ibgs_core::local_space::Length;
 
 /// Height of the source photos in points.
@@ -64,19 +64,44 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
         ui.heading(format!("Pixel {}, {}", inspection.pixel[0], inspection.pixel[1]));
         close = ui.small_button("Close").clicked();
     });
-    ui.horizontal_wrapped(|ui| {
-        ui.label("base").on_hover_text("Colour of the Gaussians alone");
-        patch(ui, inspection.base, "base");
-        if let (Some(residual), Some(image)) = (inspection.residual, inspection.image) {
-            let [r, g, b] = residual;
-            ui.label("+ residual").on_hover_text("What the network and the source photos add, around grey");
-            patch(ui, residual.map(|v| 0.5 + v), "0.5 + residual");
-            ui.label("= final");
-            patch(ui, image, "final");
-            ui.end_row();
-            ui.weak(format!("residual {r:+.3} {g:+.3} {b:+.3}"));
-        }
-    });
+    ui.horizontal_wrapped(|ui| composition(inspection, ui));
+    depth(inspection, ui);
+    if !inspection.intersections.is_empty() {
+        ui.separator();
+        ui.strong("Median intersections").on_hover_text(
+            "The Gaussians around the median depth that the ray meets, front to back: the photos are read at each of them",
+        );
+        let grid = egui::Grid::new("intersections").num_columns(3).striped(true);
+        grid.show(ui, |ui| intersections_table(inspection, ui));
+    }
+    if !inspection.sources.is_empty() {
+        ui.separator();
+        ui.strong("Source photos").on_hover_text("Photos of neighbouring views, in the order in which they are tested");
+        let grid = egui::Grid::new("sources").num_columns(4).striped(true);
+        grid.show(ui, |ui| sources_table(viewer, found, ui));
+    }
+    if close {
+        viewer.found = None;
+    }
+}
+
+/// What the pixel's colour is the sum of.
+fn composition(inspection: &Inspection, ui: &mut Ui) {
+    ui.label("base").on_hover_text("Colour of the Gaussians alone");
+    patch(ui, inspection.base, "base");
+    if let (Some(residual), Some(image)) = (inspection.residual, inspection.image) {
+        let [r, g, b] = residual;
+        ui.label("+ residual").on_hover_text("What the network and the source photos add, around grey");
+        patch(ui, residual.map(|v| 0.5 + v), "0.5 + residual");
+        ui.label("= final");
+        patch(ui, image, "final");
+        ui.end_row();
+        ui.weak(format!("residual {r:+.3} {g:+.3} {b:+.3}"));
+    }
+}
+
+/// The median depth, and the point there.
+fn depth(inspection: &Inspection, ui: &mut Ui) {
     match inspection.median_depth {
         Some(depth) => ui
             .label(format!("median depth {}", Length(depth.into())))
@@ -87,71 +112,66 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
         let place = p.to_array().map(|v| Length(v).to_string()).join(" ");
         ui.label(format!("at {place}")).on_hover_text("That point in the scene's own coordinates");
     }
-    if !inspection.intersections.is_empty() {
-        ui.separator();
-        ui.strong("Median intersections").on_hover_text(
-            "The Gaussians around the median depth that the ray meets, front to back: the photos are read at each of them",
-        );
-        egui::Grid::new("intersections").num_columns(3).striped(true).show(ui, |ui| {
-            for (head, text) in [
-                ("depth", "Where the ray meets the Gaussian's plane"),
-                ("weight", "Its share of the pixel's colour"),
-                ("", ""),
-            ] {
-                ui.weak(head).on_hover_text(text);
-            }
-            ui.end_row();
-            for hit in &inspection.intersections {
-                ui.label(Length(hit.depth.into()).to_string());
-                share(ui, hit.weight);
-                ui.weak(if hit.before { "before the median" } else { "behind it" });
-                ui.end_row();
-            }
-        });
+}
+
+/// The first row of a table: words, with what they mean as tooltip.
+fn heads(heads: &[(&str, &str)], ui: &mut Ui) {
+    for (head, text) in heads {
+        ui.weak(*head).on_hover_text(*text);
     }
-    if !inspection.sources.is_empty() {
-        ui.separator();
-        ui.strong("Source photos").on_hover_text("Photos of neighbouring views, in the order in which they are tested");
-        egui::Grid::new("sources").num_columns(4).striped(true).show(ui, |ui| {
-            let heads = [
-                ("photo", "Name of the photo"),
-                ("", "Whether the network reads it here"),
-                ("depth error", "How far the depth seen from there is off, relative; seen below the limit"),
-                ("colours", "The photo's colour at each intersection, and their mean, which the network reads"),
-            ];
-            for (head, text) in heads {
-                ui.weak(head).on_hover_text(text);
-            }
-            ui.end_row();
-            for (index, reading) in inspection.sources.iter().enumerate() {
-                let (word, text) = verdict(reading);
-                ui.label(name(viewer, found, index));
-                match reading.verdict {
-                    Verdict::Used { .. } => ui.colored_label(marks::SOURCE, word),
-                    _ => ui.weak(word),
-                }
-                .on_hover_text(text);
-                match reading.depth_error {
-                    Some(error) => ui.label(format!("{:.2}%", 100.0 * error)),
-                    None => ui.label("-"),
-                }
-                .on_hover_text(format!("limit {:.2}%", 100.0 * reading.depth_limit));
-                ui.horizontal(|ui| {
-                    for read in reading.reads.iter().flatten() {
-                        patch(ui, *read, "at an intersection");
-                    }
-                    if let Some(mean) = reading.color {
-                        ui.label("=");
-                        patch(ui, mean, "mean by weight");
-                    }
-                });
-                ui.end_row();
-            }
-        });
+    ui.end_row();
+}
+
+/// The table of the median intersections.
+fn intersections_table(inspection: &Inspection, ui: &mut Ui) {
+    let depth = ("depth", "Where the ray meets the Gaussian's plane");
+    heads(&[depth, ("weight", "Its share of the pixel's colour"), ("", "")], ui);
+    for hit in &inspection.intersections {
+        ui.label(Length(hit.depth.into()).to_string());
+        share(ui, hit.weight);
+        ui.weak(if hit.before { "before the median" } else { "behind it" });
+        ui.end_row();
     }
-    if close {
-        viewer.found = None;
+}
+
+/// The table of the source photos.
+fn sources_table(viewer: &Viewer, found: &Found, ui: &mut Ui) {
+    let columns = [
+        ("photo", "Name of the photo"),
+        ("", "Whether the network reads it here"),
+        ("depth error", "How far the depth seen from there is off, relative; seen below the limit"),
+        ("colours", "The photo's colour at each intersection, and their mean, which the network reads"),
+    ];
+    heads(&columns, ui);
+    for (index, reading) in found.inspection.sources.iter().enumerate() {
+        ui.label(name(viewer, found, index));
+        source_cells(reading, ui);
+        ui.end_row();
     }
+}
+
+/// What was read from a source photo: the cells after its name.
+fn source_cells(reading: &SourceReading, ui: &mut Ui) {
+    let (word, text) = verdict(reading);
+    match reading.verdict {
+        Verdict::Used { .. } => ui.colored_label(marks::SOURCE, word),
+        _ => ui.weak(word),
+    }
+    .on_hover_text(text);
+    match reading.depth_error {
+        Some(error) => ui.label(format!("{:.2}%", 100.0 * error)),
+        None => ui.label("-"),
+    }
+    .on_hover_text(format!("limit {:.2}%", 100.0 * reading.depth_limit));
+    ui.horizontal(|ui| {
+        for read in reading.reads.iter().flatten() {
+            patch(ui, *read, "at an intersection");
+        }
+        if let Some(mean) = reading.color {
+            ui.label("=");
+            patch(ui, mean, "mean by weight");
+        }
+    });
 }
 
 /// The source photos below the image, with the point marked.
