@@ -9,6 +9,7 @@ mod blocks;
 mod bundle;
 mod compare;
 mod docs;
+mod folder;
 mod formats;
 mod image_based;
 mod inputs;

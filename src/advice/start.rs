@@ -23,13 +23,8 @@ pub fn passed_on(error: &BuildError) -> Option<AnyError<'_>> {
 
 /// The error in other words than the library's.
 pub fn rephrased(error: &BuildError) -> Option<String> {
-    let BuildError::DoesNotFit(DoesNotFit { needed, budget, .. }) = error else { return None };
-    Some(format!(
-        "the training needs about {} of device memory at {} Gaussians, and {} is there (`--gpu-memory`)",
-        Bytes(needed.bytes),
-        needed.gaussians,
-        Bytes(*budget)
-    ))
+    let BuildError::DoesNotFit(error) = error else { return None };
+    Some(format!("{error} (`--gpu-memory`)"))
 }
 
 /// What to do about the error.

@@ -22,9 +22,9 @@ pub struct Compose {
     params: ComposeParams,
 }
 
-/// What the composition reads and writes. P pixels of the image, n of the network's size.
+/// What the composition and its derivative read. P pixels of the image, n of the network's size.
 #[derive(Clone, Copy, Debug)]
-pub struct ComposeBuffers<'a> {
+pub struct ComposeInputs<'a> {
     /// `[4]` words, the first: most visible sources of any pixel.
     pub most_visible: &'a Buffer<u32>,
     /// Which sources the pixels see, `[P]` u32 as in [`Seen::visible`](crate::sources::Seen::visible).
@@ -35,24 +35,12 @@ pub struct ComposeBuffers<'a> {
     pub warped: &'a Buffer<[f32; 4]>,
     /// The network's output, `[n, 4]`.
     pub residual: &'a Buffer<[f32; 4]>,
-    /// Final colour, `[P, 3]`, written.
-    pub image: &'a Buffer<f32>,
 }
 
-/// What the composition's derivative reads and writes.
+/// The gradients of the composition.
 #[derive(Clone, Copy, Debug)]
 pub struct ComposeGradients<'a> {
-    /// As in [`ComposeBuffers`].
-    pub most_visible: &'a Buffer<u32>,
-    /// As in [`ComposeBuffers`].
-    pub seen: &'a Buffer<u32>,
-    /// As in [`ComposeBuffers`].
-    pub base: &'a Buffer<f32>,
-    /// As in [`ComposeBuffers`].
-    pub warped: &'a Buffer<[f32; 4]>,
-    /// As in [`ComposeBuffers`].
-    pub residual: &'a Buffer<[f32; 4]>,
-    /// Gradient by the final colour, `[P, 3]`.
+    /// Gradient by the final colour, `[P, 3]`, read.
     pub v_image: &'a Buffer<f32>,
     /// `[n, 4]`, assigned; zero where no source is seen in the whole image.
     pub v_residual: &'a Buffer<[f32; 4]>,
@@ -69,9 +57,9 @@ impl Compose {
         Self { params: ComposeParams { size, low, gain, output, seen_only, visible } }
     }
 
-    /// Records the final colour.
-    pub fn record(&self, pass: &mut Pass<'_>, buffers: &ComposeBuffers<'_>) {
-        let ComposeBuffers { most_visible, seen, base, warped, residual, image } = *buffers;
+    /// Records the final colour, `[P, 3]`, into `image`.
+    pub fn record(&self, pass: &mut Pass<'_>, inputs: &ComposeInputs<'_>, image: &Buffer<f32>) {
+        let ComposeInputs { most_visible, seen, base, warped, residual } = *inputs;
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
         let bindings = ResidualComposeBindings { most_visible, seen, base, warped, residual, image };
@@ -79,8 +67,9 @@ impl Compose {
     }
 
     /// Records the gradients by the network's output and the base colour; those through D by the sources' colours are the features'.
-    pub fn record_backward(&self, pass: &mut Pass<'_>, gradients: &ComposeGradients<'_>) {
-        let ComposeGradients { most_visible, seen, base, warped, residual, v_image, v_residual, v_base } = *gradients;
+    pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &ComposeInputs<'_>, gradients: &ComposeGradients<'_>) {
+        let ComposeInputs { most_visible, seen, base, warped, residual } = *inputs;
+        let ComposeGradients { v_image, v_residual, v_base } = *gradients;
         let ComposeParams { size, low, .. } = self.params;
         let items = (size[0] * size[1]).max(low[0] * low[1]) as usize;
         let bindings =

@@ -1,6 +1,6 @@
 //! From base colour and warped source colours to the final image (method.md section 6), and the gradients by them.
 
-use super::compose::{Compose, ComposeBuffers, ComposeGradients};
+use super::compose::{Compose, ComposeGradients, ComposeInputs};
 use super::features::{FeatureGradients, FeatureInputs, FeatureScratch, Features, InputGradients};
 use super::unet::{Arithmetic, UNet, choice};
 use super::variant::{Precision, Variant};
@@ -92,6 +92,12 @@ impl ResidualPass {
         Compose::new(self.scratch.size, self.scratch.visible, self.variant, self.task.gain)
     }
 
+    fn composed(&self) -> ComposeInputs<'_> {
+        let Seen { most_visible, visible: seen, .. } = &**self.task.seen;
+        let ResidualInputs { base, warped, .. } = &self.inputs;
+        ComposeInputs { most_visible, seen, base, warped, residual: self.scratch.network.residual() }
+    }
+
     fn record(&self, pass: &mut Pass) {
         let ResidualInputs { base, warped, weights, .. } = &self.inputs;
         let (scratch, seen) = (&self.scratch, &self.task.seen);
@@ -99,16 +105,7 @@ impl ResidualPass {
         let inputs = feature_inputs(seen, base, warped, weights);
         scratch.network.record_input(pass, &self.features(), &inputs);
         scratch.network.forward(pass, weights);
-        let residual = scratch.network.residual();
-        let buffers = ComposeBuffers {
-            most_visible: &seen.most_visible,
-            seen: &seen.visible,
-            base,
-            warped,
-            residual,
-            image: &self.image,
-        };
-        self.compose().record(pass, &buffers);
+        self.compose().record(pass, &self.composed(), &self.image);
     }
 
     /// Gradients from that of the final image, `[H, W, 3]`.
@@ -120,17 +117,8 @@ impl ResidualPass {
         let (scratch, seen) = (&self.scratch, &self.task.seen);
         let own = scratch.backward.as_ref().expect("a tracked pass has memory for its gradients");
         let mut pass = Pass::new(gpu, "residual backward");
-        let composed = ComposeGradients {
-            most_visible: &seen.most_visible,
-            seen: &seen.visible,
-            base,
-            warped,
-            residual: scratch.network.residual(),
-            v_image,
-            v_residual: &own.v_residual,
-            v_base: v.base,
-        };
-        self.compose().record_backward(&mut pass, &composed);
+        let composed = ComposeGradients { v_image, v_residual: &own.v_residual, v_base: v.base };
+        self.compose().record_backward(&mut pass, &self.composed(), &composed);
         scratch.network.backward(&mut pass, weights, &own.v_residual, v.weights);
         let inputs = feature_inputs(seen, base, warped, weights);
         let (v_x, half) = (scratch.network.v_x(), scratch.network.half_v_x());

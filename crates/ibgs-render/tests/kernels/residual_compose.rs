@@ -6,7 +6,7 @@ use ibgs_reference::gpu::gpu;
 use ibgs_reference::random_scene::{exact, random_image};
 use ibgs_reference::relative_error;
 use ibgs_render::gpu::{Buffer, Pass};
-use ibgs_render::residual::compose::{Compose, ComposeBuffers, ComposeGradients};
+use ibgs_render::residual::compose::{Compose, ComposeGradients, ComposeInputs};
 use ibgs_render::residual::layers::OUTPUTS;
 use ibgs_render::residual::{Factor, Output, Variant};
 use ibgs_render::sources::Reach;
@@ -61,26 +61,11 @@ fn check(twin: &Composition) {
     let [gpu_base, gpu_residual, gpu_v, warped] =
         [base.as_flattened(), residual.as_flattened(), v_image.as_flattened(), twin.warped.as_flattened()].map(upload);
     let (warped, residual_rows) = (&warped.cast(), &gpu_residual.cast());
-    let buffers = ComposeBuffers {
-        most_visible: &most_visible,
-        seen: &seen,
-        base: &gpu_base,
-        warped,
-        residual: residual_rows,
-        image: &out,
-    };
-    compose.record(&mut pass, &buffers);
-    let gradients = ComposeGradients {
-        most_visible: &most_visible,
-        seen: &seen,
-        base: &gpu_base,
-        warped,
-        residual: residual_rows,
-        v_image: &gpu_v,
-        v_residual: &v_residual.cast(),
-        v_base: &v_base,
-    };
-    compose.record_backward(&mut pass, &gradients);
+    let (most_visible, seen, base_rows) = (&most_visible, &seen, &gpu_base);
+    let inputs = ComposeInputs { most_visible, seen, base: base_rows, warped, residual: residual_rows };
+    compose.record(&mut pass, &inputs, &out);
+    let gradients = ComposeGradients { v_image: &gpu_v, v_residual: &v_residual.cast(), v_base: &v_base };
+    compose.record_backward(&mut pass, &inputs, &gradients);
     pass.submit();
     let by = twin.compose_backward(&base, &residual, &v_image);
     let errors = [
