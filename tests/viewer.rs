@@ -72,7 +72,7 @@ fn many_points() -> &'static Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
-        let options = DemoOptions { views: 24, points: 4_000, ..tiny_demo() };
+        let options = DemoOptions { width: 48, height: 36, views: 24, points: 4_000, ..tiny_demo() };
         demo::load(&options, Some(cache.path()), &()).unwrap()
     };
     DATASET.get_or_init(trace)

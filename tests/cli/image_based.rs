@@ -2,6 +2,7 @@
 
 use super::{Sandbox, files_in};
 use exr::prelude::{ReadChannels, ReadLayers, read};
+use ibgs_testing::TINY;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,11 +10,11 @@ use std::fs;
 const LAST: &str = "model/point_cloud/iteration_30";
 const NETWORK: &str = "model/point_cloud/iteration_30/residual_network.safetensors";
 
-/// Channels of an EXR file of 48 x 36 pixels by name.
+/// Channels of an EXR file of a view by name.
 fn channels(sandbox: &Sandbox, path: &str) -> BTreeMap<String, Vec<f32>> {
     let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let layer = file.from_file(sandbox.path(path)).unwrap().layer_data;
-    assert_eq!((layer.size.0, layer.size.1), (48, 36));
+    assert_eq!([layer.size.0, layer.size.1].map(|n| n as u32), TINY);
     let values = |channel: &exr::prelude::AnyChannel<exr::prelude::FlatSamples>| {
         (channel.name.to_string(), channel.sample_data.values_as_f32().collect())
     };
@@ -60,15 +61,17 @@ fn every_output_as_picture_and_as_values() {
     let seen = |&n: &f32| (0.0..=3.0).contains(&n) && n.fract() == 0.0;
     let counts = &c["visibility.N"];
     assert!(counts.iter().all(seen) && counts.iter().any(|&n| n > 0.0), "{counts:?}");
-    let black = |kind: &str| picture(kind).pixels().map(|p| p.0 == [0; 3]).take(48 * 36).collect::<Vec<_>>();
+    let black = |kind: &str| {
+        picture(kind).pixels().map(|p| p.0 == [0; 3]).take((TINY[0] * TINY[1]) as usize).collect::<Vec<_>>()
+    };
     assert!(black("visibility").iter().zip(counts).all(|(black, &n)| *black == (n == 0.0)));
     let depth = &c["depth.Z"];
     assert!(depth.iter().all(|z| z.is_finite() && *z >= 0.0) && depth.iter().any(|&z| z > 0.0));
     assert!(black("renders_depth").iter().zip(depth).all(|(black, &z)| *black == (z == 0.0)));
     // The scale stands below.
-    assert_eq!((picture("renders_depth").width(), picture("renders_depth").height()), (48, 36 + 14));
+    assert_eq!(picture("renders_depth").dimensions(), (TINY[0], TINY[1] + 14));
     assert!(c["normal.Z"].iter().any(|&z| z < 0.0), "no surface faces the camera");
-    assert_eq!((picture("renders_normal").width(), picture("renders_normal").height()), (48, 36));
+    assert_eq!(picture("renders_normal").dimensions(), TINY.into());
 
     // What is left out is not there.
     sandbox.succeeds("render model --exr --views all");

@@ -8,6 +8,7 @@ use ibgs_core::config::{ExposureSwitch, Strategy, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::demo;
 use ibgs_core::sources::find::Draw;
+use ibgs_testing::TINY;
 use ibgs_testing::scene_files::{Model, write_photo, zip_of_folder};
 use image::{Rgba, RgbaImage};
 use std::fs;
@@ -83,10 +84,10 @@ fn write_blender_scene(sandbox: &Sandbox, dataset: &Dataset) {
             .iter()
             .map(|&index| {
                 let view = &dataset.views[index];
-                let photo = RgbaImage::from_fn(48, 36, |x, y| {
-                    let at = 4 * (y * 48 + x) as usize;
+                let photo = RgbaImage::from_fn(TINY[0], TINY[1], |x, y| {
+                    let at = 4 * (y * TINY[0] + x) as usize;
                     let [r, g, b] = [0, 1, 2].map(|c| view.photo.pixels().unwrap().rgba[at + c]);
-                    Rgba([r, g, b, if y < 12 { 0 } else { 255 }])
+                    Rgba([r, g, b, if y < TINY[1] / 3 { 0 } else { 255 }])
                 });
                 let name = format!("{file}/r_{index}");
                 fs::create_dir_all(sandbox.path(&format!("blender/{file}"))).unwrap();
@@ -133,8 +134,8 @@ fn blender_scenes_train_and_are_measured_over_their_background() {
         assert_eq!(truth.get_pixel(3, 3).0, corner);
         // The model's own background is the photo's.
         let render = picture(&sandbox, &format!("{model}/test/ours_20/renders/test/r_{test}.png"));
-        let sum: u32 = render.rows().take(8).flatten().flat_map(|p| p.0).map(u32::from).sum();
-        means.push(f64::from(sum) / f64::from(3 * 48 * 8));
+        let sum: u32 = render.rows().take(5).flatten().flat_map(|p| p.0).map(u32::from).sum();
+        means.push(f64::from(sum) / f64::from(3 * TINY[0] * 5));
     }
     println!("mean level where nothing is: {:.0} on black, {:.0} on white", means[0], means[1]);
     assert!(means[1] > means[0] + 30.0, "{means:?}");

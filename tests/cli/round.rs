@@ -4,6 +4,7 @@ use super::{Sandbox, Snapshot, files_in, snapshot};
 use glam::DVec3;
 use ibgs_core::camera::Camera;
 use ibgs_core::output::OutputFolder;
+use ibgs_testing::TINY;
 use serde_json::{Value, json};
 use std::fs;
 
@@ -75,7 +76,7 @@ fn check_model_folder(sandbox: &Sandbox) {
     assert!(config.contains("iterations = 30\n") && config.contains("eval = true"), "{config}");
     assert!(config.contains("method = \"ibgs\"\n"), "{config}");
     let cameras = sandbox.json("model/cameras.json");
-    assert_eq!((cameras.as_array().unwrap().len(), &cameras[0]["width"]), (10, &json!(48)));
+    assert_eq!((cameras.as_array().unwrap().len(), &cameras[0]["width"]), (10, &json!(TINY[0])));
     let split = sandbox.json("model/split.json");
     assert_eq!(split["test"], json!(["images/view_000.png", "images/view_008.png"]));
     assert_eq!(split["train"].as_array().unwrap().len(), 8);
@@ -114,7 +115,7 @@ fn check_results(sandbox: &Sandbox) {
     assert!(aggregate["ours_7"].is_null() && !sandbox.json("model/results_renders.json")["ours_7"].is_null());
     for (kind, name) in [("gt", "view_000"), ("renders", "view_008"), ("renders_aggregate", "view_008")] {
         let picture = image::open(sandbox.path(&format!("model/test/ours_30/{kind}/images/{name}.png"))).unwrap();
-        assert_eq!((picture.width(), picture.height()), (48, 36));
+        assert_eq!([picture.width(), picture.height()], TINY);
     }
     let photo = |path: &str| image::open(sandbox.path(path)).unwrap().into_rgb8();
     assert_eq!(photo("model/test/ours_30/gt/images/view_000.png"), photo("scene/images/view_000.png"));
@@ -122,11 +123,11 @@ fn check_results(sandbox: &Sandbox) {
 
 fn info(sandbox: &Sandbox) {
     let scene = sandbox.succeeds("info scene");
-    assert!(scene.stdout.contains("10 photos, 300 points") && scene.stdout.contains("48 x 36"), "{scene}");
+    assert!(scene.stdout.contains("10 photos, 300 points") && scene.stdout.contains("32 x 24"), "{scene}");
     let model = sandbox.succeeds("info model");
     for words in [
         "model: model of iteration 30 of 30",
-        "10: 8 for training, 2 held out; the first 48 x 36 pixels",
+        "10: 8 for training, 2 held out; the first 32 x 24 pixels",
         " weights",
         "final image",
         "base image",
@@ -203,7 +204,8 @@ fn render_camera_path(sandbox: &Sandbox, camera: &Camera) {
         let fov = 2.0 * (0.5 * f64::from(c.height) / c.focal.y).atan().to_degrees();
         json!({"camera_to_world": matrix, "fov": fov, "aspect": 4.0 / 3.0})
     });
-    let file = json!({"camera_path": keys, "render_width": 48, "render_height": 36, "fps": 24, "seconds": 1.0});
+    let file =
+        json!({"camera_path": keys, "render_width": TINY[0], "render_height": TINY[1], "fps": 24, "seconds": 1.0});
     sandbox.write("path.json", file.to_string());
     sandbox.succeeds("render model --camera-path path.json");
     sandbox.succeeds("render model --camera-path path.json --outputs base -o frames");
@@ -234,7 +236,7 @@ fn render_turntable(sandbox: &Sandbox) {
     let frames = sandbox.path("model/turntable/ours_30");
     assert_eq!(files_in(&frames), ["00000.png", "00001.png", "00002.png"]);
     let picture = |name: &str| image::open(frames.join(name)).unwrap().into_rgb8();
-    assert_eq!(picture("00000.png").dimensions(), (48, 36));
+    assert_eq!(picture("00000.png").dimensions(), TINY.into());
     assert_ne!(picture("00000.png"), picture("00001.png"));
     for wrong in ["0", "-1", "NaN", "4000", "long"] {
         let arguments = format!("render model --turntable={wrong}");

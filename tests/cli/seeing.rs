@@ -1,6 +1,7 @@
 //! What a run tells while it works: lines in log files, records, and nothing of drivers.
 
 use super::Sandbox;
+use ibgs_testing::TINY;
 use serde_json::Value;
 use std::fs;
 
@@ -84,7 +85,7 @@ fn a_wholly_masked_view_enters_no_mean() {
     assert!(!before.stdout.contains("mask"), "{before}");
     let per_view = sandbox.json("model/per_view_renders.json")["ours_3"]["PSNR"].clone();
     fs::create_dir_all(sandbox.path("scene/masks")).unwrap();
-    image::GrayImage::new(48, 36).save(sandbox.path("scene/masks/view_000.png")).unwrap();
+    image::GrayImage::new(TINY[0], TINY[1]).save(sandbox.path("scene/masks/view_000.png")).unwrap();
     let outcome = sandbox.succeeds("eval model");
     assert!(outcome.stdout.contains("a held-out view has no score, as its photo is masked as a whole"), "{outcome}");
     assert!(outcome.stdout.contains("masked pixels do not count; 1 of 2 photos have some"), "{outcome}");
@@ -97,7 +98,7 @@ fn a_wholly_masked_view_enters_no_mean() {
     assert!(trained.stderr.contains("over 1 views") && trained.stderr.contains("masked as a whole"), "{trained}");
 
     // Without any view that counts there is no mean.
-    image::GrayImage::new(48, 36).save(sandbox.path("scene/masks/view_008.png")).unwrap();
+    image::GrayImage::new(TINY[0], TINY[1]).save(sandbox.path("scene/masks/view_008.png")).unwrap();
     let outcome = sandbox.succeeds("eval model");
     assert!(outcome.stdout.contains("2 held-out views have no score") && !outcome.stdout.contains("NaN"), "{outcome}");
     assert!(sandbox.json("model/results_renders.json")["ours_3"]["PSNR"].is_null());

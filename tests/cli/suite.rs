@@ -6,7 +6,7 @@ use std::fs;
 const CONFIG: &str = r#"
 title = "Two ways"
 note = "A test."
-options = { iterations = 4 }
+options = { iterations = 4, residual = { factor = 0.25 } }
 
 [[scenes]]
 name = "scene"

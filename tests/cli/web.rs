@@ -3,6 +3,7 @@
 #![expect(clippy::disallowed_types, reason = "a test is the server's client")]
 
 use super::Sandbox;
+use ibgs_testing::TINY;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -42,7 +43,7 @@ fn a_model_becomes_a_folder_for_browsers() {
     assert!(page.contains("<title>model</title>"), "{page}");
     assert!(page.contains("<ibgs-viewer src=\"scene.ibgs\" poster=\"poster.jpg\" linked>"), "{page}");
     let poster = image::load_from_memory(&read("page/poster.jpg")).unwrap();
-    assert_eq!((poster.width(), poster.height()), (48, 36));
+    assert_eq!([poster.width(), poster.height()], TINY);
     sandbox.succeeds("export model -o usual.ibgs");
     sandbox.succeeds("export usual.ibgs --web other --module module --quality lossless");
     assert!(read("other/scene.ibgs") == read("usual.ibgs"));

@@ -7,6 +7,7 @@ use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::edit::Mask;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::{cameras, multi_view};
+use ibgs_core::residual::Output;
 use ibgs_core::scene::{Format, read_gaussians, write_gaussians};
 use ibgs_viewer::{Mode, Open, Wanted};
 use std::path::PathBuf;
@@ -45,7 +46,10 @@ fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
 fn bundle(path: &Path) {
     let dataset = many_points();
     let photo = |&index: &usize| (dataset.views[index].name.clone(), dataset.views[index].photo.clone());
-    let config = mean_of_sources();
+    let mut config = mean_of_sources();
+    // The window's images are large for a software adapter.
+    config.residual.factor = Some(0.25);
+    config.residual.output = Some(Output::Residual);
     let bundle = Bundle {
         iteration: 30,
         gaussians: from_points(&dataset.points, 0, 0.6).unwrap(),

@@ -31,9 +31,13 @@ pub fn skipped(test: &str, why: &str) {
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
+/// Width and height of the photos of [`tiny_demo`].
+pub const TINY: [u32; 2] = [32, 24];
+
 /// The built-in scene in a size that a test can train.
 pub fn tiny_demo() -> DemoOptions {
-    DemoOptions { width: 48, height: 36, views: 10, samples: 1, points: 300, seed: 0 }
+    let [width, height] = TINY;
+    DemoOptions { width, height, views: 10, samples: 1, points: 300, seed: 0 }
 }
 
 /// Gaussians with values of either sign.

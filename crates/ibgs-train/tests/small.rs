@@ -34,7 +34,7 @@ pub fn run(trainer: &mut Trainer, until: u32) {
     }
 }
 
-/// The tiny demo with enough views that neighbours see the same: 28 training views of 48 x 36.
+/// The tiny demo with enough views that neighbours see the same: 28 training views.
 pub fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
@@ -44,13 +44,15 @@ pub fn dataset() -> Dataset {
     DATASET.get_or_init(trace).clone()
 }
 
-/// Surface losses after 10 iterations, the residual after 14, burn-in for 8.
+/// Surface losses after 10 iterations, the residual after 14, burn-in for 8. The network runs at a quarter of the size, which is
+/// ten times faster on a processor.
 pub fn staged(iterations: u32) -> TrainConfig {
     let mut config = TrainConfig { method: Method::Ibgs, ..plain(iterations) };
     config.surface.start = Some(10);
     config.residual.start = Some(14);
     config.residual.burn_in = Some(8);
     config.residual.halve_at = Some(Vec::new());
+    config.residual.factor = Some(0.25);
     config
 }
 

@@ -21,7 +21,7 @@ use ibgs_testing::tiny_demo;
 use ibgs_train::{TrainError, Trainer};
 use std::sync::{Arc, OnceLock};
 
-/// The tiny demo: 8 training and 2 test views of 48 x 36, 300 points.
+/// The tiny demo: 8 training and 2 test views, 300 points.
 fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {

@@ -7,6 +7,7 @@ use crate::small::{run, trainer};
 use ibgs_core::config::{ExposureSwitch, Method, Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, Photo};
 use ibgs_reference::gpu::rasterizer;
+use ibgs_testing::TINY;
 use ibgs_train::checkpoint::{Checkpoint, CheckpointError};
 use ibgs_train::{TrainError, Trainer};
 use serde_json::{Value, json};
@@ -19,7 +20,6 @@ fn everything(iterations: u32) -> TrainConfig {
     let mut config = TrainConfig { method: Method::Ibgs, deterministic: true, ..densifying(iterations, 45) };
     let stages = staged(iterations);
     (config.surface, config.residual) = (stages.surface, stages.residual);
-    config.residual.factor = Some(0.25);
     config.opacity_reset.interval = Some(20);
     config.exposure.enabled = ExposureSwitch::On;
     config.exposure.from = Some(5);
@@ -36,33 +36,33 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     let dataset = dataset();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoints/1.ibgs");
-    let plain = TrainConfig { method: Method::Gs3, ..everything(58) };
+    let plain = TrainConfig { method: Method::Gs3, ..everything(40) };
     let mut mcmc = plain.clone();
     mcmc.densify.strategy = Strategy::Mcmc;
     mcmc.densify.max_splats = Some(400);
-    mcmc.densify.end = Some(55);
+    mcmc.densify.end = Some(38);
     let mut fading = plain.clone();
     fading.densify.strategy = Strategy::Default;
     fading.densify.growth.threshold = 1e-6;
     fading.filter = 0.3;
-    for config in [everything(58), plain, mcmc, fading] {
+    for config in [everything(40), plain, mcmc, fading] {
         let mut whole = trainer(&dataset, &config);
-        run(&mut whole, 58);
+        run(&mut whole, 40);
         let expected = model(&whole);
         let mut training = trainer(&dataset, &config);
         let first = training.splats().len();
         // In every stage, right before and after rounds and readbacks, some after having been resumed before.
-        for at in [1, 20, 33, 40, 52] {
+        for at in [1, 12, 20, 24, 33] {
             run(&mut training, at);
             training.checkpoint(json!({"at": at})).unwrap().write(&path).unwrap();
             // Taking a checkpoint changes nothing: the run that took it may go on as well.
-            if at != 33 {
+            if at != 20 {
                 let checkpoint = Checkpoint::read(&path).unwrap();
                 assert_eq!((checkpoint.iteration(), &checkpoint.run), (at, &json!({"at": at})));
                 training = resumed(&dataset, &checkpoint);
             }
         }
-        run(&mut training, 58);
+        run(&mut training, 40);
         assert!(first < expected.0.len(), "the run must densify");
         assert!(model(&training) == expected, "{:?}: another model", config.densify.strategy);
     }
@@ -85,7 +85,7 @@ fn a_checkpoint_without_depth_maps_is_small_and_goes_on() {
         run(&mut training, 33);
         model(&training);
     }
-    assert!(sizes[1] + 28 * 48 * 36 * 4 <= sizes[0], "{sizes:?}");
+    assert!(sizes[1] + 28 * u64::from(TINY[0] * TINY[1]) * 4 <= sizes[0], "{sizes:?}");
 }
 
 #[test]

@@ -6,13 +6,16 @@ use ibgs_core::eval::score_view;
 use ibgs_core::sources::find::Draw;
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_reference::gpu::gpu;
+use ibgs_testing::TINY;
 use ibgs_train::Trainer;
 use std::sync::Arc;
 
 #[test]
 fn every_stage_trains_what_it_should() {
     let dataset = dataset();
-    let mut trainer = trainer(&dataset, &staged(50));
+    let mut config = staged(50);
+    config.residual.factor = None;
+    let mut trainer = trainer(&dataset, &config);
     // Depths are kept from two epochs before the surface losses on, here from the first iteration: normals take shape.
     run(&mut trainer, 10);
     let (before, network) = model(&trainer);
@@ -69,13 +72,14 @@ fn the_network_can_learn_alone() {
 #[test]
 fn runs_repeat_bit_for_bit_whatever_the_source_memory() {
     let dataset = dataset();
-    let config = staged(26);
+    let mut config = staged(26);
+    config.residual.factor = None;
     let mut first = trainer(&dataset, &config);
     run(&mut first, 26);
     let expected = model(&first);
     assert!(expected.1.is_some());
     // Room for two of 28 photos.
-    let photo = 4 * 48 * 36;
+    let photo = 4 * u64::from(TINY[0] * TINY[1]);
     let mut streamed_config = config.clone();
     streamed_config.sources.memory = MemoryBudget::Bytes(2 * photo);
     let mut streamed = trainer(&dataset, &streamed_config);
@@ -103,7 +107,7 @@ fn depth_maps_may_be_dropped() {
     let mut config = staged(26);
     let mut all = trainer(&dataset, &config);
     run(&mut all, 26);
-    config.surface.depth_memory = MemoryBudget::Bytes(2 * 4 * 48 * 36);
+    config.surface.depth_memory = MemoryBudget::Bytes(2 * 4 * u64::from(TINY[0] * TINY[1]));
     let mut few = trainer(&dataset, &config);
     run(&mut few, 26);
     let ((gaussians, network), (others, other)) = (model(&all), model(&few));

@@ -27,7 +27,7 @@ fn what_a_mask_covers_does_not_matter() {
     let config = densifying(25, 25);
     let masked = |red: u8| {
         repainted(&dataset, |view, x, y, rgba| {
-            if (x + view as u32) % 48 < 20 && y > 10 {
+            if (x + view as u32) % 32 < 13 && y > 7 {
                 rgba.copy_from_slice(&[red, 255 - red, y as u8, 0]);
             }
         })
@@ -47,7 +47,7 @@ fn what_a_mask_covers_does_not_matter_to_other_views() {
     let (dataset, config) = (crate::small::dataset(), crate::small::staged(24));
     let masked = |red: u8, alpha: u8| {
         repainted(&dataset, |view, x, y, rgba| {
-            if (x + 5 * view as u32) % 48 < 16 && y > 8 {
+            if (x + 5 * view as u32) % 32 < 11 && y > 5 {
                 rgba.copy_from_slice(&[red, 255 - red, y as u8, alpha]);
             }
         })
