@@ -4,6 +4,7 @@ mod error;
 mod iteration;
 mod resume;
 mod start;
+mod total;
 
 pub use error::TrainError;
 
@@ -15,7 +16,7 @@ use super::filter::FilterSizes;
 use super::optim::Optimizer;
 use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
-use crate::loss::ImageLoss;
+use crate::loss::{ImageLoss, Loss};
 use crate::parameters::Parameters;
 use crate::tensor;
 use ibgs_core::camera::Camera;
@@ -41,6 +42,8 @@ pub struct Trainer {
     gpu: Arc<Gpu>,
     raster: Arc<Rasterizer>,
     loss: ImageLoss,
+    /// Those beside it.
+    losses: Vec<Box<dyn Loss>>,
     config: TrainConfig,
     schedule: Schedule,
     parameters: Parameters,
@@ -89,6 +92,11 @@ impl Trainer {
     /// Another number of weights, not enough memory.
     pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
         self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
+    }
+
+    /// Adds a loss to those of the options. A checkpoint does not hold it.
+    pub fn add_loss(&mut self, loss: Box<dyn Loss>) {
+        self.losses.push(loss);
     }
 
     /// Densifies by this strategy in place of the one that the options name, whose milestones stay; for the data set that the

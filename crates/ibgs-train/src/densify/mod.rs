@@ -53,7 +53,7 @@ pub struct Observations {
 
 impl Observations {
     /// Whether place and shape of a Gaussian are finite: a Gaussian that is not could not be saved.
-    fn is_finite(&self, i: usize) -> bool {
+    pub fn is_finite(&self, i: usize) -> bool {
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
         finite(&self.means[i]) && finite(&self.rotations[i]) && finite(&self.log_scales[i])
     }

@@ -1,11 +1,11 @@
 //! One iteration of method.md section 7: a training view is rendered, its loss goes backward, and a pass at the end records
 //! all steps of the optimisers.
 
+use super::total::Total;
 use super::{TrainError, Trainer};
 use crate::autodiff::{self, Leaves, SplatGradients};
 use crate::densify::{self, Step};
 use crate::optim::Rates;
-use crate::stages::{Total, Work};
 use crate::telemetry::Telemetry;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::dataset::HostPhoto;
@@ -16,20 +16,20 @@ use ibgs_core::sources::{DevicePhoto, Outside};
 use rand::seq::SliceRandom;
 
 /// The training view of an iteration, rendered.
-struct Rendered {
+pub(super) struct Rendered {
     /// The image in the photo's exposure.
-    shown: Tensor<3>,
-    forward: Forward,
-    image: Tensor<3>,
+    pub shown: Tensor<3>,
+    pub forward: Forward,
+    pub image: Tensor<3>,
     leaves: Leaves,
     /// Exposures of photo and sources, where they are corrected.
-    exposures: Option<Exposures>,
+    pub exposures: Option<Exposures>,
     /// The view's sources.
-    sources: Vec<usize>,
+    pub sources: Vec<usize>,
     /// Its photo.
-    target: DevicePhoto,
+    pub target: DevicePhoto,
     /// Training view.
-    index: usize,
+    pub index: usize,
 }
 
 impl Trainer {
@@ -54,7 +54,9 @@ impl Trainer {
         }
         self.record_splat_step(&mut pass, gradients);
         if let Some(stages) = &mut self.stages {
-            stages.record_step(&mut pass, &total, &mut all, self.schedule.network_lr(self.iteration));
+            if let Some(network) = &total.network {
+                stages.record_step(&mut pass, network, &mut all, self.schedule.network_lr(self.iteration));
+            }
             stages.keep_depth(&mut pass, index, &rendered.forward)?;
         }
         self.record_check(&mut pass);
@@ -108,29 +110,6 @@ impl Trainer {
     fn sources(&self, index: usize, iteration: u32) -> Vec<usize> {
         let stages = self.stages.as_ref().filter(|_| self.schedule.surface_loss_at(iteration));
         stages.map_or_else(Vec::new, |stages| stages.sources_of(index, iteration))
-    }
-
-    /// The whole loss.
-    fn total(&mut self, rendered: &Rendered) -> Result<Total, GpuError> {
-        let Rendered { shown, forward, image, exposures, sources, target, index, .. } = rendered;
-        let Some(stages) = &mut self.stages else {
-            return self.loss.tracked(shown.clone(), target).map(|(loss, scratch)| Total::base(loss, scratch));
-        };
-        stages.total(&Work {
-            iteration: self.iteration,
-            index: *index,
-            target,
-            image,
-            shown,
-            exposures: exposures.as_ref(),
-            sources,
-            forward,
-            loss: &self.loss,
-            schedule: &self.schedule,
-            photos: &self.photos,
-            raster: &self.raster,
-            splats: self.parameters.splats(),
-        })
     }
 
     /// The gradients of the Gaussians, with those of the strategy's own penalties.

@@ -5,7 +5,7 @@ use crate::densify::free_space::FreeSpace;
 use crate::densify::{self, Statistics};
 use crate::exposing::Exposing;
 use crate::filter::FilterSizes;
-use crate::loss::ImageLoss;
+use crate::loss::{ImageLoss, losses};
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
 use crate::stages::ImageStages;
@@ -146,6 +146,7 @@ impl Trainer {
         let part = strategy.free_space(&config.densify);
         let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
         Ok(Self {
+            losses: losses(&gpu, config),
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations()),
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
