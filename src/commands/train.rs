@@ -220,7 +220,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "STRATEGY",
-        value_parser = word::<Strategy>(&["default", "published", "absgs", "mcmc"]),
+        value_parser = word::<Strategy>(Strategy::WORDS),
         help_heading = heading::GAUSSIANS
     )]
     densify: Option<Strategy>,

@@ -21,7 +21,7 @@ mod text;
 pub use crate::sources::find::SourceOptions;
 pub use background::Background;
 pub use data::DataConfig;
-pub use densify::{DensifyConfig, GrowthConfig, McmcConfig, OpacityResetConfig, Strategy};
+pub use densify::{DensifyConfig, GrowthConfig, McmcConfig, OpacityResetConfig, ShortRuns, Strategy, StrategyDefaults};
 pub use difference::OptionDifference;
 pub use error::ConfigError;
 pub use preset::Preset;

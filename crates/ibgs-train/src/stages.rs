@@ -1,11 +1,11 @@
-//! The image-based part of a training iteration (method.md section 7): surface losses from the photos of neighbouring views,
+//! The image-based part of a training iteration (method.md section 7): the photos of neighbouring views warped to the view, and
 //! the residual network.
 
 use super::checkpoint::NetworkState;
 use super::optim::TensorOptimizer;
 use super::step::TrainError;
 use crate::autodiff;
-use crate::loss::{ImageLoss, LossScratch, NormalLoss, PhotometricLoss, SurfaceBuffers};
+use crate::loss::WarpedSources;
 use crate::parameters::NetworkParameters;
 use crate::tensor::primitive;
 use burn::tensor::{Gradients, Tensor};
@@ -13,7 +13,6 @@ use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{AdamConfig, Learners, TrainConfig};
 use ibgs_core::exposure::Exposures;
-use ibgs_core::gpu::pool::Lease;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room};
 use ibgs_core::render::{ImageOptions, ImagePart};
@@ -24,7 +23,7 @@ use ibgs_core::scene::Splats;
 use ibgs_core::sources::depth_cache::DepthCache;
 use ibgs_core::sources::find::{Draw, SourceFinder};
 use ibgs_core::sources::source_store::SourceStore;
-use ibgs_core::sources::{DevicePhoto, SourceView, Warper};
+use ibgs_core::sources::{SourceView, Warped, Warper};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -44,19 +43,15 @@ pub(super) struct ImageStages {
     depths: DepthCache,
     warper: Warper,
     residual: Residual,
-    normal_loss: NormalLoss,
-    photometric_loss: PhotometricLoss,
-    photometric_every: u32,
     network: NetworkParameters,
     network_optimizer: TensorOptimizer,
 }
 
-/// An iteration in progress: the view, its photo, and the rasterizer's pass.
+/// An iteration in progress: the view and the rasterizer's pass.
 pub(super) struct Work<'a> {
     pub iteration: u32,
     /// Training view.
     pub index: usize,
-    pub target: &'a DevicePhoto,
     pub image: &'a Tensor<3>,
     /// The image in the photo's exposure.
     pub shown: &'a Tensor<3>,
@@ -64,45 +59,29 @@ pub(super) struct Work<'a> {
     pub exposures: Option<&'a Exposures>,
     /// The view's sources.
     pub sources: &'a [usize],
+    /// A loss reads them.
+    pub warps: bool,
     pub forward: &'a Forward,
-    pub loss: &'a ImageLoss,
     pub schedule: &'a Schedule,
     pub photos: &'a SourceStore,
     pub raster: &'a Rasterizer,
     pub splats: &'a Splats,
 }
 
-/// The whole loss of an iteration. burn adds its parts only when all are [submitted](ibgs_core::gpu::flush).
-pub(super) struct Total {
-    /// L_img of the base image.
-    base_loss: Tensor<1>,
-    /// L_img of the final image, and the weight of their sum.
-    final_loss: Option<(Tensor<1>, f64)>,
-    /// Normal and photometric loss.
-    surface_losses: Vec<Tensor<1>>,
-    /// Statistics of the image that counts: the final one where there is one.
-    pub scratch: Arc<Lease<LossScratch>>,
-    /// The network's weights as a leaf.
-    weights: Option<Tensor<1>>,
+/// What the sources give an iteration.
+#[derive(Default)]
+pub(super) struct FromSources {
+    pub warped: Option<WarpedSources>,
+    pub final_image: Option<FinalImage>,
 }
 
-impl Total {
-    /// A total of the base image's loss alone.
-    pub fn base(base_loss: Tensor<1>, scratch: Arc<Lease<LossScratch>>) -> Self {
-        Self { base_loss, final_loss: None, surface_losses: Vec::new(), scratch, weights: None }
-    }
-
-    /// The sum of all losses.
-    pub fn loss(&self) -> Tensor<1> {
-        let image_loss = match &self.final_loss {
-            Some((final_loss, weight)) => (self.base_loss.clone() + final_loss.clone()) * *weight,
-            None => self.base_loss.clone(),
-        };
-        match self.surface_losses.iter().cloned().reduce(|sum, loss| sum + loss) {
-            Some(surface_loss) => image_loss + surface_loss,
-            None => image_loss,
-        }
-    }
+/// The final image of an iteration.
+pub(super) struct FinalImage {
+    pub image: Tensor<3>,
+    /// Weight of L_img(base) + L_img(final).
+    pub weight: f64,
+    /// The network's weights as a leaf.
+    pub network: Tensor<1>,
 }
 
 impl ImageStages {
@@ -114,7 +93,6 @@ impl ImageStages {
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = NetworkParameters::init(gpu, &options.variant, config.seed)?;
         let residual = &config.residual;
-        let photometric_weight = config.surface.photometric_weight * f64::from(config.surface.photometric_every);
         let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
@@ -122,9 +100,6 @@ impl ImageStages {
             depths: DepthCache::new(config.surface.depth_memory.bytes(gpu)),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
-            normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),
-            photometric_loss: PhotometricLoss::new(gpu.clone(), photometric_weight as f32),
-            photometric_every: config.surface.photometric_every,
             network_optimizer: TensorOptimizer::new(gpu, &network.network().weights, WEIGHTS, adam)?,
             gpu: gpu.clone(),
             network,
@@ -204,57 +179,36 @@ impl ImageStages {
         ImagePart { cameras, photos, network, options }
     }
 
-    /// The iteration's loss, of which L_img(base) is always a part.
-    pub fn total(&mut self, work: &Work) -> Result<Total, GpuError> {
-        let (base_loss, scratch) = work.loss.tracked(work.shown.clone(), work.target)?;
-        let mut total = Total::base(base_loss, scratch);
-        if work.schedule.normal_loss_at(work.iteration) && self.normal_loss.weight > 0.0 {
-            let surface = SurfaceBuffers::of(work.forward.surface().expect("the surface stage has one"));
-            total.surface_losses.push(self.normal_loss.tracked(work.image, &surface, work.target)?);
-        }
-        if !work.sources.is_empty() {
-            self.add_sources(work, &mut total)?;
-        }
-        Ok(total)
-    }
-
-    /// Adds the losses of the sources: the photometric loss, and the final image's.
-    fn add_sources(&mut self, work: &Work, total: &mut Total) -> Result<(), GpuError> {
-        let camera = self.cameras[work.index];
-        let is_photometric =
-            work.iteration.is_multiple_of(self.photometric_every) && self.photometric_loss.weight > 0.0;
-        let is_final = work.schedule.residual_at(work.iteration) && self.residual.fits(&camera);
-        if !is_photometric && !is_final {
-            return Ok(());
+    /// Warps the sources where a loss or the final image reads them, and makes the final image in the iterations that have one.
+    pub fn read_sources(&mut self, work: &Work) -> Result<FromSources, GpuError> {
+        let is_final = work.schedule.residual_at(work.iteration) && self.residual.fits(&self.cameras[work.index]);
+        if work.sources.is_empty() || !(work.warps || is_final) {
+            return Ok(FromSources::default());
         }
         let sources = self.sources(work)?;
-        let (colors, warped) = autodiff::warped(&self.warper, work.image, work.forward, &sources)?;
+        let (colors, pass) = autodiff::warped(&self.warper, work.image, work.forward, &sources)?;
         let colors = match work.exposures {
-            Some(exposures) => autodiff::exposed_warped(exposures, colors, &warped)?,
+            Some(exposures) => autodiff::exposed_warped(exposures, colors, &pass)?,
             None => colors,
         };
-        let seen = warped.seen;
-        if is_photometric {
-            total.surface_losses.push(self.photometric_loss.tracked(colors.clone(), &seen.visible, work.target)?);
-        }
-        if !is_final {
-            return Ok(());
-        }
+        let warped = WarpedSources { colors, visible: pass.seen.visible.clone() };
+        let final_image = is_final.then(|| self.final_image(work, &warped.colors, &pass)).transpose()?;
+        Ok(FromSources { warped: Some(warped), final_image })
+    }
+
+    fn final_image(&self, work: &Work, colors: &Tensor<3>, pass: &Warped) -> Result<FinalImage, GpuError> {
         let burn_in = work.schedule.burn_in(work.iteration);
+        let (camera, seen) = (self.cameras[work.index], pass.seen.clone());
         let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
-        let weights = self.network.tensor().autodiff().require_grad();
+        let network = self.network.tensor().autodiff().require_grad();
         // During burn-in only the network learns from the final image.
         let is_alone = self.learners == Learners::Network;
         let (base, colors) = match burn_in.is_some() || is_alone {
-            true => (work.shown.clone().detach(), colors.detach()),
-            false => (work.shown.clone(), colors),
+            true => (work.shown.clone().detach(), colors.clone().detach()),
+            false => (work.shown.clone(), colors.clone()),
         };
-        let image = autodiff::residual(&self.residual, &task, base, colors, weights.clone())?;
-        let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
-        total.final_loss = Some((final_loss, if is_alone { 1.0 } else { 0.5 }));
-        total.scratch = scratch;
-        total.weights = Some(weights);
-        Ok(())
+        let image = autodiff::residual(&self.residual, &task, base, colors, network.clone())?;
+        Ok(FinalImage { image, weight: if is_alone { 1.0 } else { 0.5 }, network })
     }
 
     fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {
@@ -271,9 +225,9 @@ impl ImageStages {
         Ok(views)
     }
 
-    /// Records the step of the network, where the iteration's loss depends on it.
-    pub fn record_step(&mut self, pass: &mut Pass, total: &Total, gradients: &mut Gradients, rate: f64) {
-        if let Some(gradient) = total.weights.as_ref().and_then(|weights| weights.grad_remove(gradients)) {
+    /// Records the step of the network, a leaf of the iteration's loss.
+    pub fn record_step(&mut self, pass: &mut Pass, network: &Tensor<1>, gradients: &mut Gradients, rate: f64) {
+        if let Some(gradient) = network.grad_remove(gradients) {
             self.network_optimizer.record_step(pass, &primitive(gradient), rate);
         }
     }

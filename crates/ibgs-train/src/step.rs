@@ -4,23 +4,25 @@ mod error;
 mod iteration;
 mod resume;
 mod start;
+mod total;
 
 pub use error::TrainError;
 
 use super::background::iteration_background;
 use super::densify::free_space::FreeSpace;
-use super::densify::{self, Round, Statistics};
+use super::densify::{self, Round, Statistics, Strategy};
 use super::exposing::Exposing;
 use super::filter::FilterSizes;
 use super::optim::Optimizer;
 use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
-use crate::loss::ImageLoss;
+use crate::loss::{ImageLoss, Loss};
 use crate::parameters::Parameters;
 use crate::tensor;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::config::schedule::Schedule;
+use ibgs_core::dataset::Dataset;
 use ibgs_core::exposure::ExposureField;
 use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
@@ -40,6 +42,8 @@ pub struct Trainer {
     gpu: Arc<Gpu>,
     raster: Arc<Rasterizer>,
     loss: ImageLoss,
+    /// Those beside it.
+    losses: Vec<Box<dyn Loss>>,
     config: TrainConfig,
     schedule: Schedule,
     parameters: Parameters,
@@ -66,6 +70,7 @@ pub struct Trainer {
     extent: f64,
     /// What the pruning by scale measures by.
     prune_length: f64,
+    strategy: Box<dyn Strategy>,
     free_space: FreeSpace,
     rng: ChaCha8Rng,
     iteration: u32,
@@ -87,6 +92,19 @@ impl Trainer {
     /// Another number of weights, not enough memory.
     pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
         self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
+    }
+
+    /// Adds a loss to those of the options. A checkpoint does not hold it.
+    pub fn add_loss(&mut self, loss: Box<dyn Loss>) {
+        self.losses.push(loss);
+    }
+
+    /// Densifies by this strategy in place of the one that the options name, whose milestones stay; for the data set that the
+    /// training began with. A checkpoint does not hold it.
+    pub fn set_strategy(&mut self, strategy: Box<dyn Strategy>, dataset: &Dataset) {
+        let part = strategy.free_space(&self.config.densify);
+        self.free_space = FreeSpace::new(&self.cameras, (&dataset.points, &dataset.space()), part);
+        self.strategy = strategy;
     }
 
     /// Lets the number of Gaussians grow to `most` at most.
@@ -218,7 +236,7 @@ impl Trainer {
             until_half: self.schedule.rounds_until_half(self.iteration),
             free_space: &self.free_space,
         };
-        let plan = densify::plan(&observations, &self.config.densify, &round, &mut self.rng);
+        let plan = self.strategy.plan(&observations, &self.config.densify, &round, &mut self.rng);
         (self.parameters, self.optimizer) = densify::apply(&self.gpu, &self.parameters, &self.optimizer, plan)?;
         self.statistics = Statistics::new(&self.gpu, self.splats().len())?;
         // The old model's memory is free before the next iteration needs more of it.

@@ -6,6 +6,7 @@ pub mod image_based;
 mod inputs;
 mod masks;
 mod memory;
+mod own;
 mod start;
 mod units;
 

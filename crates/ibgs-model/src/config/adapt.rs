@@ -1,7 +1,7 @@
 //! Options that follow from the training photos.
 
 use super::schedule::REFERENCE_ITERATIONS;
-use super::{Background, DensifyConfig, Strategy, TrainConfig};
+use super::{Background, DensifyConfig, TrainConfig};
 use crate::dataset::Dataset;
 
 /// Iterations of the default strategy at full rates.
@@ -17,7 +17,7 @@ impl DensifyConfig {
     /// Sets the cap on Gaussians from the scene, for the strategies that do so, unless it is given: one Gaussian per 45
     /// pixels of the training photos, at least 200,000 and at most 3 million. MCMC grows to it.
     fn choose_cap(&mut self, pixels: u64) {
-        if matches!(self.strategy, Strategy::Default | Strategy::Mcmc) && self.max_splats.is_none() {
+        if self.strategy.defaults().cap_follows_photos && self.max_splats.is_none() {
             self.max_splats = Some((pixels / 45).clamp(200_000, 3_000_000) as u32);
         }
     }
@@ -44,7 +44,7 @@ impl TrainConfig {
     /// far as in that many iterations. Departures from method.md.
     pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
         self.densify.choose_cap(pixels);
-        let adapts = self.densify.strategy == Strategy::Default && self.init.is_none();
+        let adapts = self.densify.strategy.defaults().length_follows_photos && self.init.is_none();
         let [least, most] = USUAL_ITERATIONS;
         let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(USUAL_VISITS);
         // Milestones that are not scaled need the whole length.
@@ -60,6 +60,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Strategy;
 
     #[test]
     fn the_cap_follows_the_photos() {

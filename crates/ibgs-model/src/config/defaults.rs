@@ -45,7 +45,7 @@ impl Default for TrainConfig {
 impl TrainConfig {
     /// Opacity and relative scale of the first Gaussians.
     pub fn start(&self) -> [f64; 2] {
-        let [opacity, scale] = if self.densify.strategy == Strategy::Mcmc { [0.5, 0.1] } else { [0.1, 1.0] };
+        let [opacity, scale] = self.densify.strategy.defaults().start;
         [self.initial_opacity.unwrap_or(opacity), self.initial_scale.unwrap_or(scale)]
     }
 

@@ -17,6 +17,86 @@ pub enum Strategy {
     Mcmc,
 }
 
+/// What the options say with a strategy where they leave it open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrategyDefaults {
+    /// The number of Gaussians grows before this iteration of a reference run.
+    pub end: u32,
+    /// Iterations between two rounds.
+    pub interval: u32,
+    /// Rounds move apart as the learning rates fall, so that there are as many as at full rates.
+    pub rounds_follow_rates: bool,
+    /// Start and interval of densification in short runs.
+    pub short_runs: ShortRuns,
+    /// Rounds go on to the end of the run, without growth.
+    pub rounds_to_end: bool,
+    /// Opacities are reset while the number of Gaussians grows.
+    pub resets_opacity: bool,
+    /// Gaussians in all.
+    pub max_splats: u32,
+    /// The photos choose that number.
+    pub cap_follows_photos: bool,
+    /// The photos choose the length of the run and the factor on the learning rates.
+    pub length_follows_photos: bool,
+    /// Opacity and relative scale of the first Gaussians.
+    pub start: [f64; 2],
+}
+
+/// How start and interval of densification fall in short runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShortRuns {
+    /// As all milestones, in runs under 5000 iterations.
+    AsMilestones,
+    /// In proportion to the length, in runs under 4000 iterations: every short run has the same number of rounds, so that the
+    /// model grows as far.
+    SameRounds,
+}
+
+/// Those of the published experiments.
+const PUBLISHED: StrategyDefaults = StrategyDefaults {
+    end: 15_000,
+    interval: 100,
+    rounds_follow_rates: false,
+    short_runs: ShortRuns::AsMilestones,
+    rounds_to_end: false,
+    resets_opacity: true,
+    max_splats: 5_000_000,
+    cap_follows_photos: false,
+    length_follows_photos: false,
+    start: [0.1, 1.0],
+};
+
+impl Strategy {
+    /// The words of the options, in the order of the variants.
+    pub const WORDS: &[&str] = &["default", "published", "absgs", "mcmc"];
+
+    /// The strategy's row in the table of what the options leave open.
+    pub fn defaults(self) -> StrategyDefaults {
+        match self {
+            Self::Default => StrategyDefaults {
+                end: 21_000,
+                interval: 200,
+                rounds_follow_rates: true,
+                short_runs: ShortRuns::SameRounds,
+                rounds_to_end: true,
+                resets_opacity: false,
+                cap_follows_photos: true,
+                length_follows_photos: true,
+                ..PUBLISHED
+            },
+            Self::Published | Self::AbsGs => PUBLISHED,
+            Self::Mcmc => StrategyDefaults {
+                end: 25_000,
+                resets_opacity: false,
+                max_splats: 1_000_000,
+                cap_follows_photos: true,
+                start: [0.5, 0.1],
+                ..PUBLISHED
+            },
+        }
+    }
+}
+
 /// Densification and pruning (method.md section 7). Lengths are multiples of the scene extent, gradients are by the
 /// projected mean in units of half the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,7 +152,7 @@ pub struct DensifyConfig {
 impl DensifyConfig {
     /// Gaussians in all.
     pub fn most(&self) -> u32 {
-        self.max_splats.unwrap_or(if self.strategy == Strategy::Mcmc { 1_000_000 } else { 5_000_000 })
+        self.max_splats.unwrap_or(self.strategy.defaults().max_splats)
     }
 }
 
@@ -123,4 +203,17 @@ pub struct OpacityResetConfig {
     pub interval: Option<u32>,
     /// Opacity is clamped to at most this.
     pub max_opacity: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_are_those_of_the_file() {
+        for word in Strategy::WORDS {
+            let config: DensifyConfig = toml::from_str(&format!("strategy = \"{word}\"")).unwrap();
+            assert_eq!(toml::Value::try_from(config.strategy).unwrap().as_str(), Some(*word));
+        }
+    }
 }

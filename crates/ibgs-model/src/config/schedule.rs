@@ -5,7 +5,7 @@ mod stages;
 
 pub use stages::Stages;
 
-use super::{Background, Strategy, TrainConfig};
+use super::{Background, ShortRuns, TrainConfig};
 
 /// Length of the run that the reference milestones belong to.
 pub const REFERENCE_ITERATIONS: u32 = 30_000;
@@ -13,8 +13,8 @@ pub const REFERENCE_ITERATIONS: u32 = 30_000;
 /// Runs shorter than this scale the start and the interval of densification too.
 const SHORT_RUN: u32 = 5_000;
 
-/// The same with the default strategy, whose rounds are fewer.
-const SHORT_DEFAULT_RUN: u32 = 4_000;
+/// The same for [`ShortRuns::SameRounds`], whose rounds are fewer.
+const SHORT_SAME_ROUNDS: u32 = 4_000;
 
 /// Least start and interval of densification after scaling.
 const SHORTEST_ROUND: u32 = 20;
@@ -40,8 +40,8 @@ pub struct Schedule {
     pub rate_factor: f64,
     /// Iterations over which the rate of the means falls.
     pub mean_iterations: u32,
-    /// How Gaussians are added and removed.
-    pub strategy: Strategy,
+    /// Opacities are reset while the number of Gaussians grows.
+    pub resets_opacity: bool,
     /// Densification comes after this iteration.
     pub densify_start: u32,
     /// The number of Gaussians grows before this iteration.
@@ -78,21 +78,21 @@ const WARM_RATES: f64 = 0.1;
 impl Schedule {
     /// Resolves the milestones of `config` for a run of `n_iterations`. With `schedule-scaling` they follow
     /// `n_iterations / 30000`, except start and interval of densification, which fall with the length only in runs under
-    /// 5000 iterations (4000 with the default strategy) and never under 20. A milestone that `config` gives is taken as it is.
+    /// 5000 iterations (4000 with [`ShortRuns::SameRounds`]) and never under 20. A milestone that `config` gives is taken as it is.
     pub fn new(config: &TrainConfig, n_iterations: u32) -> Self {
         let densify = &config.densify;
         let scaled = |reference: u32| {
             if config.schedule_scaling { scale(reference, n_iterations) } else { reference }
         };
         let factor = config.learning_rates.factor.unwrap_or(1.0);
-        // With the default strategy every short run has the same number of rounds, so that the model grows as far.
-        let scaled_if_short = |reference: u32| match densify.strategy {
+        let strategy = densify.strategy.defaults();
+        let scaled_if_short = |reference: u32| match strategy.short_runs {
             _ if !config.schedule_scaling => reference,
-            Strategy::Default if n_iterations < SHORT_DEFAULT_RUN => {
-                (reference * n_iterations / SHORT_DEFAULT_RUN).max(SHORTEST_ROUND)
+            ShortRuns::SameRounds if n_iterations < SHORT_SAME_ROUNDS => {
+                let part = u64::from(reference) * u64::from(n_iterations) / u64::from(SHORT_SAME_ROUNDS);
+                u32::try_from(part).unwrap_or(u32::MAX).max(SHORTEST_ROUND)
             }
-            Strategy::Default => reference,
-            _ if n_iterations < SHORT_RUN => scaled(reference).max(SHORTEST_ROUND),
+            ShortRuns::AsMilestones if n_iterations < SHORT_RUN => scaled(reference).max(SHORTEST_ROUND),
             _ => reference,
         };
         let warm = config.init.is_some();
@@ -103,17 +103,10 @@ impl Schedule {
             None => vec![scaled(FIRST_REPORT)],
         };
         let (rates, exposure) = (&config.learning_rates, &config.exposure);
-        let reference_end = match densify.strategy {
-            Strategy::Default => 21_000,
-            Strategy::Mcmc => 25_000,
-            _ => 15_000,
-        };
-        let densify_end = densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(reference_end) });
-        let interval = match densify.strategy {
-            // As many rounds as at full rates.
-            Strategy::Default => (200.0 / factor.min(1.0)).round() as u32,
-            _ => 100,
-        };
+        let densify_end = densify.end.unwrap_or_else(|| if warm { 1 } else { scaled(strategy.end) });
+        // As many rounds as at full rates.
+        let slow = if strategy.rounds_follow_rates { factor.min(1.0) } else { 1.0 };
+        let interval = (f64::from(strategy.interval) / slow).round() as u32;
         Self {
             iterations: n_iterations,
             max_sh_degree: config.sh_degree(),
@@ -123,10 +116,10 @@ impl Schedule {
             mean_lr_final: factor * rates.mean_final,
             rate_factor: factor * if warm { WARM_RATES } else { 1.0 },
             mean_iterations: rates.mean_iterations.unwrap_or_else(|| scaled(REFERENCE_ITERATIONS)),
-            strategy: densify.strategy,
+            resets_opacity: strategy.resets_opacity,
             densify_start,
             densify_end,
-            rounds_end: if densify.strategy == Strategy::Default && !warm { n_iterations } else { densify_end },
+            rounds_end: if strategy.rounds_to_end && !warm { n_iterations } else { densify_end },
             densify_interval: densify.interval.unwrap_or_else(|| scaled_if_short(interval)),
             opacity_reset_interval: reset_interval,
             white_reset: (config.background == Some(Background::WHITE)).then_some(densify_start),
@@ -199,6 +192,7 @@ fn scale(reference: u32, n: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Strategy;
 
     pub(super) fn published() -> TrainConfig {
         let mut config = TrainConfig::default();
@@ -225,7 +219,7 @@ mod tests {
         assert_eq!(times(30_000, |i| s.evaluate_at(i)), [7_000, 30_000]);
         assert_eq!(times(30_000, |i| s.save_at(i)), [7_000, 30_000]);
         assert!(!s.prune_large(3_000) && s.prune_large(3_001));
-        assert!(s.observes(14_999) && !s.observes(15_000));
+        assert!(s.grows_at(14_999) && !s.grows_at(15_000));
     }
 
     #[test]

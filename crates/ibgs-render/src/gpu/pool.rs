@@ -30,6 +30,19 @@ impl<T> Pool<T> {
         Lease { value: Some(value), home: self.clone() }
     }
 
+    /// Hands out a returned value that `fits`, or a new one.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn lease_or<E>(
+        self: &Arc<Self>,
+        fits: impl FnOnce(&T) -> bool,
+        make: impl FnOnce() -> Result<T, E>,
+    ) -> Result<Lease<T>, E> {
+        let value = self.take().filter(fits).map_or_else(make, Ok)?;
+        Ok(self.lease(value))
+    }
+
     /// Frees everything that is not in use.
     pub fn clear(&self) {
         self.0.lock().expect("pool").clear();

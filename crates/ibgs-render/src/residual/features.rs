@@ -1,7 +1,7 @@
 //! Features of the visible sources, per-view MLP and what joins them to the U-Net's input, with their derivatives
 //! (method.md sections 5 and 6).
 
-use super::layers::{CONFIDENCE, ENC1, HIDDEN, INPUT, MLP1, MLP2};
+use super::layers::{CONFIDENCE, ENC1, FEATURES, HIDDEN, INPUT, MLP1, MLP2};
 use super::variant::Variant;
 use crate::camera::Camera;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -22,10 +22,12 @@ pub const MLP_WEIGHTS: usize = ENC1.offset;
 /// Weights of the confidence, the last of the flat vector.
 const CONFIDENCE_WEIGHTS: usize = CONFIDENCE.end() - CONFIDENCE.offset;
 
-// wgsl/shared/residual_mlp.wgsl relies on this layout.
-const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == 7 * HIDDEN && MLP2.offset == 8 * HIDDEN);
-const _: () = assert!(MLP2.bias() == 40 * HIDDEN && MLP_WEIGHTS == 41 * HIDDEN && INPUT == 38);
-const _: () = assert!(CONFIDENCE.offset == 66_134 && CONFIDENCE_WEIGHTS == HIDDEN + 2);
+// wgsl/shared/residual_mlp_layout.wgsl relies on this layout.
+const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == FEATURES * HIDDEN && MLP2.offset == MLP1.bias() + HIDDEN);
+const _: () = assert!(MLP2.bias() == MLP2.offset + HIDDEN * HIDDEN && MLP_WEIGHTS == MLP2.bias() + HIDDEN);
+const _: () = assert!(CONFIDENCE_WEIGHTS == HIDDEN + 2 && INPUT == 38);
+// A feature of wgsl/shared/residual_feature.wgsl has eight numbers with the one for the biases.
+const _: () = assert!(FEATURES < 8);
 
 /// Sums of a workgroup of the backward pass.
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;

@@ -1,10 +1,31 @@
-//! Cloning and splitting by screen-space gradients (method.md section 7), and AbsGS.
+//! Cloning and splitting by screen-space gradients (method.md section 7): what `published` and `absgs` share.
 
 use super::{FRESH, Observations, Plan, Round, sigmoid};
 use glam::{Quat, Vec3};
-use ibgs_core::config::{DensifyConfig, Strategy};
+use ibgs_core::config::DensifyConfig;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
+
+/// What the views since the last round say of a Gaussian.
+pub(super) struct Seen {
+    /// Its largest scale is above the one that is cloned.
+    pub is_large: bool,
+    /// Mean norm of the gradient.
+    pub gradient: f64,
+    /// Mean norm of the absolute gradient.
+    pub absolute: f64,
+    /// Largest radius in pixels.
+    pub radius: f64,
+}
+
+/// What a strategy says of a Gaussian.
+pub(super) enum Verdict {
+    Keep,
+    /// It is split where it is large, else cloned; by its gradient over the threshold.
+    Grow(f64),
+    /// It is split, one of `abs-max-per-round`; by its absolute gradient.
+    SplitToo(f64),
+}
 
 #[derive(Clone, Copy, PartialEq)]
 enum Fate {
@@ -31,7 +52,7 @@ fn sample(o: &Observations, i: usize, rng: &mut ChaCha8Rng) -> [f32; 3] {
 
 /// Decides what happens to each Gaussian. Where the cap leaves room for only some, the gradients largest
 /// beside their threshold win.
-fn fates(o: &Observations, config: &DensifyConfig, extent: f64) -> Vec<Fate> {
+fn fates(o: &Observations, config: &DensifyConfig, extent: f64, verdict: impl Fn(&Seen) -> Verdict) -> Vec<Fate> {
     let n = o.means.len();
     let small = config.scale_threshold * extent;
     let mean_of = |i: usize, k: usize| f64::from(o.statistics[i][k]) / f64::from(o.statistics[i][2].max(1.0));
@@ -39,24 +60,15 @@ fn fates(o: &Observations, config: &DensifyConfig, extent: f64) -> Vec<Fate> {
     let mut growing: Vec<(f64, usize)> = Vec::new();
     let mut by_abs: Vec<(f64, usize)> = Vec::new();
     for (i, fate) in fates.iter_mut().enumerate() {
-        let large = largest_scale(&o.log_scales[i]) > small;
-        // AbsGS splits by the absolute gradient alone.
-        let (gradient, threshold) = match config.strategy == Strategy::AbsGs && large {
-            true => (mean_of(i, 1), config.absgs_threshold),
-            false => (mean_of(i, 0), config.grad_threshold),
-        };
-        if gradient >= threshold {
-            *fate = if large { Fate::Split } else { Fate::Clone };
-            growing.push((gradient / threshold, i));
-        } else if config.strategy == Strategy::Published
-            && config.abs_split
-            && large
-            && f64::from(o.statistics[i][3]) > config.abs_min_radius
-        {
-            let gradient = mean_of(i, 1);
-            if gradient >= config.abs_grad_threshold {
-                by_abs.push((gradient, i));
+        let is_large = largest_scale(&o.log_scales[i]) > small;
+        let radius = f64::from(o.statistics[i][3]);
+        match verdict(&Seen { is_large, gradient: mean_of(i, 0), absolute: mean_of(i, 1), radius }) {
+            Verdict::Keep => {}
+            Verdict::Grow(by) => {
+                *fate = if is_large { Fate::Split } else { Fate::Clone };
+                growing.push((by, i));
             }
+            Verdict::SplitToo(by) => by_abs.push((by, i)),
         }
     }
     let largest_first = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
@@ -77,8 +89,14 @@ fn fates(o: &Observations, config: &DensifyConfig, extent: f64) -> Vec<Fate> {
 }
 
 /// Clones come first, then splits, then pruning of old and new alike.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
-    let fates = fates(o, config, round.extent);
+pub(super) fn plan(
+    o: &Observations,
+    config: &DensifyConfig,
+    round: &Round<'_>,
+    rng: &mut ChaCha8Rng,
+    verdict: impl Fn(&Seen) -> Verdict,
+) -> Plan {
+    let fates = fates(o, config, round.extent, verdict);
     let mut plan = Plan::default();
     let shrink = config.split_divisor.ln() as f32;
     let keep = |i: usize, log_scale: &[f32; 3]| {

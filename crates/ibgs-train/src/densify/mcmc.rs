@@ -3,12 +3,12 @@
 //! is cloned, split or pruned, and no opacity is reset. The moments of what is moved and of what it is moved onto start at
 //! zero.
 
-use super::{FRESH, Observations, Plan, Round, sigmoid};
+use super::{FRESH, Observations, Plan, Reduction, Round, Step, Strategy, sigmoid};
 use crate::autodiff::SplatGradients;
 use crate::parameters::Parameters;
 use burn::tensor::{Tensor, activation};
 use ibgs_core::config::{DensifyConfig, McmcConfig};
-use ibgs_core::gpu::Pass;
+use ibgs_core::gpu::{Pass, flush};
 use ibgs_core::raster::iteration_seed;
 use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::bindings::McmcNoiseBindings;
@@ -34,8 +34,49 @@ pub fn shared(o: f64, copies: u32) -> (f64, f64) {
     (each, o / sum)
 }
 
+/// The strategy `mcmc`.
+#[derive(Clone, Copy, Debug)]
+pub struct Mcmc;
+
+impl Strategy for Mcmc {
+    fn reduction(&self, _: &DensifyConfig, _: f64) -> Option<Reduction> {
+        None
+    }
+
+    fn plan(&self, o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
+        plan(o, config, round, rng)
+    }
+
+    /// Adds the gradients of `opacity-weight` times the mean opacity and `scale-weight` times the mean scale.
+    fn penalise(&self, gradients: &mut SplatGradients, parameters: &Parameters, config: &DensifyConfig) {
+        // burn adds to gradients that the batch may still hold.
+        flush();
+        let config = &config.mcmc;
+        let n = parameters.splats().len().max(1) as f64;
+        let opacities = activation::sigmoid(parameters.opacity_logits());
+        let slope = opacities.clone() * (opacities.neg() + 1.0);
+        let add = |gradient: &mut Option<Tensor<1>>, more| *gradient = gradient.clone().map(|gradient| gradient + more);
+        add(&mut gradients.parameters.opacity_logits, slope * (config.opacity_weight / n));
+        let scales = parameters.log_scales().exp();
+        add(&mut gradients.parameters.log_scales, scales * (config.scale_weight / (3.0 * n)));
+    }
+
+    /// Records a random step of every mean, of its Gaussian's shape and large where the Gaussian is transparent.
+    fn record_after_step(&self, pass: &mut Pass, splats: &Splats, config: &DensifyConfig, step: &Step) {
+        let count = splats.len();
+        let strength = config.mcmc.noise * step.mean_rate;
+        // Not the seeds of dropout.
+        let seed = iteration_seed(step.seed, step.iteration ^ 0x9e37_79b9);
+        let params = McmcNoiseParams { count: count as u32, seed, strength: strength as f32 };
+        let PerGaussian { means, log_scales, opacity_logits, .. } = &splats.parameters;
+        let rotations = &splats.rotations();
+        pass.relabel("noise");
+        pass.linear(&McmcNoiseBindings { rotations, log_scales, opacity_logits, means }, &params, count);
+    }
+}
+
 /// Moves what is transparent or broken to places drawn by opacity, and adds as many as the growth allows.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
+fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let opacities: Vec<f64> = o.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect();
     let lives = |i: usize| opacities[i] > config.mcmc.dead_opacity && o.is_finite(i);
@@ -96,28 +137,4 @@ impl<'a> Draws<'a> {
         let at = rng.random::<f64>() * self.sums[self.sums.len() - 1];
         self.living[self.sums.partition_point(|&sum| sum <= at).min(self.living.len() - 1)]
     }
-}
-
-/// Adds the gradients of `opacity-weight` times the mean opacity and `scale-weight` times the mean scale.
-pub fn penalise(gradients: &mut SplatGradients, parameters: &Parameters, config: &McmcConfig) {
-    let n = parameters.splats().len().max(1) as f64;
-    let opacities = activation::sigmoid(parameters.opacity_logits());
-    let slope = opacities.clone() * (opacities.neg() + 1.0);
-    let add = |gradient: &mut Option<Tensor<1>>, more| *gradient = gradient.clone().map(|gradient| gradient + more);
-    add(&mut gradients.parameters.opacity_logits, slope * (config.opacity_weight / n));
-    let scales = parameters.log_scales().exp();
-    add(&mut gradients.parameters.log_scales, scales * (config.scale_weight / (3.0 * n)));
-}
-
-/// Records a random step of every mean, of its Gaussian's shape and `strength` large where the Gaussian is transparent; `seed`
-/// and `iteration` choose it.
-pub fn record_noise(pass: &mut Pass, splats: &Splats, strength: f64, seed: u64, iteration: u32) {
-    let count = splats.len();
-    // Not the seeds of dropout.
-    let seed = iteration_seed(seed, iteration ^ 0x9e37_79b9);
-    let params = McmcNoiseParams { count: count as u32, seed, strength: strength as f32 };
-    let PerGaussian { means, log_scales, opacity_logits, .. } = &splats.parameters;
-    let rotations = &splats.rotations();
-    pass.relabel("noise");
-    pass.linear(&McmcNoiseBindings { rotations, log_scales, opacity_logits, means }, &params, count);
 }

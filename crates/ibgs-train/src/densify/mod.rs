@@ -1,18 +1,29 @@
 //! Densification and pruning: statistics on the GPU, the plan on the host by one of several strategies, the new model
 //! gathered on the GPU.
+//!
+//! A strategy is a file with a [`Strategy`], its line in [`strategy`], and a word and a row of defaults among the options
+//! ([`config::Strategy`]).
 
+mod absgs;
+pub mod default;
 pub mod free_space;
 mod gradient;
-pub mod growth;
 pub mod mcmc;
+mod published;
+
+pub use absgs::AbsGs;
+pub use default::Growth;
+pub use mcmc::Mcmc;
+pub use published::Published;
 
 use super::optim::Optimizer;
+use crate::autodiff::SplatGradients;
 use crate::parameters::Parameters;
 use crate::tensor::{self, bind, bind_rows, primitive};
 use burn::tensor::Tensor;
 use free_space::FreeSpace;
 use glam::{DVec3, Vec3};
-use ibgs_core::config::{DensifyConfig, Strategy};
+use ibgs_core::config::{self, DensifyConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::Forward;
 use ibgs_core::scene::{PerGaussian, Splats};
@@ -20,9 +31,10 @@ use ibgs_core::sources::DevicePhoto;
 use ibgs_shaders::bindings::{DensifyErrorsBindings, DensifyGatherBindings, DensifyObserveBindings};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
 use rand_chacha::ChaCha8Rng;
+use std::fmt::Debug;
 
 /// Marks a new Gaussian in [`Plan::sources`].
-const FRESH: u32 = 1 << 31;
+pub const FRESH: u32 = 1 << 31;
 
 /// What the host needs to plan a round, one entry a Gaussian.
 #[derive(Clone, Debug, Default)]
@@ -41,7 +53,7 @@ pub struct Observations {
 
 impl Observations {
     /// Whether place and shape of a Gaussian are finite: a Gaussian that is not could not be saved.
-    fn is_finite(&self, i: usize) -> bool {
+    pub fn is_finite(&self, i: usize) -> bool {
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
         finite(&self.means[i]) && finite(&self.rotations[i]) && finite(&self.log_scales[i])
     }
@@ -64,7 +76,7 @@ pub struct Round<'a> {
     pub progress: f64,
     /// Rounds from this one on in the first half of the run.
     pub until_half: u32,
-    /// Where the strategy `default` removes everything.
+    /// What lies so near to a training camera that nothing can be there, see [`Strategy::free_space`].
     pub free_space: &'a FreeSpace,
 }
 
@@ -84,7 +96,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    fn push(&mut self, source: u32, mean: [f32; 3], log_scale: [f32; 3], opacity_logit: f32) {
+    /// Adds a row, for a strategy that gives every opacity.
+    pub fn push(&mut self, source: u32, mean: [f32; 3], log_scale: [f32; 3], opacity_logit: f32) {
         self.sources.push(source);
         self.means.push(mean);
         self.log_scales.push(log_scale);
@@ -101,6 +114,15 @@ pub enum Over {
     /// (largest absolute-gradient norm, pixels of large error, views, largest radius in units of the image's longer side); gradients in units of the
     /// image.
     Largest,
+}
+
+/// What [`Statistics::record`] keeps of a view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reduction {
+    /// How the views become one.
+    pub over: Over,
+    /// Gradients of Gaussians nearer than this depth, in local units, count less; for [`Over::Sum`].
+    pub near_depth: f64,
 }
 
 fn sigmoid(x: f32) -> f64 {
@@ -122,12 +144,51 @@ pub fn distance_length(means: &[[f32; 3]], centre: DVec3, extent: f64) -> f64 {
     if *median > FAR * extent { *median } else { extent }
 }
 
-/// Plans a round.
-pub fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
-    match config.strategy {
-        Strategy::Default => growth::plan(o, config, round, rng),
-        Strategy::Published | Strategy::AbsGs => gradient::plan(o, config, round, rng),
-        Strategy::Mcmc => mcmc::plan(o, config, round, rng),
+/// The step that the Gaussians have just taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Learning rate of the means, in local units.
+    pub mean_rate: f64,
+    /// Seed of the run.
+    pub seed: u64,
+    /// The iteration, from 1.
+    pub iteration: u32,
+}
+
+/// How Gaussians are added and removed: all that differs between the strategies during a training. When rounds and opacity resets
+/// come is said by the options' [`config::StrategyDefaults`].
+pub trait Strategy: Debug + Send {
+    /// How the views since the last round are reduced; none: the strategy looks at no gradients. `extent` is the scene's in
+    /// local units.
+    fn reduction(&self, config: &DensifyConfig, extent: f64) -> Option<Reduction>;
+
+    /// Whether pixels of large error are counted before a round, for [`Over::Largest`].
+    fn counts_errors(&self, _config: &DensifyConfig) -> bool {
+        false
+    }
+
+    /// Part of the median depth around each training camera that [`Round::free_space`] reaches; 0: there is none.
+    fn free_space(&self, _config: &DensifyConfig) -> f64 {
+        0.0
+    }
+
+    /// Plans a round.
+    fn plan(&self, o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan;
+
+    /// Adds the gradients of its own penalties to those of an iteration.
+    fn penalise(&self, _gradients: &mut SplatGradients, _parameters: &Parameters, _config: &DensifyConfig) {}
+
+    /// Records what it does to the Gaussians after each step.
+    fn record_after_step(&self, _pass: &mut Pass, _splats: &Splats, _config: &DensifyConfig, _step: &Step) {}
+}
+
+/// The strategy of that name.
+pub fn strategy(name: config::Strategy) -> Box<dyn Strategy> {
+    match name {
+        config::Strategy::Default => Box::new(Growth),
+        config::Strategy::Published => Box::new(Published),
+        config::Strategy::AbsGs => Box::new(AbsGs),
+        config::Strategy::Mcmc => Box::new(Mcmc),
     }
 }
 
@@ -197,14 +258,14 @@ impl Statistics {
         Ok(Self { values: gpu.upload("densification statistics", values.as_chunks().0)?, count: values.len() / 4 })
     }
 
-    /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
-    /// `near_depth` count less. `errors`: what [`covered_errors`] counted, for [`Over::Largest`].
+    /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. `errors`: what [`covered_errors`]
+    /// counted, for [`Over::Largest`].
     pub fn record(
         &self,
         pass: &mut Pass,
         screen: Tensor<2>,
         forward: &Forward,
-        (over, near_depth): (Over, f64),
+        Reduction { over, near_depth }: Reduction,
         errors: Option<&Buffer<u32>>,
     ) {
         let params = ObserveParams {

@@ -92,20 +92,17 @@ impl ImageLoss {
         Self { gpu, pool: Arc::default(), lambda }
     }
 
-    fn scratch(&self, pixels: usize, groups: usize) -> Result<LossScratch, GpuError> {
-        if let Some(scratch) = self.pool.take()
-            && scratch.pixels >= pixels
-            && scratch.groups >= groups
-        {
-            return Ok(scratch);
-        }
-        Ok(LossScratch {
-            moments: self.gpu.allocate("SSIM moments", 9 * pixels)?,
-            partials: self.gpu.allocate("loss sums", groups)?,
-            stats: self.gpu.allocate("loss statistics", 4)?,
-            pixels,
-            groups,
-        })
+    fn scratch(&self, pixels: usize, groups: usize) -> Result<Lease<LossScratch>, GpuError> {
+        let make = || {
+            Ok(LossScratch {
+                moments: self.gpu.allocate("SSIM moments", 9 * pixels)?,
+                partials: self.gpu.allocate("loss sums", groups)?,
+                stats: self.gpu.allocate("loss statistics", 4)?,
+                pixels,
+                groups,
+            })
+        };
+        self.pool.lease_or(|scratch| scratch.pixels >= pixels && scratch.groups >= groups, make)
     }
 
     fn forward(&self, image: CubeTensor, target: &DevicePhoto) -> Result<(CubeTensor, Saved), GpuError> {
@@ -118,13 +115,13 @@ impl ImageLoss {
         let loss = empty_like(&image, &[1]);
         let (bound_image, bound_loss) = (bind(&image), bind(&loss));
         let mut pass = Pass::new(gpu, "image loss");
-        let LossScratch { moments, partials, stats, .. } = &scratch;
+        let LossScratch { moments, partials, stats, .. } = &*scratch;
         let buffers = ImageLossBindings { image: &bound_image, photo: &target.texels, moments, partials };
         pass.grid(&buffers, &params, [tiles[0], tiles[1], 3]);
         pass.grid(&ImageLossTotalBindings { partials, loss: &bound_loss, stats }, &params, [1, 1, 1]);
         pass.submit();
-        let scratch = Arc::new(self.pool.lease(scratch));
-        let saved = Saved { gpu: self.gpu.clone(), image, target: target.clone(), params, scratch };
+        let (gpu, target, scratch) = (self.gpu.clone(), target.clone(), Arc::new(scratch));
+        let saved = Saved { gpu, image, target, params, scratch };
         Ok((loss, saved))
     }
 

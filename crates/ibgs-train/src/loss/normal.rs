@@ -1,6 +1,7 @@
 //! The normal loss (method.md section 7): the normals of the median depth against the normal map, as a burn autodiff
 //! operation whose gradients go into buffers beside the graph.
 
+use super::{Loss, LossInputs};
 use crate::autodiff::unary;
 use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
@@ -111,16 +112,14 @@ impl NormalLoss {
     }
 
     fn scratch(&self, groups: usize) -> Result<Lease<Scratch>, GpuError> {
-        let fitting = self.pool.take().filter(|s| s.groups >= groups);
-        let made = match fitting {
-            Some(scratch) => scratch,
-            None => Scratch {
+        let make = || {
+            Ok(Scratch {
                 partials: self.gpu.allocate("normal loss sums", groups)?,
                 stats: self.gpu.allocate("normal loss statistics", 2)?,
                 groups,
-            },
+            })
         };
-        Ok(self.pool.lease(made))
+        self.pool.lease_or(|scratch| scratch.groups >= groups, make)
     }
 
     fn forward(
@@ -178,5 +177,13 @@ impl NormalLoss {
             };
             Ok((loss, rule))
         })
+    }
+}
+
+impl Loss for NormalLoss {
+    fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
+        let counts = inputs.schedule.normal_loss_at(inputs.iteration) && self.weight > 0.0;
+        let surface = inputs.surface.filter(|_| counts).map(SurfaceBuffers::of);
+        surface.map(|surface| self.tracked(inputs.image, &surface, inputs.target)).transpose()
     }
 }

@@ -1,10 +1,12 @@
 //! The photometric loss (method.md section 7): SSIM of the photo and the source photos warped to it, as a burn autodiff
 //! operation.
 
+use super::{Loss, LossInputs};
 use crate::autodiff::unary;
 use crate::tensor::{bind, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
+use ibgs_core::config::schedule::Schedule;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::sources::{DevicePhoto, MAX_VISIBLE};
@@ -36,6 +38,8 @@ pub struct PhotometricLoss {
     pool: Arc<Pool<Scratch>>,
     /// Weight of the loss.
     pub weight: f32,
+    /// It is part of every so manieth iteration.
+    every: u32,
 }
 
 #[derive(Clone, Debug)]
@@ -80,23 +84,27 @@ impl Saved {
 impl PhotometricLoss {
     /// A loss with this weight.
     pub fn new(gpu: Arc<Gpu>, weight: f32) -> Self {
-        Self { gpu, pool: Arc::default(), weight }
+        Self { gpu, pool: Arc::default(), weight, every: 1 }
+    }
+
+    /// The same as a part of the iterations at multiples of `every`.
+    pub fn every(self, every: u32) -> Self {
+        Self { every, ..self }
     }
 
     fn scratch(&self, visible: usize, pixels: usize, groups: usize) -> Result<Lease<Scratch>, GpuError> {
         let fits = |s: &Scratch| s.moments.len() >= visible && s.pixels >= pixels && s.groups >= groups;
-        if let Some(scratch) = self.pool.take().filter(fits) {
-            return Ok(self.pool.lease(scratch));
-        }
         let moments = || self.gpu.allocate("SSIM moments of the warped images", 9 * pixels);
-        let scratch = Scratch {
-            moments: (0..visible).map(|_| moments()).collect::<Result<_, _>>()?,
-            partials: self.gpu.allocate("photometric loss sums", groups)?,
-            stats: self.gpu.allocate("photometric loss statistics", 2)?,
-            pixels,
-            groups,
+        let make = || {
+            Ok(Scratch {
+                moments: (0..visible).map(|_| moments()).collect::<Result<_, _>>()?,
+                partials: self.gpu.allocate("photometric loss sums", groups)?,
+                stats: self.gpu.allocate("photometric loss statistics", 2)?,
+                pixels,
+                groups,
+            })
         };
-        Ok(self.pool.lease(scratch))
+        self.pool.lease_or(fits, make)
     }
 
     fn forward(
@@ -146,5 +154,16 @@ impl PhotometricLoss {
             let (loss, saved) = self.forward(warped, seen, target)?;
             Ok((loss, move |v_loss: &CubeTensor| Some(saved.backward(v_loss))))
         })
+    }
+}
+
+impl Loss for PhotometricLoss {
+    fn reads_sources(&self, iteration: u32, _: &Schedule) -> bool {
+        iteration.is_multiple_of(self.every) && self.weight > 0.0
+    }
+
+    fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
+        let warped = inputs.warped.filter(|_| self.reads_sources(inputs.iteration, inputs.schedule));
+        warped.map(|warped| self.tracked(warped.colors.clone(), &warped.visible, inputs.target)).transpose()
     }
 }

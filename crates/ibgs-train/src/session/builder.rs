@@ -6,6 +6,8 @@ mod error;
 pub use error::BuildError;
 
 use super::{Event, Keeper, Observer, Output, Preparation, Records, Session, StoppedTraining};
+use crate::densify::Strategy;
+use crate::loss::Loss;
 use crate::memory::Needs;
 use crate::{Trainer, exposure_trial, find_points};
 use ibgs_core::camera::Camera;
@@ -35,6 +37,8 @@ pub struct SessionBuilder {
     gpu_memory: MemoryBudget,
     checkpoint_every: Option<Duration>,
     command: Option<String>,
+    losses: Vec<Box<dyn Loss>>,
+    strategy: Option<Box<dyn Strategy>>,
 }
 
 impl SessionBuilder {
@@ -48,6 +52,8 @@ impl SessionBuilder {
             gpu_memory: MemoryBudget::Auto,
             checkpoint_every: Some(Duration::from_secs(120)),
             command: None,
+            losses: Vec::new(),
+            strategy: None,
         }
     }
 
@@ -81,6 +87,18 @@ impl SessionBuilder {
     /// The command line that starts or resumes the training, for its figures.
     pub fn command(self, command: String) -> Self {
         Self { command: Some(command), ..self }
+    }
+
+    /// Adds a loss to those of the options. A checkpoint does not hold it: give it again to resume.
+    pub fn loss(mut self, loss: Box<dyn Loss>) -> Self {
+        self.losses.push(loss);
+        self
+    }
+
+    /// Densifies by this strategy in place of the one that the options name, whose milestones stay. A checkpoint does not hold it:
+    /// give it again to resume.
+    pub fn strategy(self, strategy: Box<dyn Strategy>) -> Self {
+        Self { strategy: Some(strategy), ..self }
     }
 
     /// The options.
@@ -178,6 +196,10 @@ impl Loaded {
             observer.event(&Event::ExposureTried(&evidence));
         }
         let mut trainer = builder.trainer(&raster, &dataset, &mut config, start)?;
+        builder.losses.drain(..).for_each(|loss| trainer.add_loss(loss));
+        if let Some(strategy) = builder.strategy.take() {
+            trainer.set_strategy(strategy, &dataset);
+        }
         if let Some(network) = &network {
             trainer.set_network(network)?;
         }

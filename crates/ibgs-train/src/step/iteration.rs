@@ -1,14 +1,13 @@
 //! One iteration of method.md section 7: a training view is rendered, its loss goes backward, and a pass at the end records
 //! all steps of the optimisers.
 
+use super::total::Total;
 use super::{TrainError, Trainer};
 use crate::autodiff::{self, Leaves, SplatGradients};
-use crate::densify::{self, Over, mcmc};
+use crate::densify::{self, Step};
 use crate::optim::Rates;
-use crate::stages::{Total, Work};
 use crate::telemetry::Telemetry;
 use burn::tensor::{Gradients, Tensor};
-use ibgs_core::config::Strategy;
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::{Batch, GpuError, Mark, Pass, flush};
@@ -17,20 +16,20 @@ use ibgs_core::sources::{DevicePhoto, Outside};
 use rand::seq::SliceRandom;
 
 /// The training view of an iteration, rendered.
-struct Rendered {
+pub(super) struct Rendered {
     /// The image in the photo's exposure.
-    shown: Tensor<3>,
-    forward: Forward,
-    image: Tensor<3>,
+    pub shown: Tensor<3>,
+    pub forward: Forward,
+    pub image: Tensor<3>,
     leaves: Leaves,
     /// Exposures of photo and sources, where they are corrected.
-    exposures: Option<Exposures>,
+    pub exposures: Option<Exposures>,
     /// The view's sources.
-    sources: Vec<usize>,
+    pub sources: Vec<usize>,
     /// Its photo.
-    target: DevicePhoto,
+    pub target: DevicePhoto,
     /// Training view.
-    index: usize,
+    pub index: usize,
 }
 
 impl Trainer {
@@ -50,12 +49,14 @@ impl Trainer {
         if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &rendered.exposures) {
             exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(self.iteration));
         }
-        if self.schedule.observes(self.iteration) {
+        if self.schedule.grows_at(self.iteration) {
             self.record_statistics(&mut pass, &rendered, &total, gradients.screen.clone())?;
         }
         self.record_splat_step(&mut pass, gradients);
         if let Some(stages) = &mut self.stages {
-            stages.record_step(&mut pass, &total, &mut all, self.schedule.network_lr(self.iteration));
+            if let Some(network) = &total.network {
+                stages.record_step(&mut pass, network, &mut all, self.schedule.network_lr(self.iteration));
+            }
             stages.keep_depth(&mut pass, index, &rendered.forward)?;
         }
         self.record_check(&mut pass);
@@ -111,40 +112,14 @@ impl Trainer {
         stages.map_or_else(Vec::new, |stages| stages.sources_of(index, iteration))
     }
 
-    /// The whole loss.
-    fn total(&mut self, rendered: &Rendered) -> Result<Total, GpuError> {
-        let Rendered { shown, forward, image, exposures, sources, target, index, .. } = rendered;
-        let Some(stages) = &mut self.stages else {
-            return self.loss.tracked(shown.clone(), target).map(|(loss, scratch)| Total::base(loss, scratch));
-        };
-        stages.total(&Work {
-            iteration: self.iteration,
-            index: *index,
-            target,
-            image,
-            shown,
-            exposures: exposures.as_ref(),
-            sources,
-            forward,
-            loss: &self.loss,
-            schedule: &self.schedule,
-            photos: &self.photos,
-            raster: &self.raster,
-            splats: self.parameters.splats(),
-        })
-    }
-
     /// The gradients of the Gaussians, with those of the strategy's own penalties.
     fn splat_gradients(&self, leaves: &Leaves, all: &mut Gradients) -> SplatGradients {
         let mut gradients = leaves.gradients(all).expect("the loss depends on the image");
-        if self.config.densify.strategy == Strategy::Mcmc {
-            flush();
-            mcmc::penalise(&mut gradients, &self.parameters, &self.config.densify.mcmc);
-        }
+        self.strategy.penalise(&mut gradients, &self.parameters, &self.config.densify);
         gradients
     }
 
-    /// Records what densification learns from the view; `screen` is the gradient by screen position.
+    /// Records what the strategy learns from the view; `screen` is the gradient by screen position.
     fn record_statistics(
         &self,
         pass: &mut Pass,
@@ -152,30 +127,28 @@ impl Trainer {
         total: &Total,
         screen: Tensor<2>,
     ) -> Result<(), GpuError> {
-        let how = match self.config.densify.strategy {
-            Strategy::Default => (Over::Largest, 0.0),
-            _ => (Over::Sum, self.config.densify.near_depth * self.extent),
+        let config = &self.config.densify;
+        let Some(reduction) = self.strategy.reduction(config, self.extent) else {
+            return Ok(());
         };
         let Rendered { shown, forward, target, .. } = rendered;
-        let errors = if self.schedule.counts_errors(self.iteration, &self.config.densify) {
+        let errors = if self.strategy.counts_errors(config) && self.schedule.counts_errors(self.iteration) {
             let (stats, count) = (&total.scratch.stats, self.splats().len());
             Some(densify::covered_errors(&self.gpu, pass, forward, (shown, target), stats, count)?)
         } else {
             None
         };
-        self.statistics.record(pass, screen, forward, how, errors.as_ref());
+        self.statistics.record(pass, screen, forward, reduction, errors.as_ref());
         Ok(())
     }
 
-    /// Records the step of the Gaussians, and the strategy's noise.
+    /// Records the step of the Gaussians, and what the strategy does after it.
     fn record_splat_step(&mut self, pass: &mut Pass, gradients: SplatGradients) {
         let mean_rate = self.schedule.mean_lr(self.iteration, self.extent);
         let rates = Rates::new(&self.config, mean_rate, self.schedule.rate_factor);
         self.optimizer.record_step(pass, gradients, &rates);
-        if self.config.densify.strategy == Strategy::Mcmc {
-            let strength = self.config.densify.mcmc.noise * mean_rate;
-            mcmc::record_noise(pass, self.splats(), strength, self.config.seed, self.iteration);
-        }
+        let step = Step { mean_rate, seed: self.config.seed, iteration: self.iteration };
+        self.strategy.record_after_step(pass, self.splats(), &self.config.densify, &step);
     }
 
     /// Records the count of values that are not finite, in the iterations that count them.

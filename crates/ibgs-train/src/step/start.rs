@@ -5,7 +5,7 @@ use crate::densify::free_space::FreeSpace;
 use crate::densify::{self, Statistics};
 use crate::exposing::Exposing;
 use crate::filter::FilterSizes;
-use crate::loss::ImageLoss;
+use crate::loss::{ImageLoss, losses};
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
 use crate::stages::ImageStages;
@@ -13,7 +13,7 @@ use crate::telemetry::{Recorder, Telemetry};
 use glam::Vec3;
 use ibgs_core::camera::{Camera, scene_extent, usable_extent};
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{Method, Strategy, TrainConfig};
+use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::{Dataset, Point, shown_by_any, unrelated_colors};
 use ibgs_core::eval::EvalError;
 use ibgs_core::raster::Rasterizer;
@@ -142,9 +142,11 @@ impl Trainer {
             filters.update(&gpu, splats);
         }
         let Lengths { extent, prune_length } = Lengths::new(dataset, &scene_cameras, config, &start);
-        let part = if config.densify.strategy == Strategy::Default { config.densify.growth.free_space } else { 0.0 };
+        let strategy = densify::strategy(config.densify.strategy);
+        let part = strategy.free_space(&config.densify);
         let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
         Ok(Self {
+            losses: losses(&gpu, config),
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations()),
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
@@ -156,6 +158,7 @@ impl Trainer {
             queue: Vec::new(),
             extent,
             prune_length,
+            strategy,
             free_space,
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             iteration: 0,

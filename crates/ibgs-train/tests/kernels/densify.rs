@@ -15,7 +15,7 @@ use ibgs_shaders::types::{GatherParams, ObserveParams};
 use ibgs_shaders::{ALPHA_EMPTY, TILE};
 use ibgs_train::autodiff::{Leaves, rasterized};
 use ibgs_train::densify::free_space::NOWHERE;
-use ibgs_train::densify::{Observations, Plan, Round, covered_errors, distance_length, plan};
+use ibgs_train::densify::{Observations, Plan, Round, covered_errors, distance_length, strategy};
 use ibgs_train::loss::ImageLoss;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -51,7 +51,7 @@ fn observations(rows: &[([f32; 4], f32, f32)]) -> Observations {
 }
 
 fn planned(rows: &[([f32; 4], f32, f32)], config: &DensifyConfig, round: &Round<'_>) -> Plan {
-    plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
+    strategy(config.strategy).plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
 }
 
 #[test]

@@ -5,9 +5,9 @@ use ibgs_core::camera::Camera;
 use ibgs_core::config::{DensifyConfig, GrowthConfig};
 use ibgs_core::dataset::Point;
 use ibgs_core::local_space::LocalSpace;
+use ibgs_train::densify::default::{half_opacity, halves};
 use ibgs_train::densify::free_space::{FreeSpace, NOWHERE};
-use ibgs_train::densify::growth::{half_opacity, halves};
-use ibgs_train::densify::{Observations, Plan, Round, plan};
+use ibgs_train::densify::{Growth, Observations, Plan, Round, Strategy};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -38,7 +38,7 @@ fn round(grows: bool, progress: f64) -> Round<'static> {
 }
 
 fn planned(rows: &[(f32, f32, f64)], config: &DensifyConfig, round: &Round<'_>) -> Plan {
-    plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
+    Growth.plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
 }
 
 fn with(growth: GrowthConfig) -> DensifyConfig {
@@ -96,7 +96,7 @@ fn only_what_covers_errors_is_split() {
         row[1] = pixels;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let planned = plan(&o, &config, &round(true, 0.0), &mut rng);
+    let planned = Growth.plan(&o, &config, &round(true, 0.0), &mut rng);
     let split: Vec<u32> = planned.sources.iter().filter(|s| **s & FRESH != 0).map(|s| s & !FRESH).collect();
     assert_eq!(split, [1, 3, 1, 3]);
 }
@@ -127,7 +127,7 @@ fn what_is_not_finite_or_beyond_the_scene_is_pruned() {
     o.means[0][1] = f32::NAN;
     o.log_scales[1][2] = 101f32.ln();
     o.rotations[2][0] = f32::INFINITY;
-    let plan = plan(&o, &DensifyConfig::default(), &round(false, 0.0), &mut ChaCha8Rng::seed_from_u64(1));
+    let plan = Growth.plan(&o, &DensifyConfig::default(), &round(false, 0.0), &mut ChaCha8Rng::seed_from_u64(1));
     assert_eq!(plan.sources, [3]);
 }
 

@@ -8,7 +8,7 @@ use ibgs_shaders::bindings::McmcNoiseBindings;
 use ibgs_shaders::types::McmcNoiseParams;
 use ibgs_train::densify::free_space::NOWHERE;
 use ibgs_train::densify::mcmc::shared;
-use ibgs_train::densify::{Observations, Plan, Round, plan};
+use ibgs_train::densify::{Mcmc, Observations, Plan, Round, Strategy as _};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -38,7 +38,12 @@ fn planned(opacities: &[f32], config: &DensifyConfig) -> Plan {
         until_half: 0,
         free_space: &NOWHERE,
     };
-    plan(&observations, config, &round, &mut ChaCha8Rng::seed_from_u64(2))
+    Mcmc.plan(&observations, config, &round, &mut ChaCha8Rng::seed_from_u64(2))
+}
+
+#[test]
+fn no_gradients_are_looked_at() {
+    assert!(Mcmc.reduction(&config(9), 1.0).is_none());
 }
 
 #[test]

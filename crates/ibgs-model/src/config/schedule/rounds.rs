@@ -1,7 +1,6 @@
 //! When rounds of densification and opacity resets come, and what a round may do (method.md section 7).
 
 use super::Schedule;
-use crate::config::{DensifyConfig, Strategy};
 
 /// Iterations without pruning by opacity after an opacity reset: from 0.01 Adam needs 66 steps of 0.025 in the logit to
 /// reach the pruning threshold of 0.05, so rounds that follow sooner would remove every Gaussian. In the reference
@@ -12,17 +11,11 @@ const RESET_RECOVERY: u32 = 100;
 const ERROR_VIEWS: u32 = 10;
 
 impl Schedule {
-    /// Whether Gaussians are still densified by their gradients at or after `iteration`, so that these must be observed.
-    pub fn observes(&self, iteration: u32) -> bool {
-        self.strategy != Strategy::Mcmc && iteration < self.densify_end
-    }
-
-    /// Whether pixels of large error are counted in this iteration: only in the last iterations before a round, if at
-    /// all.
-    pub fn counts_errors(&self, iteration: u32, densify: &DensifyConfig) -> bool {
+    /// Whether a strategy that needs the pixels of large error counts them in this iteration: only in the last iterations
+    /// before a round.
+    pub fn counts_errors(&self, iteration: u32) -> bool {
         let interval = self.densify_interval.max(1);
-        let counts = self.strategy == Strategy::Default && densify.growth.error_pixels > 0.0;
-        counts && (iteration - 1) % interval + ERROR_VIEWS >= interval
+        (iteration - 1) % interval + ERROR_VIEWS >= interval
     }
 
     /// Whether a round of densification and pruning follows this iteration.
@@ -32,7 +25,7 @@ impl Schedule {
             && iteration.is_multiple_of(self.densify_interval.max(1))
     }
 
-    /// Whether a round at this iteration may add Gaussians.
+    /// Whether a round at or after this iteration may add Gaussians, so that their gradients count.
     pub fn grows_at(&self, iteration: u32) -> bool {
         iteration < self.densify_end
     }
@@ -43,12 +36,10 @@ impl Schedule {
         if iteration <= half { (half - iteration) / self.densify_interval.max(1) + 1 } else { 0 }
     }
 
-    /// Whether opacities are reset after this iteration; never once densification has ended, nor with MCMC.
+    /// Whether opacities are reset after this iteration, with a strategy that resets them; never once densification has ended.
     pub fn reset_opacity_at(&self, iteration: u32) -> bool {
         let regular = iteration > 0 && iteration.is_multiple_of(self.opacity_reset_interval.max(1));
-        matches!(self.strategy, Strategy::Published | Strategy::AbsGs)
-            && iteration < self.densify_end
-            && (regular || self.white_reset == Some(iteration))
+        self.resets_opacity && iteration < self.densify_end && (regular || self.white_reset == Some(iteration))
     }
 
     /// Whether a round at this iteration prunes large Gaussians too.
@@ -73,7 +64,7 @@ impl Schedule {
 mod tests {
     use super::super::tests::{published, schedule, times};
     use super::*;
-    use crate::config::{Background, TrainConfig};
+    use crate::config::{Background, Strategy, TrainConfig};
 
     #[test]
     fn rounds_soon_after_a_reset_do_not_prune_by_opacity() {
@@ -96,7 +87,7 @@ mod tests {
         let rounds = times(30_000, |i| s.densify_at(i));
         assert_eq!((rounds[0], rounds[1], *rounds.last().unwrap()), (600, 800, 29_800));
         assert_eq!(rounds.into_iter().rfind(|&i| s.grows_at(i)), Some(20_800));
-        assert!(s.observes(20_999) && !s.observes(21_000));
+        assert!(s.grows_at(20_999) && !s.grows_at(21_000));
         assert_eq!((s.progress(0), s.progress(15_000)), (0.0, 0.5));
         let short = Schedule::new(&config, 2_000);
         let rounds = times(2_000, |i| short.densify_at(i));
@@ -111,7 +102,7 @@ mod tests {
         let mut config = TrainConfig { background: Some(Background::WHITE), ..TrainConfig::default() };
         config.densify.strategy = Strategy::Mcmc;
         let s = Schedule::new(&config, 30_000);
-        assert!(times(30_000, |i| s.reset_opacity_at(i) || s.observes(i)).is_empty());
+        assert!(times(30_000, |i| s.reset_opacity_at(i)).is_empty());
         assert_eq!(times(30_000, |i| s.densify_at(i)).last(), Some(&24_900));
         assert_eq!((config.densify.most(), config.start()), (1_000_000, [0.5, 0.1]));
     }

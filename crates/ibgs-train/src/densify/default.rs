@@ -4,7 +4,7 @@
 //! constants of Brush 1.0, which also has the screen-size rule. On request only those are split that cover pixels of large error (Ren et al.,
 //! FastGS, 2025).
 
-use super::{FRESH, Observations, Plan, Round, sigmoid};
+use super::{FRESH, Observations, Over, Plan, Reduction, Round, Strategy, sigmoid};
 use glam::{Quat, Vec3};
 use ibgs_core::config::{DensifyConfig, GrowthConfig};
 use rand::Rng;
@@ -82,8 +82,30 @@ fn draw(
     amount
 }
 
+/// The strategy `default`.
+#[derive(Clone, Copy, Debug)]
+pub struct Growth;
+
+impl Strategy for Growth {
+    fn reduction(&self, _: &DensifyConfig, _: f64) -> Option<Reduction> {
+        Some(Reduction { over: Over::Largest, near_depth: 0.0 })
+    }
+
+    fn counts_errors(&self, config: &DensifyConfig) -> bool {
+        config.growth.error_pixels > 0.0
+    }
+
+    fn free_space(&self, config: &DensifyConfig) -> f64 {
+        config.growth.free_space
+    }
+
+    fn plan(&self, o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
+        plan(o, config, round, rng)
+    }
+}
+
 /// Prunes, chooses what is split, splits, and lets the opacities fade.
-pub(super) fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
+fn plan(o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan {
     let n = o.means.len();
     let growth = &config.growth;
     let opacities: Vec<f64> = o.opacity_logits.par_iter().map(|&logit| sigmoid(logit)).collect();
