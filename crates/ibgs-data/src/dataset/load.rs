@@ -51,6 +51,7 @@ fn load_folder(
         points_from: PointsFrom::Scene,
         extent: options.extent,
         backdrop: None,
+        glossy: None,
         notes: std::mem::take(&mut scene.notes),
     };
     dataset.notes.extend(notes::missing(&scene.missing, scene.frames.len()));

@@ -157,6 +157,8 @@ pub struct Dataset {
     pub extent: Option<f64>,
     /// What the photos' alpha means, where they show an object with nothing around it, and the colour to show it on.
     pub backdrop: Option<(Alpha, [u8; 3])>,
+    /// Which pixels of a view, row by row, show something glossy or mirror-like: of a scene that was made and so is known.
+    pub glossy: Option<fn(&Camera) -> Vec<bool>>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
     pub notes: Vec<String>,
 }
