@@ -6,12 +6,12 @@
 
 use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes};
-use super::info::{Beside, Inspected};
+use super::format::not_a_scene;
 use super::lens::{Distortion, Lens, Pose};
 use super::masks::MaskFinder;
 use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
-use super::{LoadOptions, Scene, SceneKind, nerf, npy};
+use super::{LoadOptions, Loader, Scene, SceneKind, npy};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
@@ -44,9 +44,22 @@ fn listing(scene: &Path) -> Option<PathBuf> {
     FILES.iter().map(|name| scene.join(name)).find(|path| path.is_file())
 }
 
-/// Whether the path is such an archive or a folder with one.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    listing(scene).is_some()
+/// Such an archive, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct Neus;
+
+impl Loader for Neus {
+    fn shown_by(&self) -> &str {
+        "cameras_sphere.npz (NeuS)"
+    }
+
+    fn is_scene(&self, path: &Path) -> bool {
+        listing(path).is_some()
+    }
+
+    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        read(path, options)
+    }
 }
 
 /// A projection taken apart.
@@ -189,8 +202,8 @@ fn masks(root: &Path, photos: &[PathBuf]) -> Vec<Option<PathBuf>> {
 }
 
 /// Reads the cameras and finds the photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene).ok_or_else(|| DatasetError::NotAScene { path: scene.to_owned() })?;
+fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+    let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
     let root = super::root(&listing).to_owned();
     let folder = photo_folder(&root, options)?;
     let cameras = cameras(&listing, &read_bytes(&listing)?)?;
@@ -215,28 +228,13 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         let lens = frames.last().map(|frame| frame.lens).filter(|lens| is_same(lens, &own)).unwrap_or(own);
         frames.push(ListedPhoto { name, photo, mask, lens, pose: camera.pose, prescaled: false, key: None });
     }
-    Ok(Scene {
-        kind: SceneKind::Neus,
-        listing,
-        frames,
-        missing: Vec::new(),
-        unsolved: Vec::new(),
-        points: Vec::new(),
-        point_files: POINTS.iter().map(|name| root.join(name)).collect(),
-        split: None,
-        beside: Beside::SameFolders,
-        notes: Vec::new(),
-    })
+    let point_files = POINTS.iter().map(|name| root.join(name)).collect();
+    Ok(Scene { point_files, ..Scene::new(SceneKind::new("neus", "NeuS"), listing, frames) })
 }
 
 fn is_same(a: &Lens, b: &Lens) -> bool {
     let is_near = |a: DVec2, b: DVec2| a.abs_diff_eq(b, SAME);
     [a.width, a.height] == [b.width, b.height] && is_near(a.focal, b.focal) && is_near(a.principal, b.principal)
-}
-
-/// Metadata only.
-pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    nerf::inspected(read(scene, &LoadOptions::default())?)
 }
 
 #[cfg(test)]

@@ -11,13 +11,13 @@
 
 use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes, without_mark};
-use super::info::{Beside, Inspected};
+use super::format::not_a_scene;
+use super::info::Beside;
 use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::{MaskFinder, is_mask};
 use super::names::{Inside, Photo, PhotoFolders, RelativeTo, photos_below, photos_in};
-use super::nerf;
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{LoadOptions, Scene, SceneKind};
+use super::{LoadOptions, Loader, Scene, SceneKind};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -72,9 +72,22 @@ fn listings(scene: &Path) -> Vec<PathBuf> {
     listings
 }
 
-/// Whether the path is a list of cameras or a folder with one.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    !listings(scene).is_empty()
+/// A list of cameras, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct RealityCapture;
+
+impl Loader for RealityCapture {
+    fn shown_by(&self) -> &str {
+        "list of cameras (.csv, RealityCapture)"
+    }
+
+    fn is_scene(&self, path: &Path) -> bool {
+        !listings(path).is_empty()
+    }
+
+    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        read(path, options)
+    }
 }
 
 fn listing(scene: &Path) -> Result<PathBuf, DatasetError> {
@@ -86,7 +99,7 @@ fn listing(scene: &Path) -> Result<PathBuf, DatasetError> {
             let names = all.filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()));
             Err(DatasetError::SeveralListings { path: scene.to_owned(), files: names.collect() })
         }
-        (None, _) => Err(DatasetError::NotAScene { path: scene.to_owned() }),
+        (None, _) => Err(not_a_scene(scene)),
     }
 }
 
@@ -228,7 +241,7 @@ impl ByFileName {
 }
 
 /// Reads the list and finds its photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let listing = listing(scene)?;
     let root = super::root(&listing).to_owned();
     let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
@@ -246,7 +259,7 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
         let Inside { name, .. } = inside;
         let (photo, prescaled) = match (photo, elsewhere.find(&name)) {
             (Photo::Found(photo, prescaled), _) => (photo, prescaled),
-            (Photo::Missing(_), Some(photo)) => (photo, folders.reduced().is_some()),
+            (Photo::Missing(_), Some(photo)) => (photo, folders.is_reduced()),
             (Photo::Missing(path), None) => {
                 missing.push(path);
                 continue;
@@ -260,17 +273,13 @@ pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, Dataset
     }
     let main = folders.main();
     let beside = if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders };
+    let kind = SceneKind::new("reality_capture", "RealityCapture");
     Ok(Scene {
-        kind: SceneKind::RealityCapture,
         point_files: clouds(&root),
-        listing,
-        frames,
         missing,
-        unsolved: Vec::new(),
-        points: Vec::new(),
-        split: None,
         beside,
         notes: absolute.note().into_iter().collect(),
+        ..Scene::new(kind, listing, frames)
     })
 }
 
@@ -281,11 +290,6 @@ fn clouds(root: &Path) -> Vec<PathBuf> {
     let mut clouds: Vec<PathBuf> = entries.filter(is_ply).collect();
     clouds.sort();
     clouds
-}
-
-/// Metadata only.
-pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    nerf::inspected(read(scene, &LoadOptions::default())?)
 }
 
 #[cfg(test)]
