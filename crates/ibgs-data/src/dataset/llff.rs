@@ -25,24 +25,6 @@ fn listing(scene: &Path) -> Option<PathBuf> {
     Some(path).filter(|path| is_array && path.is_file())
 }
 
-/// Such a file, or a folder with one.
-#[derive(Debug)]
-pub(crate) struct Llff;
-
-impl Loader for Llff {
-    fn shown_by(&self) -> &str {
-        "poses_bounds.npy (LLFF)"
-    }
-
-    fn is_scene(&self, path: &Path) -> bool {
-        listing(path).is_some()
-    }
-
-    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-        read(path, options)
-    }
-}
-
 /// The lens and the pose in a row.
 fn camera(row: &[f64]) -> Result<(Lens, Pose), String> {
     if row[..15].iter().any(|v| !v.is_finite()) {
@@ -95,31 +77,45 @@ fn names(root: &Path, photos: &[PathBuf], is_reduced: bool) -> Vec<String> {
     named.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
 }
 
-/// Reads the poses and finds the photos.
-fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
-    let root = super::root(&listing).to_owned();
-    let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
-    let folder = folders.main();
-    if !folder.is_dir() {
-        return Err(DatasetError::NoPhotoFolder { path: folder });
+/// Such a file, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct Llff;
+
+impl Loader for Llff {
+    fn shown_by(&self) -> &str {
+        "poses_bounds.npy (LLFF)"
     }
-    let cameras = cameras(&listing, &read_bytes(&listing)?)?;
-    let photos = photos_in(&folder);
-    if photos.len() != cameras.len() {
-        let (poses, photos) = (cameras.len(), photos.len());
-        return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
+
+    fn is_scene(&self, path: &Path) -> bool {
+        listing(path).is_some()
     }
-    let names = names(&root, &photos, folders.is_reduced());
-    let mut frames = Vec::with_capacity(photos.len());
-    let masks = MaskFinder::new(&root);
-    for ((photo, name), (lens, pose)) in photos.into_iter().zip(names).zip(cameras) {
-        if inside(&name, |_| true).is_none() {
-            return Err(DatasetError::ImageName { path: listing, name });
+
+    /// Reads the poses and finds the photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
+        let root = super::root(&listing).to_owned();
+        let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
+        let folder = folders.main();
+        if !folder.is_dir() {
+            return Err(DatasetError::NoPhotoFolder { path: folder });
         }
-        let mask = masks.find(&name, &photo);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled: folders.is_reduced(), key: None });
+        let cameras = cameras(&listing, &read_bytes(&listing)?)?;
+        let photos = photos_in(&folder);
+        if photos.len() != cameras.len() {
+            let (poses, photos) = (cameras.len(), photos.len());
+            return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
+        }
+        let names = names(&root, &photos, folders.is_reduced());
+        let mut frames = Vec::with_capacity(photos.len());
+        let masks = MaskFinder::new(&root);
+        for ((photo, name), (lens, pose)) in photos.into_iter().zip(names).zip(cameras) {
+            if inside(&name, |_| true).is_none() {
+                return Err(DatasetError::ImageName { path: listing, name });
+            }
+            let mask = masks.find(&name, &photo);
+            frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled: folders.is_reduced(), key: None });
+        }
+        let kind = SceneKind::new("llff", "LLFF");
+        Ok(Scene { notes: folders.reduced_note().into_iter().collect(), ..Scene::new(kind, listing, frames) })
     }
-    let kind = SceneKind::new("llff", "LLFF");
-    Ok(Scene { notes: folders.reduced_note().into_iter().collect(), ..Scene::new(kind, listing, frames) })
 }

@@ -174,6 +174,18 @@ fn listings(scene: &Path) -> Option<Listings> {
     Some(Listings { kind: BLENDER, notes: notes.collect(), first, held_out: used })
 }
 
+/// What is gathered while the files are read.
+struct Reading<'a> {
+    root: &'a Path,
+    masks: MaskFinder<'a>,
+    folders: PhotoFolders,
+    frames: Vec<ListedPhoto>,
+    missing: Vec<PathBuf>,
+    point_files: Vec<PathBuf>,
+    absolute: AbsoluteNames,
+    notes: Vec<String>,
+}
+
 /// A `transforms.json`, or a folder with one or with Blender's files.
 #[derive(Debug)]
 pub(crate) struct Transforms;
@@ -187,55 +199,39 @@ impl Loader for Transforms {
         listings(path).is_some()
     }
 
-    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-        read(path, options)
+    /// Reads the listing and finds its photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let Listings { kind, first: listing, held_out, notes } = listings(scene).ok_or_else(|| not_a_scene(scene))?;
+        let root = super::root(&listing);
+        let folders = PhotoFolders::new(root, RelativeTo::Scene, options);
+        if let Some(path) = folders.absent() {
+            return Err(DatasetError::NoPhotoFolder { path });
+        }
+        let mut reading = Reading {
+            root,
+            masks: MaskFinder::new(root),
+            folders,
+            frames: Vec::new(),
+            missing: Vec::new(),
+            point_files: Vec::new(),
+            absolute: AbsoluteNames::default(),
+            notes,
+        };
+        let mut split = reading.read_file(&listing, options)?;
+        if let Some((by, path)) = held_out {
+            let training = reading.frames.len();
+            reading.read_file(&path, options)?;
+            let test = reading.frames[training..].iter().map(|frame| frame.name.clone()).collect();
+            split = Some(StatedSplit { test, by, ..StatedSplit::default() });
+        }
+        let Reading { folders, frames, missing, point_files, absolute, mut notes, .. } = reading;
+        notes.extend(folders.reduced_note().filter(|_| frames.iter().any(|frame| frame.prescaled)));
+        notes.extend(absolute.note());
+        let of_objects = kind == BLENDER;
+        // Depths and normals lie among Blender's photos.
+        let beside = if of_objects { Beside::Nowhere } else { Beside::SameFolders };
+        Ok(Scene { missing, point_files, split, beside, of_objects, notes, ..Scene::new(kind, listing, frames) })
     }
-}
-
-/// What is gathered while the files are read.
-struct Reading<'a> {
-    root: &'a Path,
-    masks: MaskFinder<'a>,
-    folders: PhotoFolders,
-    frames: Vec<ListedPhoto>,
-    missing: Vec<PathBuf>,
-    point_files: Vec<PathBuf>,
-    absolute: AbsoluteNames,
-    notes: Vec<String>,
-}
-
-/// Reads the listing and finds its photos.
-fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let Listings { kind, first: listing, held_out, notes } = listings(scene).ok_or_else(|| not_a_scene(scene))?;
-    let root = super::root(&listing);
-    let folders = PhotoFolders::new(root, RelativeTo::Scene, options);
-    if let Some(path) = folders.absent() {
-        return Err(DatasetError::NoPhotoFolder { path });
-    }
-    let mut reading = Reading {
-        root,
-        masks: MaskFinder::new(root),
-        folders,
-        frames: Vec::new(),
-        missing: Vec::new(),
-        point_files: Vec::new(),
-        absolute: AbsoluteNames::default(),
-        notes,
-    };
-    let mut split = reading.read_file(&listing, options)?;
-    if let Some((by, path)) = held_out {
-        let training = reading.frames.len();
-        reading.read_file(&path, options)?;
-        let test = reading.frames[training..].iter().map(|frame| frame.name.clone()).collect();
-        split = Some(StatedSplit { test, by, ..StatedSplit::default() });
-    }
-    let Reading { folders, frames, missing, point_files, absolute, mut notes, .. } = reading;
-    notes.extend(folders.reduced_note().filter(|_| frames.iter().any(|frame| frame.prescaled)));
-    notes.extend(absolute.note());
-    let of_objects = kind == BLENDER;
-    // Depths and normals lie among Blender's photos.
-    let beside = if of_objects { Beside::Nowhere } else { Beside::SameFolders };
-    Ok(Scene { missing, point_files, split, beside, of_objects, notes, ..Scene::new(kind, listing, frames) })
 }
 
 impl Reading<'_> {

@@ -44,24 +44,6 @@ fn listing(scene: &Path) -> Option<PathBuf> {
     FILES.iter().map(|name| scene.join(name)).find(|path| path.is_file())
 }
 
-/// Such an archive, or a folder with one.
-#[derive(Debug)]
-pub(crate) struct Neus;
-
-impl Loader for Neus {
-    fn shown_by(&self) -> &str {
-        "cameras_sphere.npz (NeuS)"
-    }
-
-    fn is_scene(&self, path: &Path) -> bool {
-        listing(path).is_some()
-    }
-
-    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-        read(path, options)
-    }
-}
-
 /// A projection taken apart.
 #[derive(Debug)]
 struct Camera {
@@ -201,35 +183,49 @@ fn masks(root: &Path, photos: &[PathBuf]) -> Vec<Option<PathBuf>> {
     photos.iter().map(of).collect()
 }
 
-/// Reads the cameras and finds the photos.
-fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
-    let root = super::root(&listing).to_owned();
-    let folder = photo_folder(&root, options)?;
-    let cameras = cameras(&listing, &read_bytes(&listing)?)?;
-    let photos = photos_in(&folder);
-    if photos.len() != cameras.len() {
-        let (poses, photos) = (cameras.len(), photos.len());
-        return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
+/// Such an archive, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct Neus;
+
+impl Loader for Neus {
+    fn shown_by(&self) -> &str {
+        "cameras_sphere.npz (NeuS)"
     }
-    let masks = masks(&root, &photos);
-    let mut frames: Vec<ListedPhoto> = Vec::with_capacity(photos.len());
-    for (index, ((photo, mask), camera)) in photos.into_iter().zip(masks).zip(cameras).enumerate() {
-        let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if inside(&name, |_| true).is_none() {
-            return Err(DatasetError::ImageName { path: listing, name });
+
+    fn is_scene(&self, path: &Path) -> bool {
+        listing(path).is_some()
+    }
+
+    /// Reads the cameras and finds the photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
+        let root = super::root(&listing).to_owned();
+        let folder = photo_folder(&root, options)?;
+        let cameras = cameras(&listing, &read_bytes(&listing)?)?;
+        let photos = photos_in(&folder);
+        if photos.len() != cameras.len() {
+            let (poses, photos) = (cameras.len(), photos.len());
+            return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
         }
-        let own = camera.lens(photo_size(&photo)?).map_err(|problem| DatasetError::Intrinsics {
-            path: listing.clone(),
-            camera: format!("`{MATRIX}{index}` ({name})"),
-            problem,
-        })?;
-        // Rounding in the matrices makes one camera many.
-        let lens = frames.last().map(|frame| frame.lens).filter(|lens| is_same(lens, &own)).unwrap_or(own);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose: camera.pose, prescaled: false, key: None });
+        let masks = masks(&root, &photos);
+        let mut frames: Vec<ListedPhoto> = Vec::with_capacity(photos.len());
+        for (index, ((photo, mask), camera)) in photos.into_iter().zip(masks).zip(cameras).enumerate() {
+            let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if inside(&name, |_| true).is_none() {
+                return Err(DatasetError::ImageName { path: listing, name });
+            }
+            let own = camera.lens(photo_size(&photo)?).map_err(|problem| DatasetError::Intrinsics {
+                path: listing.clone(),
+                camera: format!("`{MATRIX}{index}` ({name})"),
+                problem,
+            })?;
+            // Rounding in the matrices makes one camera many.
+            let lens = frames.last().map(|frame| frame.lens).filter(|lens| is_same(lens, &own)).unwrap_or(own);
+            frames.push(ListedPhoto { name, photo, mask, lens, pose: camera.pose, prescaled: false, key: None });
+        }
+        let point_files = POINTS.iter().map(|name| root.join(name)).collect();
+        Ok(Scene { point_files, ..Scene::new(SceneKind::new("neus", "NeuS"), listing, frames) })
     }
-    let point_files = POINTS.iter().map(|name| root.join(name)).collect();
-    Ok(Scene { point_files, ..Scene::new(SceneKind::new("neus", "NeuS"), listing, frames) })
 }
 
 fn is_same(a: &Lens, b: &Lens) -> bool {

@@ -72,24 +72,6 @@ fn listings(scene: &Path) -> Vec<PathBuf> {
     listings
 }
 
-/// A list of cameras, or a folder with one.
-#[derive(Debug)]
-pub(crate) struct RealityCapture;
-
-impl Loader for RealityCapture {
-    fn shown_by(&self) -> &str {
-        "list of cameras (.csv, RealityCapture)"
-    }
-
-    fn is_scene(&self, path: &Path) -> bool {
-        !listings(path).is_empty()
-    }
-
-    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-        read(path, options)
-    }
-}
-
 fn listing(scene: &Path) -> Result<PathBuf, DatasetError> {
     let mut listings = listings(scene);
     match (listings.pop(), listings.is_empty()) {
@@ -240,47 +222,61 @@ impl ByFileName {
     }
 }
 
-/// Reads the list and finds its photos.
-fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene)?;
-    let root = super::root(&listing).to_owned();
-    let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
-    if let Some(path) = folders.absent() {
-        return Err(DatasetError::NoPhotoFolder { path });
+/// A list of cameras, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct RealityCapture;
+
+impl Loader for RealityCapture {
+    fn shown_by(&self) -> &str {
+        "list of cameras (.csv, RealityCapture)"
     }
-    let elsewhere = ByFileName::new(&folders, &root);
-    let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
-    let masks = MaskFinder::new(&root);
-    for row in rows(&listing, &read_bytes(&listing)?)? {
-        let refuse = || DatasetError::ImageName { path: listing.clone(), name: row.name.clone() };
-        let (inside, photo) = folders.resolve(&row.name).ok_or_else(refuse)?;
-        let pose = row.pose().map_err(|problem| DatasetError::line(&listing, row.line, problem))?;
-        absolute.add(&root, &row.name, &inside);
-        let Inside { name, .. } = inside;
-        let (photo, prescaled) = match (photo, elsewhere.find(&name)) {
-            (Photo::Found(photo, prescaled), _) => (photo, prescaled),
-            (Photo::Missing(_), Some(photo)) => (photo, folders.is_reduced()),
-            (Photo::Missing(path), None) => {
-                missing.push(path);
-                continue;
-            }
-        };
-        let camera = format!("line {} (`{name}`)", row.line);
-        let lens = row.lens(photo_size(&photo)?);
-        let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
-        let mask = masks.find(&name, &photo);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
+
+    fn is_scene(&self, path: &Path) -> bool {
+        !listings(path).is_empty()
     }
-    let main = folders.main();
-    let beside = if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders };
-    let kind = SceneKind::new("reality_capture", "RealityCapture");
-    Ok(Scene {
-        point_files: clouds(&root),
-        missing,
-        beside,
-        notes: absolute.note().into_iter().collect(),
-        ..Scene::new(kind, listing, frames)
-    })
+
+    /// Reads the list and finds its photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let listing = listing(scene)?;
+        let root = super::root(&listing).to_owned();
+        let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
+        if let Some(path) = folders.absent() {
+            return Err(DatasetError::NoPhotoFolder { path });
+        }
+        let elsewhere = ByFileName::new(&folders, &root);
+        let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
+        let masks = MaskFinder::new(&root);
+        for row in rows(&listing, &read_bytes(&listing)?)? {
+            let refuse = || DatasetError::ImageName { path: listing.clone(), name: row.name.clone() };
+            let (inside, photo) = folders.resolve(&row.name).ok_or_else(refuse)?;
+            let pose = row.pose().map_err(|problem| DatasetError::line(&listing, row.line, problem))?;
+            absolute.add(&root, &row.name, &inside);
+            let Inside { name, .. } = inside;
+            let (photo, prescaled) = match (photo, elsewhere.find(&name)) {
+                (Photo::Found(photo, prescaled), _) => (photo, prescaled),
+                (Photo::Missing(_), Some(photo)) => (photo, folders.is_reduced()),
+                (Photo::Missing(path), None) => {
+                    missing.push(path);
+                    continue;
+                }
+            };
+            let camera = format!("line {} (`{name}`)", row.line);
+            let lens = row.lens(photo_size(&photo)?);
+            let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
+            let mask = masks.find(&name, &photo);
+            frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
+        }
+        let main = folders.main();
+        let beside = if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders };
+        let kind = SceneKind::new("reality_capture", "RealityCapture");
+        Ok(Scene {
+            point_files: clouds(&root),
+            missing,
+            beside,
+            notes: absolute.note().into_iter().collect(),
+            ..Scene::new(kind, listing, frames)
+        })
+    }
 }
 
 /// The point clouds beside the list, by name.

@@ -258,66 +258,109 @@ impl Loader for Colmap {
         !self.models(path).is_empty()
     }
 
-    fn read(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-        read(*self, path, options)
-    }
-
-    fn inspect(&self, path: &Path) -> Result<Inspected, DatasetError> {
-        inspect(*self, path)
-    }
-}
-
-/// Reads the largest model and finds its photos.
-fn read(layout: Colmap, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let Chosen { files, images, models } = layout.largest(scene)?;
-    let cameras = files.cameras()?;
-    let folders = PhotoFolders::new(scene, RelativeTo::Photos, options);
-    let (images_path, masks) = (files.path("images"), MaskFinder::new(scene));
-    let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
-    let mut unsolved = Unsolved::default();
-    for record in &images {
-        let (inside, photo) = folders.resolve(&record.name).ok_or_else(|| record.bad_name(&images_path))?;
-        let (pose, lens) = match posed(record, &cameras, &files) {
-            Ok(posed) => posed,
-            Err(Unposed::Unsolved(error)) => {
-                unsolved.add(&record.name, photo, error);
-                continue;
+    /// Reads the largest model and finds its photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let Chosen { files, images, models } = self.largest(scene)?;
+        let cameras = files.cameras()?;
+        let folders = PhotoFolders::new(scene, RelativeTo::Photos, options);
+        let (images_path, masks) = (files.path("images"), MaskFinder::new(scene));
+        let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
+        let mut unsolved = Unsolved::default();
+        for record in &images {
+            let (inside, photo) = folders.resolve(&record.name).ok_or_else(|| record.bad_name(&images_path))?;
+            let (pose, lens) = match posed(record, &cameras, &files) {
+                Ok(posed) => posed,
+                Err(Unposed::Unsolved(error)) => {
+                    unsolved.add(&record.name, photo, error);
+                    continue;
+                }
+                Err(Unposed::Wrong(error)) => return Err(error),
+            };
+            absolute.add(scene, &record.name, &inside);
+            let name = inside.name;
+            match photo {
+                Photo::Found(photo, prescaled) => {
+                    let mask = masks.find(&name, &photo);
+                    frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
+                }
+                Photo::Missing(path) => missing.push(path),
             }
-            Err(Unposed::Wrong(error)) => return Err(error),
-        };
-        absolute.add(scene, &record.name, &inside);
-        let name = inside.name;
-        match photo {
-            Photo::Found(photo, prescaled) => {
-                let mask = masks.find(&name, &photo);
-                frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
-            }
-            Photo::Missing(path) => missing.push(path),
         }
+        if let (true, true, Some(error)) = (frames.is_empty(), missing.is_empty(), unsolved.first.take()) {
+            return Err(error);
+        }
+        let main = folders.main();
+        if frames.is_empty() && !main.is_dir() {
+            return Err(DatasetError::NoPhotoFolder { path: main });
+        }
+        let notes = models::note(&models).into_iter().chain(unsolved.note(&files)).chain(absolute.note());
+        let mut notes: Vec<String> = notes.collect();
+        notes.extend(folders.reduced_note());
+        let mut points = files.points()?;
+        if options.filter_points {
+            points = sparse::reliable(points, &mut notes);
+        }
+        Ok(Scene {
+            missing,
+            unsolved: unsolved.photos,
+            points: points.into_iter().map(|sparse| sparse.point).collect(),
+            point_files: vec![files.folder.join("points3D.ply")],
+            beside: beside(main),
+            notes,
+            ..Scene::new(kind(&files), images_path, frames)
+        })
     }
-    if let (true, true, Some(error)) = (frames.is_empty(), missing.is_empty(), unsolved.first.take()) {
-        return Err(error);
+
+    /// Metadata only; unsupported camera models and absent photos are reported, not refused.
+    fn inspect(&self, scene: &Path) -> Result<Inspected, DatasetError> {
+        let Chosen { files, images, models } = self.largest(scene)?;
+        let cameras = files.cameras()?;
+        let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
+        for image in &images {
+            *uses.entry(image.camera).or_default() += 1;
+        }
+        let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
+        let folders = PhotoFolders::new(scene, RelativeTo::Photos, &LoadOptions::default());
+        let (mut found, mut missing, mut unsolved) = (Vec::new(), Vec::new(), Unsolved::default());
+        let (mut refused, masks) = (None, MaskFinder::new(scene));
+        for image in &images {
+            let Some((Inside { name, .. }, photo)) = folders.resolve(&image.name) else {
+                refused = refused.or_else(|| Some(image.bad_name(&files.path("images"))));
+                missing.push(image.name.replace(char::is_control, "?"));
+                continue;
+            };
+            match (posed(image, &cameras, &files), photo) {
+                (Err(Unposed::Unsolved(error)), photo) => unsolved.add(&image.name, photo, error),
+                (posed, photo) => {
+                    if let Err(Unposed::Wrong(error)) = posed {
+                        refused = refused.or(Some(error));
+                    }
+                    match photo {
+                        Photo::Found(photo, _) => found.push(Found { mask: masks.find(&name, &photo), name, photo }),
+                        Photo::Missing(_) => missing.push(image.name.replace(char::is_control, "?")),
+                    }
+                }
+            }
+        }
+        if found.is_empty() && missing.is_empty() {
+            refused = refused.or(unsolved.first.take());
+        }
+        Ok(Inspected {
+            kind: kind(&files),
+            listing: files.path("images"),
+            models,
+            images: images.len() - unsolved.count(),
+            cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
+            points: files.points()?.len(),
+            missing,
+            found,
+            notes: unsolved.note(&files).into_iter().collect(),
+            unsolved: unsolved.photos,
+            beside: beside(folders.main()),
+            split: None,
+            refused,
+        })
     }
-    let main = folders.main();
-    if frames.is_empty() && !main.is_dir() {
-        return Err(DatasetError::NoPhotoFolder { path: main });
-    }
-    let notes = models::note(&models).into_iter().chain(unsolved.note(&files)).chain(absolute.note());
-    let mut notes: Vec<String> = notes.collect();
-    notes.extend(folders.reduced_note());
-    let mut points = files.points()?;
-    if options.filter_points {
-        points = sparse::reliable(points, &mut notes);
-    }
-    Ok(Scene {
-        missing,
-        unsolved: unsolved.photos,
-        points: points.into_iter().map(|sparse| sparse.point).collect(),
-        point_files: vec![files.folder.join("points3D.ply")],
-        beside: beside(main),
-        notes,
-        ..Scene::new(kind(&files), images_path, frames)
-    })
 }
 
 fn kind(files: &ModelFiles) -> SceneKind {
@@ -325,55 +368,4 @@ fn kind(files: &ModelFiles) -> SceneKind {
         true => SceneKind::new("colmap_text", "COLMAP, text"),
         false => SceneKind::new("colmap_binary", "COLMAP, binary"),
     }
-}
-
-/// Metadata only; unsupported camera models and absent photos are reported, not refused.
-fn inspect(layout: Colmap, scene: &Path) -> Result<Inspected, DatasetError> {
-    let Chosen { files, images, models } = layout.largest(scene)?;
-    let cameras = files.cameras()?;
-    let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
-    for image in &images {
-        *uses.entry(image.camera).or_default() += 1;
-    }
-    let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
-    let folders = PhotoFolders::new(scene, RelativeTo::Photos, &LoadOptions::default());
-    let (mut found, mut missing, mut unsolved) = (Vec::new(), Vec::new(), Unsolved::default());
-    let (mut refused, masks) = (None, MaskFinder::new(scene));
-    for image in &images {
-        let Some((Inside { name, .. }, photo)) = folders.resolve(&image.name) else {
-            refused = refused.or_else(|| Some(image.bad_name(&files.path("images"))));
-            missing.push(image.name.replace(char::is_control, "?"));
-            continue;
-        };
-        match (posed(image, &cameras, &files), photo) {
-            (Err(Unposed::Unsolved(error)), photo) => unsolved.add(&image.name, photo, error),
-            (posed, photo) => {
-                if let Err(Unposed::Wrong(error)) = posed {
-                    refused = refused.or(Some(error));
-                }
-                match photo {
-                    Photo::Found(photo, _) => found.push(Found { mask: masks.find(&name, &photo), name, photo }),
-                    Photo::Missing(_) => missing.push(image.name.replace(char::is_control, "?")),
-                }
-            }
-        }
-    }
-    if found.is_empty() && missing.is_empty() {
-        refused = refused.or(unsolved.first.take());
-    }
-    Ok(Inspected {
-        kind: kind(&files),
-        listing: files.path("images"),
-        models,
-        images: images.len() - unsolved.count(),
-        cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
-        points: files.points()?.len(),
-        missing,
-        found,
-        notes: unsolved.note(&files).into_iter().collect(),
-        unsolved: unsolved.photos,
-        beside: beside(folders.main()),
-        split: None,
-        refused,
-    })
 }
