@@ -7,8 +7,9 @@
 #![expect(clippy::print_stdout, reason = "an example")]
 
 use ibgs_core::config::TrainConfig;
-use ibgs_core::demo::{self, DemoOptions};
+
 use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use};
+use ibgs_demo::DemoOptions;
 use ibgs_train::Session;
 use ibgs_train::autodiff::for_burn;
 use ibgs_train::burn::tensor::Tensor;
@@ -49,7 +50,7 @@ impl Observer for Printer {
 fn main() -> Result<(), Box<dyn Error>> {
     let output = std::env::args_os().nth(1).map(PathBuf::from).ok_or("give an output folder")?;
     let config = TrainConfig { iterations: Some(200), ..TrainConfig::default() };
-    let dataset = demo::load(&DemoOptions::small(), None, &())?;
+    let dataset = ibgs_demo::load(&DemoOptions::small(), None, &())?;
     let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
     let session = Session::builder(config).dataset(dataset).output(Output::at(output)).checkpoint_every(None);
     let session = session.loss(Box::new(Smoothness { weight: 0.01 }));

@@ -8,9 +8,10 @@
 #![expect(clippy::print_stdout, reason = "an example")]
 
 use ibgs_core::config::{self, DensifyConfig, TrainConfig};
-use ibgs_core::demo::{self, DemoOptions};
+
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::output::log::TrainingProgress;
+use ibgs_demo::DemoOptions;
 use ibgs_train::Session;
 use ibgs_train::densify::{FRESH, Observations, Over, Plan, Reduction, Round, Strategy};
 use ibgs_train::session::{Observer, Output};
@@ -63,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut config = TrainConfig { iterations: Some(200), ..TrainConfig::default() };
     // Rounds and opacity resets come as with this one.
     config.densify.strategy = config::Strategy::Published;
-    let dataset = demo::load(&DemoOptions::small(), None, &())?;
+    let dataset = ibgs_demo::load(&DemoOptions::small(), None, &())?;
     let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
     let session = Session::builder(config).dataset(dataset).output(Output::at(output)).checkpoint_every(None);
     session.strategy(Box::new(Tenths)).build(&gpu, &mut Printer)?.run(&mut Printer)?;

@@ -1,7 +1,7 @@
 //! Opens a trained model and renders its first held-out view to a PNG.
 //!
 //! ```sh
-//! cargo run --release --example render_view -- output/demo view.png
+//! cargo run --release --example render_view -- output/my-scene view.png
 //! ```
 
 #![expect(clippy::print_stdout, reason = "an example")]

@@ -9,7 +9,7 @@
 
 use clap::Parser;
 use ibgs::progress::Bars;
-use ibgs_core::demo::{DemoOptions, StreetOptions, street};
+use ibgs_demo::{DemoOptions, StreetOptions, street};
 use std::path::PathBuf;
 
 #[derive(Parser)]

@@ -1,7 +1,7 @@
 //! Renders a frame of a trained model into a texture of a wgpu program that has a device of its own, as a game or an editor has.
 //!
 //! ```sh
-//! cargo run --release --example texture -- output/demo
+//! cargo run --release --example texture -- output/my-scene
 //! ```
 
 #![expect(clippy::print_stdout, reason = "an example")]

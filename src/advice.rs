@@ -226,7 +226,7 @@ fn mesh(error: &MeshError) -> Option<String> {
 
 /// Photos or a video in place of a scene: how to get one.
 fn poses(error: &DatasetError) -> Option<String> {
-    let DatasetError::NotAScene { path } = error else { return None };
+    let DatasetError::NotAScene { path, .. } = error else { return None };
     let inputs = prepare::inputs_in(path)?;
     Some(format!("for camera poses of its photos run `ibgs prepare {} -o my-scene` first", inputs.display()))
 }

@@ -29,7 +29,6 @@ mod web;
 
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{self, Dataset, LoadOptions};
-use ibgs_core::demo;
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::scene::{PlyFlavor, from_points, write_ply};
 use ibgs_testing::scene_files::write_file;
@@ -62,7 +61,7 @@ impl Sandbox {
     /// The tiny demo as a nerfstudio scene in `scene/`.
     fn with_scene() -> (Self, Dataset) {
         let sandbox = Self::new();
-        let dataset = demo::load(&tiny_demo(), Some(sandbox.home.path()), &()).unwrap();
+        let dataset = ibgs_demo::load(&tiny_demo(), Some(sandbox.home.path()), &()).unwrap();
         assert!(dataset.notes.is_empty(), "{:?}", dataset.notes);
         fs::rename(&dataset.path, sandbox.path("scene")).unwrap();
         (sandbox, dataset)

@@ -14,11 +14,11 @@ use egui_kittest::{Harness, SnapshotOptions};
 use ibgs::commands::view::Opener;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
-use ibgs_core::demo::{self, DemoOptions};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{Aggregation, Factor, Variant, weights};
 use ibgs_core::scene::{Splats, from_points};
+use ibgs_demo::DemoOptions;
 use ibgs_reference::gpu::{gpu, rasterizer};
 use ibgs_testing::tiny_demo;
 use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Viewer, wgpu_setup};
@@ -73,7 +73,7 @@ fn many_points() -> &'static Dataset {
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
         let options = DemoOptions { width: 48, height: 36, views: 24, points: 4_000, ..tiny_demo() };
-        demo::load(&options, Some(cache.path()), &()).unwrap()
+        ibgs_demo::load(&options, Some(cache.path()), &()).unwrap()
     };
     DATASET.get_or_init(trace)
 }

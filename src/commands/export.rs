@@ -107,8 +107,7 @@ fn file(args: &Args, output: &Path) -> Result<()> {
         return gaussians_alone(args, output, format);
     }
     if !is_bundle(output) {
-        let endings: Vec<String> = Format::ALL.iter().map(|format| format!("`{}`", format.ending())).collect();
-        bail!("{} must end in `.ibgs` or one of {}", output.display(), endings.join(", "));
+        bail!("{} must end in `.ibgs` or one of {}", output.display(), Format::endings());
     }
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");

@@ -1,6 +1,7 @@
 //! `ibgs mesh`
 
 mod compare;
+mod truth;
 
 use super::model::{ModelArgs, OpenModel};
 use crate::progress::{Bars, bar};

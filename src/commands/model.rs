@@ -81,6 +81,7 @@ impl FileArgs {
             source: self.source.clone(),
             iteration: self.iteration,
             resolution: self.resolution,
+            make_scene: Some(|width, seed, progress| Ok(ibgs_demo::of_run(width, seed, progress)?)),
             ..others.clone()
         };
         Ok(Model::open(&self.model, &options)?)

@@ -153,7 +153,9 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
             (true, _) => write_exr(&frame, camera, outputs, &folder.join(format!("{index:05}.exr")))?,
             // With one output all frames are in one folder; with more, each output has its own.
             (false, [_]) => write_pictures(&frame, outputs, |_| folder.join(frame_name(index)))?,
-            (false, _) => write_pictures(&frame, outputs, |kind| folder.join(kind.folder()).join(frame_name(index)))?,
+            (false, _) => {
+                write_pictures(&frame, outputs, |output| folder.join(output.folder()).join(frame_name(index)))?
+            }
         }
         bar.inc(1);
     }
@@ -162,7 +164,7 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
     if args.video {
         let folders = match outputs {
             [_] => vec![folder],
-            _ => outputs.iter().map(|output| folder.join(output.kind().folder())).collect(),
+            _ => outputs.iter().map(|output| folder.join(output.folder())).collect(),
         };
         for folder in folders {
             stderr!("video: {}", video::encode(&folder, cameras.len(), path.fps)?.display());
@@ -208,7 +210,7 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
     folders.dedup();
     let at = |split: &str| target.root().join(split).join(format!("ours_{}", model.iteration));
     let folders: Vec<String> = folders.into_iter().map(|split| at(split).display().to_string()).collect();
-    let within = |output: &Output| format!("{} in {}", output.name(), output.kind().folder());
+    let within = |output: &Output| format!("{} in {}", output.name(), output.folder());
     let kinds = match args.exr {
         true => "exr".to_owned(),
         false => outputs.iter().map(within).collect::<Vec<_>>().join(", "),

@@ -9,10 +9,11 @@ use ibgs_core::dataset::{HostPhoto, Photo, View};
 use ibgs_core::eval::scores::compared;
 use ibgs_core::files::write_atomically;
 use ibgs_core::gpu::Bytes;
+use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::figures::{Figures, Scores, Speed, Time};
+use ibgs_core::output::pictures::Output;
 use ibgs_core::output::results::Protocol;
-use ibgs_core::output::{OutputFolder, PictureKind};
 use ibgs_core::picture::{Picture, read_picture};
 use page::{Cell, Layer, number};
 use plot::{Plot, Series};
@@ -141,11 +142,11 @@ impl Report<'_> {
 
     /// The pictures of a view: photo, renders, errors and residual.
     fn layers(&self, view: &View, photo: &Photo) -> Result<Vec<Layer>> {
-        let read = |kind: PictureKind| {
+        let read = |output: Output| {
             let iteration = self.figures.iteration;
-            read_picture(&self.folder.picture_path(Split::Test, iteration, kind.folder(), &view.name))
+            read_picture(&self.folder.picture_path(Split::Test, iteration, output.folder(), &view.name))
         };
-        let (image, base) = (read(PictureKind::Final)?, read(PictureKind::Base)?);
+        let (image, base) = (read(Output::Final)?, read(Output::Base)?);
         let image = image.filter(|_| self.figures.image.is_some());
         let error = |picture: &Option<Picture>| picture.as_ref().and_then(|picture| picture.error(photo));
         let (image_error, base_error) = (error(&image), error(&base));

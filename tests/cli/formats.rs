@@ -36,7 +36,7 @@ fn models_become_files_of_every_format() {
     sandbox.fails("info damaged.sog", &["damaged.sog", "ZIP"]);
     sandbox.fails("train scene --init damaged.sog -m out", &["damaged.sog", "ZIP"]);
     sandbox.write("notes.txt", b"nothing");
-    sandbox.fails("export notes.txt -o c.ply", &["notes.txt", "PLY, SPZ"]);
+    sandbox.fails("export notes.txt -o c.ply", &["notes.txt", "`.ply`, `.spz`"]);
 }
 
 #[test]

@@ -6,7 +6,6 @@ use glam::DVec2;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Strategy, TrainConfig};
 use ibgs_core::dataset::Dataset;
-use ibgs_core::demo;
 use ibgs_core::sources::find::Draw;
 use ibgs_testing::TINY;
 use ibgs_testing::scene_files::{Model, write_photo, zip_of_folder};
@@ -215,13 +214,13 @@ fn write_photos(pinhole: &Path, fisheye: &Path, dataset: &Dataset) {
     const PARTS: u32 = 4;
     for view in &dataset.views {
         let camera = &view.camera;
-        let photo = demo::render_photo(camera, PARTS);
+        let photo = ibgs_demo::render_photo(camera, PARTS);
         let photo = RgbaImage::from_raw(photo.width, photo.height, photo.rgba).unwrap();
         photo.save(pinhole.join(&view.name)).unwrap();
         // Twice the view, twice as fine.
         let wide = camera.resized(4 * camera.width, 4 * camera.height);
         let wide = Camera { focal: camera.focal * 2.0, ..wide };
-        let seen = demo::render_photo(&wide, 2);
+        let seen = ibgs_demo::render_photo(&wide, 2);
         let part = |x: f64, y: f64| {
             let q = (DVec2::new(x, y) - camera.principal) / camera.focal;
             let p = q * if q.length() > 0.0 { q.length().tan() / q.length() } else { 1.0 };

@@ -1,7 +1,6 @@
 //! Image-Based Gaussian Splatting: opens and renders models, and everything around that needs no training.
 //!
 //! ```text
-//!           demo ───────┐
 //!  photos, poses ── dataset ──► scene ──────► Gaussians ─┐
 //!                     │                                  │  on the device: Splats
 //!                     │                                  ▼
@@ -13,8 +12,7 @@
 //!                                         exposure ──► residual ──► final image ──► picture, present, eval
 //! ```
 //!
-//! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, and others); [`demo`] ray traces the
-//!    built-in demo scene.
+//! 1. [`dataset`] loads posed photos and the initial points (COLMAP, transforms.json, and others).
 //! 2. [`scene`] makes Gaussians of the points, on the host and on the device, and reads and writes PLY.
 //! 3. [`raster`] projects, sorts and blends them: the forward and the backward pass.
 //! 4. [`sources`] chooses the source views, keeps their photos and depth maps, and warps them into the target view.
@@ -31,7 +29,7 @@
 //! memory and the only place that dispatches. [`progress`] reports long work; warnings and notes go to the `log` crate.
 //! Training is in `ibgs-train`.
 //!
-//! This crate is the front of four: `ibgs-data` and `ibgs-demo` (no GPU), `ibgs-render` and `ibgs-model`.
+//! This crate is the front of three: `ibgs-data` (no GPU), `ibgs-render` and `ibgs-model`.
 //!
 //! A model is rendered in a line:
 //!
@@ -40,7 +38,7 @@
 //! use ibgs_core::model::{Model, ModelOptions};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let gpu = Gpu::open(&AdapterChoice::Best, Use::Rendering)?;
-//! let mut model = Model::open("output/demo".as_ref(), &ModelOptions::default())?;
+//! let mut model = Model::open("output/garden".as_ref(), &ModelOptions::default())?;
 //! let renderer = model.renderer(&gpu)?;
 //! let frame = renderer.render(&model.cameras[0].camera)?;
 //! println!("{} pixels", frame.base()?.rgb.len() / 3);
@@ -51,6 +49,5 @@
 pub use ibgs_data::{
     camera, camera_path, dataset, files, image_io, local_space, picture, progress, sentence, sentence_with, stored_zip,
 };
-pub use ibgs_demo as demo;
 pub use ibgs_model::{blocks, bundle, config, edit, eval, mesh, model, output, video};
 pub use ibgs_render::{exposure, gpu, inspect, levels, present, raster, render, residual, scene, sources};

@@ -99,6 +99,12 @@ pub enum DemoError {
         /// Largest allowed value.
         most: u64,
     },
+    /// The demo scene exists in two sizes.
+    #[error("the model's demo scene is {width} pixels wide, which is no size of it")]
+    Size {
+        /// Width of its photos.
+        width: u32,
+    },
     /// The folder holds something else.
     #[error("{} holds another scene; name a new folder", path.display())]
     OtherScene {
@@ -128,7 +134,27 @@ pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: &dyn Prog
         samples: options.samples,
         points: (options.points, options.seed),
     };
-    Ok(traced.load(options, progress))
+    Ok(Dataset { glossy: Some(glossy), ..traced.load(options, progress) })
+}
+
+/// The demo scene as a run was trained on it: in one of its two sizes, by the width of the photos. With a seed every photo has
+/// another exposure.
+///
+/// # Errors
+/// It has no photos of this width.
+pub fn of_run(width: u32, exposure_seed: Option<u64>, progress: &dyn Progress) -> Result<Dataset, DemoError> {
+    let presets = [DemoOptions::small(), DemoOptions::large()];
+    let preset = presets.into_iter().find(|preset| preset.width == width).ok_or(DemoError::Size { width })?;
+    let mut dataset = load(&preset, None, progress)?;
+    if let Some(seed) = exposure_seed {
+        change_exposure(&mut dataset, seed)?;
+    }
+    Ok(dataset)
+}
+
+/// Whether each pixel of a view shows a glossy or mirror-like object.
+fn glossy(camera: &Camera) -> Vec<bool> {
+    truth(camera).object.into_iter().map(is_view_dependent).collect()
 }
 
 /// A scene to trace: what it is made of.
@@ -182,6 +208,7 @@ impl Traced<'_> {
             points_from: PointsFrom::Scene,
             extent: None,
             backdrop: None,
+            glossy: None,
             notes,
         }
     }

@@ -9,7 +9,7 @@ mod scene_check;
 pub use crate::output::cameras::space;
 pub use error::ModelError;
 pub use open::is_bundle;
-pub use scene::{load_demo, load_scene};
+pub use scene::{MakeScene, load_scene};
 
 use crate::camera::Camera;
 use crate::config::{Background, TrainConfig};
@@ -35,6 +35,8 @@ use std::sync::Arc;
 pub struct ModelOptions {
     /// Scene folder, when it has moved since the training.
     pub source: Option<PathBuf>,
+    /// Makes the scene of a model that was trained on none from disk.
+    pub make_scene: Option<MakeScene>,
     /// Iteration; none: the latest.
     pub iteration: Option<u32>,
     /// For a model folder of the published code: factor or width of the photos that it was trained on.
@@ -85,6 +87,7 @@ pub struct Model {
     /// Another program wrote it: the scene has its cameras.
     foreign: bool,
     source: Option<PathBuf>,
+    make_scene: Option<MakeScene>,
     gpu_memory: MemoryBudget,
     loading: Loading,
     harmonics: Harmonics,
@@ -132,8 +135,8 @@ impl Model {
         self.cameras.iter().filter(|record| record.split != Some(Split::Test)).collect()
     }
 
-    /// Whether it was trained on the built-in scene.
-    pub fn is_demo(&self) -> bool {
+    /// Whether it was trained on a scene that the program made, not on one from disk.
+    pub fn has_made_scene(&self) -> bool {
         self.config.data.source.is_none() && !self.foreign
     }
 

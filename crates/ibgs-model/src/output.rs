@@ -59,40 +59,6 @@ pub const REPORT_FILE: &str = "report.html";
 /// files although its photos, which have the same names otherwise, are in another format.
 const NAMED_EXTENSION: &str = "bmp";
 
-/// What a picture of a view shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PictureKind {
-    /// The photo.
-    Truth,
-    /// The base image.
-    Base,
-    /// The final image.
-    Final,
-    /// The residual.
-    Residual,
-    /// Median depths.
-    Depth,
-    /// Normals.
-    Normal,
-    /// Number of sources that see a pixel's point.
-    Visibility,
-}
-
-impl PictureKind {
-    /// Name of the folder of such pictures, as the published code has it where it has one.
-    pub fn folder(self) -> &'static str {
-        match self {
-            Self::Truth => "gt",
-            Self::Base => "renders",
-            Self::Final => "renders_aggregate",
-            Self::Residual => "predicted_residual",
-            Self::Depth => "renders_depth",
-            Self::Normal => "renders_normal",
-            Self::Visibility => "visibility",
-        }
-    }
-}
-
 /// The folder of one training run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutputFolder {

@@ -5,7 +5,7 @@ use ibgs_data::camera::Camera;
 use ibgs_data::scene::Gaussians;
 use ibgs_model::bundle::{Bundle, Packing};
 use ibgs_model::config::{Method, TrainConfig};
-use ibgs_model::model::{Model, ModelOptions};
+use ibgs_model::model::{Model, ModelError, ModelOptions};
 use ibgs_model::output::cameras::CameraRecord;
 use ibgs_reference::gpu::gpu;
 use ibgs_render::gpu::GpuError;
@@ -163,6 +163,8 @@ fn memory_decides_how_many_chunks_fit() {
     assert!(matches!(&error, GpuError::Levels(text) if text.contains("--gpu-memory")), "{error}");
     // A model that fits is on the device as a whole.
     let mut model = Model::open(&path, &ModelOptions::default()).unwrap();
+    // Its options name no scene, and this program makes none.
+    assert!(matches!(model.dataset(&()), Err(ModelError::NotMade { .. })));
     let renderer = model.renderer(&gpu()).unwrap();
     assert!(renderer.stream().is_none() && renderer.splats().len() == 9 * CHUNK);
     let options = ModelOptions { gpu_memory: "24MiB".parse().unwrap(), ..ModelOptions::default() };

@@ -35,6 +35,7 @@ pub fn dataset() -> Dataset {
     Dataset {
         extent: None,
         backdrop: None,
+        glossy: None,
         points_from: PointsFrom::Scene,
         path: "scene".into(),
         views: views.into(),

@@ -2,11 +2,11 @@
 
 use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::dataset::Dataset;
-use ibgs_core::demo::{self, DemoOptions};
 use ibgs_core::render::{ImagePart, Renderer};
 use ibgs_core::residual::ResidualNetwork;
 use ibgs_core::scene::{Gaussians, Splats};
 use ibgs_core::sources::source_store::SourceStore;
+use ibgs_demo::DemoOptions;
 use ibgs_reference::gpu::{gpu, rasterizer};
 use ibgs_testing::tiny_demo;
 use ibgs_train::Trainer;
@@ -39,7 +39,7 @@ pub fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
-        demo::load(&DemoOptions { views: 32, ..tiny_demo() }, Some(cache.path()), &()).unwrap()
+        ibgs_demo::load(&DemoOptions { views: 32, ..tiny_demo() }, Some(cache.path()), &()).unwrap()
     };
     DATASET.get_or_init(trace).clone()
 }

@@ -13,7 +13,6 @@ mod units;
 use crate::small::{plain, run, trainer};
 use ibgs_core::config::{Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, View};
-use ibgs_core::demo;
 use ibgs_core::eval::score_view;
 use ibgs_core::gpu::Buffer;
 use ibgs_core::scene::Gaussians;
@@ -27,7 +26,7 @@ fn dataset() -> Dataset {
     static DATASET: OnceLock<Dataset> = OnceLock::new();
     let trace = || {
         let cache = tempfile::tempdir().unwrap();
-        demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap()
+        ibgs_demo::load(&tiny_demo(), Some(cache.path()), &()).unwrap()
     };
     DATASET.get_or_init(trace).clone()
 }

@@ -1,11 +1,11 @@
 //! The interactive viewer: a window on a model, drawn on the device that renders it.
 //!
-//! [`app`] is the window: input, panels, what is shown. A thread of its own, in a browser a task, renders and trains
+//! [`Viewer`] is the window: `viewer` has its state, `panels` and `marks` draw it, `app` puts them together. A thread of its own, in a browser a task, renders and trains
 //! ([`worker`]), so the window answers while it works. [`canvas`] puts finished frames on the screen, [`navigator`] moves the camera.
 
 #![forbid(unsafe_code)]
 
-pub mod app;
+mod app;
 pub mod canvas;
 mod curves;
 mod dialogs;
@@ -18,12 +18,16 @@ pub mod measure;
 pub mod mode;
 pub mod navigator;
 mod panels;
+mod path_editor;
 mod recents;
+mod start_page;
 mod thumbnails;
+mod train_form;
+mod viewer;
 pub mod worker;
 
-pub use app::Viewer;
 pub use mode::Mode;
+pub use viewer::Viewer;
 
 #[cfg(target_arch = "wasm32")]
 pub use eframe::WebRunner;

@@ -1,6 +1,6 @@
 //! What is drawn over the image: the scene's cameras, its sparse points, and the pixel that was asked about.
 
-use crate::app::Viewer;
+use crate::viewer::Viewer;
 use eframe::egui::{Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;

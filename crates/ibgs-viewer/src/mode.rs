@@ -48,106 +48,173 @@ impl Default for Style {
     }
 }
 
-impl Mode {
-    /// All of them; the number keys from 1 on.
-    pub const ALL: [Mode; 10] = [
+/// What a mode needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Needs {
+    Nothing,
+    /// A model with a residual network.
+    Network,
+    /// The photo of the view that the camera stands on.
+    Photo,
+}
+
+/// What the device shows in a mode.
+type ShownIn = for<'a> fn(&Style, Option<&'a DevicePhoto>) -> Shown<'a>;
+
+/// All that is known of a mode.
+struct Row {
+    mode: Mode,
+    /// In menus.
+    name: &'static str,
+    /// In links.
+    word: &'static str,
+    meaning: &'static str,
+    shown: ShownIn,
+    needs: Needs,
+    /// The look of the Gaussians; none: their own.
+    look: Option<Look>,
+    has_gain: bool,
+}
+
+/// A mode that every model has.
+const fn row(mode: Mode, name: &'static str, word: &'static str, meaning: &'static str, shown: ShownIn) -> Row {
+    Row { mode, name, word, meaning, shown, needs: Needs::Nothing, look: None, has_gain: false }
+}
+
+/// The modes in their order.
+static TABLE: [Row; 10] = [
+    row(
         Mode::Final,
-        Mode::Base,
-        Mode::Residual,
+        "Final",
+        "final",
+        "Base colour plus the residual that the network reads from neighbouring photos",
+        |_, _| Shown::Final,
+    ),
+    row(Mode::Base, "Base", "base", "Gaussian splatting alone: colours from spherical harmonics", |_, _| Shown::Base),
+    Row {
+        needs: Needs::Network,
+        has_gain: true,
+        ..row(
+            Mode::Residual,
+            "Residual",
+            "residual",
+            "Final minus base image around grey: what the network and the source photos add",
+            |style, _| Shown::Residual(style.gain),
+        )
+    },
+    row(
         Mode::Depth,
+        "Depth",
+        "depth",
+        "Depth where half of the light is stopped, near bright and far dark",
+        |style, _| Shown::Depth(style.depth_range),
+    ),
+    row(
         Mode::Normal,
-        Mode::Visibility,
-        Mode::Difference,
-        Mode::Photo,
-        Mode::Points,
-        Mode::Ellipsoids,
-    ];
+        "Normal",
+        "normal",
+        "Surface normals as the camera sees them: red right, green up, blue towards it",
+        |_, _| Shown::Normal,
+    ),
+    Row {
+        needs: Needs::Network,
+        ..row(
+            Mode::Visibility,
+            "Visible sources",
+            "visibility",
+            "How many of the source photos see the point of a pixel; black: none",
+            |style, _| Shown::Visibility(style.most_sources),
+        )
+    },
+    Row {
+        needs: Needs::Photo,
+        has_gain: true,
+        ..row(
+            Mode::Difference,
+            "Difference",
+            "difference",
+            "Final image minus the photo around grey, while the camera stands on a view",
+            |style, photo| photo.map_or(Shown::Final, |photo| Shown::Difference(photo, style.gain)),
+        )
+    },
+    Row {
+        needs: Needs::Photo,
+        ..row(Mode::Photo, "Photo", "photo", "The photo itself, while the camera stands on a view", |_, photo| {
+            photo.map_or(Shown::Final, Shown::Photo)
+        })
+    },
+    Row {
+        look: Some(Look::Points),
+        ..row(Mode::Points, "Points", "points", "The centres of the Gaussians, opaque and in their colours", |_, _| {
+            Shown::Base
+        })
+    },
+    Row {
+        look: Some(Look::Ellipsoids),
+        ..row(
+            Mode::Ellipsoids,
+            "Ellipsoids",
+            "ellipsoids",
+            "The Gaussians as opaque ellipsoids of 1.5 standard deviations, the nearest centre in front",
+            |_, _| Shown::Base,
+        )
+    },
+];
+
+impl Mode {
+    /// All of them, in the order of the number keys from 1 on.
+    pub const ALL: [Mode; TABLE.len()] = {
+        let mut all = [Mode::Final; TABLE.len()];
+        let mut i = 0;
+        while i < TABLE.len() {
+            all[i] = TABLE[i].mode;
+            assert!(all[i] as usize == i, "the table has the order of the enum");
+            i += 1;
+        }
+        all
+    };
+
+    fn row(self) -> &'static Row {
+        &TABLE[self as usize]
+    }
 
     /// Its name in menus.
     pub fn name(self) -> &'static str {
-        match self {
-            Mode::Final => "Final",
-            Mode::Base => "Base",
-            Mode::Residual => "Residual",
-            Mode::Depth => "Depth",
-            Mode::Normal => "Normal",
-            Mode::Visibility => "Visible sources",
-            Mode::Difference => "Difference",
-            Mode::Photo => "Photo",
-            Mode::Points => "Points",
-            Mode::Ellipsoids => "Ellipsoids",
-        }
+        self.row().name
     }
 
     /// Its word in links.
     pub fn word(self) -> &'static str {
-        match self {
-            Mode::Final => "final",
-            Mode::Base => "base",
-            Mode::Residual => "residual",
-            Mode::Depth => "depth",
-            Mode::Normal => "normal",
-            Mode::Visibility => "visibility",
-            Mode::Difference => "difference",
-            Mode::Photo => "photo",
-            Mode::Points => "points",
-            Mode::Ellipsoids => "ellipsoids",
-        }
+        self.row().word
     }
 
     /// What it means.
     pub fn meaning(self) -> &'static str {
-        match self {
-            Mode::Final => "Base colour plus the residual that the network reads from neighbouring photos",
-            Mode::Base => "Gaussian splatting alone: colours from spherical harmonics",
-            Mode::Residual => "Final minus base image around grey: what the network and the source photos add",
-            Mode::Depth => "Depth where half of the light is stopped, near bright and far dark",
-            Mode::Normal => "Surface normals as the camera sees them: red right, green up, blue towards it",
-            Mode::Visibility => "How many of the source photos see the point of a pixel; black: none",
-            Mode::Difference => "Final image minus the photo around grey, while the camera stands on a view",
-            Mode::Photo => "The photo itself, while the camera stands on a view",
-            Mode::Points => "The centres of the Gaussians, opaque and in their colours",
-            Mode::Ellipsoids => {
-                "The Gaussians as opaque ellipsoids of 1.5 standard deviations, the nearest centre in front"
-            }
-        }
+        self.row().meaning
     }
 
     /// Whether only a model with a residual network has it.
     pub fn needs_network(self) -> bool {
-        matches!(self, Mode::Residual | Mode::Visibility)
+        self.row().needs == Needs::Network
     }
 
     /// Whether only a view with a photo has it.
     pub fn needs_photo(self) -> bool {
-        matches!(self, Mode::Difference | Mode::Photo)
+        self.row().needs == Needs::Photo
     }
 
     /// Whether its strength can be chosen.
     pub fn has_gain(self) -> bool {
-        matches!(self, Mode::Residual | Mode::Difference)
+        self.row().has_gain
     }
 
     /// The look of the Gaussians that it shows; none: their own.
     pub fn look(self) -> Option<Look> {
-        match self {
-            Mode::Points => Some(Look::Points),
-            Mode::Ellipsoids => Some(Look::Ellipsoids),
-            _ => None,
-        }
+        self.row().look
     }
 
     /// The same for the device; the final image where a photo is needed and there is none.
     pub fn shown<'a>(self, style: &Style, photo: Option<&'a DevicePhoto>) -> Shown<'a> {
-        match (self, photo) {
-            (Mode::Final, _) | (Mode::Difference | Mode::Photo, None) => Shown::Final,
-            (Mode::Base | Mode::Points | Mode::Ellipsoids, _) => Shown::Base,
-            (Mode::Residual, _) => Shown::Residual(style.gain),
-            (Mode::Depth, _) => Shown::Depth(style.depth_range),
-            (Mode::Normal, _) => Shown::Normal,
-            (Mode::Visibility, _) => Shown::Visibility(style.most_sources),
-            (Mode::Difference, Some(photo)) => Shown::Difference(photo, style.gain),
-            (Mode::Photo, Some(photo)) => Shown::Photo(photo),
-        }
+        (self.row().shown)(style, photo)
     }
 }

@@ -6,8 +6,8 @@ use crate::commands::report::page::{self, Cell, escape};
 use crate::commands::report::plot::{self, Plot, Series};
 use anyhow::{Context, Result};
 use ibgs_core::files::write_atomically;
-use ibgs_core::output::PictureKind;
 use ibgs_core::output::cameras::Split;
+use ibgs_core::output::pictures::{Output, PHOTO_FOLDER};
 use ibgs_core::picture::{Picture, read_picture};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -66,22 +66,22 @@ fn pictures(runs: &[Run]) -> Result<String> {
     let names: BTreeSet<&String> = scores.flat_map(|scores| scores.views.psnr.keys()).collect();
     let mut html = String::new();
     for name in names {
-        let read = |run: &Run, kind: PictureKind| {
-            read_picture(&run.folder.picture_path(Split::Test, run.figures.iteration, kind.folder(), name))
+        let read = |run: &Run, folder: &str| {
+            read_picture(&run.folder.picture_path(Split::Test, run.figures.iteration, folder, name))
         };
         let mut shown = Vec::new();
         for run in runs {
-            let image = if run.figures.image.is_some() { read(run, PictureKind::Final)? } else { None };
+            let image = if run.figures.image.is_some() { read(run, Output::Final.folder())? } else { None };
             let picture = match image {
                 Some(image) => Some(image),
-                None => read(run, PictureKind::Base)?,
+                None => read(run, Output::Base.folder())?,
             };
             shown.push((run, picture));
         }
         let mut photo = None;
         for run in runs {
             photo = match photo {
-                None => read(run, PictureKind::Truth)?,
+                None => read(run, PHOTO_FOLDER)?,
                 found => found,
             };
         }

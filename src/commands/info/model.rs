@@ -46,7 +46,7 @@ fn contents(model: &Model) -> Result<Rows> {
             (Method::Gs3, _) => "3dgs: Gaussians alone".to_owned(),
         },
     ));
-    let scene = match (&config.data.source, model.is_demo()) {
+    let scene = match (&config.data.source, model.has_made_scene()) {
         (Some(path), _) => path.display().to_string(),
         (None, true) => "the built-in demo scene".to_owned(),
         (None, false) => "not named; other programs' models need `--source`".to_owned(),
@@ -175,7 +175,7 @@ fn usual(model: &Model, config: &TrainConfig) -> TrainConfig {
     usual.residual.factor = config.residual.factor.filter(|&factor| factor == 1.0);
     usual.residual.output =
         config.residual.output.filter(|&output| output == Output::Residual && config.residual.factor() == 1.0);
-    if model.is_demo() {
+    if model.has_made_scene() {
         let is_software = config.densify.max_splats == Some(DemoDefaults::SOFTWARE.max_splats);
         let defaults = if is_software { DemoDefaults::SOFTWARE } else { DemoDefaults::GPU };
         let mut filled = TrainConfig { init: config.init.clone(), ..TrainConfig::default() };

@@ -1,5 +1,6 @@
 //! Compares a mesh with a true surface.
 
+use super::truth::{TrueSurface, normal_map_errors};
 use crate::commands::model::OpenModel;
 use crate::stderr;
 use crate::stdout;
@@ -7,7 +8,6 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
 use ibgs_core::mesh::Mesh;
-use ibgs_core::mesh::demo::{TrueSurface, normal_map_errors};
 use ibgs_core::mesh::score::{Cloud, CropVolume, Pair, read_transform, read_truth};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::figures::MESH_FILE;

@@ -4,9 +4,8 @@ use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
 use ibgs_core::config::{DataConfig, TrainConfig};
-use ibgs_core::demo::DemoOptions;
 use ibgs_core::gpu::Gpu;
-use ibgs_core::model::load_demo;
+use ibgs_demo::DemoOptions;
 use ibgs_train::session::Loaded;
 
 /// The demo scene's own defaults.
@@ -70,7 +69,7 @@ pub fn load(training: &mut Loaded, gpu: &Gpu) -> Result<()> {
         config.data.eval = true;
     });
     let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
-    let dataset = load_demo(&options, training.config().data.demo_exposure_seed, &Bars::default())?;
+    let dataset = ibgs_demo::of_run(options.width, training.config().data.demo_exposure_seed, &Bars::default())?;
     for note in &dataset.notes {
         stderr!("note: {note}");
     }

@@ -1,8 +1,8 @@
 //! A scene in a ZIP archive: unpacked into a temporary folder, which is removed once the photos have been read, or, where they do not fit into the
 //! host's memory, once they are no longer needed.
 
-use super::DatasetError;
 use super::names::clean_name;
+use super::{DatasetError, Loaders};
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -63,11 +63,11 @@ impl Unpacked {
     }
 
     /// The scene's folder: the archive's own, or the only folder in it.
-    pub fn root(&self) -> PathBuf {
+    pub fn root(&self, loaders: &Loaders) -> PathBuf {
         let top = self.folder.path().to_owned();
         let entries = || fs::read_dir(&top).into_iter().flatten().flatten().map(|entry| entry.path());
         match entries().next() {
-            Some(only) if only.is_dir() && entries().count() == 1 && super::format::format_of(&top).is_err() => only,
+            Some(only) if only.is_dir() && entries().count() == 1 && loaders.of(&top).is_err() => only,
             _ => top,
         }
     }

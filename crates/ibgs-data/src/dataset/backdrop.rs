@@ -4,7 +4,7 @@
 use super::decode::decode;
 use super::error::{DatasetError, read_bytes};
 use super::photos::ListedPhoto;
-use super::{ALPHA_EMPTY, Alpha, LoadOptions, Masks, Scene, SceneKind};
+use super::{ALPHA_EMPTY, Alpha, LoadOptions, Masks, Scene};
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
@@ -95,8 +95,7 @@ fn behind_all(frames: &[ListedPhoto], options: &LoadOptions) -> Result<Behind, D
 /// What the photos' alpha means, and the colour that an object is shown on: of Blender scenes white, as figures of this field are
 /// measured.
 pub(super) fn meaning_of_alpha(scene: &Scene, options: &LoadOptions) -> Result<(Alpha, [u8; 3]), DatasetError> {
-    let is_blender = scene.kind == SceneKind::Blender;
-    let usual = if is_blender { [255; 3] } else { [0; 3] };
+    let usual = if scene.of_objects { [255; 3] } else { [0; 3] };
     Ok(match (options.alpha, options.masks) {
         (Some(alpha @ (Alpha::Mask | Alpha::Composite)), _) => (alpha, usual),
         (None, Masks::Object) => (Alpha::Mask, usual),
@@ -106,7 +105,7 @@ pub(super) fn meaning_of_alpha(scene: &Scene, options: &LoadOptions) -> Result<(
                 let path = scene.listing.clone();
                 return Err(DatasetError::NoBackdrop { path });
             }
-            (Behind::Alpha, None) if is_blender => (Alpha::Composite, usual),
+            (Behind::Alpha, None) if scene.of_objects => (Alpha::Composite, usual),
             (Behind::Alpha | Behind::Scene, None) => (Alpha::Mask, [0; 3]),
         },
     })

@@ -17,13 +17,13 @@ pub enum DatasetError {
     },
     /// The folder holds no scene that is understood.
     #[error(
-        "{} is not a scene: it has neither sparse/0/cameras.bin with images.bin (or .txt, or directly in sparse/, in colmap/ or \
-         beside the photos) nor transforms.json nor transforms_train.json nor a camera file of RealityCapture (.csv), LLFF \
-         (poses_bounds.npy) or NeuS (cameras_sphere.npz); give the folder (or a .zip of it) that holds one of them", path.display()
+        "{} is not a scene: it has {wanted}; give the folder (or a .zip of it) that holds one of them", path.display()
     )]
     NotAScene {
         /// The folder given.
         path: PathBuf,
+        /// What would show a scene, each with `no` before it.
+        wanted: String,
     },
     /// Several files could be the scene's list of cameras.
     #[error("{} has several camera files: {}; give the one that is meant in place of the folder", path.display(), files.join(", "))]

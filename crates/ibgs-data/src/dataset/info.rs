@@ -2,9 +2,11 @@
 
 use super::archive::{Unpacked, is_archive};
 use super::decode::{Header, header};
+use super::lens::Lens;
 use super::names::{photos_below, photos_in};
+use super::photos::ListedPhoto;
 use super::split::{self, StatedSplit};
-use super::{DatasetError, LoadOptions, SceneKind, format, masks, notes, root};
+use super::{DatasetError, LoadOptions, Loaders, Scene, SceneKind, masks, notes, points, root};
 use glam::DVec2;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -97,26 +99,79 @@ pub struct SceneInfo {
     pub refused: Option<String>,
 }
 
-/// What a reader of a format finds out.
-pub(crate) struct Inspected {
-    pub kind: SceneKind,
-    pub listing: PathBuf,
-    pub models: Vec<ModelInfo>,
-    pub images: usize,
-    pub cameras: Vec<CameraInfo>,
-    pub points: usize,
-    pub missing: Vec<String>,
+/// What a loader finds out without the photos.
+#[derive(Debug)]
+pub struct Inspected {
+    pub(super) kind: SceneKind,
+    pub(super) listing: PathBuf,
+    pub(super) models: Vec<ModelInfo>,
+    pub(super) images: usize,
+    pub(super) cameras: Vec<CameraInfo>,
+    pub(super) points: usize,
+    pub(super) missing: Vec<String>,
     /// The photos that exist.
-    pub found: Vec<Found>,
+    pub(super) found: Vec<Found>,
     /// Photos that are left out as their pose or camera is not a number.
-    pub unsolved: Vec<PathBuf>,
-    pub beside: Beside,
-    pub split: Option<StatedSplit>,
-    pub notes: Vec<String>,
-    pub refused: Option<DatasetError>,
+    pub(super) unsolved: Vec<PathBuf>,
+    pub(super) beside: Beside,
+    pub(super) split: Option<StatedSplit>,
+    pub(super) notes: Vec<String>,
+    pub(super) refused: Option<DatasetError>,
+}
+
+impl Inspected {
+    /// What is known of a scene that was read.
+    ///
+    /// # Errors
+    /// A file of points is damaged.
+    pub(super) fn of(scene: Scene) -> Result<Self, DatasetError> {
+        Ok(Self {
+            kind: scene.kind,
+            listing: scene.listing,
+            models: Vec::new(),
+            images: scene.frames.len() + scene.missing.len(),
+            cameras: cameras(&scene.frames),
+            points: points::from_files(&scene.point_files)?.map_or(0, |cloud| cloud.points.len()),
+            missing: scene.missing.iter().map(|path| path.display().to_string()).collect(),
+            found: scene.frames.into_iter().map(ListedPhoto::found).collect(),
+            beside: scene.beside,
+            split: scene.split,
+            notes: scene.notes,
+            unsolved: scene.unsolved,
+            refused: None,
+        })
+    }
+}
+
+/// Frames with equal intrinsics count as one camera.
+fn cameras(frames: &[ListedPhoto]) -> Vec<CameraInfo> {
+    let mut cameras: Vec<(Lens, usize)> = Vec::new();
+    for frame in frames {
+        match cameras.iter_mut().find(|(lens, _)| *lens == frame.lens) {
+            Some((_, images)) => *images += 1,
+            None => cameras.push((frame.lens, 1)),
+        }
+    }
+    let info = |(index, (lens, images)): (usize, &(Lens, usize))| CameraInfo {
+        id: index.to_string(),
+        model: match (lens.is_fisheye(), lens.distortion.is_none()) {
+            (true, _) => "OPENCV_FISHEYE",
+            (false, true) => "PINHOLE",
+            (false, false) => "OPENCV",
+        }
+        .to_owned(),
+        width: lens.width,
+        height: lens.height,
+        focal: Some(lens.focal),
+        principal: Some(lens.principal),
+        distorted: !lens.distortion.is_none(),
+        images: *images,
+    };
+    cameras.iter().enumerate().map(info).collect()
 }
 
 /// A photo that exists.
+#[derive(Debug)]
 pub(crate) struct Found {
     pub name: String,
     pub photo: PathBuf,
@@ -203,7 +258,7 @@ pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
         return inspect_folder(path);
     }
     let unpacked = Unpacked::new(path)?;
-    let inspected = inspect_folder(&unpacked.root());
+    let inspected = inspect_folder(&unpacked.root(&Loaders::default()));
     let info = inspected.map_err(|error| unpacked.error(error))?;
     let named = |texts: Vec<String>| texts.iter().map(|text| unpacked.named(text)).collect();
     let refused = info.refused.map(|refused| unpacked.named(&refused));
@@ -211,7 +266,7 @@ pub fn inspect(path: &Path) -> Result<SceneInfo, DatasetError> {
 }
 
 fn inspect_folder(path: &Path) -> Result<SceneInfo, DatasetError> {
-    complete(path, root(path), format::inspect(path)?)
+    complete(path, root(path), Loaders::default().of(path)?.inspect(path)?)
 }
 
 /// Adds what is the same for all formats.

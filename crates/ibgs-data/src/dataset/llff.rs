@@ -4,14 +4,13 @@
 //! camera in the world, down, right and backward, its place, and height, width and focal length in pixels. They are of the
 //! photos in `images/`; those in `images_4/` and the like are smaller. The depths are not used.
 
-use super::colmap::reduced_note;
 use super::error::{DatasetError, read_bytes};
-use super::info::{Beside, Inspected};
+use super::format::not_a_scene;
 use super::lens::{Distortion, Lens, Pose};
 use super::masks::MaskFinder;
 use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
-use super::{LoadOptions, Scene, SceneKind, nerf, npy};
+use super::{LoadOptions, Loader, Scene, SceneKind, npy};
 use glam::DVec2;
 use std::path::{Path, PathBuf};
 
@@ -24,11 +23,6 @@ fn listing(scene: &Path) -> Option<PathBuf> {
     let path = if scene.is_file() { scene.to_owned() } else { scene.join(FILE) };
     let is_array = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
     Some(path).filter(|path| is_array && path.is_file())
-}
-
-/// Whether the path is such a file or a folder with one.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    listing(scene).is_some()
 }
 
 /// The lens and the pose in a row.
@@ -83,46 +77,45 @@ fn names(root: &Path, photos: &[PathBuf], is_reduced: bool) -> Vec<String> {
     named.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
 }
 
-/// Reads the poses and finds the photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene).ok_or_else(|| DatasetError::NotAScene { path: scene.to_owned() })?;
-    let root = super::root(&listing).to_owned();
-    let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
-    let folder = folders.main();
-    if !folder.is_dir() {
-        return Err(DatasetError::NoPhotoFolder { path: folder });
-    }
-    let cameras = cameras(&listing, &read_bytes(&listing)?)?;
-    let photos = photos_in(&folder);
-    if photos.len() != cameras.len() {
-        let (poses, photos) = (cameras.len(), photos.len());
-        return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
-    }
-    let names = names(&root, &photos, folders.reduced().is_some());
-    let mut frames = Vec::with_capacity(photos.len());
-    let masks = MaskFinder::new(&root);
-    for ((photo, name), (lens, pose)) in photos.into_iter().zip(names).zip(cameras) {
-        if inside(&name, |_| true).is_none() {
-            return Err(DatasetError::ImageName { path: listing, name });
-        }
-        let mask = masks.find(&name, &photo);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled: folders.reduced().is_some(), key: None });
-    }
-    Ok(Scene {
-        kind: SceneKind::Llff,
-        listing,
-        frames,
-        missing: Vec::new(),
-        unsolved: Vec::new(),
-        points: Vec::new(),
-        point_files: Vec::new(),
-        split: None,
-        beside: Beside::SameFolders,
-        notes: folders.reduced().map(reduced_note).into_iter().collect(),
-    })
-}
+/// Such a file, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct Llff;
 
-/// Metadata only.
-pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    nerf::inspected(read(scene, &LoadOptions::default())?)
+impl Loader for Llff {
+    fn shown_by(&self) -> &str {
+        "poses_bounds.npy (LLFF)"
+    }
+
+    fn is_scene(&self, path: &Path) -> bool {
+        listing(path).is_some()
+    }
+
+    /// Reads the poses and finds the photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
+        let root = super::root(&listing).to_owned();
+        let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
+        let folder = folders.main();
+        if !folder.is_dir() {
+            return Err(DatasetError::NoPhotoFolder { path: folder });
+        }
+        let cameras = cameras(&listing, &read_bytes(&listing)?)?;
+        let photos = photos_in(&folder);
+        if photos.len() != cameras.len() {
+            let (poses, photos) = (cameras.len(), photos.len());
+            return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
+        }
+        let names = names(&root, &photos, folders.is_reduced());
+        let mut frames = Vec::with_capacity(photos.len());
+        let masks = MaskFinder::new(&root);
+        for ((photo, name), (lens, pose)) in photos.into_iter().zip(names).zip(cameras) {
+            if inside(&name, |_| true).is_none() {
+                return Err(DatasetError::ImageName { path: listing, name });
+            }
+            let mask = masks.find(&name, &photo);
+            frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled: folders.is_reduced(), key: None });
+        }
+        let kind = SceneKind::new("llff", "LLFF");
+        Ok(Scene { notes: folders.reduced_note().into_iter().collect(), ..Scene::new(kind, listing, frames) })
+    }
 }

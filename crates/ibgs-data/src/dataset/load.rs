@@ -3,8 +3,8 @@
 use super::archive::Unpacked;
 use super::photos::ListedPhoto;
 use super::{
-    Alpha, Dataset, DatasetError, LoadOptions, Masks, Point, PointsFrom, Scene, SceneKind, backdrop, format, info,
-    is_archive, masks, notes, photos, points, root, split,
+    Alpha, Dataset, DatasetError, LoadOptions, Loaders, Masks, Point, PointsFrom, Scene, backdrop, info, is_archive,
+    masks, notes, photos, points, root, split,
 };
 use crate::camera::Camera;
 use crate::progress::Progress;
@@ -23,25 +23,49 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
 /// # Errors
 /// As [`load`].
 pub fn load_with(path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
-    options.check()?;
-    if !is_archive(path) {
-        return load_folder(path, options, None, progress);
-    }
-    let unpacked = Arc::new(Unpacked::new(path)?);
-    let loaded = load_folder(&unpacked.root(), options, Some(&unpacked), progress);
-    let dataset = loaded.map_err(|error| unpacked.error(error))?;
-    let notes = dataset.notes.iter().map(|note| unpacked.named(note)).collect();
-    Ok(Dataset { path: path.to_owned(), notes, ..dataset })
+    Loaders::default().load(path, options, progress)
 }
 
-/// Loads a scene folder, which may be an unpacked archive.
-fn load_folder(
+impl Loaders {
+    /// As [`load_with`], in these formats.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load(&self, path: &Path, options: &LoadOptions, progress: &dyn Progress) -> Result<Dataset, DatasetError> {
+        options.check()?;
+        if !is_archive(path) {
+            return load_scene(self.read_sorted(path, options)?, path, options, None, progress);
+        }
+        let unpacked = Arc::new(Unpacked::new(path)?);
+        let root = unpacked.root(self);
+        let scene = self.read_sorted(&root, options);
+        let loaded = scene.and_then(|scene| load_scene(scene, &root, options, Some(&unpacked), progress));
+        let dataset = loaded.map_err(|error| unpacked.error(error))?;
+        let notes = dataset.notes.iter().map(|note| unpacked.named(note)).collect();
+        Ok(Dataset { path: path.to_owned(), notes, ..dataset })
+    }
+
+    /// The views of a scene by name, none twice.
+    fn read_sorted(&self, path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let mut scene = self.of(path)?.read(path, options)?;
+        check_photos(path, &scene)?;
+        scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
+        if let Some(pair) = scene.frames.windows(2).find(|pair| pair[0].name == pair[1].name) {
+            let name = pair[0].name.clone();
+            return Err(DatasetError::DuplicateImage { path: scene.listing, name });
+        }
+        Ok(scene)
+    }
+}
+
+/// Loads what was read of a scene folder, which may be an unpacked archive.
+fn load_scene(
+    mut scene: Scene,
     path: &Path,
     options: &LoadOptions,
     archive: Option<&Arc<Unpacked>>,
     progress: &dyn Progress,
 ) -> Result<Dataset, DatasetError> {
-    let mut scene = read_sorted(path, options)?;
     let mut dataset = Dataset {
         path: path.to_owned(),
         views: Vec::new(),
@@ -51,6 +75,7 @@ fn load_folder(
         points_from: PointsFrom::Scene,
         extent: options.extent,
         backdrop: None,
+        glossy: None,
         notes: std::mem::take(&mut scene.notes),
     };
     dataset.notes.extend(notes::missing(&scene.missing, scene.frames.len()));
@@ -63,7 +88,7 @@ fn load_folder(
         split::keep_named(&mut scene.frames, split)?;
     }
     let (alpha, color) = backdrop::meaning_of_alpha(&scene, options)?;
-    let is_object = alpha.is_cover() || (scene.kind == SceneKind::Blender && options.masks == Masks::Object);
+    let is_object = alpha.is_cover() || (scene.of_objects && options.masks == Masks::Object);
     dataset.backdrop = is_object.then_some((alpha, color));
     let options = &LoadOptions { alpha: Some(alpha), ..options.clone() };
     if alpha == Alpha::Keyed {
@@ -101,11 +126,11 @@ pub fn load_poses(path: &Path, options: &LoadOptions) -> Result<PosedScene, Data
         return poses_in_folder(path, options);
     }
     let unpacked = Unpacked::new(path)?;
-    poses_in_folder(&unpacked.root(), options).map_err(|error| unpacked.error(error))
+    poses_in_folder(&unpacked.root(&Loaders::default()), options).map_err(|error| unpacked.error(error))
 }
 
 fn poses_in_folder(path: &Path, options: &LoadOptions) -> Result<PosedScene, DatasetError> {
-    let (scene, root) = (read_sorted(path, options)?, root(path));
+    let (scene, root) = (Loaders::default().read_sorted(path, options)?, root(path));
     let camera = |photo: &ListedPhoto| Ok((photo.name.clone(), photos::camera(photo, options)?));
     let views = scene.frames.par_iter().map(camera).collect::<Result<Vec<_>, DatasetError>>()?;
     let names: Vec<String> = views.iter().map(|(name, _)| name.clone()).collect();
@@ -113,18 +138,6 @@ fn poses_in_folder(path: &Path, options: &LoadOptions) -> Result<PosedScene, Dat
     let (mut points, _) = points::own(scene.points, scene.point_files, root)?;
     points.retain(|point| point.position.is_finite());
     Ok(PosedScene { views, train: split.train, test: split.test, points })
-}
-
-/// The views of a scene by name, none twice.
-fn read_sorted(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let mut scene = format::read(path, options)?;
-    check_photos(path, &scene)?;
-    scene.frames.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = scene.frames.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        let name = pair[0].name.clone();
-        return Err(DatasetError::DuplicateImage { path: scene.listing, name });
-    }
-    Ok(scene)
 }
 
 /// Some photos may be missing, but at least two have to be there.

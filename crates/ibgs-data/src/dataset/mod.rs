@@ -10,7 +10,6 @@ mod format;
 mod host;
 mod hull;
 mod info;
-mod kind;
 mod lens;
 mod llff;
 mod load;
@@ -35,9 +34,9 @@ pub(crate) use decode::srgb;
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use fit::{shown_by_any, unrelated_colors};
+pub use format::{Loader, Loaders, PosedPhoto, Scene, SceneKind};
 pub use host::HostPhoto;
-pub use info::{CameraInfo, ModelInfo, SceneInfo, SizeInfo, SplitInfo, inspect};
-pub use kind::SceneKind;
+pub use info::{CameraInfo, Inspected, ModelInfo, SceneInfo, SizeInfo, SplitInfo, inspect};
 pub use llff::check_poses_bounds;
 pub use load::{PosedScene, load, load_poses, load_with};
 pub use masks::is_mask;
@@ -52,10 +51,7 @@ pub use shown::shown;
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
 use glam::DVec3;
-use info::Beside;
-use photos::ListedPhoto;
 use rayon::prelude::*;
-use split::StatedSplit;
 use std::path::{Path, PathBuf};
 
 /// Alpha where the photo of an object shows nothing.
@@ -157,6 +153,8 @@ pub struct Dataset {
     pub extent: Option<f64>,
     /// What the photos' alpha means, where they show an object with nothing around it, and the colour to show it on.
     pub backdrop: Option<(Alpha, [u8; 3])>,
+    /// Which pixels of a view, row by row, show something glossy or mirror-like: of a scene that was made and so is known.
+    pub glossy: Option<fn(&Camera) -> Vec<bool>>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
     pub notes: Vec<String>,
 }
@@ -201,26 +199,6 @@ impl Dataset {
         }
         all.finalize()
     }
-}
-
-/// What the readers of the formats hand over: posed photos on disk, not decoded yet.
-pub(crate) struct Scene {
-    kind: SceneKind,
-    /// The file that lists the images, for messages.
-    listing: PathBuf,
-    frames: Vec<ListedPhoto>,
-    /// Listed photos that do not exist.
-    missing: Vec<PathBuf>,
-    /// Photos that are left out as their pose or camera is not a number; `notes` says so.
-    unsolved: Vec<PathBuf>,
-    points: Vec<Point>,
-    /// Files that may hold the points, best first.
-    point_files: Vec<PathBuf>,
-    /// The split where the format states it.
-    split: Option<StatedSplit>,
-    /// Where photos without a pose may be.
-    beside: Beside,
-    notes: Vec<String>,
 }
 
 /// The points in the contents of a PLY file; `path` is for messages.

@@ -1,7 +1,6 @@
 //! Names of files in a scene, and which file each means. No name leads out of the scene folder.
 
-use super::LoadOptions;
-use super::colmap::reduced_folder;
+use super::{LoadOptions, Resolution};
 use std::path::{Path, PathBuf};
 
 /// Extensions of photos that are read, in lower case. A photo is found under any of them in this order, in lower or upper
@@ -159,6 +158,16 @@ pub(crate) enum Photo {
     Missing(PathBuf),
 }
 
+/// `images_4` for factor 4, where the scene has it.
+fn reduced_folder(scene: &Path, options: &LoadOptions) -> Option<String> {
+    match options.resolution {
+        Resolution::Factor(factor) if factor > 1 => {
+            Some(format!("images_{factor}")).filter(|name| scene.join(name).is_dir())
+        }
+        _ => None,
+    }
+}
+
 impl PhotoFolders {
     pub fn new(root: &Path, names: RelativeTo, options: &LoadOptions) -> PhotoFolders {
         let named = options.images.as_deref().and_then(clean_folder);
@@ -171,9 +180,15 @@ impl PhotoFolders {
         self.named.as_ref().map(|folder| self.at(folder)).filter(|path| !path.is_dir())
     }
 
-    /// The folder of reduced photos that is used.
-    pub fn reduced(&self) -> Option<&str> {
-        self.reduced.as_deref()
+    /// Whether a folder of reduced photos is used.
+    pub fn is_reduced(&self) -> bool {
+        self.reduced.is_some()
+    }
+
+    /// Says which resampler reduced photos went through.
+    pub fn reduced_note(&self) -> Option<String> {
+        let note = |folder| format!("photos come from {folder} as they are, intrinsics rescaled to them");
+        self.reduced.as_ref().map(note)
     }
 
     /// The folder that should have all photos.

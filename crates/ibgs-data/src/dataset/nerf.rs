@@ -7,16 +7,16 @@
 
 mod lists;
 
-use super::colmap::reduced_note;
 use super::decode::photo_size;
 use super::error::{DatasetError, read_json};
-use super::info::{Beside, Inspected};
+use super::format::not_a_scene;
+use super::info::Beside;
 use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::MaskFinder;
 use super::names::{Photo, PhotoFolders, RelativeTo, inside};
 use super::photos::{AbsoluteNames, ListedPhoto};
 use super::split::StatedSplit;
-use super::{CameraInfo, LoadOptions, Scene, SceneKind, points};
+use super::{LoadOptions, Loader, Scene, SceneKind};
 use glam::DVec2;
 use lists::Lists;
 use serde::Deserialize;
@@ -143,6 +143,10 @@ impl Intrinsics {
 const TRAIN: &str = "transforms_train.json";
 const HELD_OUT: [&str; 2] = ["transforms_test.json", "transforms_val.json"];
 
+const TRANSFORMS: SceneKind = SceneKind::new("transforms", "transforms.json");
+/// Blender's scenes.
+const BLENDER: SceneKind = SceneKind::new("blender", "Blender transforms");
+
 /// The files of a scene.
 struct Listings {
     kind: SceneKind,
@@ -154,7 +158,7 @@ struct Listings {
 }
 
 fn listings(scene: &Path) -> Option<Listings> {
-    let one = |first| Listings { kind: SceneKind::Transforms, first, held_out: None, notes: Vec::new() };
+    let one = |first| Listings { kind: TRANSFORMS, first, held_out: None, notes: Vec::new() };
     if scene.is_file() && scene.extension().is_some_and(|extension| extension == "json") {
         return Some(one(scene.to_owned()));
     }
@@ -167,12 +171,7 @@ fn listings(scene: &Path) -> Option<Listings> {
     let used = held_out.next();
     let unused = used.iter().zip(held_out);
     let notes = unused.map(|((used, _), (name, _))| format!("{name} is not used: {used} lists the views to hold out"));
-    Some(Listings { kind: SceneKind::Blender, notes: notes.collect(), first, held_out: used })
-}
-
-/// Whether the path is a `transforms.json` or a folder with one.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    listings(scene).is_some()
+    Some(Listings { kind: BLENDER, notes: notes.collect(), first, held_out: used })
 }
 
 /// What is gathered while the files are read.
@@ -187,39 +186,52 @@ struct Reading<'a> {
     notes: Vec<String>,
 }
 
-/// Reads the listing and finds its photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let not_a_scene = || DatasetError::NotAScene { path: scene.to_owned() };
-    let Listings { kind, first: listing, held_out, notes } = listings(scene).ok_or_else(not_a_scene)?;
-    let root = super::root(&listing);
-    let folders = PhotoFolders::new(root, RelativeTo::Scene, options);
-    if let Some(path) = folders.absent() {
-        return Err(DatasetError::NoPhotoFolder { path });
+/// A `transforms.json`, or a folder with one or with Blender's files.
+#[derive(Debug)]
+pub(crate) struct Transforms;
+
+impl Loader for Transforms {
+    fn shown_by(&self) -> &str {
+        "transforms.json or transforms_train.json"
     }
-    let mut reading = Reading {
-        root,
-        masks: MaskFinder::new(root),
-        folders,
-        frames: Vec::new(),
-        missing: Vec::new(),
-        point_files: Vec::new(),
-        absolute: AbsoluteNames::default(),
-        notes,
-    };
-    let mut split = reading.read_file(&listing, options)?;
-    if let Some((by, path)) = held_out {
-        let training = reading.frames.len();
-        reading.read_file(&path, options)?;
-        let test = reading.frames[training..].iter().map(|frame| frame.name.clone()).collect();
-        split = Some(StatedSplit { test, by, ..StatedSplit::default() });
+
+    fn is_scene(&self, path: &Path) -> bool {
+        listings(path).is_some()
     }
-    let Reading { folders, frames, missing, point_files, absolute, mut notes, .. } = reading;
-    notes.extend(folders.reduced().filter(|_| frames.iter().any(|frame| frame.prescaled)).map(reduced_note));
-    notes.extend(absolute.note());
-    // Depths and normals lie among Blender's photos.
-    let beside = if kind == SceneKind::Blender { Beside::Nowhere } else { Beside::SameFolders };
-    let (points, unsolved) = (Vec::new(), Vec::new());
-    Ok(Scene { kind, listing, frames, missing, unsolved, points, point_files, split, beside, notes })
+
+    /// Reads the listing and finds its photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let Listings { kind, first: listing, held_out, notes } = listings(scene).ok_or_else(|| not_a_scene(scene))?;
+        let root = super::root(&listing);
+        let folders = PhotoFolders::new(root, RelativeTo::Scene, options);
+        if let Some(path) = folders.absent() {
+            return Err(DatasetError::NoPhotoFolder { path });
+        }
+        let mut reading = Reading {
+            root,
+            masks: MaskFinder::new(root),
+            folders,
+            frames: Vec::new(),
+            missing: Vec::new(),
+            point_files: Vec::new(),
+            absolute: AbsoluteNames::default(),
+            notes,
+        };
+        let mut split = reading.read_file(&listing, options)?;
+        if let Some((by, path)) = held_out {
+            let training = reading.frames.len();
+            reading.read_file(&path, options)?;
+            let test = reading.frames[training..].iter().map(|frame| frame.name.clone()).collect();
+            split = Some(StatedSplit { test, by, ..StatedSplit::default() });
+        }
+        let Reading { folders, frames, missing, point_files, absolute, mut notes, .. } = reading;
+        notes.extend(folders.reduced_note().filter(|_| frames.iter().any(|frame| frame.prescaled)));
+        notes.extend(absolute.note());
+        let of_objects = kind == BLENDER;
+        // Depths and normals lie among Blender's photos.
+        let beside = if of_objects { Beside::Nowhere } else { Beside::SameFolders };
+        Ok(Scene { missing, point_files, split, beside, of_objects, notes, ..Scene::new(kind, listing, frames) })
+    }
 }
 
 impl Reading<'_> {
@@ -305,55 +317,4 @@ fn with_extension(name: String, photo: &Path) -> String {
     let file = photo.file_name().unwrap_or_default().to_string_lossy();
     let last = name.rsplit('/').next().unwrap_or_default();
     if file == format!("{last}.{extension}") { format!("{name}.{extension}") } else { name }
-}
-
-/// Frames with equal intrinsics count as one camera.
-pub(crate) fn cameras(frames: &[ListedPhoto]) -> Vec<CameraInfo> {
-    let mut cameras: Vec<(Lens, usize)> = Vec::new();
-    for frame in frames {
-        match cameras.iter_mut().find(|(lens, _)| *lens == frame.lens) {
-            Some((_, images)) => *images += 1,
-            None => cameras.push((frame.lens, 1)),
-        }
-    }
-    let info = |(index, (lens, images)): (usize, &(Lens, usize))| CameraInfo {
-        id: index.to_string(),
-        model: match (lens.is_fisheye(), lens.distortion.is_none()) {
-            (true, _) => FISHEYE,
-            (false, true) => "PINHOLE",
-            (false, false) => "OPENCV",
-        }
-        .to_owned(),
-        width: lens.width,
-        height: lens.height,
-        focal: Some(lens.focal),
-        principal: Some(lens.principal),
-        distorted: !lens.distortion.is_none(),
-        images: *images,
-    };
-    cameras.iter().enumerate().map(info).collect()
-}
-
-/// What is known of a scene that was read.
-pub(crate) fn inspected(scene: Scene) -> Result<Inspected, DatasetError> {
-    Ok(Inspected {
-        kind: scene.kind,
-        listing: scene.listing,
-        models: Vec::new(),
-        images: scene.frames.len() + scene.missing.len(),
-        cameras: cameras(&scene.frames),
-        points: points::from_files(&scene.point_files)?.map_or(0, |cloud| cloud.points.len()),
-        missing: scene.missing.iter().map(|path| path.display().to_string()).collect(),
-        found: scene.frames.into_iter().map(ListedPhoto::found).collect(),
-        beside: scene.beside,
-        split: scene.split,
-        notes: scene.notes,
-        unsolved: scene.unsolved,
-        refused: None,
-    })
-}
-
-/// Metadata only.
-pub(crate) fn inspect(path: &Path) -> Result<Inspected, DatasetError> {
-    inspected(read(path, &LoadOptions { eval: true, ..LoadOptions::default() })?)
 }

@@ -6,12 +6,12 @@
 
 use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes};
-use super::info::{Beside, Inspected};
+use super::format::not_a_scene;
 use super::lens::{Distortion, Lens, Pose};
 use super::masks::MaskFinder;
 use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
-use super::{LoadOptions, Scene, SceneKind, nerf, npy};
+use super::{LoadOptions, Loader, Scene, SceneKind, npy};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
@@ -42,11 +42,6 @@ fn listing(scene: &Path) -> Option<PathBuf> {
         return is_archive.then(|| scene.to_owned());
     }
     FILES.iter().map(|name| scene.join(name)).find(|path| path.is_file())
-}
-
-/// Whether the path is such an archive or a folder with one.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    listing(scene).is_some()
 }
 
 /// A projection taken apart.
@@ -188,55 +183,54 @@ fn masks(root: &Path, photos: &[PathBuf]) -> Vec<Option<PathBuf>> {
     photos.iter().map(of).collect()
 }
 
-/// Reads the cameras and finds the photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene).ok_or_else(|| DatasetError::NotAScene { path: scene.to_owned() })?;
-    let root = super::root(&listing).to_owned();
-    let folder = photo_folder(&root, options)?;
-    let cameras = cameras(&listing, &read_bytes(&listing)?)?;
-    let photos = photos_in(&folder);
-    if photos.len() != cameras.len() {
-        let (poses, photos) = (cameras.len(), photos.len());
-        return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
+/// Such an archive, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct Neus;
+
+impl Loader for Neus {
+    fn shown_by(&self) -> &str {
+        "cameras_sphere.npz (NeuS)"
     }
-    let masks = masks(&root, &photos);
-    let mut frames: Vec<ListedPhoto> = Vec::with_capacity(photos.len());
-    for (index, ((photo, mask), camera)) in photos.into_iter().zip(masks).zip(cameras).enumerate() {
-        let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if inside(&name, |_| true).is_none() {
-            return Err(DatasetError::ImageName { path: listing, name });
+
+    fn is_scene(&self, path: &Path) -> bool {
+        listing(path).is_some()
+    }
+
+    /// Reads the cameras and finds the photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let listing = listing(scene).ok_or_else(|| not_a_scene(scene))?;
+        let root = super::root(&listing).to_owned();
+        let folder = photo_folder(&root, options)?;
+        let cameras = cameras(&listing, &read_bytes(&listing)?)?;
+        let photos = photos_in(&folder);
+        if photos.len() != cameras.len() {
+            let (poses, photos) = (cameras.len(), photos.len());
+            return Err(DatasetError::PoseCount { path: listing, folder, poses, photos });
         }
-        let own = camera.lens(photo_size(&photo)?).map_err(|problem| DatasetError::Intrinsics {
-            path: listing.clone(),
-            camera: format!("`{MATRIX}{index}` ({name})"),
-            problem,
-        })?;
-        // Rounding in the matrices makes one camera many.
-        let lens = frames.last().map(|frame| frame.lens).filter(|lens| is_same(lens, &own)).unwrap_or(own);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose: camera.pose, prescaled: false, key: None });
+        let masks = masks(&root, &photos);
+        let mut frames: Vec<ListedPhoto> = Vec::with_capacity(photos.len());
+        for (index, ((photo, mask), camera)) in photos.into_iter().zip(masks).zip(cameras).enumerate() {
+            let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if inside(&name, |_| true).is_none() {
+                return Err(DatasetError::ImageName { path: listing, name });
+            }
+            let own = camera.lens(photo_size(&photo)?).map_err(|problem| DatasetError::Intrinsics {
+                path: listing.clone(),
+                camera: format!("`{MATRIX}{index}` ({name})"),
+                problem,
+            })?;
+            // Rounding in the matrices makes one camera many.
+            let lens = frames.last().map(|frame| frame.lens).filter(|lens| is_same(lens, &own)).unwrap_or(own);
+            frames.push(ListedPhoto { name, photo, mask, lens, pose: camera.pose, prescaled: false, key: None });
+        }
+        let point_files = POINTS.iter().map(|name| root.join(name)).collect();
+        Ok(Scene { point_files, ..Scene::new(SceneKind::new("neus", "NeuS"), listing, frames) })
     }
-    Ok(Scene {
-        kind: SceneKind::Neus,
-        listing,
-        frames,
-        missing: Vec::new(),
-        unsolved: Vec::new(),
-        points: Vec::new(),
-        point_files: POINTS.iter().map(|name| root.join(name)).collect(),
-        split: None,
-        beside: Beside::SameFolders,
-        notes: Vec::new(),
-    })
 }
 
 fn is_same(a: &Lens, b: &Lens) -> bool {
     let is_near = |a: DVec2, b: DVec2| a.abs_diff_eq(b, SAME);
     [a.width, a.height] == [b.width, b.height] && is_near(a.focal, b.focal) && is_near(a.principal, b.principal)
-}
-
-/// Metadata only.
-pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    nerf::inspected(read(scene, &LoadOptions::default())?)
 }
 
 #[cfg(test)]

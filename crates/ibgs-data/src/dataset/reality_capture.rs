@@ -11,13 +11,13 @@
 
 use super::decode::photo_size;
 use super::error::{DatasetError, read_bytes, without_mark};
-use super::info::{Beside, Inspected};
+use super::format::not_a_scene;
+use super::info::Beside;
 use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::{MaskFinder, is_mask};
 use super::names::{Inside, Photo, PhotoFolders, RelativeTo, photos_below, photos_in};
-use super::nerf;
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{LoadOptions, Scene, SceneKind};
+use super::{LoadOptions, Loader, Scene, SceneKind};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -72,11 +72,6 @@ fn listings(scene: &Path) -> Vec<PathBuf> {
     listings
 }
 
-/// Whether the path is a list of cameras or a folder with one.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    !listings(scene).is_empty()
-}
-
 fn listing(scene: &Path) -> Result<PathBuf, DatasetError> {
     let mut listings = listings(scene);
     match (listings.pop(), listings.is_empty()) {
@@ -86,7 +81,7 @@ fn listing(scene: &Path) -> Result<PathBuf, DatasetError> {
             let names = all.filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()));
             Err(DatasetError::SeveralListings { path: scene.to_owned(), files: names.collect() })
         }
-        (None, _) => Err(DatasetError::NotAScene { path: scene.to_owned() }),
+        (None, _) => Err(not_a_scene(scene)),
     }
 }
 
@@ -227,51 +222,61 @@ impl ByFileName {
     }
 }
 
-/// Reads the list and finds its photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let listing = listing(scene)?;
-    let root = super::root(&listing).to_owned();
-    let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
-    if let Some(path) = folders.absent() {
-        return Err(DatasetError::NoPhotoFolder { path });
+/// A list of cameras, or a folder with one.
+#[derive(Debug)]
+pub(crate) struct RealityCapture;
+
+impl Loader for RealityCapture {
+    fn shown_by(&self) -> &str {
+        "list of cameras (.csv, RealityCapture)"
     }
-    let elsewhere = ByFileName::new(&folders, &root);
-    let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
-    let masks = MaskFinder::new(&root);
-    for row in rows(&listing, &read_bytes(&listing)?)? {
-        let refuse = || DatasetError::ImageName { path: listing.clone(), name: row.name.clone() };
-        let (inside, photo) = folders.resolve(&row.name).ok_or_else(refuse)?;
-        let pose = row.pose().map_err(|problem| DatasetError::line(&listing, row.line, problem))?;
-        absolute.add(&root, &row.name, &inside);
-        let Inside { name, .. } = inside;
-        let (photo, prescaled) = match (photo, elsewhere.find(&name)) {
-            (Photo::Found(photo, prescaled), _) => (photo, prescaled),
-            (Photo::Missing(_), Some(photo)) => (photo, folders.reduced().is_some()),
-            (Photo::Missing(path), None) => {
-                missing.push(path);
-                continue;
-            }
-        };
-        let camera = format!("line {} (`{name}`)", row.line);
-        let lens = row.lens(photo_size(&photo)?);
-        let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
-        let mask = masks.find(&name, &photo);
-        frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
+
+    fn is_scene(&self, path: &Path) -> bool {
+        !listings(path).is_empty()
     }
-    let main = folders.main();
-    let beside = if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders };
-    Ok(Scene {
-        kind: SceneKind::RealityCapture,
-        point_files: clouds(&root),
-        listing,
-        frames,
-        missing,
-        unsolved: Vec::new(),
-        points: Vec::new(),
-        split: None,
-        beside,
-        notes: absolute.note().into_iter().collect(),
-    })
+
+    /// Reads the list and finds its photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let listing = listing(scene)?;
+        let root = super::root(&listing).to_owned();
+        let folders = PhotoFolders::new(&root, RelativeTo::Photos, options);
+        if let Some(path) = folders.absent() {
+            return Err(DatasetError::NoPhotoFolder { path });
+        }
+        let elsewhere = ByFileName::new(&folders, &root);
+        let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
+        let masks = MaskFinder::new(&root);
+        for row in rows(&listing, &read_bytes(&listing)?)? {
+            let refuse = || DatasetError::ImageName { path: listing.clone(), name: row.name.clone() };
+            let (inside, photo) = folders.resolve(&row.name).ok_or_else(refuse)?;
+            let pose = row.pose().map_err(|problem| DatasetError::line(&listing, row.line, problem))?;
+            absolute.add(&root, &row.name, &inside);
+            let Inside { name, .. } = inside;
+            let (photo, prescaled) = match (photo, elsewhere.find(&name)) {
+                (Photo::Found(photo, prescaled), _) => (photo, prescaled),
+                (Photo::Missing(_), Some(photo)) => (photo, folders.is_reduced()),
+                (Photo::Missing(path), None) => {
+                    missing.push(path);
+                    continue;
+                }
+            };
+            let camera = format!("line {} (`{name}`)", row.line);
+            let lens = row.lens(photo_size(&photo)?);
+            let lens = lens.map_err(|problem| DatasetError::Intrinsics { path: listing.clone(), camera, problem })?;
+            let mask = masks.find(&name, &photo);
+            frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
+        }
+        let main = folders.main();
+        let beside = if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders };
+        let kind = SceneKind::new("reality_capture", "RealityCapture");
+        Ok(Scene {
+            point_files: clouds(&root),
+            missing,
+            beside,
+            notes: absolute.note().into_iter().collect(),
+            ..Scene::new(kind, listing, frames)
+        })
+    }
 }
 
 /// The point clouds beside the list, by name.
@@ -281,11 +286,6 @@ fn clouds(root: &Path) -> Vec<PathBuf> {
     let mut clouds: Vec<PathBuf> = entries.filter(is_ply).collect();
     clouds.sort();
     clouds
-}
-
-/// Metadata only.
-pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    nerf::inspected(read(scene, &LoadOptions::default())?)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Errors of the scene module: what, where, what to do.
 
+use super::Format;
 use crate::files::WriteError;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -34,7 +35,7 @@ pub enum SceneError {
         path: PathBuf,
     },
     /// The file begins like none that is read.
-    #[error("{} is no file of Gaussians that is read: PLY, SPZ, `.splat`, glTF (`.glb`) or SOG", path.display())]
+    #[error("{} is no file of Gaussians that is read: {}", path.display(), Format::endings())]
     UnknownFormat {
         /// The file.
         path: PathBuf,

@@ -2,7 +2,7 @@
 
 use super::{assert_note, load, load_plain};
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use ibgs_data::dataset::{self, LoadOptions, SceneKind};
+use ibgs_data::dataset::{self, LoadOptions};
 use ibgs_testing::fails;
 use ibgs_testing::scene_files::{npy, write_file, write_photo, zip_of};
 use std::fs;
@@ -87,7 +87,7 @@ fn a_scene_of_neus() {
     }
     let info = dataset::inspect(folder.path()).unwrap();
     // One camera, in spite of rounding in the matrices.
-    assert_eq!((info.kind, info.images, info.cameras.len(), info.points), (SceneKind::Neus, 3, 1, 0));
+    assert_eq!((info.kind.word(), info.images, info.cameras.len(), info.points), ("neus", 3, 1, 0));
     write_file(&folder.path().join("sparse_points.ply"), PLY);
     assert_note(&load_plain(folder.path()), "1 initial points from");
     // The older name of the file, the file itself, and masks by name where there are not as many as photos.

@@ -3,7 +3,7 @@
 use super::{assert_note, load, load_plain};
 use glam::{DVec2, DVec3};
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::{self, LoadOptions, SceneKind};
+use ibgs_data::dataset::{self, LoadOptions};
 use ibgs_testing::fails;
 use ibgs_testing::scene_files::{write_file, write_photo, zip_of_folder};
 use std::fs;
@@ -51,7 +51,7 @@ fn a_scene_of_reality_capture() {
     let seen = project(&b.camera, DVec3::new(6.0, 4.5, 6.0));
     assert!(seen.distance(DVec2::new(10.0 + 10.0, 20.0)) < 1e-9, "{seen}");
     let info = dataset::inspect(scene).unwrap();
-    assert_eq!((info.kind, info.images, info.points, info.cameras.len()), (SceneKind::RealityCapture, 2, 2, 2));
+    assert_eq!((info.kind.word(), info.images, info.points, info.cameras.len()), ("reality_capture", 2, 2, 2));
     assert_eq!(info.listing.to_str(), Some("Cameras.CSV"));
     // The file itself and an archive are the same scene.
     assert_eq!(load_plain(&scene.join("Cameras.CSV")).views.len(), 2);

@@ -33,8 +33,8 @@ fn every_cut_is_told() {
             complaint(&bytes[..end], &name);
         }
     }
-    assert!(complaint(b"something else", "a.bin").contains("PLY, SPZ"));
-    assert!(complaint(b"", "a.bin").contains("PLY, SPZ"));
+    assert!(complaint(b"something else", "a.bin").contains("`.ply`, `.spz`"));
+    assert!(complaint(b"", "a.bin").contains("`.ply`, `.spz`"));
     assert!(complaint(&[7; 33], "a.splat").contains("multiple of 32"));
     assert!(read_gaussians(Path::new("no/such.spz")).unwrap_err().to_string().contains("no/such.spz"));
 }

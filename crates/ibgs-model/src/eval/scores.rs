@@ -1,10 +1,8 @@
 //! Scores of all held-out views.
 
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
-use crate::camera::Camera;
 use crate::config::{Background, TrainConfig};
 use crate::dataset::{Dataset, DatasetError, HostPhoto, Photo, Resolution, View};
-use crate::demo;
 use crate::gpu::{Gpu, GpuError};
 use crate::output::cameras::Split;
 use crate::output::pictures::{Output, Place};
@@ -43,8 +41,6 @@ pub fn score_test_views(
     report: &mut dyn FnMut(&str, Option<&ViewScores>),
 ) -> Result<Scores, EvalError> {
     let mut scores = Scores::default();
-    // Without a source it is the built-in scene.
-    let is_demo = config.data.source.is_none();
     let views = || dataset.test.iter().map(|&index| &dataset.views[index]);
     for (number, view) in views().enumerate() {
         HostPhoto::decode_next(views().skip(number + 1).map(|view| &view.photo));
@@ -60,8 +56,8 @@ pub fn score_test_views(
             place.write_outputs(&frame, &Output::of(renderer))?;
             place.write_photo(&photo)?;
         }
-        if is_demo {
-            scores.add_regions(&frame, (&view.camera, &photo))?;
+        if let Some(glossy) = dataset.glossy {
+            scores.add_regions(&frame, &photo, &glossy(&view.camera))?;
         }
         report(&view.name, scored.as_ref());
         let Some(scored) = scored else {
@@ -92,8 +88,7 @@ pub struct Scores {
     pub masked: Vec<String>,
     /// Number of views whose photos have masked pixels, all or some.
     pub with_masks: usize,
-    /// Of the demo scene, whose objects are known: base and final image on its glossy and mirror-like objects, then
-    /// elsewhere.
+    /// Where the scene's objects are known: base and final image on the glossy and mirror-like ones, then elsewhere.
     pub regions: Option<[[Region; 2]; 2]>,
 }
 
@@ -110,15 +105,14 @@ impl Scores {
         Ok(())
     }
 
-    /// Errors on the demo scene's glossy and mirror-like objects and elsewhere.
-    fn add_regions(&mut self, frame: &Frame, (camera, photo): (&Camera, &Photo)) -> Result<(), GpuError> {
-        let objects = demo::truth(camera).object;
+    /// Errors on the glossy and mirror-like objects and elsewhere.
+    fn add_regions(&mut self, frame: &Frame, photo: &Photo, glossy: &[bool]) -> Result<(), GpuError> {
         let regions = self.regions.get_or_insert_default();
         let images = [Some(frame.base()?), frame.image()?];
         for (place, wanted) in regions.iter_mut().zip([true, false]) {
             for (region, image) in place.iter_mut().zip(&images) {
                 if let Some(image) = image {
-                    region.add(image, photo, |i| demo::is_view_dependent(objects[i]) == wanted);
+                    region.add(image, photo, |i| glossy[i] == wanted);
                 }
             }
         }

@@ -4,14 +4,12 @@
 //! 2. [`fuse`] averages the signed distances of all views in blocks of voxels near the surface (a TSDF).
 //! 3. [`Grid::mesh`] finds the zero surface by marching cubes, with vertices shared between cubes and blocks.
 //! 4. [`Mesh::keep_largest`] drops small pieces; [`Mesh::write`] makes PLY, OBJ or binary glTF.
-//! 5. [`score`] measures precision, recall and F1 as Tanks & Temples does and Chamfer distances as DTU does; [`demo`] has the
-//!    truth of the built-in scene.
+//! 5. [`score`] measures precision, recall and F1 as Tanks & Temples does and Chamfer distances as DTU does.
 //!
 //! All of it runs on the CPU, on all cores.
 
 mod clusters;
 mod cube;
-pub mod demo;
 mod depth_map;
 mod error;
 mod marching_cubes;

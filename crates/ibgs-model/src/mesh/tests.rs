@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::camera::Camera;
-use crate::demo::look_at;
 use glam::{DVec2, DVec3, dvec3};
+use ibgs_demo::look_at;
 use std::collections::HashMap;
 
 const RED: [f32; 3] = [1.0, 0.5, 0.0];

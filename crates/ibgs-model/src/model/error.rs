@@ -2,7 +2,6 @@
 
 use crate::bundle::BundleError;
 use crate::dataset::DatasetError;
-use crate::demo::DemoError;
 use crate::exposure;
 use crate::gpu::GpuError;
 use crate::output::OutputError;
@@ -36,9 +35,15 @@ pub enum ModelError {
         /// Where it was.
         path: PathBuf,
     },
-    /// The demo scene.
+    /// The scene that the program makes.
     #[error(transparent)]
-    Demo(#[from] DemoError),
+    Made(Box<dyn std::error::Error + Send + Sync>),
+    /// The program makes no scenes.
+    #[error("{} was trained on a scene that the program made, which this one does not make", path.display())]
+    NotMade {
+        /// The model.
+        path: PathBuf,
+    },
     /// The device.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -127,10 +132,4 @@ pub enum ModelError {
     /// The model folder lists no camera.
     #[error("the model has no cameras")]
     NoCameras,
-    /// The demo scene exists in two sizes.
-    #[error("the model's demo scene is {width} pixels wide, which is no size of it")]
-    DemoSize {
-        /// Width of its photos.
-        width: u32,
-    },
 }

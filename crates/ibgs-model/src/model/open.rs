@@ -55,10 +55,11 @@ impl Model {
             return Err(ModelError::KnowsItsPhotos { path: model.path });
         }
         if let Some(source) = &options.source {
-            // Without a source it would count as trained on the built-in scene.
+            // Without a source it would count as trained on a scene that was made.
             model.config.data.source = Some(std::path::absolute(source).unwrap_or_else(|_| source.clone()));
         }
         model.source.clone_from(&options.source);
+        model.make_scene = options.make_scene;
         if let Some(memory) = options.host_memory {
             model.config.data.host_memory = memory;
         }
@@ -95,6 +96,7 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
         photos: Some(bundle.photos.into_iter().collect()),
         foreign: false,
         source: None,
+        make_scene: None,
         gpu_memory: MemoryBudget::Auto,
         loading: Loading::default(),
         harmonics: Harmonics::default(),
@@ -139,6 +141,7 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
         network_bytes,
         foreign,
         source: None,
+        make_scene: None,
         gpu_memory: MemoryBudget::Auto,
         loading: Loading::default(),
         harmonics: Harmonics::default(),

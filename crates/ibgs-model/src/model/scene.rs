@@ -3,10 +3,13 @@
 use super::{Model, ModelError, scene_check};
 use crate::config::TrainConfig;
 use crate::dataset::{self, Dataset};
-use crate::demo::{self, DemoOptions};
 use crate::output::cameras::{self, Split};
 use crate::progress::Progress;
+use std::error::Error;
 use std::path::Path;
+
+/// Makes a scene: with photos of this width, and another exposure for each of them where there is a seed.
+pub type MakeScene = fn(u32, Option<u64>, &dyn Progress) -> Result<Dataset, Box<dyn Error + Send + Sync>>;
 
 impl Model {
     /// Loads the scene where a renderer needs its photos or cameras: once, and not for a model that brings them.
@@ -54,7 +57,7 @@ impl Model {
                 found
             }
             None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
-            None => self.demo_scene(progress)?,
+            None => self.made_scene(progress)?,
         };
         let split = |wanted: Split| {
             let named = self.cameras.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
@@ -84,12 +87,11 @@ impl Model {
         Ok(())
     }
 
-    /// The demo scene in the size that the model's cameras have.
-    fn demo_scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
+    /// The scene that the program makes, in the size that the model's cameras have.
+    fn made_scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
+        let make = self.make_scene.ok_or_else(|| ModelError::NotMade { path: self.path.clone() })?;
         let width = self.cameras.first().ok_or(ModelError::NoCameras)?.camera.width;
-        let presets = [DemoOptions::small(), DemoOptions::large()];
-        let preset = presets.into_iter().find(|p| p.width == width).ok_or(ModelError::DemoSize { width })?;
-        Ok(load_demo(&preset, self.config.data.demo_exposure_seed, progress)?)
+        make(width, self.config.data.demo_exposure_seed, progress).map_err(ModelError::Made)
     }
 }
 
@@ -105,22 +107,6 @@ pub fn load_scene(
     let dataset = dataset::load_with(source, &config.load_options(), progress)?;
     for note in &dataset.notes {
         log::info!("{note}");
-    }
-    Ok(dataset)
-}
-
-/// Loads the demo scene; with a seed every photo has another exposure.
-///
-/// # Errors
-/// Options outside of their range.
-pub fn load_demo(
-    options: &DemoOptions,
-    exposure_seed: Option<u64>,
-    progress: &dyn Progress,
-) -> Result<Dataset, demo::DemoError> {
-    let mut dataset = demo::load(options, None, progress)?;
-    if let Some(seed) = exposure_seed {
-        demo::change_exposure(&mut dataset, seed)?;
     }
     Ok(dataset)
 }

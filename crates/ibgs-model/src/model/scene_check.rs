@@ -89,13 +89,13 @@ pub(super) fn say_unlisted(listed: &[CameraRecord], scene: &Dataset, source: &Pa
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::demo::{self, DemoOptions};
     use glam::DVec3;
+    use ibgs_demo::DemoOptions;
 
     fn scene() -> (tempfile::TempDir, Dataset) {
         let cache = tempfile::tempdir().unwrap();
         let options = DemoOptions { width: 16, height: 12, views: 6, samples: 1, points: 20, seed: 0 };
-        let scene = demo::load(&options, Some(cache.path()), &()).unwrap();
+        let scene = ibgs_demo::load(&options, Some(cache.path()), &()).unwrap();
         (cache, scene)
     }
 

@@ -1,7 +1,7 @@
 //! What a rendered view is written as.
 
+use super::OutputFolder;
 use super::cameras::Split;
-use super::{OutputFolder, PictureKind};
 use crate::camera::Camera;
 use crate::dataset::Photo;
 use crate::files::WriteError;
@@ -38,33 +38,83 @@ pub enum Output {
     Visibility,
 }
 
+/// Folder of the photos beside the pictures.
+pub const PHOTO_FOLDER: &str = "gt";
+
+/// What an output needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Needs {
+    Nothing,
+    /// A model with a residual network.
+    Network,
+    /// The surface.
+    Surface,
+}
+
+/// All that is known of an output.
+struct Row {
+    output: Output,
+    name: &'static str,
+    about: &'static str,
+    /// Named as the published code has it where it has one.
+    folder: &'static str,
+    needs: Needs,
+}
+
+const fn row(output: Output, name: &'static str, about: &'static str, folder: &'static str, needs: Needs) -> Row {
+    Row { output, name, about, folder, needs }
+}
+
+/// The outputs in their order.
+static TABLE: [Row; 6] = [
+    row(Output::Final, "final", "The final image", "renders_aggregate", Needs::Network),
+    row(Output::Base, "base", "The base image", "renders", Needs::Nothing),
+    row(Output::Residual, "residual", "Final minus base image, around grey", "predicted_residual", Needs::Network),
+    row(Output::Depth, "depth", "Median depth, with a scale", "renders_depth", Needs::Surface),
+    row(Output::Normal, "normal", "Normal map", "renders_normal", Needs::Surface),
+    row(Output::Visibility, "visibility", "Number of photos used at each pixel", "visibility", Needs::Network),
+];
+
 impl Output {
     /// All of them.
-    pub const ALL: [Output; 6] =
-        [Output::Final, Output::Base, Output::Residual, Output::Depth, Output::Normal, Output::Visibility];
+    pub const ALL: [Output; TABLE.len()] = {
+        let mut all = [Output::Final; TABLE.len()];
+        let mut i = 0;
+        while i < TABLE.len() {
+            all[i] = TABLE[i].output;
+            assert!(all[i] as usize == i, "the table has the order of the enum");
+            i += 1;
+        }
+        all
+    };
+
+    fn row(self) -> &'static Row {
+        &TABLE[self as usize]
+    }
 
     /// Its name, as options give it.
     pub fn name(self) -> &'static str {
-        match self {
-            Output::Final => "final",
-            Output::Base => "base",
-            Output::Residual => "residual",
-            Output::Depth => "depth",
-            Output::Normal => "normal",
-            Output::Visibility => "visibility",
-        }
+        self.row().name
     }
 
     /// What it shows, in a few words.
     pub fn about(self) -> &'static str {
-        match self {
-            Output::Final => "The final image",
-            Output::Base => "The base image",
-            Output::Residual => "Final minus base image, around grey",
-            Output::Depth => "Median depth, with a scale",
-            Output::Normal => "Normal map",
-            Output::Visibility => "Number of photos used at each pixel",
-        }
+        self.row().about
+    }
+
+    /// Name of the folder of such pictures.
+    pub fn folder(self) -> &'static str {
+        self.row().folder
+    }
+
+    /// Whether only a model with a residual network has it.
+    pub fn needs_network(self) -> bool {
+        self.row().needs == Needs::Network
+    }
+
+    /// Whether it shows the surface.
+    pub fn needs_surface(self) -> bool {
+        self.row().needs == Needs::Surface
     }
 
     /// The default outputs: the images that the model has.
@@ -72,28 +122,6 @@ impl Output {
         match renderer.part() {
             Some(_) => vec![Output::Base, Output::Final],
             None => vec![Output::Base],
-        }
-    }
-
-    /// Whether only a model with a residual network has it.
-    pub fn needs_network(self) -> bool {
-        matches!(self, Output::Final | Output::Residual | Output::Visibility)
-    }
-
-    /// Whether it shows the surface.
-    pub fn needs_surface(self) -> bool {
-        matches!(self, Output::Depth | Output::Normal)
-    }
-
-    /// The kind of picture.
-    pub fn kind(self) -> PictureKind {
-        match self {
-            Output::Final => PictureKind::Final,
-            Output::Base => PictureKind::Base,
-            Output::Residual => PictureKind::Residual,
-            Output::Depth => PictureKind::Depth,
-            Output::Normal => PictureKind::Normal,
-            Output::Visibility => PictureKind::Visibility,
         }
     }
 }
@@ -143,15 +171,11 @@ impl Shown {
 ///
 /// # Errors
 /// The device is lost, or a file cannot be written.
-pub fn write_pictures(
-    frame: &Frame,
-    outputs: &[Output],
-    path: impl Fn(PictureKind) -> PathBuf,
-) -> Result<(), RenderError> {
+pub fn write_pictures(frame: &Frame, outputs: &[Output], path: impl Fn(Output) -> PathBuf) -> Result<(), RenderError> {
     let shown = Shown::of(frame, outputs)?;
     for &output in outputs {
         if let Some(picture) = shown.picture(output) {
-            picture.write(&path(output.kind()))?;
+            picture.write(&path(output))?;
         }
     }
     Ok(())
@@ -189,8 +213,8 @@ pub struct Place<'a> {
 }
 
 impl Place<'_> {
-    fn path(&self, kind: PictureKind) -> PathBuf {
-        self.folder.picture_path(self.split, self.iteration, kind.folder(), self.name)
+    fn path(&self, folder: &str) -> PathBuf {
+        self.folder.picture_path(self.split, self.iteration, folder, self.name)
     }
 
     /// Writes the wanted pictures of a frame.
@@ -198,7 +222,7 @@ impl Place<'_> {
     /// # Errors
     /// The device is lost, or a file cannot be written.
     pub fn write_outputs(&self, frame: &Frame, outputs: &[Output]) -> Result<(), RenderError> {
-        write_pictures(frame, outputs, |kind| self.path(kind))
+        write_pictures(frame, outputs, |output| self.path(output.folder()))
     }
 
     /// Writes the view's photo beside them.
@@ -206,11 +230,11 @@ impl Place<'_> {
     /// # Errors
     /// The file cannot be written.
     pub fn write_photo(&self, photo: &Photo) -> Result<(), WriteError> {
-        Picture::photo(photo).write(&self.path(PictureKind::Truth))
+        Picture::photo(photo).write(&self.path(PHOTO_FOLDER))
     }
 
     /// Path of the view's EXR file.
     pub fn exr_path(&self) -> PathBuf {
-        self.folder.picture_path(self.split, self.iteration, "exr", self.name).with_extension("exr")
+        self.path("exr").with_extension("exr")
     }
 }

@@ -84,6 +84,7 @@ pub(super) fn views(
         points: Vec::new(),
         extent: None,
         backdrop: None,
+        glossy: None,
         points_from: PointsFrom::Scene,
         notes: Vec::new(),
     })

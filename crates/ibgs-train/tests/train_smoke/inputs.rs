@@ -5,7 +5,6 @@ use crate::small::{plain, run, trainer};
 use glam::DVec2;
 use ibgs_core::config::{Background, TrainConfig};
 use ibgs_core::dataset::{Dataset, Photo, View};
-use ibgs_core::demo;
 use ibgs_reference::gpu::gpu;
 
 /// Replaces the photos; `pixel` gets the view, the pixel's column and row, and its RGBA bytes.
@@ -122,7 +121,7 @@ fn three_cameras() -> Dataset {
             }
             _ => camera.focal *= DVec2::new(0.8, 0.9),
         }
-        view.photo = demo::render_photo(camera, 1).into();
+        view.photo = ibgs_demo::render_photo(camera, 1).into();
     }
     dataset
 }

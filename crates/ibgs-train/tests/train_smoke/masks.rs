@@ -4,7 +4,6 @@ use super::{dataset, densifying};
 use crate::small::{run, trainer};
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
 use ibgs_core::dataset::{Dataset, Masks, Photo, View};
-use ibgs_core::demo;
 use ibgs_core::eval::score;
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::Splats;
@@ -16,7 +15,7 @@ use std::sync::Arc;
 
 /// Which pixels show what stands on the table.
 fn silhouette(view: &View) -> Vec<bool> {
-    demo::truth(&view.camera).object.iter().map(|id| (2..8).contains(id)).collect()
+    ibgs_demo::truth(&view.camera).object.iter().map(|id| (2..8).contains(id)).collect()
 }
 
 /// The dataset with these pixels alone; the others have the colour `outside`, or their own, and the alpha of emptiness.

@@ -33,6 +33,7 @@ fn dataset(camera: &Camera) -> Dataset {
         points: Vec::new(),
         extent: None,
         backdrop: None,
+        glossy: None,
         points_from: PointsFrom::Scene,
         notes: Vec::new(),
     }

@@ -82,6 +82,7 @@ fn wall() -> Dataset {
         points_from: PointsFrom::Chance,
         extent: None,
         backdrop: None,
+        glossy: None,
         notes: Vec::new(),
     }
 }

@@ -1,26 +1,18 @@
 //! The middle of the window: which frame is asked for, and the picture with all that is drawn over it.
 
-use super::Viewer;
-use super::framing::fitted;
 use crate::canvas::{SIDES, Wanted as WantedFrame};
 use crate::looks::Look;
 use crate::marks::{self, Onto};
 use crate::mode::Mode;
 use crate::panels;
+use crate::viewer::{Viewer, fitted};
 use crate::worker::{Command, Rendered};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::HostPhoto;
 use ibgs_core::gpu::GpuError;
-use ibgs_core::sources::DevicePhoto;
-use ibgs_core::sources::source_store::pixels;
 use std::time::Duration;
 
 impl Viewer {
-    fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
-        wanted(self.mode) || self.other.is_some_and(wanted)
-    }
-
     /// The camera of the canvas. That of a view keeps its ratio, and its size where the photo is compared with.
     fn camera(&self) -> Camera {
         let [width, height] = self.room;
@@ -32,20 +24,6 @@ impl Viewer {
         let (w, h) = (f64::from(view.camera.width), f64::from(view.camera.height));
         let scale = (f64::from(width) / w).min(f64::from(height) / h);
         view.camera.resized(sides(w * scale), sides(h * scale))
-    }
-
-    pub(super) fn photo(&mut self) -> Result<Option<DevicePhoto>, GpuError> {
-        let index = self.on_view.filter(|_| self.shows(Mode::needs_photo));
-        let Some(index) = index else {
-            self.photo = None;
-            return Ok(None);
-        };
-        if self.photo.as_ref().is_none_or(|(of, _)| *of != index) {
-            let photo = self.view().and_then(|view| view.photo.clone());
-            let upload = |photo: HostPhoto| DevicePhoto::upload(&self.gpu, &*pixels(&photo)?);
-            self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
-        }
-        Ok(self.photo.as_ref().map(|(_, target)| target.clone()))
     }
 
     pub(super) fn central(&mut self, ui: &mut Ui, frame: &eframe::Frame) -> Result<(), GpuError> {

@@ -1,9 +1,9 @@
 //! Keys and pointer.
 
-use super::Viewer;
 use crate::IN_BROWSER;
 use crate::mode::Mode;
 use crate::panels;
+use crate::viewer::Viewer;
 use crate::worker::Command;
 use eframe::egui::{self, Key, PointerButton, Rect, Ui, Vec2};
 use glam::{DVec2, DVec3};
@@ -13,7 +13,8 @@ use web_time::Instant;
 const TURN: f64 = 3.0;
 /// Scene extents that the camera flies in a second.
 const SPEED: f64 = 0.3;
-const MODE_KEYS: [Key; Mode::ALL.len()] =
+/// The keys of the first modes.
+const MODE_KEYS: [Key; 10] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
 
 /// Keys that do something once.
@@ -61,8 +62,8 @@ impl Viewer {
                 Key::Space => self.panels.path.toggle(),
                 Key::Escape => (self.found, self.other) = (None, None),
                 _ => {
-                    let at = MODE_KEYS.iter().position(|&other| other == key).unwrap_or_default();
-                    self.show_mode(Mode::ALL[at]);
+                    let keys = MODE_KEYS.into_iter().zip(Mode::ALL);
+                    keys.filter(|(other, _)| *other == key).for_each(|(_, mode)| self.show_mode(mode));
                 }
             }
         }

@@ -1,9 +1,9 @@
 //! The bar along the top, and the line below it that says what is done and what went wrong.
 
 use crate::IN_BROWSER;
-use crate::app::Viewer;
 use crate::mode::Mode;
 use crate::panels::start;
+use crate::viewer::Viewer;
 use eframe::egui::{self, Align2, Area, Button, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
 use glam::DVec3;
 
@@ -86,7 +86,8 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     for (number, mode) in (1..).zip(Mode::ALL) {
         let offered = viewer.offers(mode);
-        let text = format!("{}. Key {}.", mode.meaning(), number % 10);
+        let key = if number <= 10 { format!(" Key {}.", number % 10) } else { String::new() };
+        let text = format!("{}.{key}", mode.meaning());
         let button = ui.add_enabled(offered, Button::selectable(viewer.mode == mode, mode.name()));
         if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
             viewer.show_mode(mode);

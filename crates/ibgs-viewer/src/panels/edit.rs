@@ -1,8 +1,8 @@
 //! The editor: its panel, what it draws over the image, and its keys.
 
-use crate::app::Viewer;
 use crate::edit::{Edit, Tool, places};
 use crate::marks::Onto;
+use crate::viewer::Viewer;
 use crate::worker::Command;
 use eframe::egui::{
     self, Button, Color32, CursorIcon, DragValue, Grid, Key, Mesh, Modifiers, Painter, PointerButton, Pos2, Rect,

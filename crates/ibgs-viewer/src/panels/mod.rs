@@ -5,43 +5,18 @@ mod edit;
 mod path;
 mod pixel;
 mod start;
-mod train_form;
 mod training;
 mod views;
 
 pub use bar::{bar, status};
 pub use edit::{draw as draw_edit, in_image as edit_in_image, keys as edit_keys};
-pub use start::{Start, chosen, start};
+pub use start::{chosen, start};
 
-use crate::app::Viewer;
 use crate::mode::Mode;
+use crate::viewer::Viewer;
 use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, Vec2};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
-use path::PathEditor;
-
-/// Which panels are shown, and what they hold.
-#[derive(Default)]
-pub struct Panels {
-    /// The scene's cameras in the image.
-    pub shows_cameras: bool,
-    /// The sparse points.
-    pub shows_points: bool,
-    /// Why a pixel looks as it does.
-    pub shows_pixel: bool,
-    /// The list of views is hidden.
-    pub hides_views: bool,
-    /// Time, size and memory are hidden.
-    pub hides_figures: bool,
-    /// A resting camera's image has the full size, however long it takes.
-    pub always_sharp: bool,
-    /// The camera path's panel.
-    pub shows_path: bool,
-    /// Keys and pointer explained.
-    pub shows_help: bool,
-    /// The camera path.
-    pub path: PathEditor,
-}
 
 /// Windows that are narrower, in points, have below the image what others have beside it.
 const NARROW: f32 = 480.0;

@@ -1,7 +1,7 @@
 //! Why a pixel looks as it does.
 
-use crate::app::{Found, Viewer};
 use crate::marks;
+use crate::viewer::{Found, Viewer};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui, Vec2};
 use ibgs_core::inspect::{Inspection, SourceReading, Verdict};
 use ibgs_core::local_space::Length;

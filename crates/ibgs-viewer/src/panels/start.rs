@@ -1,18 +1,14 @@
 //! The start page, and opening things.
 
-use super::train_form::{Asked, PathField, TrainForm};
 use crate::Wanted;
-use crate::app::Viewer;
-use crate::dialogs::{Dialog, Sought, native};
-use crate::recents::{Recent, Recents};
+use crate::dialogs::{Sought, native};
+use crate::recents::Recent;
+use crate::train_form::Asked;
+use crate::viewer::Viewer;
 use eframe::egui::{
-    self, Align2, Color32, ColorImage, Context, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle,
-    TextureHandle, TextureOptions, Ui, UiBuilder, Vec2,
+    self, Align2, Color32, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle, Ui, UiBuilder, Vec2,
 };
-use std::path::PathBuf;
 
-/// A render of the demo scene.
-const PICTURE: &[u8] = include_bytes!("../../assets/demo.jpg");
 /// Windows of this width in points have the form beside the rest.
 const WIDE: f32 = 900.0;
 /// Width of the form, and of all else, in points.
@@ -34,63 +30,6 @@ const STEPS: [(&str, &str); 3] = [
          formats.",
     ),
 ];
-
-/// What the start page holds.
-pub struct Start {
-    /// It is what the window shows.
-    pub shown: bool,
-    /// A path that is being typed.
-    address: PathField,
-    form: TrainForm,
-    /// The form is brought into sight.
-    finds_form: bool,
-    dialog: Dialog,
-    recents: Recents,
-    picture: Option<TextureHandle>,
-}
-
-impl Start {
-    /// An empty page; `demo_iterations` is the default of the demo scene.
-    pub fn new(demo_iterations: u32) -> Self {
-        Self {
-            shown: true,
-            address: PathField::default(),
-            form: TrainForm::new(demo_iterations),
-            finds_form: false,
-            dialog: Dialog::default(),
-            recents: Recents::default(),
-            picture: None,
-        }
-    }
-
-    /// Shows the page.
-    pub fn show(&mut self) {
-        self.shown = true;
-        self.recents.forget();
-    }
-
-    /// Shows the page with a form for a training on this scene.
-    pub fn ask_about(&mut self, scene: PathBuf) {
-        self.form.set_scene(scene);
-        self.show();
-        self.finds_form = true;
-    }
-
-    /// Nothing of it is still being loaded.
-    pub fn is_complete(&self) -> bool {
-        self.recents.is_complete()
-    }
-
-    fn picture(&mut self, ctx: &Context) -> Option<&TextureHandle> {
-        if self.picture.is_none() {
-            let picture = image::load_from_memory(PICTURE).ok()?.into_rgba8();
-            let size = [picture.width() as usize, picture.height() as usize];
-            let picture = ColorImage::from_rgba_unmultiplied(size, &picture);
-            self.picture = Some(ctx.load_texture("demo scene", picture, TextureOptions::LINEAR));
-        }
-        self.picture.as_ref()
-    }
-}
 
 /// Takes what was chosen in a file dialog.
 pub fn chosen(viewer: &mut Viewer) {

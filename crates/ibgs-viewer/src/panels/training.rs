@@ -1,7 +1,7 @@
 //! How the training goes.
 
-use crate::app::{Trained, Viewer};
 use crate::curves::Curves;
+use crate::viewer::{Trained, Viewer};
 use crate::worker::Command;
 use eframe::egui::{self, ProgressBar, Ui};
 use egui_plot::{Line, Plot, PlotPoints};

@@ -1,8 +1,8 @@
 //! The scene's views at the left.
 
 use crate::IN_BROWSER;
-use crate::app::Viewer;
 use crate::marks;
+use crate::viewer::Viewer;
 use eframe::egui::{self, Sense, Ui, Vec2};
 
 /// Height of a row in points.

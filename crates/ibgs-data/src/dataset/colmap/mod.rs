@@ -8,12 +8,13 @@ mod sparse;
 mod text;
 
 use super::error::DatasetError;
+use super::format::not_a_scene;
 use super::info::{Beside, Found, Inspected};
 use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::MaskFinder;
 use super::names::{self, Inside, Photo, PhotoFolders, RelativeTo};
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{CameraInfo, LoadOptions, Resolution, Scene, SceneKind};
+use super::{CameraInfo, LoadOptions, Loader, Scene, SceneKind};
 use glam::DVec2;
 use models::{Chosen, ModelFiles};
 use posed::{Unposed, Unsolved, posed};
@@ -61,11 +62,32 @@ const MODELS: [(i32, &str, usize); 18] = [
     (17, "EQUIRECTANGULAR", 2),
 ];
 
-/// Where models may lie: COLMAP's own layout.
-const OWN_PLACES: [&str; 1] = ["sparse"];
-/// The same in the layout of nerfstudio, which has a `transforms.json` beside it as a rule.
-const NERFSTUDIO_PLACES: [&str; 1] = ["colmap/sparse"];
-const PLACES: [&str; 2] = ["sparse", "colmap/sparse"];
+/// COLMAP's models, where one of its layouts has them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Colmap {
+    /// COLMAP's own layout.
+    Own,
+    /// In the layout of nerfstudio, which has a `transforms.json` beside it as a rule.
+    Nerfstudio,
+    /// One model beside the photos, as RealityCapture exports it.
+    Flat,
+}
+
+impl Colmap {
+    /// The models in this layout.
+    fn models(self, scene: &Path) -> Vec<ModelFiles> {
+        match self {
+            Colmap::Own => models::models_in(&scene.join("sparse")),
+            Colmap::Nerfstudio => models::models_in(&scene.join("colmap/sparse")),
+            Colmap::Flat => ModelFiles::of(scene.to_owned()).into_iter().collect(),
+        }
+    }
+
+    /// The largest model.
+    fn largest(self, scene: &Path) -> Result<Chosen, DatasetError> {
+        models::largest(scene, self.models(scene))?.ok_or_else(|| not_a_scene(scene))
+    }
+}
 
 /// A file of a COLMAP model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,21 +139,6 @@ impl ImageRecord {
     fn bad_name(&self, path: &Path) -> DatasetError {
         DatasetError::ImageName { path: path.to_owned(), name: self.name.clone() }
     }
-}
-
-/// Whether the folder holds a COLMAP model in COLMAP's own layout.
-pub(crate) fn is_scene(scene: &Path) -> bool {
-    !models::find(scene, &OWN_PLACES).is_empty()
-}
-
-/// Whether the folder holds a COLMAP model in nerfstudio's layout.
-pub(crate) fn is_nerfstudio_scene(scene: &Path) -> bool {
-    !models::find(scene, &NERFSTUDIO_PLACES).is_empty()
-}
-
-/// Whether the folder holds a COLMAP model beside its photos, as RealityCapture exports it.
-pub(crate) fn is_flat_scene(scene: &Path) -> bool {
-    models::flat(scene).is_some()
 }
 
 /// Name and number of parameters of a model; none for numbers that COLMAP does not have.
@@ -234,138 +241,131 @@ impl CameraRecord {
     }
 }
 
-/// `images_4` for factor 4, where the scene has it.
-pub(crate) fn reduced_folder(scene: &Path, options: &LoadOptions) -> Option<String> {
-    match options.resolution {
-        Resolution::Factor(factor) if factor > 1 => {
-            Some(format!("images_{factor}")).filter(|name| scene.join(name).is_dir())
-        }
-        _ => None,
-    }
-}
-
-/// Says which resampler the photos went through.
-pub(crate) fn reduced_note(folder: &str) -> String {
-    format!("photos come from {folder} as they are, intrinsics rescaled to them")
-}
-
 fn beside(main: PathBuf) -> Beside {
     if main.is_dir() { Beside::Below(main) } else { Beside::SameFolders }
 }
 
-/// Reads the largest model and finds its photos.
-pub(crate) fn read(scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
-    let chosen = models::largest(scene, models::all(scene))?;
-    let Chosen { files, images, models } = chosen.ok_or_else(|| not_a_scene(scene))?;
-    let cameras = files.cameras()?;
-    let folders = PhotoFolders::new(scene, RelativeTo::Photos, options);
-    let (images_path, masks) = (files.path("images"), MaskFinder::new(scene));
-    let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
-    let mut unsolved = Unsolved::default();
-    for record in &images {
-        let (inside, photo) = folders.resolve(&record.name).ok_or_else(|| record.bad_name(&images_path))?;
-        let (pose, lens) = match posed(record, &cameras, &files) {
-            Ok(posed) => posed,
-            Err(Unposed::Unsolved(error)) => {
-                unsolved.add(&record.name, photo, error);
-                continue;
-            }
-            Err(Unposed::Wrong(error)) => return Err(error),
-        };
-        absolute.add(scene, &record.name, &inside);
-        let name = inside.name;
-        match photo {
-            Photo::Found(photo, prescaled) => {
-                let mask = masks.find(&name, &photo);
-                frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
-            }
-            Photo::Missing(path) => missing.push(path),
+impl Loader for Colmap {
+    fn shown_by(&self) -> &str {
+        match self {
+            Colmap::Own => "sparse/0/cameras.bin with images.bin (or .txt, or directly in sparse/)",
+            Colmap::Nerfstudio => "such files in colmap/sparse/0/ (nerfstudio)",
+            Colmap::Flat => "cameras.txt with images.txt (or .bin) beside the photos",
         }
     }
-    if let (true, true, Some(error)) = (frames.is_empty(), missing.is_empty(), unsolved.first.take()) {
-        return Err(error);
+
+    fn is_scene(&self, path: &Path) -> bool {
+        !self.models(path).is_empty()
     }
-    let main = folders.main();
-    if frames.is_empty() && !main.is_dir() {
-        return Err(DatasetError::NoPhotoFolder { path: main });
+
+    /// Reads the largest model and finds its photos.
+    fn read(&self, scene: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+        let Chosen { files, images, models } = self.largest(scene)?;
+        let cameras = files.cameras()?;
+        let folders = PhotoFolders::new(scene, RelativeTo::Photos, options);
+        let (images_path, masks) = (files.path("images"), MaskFinder::new(scene));
+        let (mut frames, mut missing, mut absolute) = (Vec::new(), Vec::new(), AbsoluteNames::default());
+        let mut unsolved = Unsolved::default();
+        for record in &images {
+            let (inside, photo) = folders.resolve(&record.name).ok_or_else(|| record.bad_name(&images_path))?;
+            let (pose, lens) = match posed(record, &cameras, &files) {
+                Ok(posed) => posed,
+                Err(Unposed::Unsolved(error)) => {
+                    unsolved.add(&record.name, photo, error);
+                    continue;
+                }
+                Err(Unposed::Wrong(error)) => return Err(error),
+            };
+            absolute.add(scene, &record.name, &inside);
+            let name = inside.name;
+            match photo {
+                Photo::Found(photo, prescaled) => {
+                    let mask = masks.find(&name, &photo);
+                    frames.push(ListedPhoto { name, photo, mask, lens, pose, prescaled, key: None });
+                }
+                Photo::Missing(path) => missing.push(path),
+            }
+        }
+        if let (true, true, Some(error)) = (frames.is_empty(), missing.is_empty(), unsolved.first.take()) {
+            return Err(error);
+        }
+        let main = folders.main();
+        if frames.is_empty() && !main.is_dir() {
+            return Err(DatasetError::NoPhotoFolder { path: main });
+        }
+        let notes = models::note(&models).into_iter().chain(unsolved.note(&files)).chain(absolute.note());
+        let mut notes: Vec<String> = notes.collect();
+        notes.extend(folders.reduced_note());
+        let mut points = files.points()?;
+        if options.filter_points {
+            points = sparse::reliable(points, &mut notes);
+        }
+        Ok(Scene {
+            missing,
+            unsolved: unsolved.photos,
+            points: points.into_iter().map(|sparse| sparse.point).collect(),
+            point_files: vec![files.folder.join("points3D.ply")],
+            beside: beside(main),
+            notes,
+            ..Scene::new(kind(&files), images_path, frames)
+        })
     }
-    let notes = models::note(&models).into_iter().chain(unsolved.note(&files)).chain(absolute.note());
-    let mut notes: Vec<String> = notes.collect();
-    notes.extend(folders.reduced().map(reduced_note));
-    let mut points = files.points()?;
-    if options.filter_points {
-        points = sparse::reliable(points, &mut notes);
+
+    /// Metadata only; unsupported camera models and absent photos are reported, not refused.
+    fn inspect(&self, scene: &Path) -> Result<Inspected, DatasetError> {
+        let Chosen { files, images, models } = self.largest(scene)?;
+        let cameras = files.cameras()?;
+        let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
+        for image in &images {
+            *uses.entry(image.camera).or_default() += 1;
+        }
+        let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
+        let folders = PhotoFolders::new(scene, RelativeTo::Photos, &LoadOptions::default());
+        let (mut found, mut missing, mut unsolved) = (Vec::new(), Vec::new(), Unsolved::default());
+        let (mut refused, masks) = (None, MaskFinder::new(scene));
+        for image in &images {
+            let Some((Inside { name, .. }, photo)) = folders.resolve(&image.name) else {
+                refused = refused.or_else(|| Some(image.bad_name(&files.path("images"))));
+                missing.push(image.name.replace(char::is_control, "?"));
+                continue;
+            };
+            match (posed(image, &cameras, &files), photo) {
+                (Err(Unposed::Unsolved(error)), photo) => unsolved.add(&image.name, photo, error),
+                (posed, photo) => {
+                    if let Err(Unposed::Wrong(error)) = posed {
+                        refused = refused.or(Some(error));
+                    }
+                    match photo {
+                        Photo::Found(photo, _) => found.push(Found { mask: masks.find(&name, &photo), name, photo }),
+                        Photo::Missing(_) => missing.push(image.name.replace(char::is_control, "?")),
+                    }
+                }
+            }
+        }
+        if found.is_empty() && missing.is_empty() {
+            refused = refused.or(unsolved.first.take());
+        }
+        Ok(Inspected {
+            kind: kind(&files),
+            listing: files.path("images"),
+            models,
+            images: images.len() - unsolved.count(),
+            cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
+            points: files.points()?.len(),
+            missing,
+            found,
+            notes: unsolved.note(&files).into_iter().collect(),
+            unsolved: unsolved.photos,
+            beside: beside(folders.main()),
+            split: None,
+            refused,
+        })
     }
-    Ok(Scene {
-        kind: kind(&files),
-        listing: images_path,
-        frames,
-        missing,
-        unsolved: unsolved.photos,
-        points: points.into_iter().map(|sparse| sparse.point).collect(),
-        point_files: vec![files.folder.join("points3D.ply")],
-        split: None,
-        beside: beside(main),
-        notes,
-    })
 }
 
 fn kind(files: &ModelFiles) -> SceneKind {
-    if files.text { SceneKind::ColmapText } else { SceneKind::ColmapBinary }
-}
-
-fn not_a_scene(scene: &Path) -> DatasetError {
-    DatasetError::NotAScene { path: scene.to_owned() }
-}
-
-/// Metadata only; unsupported camera models and absent photos are reported, not refused.
-pub(crate) fn inspect(scene: &Path) -> Result<Inspected, DatasetError> {
-    let chosen = models::largest(scene, models::all(scene))?;
-    let Chosen { files, images, models } = chosen.ok_or_else(|| not_a_scene(scene))?;
-    let cameras = files.cameras()?;
-    let mut uses: BTreeMap<u32, usize> = BTreeMap::new();
-    for image in &images {
-        *uses.entry(image.camera).or_default() += 1;
+    match files.text {
+        true => SceneKind::new("colmap_text", "COLMAP, text"),
+        false => SceneKind::new("colmap_binary", "COLMAP, binary"),
     }
-    let uses = |id: &u32| uses.get(id).copied().unwrap_or_default();
-    let folders = PhotoFolders::new(scene, RelativeTo::Photos, &LoadOptions::default());
-    let (mut found, mut missing, mut unsolved) = (Vec::new(), Vec::new(), Unsolved::default());
-    let (mut refused, masks) = (None, MaskFinder::new(scene));
-    for image in &images {
-        let Some((Inside { name, .. }, photo)) = folders.resolve(&image.name) else {
-            refused = refused.or_else(|| Some(image.bad_name(&files.path("images"))));
-            missing.push(image.name.replace(char::is_control, "?"));
-            continue;
-        };
-        match (posed(image, &cameras, &files), photo) {
-            (Err(Unposed::Unsolved(error)), photo) => unsolved.add(&image.name, photo, error),
-            (posed, photo) => {
-                if let Err(Unposed::Wrong(error)) = posed {
-                    refused = refused.or(Some(error));
-                }
-                match photo {
-                    Photo::Found(photo, _) => found.push(Found { mask: masks.find(&name, &photo), name, photo }),
-                    Photo::Missing(_) => missing.push(image.name.replace(char::is_control, "?")),
-                }
-            }
-        }
-    }
-    if found.is_empty() && missing.is_empty() {
-        refused = refused.or(unsolved.first.take());
-    }
-    Ok(Inspected {
-        kind: kind(&files),
-        listing: files.path("images"),
-        models,
-        images: images.len() - unsolved.count(),
-        cameras: cameras.iter().map(|(id, camera)| camera.info(*id, uses(id))).collect(),
-        points: files.points()?.len(),
-        missing,
-        found,
-        notes: unsolved.note(&files).into_iter().collect(),
-        unsolved: unsolved.photos,
-        beside: beside(folders.main()),
-        split: None,
-        refused,
-    })
 }

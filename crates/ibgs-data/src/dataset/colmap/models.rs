@@ -1,6 +1,6 @@
 //! The models of a scene: COLMAP writes one for each part that it could not join, `sparse/0`, `sparse/1` ...
 
-use super::{CameraRecord, ImageRecord, PLACES, SparsePoint, binary, text};
+use super::{CameraRecord, ImageRecord, SparsePoint, binary, text};
 use crate::dataset::ModelInfo;
 use crate::dataset::error::{DatasetError, read_bytes};
 use crate::dataset::info::path_inside;
@@ -16,7 +16,7 @@ pub(super) struct ModelFiles {
 
 impl ModelFiles {
     /// The model in a folder that holds cameras and images; binary before text, as in 3DGS.
-    fn of(folder: PathBuf) -> Option<ModelFiles> {
+    pub fn of(folder: PathBuf) -> Option<ModelFiles> {
         let is_there = |extension: &str| {
             let holds = |stem: &str| folder.join(format!("{stem}.{extension}")).is_file();
             holds("cameras") && holds("images")
@@ -54,29 +54,13 @@ impl ModelFiles {
 }
 
 /// The models in a folder: those of its numbered folders, by number, else its own.
-fn models_in(sparse: &Path) -> Vec<ModelFiles> {
+pub(super) fn models_in(sparse: &Path) -> Vec<ModelFiles> {
     let entries = std::fs::read_dir(sparse).into_iter().flatten().flatten();
     let number = |path: PathBuf| Some((path.file_name()?.to_str()?.parse::<u32>().ok()?, path));
     let mut numbered: Vec<(u32, PathBuf)> = entries.filter_map(|entry| number(entry.path())).collect();
     numbered.sort();
     let models: Vec<ModelFiles> = numbered.into_iter().filter_map(|(_, folder)| ModelFiles::of(folder)).collect();
     if models.is_empty() { ModelFiles::of(sparse.to_owned()).into_iter().collect() } else { models }
-}
-
-/// The models below the first of these folders that has one.
-pub(super) fn find(scene: &Path, places: &[&str]) -> Vec<ModelFiles> {
-    places.iter().map(|place| models_in(&scene.join(place))).find(|models| !models.is_empty()).unwrap_or_default()
-}
-
-/// The model beside the photos, without a folder of its own.
-pub(super) fn flat(scene: &Path) -> Option<ModelFiles> {
-    ModelFiles::of(scene.to_owned())
-}
-
-/// All models of a scene.
-pub(super) fn all(scene: &Path) -> Vec<ModelFiles> {
-    let found = find(scene, &PLACES);
-    if found.is_empty() { flat(scene).into_iter().collect() } else { found }
 }
 
 /// The model that is used.

@@ -9,7 +9,7 @@ use super::super::gaussians::degree_of;
 use super::super::ply::rows_error;
 use super::super::ply_rows::{ElementSeed, RowSink, scalar_columns};
 use super::super::{Gaussians, SceneError};
-use super::{finite, order, quantise, without_planes};
+use super::{Format, MAX_SH_DEGREE, finite, order, quantise, without_planes};
 use crate::local_space::LocalSpace;
 use crate::ply_offset;
 use glam::DVec3;
@@ -18,6 +18,16 @@ use serde_ply::{DeserializeError, ElementDef, PlyHeader, PlyReader, PropertyType
 use std::f64::consts::SQRT_2;
 use std::io::{self, BufRead, Write};
 use std::path::Path;
+
+pub(super) const ROW: super::Row = super::Row {
+    format: Format::CompressedPly,
+    ending: ".compressed.ply",
+    marks: &[],
+    max_sh_degree: MAX_SH_DEGREE,
+    place_of_offset: super::PLY.place_of_offset,
+    writer: Some(|g| Ok(Box::new(move |out| write(g, out)))),
+    read: super::PLY.read,
+};
 
 /// Gaussians of a chunk.
 const CHUNK: usize = 256;
@@ -51,7 +61,7 @@ const MOST_HARMONIC: f64 = 4.0;
 const MOST_LOGARITHMS: f32 = 20.0;
 
 /// Writes the Gaussians in an order in which neighbours share a chunk.
-pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
+fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
     let higher = 3 * (g.sh_coefficients() - 1);
     let offset = ply_offset::line(g.space.file_offset());
     let (chunks, count) = (g.len().div_ceil(CHUNK), g.len());

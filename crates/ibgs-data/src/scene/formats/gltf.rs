@@ -5,12 +5,22 @@
 //! Axes are those of glTF: x left, y up, z forward. Where the scene lies far from its origin, the node's translation says so.
 
 use super::super::Gaussians;
-use super::quantise;
+use super::{Format, MAX_SH_DEGREE, Writer, axes, gltf_read, quantise};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
 
 pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
+pub(super) const ROW: super::Row = super::Row {
+    format: Format::Gltf,
+    ending: ".glb",
+    marks: &[b"glTF"],
+    max_sh_degree: MAX_SH_DEGREE,
+    place_of_offset: Some("the translation of its node"),
+    writer: Some(writer),
+    read: Some(gltf_read::read),
+};
+
 /// Component type of floats.
 pub(super) const FLOAT: u32 = 5126;
 /// For the description, beside the buffer.
@@ -20,7 +30,7 @@ const DESCRIPTION: u64 = 1 << 16;
 ///
 /// # Errors
 /// Why.
-pub(super) fn check(g: &Gaussians) -> Result<(), String> {
+fn check(g: &Gaussians) -> Result<(), String> {
     match buffer_bytes(g) + DESCRIPTION > u64::from(u32::MAX) {
         true => Err(format!("a binary glTF file holds up to 4 GiB, {} Gaussians need more", g.len())),
         false => Ok(()),
@@ -39,6 +49,12 @@ fn buffer_bytes(g: &Gaussians) -> u64 {
 pub(super) fn harmonic(coefficient: usize) -> String {
     let degree = coefficient.isqrt();
     format!("{EXTENSION}:SH_DEGREE_{degree}_COEF_{}", coefficient - degree * degree)
+}
+
+fn writer(gaussians: &Gaussians) -> Writer<'_> {
+    let turned = axes::turned(gaussians, axes::LUF);
+    check(&turned)?;
+    Ok(Box::new(move |out| write(&turned, out)))
 }
 
 /// Writes Gaussians that have the axes of the format.

@@ -35,10 +35,10 @@ use std::path::Path;
 /// A format of files that hold Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// PLY of 32-bit floats, as 3DGS writes it.
-    Ply,
     /// PLY in chunks of 256 Gaussians with packed values, as SuperSplat writes it.
     CompressedPly,
+    /// PLY of 32-bit floats, as 3DGS writes it.
+    Ply,
     /// Niantic's SPZ: written in version 3, read in versions 2 and 3.
     Spz,
     /// 32 bytes a Gaussian, as antimatter15's viewer reads it.
@@ -49,20 +49,66 @@ pub enum Format {
     Sog,
 }
 
+/// What writes a file's bytes, or why a file cannot hold the model.
+type Writer<'a> = Result<Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>, String>;
+
+/// What was read, or what is wrong in a file.
+type Found = Result<Gaussians, String>;
+
+/// All that is known of a format; each module states its own.
+struct Row {
+    format: Format,
+    /// How names of such files end.
+    ending: &'static str,
+    /// What the files begin with, in four bytes at most; nothing where a name alone says it.
+    marks: &'static [&'static [u8]],
+    max_sh_degree: u32,
+    /// What of a file says where its coordinates lie in the scene ([`Gaussians::file_offset`]).
+    place_of_offset: Option<&'static str>,
+    /// Makes ready for writing; none: [`ply::write_ply`].
+    writer: Option<fn(&Gaussians) -> Writer<'_>>,
+    /// Reads a whole file, whose path is for messages; none: [`ply::read_ply_from`], which tells both kinds of PLY apart.
+    read: Option<fn(&[u8], &Path) -> Found>,
+}
+
+/// The formats in the order of [`Format`]. `.compressed.ply` comes before `.ply`, which it ends in.
+const TABLE: [&Row; 6] = [&compressed_ply::ROW, &PLY, &spz::ROW, &splat::ROW, &gltf::ROW, &sog::ROW];
+
+const PLY: Row = Row {
+    format: Format::Ply,
+    ending: ".ply",
+    marks: &[b"ply"],
+    max_sh_degree: MAX_SH_DEGREE,
+    place_of_offset: Some("the line `comment offset` of its header"),
+    writer: None,
+    read: None,
+};
+
 impl Format {
-    /// All formats. `.compressed.ply` comes before `.ply`, which it ends in.
-    pub const ALL: [Self; 6] = [Self::CompressedPly, Self::Ply, Self::Spz, Self::Splat, Self::Gltf, Self::Sog];
+    /// All formats.
+    pub const ALL: [Self; TABLE.len()] = {
+        let mut all = [Self::Ply; TABLE.len()];
+        let mut i = 0;
+        while i < TABLE.len() {
+            all[i] = TABLE[i].format;
+            assert!(all[i] as usize == i, "the table has the order of the enum");
+            i += 1;
+        }
+        all
+    };
+
+    fn row(self) -> &'static Row {
+        TABLE[self as usize]
+    }
 
     /// How names of such files end.
     pub fn ending(self) -> &'static str {
-        match self {
-            Self::Ply => ".ply",
-            Self::CompressedPly => ".compressed.ply",
-            Self::Spz => ".spz",
-            Self::Splat => ".splat",
-            Self::Gltf => ".glb",
-            Self::Sog => ".sog",
-        }
+        self.row().ending
+    }
+
+    /// The endings of all formats, for sentences.
+    pub fn endings() -> String {
+        Self::ALL.map(|format| format!("`{}`", format.ending())).join(", ")
     }
 
     /// The format that the ending of a name asks for.
@@ -73,34 +119,19 @@ impl Format {
 
     /// The format of a file by its first four bytes; [`Format::Ply`] stands for both kinds of PLY. `.splat` files have no mark.
     pub fn of_contents(start: &[u8]) -> Option<Self> {
-        match start {
-            [b'p', b'l', b'y', ..] => Some(Self::Ply),
-            [0x1f, 0x8b, ..] | b"NGSP" => Some(Self::Spz),
-            b"glTF" => Some(Self::Gltf),
-            b"PK\x03\x04" => Some(Self::Sog),
-            _ => None,
-        }
+        Self::ALL.into_iter().find(|format| format.row().marks.iter().any(|mark| start.starts_with(mark)))
     }
 
     /// Highest degree of the spherical harmonics that such files keep.
     pub fn max_sh_degree(self) -> u32 {
-        if self == Self::Splat { 0 } else { MAX_SH_DEGREE }
-    }
-
-    /// What of a file says where its coordinates lie in the scene ([`Gaussians::file_offset`]).
-    fn place_of_offset(self) -> Option<&'static str> {
-        match self {
-            Self::Ply | Self::CompressedPly => Some("the line `comment offset` of its header"),
-            Self::Gltf => Some("the translation of its node"),
-            Self::Spz | Self::Splat | Self::Sog => None,
-        }
+        self.row().max_sh_degree
     }
 
     /// What a file of this format leaves out of a model or splits off, beside precision and planes.
     pub fn losses(self, gaussians: &Gaussians) -> Vec<Loss> {
         let (degree, kept) = (gaussians.sh_degree, self.max_sh_degree());
         let harmonics = (degree > kept).then_some(Loss::Harmonics { degree, kept });
-        let offset = gaussians.file_offset().map(|offset| match self.place_of_offset() {
+        let offset = gaussians.file_offset().map(|offset| match self.row().place_of_offset {
             Some(place) => Loss::SplitOff { offset, place },
             None => Loss::Offset(offset),
         });
@@ -157,18 +188,15 @@ impl fmt::Display for Loss {
     }
 }
 
-/// Writes a file's bytes.
-type Writer<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
-
 /// Writes Gaussians in a format, in scene units, in one atomic step. [`Format::Ply`] has all fields ([`PlyFlavor::Full`]).
 ///
 /// # Errors
 /// Those of [`Gaussians::validate`], [`SceneError::CannotHold`] where the format has no place for the model (nothing is
 /// written then), and [`SceneError::Write`].
 pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Result<(), SceneError> {
-    if format == Format::Ply {
+    let Some(writer) = format.row().writer else {
         return ply::write_ply(path, gaussians, PlyFlavor::Full);
-    }
+    };
     gaussians.validate()?;
     let refused = |reason| SceneError::CannotHold { path: path.to_owned(), reason };
     if gaussians.is_empty() {
@@ -176,24 +204,7 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
     }
     let place = LocalSpace::at(gaussians.file_offset().unwrap_or_default());
     let gaussians = gaussians.in_space(place);
-    let write: Writer = match format {
-        Format::Ply | Format::CompressedPly => Box::new(|out| compressed_ply::write(&gaussians, out)),
-        Format::Splat => Box::new(|out| splat::write(&gaussians, out)),
-        Format::Spz => {
-            let turned = axes::turned(&gaussians, axes::RUB);
-            let bits = spz::fractional_bits(&turned).map_err(refused)?;
-            Box::new(move |out| spz::write(&turned, bits, out))
-        }
-        Format::Gltf => {
-            let turned = axes::turned(&gaussians, axes::LUF);
-            gltf::check(&turned).map_err(refused)?;
-            Box::new(move |out| gltf::write(&turned, out))
-        }
-        Format::Sog => {
-            let bytes = sog::encode(&gaussians, order::morton(&gaussians)).map_err(refused)?;
-            Box::new(move |out| out.write_all(&bytes))
-        }
-    };
+    let write = writer(&gaussians).map_err(refused)?;
     files::write_atomically(path, |out| write(out))?;
     Ok(())
 }
@@ -222,28 +233,17 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
     let mut start = Vec::new();
     reader.take(4).read_to_end(&mut start).map_err(io_error)?;
     reader.rewind().map_err(io_error)?;
-    let by_name = Format::of_name(path).filter(|&format| format == Format::Splat);
-    let Some(format) = Format::of_contents(&start).or(by_name) else {
-        // A file with the name of a PLY that is none gets a better message there.
-        return match Format::of_name(path) {
-            Some(Format::Ply | Format::CompressedPly) => ply::read_ply_from(reader, length, path),
-            _ => Err(SceneError::UnknownFormat { path: path.to_owned() }),
-        };
+    // A file with the name of a PLY that is none gets a better message from the reader of PLY files.
+    let is_by_name = |row: &Row| row.read.is_none() || row.marks.is_empty();
+    let by_name = || Format::of_name(path).filter(|format| is_by_name(format.row()));
+    let Some(format) = Format::of_contents(&start).or_else(by_name) else {
+        return Err(SceneError::UnknownFormat { path: path.to_owned() });
     };
-    if format == Format::Ply {
-        return ply::read_ply_from(reader, length, path);
-    }
+    let Some(read) = format.row().read else { return ply::read_ply_from(reader, length, path) };
     let mut bytes = Vec::new();
     reader.take(length).read_to_end(&mut bytes).map_err(io_error)?;
-    let gaussians = match format {
-        Format::Ply | Format::CompressedPly => unreachable!("both are read above"),
-        Format::Spz => spz::read(&bytes),
-        Format::Splat => splat::read(&bytes),
-        Format::Gltf => gltf_read::read(&bytes, path),
-        Format::Sog => sog_read::read(&bytes),
-    };
     let bad = |reason| SceneError::BadFile { path: path.to_owned(), format: format.ending(), reason };
-    without_planes(gaussians.map_err(bad)?, path)
+    without_planes(read(&bytes, path).map_err(bad)?, path)
 }
 
 /// What was read from a format without planes: Gaussians that say so, and only those whose values are finite.

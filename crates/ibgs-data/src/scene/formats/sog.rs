@@ -8,12 +8,27 @@
 
 use super::super::Gaussians;
 use super::palette::{Codebook, Palette};
-use super::quantise;
+use super::{Format, MAX_SH_DEGREE, Writer, order, quantise, sog_read};
 use crate::stored_zip;
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::{Value, json};
 use std::f64::consts::SQRT_2;
 use std::io::{self, Cursor};
+
+pub(super) const ROW: super::Row = super::Row {
+    format: Format::Sog,
+    ending: ".sog",
+    marks: &[b"PK\x03\x04"],
+    max_sh_degree: MAX_SH_DEGREE,
+    place_of_offset: None,
+    writer: Some(writer),
+    read: Some(|bytes, _| sog_read::read(bytes)),
+};
+
+fn writer(gaussians: &Gaussians) -> Writer<'_> {
+    let bytes = encode(gaussians, order::morton(gaussians))?;
+    Ok(Box::new(move |out| out.write_all(&bytes)))
+}
 
 /// Largest side of a WebP picture.
 pub(super) const MOST_SIDE: usize = 16_384;

@@ -4,10 +4,22 @@
 //! four bytes (128 is 0, a step 1/128). Axes are those of 3DGS.
 
 use super::super::Gaussians;
+use super::Format;
 use super::quantise::{self, byte};
 use std::io::{self, Write};
 
-const ROW: usize = 32;
+pub(super) const ROW: super::Row = super::Row {
+    format: Format::Splat,
+    ending: ".splat",
+    marks: &[],
+    max_sh_degree: 0,
+    place_of_offset: None,
+    writer: Some(|g| Ok(Box::new(move |out| write(g, out)))),
+    read: Some(|bytes, _| read(bytes)),
+};
+
+/// Bytes of a Gaussian.
+const EACH: usize = 32;
 
 /// Writes all Gaussians by their size times their opacity: viewers show the first ones first while they load.
 pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
@@ -34,13 +46,13 @@ pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
 ///
 /// # Errors
 /// What is wrong.
-pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
-    if !bytes.len().is_multiple_of(ROW) {
-        return Err(format!("its {} bytes are no multiple of {ROW}, the size of a Gaussian", bytes.len()));
+fn read(bytes: &[u8]) -> Result<Gaussians, String> {
+    if !bytes.len().is_multiple_of(EACH) {
+        return Err(format!("its {} bytes are no multiple of {EACH}, the size of a Gaussian", bytes.len()));
     }
-    let count = bytes.len() / ROW;
+    let count = bytes.len() / EACH;
     let mut g = Gaussians::with_capacity(count, 0);
-    for row in bytes.chunks_exact(ROW) {
+    for row in bytes.chunks_exact(EACH) {
         let float = |at: usize| f32::from_le_bytes([row[4 * at], row[4 * at + 1], row[4 * at + 2], row[4 * at + 3]]);
         g.means.push([0, 1, 2].map(float));
         g.log_scales.push([3, 4, 5].map(|at| quantise::log_scale(float(at))));

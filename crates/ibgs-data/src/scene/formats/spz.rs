@@ -8,12 +8,22 @@
 use super::super::Gaussians;
 use super::super::gaussians::coefficients;
 use super::quantise::{self, byte};
-use super::{MAX_SH_DEGREE, axes};
+use super::{Format, MAX_SH_DEGREE, Writer, axes};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::{self, Read, Write};
+
+pub(super) const ROW: super::Row = super::Row {
+    format: Format::Spz,
+    ending: ".spz",
+    marks: &[&[0x1f, 0x8b], b"NGSP"],
+    max_sh_degree: MAX_SH_DEGREE,
+    place_of_offset: None,
+    writer: Some(writer),
+    read: Some(|bytes, _| read(bytes)),
+};
 
 const MAGIC: [u8; 4] = *b"NGSP";
 const HEADER: usize = 16;
@@ -34,7 +44,7 @@ const SMALL: u64 = 1 << 16;
 ///
 /// # Errors
 /// Why there are none.
-pub(super) fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
+fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
     if gaussians.len() > i32::MAX as usize {
         return Err("an SPZ file holds up to 2,147,483,647 Gaussians".to_owned());
     }
@@ -44,6 +54,12 @@ pub(super) fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
         .rev()
         .find(fits)
         .ok_or_else(|| format!("an SPZ file holds coordinates up to {MOST_STEPS}, the model's reach {far}"))
+}
+
+fn writer(gaussians: &Gaussians) -> Writer<'_> {
+    let turned = axes::turned(gaussians, axes::RUB);
+    let bits = fractional_bits(&turned)?;
+    Ok(Box::new(move |out| write(&turned, bits, out)))
 }
 
 /// Writes version 3. The Gaussians have the axes of the format.

@@ -1,9 +1,9 @@
-//! Ground truth of the built-in scene: its surface, and its normals in a view.
+//! Ground truth of the demo scene: its surface, and its normals in a view.
 
-use super::score::Cloud;
-use crate::camera::Camera;
-use crate::demo::{self, TriangleMesh};
 use glam::Vec3;
+use ibgs_core::camera::Camera;
+use ibgs_core::mesh::score::Cloud;
+use ibgs_demo::TriangleMesh;
 
 /// Squares along the side of a box, of the true mesh; the largest, those of the room, are 7 centimetres long.
 const TESSELLATION: u32 = 64;
@@ -20,7 +20,7 @@ pub struct TrueSurface {
 impl TrueSurface {
     /// Samples the true surface with points no farther apart than `spacing` metres.
     pub fn sample(cameras: &[Camera], spacing: f64) -> Self {
-        let mesh = demo::mesh(TESSELLATION);
+        let mesh = ibgs_demo::mesh(TESSELLATION);
         let cloud = |mesh: &TriangleMesh| Cloud::of_triangles(&mesh.vertices, &mesh.triangles, spacing);
         Self { all: cloud(&mesh), seen: cloud(&mesh.visible_from(cameras)) }
     }
@@ -29,7 +29,7 @@ impl TrueSurface {
 /// Angles in degrees between a rendered normal map (`[H * W * 3]`, camera space, of any length) and the true normals, at the
 /// pixels that have a normal.
 pub fn normal_map_errors(camera: &Camera, normals: &[f32]) -> Vec<f32> {
-    let truth = demo::truth(camera).normal;
+    let truth = ibgs_demo::truth(camera).normal;
     let world_from_view = camera.view_from_world.transpose().as_mat3();
     let pairs = normals.as_chunks::<3>().0.iter().zip(truth);
     let angle = |(normal, truth): (&[f32; 3], [f32; 3])| {

@@ -1,12 +1,11 @@
 //! Messages from the worker.
 
 use super::framing::middle;
-use super::{Found, Trained, Viewer};
+use super::{Found, Panels, Trained, Viewer};
 use crate::Scene;
 use crate::curves::Curves;
 use crate::edit::Edit;
 use crate::mode::Mode;
-use crate::panels::Panels;
 use crate::thumbnails::Thumbnails;
 use crate::worker::Message;
 use eframe::egui::{self, ViewportCommand};
@@ -23,7 +22,7 @@ const RECENT: usize = 8;
 
 impl Viewer {
     /// Takes the messages of the worker.
-    pub(super) fn listen(&mut self, ctx: &egui::Context) {
+    pub(crate) fn listen(&mut self, ctx: &egui::Context) {
         while let Ok(message) = self.worker.messages.try_recv() {
             match message {
                 Message::Doing(what) => self.doing = Some(what),
@@ -119,7 +118,7 @@ impl Viewer {
     }
 
     /// Shows the pixel that was clicked once it is certain that no second click follows: its panels move the canvas.
-    pub(super) fn show_found(&mut self, ctx: &egui::Context) {
+    pub(crate) fn show_found(&mut self, ctx: &egui::Context) {
         let Some(clicked) = self.clicked.filter(|_| self.coming.is_some()) else { return };
         match DOUBLE_CLICK.checked_sub(clicked.elapsed()) {
             Some(rest) => ctx.request_repaint_after(rest),

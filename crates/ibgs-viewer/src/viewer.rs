@@ -1,0 +1,298 @@
+//! The state of the window: camera, what is open, and what stands around the canvas.
+
+mod framing;
+mod link;
+mod messages;
+mod outside;
+mod screenshot;
+
+pub(crate) use framing::fitted;
+
+use crate::canvas::{Canvas, SIDES};
+use crate::curves::Curves;
+use crate::edit::Edit;
+use crate::mode::Mode;
+use crate::navigator::Navigator;
+use crate::path_editor::PathEditor;
+use crate::start_page::Start;
+use crate::thumbnails::Thumbnails;
+use crate::worker::{Command, Worker};
+use crate::{Open, Opened, Outcome, Scene, Wanted};
+use glam::DVec3;
+use ibgs_core::dataset::HostPhoto;
+use ibgs_core::gpu::{Gpu, GpuError};
+use ibgs_core::inspect::Inspection;
+use ibgs_core::output::log::TrainingProgress;
+use ibgs_core::sources::DevicePhoto;
+use ibgs_core::sources::source_store::pixels;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use web_time::Instant;
+
+/// Time that the camera rests before the picture is rendered sharp.
+const REST: Duration = Duration::from_millis(150);
+
+/// What is kept from one start of the program to the next.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub(crate) struct Settings {
+    /// What was opened last, newest first.
+    pub recent: Vec<PathBuf>,
+}
+
+/// Which panels are shown, and what they hold.
+#[derive(Default)]
+pub(crate) struct Panels {
+    /// The scene's cameras in the image.
+    pub shows_cameras: bool,
+    /// The sparse points.
+    pub shows_points: bool,
+    /// Why a pixel looks as it does.
+    pub shows_pixel: bool,
+    /// The list of views is hidden.
+    pub hides_views: bool,
+    /// Time, size and memory are hidden.
+    pub hides_figures: bool,
+    /// A resting camera's image has the full size, however long it takes.
+    pub always_sharp: bool,
+    /// The camera path's panel.
+    pub shows_path: bool,
+    /// Keys and pointer explained.
+    pub shows_help: bool,
+    /// The camera path.
+    pub path: PathEditor,
+}
+
+/// A pixel that was asked about.
+pub(crate) struct Found {
+    /// Why it looks as it does.
+    pub inspection: Inspection,
+    /// The scene's views that are its sources, in the inspection's order.
+    pub views: Vec<Option<usize>>,
+}
+
+/// A training as the window knows it.
+pub(crate) struct Trained {
+    pub progress: TrainingProgress,
+    pub running: bool,
+    pub curves: Curves,
+}
+
+/// The viewer.
+pub struct Viewer {
+    pub(crate) gpu: Arc<Gpu>,
+    pub(crate) worker: Worker,
+    /// What is open.
+    pub(crate) scene: Option<Scene>,
+    pub(crate) training: Option<Trained>,
+    pub(crate) navigator: Navigator,
+    pub(crate) canvas: Canvas,
+    /// What the canvas shows, and what right of the divider.
+    pub(crate) mode: Mode,
+    pub(crate) other: Option<Mode>,
+    /// Share of the canvas left of the divider.
+    pub(crate) divider: f32,
+    pub(crate) divider_x: Option<f32>,
+    /// The view that the camera stands on.
+    pub(crate) on_view: Option<usize>,
+    pub(crate) found: Option<Found>,
+    /// A found pixel that is not shown yet, and the time of the click.
+    coming: Option<Found>,
+    pub(crate) clicked: Option<Instant>,
+    pub(crate) panels: Panels,
+    pub(crate) start: Start,
+    pub(crate) edit: Edit,
+    pub(crate) thumbnails: Thumbnails,
+    pub(crate) settings: Settings,
+    photo: Option<(usize, DevicePhoto)>,
+    /// What the cameras look at, and extent of the scene.
+    center: DVec3,
+    pub(crate) extent: f64,
+    /// Size of the canvas in pixels.
+    pub(crate) room: [u32; 2],
+    /// The photos' mean up axis.
+    pub(crate) photos_up: DVec3,
+    moved: Option<Instant>,
+    /// What the worker is doing, when it is no frame.
+    pub(crate) doing: Option<String>,
+    /// What was done last, in one sentence.
+    pub(crate) message: Option<String>,
+    /// What went wrong last, in one sentence.
+    pub(crate) error: Option<String>,
+    screenshots: u32,
+    /// Where to go once something is open.
+    link: Option<String>,
+}
+
+impl Viewer {
+    /// A viewer of what `first` says, or with an empty start page.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn new(
+        cc: &eframe::CreationContext,
+        gpu: Arc<Gpu>,
+        opener: impl Open,
+        first: Option<Outcome>,
+    ) -> Result<Self, GpuError> {
+        let settings = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY)).unwrap_or_default();
+        let canvas = Canvas::new(gpu.clone())?;
+        let mut start = Start::new(opener.demo_iterations(&gpu));
+        let opened = match first {
+            Some(Outcome::Opened(opened)) => Some(*opened),
+            Some(Outcome::Scene(path)) => {
+                start.ask_about(path);
+                None
+            }
+            None => None,
+        };
+        start.shown = opened.is_none();
+        let doing = opened.is_some().then(|| "opening".to_owned());
+        Ok(Self {
+            worker: Worker::start(gpu.clone(), opener, opened, cc.egui_ctx.clone()),
+            gpu,
+            scene: None,
+            training: None,
+            navigator: Navigator::facing(DVec3::ZERO, 3.0),
+            canvas,
+            mode: Mode::Final,
+            other: None,
+            divider: 0.5,
+            divider_x: None,
+            on_view: None,
+            found: None,
+            coming: None,
+            clicked: None,
+            panels: Panels::default(),
+            start,
+            edit: Edit::default(),
+            thumbnails: Thumbnails::default(),
+            settings,
+            photo: None,
+            center: DVec3::ZERO,
+            extent: 1.0,
+            room: SIDES,
+            photos_up: DVec3::NEG_Y,
+            moved: None,
+            doing,
+            message: None,
+            error: None,
+            screenshots: 0,
+            link: None,
+        })
+    }
+
+    /// Whether the model and the camera's place have what a mode shows.
+    pub fn offers(&self, mode: Mode) -> bool {
+        let has_photo = || self.view().is_some_and(|view| view.photo.is_some());
+        let has_network = || self.canvas.last().is_some_and(|last| last.facts.sources.is_some());
+        (!mode.needs_network() || has_network()) && (!mode.needs_photo() || has_photo())
+    }
+
+    pub(crate) fn view(&self) -> Option<&crate::View> {
+        self.on_view.and_then(|index| self.scene.as_ref()?.views.get(index))
+    }
+
+    /// Whether a mode that is wanted is shown, alone or beside another one.
+    pub(crate) fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
+        wanted(self.mode) || self.other.is_some_and(wanted)
+    }
+
+    /// The photo of the view that the camera stands on, where a mode needs it.
+    pub(crate) fn photo(&mut self) -> Result<Option<DevicePhoto>, GpuError> {
+        let index = self.on_view.filter(|_| self.shows(Mode::needs_photo));
+        let Some(index) = index else {
+            self.photo = None;
+            return Ok(None);
+        };
+        if self.photo.as_ref().is_none_or(|(of, _)| *of != index) {
+            let photo = self.view().and_then(|view| view.photo.clone());
+            let upload = |photo: HostPhoto| DevicePhoto::upload(&self.gpu, &*pixels(&photo)?);
+            self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
+        }
+        Ok(self.photo.as_ref().map(|(_, target)| target.clone()))
+    }
+
+    /// Shows another part of the image, where there is one.
+    pub fn show_mode(&mut self, mode: Mode) {
+        if self.offers(mode) {
+            self.mode = mode;
+        }
+    }
+
+    /// Shows a mode right of a divider, or one mode alone.
+    pub fn show_other(&mut self, mode: Option<Mode>) {
+        self.other = mode.filter(|&mode| self.offers(mode));
+    }
+
+    fn leave_what_is_not_offered(&mut self) {
+        if !self.offers(self.mode) {
+            self.mode = Mode::Final;
+        }
+        self.other = self.other.filter(|&mode| self.offers(mode));
+    }
+
+    /// Stands on a view of the scene.
+    pub fn stand_on(&mut self, index: usize) {
+        let Some(view) = self.scene.as_ref().and_then(|scene| scene.views.get(index)) else { return };
+        self.navigator = Navigator::at(&view.camera, self.center, self.navigator.up);
+        self.on_view = Some(index);
+        self.leave_what_is_not_offered();
+    }
+
+    /// Moves the camera to the next view, or to the one `step` views further.
+    pub fn step_view(&mut self, step: isize) {
+        let count = self.scene.as_ref().map_or(0, |scene| scene.views.len()) as isize;
+        if count > 0 {
+            let from = self.on_view.map_or(if step > 0 { -1 } else { 0 }, |index| index as isize);
+            self.stand_on((from + step).rem_euclid(count) as usize);
+        }
+    }
+
+    /// Back to the first view.
+    pub fn reset(&mut self) {
+        match self.scene.as_ref().is_none_or(|scene| scene.views.is_empty()) {
+            true => {
+                self.navigator = Navigator::facing(self.center, 2.5 * self.extent);
+                self.has_moved();
+            }
+            false => self.stand_on(0),
+        }
+    }
+
+    /// The camera has left the view that it stood on.
+    pub(crate) fn has_moved(&mut self) {
+        self.on_view = None;
+        self.moved = Some(Instant::now());
+        self.leave_what_is_not_offered();
+    }
+
+    pub(crate) fn moving(&self) -> bool {
+        self.moved.is_some_and(|at| at.elapsed() < REST)
+    }
+
+    /// Opens something in place of what is open.
+    pub fn open(&mut self, wanted: Wanted) {
+        if !self.edit.may_leave() {
+            self.error = Some("the edited model is not saved; open the other one again to leave it so".to_owned());
+            return;
+        }
+        (self.error, self.message, self.doing) = (None, None, Some("opening".to_owned()));
+        self.send(Command::Open(wanted));
+    }
+
+    /// Shows another model of the same scene in place of the one that is open, from the same place.
+    pub fn replace(&mut self, opened: Opened) {
+        self.send(Command::Replace(Box::new(opened), self.edit.revision + 1));
+    }
+
+    /// Asks the worker for something.
+    pub(crate) fn send(&mut self, command: Command) {
+        if !self.worker.send(command) {
+            self.doing = None;
+            self.error = Some("the part that renders has stopped; close the window and start again".to_owned());
+        }
+    }
+}
