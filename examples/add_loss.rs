@@ -7,7 +7,6 @@
 #![expect(clippy::print_stdout, reason = "an example")]
 
 use ibgs_core::config::TrainConfig;
-
 use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use};
 use ibgs_demo::DemoOptions;
 use ibgs_train::Session;

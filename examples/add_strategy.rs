@@ -8,7 +8,6 @@
 #![expect(clippy::print_stdout, reason = "an example")]
 
 use ibgs_core::config::{self, DensifyConfig, TrainConfig};
-
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_demo::DemoOptions;
