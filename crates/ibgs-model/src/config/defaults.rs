@@ -147,7 +147,6 @@ impl Default for DensifyConfig {
             prune_scale: 0.1,
             prune_scale_by_distance: true,
             prune_scale_after: None,
-            prune_screen_radius: 0.0,
             growth: GrowthConfig::default(),
             mcmc: McmcConfig::default(),
         }
@@ -159,7 +158,6 @@ impl Default for GrowthConfig {
         Self {
             threshold: 0.002,
             fraction: 0.25,
-            error_pixels: 0.0,
             prune_opacity: 1.0 / 255.0,
             opacity_decay: 0.004,
             screen_size: 0.5,

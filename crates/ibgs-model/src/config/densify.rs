@@ -61,8 +61,6 @@ pub struct DensifyConfig {
     pub prune_scale_by_distance: bool,
     /// Pruning by scale begins after this iteration; unset: the interval of the opacity resets.
     pub prune_scale_after: Option<u32>,
-    /// Gaussians with a larger screen radius, in pixels, are removed after `prune-scale-after`; 0: never.
-    pub prune_screen_radius: f64,
     /// What only the strategy `default` uses.
     pub growth: GrowthConfig,
     /// What only the strategy `mcmc` uses.
@@ -84,9 +82,6 @@ pub struct GrowthConfig {
     pub threshold: f64,
     /// Share of those that is split in a round.
     pub fraction: f64,
-    /// Pixels with an error above their photo's mean that such a Gaussian must have covered in the last ten iterations before the
-    /// round, summed over the views; 0: errors are ignored. 60 halves the number of Gaussians.
-    pub error_pixels: f64,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
     /// What every opacity loses in a round, times the part of the run that is left.

@@ -1,8 +1,7 @@
 //! The default strategy: no opacity resets. What has faded is pruned in every round and replaced by splitting others; while the
 //! model grows, a share of the Gaussians with large screen-space gradients is split as well, by the largest absolute gradient (Ye et
 //! al., AbsGS, 2024) over the views; every opacity loses a little. One operation adds Gaussians: a split in two that keeps mass, centre and, along the axes, the second moments. Ideas and
-//! constants of Brush 1.0, which also has the screen-size rule. On request only those are split that cover pixels of large error (Ren et al.,
-//! FastGS, 2025).
+//! constants of Brush 1.0, which also has the screen-size rule.
 
 use super::{FRESH, Observations, Plan, Round, sigmoid};
 use glam::{Quat, Vec3};
@@ -51,7 +50,7 @@ impl Candidates<'_> {
 
     /// May be split for its gradient.
     fn is_rough(&self, i: usize) -> bool {
-        self.gradient(i) > self.config.threshold && f64::from(self.o.statistics[i][1]) >= self.config.error_pixels
+        self.gradient(i) > self.config.threshold
     }
 
     /// Wider on the screen than allowed.

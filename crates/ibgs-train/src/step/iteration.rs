@@ -3,7 +3,7 @@
 
 use super::{TrainError, Trainer};
 use crate::autodiff::{self, Leaves, SplatGradients};
-use crate::densify::{self, Over, mcmc};
+use crate::densify::{Over, mcmc};
 use crate::optim::Rates;
 use crate::stages::{Total, Work};
 use crate::telemetry::Telemetry;
@@ -51,7 +51,7 @@ impl Trainer {
             exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(self.iteration));
         }
         if self.schedule.observes(self.iteration) {
-            self.record_statistics(&mut pass, &rendered, &total, gradients.screen.clone())?;
+            self.record_statistics(&mut pass, &rendered.forward, gradients.screen.clone());
         }
         self.record_splat_step(&mut pass, gradients);
         if let Some(stages) = &mut self.stages {
@@ -145,26 +145,12 @@ impl Trainer {
     }
 
     /// Records what densification learns from the view; `screen` is the gradient by screen position.
-    fn record_statistics(
-        &self,
-        pass: &mut Pass,
-        rendered: &Rendered,
-        total: &Total,
-        screen: Tensor<2>,
-    ) -> Result<(), GpuError> {
+    fn record_statistics(&self, pass: &mut Pass, forward: &Forward, screen: Tensor<2>) {
         let how = match self.config.densify.strategy {
             Strategy::Default => (Over::Largest, 0.0),
             _ => (Over::Sum, self.config.densify.near_depth * self.extent),
         };
-        let Rendered { shown, forward, target, .. } = rendered;
-        let errors = if self.schedule.counts_errors(self.iteration, &self.config.densify) {
-            let (stats, count) = (&total.scratch.stats, self.splats().len());
-            Some(densify::covered_errors(&self.gpu, pass, forward, (shown, target), stats, count)?)
-        } else {
-            None
-        };
-        self.statistics.record(pass, screen, forward, how, errors.as_ref());
-        Ok(())
+        self.statistics.record(pass, screen, forward, how);
     }
 
     /// Records the step of the Gaussians, and the strategy's noise.

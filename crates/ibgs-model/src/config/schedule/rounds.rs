@@ -1,28 +1,17 @@
 //! When rounds of densification and opacity resets come, and what a round may do (method.md section 7).
 
 use super::Schedule;
-use crate::config::{DensifyConfig, Strategy};
+use crate::config::Strategy;
 
 /// Iterations without pruning by opacity after an opacity reset: from 0.01 Adam needs 66 steps of 0.025 in the logit to
 /// reach the pruning threshold of 0.05, so rounds that follow sooner would remove every Gaussian. In the reference
 /// schedule the first round comes after 100 iterations and nothing changes; short runs have rounds every 20.
 const RESET_RECOVERY: u32 = 100;
 
-/// Iterations before a round whose errors are counted.
-const ERROR_VIEWS: u32 = 10;
-
 impl Schedule {
     /// Whether Gaussians are still densified by their gradients at or after `iteration`, so that these must be observed.
     pub fn observes(&self, iteration: u32) -> bool {
         self.strategy != Strategy::Mcmc && iteration < self.densify_end
-    }
-
-    /// Whether pixels of large error are counted in this iteration: only in the last iterations before a round, if at
-    /// all.
-    pub fn counts_errors(&self, iteration: u32, densify: &DensifyConfig) -> bool {
-        let interval = self.densify_interval.max(1);
-        let counts = self.strategy == Strategy::Default && densify.growth.error_pixels > 0.0;
-        counts && (iteration - 1) % interval + ERROR_VIEWS >= interval
     }
 
     /// Whether a round of densification and pruning follows this iteration.
