@@ -25,7 +25,7 @@ pub use densify::{DensifyConfig, GrowthConfig, McmcConfig, OpacityResetConfig, S
 pub use difference::OptionDifference;
 pub use error::ConfigError;
 pub use preset::Preset;
-pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, SurfaceConfig};
+pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
 
 use crate::dataset::{Alpha, Masks};
 use serde::{Deserialize, Serialize};

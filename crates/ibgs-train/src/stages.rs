@@ -11,7 +11,7 @@ use crate::tensor::primitive;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{AdamConfig, Learners, TrainConfig};
+use ibgs_core::config::{AdamConfig, TrainConfig};
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::pool::Lease;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
@@ -36,7 +36,6 @@ pub(super) struct ImageStages {
     /// In local coordinates.
     cameras: Arc<[Camera]>,
     options: ImageOptions,
-    learners: Learners,
     /// Candidates for the sources of each training view, best first.
     neighbours: Vec<Vec<usize>>,
     seed: u64,
@@ -76,8 +75,8 @@ pub(super) struct Work<'a> {
 pub(super) struct Total {
     /// L_img of the base image.
     base_loss: Tensor<1>,
-    /// L_img of the final image, and the weight of their sum.
-    final_loss: Option<(Tensor<1>, f64)>,
+    /// L_img of the final image.
+    final_loss: Option<Tensor<1>>,
     /// Normal and photometric loss.
     surface_losses: Vec<Tensor<1>>,
     /// Statistics of the image that counts: the final one where there is one.
@@ -95,7 +94,7 @@ impl Total {
     /// The sum of all losses.
     pub fn loss(&self) -> Tensor<1> {
         let image_loss = match &self.final_loss {
-            Some((final_loss, weight)) => (self.base_loss.clone() + final_loss.clone()) * *weight,
+            Some(final_loss) => (self.base_loss.clone() + final_loss.clone()) * 0.5,
             None => self.base_loss.clone(),
         };
         match self.surface_losses.iter().cloned().reduce(|sum, loss| sum + loss) {
@@ -130,7 +129,6 @@ impl ImageStages {
             network,
             cameras: cameras.clone(),
             options,
-            learners: residual.learners,
         })
     }
 
@@ -244,14 +242,13 @@ impl ImageStages {
         let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
         let weights = self.network.tensor().autodiff().require_grad();
         // During burn-in only the network learns from the final image.
-        let is_alone = self.learners == Learners::Network;
-        let (base, colors) = match burn_in.is_some() || is_alone {
+        let (base, colors) = match burn_in.is_some() {
             true => (work.shown.clone().detach(), colors.detach()),
             false => (work.shown.clone(), colors),
         };
         let image = autodiff::residual(&self.residual, &task, base, colors, weights.clone())?;
         let (final_loss, scratch) = work.loss.tracked(image, work.target)?;
-        total.final_loss = Some((final_loss, if is_alone { 1.0 } else { 0.5 }));
+        total.final_loss = Some(final_loss);
         total.scratch = scratch;
         total.weights = Some(weights);
         Ok(())

@@ -26,18 +26,6 @@ pub struct SurfaceConfig {
     pub depth_memory: MemoryBudget,
 }
 
-/// What learns from the final image once the burn-in is over (method.md section 7).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Learners {
-    /// Gaussians and network, as published: (L_img(base) + L_img(final)) / 2.
-    #[default]
-    All,
-    /// The network alone, in the whole run: L_img(base) + L_img(final), the latter without a gradient into the Gaussians. They
-    /// then learn as without a residual.
-    Network,
-}
-
 /// The residual network and its training (method.md sections 6 and 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -51,8 +39,6 @@ pub struct ResidualConfig {
     pub burn_in: Option<u32>,
     /// Gain of the base image when the burn-in begins; it rises to 1 (published: 0.5, for a network that passes nothing at first).
     pub burn_in_gain: f64,
-    /// What learns from the final image after the burn-in: `all`, as published; `network`.
-    pub learners: Learners,
     /// Learning rate of the network.
     pub learning_rate: f64,
     /// Iterations at which the rate is halved; unset: 18000 and 25000, scaled.
@@ -184,7 +170,6 @@ impl Default for ResidualConfig {
             start: None,
             burn_in: None,
             burn_in_gain: 1.0,
-            learners: Learners::All,
             learning_rate: 1e-3,
             halve_at: None,
             beta1: 0.9,
