@@ -84,8 +84,6 @@ pub struct TrainConfig {
     pub data: DataConfig,
     /// Learning rates.
     pub learning_rates: LearningRates,
-    /// Size of the 3D smoothing filter in pixels of the nearest training view; 0: none.
-    pub filter: f64,
     /// The optimiser.
     pub adam: AdamConfig,
     /// Densification and pruning.

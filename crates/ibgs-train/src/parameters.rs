@@ -30,7 +30,7 @@ impl Parameters {
         Self::new(gpu, (g.space, g.len(), g.sh_coefficients()), tensors)
     }
 
-    /// From the tensors of `count` Gaussians with `coefficients` colours each; without filters.
+    /// From the tensors of `count` Gaussians with `coefficients` colours each.
     ///
     /// # Errors
     /// Not enough memory.
@@ -39,10 +39,9 @@ impl Parameters {
         (space, count, coefficients): (LocalSpace, usize, usize),
         tensors: PerGaussian<CubeTensor>,
     ) -> Result<Self, GpuError> {
-        let filters = gpu.allocate("filters", count)?;
         let parameters = tensors.as_ref().map(bind);
         let harmonics = Harmonics::Full;
-        let splats = Splats { space, count, coefficients, harmonics, parameters, filters };
+        let splats = Splats { space, count, coefficients, harmonics, parameters };
         Ok(Self { tensors, splats })
     }
 

@@ -104,7 +104,6 @@ impl TrainConfig {
                 ("adam.beta1", self.adam.beta1, Range::Decay),
                 ("adam.beta2", self.adam.beta2, Range::Decay),
                 // As the kernel sees it, in 32 bits.
-                ("filter", self.filter, Range::NotNegative),
                 ("adam.epsilon", f64::from(self.adam.epsilon as f32), Range::Positive),
             ],
         )?;

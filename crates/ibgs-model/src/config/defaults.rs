@@ -29,7 +29,6 @@ impl Default for TrainConfig {
             save_iterations: None,
             data: DataConfig::default(),
             learning_rates: LearningRates::default(),
-            filter: 0.0,
             adam: AdamConfig::default(),
             densify: DensifyConfig::default(),
             opacity_reset: OpacityResetConfig::default(),

@@ -15,8 +15,8 @@ use std::sync::{Arc, Mutex};
 const PIXELS: f64 = 0.25;
 /// Part of the memory that Gaussians may take; images, lists, photos and depth maps have the rest.
 const SHARE: f64 = 0.5;
-/// Bytes of a Gaussian beside its parameters: filter, projection, tile counts and their sums.
-const WORKSPACE: usize = 4 + 48 + 8 + 8;
+/// Bytes of a Gaussian beside its parameters: projection, tile counts and their sums.
+const WORKSPACE: usize = 48 + 8 + 8;
 /// Chunks on the device at least: a view that needs fewer is no view.
 const FEWEST: usize = 4;
 /// Chunks that are read ahead of the frames; more would keep a view waiting for those of an earlier one.
@@ -122,8 +122,7 @@ impl Stream {
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
         let named = PerGaussian::NAMES.zip(harmonics.rows(levels.coefficients()));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, row * count))?;
-        let filters = gpu.allocate("filters", count)?;
-        let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters, filters };
+        let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters };
         let mut state = State {
             places: vec![None; slots],
             place_of: HashMap::new(),

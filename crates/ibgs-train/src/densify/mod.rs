@@ -248,7 +248,6 @@ pub fn apply(
         }
     })?;
     let next = Parameters::new(gpu, (splats.space, n, splats.coefficients), tensors)?;
-    gather(&splats.filters, &next.splats().filters, 1, 0);
     pass.submit();
     let optimizer = optimizer.rearranged(next.splats(), moments);
     Ok((next, optimizer))

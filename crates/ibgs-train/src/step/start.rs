@@ -4,7 +4,6 @@ use super::{TrainError, Trainer};
 use crate::densify::free_space::FreeSpace;
 use crate::densify::{self, Statistics};
 use crate::exposing::Exposing;
-use crate::filter::FilterSizes;
 use crate::loss::ImageLoss;
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
@@ -137,10 +136,6 @@ impl Trainer {
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
-        let filters = (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
-        if let Some(filters) = &filters {
-            filters.update(&gpu, splats);
-        }
         let Lengths { extent, prune_length } = Lengths::new(dataset, &scene_cameras, config, &start);
         let part = if config.densify.strategy == Strategy::Default { config.densify.growth.free_space } else { 0.0 };
         let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
@@ -149,7 +144,6 @@ impl Trainer {
             schedule: Schedule::new(config, config.iterations()),
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
             statistics: Statistics::new(&gpu, splats.len())?,
-            filters,
             exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
