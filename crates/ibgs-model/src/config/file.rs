@@ -54,7 +54,7 @@ impl TrainConfig {
 mod tests {
     use super::*;
     use crate::dataset::{Alpha, ColorSpace, Masks, Resampler};
-    use crate::residual::variant::NetworkInputs;
+    use crate::residual::variant::Aggregation;
 
     fn load(text: &str) -> Result<TrainConfig, ConfigError> {
         let folder = tempfile::tempdir().unwrap();
@@ -81,7 +81,7 @@ mod tests {
         config.sources.memory = "1.5GiB".parse().unwrap();
         config.sources.max_distance = Some(4.5);
         config.residual.halve_at = Some(vec![]);
-        config.residual.inputs = NetworkInputs::DifferencesOnly;
+        config.residual.aggregation = Aggregation::Mean;
         config.save(&path).unwrap();
         assert_eq!(TrainConfig::load(&path).unwrap(), config);
         assert_eq!(load("").unwrap(), TrainConfig::default());
@@ -111,7 +111,7 @@ mod tests {
         assert!(load("iterations = -1").is_err());
         let text = load("[sources]\nmemory = \"much\"").unwrap_err().to_string();
         assert!(text.contains("line 2") && text.contains("512MiB"), "{text}");
-        assert!(load("[residual]\ninputs = \"all\"").unwrap_err().to_string().contains("differences-only"));
+        assert!(load("[residual]\naggregation = \"all\"").unwrap_err().to_string().contains("soft"));
         assert!(load("[data]\nmasks = \"thing\"").unwrap_err().to_string().contains("object"));
         assert!(load("iterations = ").is_err());
     }

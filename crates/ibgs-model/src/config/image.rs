@@ -14,7 +14,6 @@ impl TrainConfig {
             sources: self.sources.clone(),
             surface: SurfaceOptions { intersections: self.surface.intersections, ..SurfaceOptions::default() },
             variant: Variant {
-                inputs: residual.inputs,
                 output: residual.output(),
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor()),

@@ -1,6 +1,6 @@
 //! Options of the image-based stages, surface losses and residual network (method.md sections 3, 6 and 7), and of exposure.
 
-use crate::residual::variant::{Aggregation, NetworkInputs, Output, Precision};
+use crate::residual::variant::{Aggregation, Output, Precision};
 use crate::sources::memory::MemoryBudget;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -59,12 +59,10 @@ pub struct ResidualConfig {
     /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
     /// float32.
     pub precision: Precision,
-    /// What the network reads: `differences`, `source-colors`, `differences-only`.
-    pub inputs: NetworkInputs,
-    /// What its output is: `residual`, as published; `color`; `gated`, a residual and a share of the sources' mean difference,
+    /// What its output is: `residual`, as published; `gated`, a residual and a share of the sources' mean difference,
     /// which is taken at the image's size. Unset: `residual` at the factor 1, `gated` at a smaller one.
     pub output: Option<Output>,
-    /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published; `max`.
+    /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published.
     pub aggregation: Aggregation,
     /// Most weight of the sources' mean colour in a rendered view, 0 to 1, see [`crate::residual::mix`]; 0: none, as published.
     pub source_share: f64,
@@ -179,7 +177,6 @@ impl Default for ResidualConfig {
             dropout_until: None,
             factor: None,
             precision: Precision::Auto,
-            inputs: NetworkInputs::Differences,
             output: None,
             aggregation: Aggregation::Soft,
             source_share: 0.15,
