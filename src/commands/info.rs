@@ -37,7 +37,7 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn plan(folder: &PlanFolder) -> Result<()> {
-    let source = folder.config()?.data.source.unwrap_or_default();
+    let source = folder.config()?.source.unwrap_or_default();
     stdout!("{}: a plan of blocks for {}", folder.root().display(), source.display());
     split::print(folder, &folder.read()?)
 }

@@ -50,6 +50,7 @@
 
 pub use ibgs_data::{
     camera, camera_path, dataset, files, image_io, local_space, picture, progress, sentence, sentence_with, stored_zip,
+    words,
 };
 pub use ibgs_demo as demo;
 pub use ibgs_model::{blocks, bundle, config, edit, eval, mesh, model, output, video};

@@ -118,7 +118,7 @@ impl ImageStages {
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,
-            depths: DepthCache::new(config.surface.depth_memory.bytes(gpu)),
+            depths: DepthCache::new(gpu.bytes_of(config.surface.depth_memory)),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
             normal_loss: NormalLoss::new(gpu.clone(), config.surface.normal_weight as f32),

@@ -256,7 +256,7 @@ mod tests {
         let block = Block { core, train: vec!["a.png".into()], memory: 7, minutes: 1.5, ..Block::default() };
         let plan = BlockPlan { blocks: vec![Block::default(), block], memory_limit: Some(8 << 30) };
         let mut config = TrainConfig::default();
-        config.data.source = Some("scene".into());
+        config.source = Some("scene".into());
         plan_folder.write(&plan, &config).unwrap();
         assert_eq!(plan_folder.read().unwrap(), plan);
         let split = std::fs::read_to_string(plan_folder.split_path(1)).unwrap();

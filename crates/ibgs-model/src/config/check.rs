@@ -130,8 +130,8 @@ impl TrainConfig {
         let at_least_1 = "it must be at least 1";
         check.require(self.iterations() >= 1, "iterations", self.iterations(), at_least_1)?;
         // TOML has signed 64-bit integers, so a larger seed could not be written down.
-        let demo = self.data.demo_exposure_seed.unwrap_or_default();
-        for (field, seed) in [("seed", self.seed), ("data.demo-exposure-seed", demo)] {
+        let demo = self.demo_exposure_seed.unwrap_or_default();
+        for (field, seed) in [("seed", self.seed), ("demo-exposure-seed", demo)] {
             check.require(i64::try_from(seed).is_ok(), field, seed, "it must be below 2^63")?;
         }
         check.require(self.sh_degree() <= MAX_SH_DEGREE, "sh-degree", self.sh_degree(), "it must be 0, 1, 2 or 3")?;

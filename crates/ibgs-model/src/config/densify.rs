@@ -50,7 +50,8 @@ pub struct DensifyConfig {
     pub abs_max_per_round: u32,
     /// A split divides the scales by this.
     pub split_divisor: f64,
-    /// Gaussians in all; unset: with `default` and `mcmc` by the scene (`choose_cap`), 5 million with the others.
+    /// Gaussians in all; unset: with `default` and `mcmc` one for each 45 pixels of the training photos, 200,000 to 3 million; 5
+    /// million with the others.
     pub max_splats: Option<u32>,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,

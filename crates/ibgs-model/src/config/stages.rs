@@ -64,13 +64,13 @@ pub struct ResidualConfig {
     pub output: Option<Output>,
     /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published.
     pub aggregation: Aggregation,
-    /// Most weight of the sources' mean colour in a rendered view, 0 to 1, see [`crate::residual::mix`]; 0: none, as published.
+    /// Most weight of the sources' mean colour in a rendered view, 0 to 1; 0: none, as published.
     pub source_share: f64,
 }
 
 /// Whether the photos' exposures are corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", try_from = "SwitchText")]
+#[serde(rename_all = "kebab-case")]
 pub enum ExposureSwitch {
     /// Not at all.
     Off,
@@ -81,47 +81,13 @@ pub enum ExposureSwitch {
     Auto,
 }
 
-/// What a file may hold; true and false are those of earlier versions.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum SwitchText {
-    Flag(bool),
-    Word(String),
-}
-
-impl TryFrom<SwitchText> for ExposureSwitch {
-    type Error = String;
-
-    fn try_from(text: SwitchText) -> Result<Self, String> {
-        match text {
-            SwitchText::Flag(false) => Ok(Self::Off),
-            SwitchText::Flag(true) => Ok(Self::On),
-            SwitchText::Word(word) => word.parse(),
-        }
-    }
-}
-
-impl std::str::FromStr for ExposureSwitch {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "off" => Ok(Self::Off),
-            "on" => Ok(Self::On),
-            "auto" => Ok(Self::Auto),
-            other => Err(format!("`{other}` is none of `auto`, `on`, `off`")),
-        }
-    }
-}
-
-/// Exposure of the photos, see [`crate::exposure`].
+/// Exposure of the photos (method.md section 8).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ExposureConfig {
     /// `off`, `on`, `auto`.
     pub enabled: ExposureSwitch,
     /// Exposures are learned after this iteration; unset: 1000, scaled.
-    #[serde(alias = "scalars-from")]
     pub from: Option<u32>,
     /// Learning rate at the start.
     pub learning_rate: f64,

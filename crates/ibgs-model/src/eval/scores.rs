@@ -22,7 +22,7 @@ const NAMED: usize = 5;
 /// It cannot be decoded again.
 pub fn compared(view: &View, config: &TrainConfig) -> Result<Arc<Photo>, DatasetError> {
     let photo = view.photo.pixels()?;
-    Ok(match config.shows_object() {
+    Ok(match config.data.shows_object() {
         false => photo,
         true => Arc::new(photo.over(config.background())),
     })
@@ -44,7 +44,7 @@ pub fn score_test_views(
 ) -> Result<Scores, EvalError> {
     let mut scores = Scores::default();
     // Without a source it is the built-in scene.
-    let is_demo = config.data.source.is_none();
+    let is_demo = config.source.is_none();
     let views = || dataset.test.iter().map(|&index| &dataset.views[index]);
     for (number, view) in views().enumerate() {
         HostPhoto::decode_next(views().skip(number + 1).map(|view| &view.photo));
@@ -175,7 +175,7 @@ pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol 
         factor: config.data.resolution.to_string(),
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.to_string(),
-        masks: match config.shows_object() {
+        masks: match config.data.shows_object() {
             false => "ignore".to_owned(),
             true => format!("object, photos over {}", config.background.unwrap_or(Background::BLACK)),
         },

@@ -42,7 +42,7 @@ impl Model {
     /// Loads the scene that the model was trained on, with the model's own split.
     fn scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
         let config = &self.config;
-        let mut dataset = match self.source.as_ref().or(config.data.source.as_ref()) {
+        let mut dataset = match self.source.as_ref().or(config.source.as_ref()) {
             Some(source) if self.source.is_none() && !source.exists() => {
                 return Err(ModelError::SceneGone { path: source.clone() });
             }
@@ -89,7 +89,7 @@ impl Model {
         let width = self.cameras.first().ok_or(ModelError::NoCameras)?.camera.width;
         let presets = [DemoOptions::small(), DemoOptions::large()];
         let preset = presets.into_iter().find(|p| p.width == width).ok_or(ModelError::DemoSize { width })?;
-        Ok(load_demo(&preset, self.config.data.demo_exposure_seed, progress)?)
+        Ok(load_demo(&preset, self.config.demo_exposure_seed, progress)?)
     }
 }
 

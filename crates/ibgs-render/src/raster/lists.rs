@@ -17,8 +17,7 @@ fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &View
     let n = frame.count as usize;
     match splats.harmonics {
         Harmonics::Full => {
-            let buffers =
-                ProjectBindings { means, rotations, log_scales, opacity_logits, sh, projected, tile_counts };
+            let buffers = ProjectBindings { means, rotations, log_scales, opacity_logits, sh, projected, tile_counts };
             pass.linear(&buffers, frame, n);
         }
         Harmonics::Half => {

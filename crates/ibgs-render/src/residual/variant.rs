@@ -40,18 +40,6 @@ impl Precision {
     }
 }
 
-impl std::str::FromStr for Precision {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "full" => Ok(Self::Full),
-            "auto" => Ok(Self::Auto),
-            other => Err(format!("`{other}` is neither `auto` nor `full`")),
-        }
-    }
-}
-
 /// One choice of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]

@@ -38,8 +38,7 @@ fn a_fresh_network_passes_half_of_the_mean_difference() {
         let sum = |of: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(of).sum::<f64>();
         let passed = sum(&|[d, r]| d * r) / sum(&|[d, _]| d * d);
         let rest = sum(&|[d, r]| (r - passed * d).powi(2)) / sum(&|[d, _]| d * d);
-        let what =
-            format!("{aggregation:?}: {passed:.3} of the difference, {rest:.4} of its square beside it");
+        let what = format!("{aggregation:?}: {passed:.3} of the difference, {rest:.4} of its square beside it");
         assert!((0.4..0.6).contains(&passed) && rest < 0.05, "{what}");
     }
 }

@@ -164,13 +164,7 @@ impl Statistics {
 
     /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. Gradients of Gaussians nearer than
     /// `near_depth` count less.
-    pub fn record(
-        &self,
-        pass: &mut Pass,
-        screen: Tensor<2>,
-        forward: &Forward,
-        (over, near_depth): (Over, f64),
-    ) {
+    pub fn record(&self, pass: &mut Pass, screen: Tensor<2>, forward: &Forward, (over, near_depth): (Over, f64)) {
         let params = ObserveParams {
             size: forward.frame.size,
             count: self.count as u32,
@@ -247,7 +241,7 @@ pub fn apply(
             Ok(to)
         }
     })?;
-    let next = Parameters::new(gpu, (splats.space, n, splats.coefficients), tensors)?;
+    let next = Parameters::new((splats.space, n, splats.coefficients), tensors);
     pass.submit();
     let optimizer = optimizer.rearranged(next.splats(), moments);
     Ok((next, optimizer))

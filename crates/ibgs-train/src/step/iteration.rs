@@ -99,7 +99,7 @@ impl Trainer {
     /// The photo of a training view as this iteration's loss compares with it.
     fn target(&self, index: usize) -> Result<DevicePhoto, GpuError> {
         let mut target = self.photos.photo(index)?;
-        if self.config.shows_object() {
+        if self.config.data.shows_object() {
             target.outside = Outside::Background(self.iteration_background());
         }
         Ok(target)

@@ -133,7 +133,7 @@ impl Trainer {
         let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
         let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
         let photos = views().map(|view| view.photo.clone()).collect();
-        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
+        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, gpu.bytes_of(config.sources.memory))?);
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
         let Lengths { extent, prune_length } = Lengths::new(dataset, &scene_cameras, config, &start);

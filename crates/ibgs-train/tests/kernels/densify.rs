@@ -157,11 +157,7 @@ fn statistics_grow_only_where_the_gaussian_was_seen() {
         let statistics = gpu.upload("statistics", &start).unwrap();
         let params = ObserveParams { size: [200, 200], count: 3, near_depth, largest: 0, pad: 0 };
         let mut pass = Pass::new(&gpu, "test");
-        let buffers = DensifyObserveBindings {
-            v_screen: &gradient,
-            projected: &projected,
-            statistics: &statistics,
-        };
+        let buffers = DensifyObserveBindings { v_screen: &gradient, projected: &projected, statistics: &statistics };
         pass.linear(&buffers, &params, 3);
         pass.submit();
         let ours = gpu.read(&statistics, 3).unwrap();
@@ -189,11 +185,7 @@ fn the_largest_gradient_over_the_views_is_kept() {
         let params = ObserveParams { size: [200, 100], count: 3, near_depth: 1.0, largest: 1, pad: 0 };
         let gradient = gpu.upload("gradient", &rows).unwrap();
         let mut pass = Pass::new(&gpu, "test");
-        let buffers = DensifyObserveBindings {
-            v_screen: &gradient,
-            projected: &projected,
-            statistics: &statistics,
-        };
+        let buffers = DensifyObserveBindings { v_screen: &gradient, projected: &projected, statistics: &statistics };
         pass.linear(&buffers, &params, 3);
         pass.submit();
     }
