@@ -14,6 +14,7 @@ use ibgs_core::mesh::MeshError;
 use ibgs_core::model::ModelError;
 use ibgs_core::output::OutputError;
 use ibgs_core::residual::NetworkError;
+use ibgs_core::scene::SceneError;
 use ibgs_core::sentence_with;
 use ibgs_train::checkpoint::CheckpointError;
 use ibgs_train::lpips::LpipsError;
@@ -150,6 +151,10 @@ fn advice(error: AnyError) -> Option<String> {
         .or_else(|| scene(error.downcast_ref()?))
         .or_else(|| gpu(error.downcast_ref()?))
         .or_else(|| match error.downcast_ref()? {
+            SceneError::NoGaussians => Some("export it without `--levels`"),
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
             LpipsError::TooWide { .. } => Some("use smaller images (`--resolution`) or another adapter (`--adapter`)"),
             _ => None,
         })
@@ -195,6 +200,10 @@ fn output(error: &OutputError) -> Option<&'static str> {
 
 fn gpu(error: &GpuError) -> Option<&'static str> {
     match error {
+        GpuError::NoAdapter => {
+            Some("install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers` gives a software one)")
+        }
+        GpuError::FewChunks { .. } => Some("give more of it (`--gpu-memory`)"),
         GpuError::Lacking { .. } => Some("choose another one with `--adapter`"),
         GpuError::TooLarge { what, .. } if OF_IMAGES.contains(what) => {
             Some("use smaller images (`--resolution` or `--max-resolution`)")

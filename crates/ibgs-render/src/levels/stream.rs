@@ -50,10 +50,10 @@ pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu, harmonics: Harmoni
     let fits = budget.map_or(usize::MAX, |budget| (SHARE * budget as f64 / bytes as f64) as usize);
     let fits = fits.min((gpu.binding_limit() / widest) as usize);
     match fits < FEWEST.min(leaves) {
-        true => Err(GpuError::Levels(format!(
-            "this model needs at least {} MiB of device memory, give `--gpu-memory` more",
-            ((FEWEST as f64 * bytes as f64 / SHARE) / f64::from(1 << 20)).ceil()
-        ))),
+        true => {
+            let mib = ((FEWEST as f64 * bytes as f64 / SHARE) / f64::from(1 << 20)).ceil() as u64;
+            Err(GpuError::FewChunks { mib })
+        }
         false => Ok(fits.min(leaves)),
     }
 }
