@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let paths: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let [scene, output] = &paths[..] else { return Err("give a scene folder and an output folder".into()) };
     let mut config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
-    config.data.source = Some(std::path::absolute(scene)?);
+    config.source = Some(std::path::absolute(scene)?);
     config.data.eval = true;
     let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
     let session = Session::builder(config).output(Output::at(output)).checkpoint_every(None);

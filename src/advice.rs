@@ -7,20 +7,20 @@ mod start;
 use crate::prepare;
 use ibgs_core::blocks::PlanError;
 use ibgs_core::config::ConfigError;
-use ibgs_core::dataset::DatasetError;
+use ibgs_core::dataset::{DatasetError, Resolution};
 use ibgs_core::gpu::GpuError;
 use ibgs_core::local_space::Length;
 use ibgs_core::mesh::MeshError;
 use ibgs_core::model::ModelError;
 use ibgs_core::output::OutputError;
 use ibgs_core::residual::NetworkError;
+use ibgs_core::scene::SceneError;
 use ibgs_core::sentence_with;
 use ibgs_train::checkpoint::CheckpointError;
 use ibgs_train::lpips::LpipsError;
 use ibgs_train::session::{Event, SessionError};
 use passed_on::passed_on;
 use std::error::Error;
-use std::str::FromStr;
 
 type AnyError<'a> = &'a (dyn Error + 'static);
 
@@ -79,8 +79,8 @@ pub fn event(event: &Event) -> String {
     start::event(event).unwrap_or_else(|| event.with_errors(&|error| of(error)).to_string())
 }
 
-/// Parses the value of a flag; clap adds the name of the flag to the error.
-pub fn value<T: FromStr<Err = DatasetError>>(text: &str) -> Result<T, String> {
+/// Parses the size of photos; clap adds the name of the flag to the error.
+pub fn resolution(text: &str) -> Result<Resolution, String> {
     text.parse().map_err(|error| match error {
         DatasetError::Option { value, allowed, .. } => format!("`{value}` is not allowed; use {allowed}"),
         error => error.to_string(),
@@ -151,6 +151,10 @@ fn advice(error: AnyError) -> Option<String> {
         .or_else(|| scene(error.downcast_ref()?))
         .or_else(|| gpu(error.downcast_ref()?))
         .or_else(|| match error.downcast_ref()? {
+            SceneError::NoGaussians => Some("export it without `--levels`"),
+            _ => None,
+        })
+        .or_else(|| match error.downcast_ref()? {
             LpipsError::TooWide { .. } => Some("use smaller images (`--resolution`) or another adapter (`--adapter`)"),
             _ => None,
         })
@@ -196,6 +200,10 @@ fn output(error: &OutputError) -> Option<&'static str> {
 
 fn gpu(error: &GpuError) -> Option<&'static str> {
     match error {
+        GpuError::NoAdapter => {
+            Some("install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers` gives a software one)")
+        }
+        GpuError::FewChunks { .. } => Some("give more of it (`--gpu-memory`)"),
         GpuError::Lacking { .. } => Some("choose another one with `--adapter`"),
         GpuError::TooLarge { what, .. } if OF_IMAGES.contains(what) => {
             Some("use smaller images (`--resolution` or `--max-resolution`)")
@@ -243,7 +251,7 @@ fn scene(error: &DatasetError) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ibgs_core::dataset::{Alpha, LoadOptions, Masks, Resolution};
+    use ibgs_core::dataset::{Alpha, LoadOptions, Masks};
     use ibgs_core::eval::EvalError;
     use ibgs_train::TrainError;
     use ibgs_train::session::Event;
@@ -267,7 +275,6 @@ mod tests {
             ModelError::Scene(refused.expect("both cannot be")),
             "option `--alpha`: `composite` is not allowed; use `mask` where `--masks` is `object`, or leave it out",
         );
-        assert_eq!(value::<Masks>("thing").unwrap_err(), "`thing` is not allowed; use `ignore` or `object`");
         for name in DATA_FLAGS {
             let error = DatasetError::Option { option: "data.masks", value: format!("`data.{name}`"), allowed: "" };
             assert!(sentence(&error.into()).contains(&format!("`--{name}`")));

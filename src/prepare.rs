@@ -37,7 +37,6 @@ pub struct Request {
     /// COLMAP's camera model.
     pub camera_model: String,
     /// Which photos are compared with each other.
-    #[serde(default)]
     pub matching: Matching,
 }
 
@@ -62,8 +61,7 @@ struct Contents {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Record {
     request: Request,
-    /// None where an earlier version has begun it.
-    contents: Option<Contents>,
+    contents: Contents,
     /// The last step that is done.
     done: Step,
 }
@@ -105,13 +103,13 @@ impl<'a> Preparation<'a> {
         let photos = photos_of(&request.inputs, scene)?;
         check_inputs(&request.inputs, &photos, scene)?;
         let images = scene.join("images");
-        let mut record = Record { request, contents: Some(contents(&photos)), done: Step::Nothing };
+        let mut record = Record { request, contents: contents(&photos), done: Step::Nothing };
         let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
         match read_record(scene)? {
             Some(earlier)
                 if existing == Existing::Keep
                     && earlier.request.is_same(&record.request)
-                    && earlier.contents.is_none_or(|contents| Some(contents) == record.contents) =>
+                    && earlier.contents == record.contents =>
             {
                 record = earlier;
             }

@@ -74,7 +74,7 @@ impl Sandbox {
         let dataset = dataset::load(&sandbox.path("scene"), &eval).unwrap();
         let folder = OutputFolder::create(&sandbox.path("model"), Existing::Keep).unwrap();
         let mut config = TrainConfig { iterations: Some(3), ..TrainConfig::default() };
-        config.data.source = Some(sandbox.path("scene"));
+        config.source = Some(sandbox.path("scene"));
         config.data.eval = true;
         folder.write_start(&config, &dataset).unwrap();
         let gaussians = from_points(&dataset.points, config.sh_degree(), config.start()[0]).unwrap();
@@ -104,7 +104,7 @@ impl Sandbox {
     fn set_source(&self, model: &str, scene: &Path) {
         let config = self.path(model).join("config.toml");
         let mut options = TrainConfig::load(&config).unwrap();
-        options.data.source = Some(scene.to_owned());
+        options.source = Some(scene.to_owned());
         options.save(&config).unwrap();
     }
 

@@ -4,6 +4,7 @@
 
 mod bad_input_random;
 mod cli;
+mod config_reference;
 #[path = "../crates/ibgs-train/tests/lpips_network.rs"]
 mod lpips_network;
 #[path = "../crates/ibgs-train/tests/small.rs"]

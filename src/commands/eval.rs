@@ -122,7 +122,7 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
         ));
     }
     let masked = scores.with_masks;
-    if model.config.shows_object() {
+    if model.config.data.shows_object() {
         notes.push(format!("masks: {}", protocol.masks));
     } else if masked > 0 {
         let all = dataset.test.len();

@@ -9,7 +9,7 @@ use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::blocks::PlanFolder;
 use ibgs_core::dataset::{self, SceneInfo};
-use ibgs_core::gpu::{Use, lacking, list_adapters};
+use ibgs_core::gpu::{GpuError, Use, lacking, list_adapters};
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;
 use ibgs_core::scene::{Gaussians, is_gaussians, read_gaussians};
@@ -37,7 +37,7 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn plan(folder: &PlanFolder) -> Result<()> {
-    let source = folder.config()?.data.source.unwrap_or_default();
+    let source = folder.config()?.source.unwrap_or_default();
     stdout!("{}: a plan of blocks for {}", folder.root().display(), source.display());
     split::print(folder, &folder.read()?)
 }
@@ -45,7 +45,7 @@ fn plan(folder: &PlanFolder) -> Result<()> {
 fn adapters() -> Result<()> {
     let adapters = list_adapters();
     if adapters.is_empty() {
-        bail!("no GPU adapter was found; install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers`)");
+        return Err(GpuError::NoAdapter.into());
     }
     for (index, adapter) in adapters.iter().enumerate() {
         let (info, limits) = (adapter.get_info(), adapter.limits());

@@ -156,7 +156,7 @@ fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<S
         );
     }
     // The scene may have moved.
-    config.data.source = plan.config()?.data.source;
+    config.source = plan.config()?.source;
     Ok(Session::builder(config).resumed_from(stopped))
 }
 
@@ -229,8 +229,8 @@ impl Joined {
     /// Writes the model as it is, without a training.
     fn write_model(&self, config: &TrainConfig, output: &Output) -> Result<()> {
         let start = config.init.as_ref().context("a merge begins with the joined Gaussians")?;
-        output.check(config.data.source.as_deref())?;
-        let source = config.data.source.as_ref().context("a plan has a scene")?;
+        output.check(config.source.as_deref())?;
+        let source = config.source.as_ref().context("a plan has a scene")?;
         let dataset = load_scene(config, source, &Bars::default())?;
         let (folder, _lock) = output.create(config, &dataset)?;
         if let Some(network) = &self.network {

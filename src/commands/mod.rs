@@ -21,7 +21,11 @@ pub mod view;
 
 use crate::stderr;
 use anyhow::Result;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
+use ibgs_core::words::words;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::sync::Arc;
 
 /// Opens the adapter that `--adapter` names, for this use.
@@ -30,6 +34,14 @@ pub fn open_gpu(adapter: Option<&String>, wanted: Use) -> Result<Arc<Gpu>> {
     let gpu = Gpu::open(&choice, wanted)?;
     stderr!("adapter: {}", gpu.describe());
     Ok(gpu)
+}
+
+/// Parses one of the words of an enum, as the options file has them.
+fn word<T>() -> impl TypedValueParser<Value = T>
+where
+    T: DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(words::<T>()).try_map(|word| serde_json::from_value(Value::String(word)))
 }
 
 /// A number such as `5000`, `100k` or `1.5M`; none for other text.

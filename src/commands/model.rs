@@ -1,7 +1,7 @@
 //! Opens a trained model as the command line describes it.
 
-use super::open_gpu;
-use crate::advice::value;
+use super::{open_gpu, word};
+use crate::advice::resolution;
 use crate::progress::Bars;
 use anyhow::Result;
 use clap::Args as ClapArgs;
@@ -30,7 +30,7 @@ pub struct FileArgs {
     #[arg(long)]
     pub iteration: Option<u32>,
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
-    #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true)]
+    #[arg(short, long, value_parser = resolution, allow_negative_numbers = true)]
     pub resolution: Option<Resolution>,
 }
 
@@ -50,7 +50,7 @@ pub struct ModelArgs {
     pub host_memory: Option<MemoryBudget>,
     /// Precision of the residual network, and of the colours in the pictures of `render` and in levels of detail: `full`
     /// (float32) or `auto` (half precision; the network on matrix units that pass a test).
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = word::<Precision>())]
     pub precision: Precision,
     /// GPU memory for a bundle with levels of detail (`ibgs export --levels`): `auto`, `none` (all that the model needs), or a
     /// size such as `2GiB`; Gaussians take half of it, photos and depth maps an eighth each.

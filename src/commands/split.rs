@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> Result<()> {
         anyhow::anyhow!("the options after `--` are not those of `ibgs train`: {first}")
     })?;
     let mut config = options.shared_config()?;
-    config.data.source = Some(std::path::absolute(&args.scene)?);
+    config.source = Some(std::path::absolute(&args.scene)?);
     let scene = load_poses(&args.scene, &config.load_options())?;
     if scene.points.is_empty() {
         bail!("{} has no points, by which blocks are cut; use a model with points", args.scene.display());

@@ -14,8 +14,8 @@ pub use demo::DemoDefaults;
 pub use start::{Reports, prepare, wished};
 pub use window::{Failure, Watched};
 
-use super::{open_gpu, view};
-use crate::advice::value;
+use super::{open_gpu, view, word};
+use crate::advice::resolution;
 use crate::stderr;
 use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
@@ -27,7 +27,7 @@ use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::Session;
 use ibgs_train::session::{JsonLines, SessionBuilder};
 use json_log::Before;
-use options::{minutes, splats, word};
+use options::{minutes, splats};
 use stages::StageArgs;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -59,13 +59,13 @@ pub struct Args {
 
     /// What to train: `ibgs` (Gaussians and a residual from neighbouring photos) or `3dgs` (plain 3D Gaussian splatting)
     /// [default: ibgs].
-    #[arg(long, value_parser = word::<Method>(&["ibgs", "3dgs"]))]
+    #[arg(long, value_parser = word::<Method>())]
     method: Option<Method>,
     /// Options to begin with, which the others override: `default`; `fast` (6000 iterations with the network at half size,
     /// about half a minute on a fast GPU); `published` (those of the published experiments) [default: default].
     #[arg(
         long,
-        value_parser = word::<Preset>(&["default", "fast", "published"]),
+        value_parser = word::<Preset>(),
         conflicts_with_all = ["config", "resume", "init"]
     )]
     preset: Option<Preset>,
@@ -104,29 +104,29 @@ pub struct Args {
     #[arg(short, long, help_heading = heading::SCENE)]
     images: Option<String>,
     /// Divide the photos' size by 1, 2, 4 or 8; a larger number is their width in pixels [default: 1].
-    #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, help_heading = heading::SCENE)]
+    #[arg(short, long, value_parser = resolution, allow_negative_numbers = true, help_heading = heading::SCENE)]
     resolution: Option<Resolution>,
     /// Largest width or height of a photo in pixels; larger photos are reduced [default: no limit].
     #[arg(long, help_heading = heading::SCENE)]
     max_resolution: Option<u32>,
     /// Filter that reduces photos; `bicubic` is that of the published code [default: lanczos3].
-    #[arg(long, value_parser = word::<Resampler>(&["lanczos3", "bicubic"]), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<Resampler>(), help_heading = heading::SCENE)]
     resampler: Option<Resampler>,
     /// Principal point: `true` (the scene's own) or `centred` (the image centre, as the published code assumes)
     /// [default: true].
-    #[arg(long, value_parser = word::<PrincipalPoint>(&["true", "centred"]), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<PrincipalPoint>(), help_heading = heading::SCENE)]
     principal_point: Option<PrincipalPoint>,
     /// Meaning of masked pixels (in `masks/` or alpha channels): `ignore` (they do not count) or `object` (they are empty
     /// space) [default: ignore].
-    #[arg(long, value_parser = word::<Masks>(&["ignore", "object"]), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<Masks>(), help_heading = heading::SCENE)]
     masks: Option<Masks>,
     /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they are empty, over the background); `keyed`: the
     /// photos have none and lie on one colour, which is empty [default: composite in Blender scenes, keyed where all photos
     /// lie on one colour, mask in others and with `--masks object`].
-    #[arg(long, value_parser = word::<Alpha>(&["mask", "composite", "keyed"]), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<Alpha>(), help_heading = heading::SCENE)]
     alpha: Option<Alpha>,
     /// Encoding of the photos' values: `srgb` or `linear` [default: linear in EXR files, srgb in others].
-    #[arg(long, value_parser = word::<ColorSpace>(&["srgb", "linear"]), help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<ColorSpace>(), help_heading = heading::SCENE)]
     color_space: Option<ColorSpace>,
     /// Colour behind the Gaussians: `white`, `black`, `R,G,B`, or `random` (another one in each iteration, black in rendered
     /// views). Photos of an object are always trained over random colours [default: white in Blender scenes, the photos' own
@@ -142,7 +142,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "FROM",
-        value_parser = word::<InitialPoints>(&["auto", "scene", "photos", "random"]),
+        value_parser = word::<InitialPoints>(),
         help_heading = heading::SCENE
     )]
     initial_points: Option<InitialPoints>,
@@ -220,7 +220,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "STRATEGY",
-        value_parser = word::<Strategy>(Strategy::WORDS),
+        value_parser = word::<Strategy>(),
         help_heading = heading::GAUSSIANS
     )]
     densify: Option<Strategy>,

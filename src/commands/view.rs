@@ -3,7 +3,7 @@
 use super::model::{FileArgs, ModelArgs};
 use super::open_gpu;
 use super::train::{DemoDefaults, Failure, Watched, prepare, wished};
-use crate::advice::{self, value};
+use crate::advice::{self, resolution};
 use crate::progress::Bars;
 use crate::signals::on_stop;
 use crate::stderr;
@@ -67,7 +67,7 @@ pub struct Args {
     #[arg(long, requires = "model")]
     iteration: Option<u32>,
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
-    #[arg(short, long, value_parser = value::<Resolution>, allow_negative_numbers = true, requires = "model")]
+    #[arg(short, long, value_parser = resolution, allow_negative_numbers = true, requires = "model")]
     resolution: Option<Resolution>,
     #[command(flatten)]
     memory: Memory,

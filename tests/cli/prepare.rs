@@ -121,19 +121,6 @@ fn own_photos_and_more_continue_and_a_part_of_the_scene_is_no_input() {
 }
 
 #[test]
-fn a_scene_of_an_earlier_version_is_continued() {
-    let sandbox = sandbox();
-    sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
-    let mut record: serde_json::Value = serde_json::from_str(&sandbox.text("scene/prepare.json")).unwrap();
-    record.as_object_mut().unwrap().remove("contents").unwrap();
-    record["request"].as_object_mut().unwrap().remove("matching").unwrap();
-    sandbox.write("scene/prepare.json", record.to_string());
-    fs::remove_file(sandbox.path("calls")).unwrap();
-    sandbox.succeeds("prepare photos -o scene --colmap ./colmap");
-    assert!(!sandbox.text("calls").contains("mapper"));
-}
-
-#[test]
 fn photos_in_folders_are_taken_and_overwriting_begins_anew() {
     let sandbox = sandbox();
     for name in ["trip/day1/a.jpg", "trip/day2/b.jpg", "trip/c.jpg", "trip/.hidden/d.jpg"] {

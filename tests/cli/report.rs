@@ -32,7 +32,7 @@ fn the_report_holds_every_view_and_needs_nothing_else() {
     sandbox.write(
         "log.json",
         r#"{"entries": [{"iteration": 8, "loss": 0.5, "psnr": 9.0, "gaussians": 300, "seconds": 1.0},
-        {"iteration": 20, "loss": 0.25, "psnr": 12.0, "gaussians": 310, "seconds": 2.0}]}"#,
+        {"iteration": 20, "loss": 0.25, "psnr": 12.0, "gaussians": 310, "seconds": 2.0}], "spacing": 0}"#,
     );
     fs::rename(sandbox.path("log.json"), sandbox.path(name).join("training_log.json")).unwrap();
     let outcome = sandbox.succeeds(&format!("eval {name}"));

@@ -179,7 +179,7 @@ fn a_scene_is_asked_about_and_trained_as_chosen() {
     drop(window);
     let config = TrainConfig::load(&model.join("config.toml")).unwrap();
     assert_eq!((config.iterations(), config.method, config.exposure.enabled), (12, Method::Gs3, ExposureSwitch::Off));
-    assert_eq!(config.data.source.as_deref(), Some(scene.path()));
+    assert_eq!(config.source.as_deref(), Some(scene.path()));
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn a_wish_becomes_the_options_of_a_training() {
     let training = wished(&wish).unwrap();
     let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
-    expected.data.source = Some(std::path::absolute("some/scene").unwrap());
+    expected.source = Some(std::path::absolute("some/scene").unwrap());
     expected.data.eval = true;
     assert_eq!(*training.config(), expected);
     assert!(wished(&TrainingWish { scene: Some(PathBuf::new()), ..wish }).is_err());

@@ -15,6 +15,7 @@ pub mod files;
 pub mod image_io;
 pub mod local_space;
 pub mod lru;
+pub mod memory;
 pub mod picture;
 mod ply_color;
 pub mod ply_offset;
@@ -22,5 +23,6 @@ pub mod progress;
 pub mod scene;
 mod sentence;
 pub mod stored_zip;
+pub mod words;
 
 pub use sentence::{sentence, sentence_with};

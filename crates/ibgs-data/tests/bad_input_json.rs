@@ -31,7 +31,8 @@ fn options_out_of_range() {
         let error = text.parse::<Resolution>().unwrap_err().to_string();
         assert!(error.contains("`data.resolution`") && error.contains(text), "{error}");
     }
-    assert!("middle".parse::<PrincipalPoint>().unwrap_err().to_string().contains("middle"));
+    let error = serde_json::from_str::<PrincipalPoint>("\"middle\"").unwrap_err().to_string();
+    assert!(error.contains("middle") && error.contains("centred"), "{error}");
     let folder = Model::small(3).scene();
     let options = LoadOptions { max_resolution: Some(0), ..Default::default() };
     fails_with(folder.path(), &options, &["`data.max-resolution`"]);

@@ -251,9 +251,9 @@ fn option_enums_round_trip() {
         ..Default::default()
     };
     let json = serde_json::to_string(&options).unwrap();
-    assert!(json.contains(r#""resolution":1008"#) && json.contains(r#""centred""#), "{json}");
+    assert!(json.contains(r#""resolution":"1008""#) && json.contains(r#""centred""#), "{json}");
     assert_eq!(serde_json::from_str::<LoadOptions>(&json).unwrap(), options);
-    assert!(serde_json::from_str::<LoadOptions>(r#"{"resolution": 3}"#).is_err());
+    assert!(serde_json::from_str::<LoadOptions>(r#"{"resolution": "3"}"#).is_err());
     assert_eq!("-1".parse::<Resolution>().unwrap(), Resolution::PublishedCap);
     assert_eq!(Resolution::default(), Resolution::Factor(1));
 }

@@ -6,7 +6,6 @@
 mod adapt;
 mod background;
 mod check;
-mod data;
 mod defaults;
 mod densify;
 mod difference;
@@ -14,20 +13,19 @@ mod error;
 mod file;
 mod image;
 mod preset;
+mod removed;
 pub mod schedule;
 mod stages;
-mod text;
 
 pub use crate::sources::find::SourceOptions;
 pub use background::Background;
-pub use data::DataConfig;
 pub use densify::{DensifyConfig, GrowthConfig, McmcConfig, OpacityResetConfig, ShortRuns, Strategy, StrategyDefaults};
 pub use difference::OptionDifference;
 pub use error::ConfigError;
 pub use preset::Preset;
-pub use stages::{ExposureConfig, ExposureSwitch, Learners, ResidualConfig, SurfaceConfig};
+pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
 
-use crate::dataset::{Alpha, Masks};
+use crate::dataset::LoadOptions;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -49,7 +47,8 @@ pub enum Method {
 pub struct TrainConfig {
     /// What is trained.
     pub method: Method,
-    /// Number of iterations, counted from 1; unset: by the photos, see [`TrainConfig::adapt_to_photos`].
+    /// Number of iterations, counted from 1; unset: 200 for each training photo, 7000 to 30000; with another strategy than
+    /// `default` or without scaling 30000; with `init` 3000.
     pub iterations: Option<u32>,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
@@ -66,7 +65,6 @@ pub struct TrainConfig {
     pub sh_interval: Option<u32>,
     /// The colour behind the Gaussians: `white`, `black`, `R,G,B`, or `random`; unset: black, and white where the scene is a
     /// Blender one with transparent photos.
-    #[serde(alias = "white-background")]
     pub background: Option<Background>,
     /// Weight of 1 - SSIM in the image loss; L1 has the rest.
     pub ssim_weight: f64,
@@ -80,12 +78,14 @@ pub struct TrainConfig {
     pub eval_iterations: Option<Vec<u32>>,
     /// Iterations to save the model at besides the last; unset: 7000, scaled.
     pub save_iterations: Option<Vec<u32>>,
-    /// Where the photos come from.
-    pub data: DataConfig,
+    /// Scene folder or a ZIP archive of one; unset: the built-in demo scene.
+    pub source: Option<PathBuf>,
+    /// Gives every photo of the demo scene another exposure, by this seed; unset: the same for all.
+    pub demo_exposure_seed: Option<u64>,
+    /// How the scene is loaded.
+    pub data: LoadOptions,
     /// Learning rates.
     pub learning_rates: LearningRates,
-    /// Size of the 3D smoothing filter in pixels of the nearest training view; 0: none.
-    pub filter: f64,
     /// The optimiser.
     pub adam: AdamConfig,
     /// Densification and pruning.
@@ -106,8 +106,7 @@ pub struct TrainConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LearningRates {
-    /// Factor on the rates of Gaussians and exposures; unset: 1, and less in long runs of the default strategy, as
-    /// [`TrainConfig::adapt_to_photos`] chooses.
+    /// Factor on the rates of Gaussians and exposures; unset: 1, and less in long runs of the default strategy.
     pub factor: Option<f64>,
     /// Means at the start, times the scene extent.
     pub mean_initial: f64,
@@ -155,9 +154,9 @@ impl TrainConfig {
         self.background.unwrap_or(Background::BLACK).shown().map(|level| f32::from(level) / 255.0)
     }
 
-    /// Whether the photos show an object with nothing around it.
-    pub fn shows_object(&self) -> bool {
-        self.data.masks == Masks::Object || self.data.alpha.is_some_and(Alpha::is_cover)
+    /// How its scene is loaded.
+    pub fn load_options(&self) -> LoadOptions {
+        LoadOptions { seed: self.seed, ..self.data.clone() }
     }
 
     /// Checks all values.

@@ -110,7 +110,7 @@ impl Model {
         let Some(levels) = &self.levels else {
             return Ok(renderer(Splats::upload_in(&self.gaussians.in_space(self.space()), gpu, self.harmonics)?));
         };
-        let slots = |harmonics| levels::slots(levels, self.gpu_memory.bytes(gpu), gpu, harmonics);
+        let slots = |harmonics| levels::slots(levels, gpu.bytes_of(self.gpu_memory), gpu, harmonics);
         if slots(self.harmonics).is_ok_and(|slots| slots == levels.leaves().count()) {
             // All of it fits.
             return Ok(renderer(Splats::upload_in(&levels.whole()?, gpu, self.harmonics)?));
@@ -137,7 +137,7 @@ impl Model {
 
     /// Whether it was trained on a scene that the program made, not on one from disk.
     pub fn has_made_scene(&self) -> bool {
-        self.config.data.source.is_none() && !self.foreign
+        self.config.source.is_none() && !self.foreign
     }
 
     /// The exposures of its photos, where they were corrected.
@@ -183,10 +183,10 @@ impl Model {
         if let (Some(_), MemoryBudget::Bytes(limit)) = (&self.levels, self.gpu_memory) {
             // Photos and depth maps, an eighth each: the Gaussians take half of it.
             let most = limit / 8;
-            let own = options.sources.memory.bytes(gpu);
+            let own = gpu.bytes_of(options.sources.memory);
             options.sources.memory = MemoryBudget::Bytes(own.map_or(most, |own| own.min(most)));
         }
-        let budget = options.sources.memory.bytes(gpu);
+        let budget = gpu.bytes_of(options.sources.memory);
         let photos = Arc::new(SourceStore::new(gpu.clone(), photos, budget)?);
         Ok(ImagePart { cameras, photos, network: ResidualNetwork::from_values(gpu, network)?, options })
     }

@@ -4,7 +4,7 @@
 
 use ibgs_data::camera::Camera;
 use ibgs_render::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, MLP2, OUTPUTS, WEIGHTS};
-use ibgs_render::residual::{Aggregation, NetworkInputs, Output, Variant};
+use ibgs_render::residual::{Aggregation, Output, Variant};
 use ibgs_render::sources::Reach;
 
 /// In place of a source's number where there is no visible source m.
@@ -109,7 +109,7 @@ impl View {
                 return [0.0; FEATURES];
             }
             let [r, g, b, cosine] = self.warped[m * self.base.len() + p];
-            let base = if self.variant.inputs == NetworkInputs::SourceColors { [0.0; 3] } else { self.base[p] };
+            let base = self.base[p];
             let [x, y, z] = self.centers[usize::from(source & 15)];
             [r - base[0], g - base[1], b - base[2], x, y, z, cosine]
         };
@@ -147,11 +147,6 @@ impl View {
         confidences.into_iter().map(|c| c / total).collect()
     }
 
-    /// The visible source that gives channel c its largest value, the first of several.
-    fn largest(outputs: &[[f64; HIDDEN]], c: usize) -> usize {
-        (0..outputs.len()).fold(0, |best, m| if outputs[m][c] > outputs[best][c] { m } else { best })
-    }
-
     /// The U-Net's input, planes [38][pixels of the network's size].
     pub fn input(&self) -> Vec<f64> {
         let ([w, h], n) = (self.size(), self.low()[0] * self.low()[1]);
@@ -168,15 +163,13 @@ impl View {
                 x[c * n + i] = match self.variant.aggregation {
                     _ if outputs.is_empty() => 0.0,
                     Aggregation::Mean => outputs.iter().map(|h| h[c]).sum::<f64>() / outputs.len() as f64,
-                    Aggregation::Max => outputs[Self::largest(&outputs, c)][c],
                     Aggregation::Soft => outputs.iter().zip(&shares).map(|(h, share)| share * h[c]).sum(),
                 };
             }
             let ray = glam::DVec3::from_array(rays[i]).normalize().to_array();
             for c in 0..3 {
                 x[(HIDDEN + c) * n + i] = ray[c];
-                x[(HIDDEN + 3 + c) * n + i] =
-                    if self.variant.inputs == NetworkInputs::DifferencesOnly { 0.0 } else { base[i][c] };
+                x[(HIDDEN + 3 + c) * n + i] = base[i][c];
             }
         }
         x
@@ -202,8 +195,6 @@ impl View {
                 };
                 let v_output = std::array::from_fn(|c| match self.variant.aggregation {
                     Aggregation::Mean => v_x[c * n + i] / self.most_visible as f64,
-                    Aggregation::Max if Self::largest(&outputs, c) == m => v_x[c * n + i],
-                    Aggregation::Max => 0.0,
                     Aggregation::Soft => shares[m] * v_x[c * n + i],
                 });
                 v_features[m][i] = self.mlp_backward(&features[m][i], v_output, v_confidence, &mut weights);
@@ -211,17 +202,13 @@ impl View {
             }
         }
         let v_color: Vec<[f64; 3]> = (0..n).map(|i| std::array::from_fn(|c| v_x[(HIDDEN + 3 + c) * n + i])).collect();
-        let mut grads = Grads { warped: vec![[0.0; 4]; self.warped.len()], base: vec![[0.0; 3]; pixels], weights };
-        if self.variant.inputs != NetworkInputs::DifferencesOnly {
-            grads.base = resize_backward(&v_color, self.size(), self.low());
-        }
+        let base = resize_backward(&v_color, self.size(), self.low());
+        let mut grads = Grads { warped: vec![[0.0; 4]; self.warped.len()], base, weights };
         for (m, v) in v_features.iter().enumerate() {
             let v = resize_backward(v, self.size(), self.low());
             for p in (0..pixels).filter(|p| self.seen[*p][m] != EMPTY) {
                 grads.warped[m * pixels + p] = [v[p][0], v[p][1], v[p][2], v[p][6]];
-                if self.variant.inputs != NetworkInputs::SourceColors {
-                    (0..3).for_each(|c| grads.base[p][c] -= v[p][c]);
-                }
+                (0..3).for_each(|c| grads.base[p][c] -= v[p][c]);
             }
         }
         grads
@@ -307,12 +294,7 @@ impl Composition {
     }
 
     fn base_share(&self, pixel: usize) -> f64 {
-        match self.variant.output {
-            _ if !self.is_reached(pixel) => 1.0,
-            Output::Residual | Output::Gated => self.gain,
-            Output::Color if self.most_visible > 0 => 0.0,
-            Output::Color => 1.0,
-        }
+        if self.is_reached(pixel) { self.gain } else { 1.0 }
     }
 
     /// Place in `warped`, difference from the base colour and weight of every source that a pixel sees.

@@ -143,7 +143,6 @@ pub fn load_gradients(file: &str) -> GoldenGradients {
         opacity_logits: param("opacity_logit").data.clone(),
         sh: param("sh").data.clone(),
         sh_degree: coefficients.isqrt() - 1,
-        ..Params::default()
     };
     let cameras = (0..)
         .take_while(|i| arrays.0.contains_key(&format!("camera/{i}/R")))
@@ -231,7 +230,6 @@ fn load_golden_cloud(test: &str) -> Option<GoldenCloud> {
         opacity_logits: read(&columns(&["opacity"])),
         sh: read(&sh),
         sh_degree: (rest + 1).isqrt() - 1,
-        ..Params::default()
     };
     let (normals, offsets) = (read3(&["nx", "ny", "nz"]), read(&columns(&["nd"])));
     Some(GoldenCloud { params, normals, offsets })

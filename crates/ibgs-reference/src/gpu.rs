@@ -83,11 +83,7 @@ pub fn scene_gaussians(scene: &Scene) -> Gaussians {
 
 /// The twin's parameters on the device.
 pub fn splats(p: &Params) -> Splats {
-    let splats = Splats::upload(&gaussians(p), &gpu()).unwrap();
-    if !p.filters.is_empty() {
-        splats.set_filters(&gpu(), &floats(p.filters.iter().copied()));
-    }
-    splats
+    Splats::upload(&gaussians(p), &gpu()).unwrap()
 }
 
 /// A scene's model with its planes on the device.

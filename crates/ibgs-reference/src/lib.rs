@@ -98,8 +98,6 @@ pub struct Params {
     /// N x C x 3 with C = (sh_degree + 1)^2: Gaussian, then coefficient, then channel.
     pub sh: Vec<f64>,
     pub sh_degree: usize,
-    /// Standard deviations of the 3D smoothing filters; those that are left out are 0.
-    pub filters: Vec<f64>,
 }
 
 impl Params {

@@ -17,11 +17,7 @@ struct Splat {
     /// Normalised quaternion and the length it had.
     rotation: DQuat,
     rotation_length: f64,
-    /// After the 3D smoothing filter.
     scale: DVec3,
-    /// Squared ratio of the scales before and after the filter, and the factor of the opacity.
-    filtered: DVec3,
-    gain: f64,
     /// Sigma, in world space.
     covariance: DMat3,
     /// The two rows of T = J R: pixels by world coordinates.
@@ -63,16 +59,7 @@ impl Splat {
         let [w, x, y, z] = p.rotations[i];
         let raw = DQuat::from_xyzw(x, y, z, w);
         let rotation = raw * (1.0 / raw.length());
-        let raw_scale = DVec3::from_array(p.log_scales[i]).exp();
-        let filter = p.filters.get(i).copied().unwrap_or(0.0);
-        let (scale, ratio_of_scales) = match filter {
-            0.0 => (raw_scale, DVec3::ONE),
-            _ => {
-                let scale = (raw_scale * raw_scale + filter * filter).map(f64::sqrt);
-                (scale, raw_scale / scale)
-            }
-        };
-        let gain = ratio_of_scales.element_product();
+        let scale = DVec3::from_array(p.log_scales[i]).exp();
         let axes = rotation_matrix(rotation) * DMat3::from_diagonal(scale);
         let covariance = axes * axes.transpose();
 
@@ -99,9 +86,7 @@ impl Splat {
             pixel_from_world,
             cov2d,
             conic: [cov2d[2] / det, -cov2d[1] / det, cov2d[0] / det],
-            filtered: ratio_of_scales * ratio_of_scales,
-            gain,
-            opacity: gain * sigmoid(p.opacity_logits[i]),
+            opacity: sigmoid(p.opacity_logits[i]),
             direction: offset / distance,
             distance,
         })
@@ -261,10 +246,7 @@ fn project_backward_one(
 
     let (v_pixel_from_world, v_covariance) = covariance_backward(&splat, v.conic[i]);
     v_view += jacobian_backward(&splat, camera, v_pixel_from_world);
-    let (rotation, by_filtered) = shape_backward(&splat, v_covariance);
-    // s'^2 = s^2 + f^2 and o' = o product of s / s'.
-    let by_gain = v.opacity[i] * splat.opacity;
-    let log_scale = std::array::from_fn(|a| by_filtered[a] * splat.filtered[a] + by_gain * (1.0 - splat.filtered[a]));
+    let (rotation, log_scale) = shape_backward(&splat, v_covariance);
 
     let (sh, v_direction) = sh::color_backward(p.sh_of(i), active_sh_degree, splat.direction, v.color[i]);
     let tangent = v_direction - splat.direction * splat.direction.dot(v_direction);
@@ -273,7 +255,7 @@ fn project_backward_one(
         mean: v_mean.to_array(),
         rotation,
         log_scale,
-        opacity_logit: v.opacity[i] * splat.opacity * (1.0 - splat.opacity / splat.gain),
+        opacity_logit: v.opacity[i] * splat.opacity * (1.0 - splat.opacity),
         sh,
     }
 }

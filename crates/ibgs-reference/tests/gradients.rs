@@ -64,9 +64,6 @@ fn scene(seed: u64, sh_degree: usize) -> (Params, Camera) {
         p.means[i] = [x, 0.125, 2.0 * x];
         p.log_scales[i] = [-1.5, -1.25, -1.0];
     }
-    if seed >= 4 {
-        p.filters = (0..p.len()).map(|i| 0.03 * i as f64).collect();
-    }
     (p, camera)
 }
 

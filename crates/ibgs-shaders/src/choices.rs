@@ -43,19 +43,6 @@ choices! {
         Mask = STORE_MASK,
     }
 
-    /// What the residual network reads of base colour and sources.
-    #[derive(Default, Serialize, Deserialize)]
-    #[serde(rename_all = "kebab-case")]
-    NetworkInputs {
-        /// Base colour, and the differences of the sources' colours from it.
-        #[default]
-        Differences = INPUTS_DIFFERENCES,
-        /// Base colour, and the sources' colours themselves.
-        SourceColors = INPUTS_SOURCE_COLORS,
-        /// The differences alone.
-        DifferencesOnly = INPUTS_DIFFERENCES_ONLY,
-    }
-
     /// What the residual network gives.
     #[derive(Default, Serialize, Deserialize)]
     #[serde(rename_all = "kebab-case")]
@@ -63,8 +50,6 @@ choices! {
         /// A residual that is added to the base colour.
         #[default]
         Residual = OUTPUT_RESIDUAL,
-        /// The final colour itself.
-        Color = OUTPUT_COLOR,
         /// A residual, and a gate: how much of the sources' mean difference from the base colour is added too. The gate has the
         /// network's size, the difference is taken at the image's: fine detail then needs no network of that size.
         Gated = OUTPUT_GATED,
@@ -77,8 +62,6 @@ choices! {
         /// Their mean.
         #[default]
         Mean = AGGREGATION_MEAN,
-        /// The largest value of each channel.
-        Max = AGGREGATION_MAX,
         /// Their mean weighted by a learned confidence, exp(l) of each source and 1 of none of them: where no source is
         /// trusted the features are zero. Sources count as far as five times the depth agreement.
         Soft = AGGREGATION_SOFT,

@@ -80,7 +80,7 @@ pub trait UntypedBuffer {
 /// has the type of the rows that the kernel declares, so buffers of different rows cannot be exchanged:
 ///
 /// ```
-/// # use ibgs_shaders::{Bindings, UntypedBuffer, bindings::FilterSizesBindings};
+/// # use ibgs_shaders::{Bindings, UntypedBuffer, bindings::ShortestAxisBindings};
 /// # use std::marker::PhantomData;
 /// # struct Untyped(&'static str);
 /// # struct Buffer<T>(Untyped, PhantomData<T>);
@@ -89,18 +89,21 @@ pub trait UntypedBuffer {
 /// #     fn untyped<T>(buffer: &Buffer<T>) -> &Self { &buffer.0 }
 /// # }
 /// # fn buffer<T>(name: &'static str) -> Buffer<T> { Buffer(Untyped(name), PhantomData) }
-/// let means: Buffer<f32> = buffer("means");
-/// let cameras: Buffer<[f32; 4]> = buffer("cameras");
-/// let filters: Buffer<f32> = buffer("filters");
-/// let buffers: FilterSizesBindings<Untyped> =
-///     FilterSizesBindings { cameras: &cameras, means: &means, filters: &filters };
-/// assert_eq!(buffers.in_order().map(|buffer| buffer.0), ["means", "cameras", "filters"]);
+/// let rotations: Buffer<[f32; 4]> = buffer("rotations");
+/// let [log_scales, normals, plane_offsets]: [Buffer<f32>; 3] = ["scales", "normals", "offsets"].map(buffer);
+/// let buffers: ShortestAxisBindings<Untyped> = ShortestAxisBindings {
+///     log_scales: &log_scales,
+///     rotations: &rotations,
+///     normals: &normals,
+///     plane_offsets: &plane_offsets,
+/// };
+/// assert_eq!(buffers.in_order().map(|buffer| buffer.0), ["rotations", "scales", "normals", "offsets"]);
 /// ```
 ///
 /// The same with two of them exchanged does not compile:
 ///
 /// ```compile_fail,E0308
-/// # use ibgs_shaders::{Bindings, UntypedBuffer, bindings::FilterSizesBindings};
+/// # use ibgs_shaders::{Bindings, UntypedBuffer, bindings::ShortestAxisBindings};
 /// # use std::marker::PhantomData;
 /// # struct Untyped(&'static str);
 /// # struct Buffer<T>(Untyped, PhantomData<T>);
@@ -109,11 +112,14 @@ pub trait UntypedBuffer {
 /// #     fn untyped<T>(buffer: &Buffer<T>) -> &Self { &buffer.0 }
 /// # }
 /// # fn buffer<T>(name: &'static str) -> Buffer<T> { Buffer(Untyped(name), PhantomData) }
-/// let means: Buffer<f32> = buffer("means");
-/// let cameras: Buffer<[f32; 4]> = buffer("cameras");
-/// let filters: Buffer<f32> = buffer("filters");
-/// let buffers: FilterSizesBindings<Untyped> =
-///     FilterSizesBindings { cameras: &means, means: &cameras, filters: &filters };
+/// let rotations: Buffer<[f32; 4]> = buffer("rotations");
+/// let [log_scales, normals, plane_offsets]: [Buffer<f32>; 3] = ["scales", "normals", "offsets"].map(buffer);
+/// let buffers: ShortestAxisBindings<Untyped> = ShortestAxisBindings {
+///     log_scales: &rotations,
+///     rotations: &log_scales,
+///     normals: &normals,
+///     plane_offsets: &plane_offsets,
+/// };
 /// ```
 pub trait Bindings<'a, B: UntypedBuffer + 'a> {
     /// The kernel that they are for.

@@ -13,7 +13,7 @@ mod kernel;
 pub mod layers;
 mod variant;
 
-pub use choices::{Aggregation, ConvInput, NetworkInputs, Output, Presented, Store};
+pub use choices::{Aggregation, ConvInput, Output, Presented, Store};
 pub use class::{KernelSet, KernelStage};
 pub use constants::*;
 pub use kernel::{Access, Binding, Bindings, Kernel, UntypedBuffer};

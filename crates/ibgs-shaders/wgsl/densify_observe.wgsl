@@ -14,19 +14,17 @@ struct ObserveParams {
     near_depth: f32,
     /// 1: the largest norm over the views, in units of the image, in place of sums in units of half of it.
     largest: u32,
-    /// 1: pixels of large error were counted.
-    errors: u32,
+    /// Padding.
+    pad: u32,
 }
 
 var<immediate> params: ObserveParams;
 
 @group(0) @binding(0) var<storage, read> v_screen: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> projected: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> errors: array<u32>;
 /// (sum of gradient norms, sum of absolute-gradient norms, views that saw it, largest radius in pixels), or
-/// (largest absolute-gradient norm, pixels of large error, views that saw it, largest radius in units of the image's
-/// longer side).
-@group(0) @binding(3) var<storage, read_write> statistics: array<vec4<f32>>;
+/// (largest absolute-gradient norm, 0, views that saw it, largest radius in units of the image's longer side).
+@group(0) @binding(2) var<storage, read_write> statistics: array<vec4<f32>>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -43,10 +41,9 @@ fn main(
         let size = vec2<f32>(params.size);
         let v = v_screen[i];
         let s = statistics[i];
-        let covered = select(0.0, f32(errors[i]), params.errors == 1u);
         statistics[i] = vec4(
             max(s.x, length(v.zw * size)),
-            s.y + covered,
+            s.y,
             s.z + 1.0,
             max(s.w, radius / max(size.x, size.y)),
         );

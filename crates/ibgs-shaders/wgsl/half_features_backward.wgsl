@@ -1,8 +1,8 @@
 //! Gradient of the per-view MLP, rows of weight gradients.
 #set matrix
 #stage features backward
-// residual_features_backward.wgsl on the matrix units, for the mean and the mean by confidence over the sources: gradient of the
-// per-view MLP by the features and, summed over all pixels of a workgroup, by the MLP's weights.
+// residual_features_backward.wgsl on the matrix units: gradient of the per-view MLP by the features and, summed over all pixels of
+// a workgroup, by the MLP's weights.
 //
 // A lane is a pixel. Gradients are multiplied by a scale. SIDE is 16, LANES 32.
 #import half_mlp_pixels

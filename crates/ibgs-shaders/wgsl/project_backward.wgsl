@@ -8,7 +8,6 @@
 #import frame
 #import room
 #import gaussian
-#import filter
 #import sh
 
 @group(0) @binding(0) var<storage, read> means: array<f32>;
@@ -25,7 +24,6 @@
 @group(0) @binding(11) var<storage, read_write> v_sh: array<f32>;
 /// (x, y, |x|, |y|) by the projected mean in pixels, for densification.
 @group(0) @binding(12) var<storage, read_write> v_screen: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read> filters: array<f32>;
 
 const THREADS: u32 = 128u;
 // Coefficients of a Gaussian, and one so that lanes read different banks.
@@ -130,9 +128,7 @@ fn main(
     let by_cov = vec3(v_log_scales[3u * g], v_log_scales[3u * g + 1u], v_log_scales[3u * g + 2u]);
     let opacity = projected[3u * g + 1u].y;
     let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
-    let raw_scale = exp(vec3(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]));
-    let soft = filtered(raw_scale, filters[g]);
-    let scale = soft.scale;
+    let scale = exp(vec3(log_scales[3u * g], log_scales[3u * g + 1u], log_scales[3u * g + 2u]));
     let q_raw = rotations[g];
     let q_length = length(q_raw);
     let q = q_raw / q_length;
@@ -166,9 +162,6 @@ fn main(
     let v_ratio = frame.focal * by_xy + v_tangent;
     let v_view = vec3(v_ratio * inv_z, -inv_z * (dot(v_ratio, view.xy * inv_z) + v_inv_z * inv_z));
 
-    // By the logarithms of the scales: of the filtered ones s', d log s' / d log s = ratio; of the gain, 1 - ratio along each axis.
-    v_scale = v_scale * soft.ratio + by_color.w * opacity * (1.0 - soft.ratio);
-
     let v_mean = view_rotate_transposed(v_view) + direction_backward(local, mean - frame.center);
     let v_q = rotation_backward(q, v_axes);
     v_rotations[g] = (v_q - q * dot(q, v_q)) / q_length;
@@ -176,5 +169,5 @@ fn main(
         v_means[3u * g + c] = v_mean[c];
         v_log_scales[3u * g + c] = v_scale[c];
     }
-    v_opacity_logits[g] = by_color.w * opacity * (1.0 - opacity / soft.gain);
+    v_opacity_logits[g] = by_color.w * opacity * (1.0 - opacity);
 }

@@ -27,7 +27,7 @@ fn main(
     }
     let used = most_visible[0] > 0u;
     let reached = is_reached(seen[p]);
-    var color = select(1.0, base_share(used), reached) * base_at(p);
+    var color = select(1.0, params.gain, reached) * base_at(p);
     if used && reached {
         let given = output_at(p);
         color += given.xyz;

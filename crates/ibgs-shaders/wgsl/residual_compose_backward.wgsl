@@ -59,7 +59,7 @@ fn main(
     let i = linear_workgroup(wid, groups) * 256u + local;
     let used = most_visible[0] > 0u;
     if i < params.size.x * params.size.y {
-        let v = select(1.0, base_share(used), is_reached(seen[i])) * v_at(i);
+        let v = select(1.0, params.gain, is_reached(seen[i])) * v_at(i);
         v_base[3u * i] = v.x;
         v_base[3u * i + 1u] = v.y;
         v_base[3u * i + 2u] = v.z;

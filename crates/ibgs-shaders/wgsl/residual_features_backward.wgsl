@@ -50,25 +50,9 @@ fn dot_row(row: u32, v: Hidden) -> f32 {
         + dot(w.e, v.e) + dot(w.f, v.f) + dot(w.g, v.g) + dot(w.h, v.h);
 }
 
-fn largest(x: Hidden, y: Hidden) -> Hidden {
-    return Hidden(
-        max(x.a, y.a), max(x.b, y.b), max(x.c, y.c), max(x.d, y.d),
-        max(x.e, y.e), max(x.f, y.f), max(x.g, y.g), max(x.h, y.h),
-    );
-}
-
-// Which outputs of a source receive a gradient: the positive ones; with the largest value, those that reach it.
-fn receives(h: vec4<f32>, best: vec4<f32>) -> vec4<bool> {
-    return (h > vec4(0.0)) & (h >= best);
-}
-
-fn pick(channel: u32, i: u32, scale: f32, h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
-    return select(vec4(0.0), scale * take(channel, i), receives(h, best));
-}
-
-// Puts the largest value out of reach where a source has taken it: the first of several takes all.
-fn taken(h: vec4<f32>, best: vec4<f32>) -> vec4<f32> {
-    return select(best, vec4(1e38), receives(h, best));
+// The gradient by four outputs of a source: those that are not positive receive none.
+fn pick(channel: u32, i: u32, scale: f32, h: vec4<f32>) -> vec4<f32> {
+    return select(vec4(0.0), scale * take(channel, i), h > vec4(0.0));
 }
 
 // Product of a source's outputs with the gradient.
@@ -90,9 +74,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let z = vec4(0.0);
     let pixels = params.low.x * params.low.y;
     let used = used_sources();
-    let takes_largest = params.aggregation == AGGREGATION_MAX;
     let is_soft = params.aggregation == AGGREGATION_SOFT;
-    let scale = select(1.0 / f32(max(used, 1u)), 1.0, takes_largest);
+    let scale = 1.0 / f32(max(used, 1u));
     // Rows 4 a .. 4 a + 3 and columns 4 b .. 4 b + 3 of W2; the first layer's input a and outputs 4 b .. 4 b + 3.
     let a = local / 8u;
     let b = local % 8u;
@@ -111,14 +94,12 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         let inside = i < pixels;
         let at = min(i, pixels - 1u);
         let c = resize_corners(vec2(at % params.low.x, at / params.low.x), params.size, params.low);
-        var best = Hidden(z, z, z, z, z, z, z, z);
         // Shares of the sources by their confidences, and the products of their outputs with the gradient.
         var shares = z;
         var dots = z;
         var top = 0.0;
-        // A first round over the sources finds the largest values with the very code that is compared with them later, or the
-        // confidences.
-        for (var turn = select(used, 0u, takes_largest || is_soft); turn < 2u * used; turn++) {
+        // A first round over the sources finds the confidences.
+        for (var turn = select(used, 0u, is_soft); turn < 2u * used; turn++) {
             let m = turn % used;
             let f = feature(c, m);
             var h2 = mlp_row(ROW_BIAS2);
@@ -138,36 +119,24 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
             }
             h2 = relu(h2);
             if turn < used {
-                if is_soft {
-                    if present.x > 0.0 {
-                        let next = max(top, confidence);
-                        shares *= exp(top - next);
-                        shares[m] = present.x * exp(confidence - next);
-                        dots[m] = dot_gradient(at, h2);
-                        top = next;
-                    }
-                    if m + 1u == used {
-                        shares /= exp(-top) + shares.x + shares.y + shares.z + shares.w;
-                    }
-                } else {
-                    best = largest(best, h2);
+                if present.x > 0.0 {
+                    let next = max(top, confidence);
+                    shares *= exp(top - next);
+                    shares[m] = present.x * exp(confidence - next);
+                    dots[m] = dot_gradient(at, h2);
+                    top = next;
+                }
+                if m + 1u == used {
+                    shares /= exp(-top) + shares.x + shares.y + shares.z + shares.w;
                 }
                 continue;
             }
             let share = select(0.0, select(scale, shares[m], is_soft), inside);
             let v_confidence = select(0.0, share * (dots[m] - dot(shares, dots)), is_soft);
             let v2 = Hidden(
-                pick(0u, at, share, h2.a, best.a), pick(4u, at, share, h2.b, best.b),
-                pick(8u, at, share, h2.c, best.c), pick(12u, at, share, h2.d, best.d),
-                pick(16u, at, share, h2.e, best.e), pick(20u, at, share, h2.f, best.f),
-                pick(24u, at, share, h2.g, best.g), pick(28u, at, share, h2.h, best.h),
+                pick(0u, at, share, h2.a), pick(4u, at, share, h2.b), pick(8u, at, share, h2.c), pick(12u, at, share, h2.d),
+                pick(16u, at, share, h2.e), pick(20u, at, share, h2.f), pick(24u, at, share, h2.g), pick(28u, at, share, h2.h),
             );
-            if takes_largest {
-                best = Hidden(
-                    taken(h2.a, best.a), taken(h2.b, best.b), taken(h2.c, best.c), taken(h2.d, best.d),
-                    taken(h2.e, best.e), taken(h2.f, best.f), taken(h2.g, best.g), taken(h2.h, best.h),
-                );
-            }
             put_stage(mine, v2);
             stage[mine + 16u] = vec4(v_confidence, v_confidence * present.y, 0.0, 0.0);
             workgroupBarrier();

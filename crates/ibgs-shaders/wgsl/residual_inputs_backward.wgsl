@@ -76,7 +76,7 @@ fn put(m: u32, p: u32, v: vec4<f32>, through: Gated) -> vec3<f32> {
         of_mean = weight * vec4(through.v, dot(through.v, d.xyz - through.mean.xyz) / SPREAD);
     }
     v_warped[at] = v + of_mean;
-    return select(-v.rgb, vec3(0.0), params.inputs == INPUTS_SOURCE_COLORS) - of_mean.rgb;
+    return -v.rgb - of_mean.rgb;
 }
 
 @compute @workgroup_size(256)
@@ -106,7 +106,7 @@ fn main(
     } else {
         add(p, used, 1.0, &sums);
     }
-    var v = select(sums.base, vec3(0.0), params.inputs == INPUTS_DIFFERENCES_ONLY);
+    var v = sums.base;
     let through = gated(p);
     v += put(0u, p, sums.source0, through) + put(1u, p, sums.source1, through);
     v += put(2u, p, sums.source2, through) + put(3u, p, sums.source3, through);

@@ -29,7 +29,7 @@ pub fn parts(format: u32, version: &str, config: &str) -> Vec<(String, Vec<u8>)>
         tensor(&format!("{name}.first"), 2 * row);
         tensor(&format!("{name}.second"), 2 * row);
     }
-    for (name, row) in [("normals", 3), ("offsets", 1), ("filters", 1), ("statistics", 4)] {
+    for (name, row) in [("normals", 3), ("offsets", 1), ("statistics", 4)] {
         tensor(name, 2 * row);
     }
     parts

@@ -14,7 +14,8 @@ const RANDOM_OF_256: u8 = 64;
 /// most of them, so only emptiness satisfies the loss.
 pub(super) fn iteration_background(config: &TrainConfig, iteration: u32) -> [f32; 3] {
     let [r, g, b, chance] = iteration_seed(config.seed, iteration ^ STREAM).to_le_bytes();
-    let is_random = config.background == Some(Background::Random) || (config.shows_object() && chance < RANDOM_OF_256);
+    let is_random =
+        config.background == Some(Background::Random) || (config.data.shows_object() && chance < RANDOM_OF_256);
     if is_random { [r, g, b].map(|level| f32::from(level) / 255.0) } else { config.background() }
 }
 

@@ -141,7 +141,7 @@ fn short(config: &TrainConfig, dataset: &Dataset) -> TrainConfig {
     };
     short.densify.max_splats = Some(MOST_SPLATS.min(config.densify.most()));
     // The built-in scene alone has none.
-    short.data.source.get_or_insert_with(|| dataset.path.clone());
+    short.source.get_or_insert_with(|| dataset.path.clone());
     short
 }
 

@@ -20,7 +20,7 @@ pub fn find_points(
 ) -> Result<(), GpuError> {
     let adds = match (dataset.points_from, config.data.initial_points) {
         _ if config.init.is_some() => return Ok(()),
-        (PointsFrom::Scene, InitialPoints::Auto) if !gpu.is_software() && !config.shows_object() => true,
+        (PointsFrom::Scene, InitialPoints::Auto) if !gpu.is_software() && !config.data.shows_object() => true,
         (PointsFrom::Chance, _) => false,
         _ => return Ok(()),
     };

@@ -16,7 +16,6 @@ pub mod checkpoint;
 pub mod densify;
 mod exposing;
 mod exposure_trial;
-mod filter;
 mod first_points;
 pub mod loss;
 pub mod lpips;

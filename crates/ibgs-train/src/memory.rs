@@ -186,8 +186,6 @@ impl Estimate {
             let again = if trained { 3 } else { 1 };
             self.add("densification", what, 4 * values * n, if grows { again } else { 0 });
         }
-        self.add("Gaussians", "filters", 4 * n, 1);
-        self.add("densification", "filters", 4 * n, u64::from(grows));
         self.add("gradients", "screen positions", 16 * n, 2);
         self.add("optimiser", "densification statistics", 16 * n, 1);
         if image_based {

@@ -27,23 +27,15 @@ impl Parameters {
     pub fn upload(g: &Gaussians, gpu: &Gpu) -> Result<Self, GpuError> {
         let named = PerGaussian::NAMES.zip(g.values());
         let tensors = named.try_map(|(name, values)| tensor::upload(gpu, name, values, &[values.len()]))?;
-        Self::new(gpu, (g.space, g.len(), g.sh_coefficients()), tensors)
+        Ok(Self::new((g.space, g.len(), g.sh_coefficients()), tensors))
     }
 
-    /// From the tensors of `count` Gaussians with `coefficients` colours each; without filters.
-    ///
-    /// # Errors
-    /// Not enough memory.
-    pub fn new(
-        gpu: &Gpu,
-        (space, count, coefficients): (LocalSpace, usize, usize),
-        tensors: PerGaussian<CubeTensor>,
-    ) -> Result<Self, GpuError> {
-        let filters = gpu.allocate("filters", count)?;
+    /// From the tensors of `count` Gaussians with `coefficients` colours each.
+    pub fn new((space, count, coefficients): (LocalSpace, usize, usize), tensors: PerGaussian<CubeTensor>) -> Self {
         let parameters = tensors.as_ref().map(bind);
         let harmonics = Harmonics::Full;
-        let splats = Splats { space, count, coefficients, harmonics, parameters, filters };
-        Ok(Self { tensors, splats })
+        let splats = Splats { space, count, coefficients, harmonics, parameters };
+        Self { tensors, splats }
     }
 
     /// As kernels and renderers read them, in the same memory.

@@ -7,7 +7,7 @@
 //! use ibgs_train::session::Output;
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let mut config = TrainConfig { iterations: Some(7_000), ..TrainConfig::default() };
-//! config.data.source = Some("my-scene".into());
+//! config.source = Some("my-scene".into());
 //! let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
 //! let mut session = Session::builder(config).output(Output::at("my-model")).build(&gpu, &mut ())?;
 //! session.run(&mut ())?;
@@ -63,7 +63,6 @@ struct Records {
     log: TrainingLog,
     evaluations: Vec<Evaluation>,
     /// The command lines that it was started and resumed with, where a program said so.
-    #[serde(default)]
     commands: Vec<String>,
 }
 
@@ -114,7 +113,7 @@ impl Session {
 
     /// The scene's folder; none of the built-in one.
     pub fn source(&self) -> Option<&Path> {
-        self.config.data.source.as_deref()
+        self.config.source.as_deref()
     }
 
     /// Where it writes; none: nowhere.

@@ -11,7 +11,7 @@ use crate::tensor::primitive;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{AdamConfig, Learners, TrainConfig};
+use ibgs_core::config::{AdamConfig, TrainConfig};
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room};
@@ -35,7 +35,6 @@ pub(super) struct ImageStages {
     /// In local coordinates.
     cameras: Arc<[Camera]>,
     options: ImageOptions,
-    learners: Learners,
     /// Candidates for the sources of each training view, best first.
     neighbours: Vec<Vec<usize>>,
     seed: u64,
@@ -78,8 +77,6 @@ pub(super) struct FromSources {
 /// The final image of an iteration.
 pub(super) struct FinalImage {
     pub image: Tensor<3>,
-    /// Weight of L_img(base) + L_img(final).
-    pub weight: f64,
     /// The network's weights as a leaf.
     pub network: Tensor<1>,
 }
@@ -97,7 +94,7 @@ impl ImageStages {
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,
-            depths: DepthCache::new(config.surface.depth_memory.bytes(gpu)),
+            depths: DepthCache::new(gpu.bytes_of(config.surface.depth_memory)),
             warper: Warper::new(gpu.clone(), options.warp()),
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
             network_optimizer: TensorOptimizer::new(gpu, &network.network().weights, WEIGHTS, adam)?,
@@ -105,7 +102,6 @@ impl ImageStages {
             network,
             cameras: cameras.clone(),
             options,
-            learners: residual.learners,
         })
     }
 
@@ -202,13 +198,12 @@ impl ImageStages {
         let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
         let network = self.network.tensor().autodiff().require_grad();
         // During burn-in only the network learns from the final image.
-        let is_alone = self.learners == Learners::Network;
-        let (base, colors) = match burn_in.is_some() || is_alone {
+        let (base, colors) = match burn_in.is_some() {
             true => (work.shown.clone().detach(), colors.clone().detach()),
             false => (work.shown.clone(), colors.clone()),
         };
         let image = autodiff::residual(&self.residual, &task, base, colors, network.clone())?;
-        Ok(FinalImage { image, weight: if is_alone { 1.0 } else { 0.5 }, network })
+        Ok(FinalImage { image, network })
     }
 
     fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {

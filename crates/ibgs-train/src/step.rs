@@ -12,7 +12,6 @@ use super::background::iteration_background;
 use super::densify::free_space::FreeSpace;
 use super::densify::{self, Round, Statistics, Strategy};
 use super::exposing::Exposing;
-use super::filter::FilterSizes;
 use super::optim::Optimizer;
 use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
@@ -49,8 +48,6 @@ pub struct Trainer {
     parameters: Parameters,
     optimizer: Optimizer,
     statistics: Statistics,
-    /// The 3D smoothing filter, where there is one.
-    filters: Option<FilterSizes>,
     /// The photos' exposures, where they are corrected.
     exposing: Option<Exposing>,
     recorder: Recorder,
@@ -217,12 +214,6 @@ impl Trainer {
         Ok(())
     }
 
-    fn update_filters(&self) {
-        if let Some(filters) = &self.filters {
-            filters.update(&self.gpu, self.splats());
-        }
-    }
-
     fn densify(&mut self) -> Result<(), TrainError> {
         let before = self.splats().len();
         let observations = self.statistics.observations(&self.gpu, self.splats())?;
@@ -241,7 +232,6 @@ impl Trainer {
         self.statistics = Statistics::new(&self.gpu, self.splats().len())?;
         // The old model's memory is free before the next iteration needs more of it.
         self.gpu.wait()?;
-        self.update_filters();
         // Room for as many additional intersections as there are Gaussians now.
         let grown = self.telemetry.most_isects as f64 * self.splats().len() as f64 / before.max(1) as f64;
         self.raster.reserve(grown as u64);

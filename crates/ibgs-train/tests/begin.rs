@@ -88,7 +88,7 @@ fn a_folder_that_is_trained_into_is_refused_even_to_be_replaced() {
 fn a_scene_is_no_model_folder() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = options(0);
-    config.data.source = Some(folder.path().to_owned());
+    config.source = Some(folder.path().to_owned());
     let output = Output::at(folder.path().join(".")).existing(Existing::Replace);
     let error = Session::builder(config).output(output).load(&mut ()).unwrap_err();
     assert!(matches!(error, BuildError::IsScene { .. }), "{error}");
@@ -106,7 +106,7 @@ fn options_are_checked_before_the_folder() {
 #[test]
 fn a_scene_that_is_missing_is_told_after_it_was_said_to_be_loaded() {
     let mut config = options(0);
-    config.data.source = Some("no/such/scene".into());
+    config.source = Some("no/such/scene".into());
     let mut lines = Lines::default();
     let error = Session::builder(config).load(&mut lines).unwrap_err();
     assert!(matches!(error, BuildError::Scene(_)), "{error}");

@@ -14,11 +14,7 @@ use ibgs_train::tensor::device;
 
 /// The twin's parameters as a training has them.
 pub fn parameters(p: &Params) -> Parameters {
-    let parameters = Parameters::upload(&gaussians(p), &gpu()).unwrap();
-    if !p.filters.is_empty() {
-        parameters.splats().set_filters(&gpu(), &floats(p.filters.iter().copied()));
-    }
-    parameters
+    Parameters::upload(&gaussians(p), &gpu()).unwrap()
 }
 
 /// Values of a tensor.

@@ -91,7 +91,7 @@ fn picture_file(path: &Path) -> Option<PathBuf> {
     let model = OutputFolder::at(path);
     let rendered = RENDERS.iter().find_map(|(split, kind)| first_picture(&latest(&path.join(split))?.join(kind)));
     let photo = |scene: &Path| PHOTO_FOLDERS.iter().find_map(|folder| first_picture(&scene.join(folder)));
-    rendered.or_else(|| photo(&model.read_config().ok()?.data.source?)).or_else(|| photo(path))
+    rendered.or_else(|| photo(&model.read_config().ok()?.source?)).or_else(|| photo(path))
 }
 
 /// The folder `ours_N` of the largest N.

@@ -11,7 +11,6 @@ use ibgs_core::local_space::Length;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::figures::{Figures, Means};
-use ibgs_core::residual::Output;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -46,7 +45,7 @@ fn contents(model: &Model) -> Result<Rows> {
             (Method::Gs3, _) => "3dgs: Gaussians alone".to_owned(),
         },
     ));
-    let scene = match (&config.data.source, model.has_made_scene()) {
+    let scene = match (&config.source, model.has_made_scene()) {
         (Some(path), _) => path.display().to_string(),
         (None, true) => "the built-in demo scene".to_owned(),
         (None, false) => "not named; other programs' models need `--source`".to_owned(),
@@ -171,10 +170,6 @@ fn usual(model: &Model, config: &TrainConfig) -> TrainConfig {
     let views = model.training_views();
     let pixels = views.iter().map(|record| record.camera.pixels() as u64).sum();
     let mut usual = by_photos(config, views.len(), pixels);
-    // Written by earlier versions.
-    usual.residual.factor = config.residual.factor.filter(|&factor| factor == 1.0);
-    usual.residual.output =
-        config.residual.output.filter(|&output| output == Output::Residual && config.residual.factor() == 1.0);
     if model.has_made_scene() {
         let is_software = config.densify.max_splats == Some(DemoDefaults::SOFTWARE.max_splats);
         let defaults = if is_software { DemoDefaults::SOFTWARE } else { DemoDefaults::GPU };
@@ -216,7 +211,7 @@ fn options(config: &TrainConfig, usual: &TrainConfig) -> Result<Rows> {
     let usual = leaves(usual)?;
     let changed = leaves(config)?.into_iter().filter(|(name, value)| usual.get(name) != Some(value));
     // The path of the scene has no default to differ from.
-    let changed = changed.filter(|(name, _)| name != "data.source");
+    let changed = changed.filter(|(name, _)| name != "source");
     let lines: Vec<String> = changed.map(|(name, value)| format!("{name} = {value}")).collect();
     if lines.is_empty() {
         return Ok(vec![("options", "all at their defaults".to_owned())]);
@@ -249,7 +244,7 @@ mod tests {
         assert_eq!(options(&adapted), none);
         adapted.densify.max_splats = Some(3_000);
         assert_eq!(options(&adapted), [("options", "densify.max-splats = 3000".to_owned())]);
-        config.data.source = Some("scene".into());
+        config.source = Some("scene".into());
         config.iterations = Some(7);
         config.densify.growth.screen_size = 0.25;
         config.sh_degree = Some(1);

@@ -246,7 +246,7 @@ impl Suite {
                 let mut config = self.config(scene, run)?;
                 config.iterations = Some(iterations.unwrap_or_else(|| config.iterations()));
                 config.data.eval = true;
-                config.data.source = match scene.demo {
+                config.source = match scene.demo {
                     true => None,
                     false => Some(std::path::absolute(Self::source(scene, data))?),
                 };
@@ -300,7 +300,7 @@ mod tests {
         assert_eq!((plain.config.iterations(), plain.config.data.resolution), (7000, Resolution::Factor(2)));
         assert_eq!((wide.config.iterations(), wide.config.data.resolution), (10, Resolution::Factor(4)));
         assert_eq!((plain.config.data.max_resolution, wide.config.data.max_resolution), (Some(100), Some(100)));
-        assert!(plain.config.data.source.is_some() && jobs[2].config.data.source.is_none());
+        assert!(plain.config.source.is_some() && jobs[2].config.source.is_none());
         assert_eq!(wide.folder, Path::new("out/wide/one"));
         suite.keep(&["demo".to_owned()], &["wide".to_owned()]).unwrap();
         assert_eq!(suite.jobs(folder.path(), Path::new("out"), Some(3), &[]).unwrap()[0].config.iterations, Some(3));

@@ -3,7 +3,8 @@
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
-use ibgs_core::config::{DataConfig, TrainConfig};
+use ibgs_core::config::TrainConfig;
+use ibgs_core::dataset::LoadOptions;
 use ibgs_core::gpu::Gpu;
 use ibgs_demo::DemoOptions;
 use ibgs_train::session::Loaded;
@@ -39,8 +40,8 @@ impl DemoDefaults {
 }
 
 /// Refuses options of photos on disk for the demo scene: they would be ignored, and still recorded in the results.
-pub fn refuse_scene_options(data: &DataConfig) -> Result<()> {
-    let usual = DataConfig::default();
+pub fn refuse_scene_options(data: &LoadOptions) -> Result<()> {
+    let usual = LoadOptions::default();
     let given = [
         ("--resolution", data.resolution != usual.resolution),
         ("--resampler", data.resampler != usual.resampler),
@@ -69,7 +70,7 @@ pub fn load(training: &mut Loaded, gpu: &Gpu) -> Result<()> {
         config.data.eval = true;
     });
     let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
-    let dataset = ibgs_demo::of_run(options.width, training.config().data.demo_exposure_seed, &Bars::default())?;
+    let dataset = ibgs_demo::of_run(options.width, training.config().demo_exposure_seed, &Bars::default())?;
     for note in &dataset.notes {
         stderr!("note: {note}");
     }

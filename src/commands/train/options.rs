@@ -5,13 +5,10 @@ use super::start::{Reports, output};
 use crate::commands::number;
 use anyhow::{Result, bail};
 use clap::Parser;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ibgs_core::config::{Background, ConfigError, TrainConfig};
 use ibgs_core::output::Existing;
 use ibgs_train::Session;
 use ibgs_train::session::{SessionBuilder, StoppedTraining};
-use serde::de::DeserializeOwned;
-use serde_json::Value;
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,14 +19,6 @@ use std::time::Duration;
 struct Line {
     #[command(flatten)]
     args: Args,
-}
-
-/// Parses one of these words, as the options file has them.
-pub fn word<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
-where
-    T: DeserializeOwned + Clone + Send + Sync + 'static,
-{
-    PossibleValuesParser::new(words).try_map(|word| serde_json::from_value(Value::String(word)))
 }
 
 /// Parses a number of Gaussians.
@@ -94,7 +83,7 @@ impl Args {
         let mut config = self.over(stopped.checkpoint().config.clone())?;
         // A plan of blocks may have moved.
         if let Some(plan) = &self.base {
-            config.data.source.clone_from(&plan.data.source);
+            config.source.clone_from(&plan.source);
             config.data.split.clone_from(&plan.data.split);
         }
         Ok(Session::builder(config).resumed_from(stopped))
@@ -165,7 +154,7 @@ impl Args {
         set(&mut c.method, &self.method);
         // Absolute: the model may be opened from another working directory.
         let source = self.scene.as_ref().or(self.source.as_ref()).map(std::path::absolute).transpose()?;
-        set_some(&mut c.data.source, &source);
+        set_some(&mut c.source, &source);
         set(&mut c.data.resolution, &self.resolution);
         set(&mut c.data.resampler, &self.resampler);
         set_some(&mut c.data.images, &self.images);

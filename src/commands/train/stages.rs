@@ -2,8 +2,10 @@
 
 use super::heading;
 use super::options::{set, set_some};
+use crate::commands::word;
 use clap::Args as ClapArgs;
 use ibgs_core::config::{ExposureSwitch, TrainConfig};
+use ibgs_core::residual::Precision;
 use ibgs_core::sources::find::Distances;
 use ibgs_core::sources::memory::MemoryBudget;
 
@@ -31,7 +33,7 @@ fn distance(text: &str) -> Result<Distance, String> {
 #[derive(ClapArgs, Clone, Debug)]
 pub struct StageArgs {
     /// Correct the exposure of the photos: `on`, `off` or `auto` (where they differ) [default: auto].
-    #[arg(long, help_heading = heading::SCENE)]
+    #[arg(long, value_parser = word::<ExposureSwitch>(), help_heading = heading::SCENE)]
     exposure: Option<ExposureSwitch>,
     /// Neighbouring photos (sources) read for each view, 1 to 8 [default: 4].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
@@ -55,8 +57,8 @@ pub struct StageArgs {
     residual_factor: Option<f64>,
     /// Precision of the residual network: `full` (float32) or `auto` (half precision on matrix units that pass a test, but
     /// not with `--deterministic`) [default: auto].
-    #[arg(long, help_heading = heading::IMAGE_BASED)]
-    precision: Option<ibgs_core::residual::Precision>,
+    #[arg(long, value_parser = word::<Precision>(), help_heading = heading::IMAGE_BASED)]
+    precision: Option<Precision>,
     /// GPU memory for the source photos: `auto` (4 GiB, or 1 GiB where the GPU has no memory of its own), `none` (no
     /// limit), or a size such as `512MiB` [default: auto].
     #[arg(long, help_heading = heading::DEVICE)]

@@ -42,7 +42,7 @@ impl Observer for Reports<'_> {
 
 /// Where a training writes: the given folder, or a free one below `output`.
 pub fn output(model: Option<&Path>, existing: Existing, config: &TrainConfig) -> Output {
-    let output = match (model, &config.data.source) {
+    let output = match (model, &config.source) {
         (Some(path), _) => Output::at(path),
         (None, Some(source)) => free(source.file_stem().and_then(|name| name.to_str()).unwrap_or("scene")),
         (None, None) => free("demo"),
@@ -64,7 +64,7 @@ pub fn wished(wish: &TrainingWish) -> Result<SessionBuilder> {
     // Held-out photos let the window measure the training.
     config.data.eval = wish.scene.is_some();
     // Absolute: the model may be opened from another working directory.
-    config.data.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
+    config.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
     config.iterations = wish.iterations.or(config.iterations);
     config.exposure.enabled = wish.exposure;
     let output = output(None, Existing::Keep, &config);

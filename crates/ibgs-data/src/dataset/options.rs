@@ -1,6 +1,8 @@
 //! How a scene is loaded: photo size, photo folder, split, principal point.
 
 use super::DatasetError;
+use crate::memory::MemoryBudget;
+use crate::words::display_words;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
@@ -9,7 +11,7 @@ use std::str::FromStr;
 /// Photo size to train at, in the numbers of the published command line: 1, 2, 4, 8 divide, a larger number is
 /// the width in pixels, -1 caps the width at 1600.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "i64", into = "i64")]
+#[serde(try_from = "String", into = "String")]
 pub enum Resolution {
     /// Divides width and height by 1, 2, 4 or 8, each rounded to the nearest pixel.
     Factor(u32),
@@ -28,40 +30,39 @@ impl Default for Resolution {
     }
 }
 
-impl TryFrom<i64> for Resolution {
-    type Error = DatasetError;
-
-    fn try_from(number: i64) -> Result<Self, DatasetError> {
-        match (number, u32::try_from(number)) {
-            (-1, _) => Ok(Resolution::PublishedCap),
-            (_, Ok(factor @ (1 | 2 | 4 | 8))) => Ok(Resolution::Factor(factor)),
-            (_, Ok(width)) if width > 8 => Ok(Resolution::Width(width)),
-            _ => Err(resolution_error(&number.to_string())),
-        }
-    }
-}
-
-impl From<Resolution> for i64 {
-    fn from(resolution: Resolution) -> i64 {
-        match resolution {
-            Resolution::Factor(number) | Resolution::Width(number) => i64::from(number),
-            Resolution::PublishedCap => -1,
-        }
-    }
-}
-
 impl FromStr for Resolution {
     type Err = DatasetError;
 
     fn from_str(text: &str) -> Result<Self, DatasetError> {
-        let number: i64 = text.trim().parse().map_err(|_| resolution_error(text))?;
-        Resolution::try_from(number)
+        match text.trim().parse::<i64>().map(|number| (number, u32::try_from(number))) {
+            Ok((-1, _)) => Ok(Resolution::PublishedCap),
+            Ok((_, Ok(factor @ (1 | 2 | 4 | 8)))) => Ok(Resolution::Factor(factor)),
+            Ok((_, Ok(width))) if width > 8 => Ok(Resolution::Width(width)),
+            _ => Err(resolution_error(text)),
+        }
+    }
+}
+
+impl TryFrom<String> for Resolution {
+    type Error = DatasetError;
+
+    fn try_from(text: String) -> Result<Self, DatasetError> {
+        text.parse()
+    }
+}
+
+impl From<Resolution> for String {
+    fn from(resolution: Resolution) -> String {
+        resolution.to_string()
     }
 }
 
 impl fmt::Display for Resolution {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        i64::from(*self).fmt(f)
+        match self {
+            Resolution::Factor(number) | Resolution::Width(number) => number.fmt(f),
+            Resolution::PublishedCap => f.write_str("-1"),
+        }
     }
 }
 
@@ -84,31 +85,6 @@ pub enum PrincipalPoint {
     Centred,
 }
 
-impl FromStr for PrincipalPoint {
-    type Err = DatasetError;
-
-    fn from_str(text: &str) -> Result<Self, DatasetError> {
-        match text.trim() {
-            "true" => Ok(PrincipalPoint::True),
-            "centred" | "centered" => Ok(PrincipalPoint::Centred),
-            _ => Err(DatasetError::Option {
-                option: "data.principal-point",
-                value: text.to_owned(),
-                allowed: "`true` or `centred`",
-            }),
-        }
-    }
-}
-
-impl fmt::Display for PrincipalPoint {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            PrincipalPoint::True => "true",
-            PrincipalPoint::Centred => "centred",
-        })
-    }
-}
-
 /// How photos are made smaller. The choice moves PSNR, so figures state it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -118,31 +94,6 @@ pub enum Resampler {
     Lanczos3,
     /// Cubic (Catmull-Rom), as the published code: for like-for-like comparison.
     Bicubic,
-}
-
-impl FromStr for Resampler {
-    type Err = DatasetError;
-
-    fn from_str(text: &str) -> Result<Self, DatasetError> {
-        match text.trim() {
-            "lanczos3" => Ok(Resampler::Lanczos3),
-            "bicubic" => Ok(Resampler::Bicubic),
-            _ => Err(DatasetError::Option {
-                option: "data.resampler",
-                value: text.to_owned(),
-                allowed: "`lanczos3` or `bicubic`",
-            }),
-        }
-    }
-}
-
-impl fmt::Display for Resampler {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Resampler::Lanczos3 => "lanczos3",
-            Resampler::Bicubic => "bicubic",
-        })
-    }
 }
 
 /// What the alpha channel of a photo means.
@@ -165,23 +116,6 @@ impl Alpha {
     }
 }
 
-impl FromStr for Alpha {
-    type Err = DatasetError;
-
-    fn from_str(text: &str) -> Result<Self, DatasetError> {
-        match text.trim() {
-            "mask" => Ok(Alpha::Mask),
-            "composite" => Ok(Alpha::Composite),
-            "keyed" => Ok(Alpha::Keyed),
-            _ => Err(DatasetError::Option {
-                option: "data.alpha",
-                value: text.to_owned(),
-                allowed: "`mask`, `composite` or `keyed`",
-            }),
-        }
-    }
-}
-
 /// What lies outside of the masks (files or alpha channels).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -191,22 +125,6 @@ pub enum Masks {
     Ignore,
     /// Nothing: the photos show an object over the background. Photos without a mask show their object in every pixel.
     Object,
-}
-
-impl FromStr for Masks {
-    type Err = DatasetError;
-
-    fn from_str(text: &str) -> Result<Self, DatasetError> {
-        match text.trim() {
-            "ignore" => Ok(Masks::Ignore),
-            "object" => Ok(Masks::Object),
-            _ => Err(DatasetError::Option {
-                option: "data.masks",
-                value: text.to_owned(),
-                allowed: "`ignore` or `object`",
-            }),
-        }
-    }
 }
 
 /// What a training begins with.
@@ -225,24 +143,6 @@ pub enum InitialPoints {
     Random,
 }
 
-impl FromStr for InitialPoints {
-    type Err = DatasetError;
-
-    fn from_str(text: &str) -> Result<Self, DatasetError> {
-        match text.trim() {
-            "auto" => Ok(InitialPoints::Auto),
-            "scene" => Ok(InitialPoints::Scene),
-            "photos" => Ok(InitialPoints::Photos),
-            "random" => Ok(InitialPoints::Random),
-            _ => Err(DatasetError::Option {
-                option: "data.initial-points",
-                value: text.to_owned(),
-                allowed: "`auto`, `scene`, `photos` or `random`",
-            }),
-        }
-    }
-}
-
 /// What the values of a photo mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -253,63 +153,55 @@ pub enum ColorSpace {
     Linear,
 }
 
-impl FromStr for ColorSpace {
-    type Err = DatasetError;
+display_words!(PrincipalPoint, Resampler);
 
-    fn from_str(text: &str) -> Result<Self, DatasetError> {
-        match text.trim() {
-            "srgb" => Ok(ColorSpace::Srgb),
-            "linear" => Ok(ColorSpace::Linear),
-            _ => Err(DatasetError::Option {
-                option: "data.color-space",
-                value: text.to_owned(),
-                allowed: "`srgb` or `linear`",
-            }),
-        }
-    }
-}
-
-/// How to load a scene.
+/// How a scene is loaded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LoadOptions {
-    /// Photo size.
+    /// Factor 1, 2, 4 or 8 to divide the photos by, a target width in pixels, or -1 to cap the width at 1600.
     pub resolution: Resolution,
-    /// How photos are made smaller.
+    /// How photos are made smaller: `lanczos3`, or `bicubic` as in the published code.
     pub resampler: Resampler,
-    /// Photo folder inside the scene, `.` for the scene folder itself; `images` when absent.
+    /// Photo folder inside the scene, `.` for the scene folder itself; unset: found by the loader.
     pub images: Option<String>,
-    /// Caps the longer side, in pixels, after `resolution`.
+    /// Longest side that a photo may have, in pixels, after `resolution`; unset: no limit.
     pub max_resolution: Option<u32>,
-    /// Holds out test views.
+    /// Whether to hold out test views.
     pub eval: bool,
-    /// With `eval`, every n-th view of the name-sorted list, from the first on, is held out (published: 8).
-    pub eval_split_every: usize,
-    /// The split of a file like `split.json`, in place of the scene's own. Views that it does not name are not loaded, nor points
-    /// that none of its training views shows.
+    /// With `eval`: hold out every Nth photo (by name, from the first) as a test view (published: 8).
+    pub eval_split_every: u32,
+    /// A file with the names of training and held-out photos, such as those of `ibgs split`, in place of the scene's own
+    /// `split.json`. Photos that it does not name are not loaded, nor points that none of its training photos shows.
     pub split: Option<PathBuf>,
-    /// Which principal point the cameras get.
+    /// `true`: the principal point that the scene gives; `centred`: the image centre.
     pub principal_point: PrincipalPoint,
-    /// What lies outside of the masks.
+    /// What lies outside the masks (files in `masks/` or alpha channels): `ignore`: anything; `object`: nothing.
     pub masks: Masks,
-    /// What the photos' alpha means; unset: `Composite` in Blender scenes with alpha, `Keyed` where all photos lie on one colour, else
-    /// `Mask`, and always with [`Masks::Object`].
+    /// What the photos' alpha means: `mask`; `composite`: they lie over the background; `keyed`: they have none and lie on one
+    /// colour. Unset: `composite` in Blender scenes with alpha, `keyed` where all photos lie on one colour, else `mask`, and
+    /// always with `masks = "object"`.
     pub alpha: Option<Alpha>,
-    /// What the photos' values mean; unset: `Linear` in EXR files, `Srgb` in others.
+    /// What the photos' values mean: `srgb`, or `linear` light; unset: `linear` in EXR files, `srgb` in others.
     pub color_space: Option<ColorSpace>,
-    /// Leaves out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images (method.md
-    /// section 10.9).
+    /// Leave out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images (method.md section
+    /// 10.9).
     pub filter_points: bool,
-    /// [`Dataset::extent`](super::Dataset::extent).
+    /// Extent of the cameras in scene units, by which near plane, learning rates and other lengths are measured; unset: 1.1
+    /// times the distance of the farthest cameras from the middle. `ibgs merge` takes that of a block.
     pub extent: Option<f64>,
-    /// What a training begins with.
+    /// What the training begins with: `auto`: the scene's points and those found in the photos (not on a software adapter where
+    /// the scene has points); `scene`: its own alone; `photos`: those found in the photos alone, also where the scene has none;
+    /// `random`.
     pub initial_points: InitialPoints,
+    /// Number of points that are made; in the hull of an object at most 150 for each photo.
+    pub random_points: u32,
+    /// Memory of the host for decoded photos: `auto` (half of what is free), `none` (no limit: all are kept), or a size such as
+    /// `8GiB`. Beyond it those used longest ago are decoded again when they are needed.
+    pub host_memory: MemoryBudget,
     /// Seed of the random points.
+    #[serde(skip)]
     pub seed: u64,
-    /// Number of points that are made where the scene has none; in a hull at most 150 for each photo.
-    pub random_points: usize,
-    /// Bytes of memory for decoded photos; none: all are kept. Beyond it those used longest ago are decoded again when needed.
-    pub host_memory: Option<u64>,
 }
 
 impl Default for LoadOptions {
@@ -329,16 +221,16 @@ impl Default for LoadOptions {
             filter_points: false,
             extent: None,
             initial_points: InitialPoints::Auto,
-            seed: 0,
             random_points: 100_000,
-            host_memory: None,
+            host_memory: MemoryBudget::Auto,
+            seed: 0,
         }
     }
 }
 
 impl LoadOptions {
     /// Whether the photos show an object with nothing around it.
-    pub(crate) fn shows_object(&self) -> bool {
+    pub fn shows_object(&self) -> bool {
         self.masks == Masks::Object || self.alpha.is_some_and(Alpha::is_cover)
     }
 

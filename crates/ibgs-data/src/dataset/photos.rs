@@ -248,7 +248,7 @@ pub(crate) fn load_views(
         }
     };
     let paths = frames.iter().map(|frame| frame.photo.clone()).collect();
-    let shelf = Shelf::new(paths, options.host_memory, Box::new(again));
+    let shelf = Shelf::new(paths, options.host_memory.host_bytes(), Box::new(again));
     // The first bad photo in name order is reported, whichever thread meets one first.
     let first_bad = AtomicUsize::new(usize::MAX);
     let loaded: Vec<Option<Result<Loaded, DatasetError>>> = frames

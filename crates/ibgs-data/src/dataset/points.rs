@@ -114,7 +114,7 @@ fn made(dataset: &Dataset, options: &LoadOptions) -> Result<(Vec<Point>, PointsF
     }
     if options.shows_object() {
         let views: Vec<&View> = dataset.train.iter().map(|&view| &dataset.views[view]).collect();
-        let points = hull::points(&views, options.random_points, options.seed)?;
+        let points = hull::points(&views, options.random_points as usize, options.seed)?;
         if !points.is_empty() {
             return Ok((points, PointsFrom::Hull));
         }
@@ -144,7 +144,7 @@ fn random(views: &[View], options: &LoadOptions) -> Result<Vec<Point>, DatasetEr
     // View by view: photos may have to be decoded again.
     let mut of_view = vec![0; views.len()];
     (0..options.random_points).for_each(|_| of_view[rng.random_range(0..views.len())] += 1);
-    let mut points = Vec::with_capacity(options.random_points);
+    let mut points = Vec::with_capacity(options.random_points as usize);
     for (number, (view, count)) in views.iter().zip(of_view).enumerate() {
         HostPhoto::decode_next(views[number + 1..].iter().map(|view| &view.photo));
         let photo = view.photo.pixels()?;

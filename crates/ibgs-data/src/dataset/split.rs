@@ -67,7 +67,7 @@ pub(crate) fn divided(
     }
     let all = 0..names.len();
     let Some(stated) = stated.filter(|_| options.eval) else {
-        let every = options.eval_split_every.max(1);
+        let every = options.eval_split_every.max(1) as usize;
         let (test, train) = all.partition(|index| options.eval && index.is_multiple_of(every));
         return Ok(Divided { train, test, by: format!("every {every}th photo by name"), note: None });
     };

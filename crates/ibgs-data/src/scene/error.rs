@@ -10,7 +10,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum SceneError {
     /// Levels of detail of nothing.
-    #[error("the model has no Gaussian, and so no levels of detail; export it without `--levels`")]
+    #[error("the model has no Gaussian, and so no levels of detail")]
     NoGaussians,
     /// The operating system refused to read the file.
     #[error("cannot read {}: {source}; check that the path names a file of Gaussians", path.display())]

@@ -103,27 +103,6 @@ impl Gaussians {
         coefficients(self.sh_degree)
     }
 
-    /// Makes 3D smoothing filters of these standard deviations a part of scales and opacities (Yu et al., "Mip-Splatting", CVPR
-    /// 2024): s' = sqrt(s^2 + f^2), and opacity times the product of s / s'.
-    pub fn apply_filters(&mut self, filters: &[f32]) {
-        for ((scales, logit), &filter) in self.log_scales.iter_mut().zip(&mut self.opacity_logits).zip(filters) {
-            if filter == 0.0 {
-                continue;
-            }
-            let filter = f64::from(filter);
-            let mut gain = 1.0;
-            for scale in scales {
-                let raw = f64::from(*scale).exp();
-                let wide = raw.hypot(filter);
-                gain *= raw / wide;
-                *scale = wide.ln() as f32;
-            }
-            let opacity = gain / (1.0 + (-f64::from(*logit)).exp());
-            // The least opacity that float32 can distinguish from 0 in this form.
-            *logit = (opacity.max(1e-30) / (1.0 - opacity)).ln() as f32;
-        }
-    }
-
     /// Positions of the means in the scene.
     pub fn positions(&self) -> impl Iterator<Item = DVec3> + Clone {
         self.means.iter().map(|&mean| self.space.to_scene(DVec3::from(mean.map(f64::from))))

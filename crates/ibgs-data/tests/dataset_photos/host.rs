@@ -2,6 +2,7 @@
 
 use crate::dataset::load;
 use ibgs_data::dataset::{Dataset, LoadOptions};
+use ibgs_data::memory::MemoryBudget;
 use ibgs_testing::scene_files::{Model, write_file, write_photo, zip_of_folder};
 use std::fs;
 use std::path::Path;
@@ -20,7 +21,8 @@ fn scene() -> tempfile::TempDir {
 }
 
 fn within(path: &Path, bytes: Option<u64>) -> Dataset {
-    load(path, &LoadOptions { host_memory: bytes, ..LoadOptions::default() })
+    let host_memory = bytes.map_or(MemoryBudget::Unlimited, MemoryBudget::Bytes);
+    load(path, &LoadOptions { host_memory, ..LoadOptions::default() })
 }
 
 fn pixels(dataset: &Dataset) -> Vec<Vec<u8>> {

@@ -255,8 +255,7 @@ mod tests {
         let core = Core { min: [Some(0.1), None, Some(-3.5)], max: [None; 3] };
         let block = Block { core, train: vec!["a.png".into()], memory: 7, minutes: 1.5, ..Block::default() };
         let plan = BlockPlan { blocks: vec![Block::default(), block], memory_limit: Some(8 << 30) };
-        let mut config = TrainConfig::default();
-        config.data.source = Some("scene".into());
+        let mut config = TrainConfig { source: Some("scene".into()), ..TrainConfig::default() };
         plan_folder.write(&plan, &config).unwrap();
         assert_eq!(plan_folder.read().unwrap(), plan);
         let split = std::fs::read_to_string(plan_folder.split_path(1)).unwrap();

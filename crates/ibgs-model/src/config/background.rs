@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 /// The colour behind the Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "BackgroundText", into = "String")]
+#[serde(try_from = "String", into = "String")]
 pub enum Background {
     /// One colour, sRGB.
     Color([u8; 3]),
@@ -29,23 +29,11 @@ impl Background {
     }
 }
 
-/// What a file may hold; true and false are those of `white-background`.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum BackgroundText {
-    White(bool),
-    Word(String),
-}
-
-impl TryFrom<BackgroundText> for Background {
+impl TryFrom<String> for Background {
     type Error = String;
 
-    fn try_from(text: BackgroundText) -> Result<Self, String> {
-        match text {
-            BackgroundText::White(true) => Ok(Self::WHITE),
-            BackgroundText::White(false) => Ok(Self::BLACK),
-            BackgroundText::Word(word) => word.parse(),
-        }
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
     }
 }
 

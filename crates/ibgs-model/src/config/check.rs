@@ -104,7 +104,6 @@ impl TrainConfig {
                 ("adam.beta1", self.adam.beta1, Range::Decay),
                 ("adam.beta2", self.adam.beta2, Range::Decay),
                 // As the kernel sees it, in 32 bits.
-                ("filter", self.filter, Range::NotNegative),
                 ("adam.epsilon", f64::from(self.adam.epsilon as f32), Range::Positive),
             ],
         )?;
@@ -131,8 +130,8 @@ impl TrainConfig {
         let at_least_1 = "it must be at least 1";
         check.require(self.iterations() >= 1, "iterations", self.iterations(), at_least_1)?;
         // TOML has signed 64-bit integers, so a larger seed could not be written down.
-        let demo = self.data.demo_exposure_seed.unwrap_or_default();
-        for (field, seed) in [("seed", self.seed), ("data.demo-exposure-seed", demo)] {
+        let demo = self.demo_exposure_seed.unwrap_or_default();
+        for (field, seed) in [("seed", self.seed), ("demo-exposure-seed", demo)] {
             check.require(i64::try_from(seed).is_ok(), field, seed, "it must be below 2^63")?;
         }
         check.require(self.sh_degree() <= MAX_SH_DEGREE, "sh-degree", self.sh_degree(), "it must be 0, 1, 2 or 3")?;
@@ -191,10 +190,8 @@ fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), Confi
             ("split-divisor", densify.split_divisor, Range::AboveOne),
             ("prune-opacity", densify.prune_opacity, Range::Decay),
             ("prune-scale", densify.prune_scale, Range::Positive),
-            ("prune-screen-radius", densify.prune_screen_radius, Range::NotNegative),
             ("growth.threshold", densify.growth.threshold, Range::Positive),
             ("growth.fraction", densify.growth.fraction, Range::Unit),
-            ("growth.error-pixels", densify.growth.error_pixels, Range::NotNegative),
             ("growth.prune-opacity", densify.growth.prune_opacity, Range::Decay),
             ("growth.opacity-decay", densify.growth.opacity_decay, Range::Decay),
             ("growth.screen-size", densify.growth.screen_size, Range::NotNegative),

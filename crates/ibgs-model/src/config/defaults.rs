@@ -1,12 +1,11 @@
 //! The values of the published experiments (method.md sections 1 and 7), which are the defaults.
 
-use crate::dataset::{InitialPoints, Masks, PrincipalPoint, Resampler, Resolution};
-use crate::sources::memory::MemoryBudget;
+use crate::dataset::LoadOptions;
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{
-    AdamConfig, DataConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method,
-    OpacityResetConfig, ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
+    AdamConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
+    ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
 };
 
 impl Default for TrainConfig {
@@ -27,9 +26,10 @@ impl Default for TrainConfig {
             eval_every: 0,
             eval_iterations: None,
             save_iterations: None,
-            data: DataConfig::default(),
+            source: None,
+            demo_exposure_seed: None,
+            data: LoadOptions::default(),
             learning_rates: LearningRates::default(),
-            filter: 0.0,
             adam: AdamConfig::default(),
             densify: DensifyConfig::default(),
             opacity_reset: OpacityResetConfig::default(),
@@ -57,12 +57,12 @@ impl TrainConfig {
 
     /// Degree of the spherical harmonics.
     pub fn sh_degree(&self) -> u32 {
-        self.sh_degree.unwrap_or(if self.method == Method::Gs3 || self.shows_object() { 3 } else { 2 })
+        self.sh_degree.unwrap_or(if self.method == Method::Gs3 || self.data.shows_object() { 3 } else { 2 })
     }
 
     /// Part of the run after which no Gaussian is left out any more: an object's base then gains more than its final image loses.
     pub fn dropout_until(&self) -> f64 {
-        self.residual.dropout_until.unwrap_or(if self.shows_object() { 0.85 } else { 1.0 })
+        self.residual.dropout_until.unwrap_or(if self.data.shows_object() { 0.85 } else { 1.0 })
     }
 
     /// Share of the coefficients beyond the constant that each iteration removes, times their rate.
@@ -74,31 +74,6 @@ impl TrainConfig {
 impl McmcConfig {
     /// Factor by which the number of Gaussians grows in a round at the least, where the options give none.
     pub const LEAST_GROWTH: f64 = 1.05;
-}
-
-impl Default for DataConfig {
-    fn default() -> Self {
-        Self {
-            source: None,
-            resolution: Resolution::default(),
-            resampler: Resampler::Lanczos3,
-            images: None,
-            max_resolution: None,
-            eval: false,
-            eval_split_every: 8,
-            split: None,
-            principal_point: PrincipalPoint::True,
-            masks: Masks::Ignore,
-            alpha: None,
-            color_space: None,
-            filter_points: false,
-            extent: None,
-            initial_points: InitialPoints::Auto,
-            random_points: 100_000,
-            host_memory: MemoryBudget::Auto,
-            demo_exposure_seed: None,
-        }
-    }
 }
 
 impl Default for LearningRates {
@@ -147,7 +122,6 @@ impl Default for DensifyConfig {
             prune_scale: 0.1,
             prune_scale_by_distance: true,
             prune_scale_after: None,
-            prune_screen_radius: 0.0,
             growth: GrowthConfig::default(),
             mcmc: McmcConfig::default(),
         }
@@ -159,7 +133,6 @@ impl Default for GrowthConfig {
         Self {
             threshold: 0.002,
             fraction: 0.25,
-            error_pixels: 0.0,
             prune_opacity: 1.0 / 255.0,
             opacity_decay: 0.004,
             screen_size: 0.5,

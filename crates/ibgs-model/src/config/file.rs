@@ -1,6 +1,6 @@
 //! `config.toml`: the options of a run as a file.
 
-use super::{ConfigError, TrainConfig};
+use super::{ConfigError, TrainConfig, removed};
 use crate::files::{self, TomlError};
 use std::io;
 use std::path::Path;
@@ -24,7 +24,7 @@ impl TrainConfig {
         let config: Self = files::parse_toml(text).map_err(|TomlError { line, reason }| ConfigError::Parse {
             path: path.to_owned(),
             line,
-            reason,
+            reason: removed::instead(text, &reason).unwrap_or(reason),
         })?;
         config.validate_from(Some(path))?;
         Ok(config)
@@ -54,7 +54,7 @@ impl TrainConfig {
 mod tests {
     use super::*;
     use crate::dataset::{Alpha, ColorSpace, Masks, Resampler};
-    use crate::residual::variant::NetworkInputs;
+    use crate::residual::variant::Aggregation;
 
     fn load(text: &str) -> Result<TrainConfig, ConfigError> {
         let folder = tempfile::tempdir().unwrap();
@@ -70,7 +70,7 @@ mod tests {
         let mut config = TrainConfig::default();
         config.save(&path).unwrap();
         assert_eq!(TrainConfig::load(&path).unwrap(), config);
-        config.data.source = Some("a folder/scene".into());
+        config.source = Some("a folder/scene".into());
         config.data.images = Some("images_4".to_owned());
         config.data.alpha = Some(Alpha::Composite);
         config.data.masks = Masks::Object;
@@ -81,7 +81,7 @@ mod tests {
         config.sources.memory = "1.5GiB".parse().unwrap();
         config.sources.max_distance = Some(4.5);
         config.residual.halve_at = Some(vec![]);
-        config.residual.inputs = NetworkInputs::DifferencesOnly;
+        config.residual.aggregation = Aggregation::Mean;
         config.save(&path).unwrap();
         assert_eq!(TrainConfig::load(&path).unwrap(), config);
         assert_eq!(load("").unwrap(), TrainConfig::default());
@@ -111,8 +111,16 @@ mod tests {
         assert!(load("iterations = -1").is_err());
         let text = load("[sources]\nmemory = \"much\"").unwrap_err().to_string();
         assert!(text.contains("line 2") && text.contains("512MiB"), "{text}");
-        assert!(load("[residual]\ninputs = \"all\"").unwrap_err().to_string().contains("differences-only"));
-        assert!(load("[data]\nmasks = \"thing\"").unwrap_err().to_string().contains("object"));
+        assert!(load("[residual]\naggregation = \"all\"").unwrap_err().to_string().contains("soft"));
+        for (text, word) in [
+            ("[data]\nmasks = \"thing\"", "`object`"),
+            ("[data]\nprincipal-point = \"middle\"", "`centred`"),
+            ("[data]\nresampler = \"box\"", "`lanczos3`"),
+            ("[exposure]\nenabled = \"maybe\"", "`auto`"),
+        ] {
+            let error = load(text).unwrap_err().to_string();
+            assert!(error.contains("line 2") && error.contains(word), "{error}");
+        }
         assert!(load("iterations = ").is_err());
     }
 
@@ -126,8 +134,6 @@ mod tests {
             ("[densify.mcmc]\ngrowth = 0.5", "densify.mcmc.growth"),
             ("eval-iterations = [0]", "eval-iterations"),
             ("[data]\neval-split-every = 1", "data.eval-split-every"),
-            ("[data]\nprincipal-point = \"middle\"", "data.principal-point"),
-            ("[data]\nresampler = \"box\"", "data.resampler"),
             ("[data]\nresolution = \"3\"", "data.resolution"),
             ("[learning-rates]\nopacity = -1.0", "learning-rates.opacity"),
             ("[learning-rates]\nmean-final = 0.0", "learning-rates.mean-final"),

@@ -14,11 +14,10 @@ impl TrainConfig {
             sources: self.sources.clone(),
             surface: SurfaceOptions { intersections: self.surface.intersections, ..SurfaceOptions::default() },
             variant: Variant {
-                inputs: residual.inputs,
                 output: residual.output(),
                 aggregation: residual.aggregation,
                 factor: Factor::of(residual.factor()),
-                reach: if self.shows_object() { Reach::Seen } else { Reach::Everywhere },
+                reach: if self.data.shows_object() { Reach::Seen } else { Reach::Everywhere },
             },
             // Which precision pays is found by a clock.
             precision: if self.deterministic { Precision::Full } else { residual.precision },

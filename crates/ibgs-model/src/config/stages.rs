@@ -1,6 +1,6 @@
 //! Options of the image-based stages, surface losses and residual network (method.md sections 3, 6 and 7), and of exposure.
 
-use crate::residual::variant::{Aggregation, NetworkInputs, Output, Precision};
+use crate::residual::variant::{Aggregation, Output, Precision};
 use crate::sources::memory::MemoryBudget;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -26,18 +26,6 @@ pub struct SurfaceConfig {
     pub depth_memory: MemoryBudget,
 }
 
-/// What learns from the final image once the burn-in is over (method.md section 7).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Learners {
-    /// Gaussians and network, as published: (L_img(base) + L_img(final)) / 2.
-    #[default]
-    All,
-    /// The network alone, in the whole run: L_img(base) + L_img(final), the latter without a gradient into the Gaussians. They
-    /// then learn as without a residual.
-    Network,
-}
-
 /// The residual network and its training (method.md sections 6 and 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -51,8 +39,6 @@ pub struct ResidualConfig {
     pub burn_in: Option<u32>,
     /// Gain of the base image when the burn-in begins; it rises to 1 (published: 0.5, for a network that passes nothing at first).
     pub burn_in_gain: f64,
-    /// What learns from the final image after the burn-in: `all`, as published; `network`.
-    pub learners: Learners,
     /// Learning rate of the network.
     pub learning_rate: f64,
     /// Iterations at which the rate is halved; unset: 18000 and 25000, scaled.
@@ -73,20 +59,18 @@ pub struct ResidualConfig {
     /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
     /// float32.
     pub precision: Precision,
-    /// What the network reads: `differences`, `source-colors`, `differences-only`.
-    pub inputs: NetworkInputs,
-    /// What its output is: `residual`, as published; `color`; `gated`, a residual and a share of the sources' mean difference,
+    /// What its output is: `residual`, as published; `gated`, a residual and a share of the sources' mean difference,
     /// which is taken at the image's size. Unset: `residual` at the factor 1, `gated` at a smaller one.
     pub output: Option<Output>,
-    /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published; `max`.
+    /// How the sources' features become one: `soft`, their mean by a learned confidence; `mean`, as published.
     pub aggregation: Aggregation,
-    /// Most weight of the sources' mean colour in a rendered view, 0 to 1, see [`crate::residual::mix`]; 0: none, as published.
+    /// Most weight of the sources' mean colour in a rendered view, 0 to 1; 0: none, as published.
     pub source_share: f64,
 }
 
 /// Whether the photos' exposures are corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", try_from = "SwitchText")]
+#[serde(rename_all = "kebab-case")]
 pub enum ExposureSwitch {
     /// Not at all.
     Off,
@@ -97,47 +81,13 @@ pub enum ExposureSwitch {
     Auto,
 }
 
-/// What a file may hold; true and false are those of earlier versions.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum SwitchText {
-    Flag(bool),
-    Word(String),
-}
-
-impl TryFrom<SwitchText> for ExposureSwitch {
-    type Error = String;
-
-    fn try_from(text: SwitchText) -> Result<Self, String> {
-        match text {
-            SwitchText::Flag(false) => Ok(Self::Off),
-            SwitchText::Flag(true) => Ok(Self::On),
-            SwitchText::Word(word) => word.parse(),
-        }
-    }
-}
-
-impl std::str::FromStr for ExposureSwitch {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "off" => Ok(Self::Off),
-            "on" => Ok(Self::On),
-            "auto" => Ok(Self::Auto),
-            other => Err(format!("`{other}` is none of `auto`, `on`, `off`")),
-        }
-    }
-}
-
-/// Exposure of the photos, see [`crate::exposure`].
+/// Exposure of the photos (method.md section 8).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ExposureConfig {
     /// `off`, `on`, `auto`.
     pub enabled: ExposureSwitch,
     /// Exposures are learned after this iteration; unset: 1000, scaled.
-    #[serde(alias = "scalars-from")]
     pub from: Option<u32>,
     /// Learning rate at the start.
     pub learning_rate: f64,
@@ -184,7 +134,6 @@ impl Default for ResidualConfig {
             start: None,
             burn_in: None,
             burn_in_gain: 1.0,
-            learners: Learners::All,
             learning_rate: 1e-3,
             halve_at: None,
             beta1: 0.9,
@@ -194,7 +143,6 @@ impl Default for ResidualConfig {
             dropout_until: None,
             factor: None,
             precision: Precision::Auto,
-            inputs: NetworkInputs::Differences,
             output: None,
             aggregation: Aggregation::Soft,
             source_share: 0.15,

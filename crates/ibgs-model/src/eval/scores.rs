@@ -20,7 +20,7 @@ const NAMED: usize = 5;
 /// It cannot be decoded again.
 pub fn compared(view: &View, config: &TrainConfig) -> Result<Arc<Photo>, DatasetError> {
     let photo = view.photo.pixels()?;
-    Ok(match config.shows_object() {
+    Ok(match config.data.shows_object() {
         false => photo,
         true => Arc::new(photo.over(config.background())),
     })
@@ -169,7 +169,7 @@ pub fn protocol(config: &TrainConfig, dataset: &Dataset, gpu: &Gpu) -> Protocol 
         factor: config.data.resolution.to_string(),
         split: format!("{} of {} views, listed in split.json", dataset.test.len(), dataset.views.len()),
         principal_point: config.data.principal_point.to_string(),
-        masks: match config.shows_object() {
+        masks: match config.data.shows_object() {
             false => "ignore".to_owned(),
             true => format!("object, photos over {}", config.background.unwrap_or(Background::BLACK)),
         },

@@ -56,7 +56,7 @@ impl Model {
         }
         if let Some(source) = &options.source {
             // Without a source it would count as trained on a scene that was made.
-            model.config.data.source = Some(std::path::absolute(source).unwrap_or_else(|_| source.clone()));
+            model.config.source = Some(std::path::absolute(source).unwrap_or_else(|_| source.clone()));
         }
         model.source.clone_from(&options.source);
         model.make_scene = options.make_scene;

@@ -45,7 +45,7 @@ impl Model {
     /// Loads the scene that the model was trained on, with the model's own split.
     fn scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
         let config = &self.config;
-        let mut dataset = match self.source.as_ref().or(config.data.source.as_ref()) {
+        let mut dataset = match self.source.as_ref().or(config.source.as_ref()) {
             Some(source) if self.source.is_none() && !source.exists() => {
                 return Err(ModelError::SceneGone { path: source.clone() });
             }
@@ -91,7 +91,7 @@ impl Model {
     fn made_scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
         let make = self.make_scene.ok_or_else(|| ModelError::NotMade { path: self.path.clone() })?;
         let width = self.cameras.first().ok_or(ModelError::NoCameras)?.camera.width;
-        make(width, self.config.data.demo_exposure_seed, progress).map_err(ModelError::Made)
+        make(width, self.config.demo_exposure_seed, progress).map_err(ModelError::Made)
     }
 }
 

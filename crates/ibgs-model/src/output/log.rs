@@ -67,7 +67,6 @@ pub struct TrainingLog {
     /// In the order of iterations.
     pub entries: Vec<LogEntry>,
     /// Iterations between two entries at least.
-    #[serde(default)]
     spacing: u32,
 }
 

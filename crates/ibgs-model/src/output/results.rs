@@ -50,7 +50,6 @@ pub struct Protocol {
     /// `true` or `centred`.
     pub principal_point: String,
     /// How masked photos were compared: `ignore` where masked pixels do not count.
-    #[serde(default = "ignored_masks")]
     pub masks: String,
     /// Name of the adapter.
     pub device: String,
@@ -60,10 +59,6 @@ pub struct Protocol {
 }
 
 /// Results of before there was a choice.
-fn ignored_masks() -> String {
-    "ignore".to_owned()
-}
-
 /// Mean scores over the views; NaN without any. LPIPS where every view has it.
 pub fn means(scores: &[ViewScore]) -> Score {
     let mean = |value: fn(&ViewScore) -> f64| scores.iter().map(value).sum::<f64>() / scores.len() as f64;

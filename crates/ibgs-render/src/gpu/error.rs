@@ -4,9 +4,7 @@
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// No adapter at all.
-    #[error(
-        "no GPU adapter was found; install a Vulkan driver (Debian: `apt install mesa-vulkan-drivers` gives a software one)"
-    )]
+    #[error("no GPU adapter was found")]
     NoAdapter,
     /// The requested adapter is not there.
     #[error("no adapter matches `{wanted}`; this machine has: {available}")]
@@ -32,7 +30,13 @@ pub enum GpuError {
         /// The driver's words.
         reason: String,
     },
-    /// A model with levels of detail: its chunks cannot be read, or the memory holds too few.
+    /// A model with levels of detail: the memory holds too few of its chunks.
+    #[error("this model needs at least {mib} MiB of device memory")]
+    FewChunks {
+        /// The least memory, in MiB.
+        mib: u64,
+    },
+    /// A model with levels of detail: its chunks cannot be read.
     #[error("{0}")]
     Levels(String),
     /// A photo cannot be decoded again, after the host's memory did not hold it.

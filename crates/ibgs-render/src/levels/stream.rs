@@ -15,8 +15,8 @@ use std::sync::{Arc, Mutex};
 const PIXELS: f64 = 0.25;
 /// Part of the memory that Gaussians may take; images, lists, photos and depth maps have the rest.
 const SHARE: f64 = 0.5;
-/// Bytes of a Gaussian beside its parameters: filter, projection, tile counts and their sums.
-const WORKSPACE: usize = 4 + 48 + 8 + 8;
+/// Bytes of a Gaussian beside its parameters: projection, tile counts and their sums.
+const WORKSPACE: usize = 48 + 8 + 8;
 /// Chunks on the device at least: a view that needs fewer is no view.
 const FEWEST: usize = 4;
 /// Chunks that are read ahead of the frames; more would keep a view waiting for those of an earlier one.
@@ -50,10 +50,10 @@ pub fn slots(levels: &Levels, budget: Option<u64>, gpu: &Gpu, harmonics: Harmoni
     let fits = budget.map_or(usize::MAX, |budget| (SHARE * budget as f64 / bytes as f64) as usize);
     let fits = fits.min((gpu.binding_limit() / widest) as usize);
     match fits < FEWEST.min(leaves) {
-        true => Err(GpuError::Levels(format!(
-            "this model needs at least {} MiB of device memory, give `--gpu-memory` more",
-            ((FEWEST as f64 * bytes as f64 / SHARE) / f64::from(1 << 20)).ceil()
-        ))),
+        true => {
+            let mib = ((FEWEST as f64 * bytes as f64 / SHARE) / f64::from(1 << 20)).ceil() as u64;
+            Err(GpuError::FewChunks { mib })
+        }
         false => Ok(fits.min(leaves)),
     }
 }
@@ -122,8 +122,7 @@ impl Stream {
         let (coefficients, count) = (levels.coefficients(), slots * levels.chunk());
         let named = PerGaussian::NAMES.zip(harmonics.rows(levels.coefficients()));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, row * count))?;
-        let filters = gpu.allocate("filters", count)?;
-        let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters, filters };
+        let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters };
         let mut state = State {
             places: vec![None; slots],
             place_of: HashMap::new(),

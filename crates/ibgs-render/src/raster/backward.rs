@@ -147,7 +147,6 @@ impl Forward {
             v_opacity_logits,
             v_sh,
             v_screen,
-            filters: &splats.filters,
         };
         pass.linear(&project, &self.frame, splats.count);
         if let Some((s, (v_normals, v_plane_offsets))) = surface {

@@ -13,12 +13,11 @@ use ibgs_shaders::types::ViewUniforms;
 fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
     let PerGaussian { means, log_scales, opacity_logits, sh, .. } = &splats.parameters;
     let rotations = &splats.rotations();
-    let (projected, tile_counts, filters) = (&ws.projected, &ws.tile_counts, &splats.filters);
+    let (projected, tile_counts) = (&ws.projected, &ws.tile_counts);
     let n = frame.count as usize;
     match splats.harmonics {
         Harmonics::Full => {
-            let buffers =
-                ProjectBindings { means, rotations, log_scales, opacity_logits, sh, projected, tile_counts, filters };
+            let buffers = ProjectBindings { means, rotations, log_scales, opacity_logits, sh, projected, tile_counts };
             pass.linear(&buffers, frame, n);
         }
         Harmonics::Half => {
@@ -30,7 +29,6 @@ fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &View
                 sh: &splats.half_sh(),
                 projected,
                 tile_counts,
-                filters,
             };
             pass.linear(&buffers, frame, n);
         }

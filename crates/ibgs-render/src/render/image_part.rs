@@ -70,7 +70,7 @@ impl ImageStage {
             finder: SourceFinder::new(&part.cameras, &part.options.sources),
             warper: Warper::new(gpu.clone(), part.options.warp()),
             residual,
-            depths: Mutex::new(DepthCache::new(part.options.sources.memory.bytes(gpu))),
+            depths: Mutex::new(DepthCache::new(gpu.bytes_of(part.options.sources.memory))),
             part,
         }
     }

@@ -11,7 +11,7 @@ use ibgs_shaders::bindings::{
     ResidualFeaturesHalfBindings, ResidualFeaturesSumBindings, ResidualInputsBackwardBindings,
 };
 use ibgs_shaders::types::{F16, FeatureParams, FeatureSumParams};
-use ibgs_shaders::{Aggregation, HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES_BACKWARD};
+use ibgs_shaders::{HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES_BACKWARD};
 
 /// Most workgroups of the backward pass: enough to fill a large GPU, few enough that their sums stay small.
 const GROUPS: u32 = 768;
@@ -122,7 +122,6 @@ impl Features {
             size,
             low,
             visible,
-            inputs: variant.inputs as u32,
             aggregation: variant.aggregation as u32,
             output: variant.output as u32,
             ..FeatureParams::default()
@@ -152,7 +151,7 @@ impl Features {
     }
 
     /// Records the U-Net's input `x`, planes `[38][w h]`: 32 aggregated channels, unit viewing ray in world space,
-    /// base colour (zeros with [`NetworkInputs::DifferencesOnly`](super::NetworkInputs::DifferencesOnly)).
+    /// base colour.
     pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer<f32>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let bindings = ResidualFeaturesBindings { base, warped, seen, most_visible, centers, weights, x };
@@ -184,8 +183,6 @@ impl Features {
     pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let FeatureGradients { v_x, half, v_weights, scratch: FeatureScratch { v_features, partials } } = *gradients;
-        // The kernel for the matrix units has no largest value.
-        let half = half.filter(|_| self.params.aggregation != Aggregation::Max as u32);
         let groups = match half {
             Some(HalfGradient { v_x, unscale }) => {
                 let groups = self.groups(&HALF_FEATURES_BACKWARD, HALF_GROUPS);

@@ -16,5 +16,5 @@ pub use ibgs_shaders::layers;
 pub use network::ResidualNetwork;
 pub use operation::{Residual, ResidualGradients, ResidualInputs, ResidualPass, ResidualTask};
 pub use unet::{Arithmetic, UNet};
-pub use variant::{Aggregation, Factor, NetworkInputs, Output, Precision, Variant};
+pub use variant::{Aggregation, Factor, Output, Precision, Variant};
 pub use weights::NetworkError;

@@ -2,7 +2,7 @@
 
 use crate::scene::Harmonics;
 use crate::sources::Reach;
-pub use ibgs_shaders::{Aggregation, NetworkInputs, Output};
+pub use ibgs_shaders::{Aggregation, Output};
 use serde::{Deserialize, Serialize};
 
 /// The size at which the network runs, relative to the image.
@@ -40,25 +40,11 @@ impl Precision {
     }
 }
 
-impl std::str::FromStr for Precision {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "full" => Ok(Self::Full),
-            "auto" => Ok(Self::Auto),
-            other => Err(format!("`{other}` is neither `auto` nor `full`")),
-        }
-    }
-}
-
 /// One choice of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Variant {
-    /// What the network sees.
-    pub inputs: NetworkInputs,
-    /// What it gives.
+    /// What the network gives.
     pub output: Output,
     /// How the sources are joined.
     pub aggregation: Aggregation,
@@ -103,7 +89,7 @@ mod tests {
 
     #[test]
     fn names_are_those_of_the_configuration() {
-        let text = "inputs = \"source-colors\"\noutput = \"color\"\naggregation = \"max\"\nfactor = \"half\"\nreach = \"seen\"\n";
+        let text = "output = \"gated\"\naggregation = \"soft\"\nfactor = \"half\"\nreach = \"seen\"\n";
         let variant: Variant = toml::from_str(text).unwrap();
         assert_eq!(toml::to_string(&variant).unwrap(), text);
         assert_eq!(toml::from_str::<Variant>("").unwrap(), Variant::default());

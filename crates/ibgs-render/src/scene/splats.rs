@@ -22,8 +22,6 @@ pub struct Splats {
     pub harmonics: Harmonics,
     /// Their numbers, float32 but for that.
     pub parameters: PerGaussian<Buffer<f32>>,
-    /// Standard deviations of the 3D smoothing filters, `[N]`, not trained; 0: none.
-    pub filters: Buffer<f32>,
 }
 
 impl Splats {
@@ -48,7 +46,6 @@ impl Splats {
             coefficients,
             harmonics,
             parameters: named.try_map(|(name, words)| Ok::<_, GpuError>(gpu.upload(name, &words)?.cast()))?,
-            filters: gpu.allocate("filters", g.len())?,
         })
     }
 
@@ -62,32 +59,20 @@ impl Splats {
             opacity_logits: gpu.upload("opacity logits", &vec![POINT_LOGIT; self.count])?,
             ..self.parameters.clone()
         };
-        let filters = gpu.allocate("filters", self.count)?;
-        Ok(Self { parameters, filters, ..self.clone() })
+        Ok(Self { parameters, ..self.clone() })
     }
 
-    /// Copies the model back as it renders, the filters a part of scales and opacities; waits for the device.
+    /// Copies the model back; waits for the device.
     ///
     /// # Errors
     /// When the device is lost.
     pub fn download(&self, gpu: &Gpu) -> Result<Gaussians, SceneError> {
-        let (mut gaussians, filters) = self.download_raw(gpu)?;
-        gaussians.apply_filters(&filters);
-        Ok(gaussians)
-    }
-
-    /// Copies the parameters back, and the sizes of the filters; waits for the device.
-    ///
-    /// # Errors
-    /// When the device is lost.
-    pub fn download_raw(&self, gpu: &Gpu) -> Result<(Gaussians, Vec<f32>), SceneError> {
         let device_error = |e: GpuError| SceneError::Device(e.to_string());
         let rows = self.harmonics.rows(self.coefficients);
         let read = |(buffer, row): (&Buffer<f32>, usize)| gpu.read(buffer, row * self.count);
         let values = self.parameters.as_ref().zip(rows).try_map(read).map_err(device_error)?;
         let sh = self.harmonics.unpack_sh(cast_slice(&values.sh), self.coefficients);
-        let gaussians = Gaussians::from_values(self.space, self.sh_degree(), PerGaussian { sh, ..values });
-        Ok((gaussians, gpu.read(&self.filters, self.count).map_err(device_error)?))
+        Ok(Gaussians::from_values(self.space, self.sh_degree(), PerGaussian { sh, ..values }))
     }
 
     /// The raw quaternions, one a row.
@@ -98,11 +83,6 @@ impl Splats {
     /// The spherical harmonics as words of two halves, which they are with [`Harmonics::Half`].
     pub(crate) fn half_sh(&self) -> Buffer<u32> {
         self.parameters.sh.cast()
-    }
-
-    /// Sets the sizes of the filters, one a Gaussian.
-    pub fn set_filters(&self, gpu: &Gpu, filters: &[f32]) {
-        gpu.write(&self.filters, 0, filters);
     }
 
     /// Number of Gaussians.

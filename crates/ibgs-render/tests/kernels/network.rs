@@ -6,7 +6,7 @@ use ibgs_reference::gpu::gpu;
 use ibgs_reference::unet::{Map, forward};
 use ibgs_render::residual::layers::WEIGHTS;
 use ibgs_render::residual::weights::{FILE_NAME, initial, random, read, write};
-use ibgs_render::residual::{Aggregation, NetworkError, NetworkInputs, ResidualNetwork, Variant};
+use ibgs_render::residual::{Aggregation, NetworkError, ResidualNetwork, Variant};
 
 #[test]
 fn weights_survive_device_and_file() {
@@ -23,12 +23,8 @@ fn weights_survive_device_and_file() {
 /// By the twin: the residual of a network that has learned nothing is about half of the sources' mean difference to the base.
 #[test]
 fn a_fresh_network_passes_half_of_the_mean_difference() {
-    for (inputs, aggregation) in [
-        (NetworkInputs::Differences, Aggregation::Mean),
-        (NetworkInputs::DifferencesOnly, Aggregation::Mean),
-        (NetworkInputs::Differences, Aggregation::Soft),
-    ] {
-        let variant = Variant { inputs, aggregation, ..Variant::default() };
+    for aggregation in [Aggregation::Mean, Aggregation::Soft] {
+        let variant = Variant { aggregation, ..Variant::default() };
         let mut view = random_view([24, 20], 3, 3, variant, 3);
         // Every source sees every pixel with the right depth: all of them have about the same confidence.
         view.seen.iter_mut().for_each(|seen| *seen = [0, 1, 2, EMPTY]);
@@ -42,8 +38,7 @@ fn a_fresh_network_passes_half_of_the_mean_difference() {
         let sum = |of: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(of).sum::<f64>();
         let passed = sum(&|[d, r]| d * r) / sum(&|[d, _]| d * d);
         let rest = sum(&|[d, r]| (r - passed * d).powi(2)) / sum(&|[d, _]| d * d);
-        let what =
-            format!("{inputs:?} {aggregation:?}: {passed:.3} of the difference, {rest:.4} of its square beside it");
+        let what = format!("{aggregation:?}: {passed:.3} of the difference, {rest:.4} of its square beside it");
         assert!((0.4..0.6).contains(&passed) && rest < 0.05, "{what}");
     }
 }

@@ -11,15 +11,16 @@ use ibgs_render::residual::features::{
     FeatureGradients, FeatureInputs, Features, HalfGradient, InputGradients, MLP_WEIGHTS,
 };
 use ibgs_render::residual::layers::{CONFIDENCE, INPUT, OUTPUTS, WEIGHTS};
-use ibgs_render::residual::{Aggregation, Factor, NetworkInputs, Output, Variant};
+use ibgs_render::residual::{Aggregation, Factor, Output, Variant};
 use ibgs_testing::skipped;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const FACTORS: [Factor; 3] = [Factor::Full, Factor::Half, Factor::Quarter];
+const AGGREGATIONS: [Aggregation; 2] = [Aggregation::Mean, Aggregation::Soft];
 
-fn variant(inputs: NetworkInputs, aggregation: Aggregation, factor: Factor) -> Variant {
-    Variant { inputs, output: Output::Residual, aggregation, factor, ..Variant::default() }
+fn variant(aggregation: Aggregation, factor: Factor) -> Variant {
+    Variant { output: Output::Residual, aggregation, factor, ..Variant::default() }
 }
 
 /// A view with room for `visible` sources a pixel, of which no pixel has more than `most_visible`; numbers that f32 holds.
@@ -204,14 +205,11 @@ fn check(what: &str, view: &View, seed: u64) {
 
 #[test]
 fn every_variant_follows_the_twin() {
-    for inputs in [NetworkInputs::Differences, NetworkInputs::SourceColors, NetworkInputs::DifferencesOnly] {
-        for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
-            for factor in FACTORS {
-                for output in [Output::Residual, Output::Gated] {
-                    let variant = Variant { output, ..variant(inputs, aggregation, factor) };
-                    let view = random_view([33, 17], 3, 3, variant, 1);
-                    check(&format!("{inputs:?} {aggregation:?} {factor:?} {output:?}"), &view, 2);
-                }
+    for aggregation in AGGREGATIONS {
+        for factor in FACTORS {
+            for output in [Output::Residual, Output::Gated] {
+                let view = random_view([33, 17], 3, 3, Variant { output, ..variant(aggregation, factor) }, 1);
+                check(&format!("{aggregation:?} {factor:?} {output:?}"), &view, 2);
             }
         }
     }
@@ -220,7 +218,7 @@ fn every_variant_follows_the_twin() {
 /// A view of numbers that halves hold without rounding up to the outputs of the per-view MLP: eighths, and few weights an output. No
 /// other value passes a ReLU then.
 fn view_of_eighths(size: [u32; 2], visible: usize, most_visible: usize, aggregation: Aggregation, seed: u64) -> View {
-    let variant = variant(NetworkInputs::Differences, aggregation, Factor::Full);
+    let variant = variant(aggregation, Factor::Full);
     let mut view = random_view(size, visible, most_visible, variant, seed);
     let eighth = |v: &mut f64| *v = (*v * 8.0).round() / 8.0;
     view.base.as_flattened_mut().iter_mut().for_each(eighth);
@@ -253,7 +251,7 @@ fn matrix_units_follow_the_twin_to_half_precision() {
     let sizes =
         [([33, 17], 3, 3), ([40, 40], 4, 4), ([5, 3], 3, 2), ([1, 7], 3, 3), ([26, 11], 3, 0), ([256, 200], 3, 3)];
     for (seed, (size, visible, most_visible)) in (10..).zip(sizes) {
-        for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
+        for aggregation in AGGREGATIONS {
             let what = format!("{size:?}, {most_visible} of {visible} sources, {aggregation:?}");
             let view = view_of_eighths(size, visible, most_visible, aggregation, seed);
             let v_x = random(INPUT * view.low()[0] * view.low()[1], seed);
@@ -274,13 +272,7 @@ fn sizes_and_sources_that_no_pixel_has() {
         [([13, 9], 1, 1), ([40, 40], 4, 4), ([5, 3], 3, 2), ([1, 1], 2, 1), ([1, 7], 3, 3), ([26, 11], 3, 0)]
     {
         for factor in FACTORS {
-            let view = random_view(
-                size,
-                visible,
-                most_visible,
-                variant(NetworkInputs::Differences, Aggregation::Mean, factor),
-                3,
-            );
+            let view = random_view(size, visible, most_visible, variant(Aggregation::Mean, factor), 3);
             check(&format!("{size:?}, {most_visible} of {visible} sources, {factor:?}"), &view, 4);
         }
     }
@@ -289,7 +281,7 @@ fn sizes_and_sources_that_no_pixel_has() {
 /// More pixels than the backward pass has threads: its workgroups go round several times.
 #[test]
 fn large_images_are_summed_whole() {
-    let view = random_view([256, 200], 2, 2, variant(NetworkInputs::Differences, Aggregation::Mean, Factor::Full), 5);
+    let view = random_view([256, 200], 2, 2, variant(Aggregation::Mean, Factor::Full), 5);
     check("256 x 200", &view, 6);
     let v_x = random(INPUT * view.base.len(), 6);
     assert_eq!(on_gpu(&view, &v_x).v_weights, on_gpu(&view, &v_x).v_weights, "the same sums twice");
@@ -297,38 +289,36 @@ fn large_images_are_summed_whole() {
 
 #[test]
 fn twin_follows_finite_differences() {
-    for inputs in [NetworkInputs::Differences, NetworkInputs::SourceColors, NetworkInputs::DifferencesOnly] {
-        for aggregation in [Aggregation::Mean, Aggregation::Max, Aggregation::Soft] {
-            for factor in [Factor::Full, Factor::Half] {
-                let view = random_view([6, 5], 2, 2, variant(inputs, aggregation, factor), 7);
-                let v_x = random(INPUT * view.low()[0] * view.low()[1], 8);
-                let loss = |view: &View| -> f64 { view.input().iter().zip(&v_x).map(|(x, v)| x * v).sum() };
-                let grads = view.input_backward(&v_x);
-                let what = format!("{inputs:?} {aggregation:?} {factor:?}");
-                let by_warped = assert_gradient(
-                    &format!("{what} warped"),
-                    view.warped.as_flattened(),
-                    grads.warped.as_flattened(),
-                    1e-6,
-                    |at| loss(&View { warped: at.as_chunks().0.to_vec(), ..view.clone() }),
-                );
-                // The U-Net's part is not read.
-                let [own, gradient] = [&view.weights, &grads.weights].map(|w| without_unet(w));
-                let by_weights = assert_gradient(&format!("{what} weights"), &own, &gradient, 1e-6, |at| {
-                    let mut weights = view.weights.clone();
-                    weights[..MLP_WEIGHTS].copy_from_slice(&at[..MLP_WEIGHTS]);
-                    weights[CONFIDENCE.offset..].copy_from_slice(&at[MLP_WEIGHTS..]);
-                    loss(&View { weights, ..view.clone() })
-                });
-                let by_base = assert_gradient(
-                    &format!("{what} base"),
-                    view.base.as_flattened(),
-                    grads.base.as_flattened(),
-                    1e-6,
-                    |at| loss(&View { base: at.as_chunks().0.to_vec(), ..view.clone() }),
-                );
-                println!("{what}: warped {by_warped:.1e}, weights {by_weights:.1e}, base {by_base:.1e}");
-            }
+    for aggregation in AGGREGATIONS {
+        for factor in [Factor::Full, Factor::Half] {
+            let view = random_view([6, 5], 2, 2, variant(aggregation, factor), 7);
+            let v_x = random(INPUT * view.low()[0] * view.low()[1], 8);
+            let loss = |view: &View| -> f64 { view.input().iter().zip(&v_x).map(|(x, v)| x * v).sum() };
+            let grads = view.input_backward(&v_x);
+            let what = format!("{aggregation:?} {factor:?}");
+            let by_warped = assert_gradient(
+                &format!("{what} warped"),
+                view.warped.as_flattened(),
+                grads.warped.as_flattened(),
+                1e-6,
+                |at| loss(&View { warped: at.as_chunks().0.to_vec(), ..view.clone() }),
+            );
+            // The U-Net's part is not read.
+            let [own, gradient] = [&view.weights, &grads.weights].map(|w| without_unet(w));
+            let by_weights = assert_gradient(&format!("{what} weights"), &own, &gradient, 1e-6, |at| {
+                let mut weights = view.weights.clone();
+                weights[..MLP_WEIGHTS].copy_from_slice(&at[..MLP_WEIGHTS]);
+                weights[CONFIDENCE.offset..].copy_from_slice(&at[MLP_WEIGHTS..]);
+                loss(&View { weights, ..view.clone() })
+            });
+            let by_base = assert_gradient(
+                &format!("{what} base"),
+                view.base.as_flattened(),
+                grads.base.as_flattened(),
+                1e-6,
+                |at| loss(&View { base: at.as_chunks().0.to_vec(), ..view.clone() }),
+            );
+            println!("{what}: warped {by_warped:.1e}, weights {by_weights:.1e}, base {by_base:.1e}");
         }
     }
 }

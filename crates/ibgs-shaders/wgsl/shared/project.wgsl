@@ -2,7 +2,6 @@
 #import index
 #import frame
 #import gaussian
-#import filter
 #import hash
 #import tile
 #import cover
@@ -15,8 +14,6 @@
 /// Three vec4 a Gaussian: (x, y, 1/xx, xy/xx), (xx/det, opacity, depth, radius), (r, g, b, 0); radius 0 = culled.
 @group(0) @binding(5) var<storage, read_write> projected: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> tile_counts: array<u32>;
-/// Size of each Gaussian's 3D smoothing filter; 0: none.
-@group(0) @binding(7) var<storage, read> filters: array<f32>;
 
 fn load3(i: u32) -> vec3<f32> {
     return vec3(means[3u * i], means[3u * i + 1u], means[3u * i + 2u]);
@@ -46,10 +43,8 @@ fn main(
     let mean = load3(i);
     let view = view_rotate(mean) + view_translation();
     let q = rotations[i];
-    let raw_scale = exp(vec3(log_scales[3u * i], log_scales[3u * i + 1u], log_scales[3u * i + 2u]));
-    let soft = filtered(raw_scale, filters[i]);
-    let scale = soft.scale;
-    let opacity = soft.gain / (1.0 + exp(-opacity_logits[i]));
+    let scale = exp(vec3(log_scales[3u * i], log_scales[3u * i + 1u], log_scales[3u * i + 2u]));
+    let opacity = 1.0 / (1.0 + exp(-opacity_logits[i]));
     let broken = not_finite3(view) || not_finite3(scale) || is_nan(opacity_logits[i]) || not_finite(opacity) || not_finite(dot(q, q));
     if broken || dot(q, q) == 0.0 || view.z <= NEAR_DEPTH {
         cull(i);

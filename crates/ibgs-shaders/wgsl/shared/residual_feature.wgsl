@@ -15,11 +15,7 @@ fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
     let source = seen_source(seen[p], m);
     let read = warped[m * params.size.x * params.size.y + p];
     let center = centers[source].xyz;
-    var color = read.rgb;
-    if params.inputs != INPUTS_SOURCE_COLORS {
-        color -= base_at(p);
-    }
-    (*sum).head += weight * vec4(color, center.x);
+    (*sum).head += weight * vec4(read.rgb - base_at(p), center.x);
     (*sum).tail += weight * vec4(center.yz, read.w, 0.0);
 }
 

@@ -1,5 +1,5 @@
 // The kernel that makes the U-Net's input, one thread a pixel of the network's size: features of the visible sources,
-// per-view MLP, mean, largest value or mean by confidence over them, viewing ray and base colour (method.md section 6). It hands each four of
+// per-view MLP, mean or mean by confidence over them, viewing ray and base colour (method.md section 6). It hands each four of
 // the 38 channels to the `put` of the file that imports it, the last two with zeros.
 #import index
 #import residual_features_rest
@@ -26,7 +26,6 @@ fn main(
         return;
     }
     let c = resize_corners(vec2(i % params.low.x, i / params.low.x), params.size, params.low);
-    // ReLU gives no negative value: zero is the neutral one of the mean and of the largest alike.
     let z = vec4(0.0);
     var sum = Hidden(z, z, z, z, z, z, z, z);
     let used = used_sources();

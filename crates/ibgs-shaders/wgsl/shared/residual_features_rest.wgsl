@@ -10,14 +10,11 @@ fn world_ray(p: u32) -> vec3<f32> {
 
 // Adds a source's values; `kept` and `share` are 1 but with confidences.
 fn merge(sum: vec4<f32>, v: vec4<f32>, kept: f32, share: f32) -> vec4<f32> {
-    return select(kept * sum + share * v, max(sum, v), params.aggregation == AGGREGATION_MAX);
+    return kept * sum + share * v;
 }
 
 // What the sum over `used` sources is multiplied by; `total`: the sum of their confidences.
 fn merged_scale(used: u32, total: f32) -> f32 {
-    if params.aggregation == AGGREGATION_MAX {
-        return 1.0;
-    }
     return 1.0 / select(f32(max(used, 1u)), total, params.aggregation == AGGREGATION_SOFT);
 }
 
@@ -31,6 +28,5 @@ fn ray_and_color(c: Corners) -> Feature {
         ray = normalize(ray);
         color = w.x * color + w.y * base_at(c.at.y) + w.z * base_at(c.at.z) + w.w * base_at(c.at.w);
     }
-    color = select(color, vec3(0.0), params.inputs == INPUTS_DIFFERENCES_ONLY);
     return Feature(vec4(ray, color.x), vec4(color.yz, 0.0, 0.0));
 }

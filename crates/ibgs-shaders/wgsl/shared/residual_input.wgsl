@@ -22,8 +22,6 @@ struct FeatureParams {
     low: vec2<u32>,
     /// Visible sources a pixel, at most four.
     visible: u32,
-    /// A [`crate::NetworkInputs`].
-    inputs: u32,
     /// An [`crate::Aggregation`].
     aggregation: u32,
     /// Workgroups of the backward pass.
@@ -33,7 +31,9 @@ struct FeatureParams {
     /// An [`crate::Output`].
     output: u32,
     /// Padding.
-    pad: vec2<u32>,
+    pad: u32,
+    /// Padding.
+    pads: vec2<u32>,
 }
 
 var<immediate> params: FeatureParams;

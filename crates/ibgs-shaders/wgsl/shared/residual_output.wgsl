@@ -7,7 +7,7 @@ struct ComposeParams {
     size: vec2<u32>,
     /// Size at which the network ran.
     low: vec2<u32>,
-    /// Factor of the base colour (burn-in).
+    /// Factor of the base colour where the output is reached (burn-in).
     gain: f32,
     /// An [`crate::Output`].
     output: u32,
@@ -22,9 +22,4 @@ var<immediate> params: ComposeParams;
 // Whether the network's output counts at a pixel, given that some pixel of the image sees a source.
 fn is_reached(packed: u32) -> bool {
     return params.seen_only == 0u || is_seen(packed, 0u);
-}
-
-// Factor of the base colour; where no source is seen at all there is no network output.
-fn base_share(used: bool) -> f32 {
-    return select(params.gain, select(1.0, 0.0, used), params.output == OUTPUT_COLOR);
 }

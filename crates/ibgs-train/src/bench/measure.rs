@@ -162,7 +162,7 @@ fn image_based(
         cameras: &cameras,
         gaussians: setting.gaussians.len() as u64,
         room: raster.capacity(),
-        photo_budget: config.sources.memory.bytes(gpu),
+        photo_budget: gpu.bytes_of(config.sources.memory),
         grows: false,
         evaluates: false,
     };

@@ -21,7 +21,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 /// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
@@ -113,10 +113,8 @@ pub struct Checkpoint {
     pub config: TrainConfig,
     /// Checksum of the scene, see [`Dataset::checksum`](ibgs_core::dataset::Dataset::checksum).
     pub scene: u32,
-    /// The model, its filters apart.
+    /// The model.
     pub gaussians: Gaussians,
-    /// Sizes of the 3D smoothing filters.
-    pub filters: Vec<f32>,
     /// The residual network; none without one.
     pub network: Option<NetworkState>,
     /// What the program keeps besides: times, curves, measurements.
@@ -157,7 +155,7 @@ impl Checkpoint {
                 all.extend([(format!("{name}.first"), &first[..]), (format!("{name}.second"), &second[..])]);
             }
         }
-        all.extend([("filters", &self.filters), ("statistics", &self.statistics)].map(|(n, v)| (n.to_owned(), &v[..])));
+        all.push(("statistics".to_owned(), &self.statistics[..]));
         if let Some(NetworkState { weights, moments: [first, second], .. }) = &self.network {
             all.extend(
                 [("network", weights), ("network.first", first), ("network.second", second)]
@@ -194,9 +192,9 @@ impl Checkpoint {
         for (&view, &pixels) in &state.depths {
             depths.insert(view, tensor(&format!("depth.{view}"), pixels)?);
         }
-        let (filters, statistics) = (tensor("filters", n)?, tensor("statistics", 4 * n)?);
+        let statistics = tensor("statistics", 4 * n)?;
         let gaussians = Gaussians::from_values(state.space, state.sh_degree, values);
-        Ok(Self { config, scene, gaussians, filters, network, run, moments, statistics, depths, state })
+        Ok(Self { config, scene, gaussians, network, run, moments, statistics, depths, state })
     }
 
     /// Whether a training on this scene, in this space, with `pixels` of each view, can resume from it.

@@ -1,8 +1,7 @@
 //! The default strategy: no opacity resets. What has faded is pruned in every round and replaced by splitting others; while the
 //! model grows, a share of the Gaussians with large screen-space gradients is split as well, by the largest absolute gradient (Ye et
 //! al., AbsGS, 2024) over the views; every opacity loses a little. One operation adds Gaussians: a split in two that keeps mass, centre and, along the axes, the second moments. Ideas and
-//! constants of Brush 1.0, which also has the screen-size rule. On request only those are split that cover pixels of large error (Ren et al.,
-//! FastGS, 2025).
+//! constants of Brush 1.0, which also has the screen-size rule.
 
 use super::{FRESH, Observations, Over, Plan, Reduction, Round, Strategy, sigmoid};
 use glam::{Quat, Vec3};
@@ -51,7 +50,7 @@ impl Candidates<'_> {
 
     /// May be split for its gradient.
     fn is_rough(&self, i: usize) -> bool {
-        self.gradient(i) > self.config.threshold && f64::from(self.o.statistics[i][1]) >= self.config.error_pixels
+        self.gradient(i) > self.config.threshold
     }
 
     /// Wider on the screen than allowed.
@@ -89,10 +88,6 @@ pub struct Growth;
 impl Strategy for Growth {
     fn reduction(&self, _: &DensifyConfig, _: f64) -> Option<Reduction> {
         Some(Reduction { over: Over::Largest, near_depth: 0.0 })
-    }
-
-    fn counts_errors(&self, config: &DensifyConfig) -> bool {
-        config.growth.error_pixels > 0.0
     }
 
     fn free_space(&self, config: &DensifyConfig) -> f64 {

@@ -102,11 +102,8 @@ pub(super) fn plan(
     let keep = |i: usize, log_scale: &[f32; 3]| {
         let transparent = round.transparent && sigmoid(o.opacity_logits[i]) < config.prune_opacity;
         let large = round.large && largest_scale(log_scale) > config.prune_scale * round.prune_length;
-        let wide = round.large
-            && config.prune_screen_radius > 0.0
-            && f64::from(o.statistics[i][3]) > config.prune_screen_radius;
         let sound = o.is_finite(i) && o.opacity_logits[i].is_finite();
-        sound && !(transparent || large || wide)
+        sound && !(transparent || large)
     };
     let push = |plan: &mut Plan, i: usize, fresh: bool, mean: [f32; 3], log_scale: [f32; 3]| {
         if keep(i, &log_scale) {

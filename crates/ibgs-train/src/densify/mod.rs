@@ -27,8 +27,7 @@ use ibgs_core::config::{self, DensifyConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::Forward;
 use ibgs_core::scene::{PerGaussian, Splats};
-use ibgs_core::sources::DevicePhoto;
-use ibgs_shaders::bindings::{DensifyErrorsBindings, DensifyGatherBindings, DensifyObserveBindings};
+use ibgs_shaders::bindings::{DensifyGatherBindings, DensifyObserveBindings};
 use ibgs_shaders::types::{GatherParams, ObserveParams};
 use rand_chacha::ChaCha8Rng;
 use std::fmt::Debug;
@@ -68,7 +67,7 @@ pub struct Round<'a> {
     pub prune_length: f64,
     /// Prune by opacity.
     pub transparent: bool,
-    /// Prune by scale (and screen radius, where that is on).
+    /// Prune by scale.
     pub large: bool,
     /// The number of Gaussians may grow.
     pub grows: bool,
@@ -111,8 +110,8 @@ pub enum Over {
     /// (sum of gradient norms, sum of absolute-gradient norms, views, largest radius in pixels); gradients in units of half
     /// the image.
     Sum,
-    /// (largest absolute-gradient norm, pixels of large error, views, largest radius in units of the image's longer side); gradients in units of the
-    /// image.
+    /// (largest absolute-gradient norm, 0, views, largest radius in units of the image's longer side); gradients in units of
+    /// the image.
     Largest,
 }
 
@@ -162,11 +161,6 @@ pub trait Strategy: Debug + Send {
     /// local units.
     fn reduction(&self, config: &DensifyConfig, extent: f64) -> Option<Reduction>;
 
-    /// Whether pixels of large error are counted before a round, for [`Over::Largest`].
-    fn counts_errors(&self, _config: &DensifyConfig) -> bool {
-        false
-    }
-
     /// Part of the median depth around each training camera that [`Round::free_space`] reaches; 0: there is none.
     fn free_space(&self, _config: &DensifyConfig) -> f64 {
         0.0
@@ -190,40 +184,6 @@ pub fn strategy(name: config::Strategy) -> Box<dyn Strategy> {
         config::Strategy::AbsGs => Box::new(AbsGs),
         config::Strategy::Mcmc => Box::new(Mcmc),
     }
-}
-
-/// Records, for each of `count` Gaussians, the number of pixels to which it contributes a share of at least 0.05 and where `image`
-/// differs from the photo by more than the mean absolute error of `stats`, see [`LossScratch`](crate::loss::LossScratch).
-///
-/// # Errors
-/// Not enough memory.
-pub fn covered_errors(
-    gpu: &Gpu,
-    pass: &mut Pass,
-    forward: &Forward,
-    (image, target): (&Tensor<3>, &DevicePhoto),
-    stats: &Buffer<f32>,
-    count: usize,
-) -> Result<Buffer<u32>, GpuError> {
-    let counts = gpu.allocate("pixels of large error", count.max(1))?;
-    let params = target.params(0.0);
-    let image = bind(&primitive(image.clone().inner()));
-    let workspace = &forward.workspace;
-    let buffers = DensifyErrorsBindings {
-        projected: &workspace.projected,
-        sorted_gaussians: &workspace.sorted_gaussians,
-        tile_ranges: &workspace.tile_ranges,
-        last_entry: &workspace.last_entry,
-        image: &image,
-        photo: &target.texels,
-        stats,
-        counts: &counts,
-    };
-    let [x, y] = params.tiles;
-    pass.relabel("densify errors");
-    pass.grid(&buffers, &params, [x, y, 1]);
-    pass.keep(image);
-    Ok(counts)
 }
 
 /// Running statistics of every Gaussian since the last round.
@@ -258,29 +218,26 @@ impl Statistics {
         Ok(Self { values: gpu.upload("densification statistics", values.as_chunks().0)?, count: values.len() / 4 })
     }
 
-    /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass. `errors`: what [`covered_errors`]
-    /// counted, for [`Over::Largest`].
+    /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass.
     pub fn record(
         &self,
         pass: &mut Pass,
         screen: Tensor<2>,
         forward: &Forward,
         Reduction { over, near_depth }: Reduction,
-        errors: Option<&Buffer<u32>>,
     ) {
         let params = ObserveParams {
             size: forward.frame.size,
             count: self.count as u32,
             near_depth: near_depth as f32,
             largest: u32::from(over == Over::Largest),
-            errors: u32::from(errors.is_some()),
+            pad: 0,
         };
         let gradient = bind_rows(&primitive(screen));
         pass.relabel("densify observe");
         let workspace = &forward.workspace;
-        let errors = errors.unwrap_or(&workspace.tile_counts);
         let (projected, statistics) = (&workspace.projected, &self.values);
-        let buffers = DensifyObserveBindings { v_screen: &gradient, projected, errors, statistics };
+        let buffers = DensifyObserveBindings { v_screen: &gradient, projected, statistics };
         pass.linear(&buffers, &params, self.count);
         pass.keep(gradient);
     }
@@ -345,8 +302,7 @@ pub fn apply(
             Ok(to)
         }
     })?;
-    let next = Parameters::new(gpu, (splats.space, n, splats.coefficients), tensors)?;
-    gather(&splats.filters, &next.splats().filters, 1, 0);
+    let next = Parameters::new((splats.space, n, splats.coefficients), tensors);
     pass.submit();
     let optimizer = optimizer.rearranged(next.splats(), moments);
     Ok((next, optimizer))

@@ -7,7 +7,7 @@ use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::gpu::{Bytes, Gpu};
 use ibgs_core::raster::Rasterizer;
-use ibgs_core::sources::memory::MemoryBudget;
+use ibgs_core::sources::memory::{AUTO_OF_CARDS, MemoryBudget};
 use std::fmt;
 
 /// Share of the free device memory that `auto` may use; other programs and the driver need some.
@@ -83,7 +83,7 @@ impl Needs {
             most: config.densify.most().into(),
             sh_degree: trainer.splats().sh_degree(),
             room: raster.capacity(),
-            photo_budget: config.sources.memory.bytes(raster.gpu()),
+            photo_budget: raster.gpu().bytes_of(config.sources.memory),
             evaluates: !dataset.test.is_empty(),
         }
     }
@@ -101,7 +101,7 @@ impl Needs {
             room: 4 * INTERSECTIONS * gaussians,
             photo_budget: match config.sources.memory {
                 MemoryBudget::Bytes(bytes) => Some(bytes),
-                MemoryBudget::Auto => Some(MemoryBudget::AUTO_OF_CARDS),
+                MemoryBudget::Auto => Some(AUTO_OF_CARDS),
                 MemoryBudget::Unlimited => None,
             },
             evaluates,

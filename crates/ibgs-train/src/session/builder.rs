@@ -128,12 +128,12 @@ impl SessionBuilder {
         self.config.validate()?;
         let is_new = self.stopped.is_none();
         if let Some(output) = self.output.as_ref().filter(|_| is_new) {
-            output.check(self.config.data.source.as_deref())?;
+            output.check(self.config.source.as_deref())?;
         }
         let start = self.config.init.as_deref().filter(|_| is_new).map(read_gaussians).transpose()?;
         let network = self.config.residual.init.as_deref().filter(|_| is_new);
         let network = network.map(weights::load).transpose()?;
-        if let (None, Some(source)) = (&self.dataset, &self.config.data.source) {
+        if let (None, Some(source)) = (&self.dataset, &self.config.source) {
             observer.event(&Event::Loading);
             self.dataset = Some(load_scene(&self.config, source, observer.progress())?);
         }

@@ -52,7 +52,7 @@ impl StoppedTraining {
     /// [`BuildError::OtherOption`] where another one differs.
     pub(super) fn adopt(&mut self, config: &TrainConfig) -> Result<TrainConfig, BuildError> {
         let own = &mut self.checkpoint.config;
-        own.data.source.clone_from(&config.data.source);
+        own.source.clone_from(&config.source);
         own.data.split.clone_from(&config.data.split);
         own.data.host_memory = config.data.host_memory;
         let difference = own.difference(config).map_err(|error| BuildError::Incomparable(Box::new(error)))?;

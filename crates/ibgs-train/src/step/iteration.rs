@@ -1,10 +1,9 @@
 //! One iteration of method.md section 7: a training view is rendered, its loss goes backward, and a pass at the end records
 //! all steps of the optimisers.
 
-use super::total::Total;
 use super::{TrainError, Trainer};
 use crate::autodiff::{self, Leaves, SplatGradients};
-use crate::densify::{self, Step};
+use crate::densify::Step;
 use crate::optim::Rates;
 use crate::telemetry::Telemetry;
 use burn::tensor::{Gradients, Tensor};
@@ -50,7 +49,7 @@ impl Trainer {
             exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(self.iteration));
         }
         if self.schedule.grows_at(self.iteration) {
-            self.record_statistics(&mut pass, &rendered, &total, gradients.screen.clone())?;
+            self.record_statistics(&mut pass, &rendered.forward, gradients.screen.clone());
         }
         self.record_splat_step(&mut pass, gradients);
         if let Some(stages) = &mut self.stages {
@@ -100,7 +99,7 @@ impl Trainer {
     /// The photo of a training view as this iteration's loss compares with it.
     fn target(&self, index: usize) -> Result<DevicePhoto, GpuError> {
         let mut target = self.photos.photo(index)?;
-        if self.config.shows_object() {
+        if self.config.data.shows_object() {
             target.outside = Outside::Background(self.iteration_background());
         }
         Ok(target)
@@ -120,26 +119,10 @@ impl Trainer {
     }
 
     /// Records what the strategy learns from the view; `screen` is the gradient by screen position.
-    fn record_statistics(
-        &self,
-        pass: &mut Pass,
-        rendered: &Rendered,
-        total: &Total,
-        screen: Tensor<2>,
-    ) -> Result<(), GpuError> {
-        let config = &self.config.densify;
-        let Some(reduction) = self.strategy.reduction(config, self.extent) else {
-            return Ok(());
-        };
-        let Rendered { shown, forward, target, .. } = rendered;
-        let errors = if self.strategy.counts_errors(config) && self.schedule.counts_errors(self.iteration) {
-            let (stats, count) = (&total.scratch.stats, self.splats().len());
-            Some(densify::covered_errors(&self.gpu, pass, forward, (shown, target), stats, count)?)
-        } else {
-            None
-        };
-        self.statistics.record(pass, screen, forward, reduction, errors.as_ref());
-        Ok(())
+    fn record_statistics(&self, pass: &mut Pass, forward: &Forward, screen: Tensor<2>) {
+        if let Some(reduction) = self.strategy.reduction(&self.config.densify, self.extent) {
+            self.statistics.record(pass, screen, forward, reduction);
+        }
     }
 
     /// Records the step of the Gaussians, and what the strategy does after it.

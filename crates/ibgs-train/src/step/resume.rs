@@ -36,7 +36,6 @@ impl Trainer {
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), TrainError> {
         let (gpu, state) = (self.gpu.clone(), &checkpoint.state);
         self.parameters = Parameters::upload(&checkpoint.gaussians, &gpu)?;
-        self.splats().set_filters(&gpu, &checkpoint.filters);
         self.optimizer = Optimizer::new(&gpu, self.splats(), self.config.adam.clone(), self.config.method)?;
         self.optimizer.restore(&gpu, &checkpoint.moments, state.steps)?;
         self.statistics = Statistics::from_values(&gpu, &checkpoint.statistics)?;
@@ -93,7 +92,7 @@ impl Trainer {
         let network = self.stages.as_ref().map(ImageStages::network_state).transpose()?;
         let exact = self.stages.as_mut().filter(|_| self.config.deterministic);
         let depths = exact.map(ImageStages::depths).transpose()?.unwrap_or_default();
-        let (gaussians, filters) = self.splats().download_raw(&gpu)?;
+        let gaussians = self.splats().download(&gpu)?;
         let statistics = self.statistics.values(&gpu)?;
         let exposure = self.exposing.as_ref().map(Exposing::states).transpose()?;
         let recorder = self.recorder.state(&gpu)?;
@@ -120,8 +119,7 @@ impl Trainer {
             recorder,
         };
         let (config, scene) = (self.config.clone(), self.scene);
-        let checkpoint =
-            Checkpoint { config, scene, gaussians, filters, network, run, moments, statistics, depths, state };
+        let checkpoint = Checkpoint { config, scene, gaussians, network, run, moments, statistics, depths, state };
         if checkpoint.is_finite() { Ok(checkpoint) } else { Err(TrainError::NotFinite(self.iteration)) }
     }
 }

@@ -4,7 +4,6 @@ use super::{TrainError, Trainer};
 use crate::densify::free_space::FreeSpace;
 use crate::densify::{self, Statistics};
 use crate::exposing::Exposing;
-use crate::filter::FilterSizes;
 use crate::loss::{ImageLoss, losses};
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
@@ -134,13 +133,9 @@ impl Trainer {
         let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
         let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
         let photos = views().map(|view| view.photo.clone()).collect();
-        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, config.sources.memory.bytes(&gpu))?);
+        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, gpu.bytes_of(config.sources.memory))?);
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
-        let filters = (config.filter > 0.0).then(|| FilterSizes::new(&gpu, &cameras, config.filter)).transpose()?;
-        if let Some(filters) = &filters {
-            filters.update(&gpu, splats);
-        }
         let Lengths { extent, prune_length } = Lengths::new(dataset, &scene_cameras, config, &start);
         let strategy = densify::strategy(config.densify.strategy);
         let part = strategy.free_space(&config.densify);
@@ -151,7 +146,6 @@ impl Trainer {
             schedule: Schedule::new(config, config.iterations()),
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
             statistics: Statistics::new(&gpu, splats.len())?,
-            filters,
             exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),

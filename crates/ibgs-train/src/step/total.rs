@@ -13,8 +13,8 @@ use std::sync::Arc;
 pub(super) struct Total {
     /// L_img of the base image.
     base_loss: Tensor<1>,
-    /// L_img of the final image, and the weight of their sum.
-    final_loss: Option<(Tensor<1>, f64)>,
+    /// L_img of the final image.
+    final_loss: Option<Tensor<1>>,
     /// Those beside the image loss.
     others: Vec<Tensor<1>>,
     /// Statistics of the image that counts: the final one where there is one.
@@ -27,7 +27,7 @@ impl Total {
     /// The sum of all losses.
     pub fn loss(&self) -> Tensor<1> {
         let image_loss = match &self.final_loss {
-            Some((final_loss, weight)) => (self.base_loss.clone() + final_loss.clone()) * *weight,
+            Some(final_loss) => (self.base_loss.clone() + final_loss.clone()) * 0.5,
             None => self.base_loss.clone(),
         };
         match self.others.iter().cloned().reduce(|sum, loss| sum + loss) {
@@ -44,9 +44,9 @@ impl Trainer {
         let (base_loss, mut scratch) = self.loss.tracked(shown.clone(), target)?;
         let FromSources { warped, final_image } = self.read_sources(rendered)?;
         let (mut final_loss, mut network) = (None, None);
-        if let Some(FinalImage { image, weight, network: leaf }) = &final_image {
+        if let Some(FinalImage { image, network: leaf }) = &final_image {
             let (loss, statistics) = self.loss.tracked(image.clone(), target)?;
-            (final_loss, network, scratch) = (Some((loss, *weight)), Some(leaf.clone()), statistics);
+            (final_loss, network, scratch) = (Some(loss), Some(leaf.clone()), statistics);
         }
         let inputs = LossInputs {
             iteration: self.iteration,

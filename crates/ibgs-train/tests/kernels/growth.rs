@@ -87,20 +87,6 @@ fn a_share_of_those_above_the_threshold_is_split() {
     assert_eq!(planned(&rows, &full, &round(true, 0.0)).sources.len(), 400);
 }
 
-/// Where errors are looked at, a gradient alone splits nothing; replacement and width need no errors.
-#[test]
-fn only_what_covers_errors_is_split() {
-    let config = with(GrowthConfig { fraction: 1.0, error_pixels: 60.0, ..GrowthConfig::default() });
-    let mut o = observations(&[(0.01, 0.1, 0.5), (0.01, 0.1, 0.5), (0.001, 0.1, 0.5), (0.0, 0.9, 0.5)]);
-    for (row, pixels) in o.statistics.iter_mut().zip([59.0, 60.0, 900.0, 0.0]) {
-        row[1] = pixels;
-    }
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let planned = Growth.plan(&o, &config, &round(true, 0.0), &mut rng);
-    let split: Vec<u32> = planned.sources.iter().filter(|s| **s & FRESH != 0).map(|s| s & !FRESH).collect();
-    assert_eq!(split, [1, 3, 1, 3]);
-}
-
 #[test]
 fn the_weights_of_the_draw_count() {
     let rows: Vec<_> = (0..1000).map(|i| (if i % 2 == 0 { 0.03 } else { 0.003 }, 0.1, 0.5)).collect();

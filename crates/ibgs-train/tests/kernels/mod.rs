@@ -6,7 +6,6 @@ mod bench;
 mod densify;
 mod depth_normals;
 mod expose;
-mod filter;
 mod finite;
 mod growth;
 mod half;

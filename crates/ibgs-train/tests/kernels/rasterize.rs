@@ -75,7 +75,6 @@ fn dropout_equals_a_smaller_model() {
         opacity_logits: kept.iter().map(|&i| p.opacity_logits[i]).collect(),
         sh: kept.iter().flat_map(|&i| p.sh_of(i).to_vec()).collect(),
         sh_degree: p.sh_degree,
-        ..Params::default()
     };
     let with = RasterView { dropout, ..view(camera, 2) };
     let image = render(&p, &with);

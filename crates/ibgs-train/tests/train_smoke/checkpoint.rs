@@ -44,7 +44,6 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     let mut fading = plain.clone();
     fading.densify.strategy = Strategy::Default;
     fading.densify.growth.threshold = 1e-6;
-    fading.filter = 0.3;
     for config in [everything(40), plain, mcmc, fading] {
         let mut whole = trainer(&dataset, &config);
         run(&mut whole, 40);

@@ -1,7 +1,7 @@
 //! The image-based stages in short trainings.
 
 use crate::small::{dataset, model, plain, run, staged, trainer};
-use ibgs_core::config::{Learners, Method, TrainConfig};
+use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::eval::score_view;
 use ibgs_core::sources::find::Draw;
 use ibgs_core::sources::memory::MemoryBudget;
@@ -37,34 +37,6 @@ fn every_stage_trains_what_it_should() {
     assert!(visibility.contains(&0) || visibility.contains(&3), "{visibility:?}");
     assert!(frame.depth().unwrap().unwrap().iter().any(|&z| z > 0.0));
     assert!(!trainer.overflowed());
-}
-
-/// Where the network alone learns from the final image, the Gaussians are bit for bit those of a run without a residual.
-#[test]
-fn the_network_can_learn_alone() {
-    let dataset = dataset();
-    let mut config = staged(34);
-    config.residual.dropout = 0.0;
-    // Else a run with the residual needs a source's depth map in an earlier iteration, and so makes another one.
-    config.surface.photometric_every = 1;
-    let trained = |config: &TrainConfig| {
-        let mut trainer = trainer(&dataset, config);
-        run(&mut trainer, config.iterations());
-        model(&trainer)
-    };
-    let (together, _) = trained(&config);
-    config.residual.learners = Learners::Network;
-    let (gaussians, network) = trained(&config);
-    let mut beginning = trainer(&dataset, &config);
-    run(&mut beginning, 15);
-    let (_, early) = model(&beginning);
-    assert!(early.is_some());
-    config.residual.start = config.iterations;
-    let (without, none) = trained(&config);
-    assert!(none.is_none());
-    assert!(gaussians == without, "the final image taught the Gaussians");
-    assert!(gaussians != together, "the final image teaches the Gaussians by default");
-    assert!(network != early, "the network learned nothing");
 }
 
 /// With the same seed also the network is the same, bit for bit, and so are frames and models when the photos have to be

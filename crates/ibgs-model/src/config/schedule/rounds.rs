@@ -7,17 +7,7 @@ use super::Schedule;
 /// schedule the first round comes after 100 iterations and nothing changes; short runs have rounds every 20.
 const RESET_RECOVERY: u32 = 100;
 
-/// Iterations before a round whose errors are counted.
-const ERROR_VIEWS: u32 = 10;
-
 impl Schedule {
-    /// Whether a strategy that needs the pixels of large error counts them in this iteration: only in the last iterations
-    /// before a round.
-    pub fn counts_errors(&self, iteration: u32) -> bool {
-        let interval = self.densify_interval.max(1);
-        (iteration - 1) % interval + ERROR_VIEWS >= interval
-    }
-
     /// Whether a round of densification and pruning follows this iteration.
     pub fn densify_at(&self, iteration: u32) -> bool {
         iteration > self.densify_start

@@ -2,7 +2,7 @@
 
 use super::{GATE, tensors};
 use crate::residual::layers::{COLORS, CONFIDENCE, FINAL, FUSE, INPUT, Layer, MLP1, MLP2, WEIGHTS};
-use crate::residual::variant::{NetworkInputs, Output, Variant};
+use crate::residual::variant::{Output, Variant};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -18,17 +18,15 @@ const PASSED: f32 = 0.5;
 /// Part of their usual size that the other weights of the last layer have at the start, where the differences are passed.
 const QUIET: f32 = 0.1;
 
-/// Initial weights of a variant: those of [`random`], and where the network reads differences to the base colour and gives a
-/// residual, the residual is half of the sources' mean difference at first; where it gives a gate of that difference, the gate is
+/// Initial weights of a variant: those of [`random`], and where the network gives a residual alone, it is half of the sources' mean difference at first; where it gives a gate of that difference, the gate is
 /// half open. Without that, a run of some hundred iterations ends before the network has learned to pass anything. A departure from
 /// method.md.
 pub fn initial(variant: &Variant, seed: u64) -> Vec<f32> {
     let mut weights = random(seed);
     match variant.output {
-        Output::Residual if variant.inputs != NetworkInputs::SourceColors => pass_differences(&mut weights),
+        Output::Residual => pass_differences(&mut weights),
         // The sigmoid of zero is a half.
         Output::Gated => weights[FINAL.offset..FINAL.end()].iter_mut().for_each(|weight| *weight *= QUIET),
-        Output::Residual | Output::Color => {}
     }
     weights
 }
@@ -103,20 +101,12 @@ mod tests {
     }
 
     #[test]
-    fn only_a_residual_from_differences_passes_them_at_first() {
-        let of = |inputs, output| initial(&Variant { inputs, output, ..Variant::default() }, 5);
-        for (inputs, output) in [
-            (NetworkInputs::SourceColors, Output::Residual),
-            (NetworkInputs::Differences, Output::Color),
-            (NetworkInputs::SourceColors, Output::Color),
-        ] {
-            assert_eq!(of(inputs, output), random(5), "{inputs:?} {output:?}");
-        }
-        let (gated, random) = (of(NetworkInputs::Differences, Output::Gated), random(5));
+    fn a_residual_passes_the_differences_at_first() {
+        let of = |output| initial(&Variant { output, ..Variant::default() }, 5);
+        let (gated, random) = (of(Output::Gated), random(5));
         assert_eq!(gated[..FINAL.offset], random[..FINAL.offset]);
         assert_eq!(gated[FINAL.offset], QUIET * random[FINAL.offset]);
-        let passing = of(NetworkInputs::Differences, Output::Residual);
-        assert_eq!(passing, of(NetworkInputs::DifferencesOnly, Output::Residual));
+        let passing = of(Output::Residual);
         let changed = |layer: &Layer| (layer.offset..layer.end()).any(|i| passing[i] != random[i]);
         let layers: Vec<&str> = LAYERS.iter().filter(|layer| changed(layer)).map(|layer| layer.name).collect();
         assert_eq!(layers, [MLP1.name, MLP2.name, FUSE.name, FINAL.name]);
