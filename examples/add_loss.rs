@@ -10,7 +10,6 @@ use ibgs_core::config::TrainConfig;
 use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use};
 use ibgs_demo::DemoOptions;
 use ibgs_train::Session;
-use ibgs_train::autodiff::for_burn;
 use ibgs_train::burn::tensor::Tensor;
 use ibgs_train::loss::{Loss, LossInputs};
 use ibgs_train::session::{Event, Observer, Output};
@@ -29,7 +28,7 @@ impl Loss for Smoothness {
         if inputs.schedule.surface_loss_at(inputs.iteration) {
             return Ok(None);
         }
-        let image: Tensor<3> = for_burn(inputs.shown);
+        let image = inputs.shown.clone();
         let [height, width, _] = image.dims();
         let across = image.clone().narrow(1, 1, width - 1) - image.clone().narrow(1, 0, width - 1);
         let down = image.clone().narrow(0, 1, height - 1) - image.narrow(0, 0, height - 1);

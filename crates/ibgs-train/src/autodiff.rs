@@ -7,7 +7,7 @@ mod residual;
 mod warp;
 
 pub use exposure::{exposed, exposed_warped};
-pub use node::{for_burn, unary};
+pub use node::unary;
 pub use raster::{Leaves, SplatGradients, rasterized};
 pub use residual::residual;
 pub use warp::warped;

@@ -12,7 +12,6 @@ use burn_wgpu::CubeBackend;
 use ibgs_core::gpu::flush;
 use std::cell::RefCell;
 use std::collections::HashSet;
-use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
@@ -107,15 +106,4 @@ where
         let (output, rule) = compute(parent)?;
         Ok((output, move |v: &CubeTensor, _| [rule(v)]))
     })
-}
-
-/// The same values for burn's own operations, which know no [batch](ibgs_core::gpu::Batch): what they read is submitted, and what
-/// they make of it gets a node of its own, whose gradient comes to the tensor as those of this crate's nodes do.
-///
-/// # Panics
-/// When the tensor is not on the autodiff graph: a bug of ours.
-pub fn for_burn<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
-    let Ok(same) = unary(tensor.clone(), |values| Ok::<_, Infallible>((values, |v: &CubeTensor| Some(v.clone()))));
-    flush();
-    same
 }

@@ -29,8 +29,7 @@ pub struct WarpedSources {
     pub visible: Buffer<u32>,
 }
 
-/// What a loss may read of an iteration. The tensors are nodes of this crate: burn's own operations read them through
-/// [`for_burn`](crate::autodiff::for_burn).
+/// What a loss may read of an iteration. The tensors are nodes of burn's graph.
 #[derive(Clone, Copy)]
 pub struct LossInputs<'a> {
     /// The iteration, from 1.

@@ -35,7 +35,7 @@ impl Trainer {
     /// One iteration, and its end on the device.
     pub(super) fn iterate(&mut self) -> Result<Mark, TrainError> {
         self.restructure()?;
-        let _batch = Batch::new(&self.gpu);
+        let _batch = self.batches.then(|| Batch::new(&self.gpu));
         self.iteration += 1;
         let index = self.next_view();
         let rendered = self.rendered(index)?;

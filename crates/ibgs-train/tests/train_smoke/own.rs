@@ -5,7 +5,6 @@ use crate::small::{dataset, model, run, staged, trainer};
 use burn::tensor::Tensor;
 use ibgs_core::config::DensifyConfig;
 use ibgs_core::gpu::GpuError;
-use ibgs_train::autodiff::for_burn;
 use ibgs_train::densify::{Observations, Plan, Reduction, Round, Strategy};
 use ibgs_train::loss::{Loss, LossInputs};
 use rand_chacha::ChaCha8Rng;
@@ -20,7 +19,7 @@ struct Roughness {
 
 impl Loss for Roughness {
     fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
-        let image = for_burn(inputs.final_image.unwrap_or(inputs.shown));
+        let image = inputs.final_image.unwrap_or(inputs.shown).clone();
         let [height, _, _] = image.dims();
         let down = image.clone().narrow(0, 1, height - 1) - image.narrow(0, 0, height - 1);
         Ok(Some(down.abs().mean() * self.weight))
