@@ -81,7 +81,7 @@ fn whole_psnr(trainer: &Trainer, dataset: &Dataset) -> f64 {
 
 #[test]
 fn what_lies_outside_of_an_object_is_empty() {
-    let config = densifying(240, 60);
+    let config = densifying(180, 60);
     let dataset = masked(dataset(), None);
     let after = |masks: Masks| {
         let mut trainer = trainer(&dataset, &with(masks, config.clone()));
@@ -102,18 +102,18 @@ fn what_lies_outside_of_an_object_is_empty() {
 /// Gaussians of the background's own colour are seen as well, by the quarter of the iterations over other colours.
 #[test]
 fn black_gaussians_do_not_hide_on_black() {
-    let black = |masks: Masks| {
+    let black = |masks: Masks, iterations: u32| {
         let mut dataset = masked(dataset(), Some(0));
         if masks == Masks::Ignore {
             // A picture of black in place of emptiness.
             dataset.views.iter_mut().for_each(|view| view.photo = view.photo.pixels().unwrap().over([0.0; 3]).into());
         }
         dataset.points.iter_mut().for_each(|point| point.color = [0; 3]);
-        let mut trainer = trainer(&dataset, &with(masks, densifying(320, 80)));
-        run(&mut trainer, 320);
+        let mut trainer = trainer(&dataset, &with(masks, densifying(iterations, 80)));
+        run(&mut trainer, iterations);
         opacities(&trainer, &dataset)[1]
     };
-    let (picture, object) = (black(Masks::Ignore), black(Masks::Object));
+    let (picture, object) = (black(Masks::Ignore, 100), black(Masks::Object, 300));
     println!("opacity outside: {picture:.3} with a picture of black, {object:.4} with an object");
     assert!(object < 0.05 && object < 0.2 * picture, "{object} of {picture}");
 }
