@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-/// Dotted name, and what to do instead. docs/studies.md has the measurements.
+/// Dotted name, and what to do instead. docs/log has the measurements.
 const REMOVED: [(&str, &str); 5] = [
     ("filter", "leave it out: the 3D smoothing filter gained nothing"),
     ("densify.prune-screen-radius", "leave it out: `densify.growth.screen-size` splits what is wide on the screen"),
