@@ -59,12 +59,12 @@ pub struct TrainConfig {
     /// The run repeats bit for bit on the same adapter and build, even when it is resumed: it computes in float32 only,
     /// and checkpoints hold the depth maps of the training views.
     pub deterministic: bool,
-    /// Degree of the spherical harmonics, 0 to 3; unset: 2, with `method = "3dgs"` 3.
+    /// Degree of the spherical harmonics, 0 to 3; unset: 2, and 3 with `method = "3dgs"` and where the photos show an object.
     pub sh_degree: Option<u32>,
     /// Iterations between two degrees; unset: 1000, scaled.
     pub sh_interval: Option<u32>,
-    /// The colour behind the Gaussians: `white`, `black`, `R,G,B`, or `random`; unset: black, and white where the scene is a
-    /// Blender one with transparent photos.
+    /// The colour behind the Gaussians: `white`, `black`, `R,G,B`, or `random`; unset: white where the scene is a Blender one
+    /// with transparent photos, the photos' own where they lie on one colour, else black.
     pub background: Option<Background>,
     /// Weight of 1 - SSIM in the image loss; L1 has the rest.
     pub ssim_weight: f64,

@@ -9,7 +9,7 @@
 //! | part | bytes |
 //! |---|---|
 //! | photos | 4 a pixel of all training photos, within `sources.memory` |
-//! | Gaussians | (64 + 12 C) N |
+//! | Gaussians | (60 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
 //! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |

@@ -187,11 +187,12 @@ pub struct LoadOptions {
     /// Leave out points of a COLMAP model with a reprojection error over 2 pixels or fewer than 3 images (method.md section
     /// 10.9).
     pub filter_points: bool,
-    /// Extent of the cameras in scene units, by which near plane, learning rates and other lengths are measured; unset: 1.1
-    /// times the distance of the farthest cameras from the middle. `ibgs merge` takes that of a block.
+    /// Extent of the cameras in scene units, by which near plane, learning rates and other lengths are measured; unset: for
+    /// learning rates and densification 1.1 times the distance of the farthest training camera from their mean, for lengths in
+    /// local units that of the nearest nine tenths of all cameras from their median. `ibgs merge` takes that of a block.
     pub extent: Option<f64>,
-    /// What the training begins with: `auto`: the scene's points and those found in the photos (not on a software adapter where
-    /// the scene has points); `scene`: its own alone; `photos`: those found in the photos alone, also where the scene has none;
+    /// What the training begins with: `auto`: the scene's points and those found in the photos (not where the photos show an
+    /// object, nor on a software adapter, where the scene has points); `scene`: its own alone; `photos`: those found in the photos alone, also where the scene has none;
     /// `random`.
     pub initial_points: InitialPoints,
     /// Number of points that are made; in the hull of an object at most 150 for each photo.

@@ -109,7 +109,8 @@ pub struct DensifyConfig {
     /// The number of Gaussians grows before this iteration; unset: 21000, with MCMC 25000, with `published` and `absgs` 15000,
     /// scaled.
     pub end: Option<u32>,
-    /// Rounds come at multiples of this; unset: 200, with the other strategies 100, scaled only in short runs.
+    /// Rounds come at multiples of this; unset: 200, and more in proportion where `learning-rates.factor` is under 1; with the
+    /// other strategies 100; scaled only in short runs.
     pub interval: Option<u32>,
     /// Mean gradient norm from which a Gaussian is cloned or split.
     pub grad_threshold: f64,

@@ -85,7 +85,7 @@ pub enum ExposureSwitch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ExposureConfig {
-    /// `off`, `on`, `auto`.
+    /// Whether exposures are corrected; `auto`: where a trial with photos left out says that it helps.
     pub enabled: ExposureSwitch,
     /// Exposures are learned after this iteration; unset: 1000, scaled.
     pub from: Option<u32>,
