@@ -84,7 +84,7 @@ fn window_on(gpu: &Arc<Gpu>, opened: Option<Opened>, size: Vec2) -> Window {
     window_with(gpu, Opener::default(), first, size, None)
 }
 
-/// A window whose wishes go to this opener, and which remembers what is stored.
+/// A window whose requests go to this opener, and which remembers what is stored.
 fn window_with(
     gpu: &Arc<Gpu>,
     opener: impl Open,

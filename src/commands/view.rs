@@ -22,7 +22,7 @@ use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::session::SessionBuilder;
-use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Training, TrainingWish, View, Wanted};
+use ibgs_viewer::{Content, Open, OpenRequest, Opened, Outcome, Scene, Training, TrainingRequest, View};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -86,8 +86,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let open = |wanted| open_gpu(args.adapter.as_ref(), wanted);
     if let Some(scene) = &args.train {
-        let wish = TrainingWish { scene: scene.clone(), ..TrainingWish::default() };
-        let session = prepare(wished(&wish)?, || open(Use::Training), &|_| {})?;
+        let request = TrainingRequest { scene: scene.clone(), ..TrainingRequest::default() };
+        let session = prepare(wished(&request)?, || open(Use::Training), &|_| {})?;
         return look(|failure| Watched::new(session, failure));
     }
     let gpu = || open(Use::Rendering);
@@ -220,13 +220,13 @@ impl Open for Opener {
         DemoDefaults::of(gpu).iterations
     }
 
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {
+    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {
         let opened = match wanted {
-            Wanted::Train(wish) => {
-                wish.scene.as_deref().map_or(Ok(()), check_path)?;
-                self.train(wished(wish)?, gpu, status)?
+            OpenRequest::Train(request) => {
+                request.scene.as_deref().map_or(Ok(()), check_path)?;
+                self.train(wished(request)?, gpu, status)?
             }
-            Wanted::Path(path) => {
+            OpenRequest::Path(path) => {
                 check_path(path)?;
                 if is_scene(path) {
                     status("reading the scene");

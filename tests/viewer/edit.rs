@@ -9,7 +9,7 @@ use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::{cameras, multi_view};
 use ibgs_core::residual::Output;
 use ibgs_core::scene::{Format, read_gaussians, write_gaussians};
-use ibgs_viewer::{Mode, Open, Wanted};
+use ibgs_viewer::{Mode, Open, OpenRequest};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -65,7 +65,7 @@ fn bundle(path: &Path) {
 }
 
 fn open(path: &Path) -> Opened {
-    let wanted = Wanted::Path(path.to_owned());
+    let wanted = OpenRequest::Path(path.to_owned());
     match Opener::default().open(&wanted, &gpu(), &|_| {}).unwrap() {
         Outcome::Opened(opened) => *opened,
         Outcome::Scene(path) => panic!("{} is a model", path.display()),
@@ -113,7 +113,7 @@ fn deleting_is_undone_and_redone() {
     pick(&mut window, "Keep only");
     assert_eq!(counts(&window), [inside, 0]);
     // Another model does not take its place unasked.
-    window.state_mut().open(Wanted::Path(folder.path().join("other.ply")));
+    window.state_mut().open(OpenRequest::Path(folder.path().join("other.ply")));
     assert!(window.state().error().unwrap().contains("not saved"), "{:?}", window.state().error());
     window.run_steps(2);
     pick(&mut window, "Close");

@@ -9,7 +9,7 @@ use ibgs_core::config::{ExposureConfig, ExposureSwitch, Method, Preset};
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_testing::scene_files::{Model, write_file};
 use ibgs_train::session::Output;
-use ibgs_viewer::{TrainingWish, Wanted};
+use ibgs_viewer::{OpenRequest, TrainingRequest};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -58,10 +58,10 @@ impl Open for Into {
         Opener::default().sentence(error)
     }
 
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
         match wanted {
-            Wanted::Train(wish) if wish.scene.as_ref().is_some_and(|scene| scene.exists()) => {
-                let training = wished(wish)?.output(Output::at(&self.0));
+            OpenRequest::Train(request) if request.scene.as_ref().is_some_and(|scene| scene.exists()) => {
+                let training = wished(request)?.output(Output::at(&self.0));
                 Ok(Outcome::Opened(Box::new(Opener::default().train(training, gpu, status)?)))
             }
             other => Opener::default().open(other, gpu, status),
@@ -218,22 +218,22 @@ fn a_scene_that_is_missing_is_an_error_in_the_page() {
 
 #[test]
 fn a_wish_becomes_the_options_of_a_training() {
-    let usual = wished(&TrainingWish::default()).unwrap();
+    let usual = wished(&TrainingRequest::default()).unwrap();
     assert_eq!(*usual.config(), TrainConfig::default());
-    let wish = TrainingWish {
+    let request = TrainingRequest {
         scene: Some("some/scene".into()),
         preset: Preset::Fast,
         method: Method::Gs3,
         iterations: Some(77),
         exposure: ExposureSwitch::On,
     };
-    let training = wished(&wish).unwrap();
+    let training = wished(&request).unwrap();
     let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
     expected.source = Some(std::path::absolute("some/scene").unwrap());
     expected.data.eval = true;
     assert_eq!(*training.config(), expected);
-    assert!(wished(&TrainingWish { scene: Some(PathBuf::new()), ..wish }).is_err());
+    assert!(wished(&TrainingRequest { scene: Some(PathBuf::new()), ..request }).is_err());
 }
 
 #[test]
@@ -279,7 +279,7 @@ fn what_cannot_be_opened_is_told_in_a_sentence() {
         window.run_steps(2);
         assert_eq!(window.state().error(), None);
     }
-    window.state_mut().open(Wanted::Path(folder.path().join("notes.txt")));
+    window.state_mut().open(OpenRequest::Path(folder.path().join("notes.txt")));
     settle(&mut window);
     window.run_steps(5);
     window.state_mut().show_figures(false);

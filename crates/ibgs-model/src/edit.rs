@@ -29,7 +29,7 @@ pub enum Combine {
 
 /// Which Gaussians of a model are left, and which are selected. Steps that change only one of the two share the other.
 #[derive(Clone, Debug, PartialEq)]
-struct State {
+struct EditState {
     left: Arc<Mask>,
     selected: Arc<Mask>,
 }
@@ -38,9 +38,9 @@ struct State {
 #[derive(Clone, Debug)]
 pub struct Editor {
     gaussians: Arc<Gaussians>,
-    now: State,
-    undo: Vec<State>,
-    redo: Vec<State>,
+    now: EditState,
+    undo: Vec<EditState>,
+    redo: Vec<EditState>,
     /// Numbers that the panel shows, counted once a step.
     counts: [usize; 2],
 }
@@ -49,7 +49,7 @@ impl Editor {
     /// Nothing is selected, nothing removed.
     pub fn new(gaussians: Arc<Gaussians>) -> Self {
         let count = gaussians.len();
-        let now = State { left: Arc::new(Mask::all(count)), selected: Arc::new(Mask::none(count)) };
+        let now = EditState { left: Arc::new(Mask::all(count)), selected: Arc::new(Mask::none(count)) };
         Self { gaussians, now, undo: Vec::new(), redo: Vec::new(), counts: [count, 0] }
     }
 
@@ -98,7 +98,7 @@ impl Editor {
         !self.redo.is_empty()
     }
 
-    fn set(&mut self, now: State) {
+    fn set(&mut self, now: EditState) {
         self.counts = [now.left.count(), now.selected.count()];
         self.now = now;
     }
@@ -129,7 +129,7 @@ impl Editor {
             Combine::Remove => before.without(found),
         };
         if selected != **before {
-            self.set(State { left: left.clone(), selected: Arc::new(selected) });
+            self.set(EditState { left: left.clone(), selected: Arc::new(selected) });
         }
     }
 
@@ -172,7 +172,7 @@ impl Editor {
             return false;
         }
         self.begin();
-        self.set(State { selected: Arc::new(Mask::none(left.total())), left: Arc::new(left) });
+        self.set(EditState { selected: Arc::new(Mask::none(left.total())), left: Arc::new(left) });
         true
     }
 
@@ -190,7 +190,7 @@ impl Editor {
         self.replace(state)
     }
 
-    fn replace(&mut self, state: State) -> bool {
+    fn replace(&mut self, state: EditState) -> bool {
         let changes = state.left != self.now.left;
         self.set(state);
         changes

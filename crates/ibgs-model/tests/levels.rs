@@ -141,7 +141,7 @@ fn every_view_comes_to_rest() {
             let camera = camera(x, z);
             let last = at_rest(&moving, &camera);
             // As a film does.
-            complete.settle(&camera).unwrap();
+            complete.complete(&camera).unwrap();
             let film = image(&complete, &camera);
             assert!(!complete.stream().unwrap().is_waiting());
             assert!(psnr(&last, &film) > 20.0, "{places} places at {x}, {z}: {} dB", psnr(&last, &film));

@@ -137,7 +137,7 @@ impl FrameSource {
 
     /// The source's own depth there; not positive where it has none.
     async fn own_depth(&self, gpu: &Gpu, landing: &Landing) -> Result<f64, GpuError> {
-        let row = |first| gpu.read_at_later(&self.depth, landing.texels[first], 2);
+        let row = |first| gpu.read_at_async(&self.depth, landing.texels[first], 2);
         let texels = [row(0).await?, row(2).await?].concat();
         Ok(texels.iter().zip(landing.weights).map(|(z, weight)| weight * f64::from(*z)).sum())
     }
@@ -228,21 +228,21 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn inspect(&self, x: u32, y: u32) -> Result<Option<Inspection>, GpuError> {
-        at_once(self.inspect_later(x, y))
+        at_once(self.inspect_async(x, y))
     }
 
     /// As [`Frame::inspect`], for browsers.
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn inspect_later(&self, x: u32, y: u32) -> Result<Option<Inspection>, GpuError> {
+    pub async fn inspect_async(&self, x: u32, y: u32) -> Result<Option<Inspection>, GpuError> {
         let (gpu, camera) = (&*self.gpu, &self.local);
         if x >= camera.width || y >= camera.height {
             return Ok(None);
         }
         let at = y as usize * camera.width as usize + x as usize;
         let color = async |memory: &Buffer<f32>| -> Result<[f32; 3], GpuError> {
-            let values = gpu.read_at_later(memory, 3 * at, 3).await?;
+            let values = gpu.read_at_async(memory, 3 * at, 3).await?;
             Ok([values[0], values[1], values[2]])
         };
         let base = color(self.base_memory()).await?;
@@ -257,12 +257,12 @@ impl Frame {
         let uv = DVec2::new(f64::from(x), f64::from(y)) + surface.options.ray_offset;
         let point = |z: f32| camera.unproject(uv, f64::from(z));
         found.normal = Some(color(&surface.normal_map).await?).filter(|normal| *normal != [0.0; 3]);
-        let median = gpu.read_at_later(&surface.median_depth, at, 1).await?[0];
+        let median = gpu.read_at_async(&surface.median_depth, at, 1).await?[0];
         found.median_depth = Some(median).filter(|&z| z > 0.0 && z.is_finite());
         found.point = found.median_depth.map(point);
         let (count, pixels) = (surface.options.intersections as usize, camera.width as usize * camera.height as usize);
         for k in 0..count {
-            let [depth, weight] = gpu.read_at_later(&surface.intersections, k * pixels + at, 1).await?[0];
+            let [depth, weight] = gpu.read_at_async(&surface.intersections, k * pixels + at, 1).await?[0];
             if weight > 0.0 {
                 found.intersections.push(Intersection { depth, weight, point: point(depth), before: k < count / 2 });
             }
@@ -270,7 +270,7 @@ impl Frame {
         if let Some((part, seen)) = self.image.as_ref().and_then(|part| Some((part, part.seen.as_ref()?)))
             && let Some(point) = found.point
         {
-            let packed = gpu.read_at_later(&seen.visible, at, 1).await?[0].to_le_bytes();
+            let packed = gpu.read_at_async(&seen.visible, at, 1).await?[0].to_le_bytes();
             let (center, ray_offset) = (camera.center(), surface.options.ray_offset);
             let intersections = &found.intersections;
             let pixel = Pixel { gpu, options: part.options, center, point, ray_offset, intersections, packed };

@@ -9,7 +9,7 @@ pub use frame::{Frame, Rendered};
 pub use image_part::{ImageOptions, ImagePart};
 
 use crate::camera::Camera;
-use crate::exposure::{Exposer, ExposureField, Exposures};
+use crate::exposure::{ExposureField, ExposurePass, Exposures};
 use crate::gpu::{Gpu, GpuError, Pass};
 use crate::levels::Stream;
 use crate::local_space::LocalSpace;
@@ -31,7 +31,7 @@ pub struct Renderer {
     shape: Shape,
     image: Option<ImageStage>,
     /// The exposures of its photos, where they were corrected.
-    exposure: Option<(ExposureField, Exposer)>,
+    exposure: Option<(ExposureField, ExposurePass)>,
     /// Chunks that come and go with the views, of a model with levels of detail.
     stream: Option<Stream>,
 }
@@ -67,7 +67,7 @@ impl Renderer {
             shows_surface: self.shows_surface,
             shape: self.shape,
             image: self.image.as_ref().map(stage),
-            exposure: self.exposure().map(|field| (field.clone(), Exposer::new(gpu.clone()))),
+            exposure: self.exposure().map(|field| (field.clone(), ExposurePass::new(gpu.clone()))),
             stream: None,
         }
     }
@@ -89,7 +89,7 @@ impl Renderer {
 
     /// Every view in the exposure that is predicted from its neighbours. Those of the image-based part's cameras must come in their order.
     pub fn with_exposure(self, field: Option<ExposureField>) -> Self {
-        let exposure = field.map(|field| (field, Exposer::new(self.gpu().clone())));
+        let exposure = field.map(|field| (field, ExposurePass::new(self.gpu().clone())));
         Self { exposure, ..self }
     }
 
@@ -102,7 +102,7 @@ impl Renderer {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn settle(&self, camera: &Camera) -> Result<(), GpuError> {
+    pub fn complete(&self, camera: &Camera) -> Result<(), GpuError> {
         if let Some(stream) = &self.stream
             && stream.complete(self.gpu(), &self.splats, &self.space().camera(camera))?
         {
@@ -118,7 +118,7 @@ impl Renderer {
 
     /// Every view in the photos' mean exposure, without a prediction.
     pub fn levelled(self) -> Self {
-        Self { exposure: self.exposure.map(|(field, exposer)| (field.levelled(), exposer)), ..self }
+        Self { exposure: self.exposure.map(|(field, exposure_pass)| (field.levelled(), exposure_pass)), ..self }
     }
 
     /// The exposures of the photos, where they were corrected.
@@ -221,7 +221,7 @@ impl Renderer {
     ///
     /// # Errors
     /// Not enough memory, the device is lost, or what `then` finds.
-    pub async fn render_later(
+    pub async fn render_async(
         &self,
         camera: &Camera,
         mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
@@ -231,14 +231,14 @@ impl Renderer {
             for index in self.chosen(stage, camera) {
                 if stage.depths.lock().expect("depth cache").get(index).is_none() {
                     let view = self.view(&self.space().camera(&stage.part.cameras[index]));
-                    let map = self.raster.depth_map_later(&self.splats, &view).await?;
+                    let map = self.raster.depth_map_async(&self.splats, &view).await?;
                     stage.depths.lock().expect("depth cache").insert(index, map);
                 }
             }
         }
         loop {
             let frame = self.render_in(camera, Room::Assumed, &mut then)?;
-            if self.raster.had_room_later(&frame.forward).await? {
+            if self.raster.had_room_async(&frame.forward).await? {
                 return Ok(frame);
             }
         }
@@ -294,9 +294,9 @@ impl Renderer {
 
     /// The exposures of a view and its sources; none where exposures were not corrected.
     fn exposures(&self, camera: &Camera, sources: &[usize]) -> Result<Option<Exposures>, GpuError> {
-        let Some((field, exposer)) = &self.exposure else { return Ok(None) };
+        let Some((field, exposure_pass)) = &self.exposure else { return Ok(None) };
         let sources: Vec<_> = sources.iter().map(|&source| field.photos()[source]).collect();
-        Ok(Some(exposer.upload(&field.at(camera), &sources)?))
+        Ok(Some(exposure_pass.upload(&field.at(camera), &sources)?))
     }
 
     /// Which training views are the sources of a view; none where it has none or is too small for the network.

@@ -2,14 +2,14 @@
 
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch};
-use ibgs_core::exposure::{Exposer, ExposureAdam, ExposureField, ExposureState, Exposures, PhotoExposures};
+use ibgs_core::exposure::{ExposureAdam, ExposureField, ExposurePass, ExposureState, Exposures, PhotoExposures};
 use ibgs_core::gpu::{Gpu, GpuError, Pass};
 use std::sync::Arc;
 
 /// The exposures of the training photos as they are learned.
 pub(super) struct Exposing {
     gpu: Arc<Gpu>,
-    exposer: Exposer,
+    exposure_pass: ExposurePass,
     photos: PhotoExposures,
 }
 
@@ -20,7 +20,7 @@ impl Exposing {
         let make = || {
             Ok(Self {
                 gpu: gpu.clone(),
-                exposer: Exposer::new(gpu.clone()),
+                exposure_pass: ExposurePass::new(gpu.clone()),
                 photos: PhotoExposures::new(gpu, photos, ExposureAdam { beta1, beta2, eps })?,
             })
         };
@@ -29,7 +29,7 @@ impl Exposing {
 
     /// Those of a view and of its sources, on the device.
     pub fn of(&self, view: usize, sources: &[usize]) -> Result<Exposures, GpuError> {
-        self.exposer.gather(&self.photos, view, sources)
+        self.exposure_pass.gather(&self.photos, view, sources)
     }
 
     /// Records the step of a view's exposure by the gradient of its iteration.

@@ -71,12 +71,12 @@ impl fmt::Display for ExposureEvidence {
     }
 }
 
-/// Settles `exposure.enabled = "auto"`: `on` or `off`. None where there is no trial: in short runs, with few photos, and on a
+/// Resolves `exposure.enabled = "auto"`: `on` or `off`. None where there is no trial: in short runs, with few photos, and on a
 /// software adapter, where it would take minutes.
 ///
 /// # Errors
 /// Not enough memory, the device is lost, a photo cannot be decoded again.
-pub fn settle(
+pub fn resolve(
     raster: &Arc<Rasterizer>,
     dataset: &Dataset,
     config: &mut TrainConfig,

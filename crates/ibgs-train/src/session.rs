@@ -16,10 +16,10 @@
 //! ```
 
 mod builder;
+mod checkpoint_writer;
 mod error;
 mod event;
 mod json_lines;
-mod keeper;
 mod output;
 mod preparation;
 mod saving;
@@ -35,6 +35,7 @@ pub use preparation::Preparation;
 pub use stopped::StoppedTraining;
 
 use crate::{TrainError, Trainer};
+use checkpoint_writer::CheckpointWriter;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::gpu::Gpu;
@@ -42,7 +43,6 @@ use ibgs_core::output::log::{Evaluation, LogEntry, TrainingLog, TrainingProgress
 use ibgs_core::output::{FolderLock, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::Renderer;
-use keeper::Keeper;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -85,7 +85,7 @@ pub struct Session {
     config: TrainConfig,
     folder: Option<OutputFolder>,
     records: Records,
-    keeper: Keeper,
+    checkpoints: CheckpointWriter,
     started: Instant,
     /// Time of the iterations before a resumed run.
     before: Duration,
@@ -173,7 +173,7 @@ impl Session {
         let (iteration, schedule) = (self.trainer.iteration(), self.trainer.schedule());
         self.records.watch.count(schedule, iteration, self.raster.gpu());
         let (save, evaluate) = (schedule.save_at(iteration), schedule.evaluate_at(iteration));
-        let (keep, write) = self.keeper.due();
+        let (keep, write) = self.checkpoints.due();
         // Keep a state before a new stage: its first iteration needs more memory, and the allocation may fail. After
         // the last iteration nothing remains to be resumed.
         let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations();
@@ -191,13 +191,13 @@ impl Session {
     /// Does what is due after an iteration, and then keeps the state: a resumed run does nothing of the rest.
     fn follow(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
         if due.save || due.evaluate {
-            self.settle(due, observer)?;
+            self.do_due(due, observer)?;
         }
         if due.keep {
             self.keep()?;
         }
         if due.write {
-            self.keeper.begin(observer);
+            self.checkpoints.begin(observer);
         }
         Ok(())
     }
@@ -207,7 +207,7 @@ impl Session {
         if self.trainer.iteration() > 0 {
             let start = Instant::now();
             let checkpoint = self.trainer.checkpoint(serde_json::to_value(&self.records)?)?;
-            self.keeper.take(checkpoint, start.elapsed());
+            self.checkpoints.take(checkpoint, start.elapsed());
         }
         Ok(())
     }
@@ -215,14 +215,14 @@ impl Session {
     /// After a value that was not finite: return to the last good state, once, and continue with lower rates.
     fn go_back(&mut self, error: SessionError, observer: &mut dyn Observer) -> Result<()> {
         let broken = matches!(error, SessionError::Train(TrainError::NotFinite(_)));
-        let Some(checkpoint) = self.keeper.last().filter(|_| broken && !self.trainer.is_slowed()).cloned() else {
+        let Some(checkpoint) = self.checkpoints.last().filter(|_| broken && !self.trainer.is_slowed()).cloned() else {
             return Err(error);
         };
         let iteration = checkpoint.iteration();
         observer.event(&Event::RolledBack { error: &error, iteration, rates: CAUTION });
         self.trainer.restore(&checkpoint)?;
         self.trainer.slow_down(CAUTION);
-        self.keeper.went_back(observer);
+        self.checkpoints.went_back(observer);
         self.records = Records::deserialize(&checkpoint.run)?;
         Ok(())
     }

@@ -9,7 +9,7 @@ use ibgs_core::gpu::{Buffer, Gpu, GpuError, flush};
 use std::sync::{Mutex, PoisonError};
 
 /// What burn keeps with the device.
-struct Companion {
+struct BurnDevice {
     device: Device,
     /// Leads to burn's memory.
     seed: CubeTensor,
@@ -20,18 +20,18 @@ struct Companion {
 /// # Errors
 /// burn refuses the device.
 pub fn device(gpu: &Gpu) -> Result<&Device, GpuError> {
-    Ok(&companion(gpu)?.device)
+    Ok(&burn_device(gpu)?.device)
 }
 
-fn companion(gpu: &Gpu) -> Result<&Companion, GpuError> {
-    if let Some(companion) = gpu.companion() {
-        return Ok(companion);
+fn burn_device(gpu: &Gpu) -> Result<&BurnDevice, GpuError> {
+    if let Some(attached) = gpu.attached() {
+        return Ok(attached);
     }
     // Register only once: tensors of two registrations would not see each other's work.
     static REGISTERING: Mutex<()> = Mutex::new(());
     let _guard = REGISTERING.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(companion) = gpu.companion() {
-        return Ok(companion);
+    if let Some(attached) = gpu.attached() {
+        return Ok(attached);
     }
     let setup = WgpuSetup {
         instance: gpu.instance.clone(),
@@ -49,7 +49,7 @@ fn companion(gpu: &Gpu) -> Result<&Companion, GpuError> {
     let seed = primitive(Tensor::<1>::empty([1], &device));
     // In place of burn's callbacks, of which the one for errors panics.
     gpu.watch();
-    Ok(gpu.set_companion(Companion { device, seed }))
+    Ok(gpu.attach(BurnDevice { device, seed }))
 }
 
 /// Runs `task` on the thread that owns burn's memory: there a tensor is made and [bound](bind) at once, elsewhere each costs a
@@ -61,13 +61,13 @@ fn companion(gpu: &Gpu) -> Result<&Companion, GpuError> {
 /// # Panics
 /// When the task does.
 pub fn at_memory<R: Send + 'static>(gpu: &Gpu, task: impl FnOnce() -> R + Send) -> Result<R, GpuError> {
-    Ok(companion(gpu)?.seed.client.exclusive(task).expect("the task does not panic"))
+    Ok(burn_device(gpu)?.seed.client.exclusive(task).expect("the task does not panic"))
 }
 
 /// Gives memory back that burn and we keep for reuse.
 pub fn release_unused(gpu: &Gpu) {
     gpu.release_unused();
-    if let Some(Companion { device, .. }) = gpu.companion() {
+    if let Some(BurnDevice { device, .. }) = gpu.attached() {
         device.memory_cleanup();
     }
 }
@@ -78,7 +78,7 @@ pub fn release_unused(gpu: &Gpu) {
 /// When the device cannot bind that much at once. burn panics where no memory is left.
 pub fn empty(gpu: &Gpu, what: &'static str, shape: &[usize]) -> Result<CubeTensor, GpuError> {
     gpu.check_size(what, 4 * shape.iter().product::<usize>() as u64)?;
-    Ok(empty_like(&companion(gpu)?.seed, shape))
+    Ok(empty_like(&burn_device(gpu)?.seed, shape))
 }
 
 /// A new float32 tensor beside another; every value must be written before it is read. Its size must have passed

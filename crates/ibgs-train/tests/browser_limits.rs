@@ -78,9 +78,9 @@ fn frames_for_browsers_have_room() {
         Renderer::new(Arc::new(raster), model.splats().clone(), [0.0; 3], part)
     };
     let expected = fresh().render(camera).unwrap().image().unwrap().unwrap();
-    let frame = pollster::block_on(fresh().render_later(camera, |_| Ok(()))).unwrap();
-    let found = pollster::block_on(frame.image_later()).unwrap().unwrap();
+    let frame = pollster::block_on(fresh().render_async(camera, |_| Ok(()))).unwrap();
+    let found = pollster::block_on(frame.image_async()).unwrap().unwrap();
     assert!(expected.rgb == found.rgb);
-    let base = pollster::block_on(frame.base_later()).unwrap();
+    let base = pollster::block_on(frame.base_async()).unwrap();
     assert!(base.rgb == frame.base().unwrap().rgb && base.rgb != found.rgb);
 }

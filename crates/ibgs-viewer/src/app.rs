@@ -3,7 +3,7 @@
 mod central;
 mod input;
 
-use crate::Wanted;
+use crate::OpenRequest;
 use crate::panels;
 use crate::viewer::Viewer;
 use eframe::egui::{self, Ui};
@@ -12,7 +12,7 @@ impl Viewer {
     fn dropped(&mut self, ctx: &egui::Context) {
         let first = ctx.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
         if let Some(path) = first {
-            self.open(Wanted::Path(path));
+            self.open(OpenRequest::Path(path));
         }
     }
 }

@@ -28,7 +28,7 @@ const REFRESH_FRAMES: u32 = 8;
 
 /// What is wanted on the screen.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub struct CanvasRequest {
     /// The camera at the full size.
     pub camera: Camera,
     /// The camera moves: speed counts more than sharpness.
@@ -141,7 +141,7 @@ impl Canvas {
     }
 
     /// The frame to ask for now, if any.
-    pub fn request(&mut self, wanted: &Wanted) -> Option<Request> {
+    pub fn request(&mut self, wanted: &CanvasRequest) -> Option<Request> {
         if self.awaited.is_some() {
             return None;
         }

@@ -61,7 +61,7 @@ impl Shoot {
     /// The device failed, or a file cannot be written.
     pub fn next(&mut self, renderer: &Renderer) -> Result<Option<String>> {
         if let Some(camera) = self.film.cameras.get(self.done) {
-            renderer.settle(camera)?;
+            renderer.complete(camera)?;
             let look = self.film.mode.look().map(|look| look.of(renderer)).transpose()?;
             let frame = look.as_ref().unwrap_or(renderer).render(camera)?;
             let rgb = self.presenter.picture(&frame, &self.film.mode.shown(&self.film.style, None))?;

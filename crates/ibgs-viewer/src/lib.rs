@@ -120,16 +120,16 @@ pub struct Opened {
 
 /// What a user may ask to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub enum OpenRequest {
     /// A model folder, a bundle, a PLY file, or a scene.
     Path(PathBuf),
     /// A training, which begins at once.
-    Train(TrainingWish),
+    Train(TrainingRequest),
 }
 
 /// A training as the start page describes it; all else is at its default.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct TrainingWish {
+pub struct TrainingRequest {
     /// Scene folder or a ZIP archive of one; none: the built-in demo scene.
     pub scene: Option<PathBuf>,
     /// The options to begin with.
@@ -142,7 +142,7 @@ pub struct TrainingWish {
     pub exposure: ExposureSwitch,
 }
 
-/// What a wish leads to.
+/// What a request leads to.
 pub enum Outcome {
     /// Something to look at.
     Opened(Box<Opened>),
@@ -156,7 +156,7 @@ pub trait Open: Send + 'static {
     ///
     /// # Errors
     /// A sentence that names the file and what to do.
-    fn open(&self, wanted: &Wanted, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
+    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
 
     /// Default number of iterations of the demo scene on this GPU.
     fn demo_iterations(&self, _gpu: &Gpu) -> u32 {

@@ -40,7 +40,7 @@ pub async fn rendered(
     camera: &Camera,
     then: impl FnMut(&Frame) -> Result<(), GpuError>,
 ) -> Result<Frame, GpuError> {
-    if IN_BROWSER { renderer.render_later(camera, then).await } else { renderer.render_and(camera, then) }
+    if IN_BROWSER { renderer.render_async(camera, then).await } else { renderer.render_and(camera, then) }
 }
 
 /// The renderers of a model's looks, made when they are first asked for.

@@ -1,6 +1,6 @@
 //! The form that describes a training.
 
-use crate::{TrainingWish, Wanted};
+use crate::{OpenRequest, TrainingRequest};
 use eframe::egui::{Grid, TextEdit, Ui};
 use ibgs_core::config::{ExposureSwitch, Method, Preset, TrainConfig};
 use std::path::PathBuf;
@@ -50,7 +50,7 @@ pub enum Asked {
     /// A scene from a file dialog.
     Browse,
     /// Its training.
-    Open(Wanted),
+    Open(OpenRequest),
 }
 
 /// What the form holds.
@@ -91,7 +91,7 @@ impl TrainForm {
     }
 
     /// The training that it describes, or a sentence that says what is missing.
-    fn wish(&self) -> Result<TrainingWish, String> {
+    fn request(&self) -> Result<TrainingRequest, String> {
         let scene = if self.is_demo { None } else { self.scene.path() };
         if scene.is_none() && !self.is_demo {
             return Err("choose a scene folder, or take the demo scene".to_owned());
@@ -103,7 +103,7 @@ impl TrainForm {
             _ => return Err(format!("the length `{text}` is not a number of iterations; give a whole number from 1")),
         };
         let Self { preset, method, exposure, .. } = *self;
-        Ok(TrainingWish { scene, preset, method, iterations, exposure })
+        Ok(TrainingRequest { scene, preset, method, iterations, exposure })
     }
 
     /// Shows the form; returns what was asked for.
@@ -150,7 +150,7 @@ impl TrainForm {
         ui.add_space(4.0);
         let clicked =
             ui.button("Train").on_hover_text("Begin; the model is written to a new folder in `output`").clicked();
-        let wanted = clicked.then(|| self.wish());
+        let wanted = clicked.then(|| self.request());
         if let Some(wanted) = &wanted {
             self.error = wanted.as_ref().err().cloned();
         }
@@ -161,7 +161,7 @@ impl TrainForm {
             }
         }
         match wanted {
-            Some(wish) => wish.ok().map(|wish| Asked::Open(Wanted::Train(wish))),
+            Some(request) => request.ok().map(|request| Asked::Open(OpenRequest::Train(request))),
             None => browses.then_some(Asked::Browse),
         }
     }

@@ -17,7 +17,7 @@ use crate::path_editor::PathEditor;
 use crate::start_page::Start;
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
-use crate::{Open, Opened, Outcome, Scene, Wanted};
+use crate::{Open, OpenRequest, Opened, Outcome, Scene};
 use glam::DVec3;
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::gpu::{Gpu, GpuError};
@@ -274,7 +274,7 @@ impl Viewer {
     }
 
     /// Opens something in place of what is open.
-    pub fn open(&mut self, wanted: Wanted) {
+    pub fn open(&mut self, wanted: OpenRequest) {
         if !self.edit.may_leave() {
             self.error = Some("the edited model is not saved; open the other one again to leave it so".to_owned());
             return;

@@ -35,7 +35,7 @@ impl Worker {
     pub fn start(gpu: Arc<Gpu>, opener: impl Open, opened: Option<Opened>, window: egui::Context) -> Self {
         let (commands, received) = async_channel::unbounded();
         let (sender, messages) = channel();
-        let state = State { gpu, opener: Box::new(opener), messages: sender, window };
+        let state = WorkerState { gpu, opener: Box::new(opener), messages: sender, window };
         #[cfg(target_arch = "wasm32")]
         {
             wasm_bindgen_futures::spawn_local(state.work(received, opened));
@@ -67,7 +67,7 @@ impl Drop for Worker {
 }
 
 /// What the worker owns as long as it runs.
-struct State {
+struct WorkerState {
     gpu: Arc<Gpu>,
     opener: Box<dyn Open>,
     messages: Sender<Message>,
@@ -116,7 +116,7 @@ impl Work {
     }
 }
 
-impl State {
+impl WorkerState {
     fn send(&self, message: Message) {
         // The receiver is gone once the window is closed.
         let _ = self.messages.send(message);
@@ -202,7 +202,7 @@ impl State {
                 self.send(Message::Replaced(Box::new(opened.scene), revision));
             }
             Command::Render(request, sheet) => work.request = Some((request, sheet)),
-            Command::Inspect { frame, pixel, focus } => match frame.inspect_later(pixel[0], pixel[1]).await {
+            Command::Inspect { frame, pixel, focus } => match frame.inspect_async(pixel[0], pixel[1]).await {
                 Ok(Some(found)) => self.send(Message::Inspected { found: Box::new(found), focus }),
                 Ok(None) => {}
                 Err(error) => self.failed_in(work, &error.into()),

@@ -103,11 +103,11 @@ impl Scene {
             "base" => false,
             other => return Err(Error::new(&format!("`{other}` is neither `final` nor `base`"))),
         };
-        let frame = self.renderer.render_later(camera, |_| Ok(())).await.map_err(sentence)?;
-        let image = if wants_final { frame.image_later().await.map_err(sentence)? } else { None };
+        let frame = self.renderer.render_async(camera, |_| Ok(())).await.map_err(sentence)?;
+        let image = if wants_final { frame.image_async().await.map_err(sentence)? } else { None };
         let image = match image {
             Some(image) => image,
-            None => frame.base_later().await.map_err(sentence)?,
+            None => frame.base_async().await.map_err(sentence)?,
         };
         self.gpu.check().map_err(sentence)?;
         let rgba: Vec<u8> = image.to_rgb8().chunks_exact(3).flat_map(|c| [c[0], c[1], c[2], 255]).collect();

@@ -11,16 +11,16 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Starts processes and waits for them, from several threads.
 #[derive(Default)]
-pub struct Processes(Mutex<State>);
+pub struct Processes(Mutex<Children>);
 
 #[derive(Default)]
-struct State {
+struct Children {
     is_closed: bool,
     running: Vec<Child>,
 }
 
 impl Processes {
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, Children> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

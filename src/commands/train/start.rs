@@ -10,7 +10,7 @@ use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
 use ibgs_train::Session;
 use ibgs_train::session::{Event, Observer, Output, SessionBuilder};
-use ibgs_viewer::TrainingWish;
+use ibgs_viewer::TrainingRequest;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -58,15 +58,15 @@ fn free(name: &str) -> Output {
 ///
 /// # Errors
 /// A path that cannot be made absolute, such as the empty one.
-pub fn wished(wish: &TrainingWish) -> Result<SessionBuilder> {
-    let mut config = TrainConfig::preset(wish.preset);
-    config.method = wish.method;
+pub fn wished(request: &TrainingRequest) -> Result<SessionBuilder> {
+    let mut config = TrainConfig::preset(request.preset);
+    config.method = request.method;
     // Held-out photos let the window measure the training.
-    config.data.eval = wish.scene.is_some();
+    config.data.eval = request.scene.is_some();
     // Absolute: the model may be opened from another working directory.
-    config.source = wish.scene.as_ref().map(std::path::absolute).transpose()?;
-    config.iterations = wish.iterations.or(config.iterations);
-    config.exposure.enabled = wish.exposure;
+    config.source = request.scene.as_ref().map(std::path::absolute).transpose()?;
+    config.iterations = request.iterations.or(config.iterations);
+    config.exposure.enabled = request.exposure;
     let output = output(None, Existing::Keep, &config);
     Ok(Session::builder(config).output(output))
 }

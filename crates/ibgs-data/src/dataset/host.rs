@@ -18,7 +18,7 @@ pub struct HostPhoto {
 #[derive(Clone, Debug)]
 enum Place {
     Here(Arc<Photo>),
-    Shelf { shelf: Arc<Shelf>, index: usize },
+    Cached { cache: Arc<PhotoCache>, index: usize },
 }
 
 impl From<Arc<Photo>> for HostPhoto {
@@ -59,7 +59,7 @@ impl HostPhoto {
     pub fn pixels(&self) -> Result<Arc<Photo>, DatasetError> {
         match &self.place {
             Place::Here(photo) => Ok(photo.clone()),
-            Place::Shelf { shelf, index } => shelf.get(*index),
+            Place::Cached { cache, index } => cache.get(*index),
         }
     }
 
@@ -67,21 +67,21 @@ impl HostPhoto {
     pub fn pixels_if_there(&self) -> Option<Arc<Photo>> {
         match &self.place {
             Place::Here(photo) => Some(photo.clone()),
-            Place::Shelf { shelf, index } => shelf.lock().find(*index),
+            Place::Cached { cache, index } => cache.lock().find(*index),
         }
     }
 
     /// Begins to decode it on another thread, if it is not there and the memory holds what was to be decoded before it.
     /// Whoever asks for its pixels later meets an error, if there is one.
     pub fn decode_ahead(&self) {
-        if let Place::Shelf { shelf, index } = &self.place
-            && shelf.lock().queue(*index)
+        if let Place::Cached { cache, index } = &self.place
+            && cache.lock().queue(*index)
         {
             // A queue that outlives the scene is of no use.
-            let (shelf, index) = (Arc::downgrade(shelf), *index);
+            let (cache, index) = (Arc::downgrade(cache), *index);
             rayon::spawn(move || {
-                if let Some(shelf) = shelf.upgrade().filter(|shelf| shelf.lock().begin(index)) {
-                    drop(shelf.decode(index));
+                if let Some(cache) = cache.upgrade().filter(|cache| cache.lock().begin(index)) {
+                    drop(cache.decode(index));
                 }
             });
         }
@@ -96,7 +96,7 @@ impl HostPhoto {
     pub(super) fn checksum(&self) -> u32 {
         let computed = || match &self.place {
             Place::Here(photo) => crc32fast::hash(&photo.rgba),
-            Place::Shelf { shelf, index } => shelf.lock().slots[*index].checksum,
+            Place::Cached { cache, index } => cache.lock().slots[*index].checksum,
         };
         self.checksum.unwrap_or_else(computed)
     }
@@ -110,16 +110,16 @@ fn bytes([width, height]: [u32; 2]) -> u64 {
 type Decode = Box<dyn Fn(usize) -> Result<Photo, DatasetError> + Send + Sync>;
 
 /// The photos of a scene within a budget: those used last stay.
-pub(super) struct Shelf {
+pub(super) struct PhotoCache {
     /// Files of the photos.
     paths: Vec<PathBuf>,
     decode: Decode,
-    state: Mutex<State>,
+    state: Mutex<CachedPhotos>,
     /// A photo was decoded, or could not be.
     decoded: Condvar,
 }
 
-struct State {
+struct CachedPhotos {
     slots: Vec<Slot>,
     /// The decoded photos.
     decoded: Lru<Arc<Photo>>,
@@ -147,21 +147,21 @@ struct Slot {
     is_ahead: bool,
 }
 
-impl fmt::Debug for Shelf {
+impl fmt::Debug for PhotoCache {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Shelf").field("resident", &self.lock().decoded.resident_bytes()).finish_non_exhaustive()
+        f.debug_struct("PhotoCache").field("resident", &self.lock().decoded.resident_bytes()).finish_non_exhaustive()
     }
 }
 
-impl Shelf {
-    /// A shelf for the photos of these files within a budget in bytes (none: no limit).
+impl PhotoCache {
+    /// A cache for the photos of these files within a budget in bytes (none: no limit).
     pub fn new(paths: Vec<PathBuf>, budget: Option<u64>, decode: Decode) -> Self {
         let slots = vec![Slot::default(); paths.len()];
-        let state = State { slots, decoded: Lru::new(budget), ahead: 0, has_evicted: false };
+        let state = CachedPhotos { slots, decoded: Lru::new(budget), ahead: 0, has_evicted: false };
         Self { paths, decode, state: Mutex::new(state), decoded: Condvar::new() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, CachedPhotos> {
         self.state.lock().expect("photos on the host")
     }
 
@@ -174,16 +174,16 @@ impl Shelf {
         state.keep(index, Arc::new(photo));
     }
 
-    /// The photos, all of which have been put there. Where all of them fit, the shelf itself is not kept.
+    /// The photos, all of which have been put there. Where all of them fit, the cache itself is not kept.
     pub fn into_photos(self) -> Vec<HostPhoto> {
-        let shelf = Arc::new(self);
-        let mut state = shelf.lock();
-        let State { slots, decoded, has_evicted, .. } = &mut *state;
+        let cache = Arc::new(self);
+        let mut state = cache.lock();
+        let CachedPhotos { slots, decoded, has_evicted, .. } = &mut *state;
         let photo = |(index, slot): (usize, &Slot)| {
             let photo = if *has_evicted { None } else { decoded.remove(index) };
             let place = match photo {
                 Some(photo) => Place::Here(photo),
-                None => Place::Shelf { shelf: shelf.clone(), index },
+                None => Place::Cached { cache: cache.clone(), index },
             };
             HostPhoto { size: slot.size, checksum: Some(slot.checksum), place }
         };
@@ -204,14 +204,14 @@ impl Shelf {
             state = self.decoded.wait(state).expect("photos on the host");
         }
         state.slots[index].work = Work::Begun;
-        state.is_asked_for(index);
+        state.leave_ahead(index);
         drop(state);
         self.decode(index)
     }
 
     /// Decodes a photo; the caller has begun it.
     fn decode(&self, index: usize) -> Result<Arc<Photo>, DatasetError> {
-        let _released = Released { shelf: self, index };
+        let _released = Released { cache: self, index };
         let photo = Arc::new((self.decode)(index)?);
         let checksum = crc32fast::hash(&photo.rgba);
         let mut state = self.lock();
@@ -232,28 +232,28 @@ impl Slot {
 
 /// Lets others decode a photo again.
 struct Released<'a> {
-    shelf: &'a Shelf,
+    cache: &'a PhotoCache,
     index: usize,
 }
 
 impl Drop for Released<'_> {
     fn drop(&mut self) {
-        if let Ok(mut state) = self.shelf.state.lock() {
+        if let Ok(mut state) = self.cache.state.lock() {
             state.slots[self.index].work = Work::None;
         }
-        self.shelf.decoded.notify_all();
+        self.cache.decoded.notify_all();
     }
 }
 
-impl State {
+impl CachedPhotos {
     /// The pixels of a photo that is there; it counts as used.
     fn find(&mut self, index: usize) -> Option<Arc<Photo>> {
-        self.is_asked_for(index);
+        self.leave_ahead(index);
         self.decoded.get(index).cloned()
     }
 
     /// A photo that was decoded ahead is one of all others now.
-    fn is_asked_for(&mut self, index: usize) {
+    fn leave_ahead(&mut self, index: usize) {
         let slot = &mut self.slots[index];
         if std::mem::take(&mut slot.is_ahead) {
             self.ahead -= slot.bytes();
@@ -288,7 +288,7 @@ impl State {
         self.decoded.insert(index, photo, self.slots[index].bytes());
         while !self.decoded.has_room(0) {
             let Some((oldest, _)) = self.decoded.evict(|_| true) else { break };
-            self.is_asked_for(oldest);
+            self.leave_ahead(oldest);
             self.has_evicted = true;
         }
     }
@@ -300,8 +300,8 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::time::{Duration, Instant};
 
-    /// A shelf of black photos of 16 bytes, with room for some of them, and how many were decoded again.
-    fn shelf(photos: usize, room: u64) -> (Vec<HostPhoto>, Arc<AtomicUsize>) {
+    /// A cache of black photos of 16 bytes, with room for some of them, and how many were decoded again.
+    fn cache(photos: usize, room: u64) -> (Vec<HostPhoto>, Arc<AtomicUsize>) {
         let count = Arc::new(AtomicUsize::new(0));
         let black = || Photo { width: 2, height: 2, rgba: vec![0; 16] };
         let decode = {
@@ -311,9 +311,9 @@ mod tests {
                 Ok(black())
             }
         };
-        let shelf = Shelf::new(vec![PathBuf::new(); photos], Some(16 * room), Box::new(decode));
-        (0..photos).for_each(|index| shelf.put(index, black()));
-        (shelf.into_photos(), count)
+        let cache = PhotoCache::new(vec![PathBuf::new(); photos], Some(16 * room), Box::new(decode));
+        (0..photos).for_each(|index| cache.put(index, black()));
+        (cache.into_photos(), count)
     }
 
     fn eventually(done: impl Fn() -> bool) {
@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn what_is_decoded_ahead_is_decoded_once_and_takes_half_of_the_room() {
-        let (photos, count) = shelf(20, 8);
+        let (photos, count) = cache(20, 8);
         for _ in 0..3 {
             photos[..12].iter().for_each(HostPhoto::decode_ahead);
         }
@@ -345,7 +345,7 @@ mod tests {
 
     #[test]
     fn where_all_fit_nothing_is_decoded_again() {
-        let (photos, count) = shelf(5, 5);
+        let (photos, count) = cache(5, 5);
         photos.iter().for_each(HostPhoto::decode_ahead);
         assert!(photos.iter().all(|photo| photo.is_kept() && photo.pixels().is_ok()));
         assert_eq!(count.load(Ordering::SeqCst), 0);

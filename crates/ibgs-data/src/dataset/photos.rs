@@ -4,7 +4,7 @@ use super::archive::Unpacked;
 use super::backdrop;
 use super::decode::{Drops, apply_mask, decode, is_turned, photo_size};
 use super::error::{DatasetError, read_bytes};
-use super::host::Shelf;
+use super::host::PhotoCache;
 use super::info::Found;
 use super::lens::{Lens, Pose};
 use super::masks::SAME_SHAPE;
@@ -248,7 +248,7 @@ pub(crate) fn load_views(
         }
     };
     let paths = frames.iter().map(|frame| frame.photo.clone()).collect();
-    let shelf = Shelf::new(paths, options.host_memory.host_bytes(), Box::new(again));
+    let cache = PhotoCache::new(paths, options.host_memory.host_bytes(), Box::new(again));
     // The first bad photo in name order is reported, whichever thread meets one first.
     let first_bad = AtomicUsize::new(usize::MAX);
     let loaded: Vec<Option<Result<Loaded, DatasetError>>> = frames
@@ -262,7 +262,7 @@ pub(crate) fn load_views(
             progress.step();
             Some(match loaded {
                 Ok((loaded, photo)) => {
-                    shelf.put(index, photo);
+                    cache.put(index, photo);
                     Ok(loaded)
                 }
                 Err(error) => {
@@ -276,7 +276,7 @@ pub(crate) fn load_views(
     let loaded = loaded.into_iter().flatten().collect::<Result<Vec<Loaded>, _>>()?;
     add_notes(&loaded, &mut dataset.notes);
     dataset.notes.extend(object_note(&loaded, options));
-    let views = loaded.into_iter().zip(shelf.into_photos());
+    let views = loaded.into_iter().zip(cache.into_photos());
     dataset.views.extend(views.map(|(Loaded { name, camera, .. }, photo)| View { name, camera, photo }));
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Where each parameter stands in the rows of a PLY file, and the walk over those rows.
 
-use super::formats::{Dropped, is_rotation, settle};
+use super::formats::{Dropped, is_rotation, make_finite};
 use super::gaussians::degree_of;
 use super::{Gaussians, SH_C0, SceneError};
 use crate::local_space::LocalSpace;
@@ -110,9 +110,9 @@ impl Layout {
     }
 
     /// Makes infinities finite that mean something.
-    fn settle(&self, row: &mut [f32]) {
+    fn make_finite(&self, row: &mut [f32]) {
         let mut scales = self.scale.map(|c| row[c]);
-        settle(&mut row[self.opacity], &mut scales);
+        make_finite(&mut row[self.opacity], &mut scales);
         self.scale.into_iter().zip(scales).for_each(|(c, scale)| row[c] = scale);
     }
 
@@ -238,7 +238,7 @@ impl RowSink for Rows<'_> {
         for (single, value) in self.single.iter_mut().zip(&self.row) {
             *single = *value as f32;
         }
-        self.layout.settle(&mut self.single);
+        self.layout.make_finite(&mut self.single);
         let index = self.read;
         self.read += 1;
         if let Some(&column) = self.used.iter().find(|&&c| !self.single[c].is_finite()) {

@@ -16,7 +16,7 @@ mod operation;
 mod photos;
 
 pub use field::{ExposureField, FILE_NAME, from_json, to_json};
-pub use operation::{Exposer, Exposures};
+pub use operation::{ExposurePass, Exposures};
 pub use photos::{ExposureAdam, ExposureState, PhotoExposures};
 
 use serde::{Deserialize, Serialize};

@@ -31,14 +31,14 @@ struct Room {
 
 /// Brings exposures to the device; owns their memory.
 #[derive(Debug)]
-pub struct Exposer {
+pub struct ExposurePass {
     gpu: Arc<Gpu>,
     pool: Arc<Pool<Room>>,
 }
 
 const LABEL: &str = "exposure";
 
-impl Exposer {
+impl ExposurePass {
     /// Without any memory yet.
     pub fn new(gpu: Arc<Gpu>) -> Self {
         Self { gpu, pool: Arc::default() }
@@ -52,7 +52,7 @@ impl Exposer {
                 v_target: self.gpu.allocate("gradient of the exposure", ROWS)?,
             })
         };
-        Ok(self.pool.lease(self.pool.take().map_or_else(made, Ok)?))
+        self.pool.lease_or(|_| true, made)
     }
 
     /// Exposures of a target and its sources, on the host.

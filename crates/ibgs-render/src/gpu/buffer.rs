@@ -246,7 +246,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn read_later<T: bytemuck::Pod>(&self, source: &Buffer<T>, count: usize) -> Result<Vec<T>, GpuError> {
+    pub async fn read_async<T: bytemuck::Pod>(&self, source: &Buffer<T>, count: usize) -> Result<Vec<T>, GpuError> {
         if cfg!(not(target_arch = "wasm32")) {
             return self.read(source, count);
         }
@@ -283,17 +283,17 @@ impl Gpu {
         staging
     }
 
-    /// As [`Gpu::read_later`], from row `first` on.
+    /// As [`Gpu::read_async`], from row `first` on.
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn read_at_later<T: bytemuck::Pod>(
+    pub async fn read_at_async<T: bytemuck::Pod>(
         &self,
         source: &Buffer<T>,
         first: usize,
         count: usize,
     ) -> Result<Vec<T>, GpuError> {
-        self.read_later(&source.part(first, count), count).await
+        self.read_async(&source.part(first, count), count).await
     }
 
     /// A buffer that the host can map for reading.

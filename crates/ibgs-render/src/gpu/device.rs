@@ -73,7 +73,7 @@ pub struct Gpu {
     /// Lanes of a subgroup; none where their number is not fixed, or not one that fits our kernels.
     pub subgroup_lanes: Option<u32>,
     /// What a library that shares the device keeps with it.
-    companion: OnceLock<Box<dyn Any + Send + Sync>>,
+    attached: OnceLock<Box<dyn Any + Send + Sync>>,
     pub(super) transients: Arc<Transients>,
     pub(super) bind_groups: BindGroups,
     /// What the test of the matrix units came to.
@@ -136,7 +136,7 @@ impl Gpu {
             device,
             queue,
             info,
-            companion: OnceLock::new(),
+            attached: OnceLock::new(),
             transients: Arc::default(),
             bind_groups: BindGroups::default(),
             waited: AtomicU64::default(),
@@ -167,16 +167,16 @@ impl Gpu {
     ///
     /// # Panics
     /// When another type is kept: there is one such library, ours for training.
-    pub fn companion<T: Any + Send + Sync>(&self) -> Option<&T> {
-        self.companion.get().map(|kept| kept.downcast_ref().expect("one type of companion"))
+    pub fn attached<T: Any + Send + Sync>(&self) -> Option<&T> {
+        self.attached.get().map(|kept| kept.downcast_ref().expect("one type of attachment"))
     }
 
     /// Keeps a value with the device unless there is one already; returns the one that is kept.
     ///
     /// # Panics
-    /// As [`Gpu::companion`].
-    pub fn set_companion<T: Any + Send + Sync>(&self, companion: T) -> &T {
-        self.companion.get_or_init(|| Box::new(companion)).downcast_ref().expect("one type of companion")
+    /// As [`Gpu::attached`].
+    pub fn attach<T: Any + Send + Sync>(&self, attached: T) -> &T {
+        self.attached.get_or_init(|| Box::new(attached)).downcast_ref().expect("one type of attachment")
     }
 
     /// True on a software adapter.

@@ -65,11 +65,11 @@ pub struct Stream {
     loading: Loading,
     /// The first so many chunks, the coarsest, always stay: what has not come yet is shown by them.
     pinned: usize,
-    state: Mutex<State>,
+    state: Mutex<ChunkState>,
 }
 
 #[derive(Debug)]
-struct State {
+struct ChunkState {
     /// The chunk in each place, and when a view last wanted it.
     places: Vec<Option<(u32, u64)>>,
     place_of: HashMap<u32, usize>,
@@ -123,7 +123,7 @@ impl Stream {
         let named = PerGaussian::NAMES.zip(harmonics.rows(levels.coefficients()));
         let parameters = named.try_map(|(name, row)| gpu.allocate(name, row * count))?;
         let splats = Splats { space: levels.space, count, coefficients, harmonics, parameters };
-        let mut state = State {
+        let mut state = ChunkState {
             places: vec![None; slots],
             place_of: HashMap::new(),
             rotations: HashMap::new(),
@@ -228,7 +228,7 @@ impl Stream {
     }
 }
 
-impl State {
+impl ChunkState {
     /// Puts a chunk that is needed into a free place, or into that of one that is not: rather one that is not shown, and of those
     /// the one that has not been wanted for longest.
     fn put(

@@ -230,7 +230,7 @@ impl Rasterizer {
     ///
     /// # Panics
     /// As [`Rasterizer::depth_map`].
-    pub async fn depth_map_later(&self, splats: &Splats, view: &RasterView) -> Result<Buffer<f32>, GpuError> {
+    pub async fn depth_map_async(&self, splats: &Splats, view: &RasterView) -> Result<Buffer<f32>, GpuError> {
         self.depth_map_in(splats, view, Room::Checked).await
     }
 
@@ -260,7 +260,7 @@ impl Rasterizer {
             if room == Room::Assumed {
                 return Ok(depth);
             }
-            let needed = gpu.read_later(&ws.total, 1).await?[0];
+            let needed = gpu.read_async(&ws.total, 1).await?[0];
             if self.fitted(&frame, needed.into()) {
                 return Ok(depth);
             }
@@ -272,15 +272,15 @@ impl Rasterizer {
     /// # Errors
     /// When the device is lost.
     pub fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
-        at_once(self.had_room_later(forward))
+        at_once(self.had_room_async(forward))
     }
 
     /// As [`Rasterizer::had_room`], for browsers.
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn had_room_later(&self, forward: &Forward) -> Result<bool, GpuError> {
-        let total = self.gpu.read_later(&forward.workspace.total, 1).await?[0];
+    pub async fn had_room_async(&self, forward: &Forward) -> Result<bool, GpuError> {
+        let total = self.gpu.read_async(&forward.workspace.total, 1).await?[0];
         Ok(self.fitted(&forward.frame, total.into()))
     }
 

@@ -107,7 +107,7 @@ impl Frame {
             return Ok(None);
         };
         let at = y as usize * self.camera.width as usize + x as usize;
-        let depth = at_once(self.gpu.read_at_later(&surface.median_depth, at, 1))?[0];
+        let depth = at_once(self.gpu.read_at_async(&surface.median_depth, at, 1))?[0];
         Ok(Some(depth).filter(|&z| z > 0.0 && z.is_finite()).map(|z| self.in_scene_units(z)))
     }
 
@@ -137,31 +137,31 @@ impl Frame {
     }
 
     fn read(&self, memory: &Buffer<f32>) -> Result<Rendered, GpuError> {
-        at_once(self.read_later(memory))
+        at_once(self.read_async(memory))
     }
 
     /// As [`Frame::base`], for browsers.
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn base_later(&self) -> Result<Rendered, GpuError> {
-        self.read_later(&self.base).await
+    pub async fn base_async(&self) -> Result<Rendered, GpuError> {
+        self.read_async(&self.base).await
     }
 
     /// As [`Frame::image`], for browsers.
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn image_later(&self) -> Result<Option<Rendered>, GpuError> {
+    pub async fn image_async(&self) -> Result<Option<Rendered>, GpuError> {
         match self.image_memory() {
-            Some(memory) => self.read_later(memory).await.map(Some),
+            Some(memory) => self.read_async(memory).await.map(Some),
             None => Ok(None),
         }
     }
 
-    async fn read_later(&self, memory: &Buffer<f32>) -> Result<Rendered, GpuError> {
+    async fn read_async(&self, memory: &Buffer<f32>) -> Result<Rendered, GpuError> {
         let Camera { width, height, .. } = self.camera;
-        Ok(Rendered { width, height, rgb: self.gpu.read_later(memory, 3 * self.pixels()).await? })
+        Ok(Rendered { width, height, rgb: self.gpu.read_async(memory, 3 * self.pixels()).await? })
     }
 
     /// Median depth in scene units, `[H * W]`, 0 where nothing is met; none where no surface was asked for.
@@ -169,16 +169,16 @@ impl Frame {
     /// # Errors
     /// When the device is lost.
     pub fn depth(&self) -> Result<Option<Vec<f32>>, GpuError> {
-        at_once(self.depth_later())
+        at_once(self.depth_async())
     }
 
     /// As [`Frame::depth`], for browsers.
     ///
     /// # Errors
     /// When the device is lost.
-    pub async fn depth_later(&self) -> Result<Option<Vec<f32>>, GpuError> {
+    pub async fn depth_async(&self) -> Result<Option<Vec<f32>>, GpuError> {
         let Some(surface) = self.forward.surface() else { return Ok(None) };
-        let mut depth = self.gpu.read_later(&surface.median_depth, self.pixels()).await?;
+        let mut depth = self.gpu.read_async(&surface.median_depth, self.pixels()).await?;
         depth.iter_mut().for_each(|z| *z = self.in_scene_units(*z));
         Ok(Some(depth))
     }

@@ -21,11 +21,11 @@ pub struct SourceStore {
     gpu: Arc<Gpu>,
     photos: Vec<HostPhoto>,
     decodes_again: bool,
-    state: Mutex<State>,
+    state: Mutex<StoredPhotos>,
 }
 
 #[derive(Debug)]
-struct State {
+struct StoredPhotos {
     on_device: Lru<DevicePhoto>,
     /// Counts uploads.
     uploads: u64,
@@ -38,7 +38,7 @@ fn is_free(photo: &DevicePhoto) -> bool {
     Arc::strong_count(&photo.held) == 1
 }
 
-impl State {
+impl StoredPhotos {
     /// Makes room for `bytes`; memory of exactly that size is handed over to be used again.
     fn make_room(&mut self, bytes: u64) -> Option<Buffer<u32>> {
         while !self.on_device.has_room(bytes) {
@@ -75,7 +75,7 @@ impl SourceStore {
         }
         let all: u64 = photos.iter().map(bytes_of).sum();
         let decodes_again = photos.iter().any(|photo| !photo.is_kept());
-        let state = State { on_device: Lru::new(budget), uploads: 0, pending: 0 };
+        let state = StoredPhotos { on_device: Lru::new(budget), uploads: 0, pending: 0 };
         let store = Self { gpu, photos, decodes_again, state: Mutex::new(state) };
         if budget.is_none_or(|budget| all <= budget) {
             for index in 0..store.photos.len() {
@@ -91,7 +91,7 @@ impl SourceStore {
         Ok(store)
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, StoredPhotos> {
         self.state.lock().expect("source store")
     }
 
@@ -181,7 +181,7 @@ impl SourceStore {
         self.lock().uploads
     }
 
-    fn upload(&self, state: &mut State, photo: &HostPhoto) -> Result<DevicePhoto, GpuError> {
+    fn upload(&self, state: &mut StoredPhotos, photo: &HostPhoto) -> Result<DevicePhoto, GpuError> {
         let bytes = bytes_of(photo);
         let pixels = pixels(photo)?;
         let texels = match state.make_room(bytes) {
@@ -201,7 +201,7 @@ impl SourceStore {
     }
 
     /// New memory; where the device has none left the budget shrinks to what it gave, and older photos leave.
-    fn allocate(&self, state: &mut State, bytes: u64) -> Result<Buffer<u32>, GpuError> {
+    fn allocate(&self, state: &mut StoredPhotos, bytes: u64) -> Result<Buffer<u32>, GpuError> {
         loop {
             let error = match self.gpu.allocate("photo", (bytes / 4) as usize) {
                 Ok(buffer) => return Ok(buffer),

@@ -1,6 +1,6 @@
 //! The file of a checkpoint.
 
-use super::{Checkpoint, CheckpointError, FORMAT, State, VERSION};
+use super::{Checkpoint, CheckpointError, FORMAT, TrainingState, VERSION};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::files::write_seekable_atomically;
 use ibgs_core::scene::MAX_SH_DEGREE;
@@ -88,7 +88,7 @@ impl Checkpoint {
         let config = bytes(&mut zip, CONFIG).map_err(damaged)?;
         let config = TrainConfig::from_text(&String::from_utf8_lossy(&config), Path::new(CONFIG))
             .map_err(|error| damaged(error.to_string()))?;
-        let state: State = json(&mut zip, STATE).map_err(damaged)?;
+        let state: TrainingState = json(&mut zip, STATE).map_err(damaged)?;
         let run = json(&mut zip, RUN).map_err(damaged)?;
         // Every value takes four bytes of the file.
         if state.gaussians as u64 > zip.length() || state.sh_degree > MAX_SH_DEGREE {

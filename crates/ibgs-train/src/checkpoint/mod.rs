@@ -79,7 +79,7 @@ pub struct NetworkState {
 /// The small things of a training.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct State {
+pub(super) struct TrainingState {
     pub iteration: u32,
     pub space: LocalSpace,
     pub sh_degree: u32,
@@ -126,7 +126,7 @@ pub struct Checkpoint {
     /// Median depths of the training views when they were last trained; only with `deterministic`. Other runs render
     /// them again from the model, with slightly different values.
     pub(super) depths: BTreeMap<usize, Vec<f32>>,
-    pub(super) state: State,
+    pub(super) state: TrainingState,
 }
 
 impl Checkpoint {
@@ -168,7 +168,7 @@ impl Checkpoint {
 
     /// From the small values, and a reader of tensors by name and number of values.
     fn assemble<E>(
-        (config, scene, run, state): (TrainConfig, u32, serde_json::Value, State),
+        (config, scene, run, state): (TrainConfig, u32, serde_json::Value, TrainingState),
         mut tensor: impl FnMut(&str, usize) -> Result<Vec<f32>, E>,
     ) -> Result<Self, E> {
         let n = state.gaussians;

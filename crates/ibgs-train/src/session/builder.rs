@@ -5,7 +5,7 @@ mod error;
 
 pub use error::BuildError;
 
-use super::{Event, Keeper, Observer, Output, Preparation, Records, Session, StoppedTraining};
+use super::{CheckpointWriter, Event, Observer, Output, Preparation, Records, Session, StoppedTraining};
 use crate::densify::Strategy;
 use crate::loss::Loss;
 use crate::memory::Needs;
@@ -191,7 +191,7 @@ impl Loaded {
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         gpu.warm_up()?;
         if builder.stopped.is_none()
-            && let Some(evidence) = exposure_trial::settle(&raster, &dataset, &mut config)?
+            && let Some(evidence) = exposure_trial::resolve(&raster, &dataset, &mut config)?
         {
             observer.event(&Event::ExposureTried(&evidence));
         }
@@ -213,7 +213,7 @@ impl Loaded {
         observer.event(&Event::Prepared(&preparation(&dataset, &config, folder.as_ref(), &needs)));
         let every = builder.checkpoint_every.filter(|_| folder.is_some());
         let session = Session {
-            keeper: Keeper::new(folder.clone(), every),
+            checkpoints: CheckpointWriter::new(folder.clone(), every),
             trainer,
             raster,
             dataset,
@@ -269,7 +269,7 @@ impl SessionBuilder {
     /// The session with the records of the training that it resumes, and with its command line.
     fn with_records(self, mut session: Session) -> Session {
         if let Some(checkpoint) = self.stopped.as_ref().map(StoppedTraining::checkpoint) {
-            session.keeper.resumed(checkpoint.iteration());
+            session.checkpoints.resumed(checkpoint.iteration());
             match Records::deserialize(&checkpoint.run) {
                 Ok(records) => (session.before, session.records) = (records.watch.total(), records),
                 Err(error) => session.lost_records = Some(error.to_string()),

@@ -25,11 +25,11 @@ struct Parts<'a> {
 
 impl Session {
     /// Saves and measures.
-    pub(super) fn settle(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
+    pub(super) fn do_due(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
         if due.save {
             // Wait for a checkpoint that is being written: on a small disk its temporary file could take the space
             // needed here.
-            self.keeper.settle(observer);
+            self.checkpoints.wait(observer);
             self.save()?;
         }
         if due.evaluate {
@@ -46,7 +46,9 @@ impl Session {
         // If this fails, the last good state is saved: a lost device returns nothing, and a state that is not finite
         // cannot be resumed from.
         let _ = self.keep();
-        let (Some(checkpoint), Some(folder)) = (self.keeper.last().cloned(), self.folder.clone()) else { return error };
+        let (Some(checkpoint), Some(folder)) = (self.checkpoints.last().cloned(), self.folder.clone()) else {
+            return error;
+        };
         let exposure = checkpoint.exposures();
         let saved = self.write(
             &folder,
@@ -61,7 +63,7 @@ impl Session {
         if saved.is_ok() {
             let _ = folder.write_log(&self.records.log);
         }
-        let resumed = self.keeper.write(observer);
+        let resumed = self.checkpoints.write(observer);
         if saved.is_err() && resumed.is_err() {
             return error;
         }
@@ -149,16 +151,16 @@ impl Session {
         }
         let is_whole = self.is_done();
         // The checkpoint comes first, because the rest takes a while.
-        let kept = if is_whole { Ok(()) } else { self.keep().and_then(|()| self.keeper.write(observer)) };
+        let kept = if is_whole { Ok(()) } else { self.keep().and_then(|()| self.checkpoints.write(observer)) };
         // One that was stopped in between, or before it was saved.
         let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
-        let settled = self.settle(Due { save, evaluate, ..Due::default() }, observer);
+        let done = self.do_due(Due { save, evaluate, ..Due::default() }, observer);
         match &kept {
             Ok(()) if !is_whole => {
-                settled.map_err(|error| SessionError::Unsettled { iteration, source: Box::new(error) })?
+                done.map_err(|error| SessionError::Unsettled { iteration, source: Box::new(error) })?
             }
-            _ => settled?,
+            _ => done?,
         }
         if self.trainer.overflowed() {
             observer.event(&Event::Overflowed);
@@ -178,7 +180,7 @@ impl Session {
             exposure,
             resumable: resumable.map(|folder| folder.root().to_owned()),
         }));
-        if is_whole { self.keeper.clear() } else { kept }
+        if is_whole { self.checkpoints.clear() } else { kept }
     }
 
     /// Writes how long the training took, for its figures.

@@ -1,7 +1,7 @@
 //! A training on the host and back: checkpoints.
 
 use super::{TrainError, Trainer};
-use crate::checkpoint::{Checkpoint, State};
+use crate::checkpoint::{Checkpoint, TrainingState};
 use crate::densify::Statistics;
 use crate::exposing::Exposing;
 use crate::optim::Optimizer;
@@ -98,7 +98,7 @@ impl Trainer {
         let recorder = self.recorder.state(&gpu)?;
         // Data read from a lost device looks like any other result.
         gpu.check()?;
-        let state = State {
+        let state = TrainingState {
             iteration: self.iteration,
             space: gaussians.space,
             sh_degree: gaussians.sh_degree,

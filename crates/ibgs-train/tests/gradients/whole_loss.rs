@@ -4,7 +4,7 @@ use super::surface::warping;
 use crate::common::{scene_parameters, values};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
-use ibgs_core::exposure::Exposer;
+use ibgs_core::exposure::ExposurePass;
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
 use ibgs_core::residual::{Aggregation, Factor, Output, Precision, Residual, ResidualTask, Variant};
 use ibgs_core::sources::DevicePhoto;
@@ -106,9 +106,9 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let warper = Warper::new(gpu.clone(), warping(scene));
     let (warped, pass) = autodiff::warped(&warper, &base, &forward, &sources).unwrap();
     let seen = &pass.seen;
-    let exposer = Exposer::new(gpu.clone());
+    let exposure_pass = ExposurePass::new(gpu.clone());
     let numbers: Vec<_> = case.exposures.iter().map(Exposure::single).collect();
-    let exposures = numbers.split_first().map(|(own, sources)| exposer.upload(own, sources).unwrap());
+    let exposures = numbers.split_first().map(|(own, sources)| exposure_pass.upload(own, sources).unwrap());
     let (plain, base) =
         (base.clone(), exposures.as_ref().map_or(base.clone(), |e| autodiff::exposed(e, &base, &forward).unwrap()));
     let warped = exposures.as_ref().map_or(warped.clone(), |e| autodiff::exposed_warped(e, warped, &pass).unwrap());

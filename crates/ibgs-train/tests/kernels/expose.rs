@@ -2,7 +2,7 @@
 
 use crate::common::{parameters, values};
 use burn::tensor::{Tensor, TensorData};
-use ibgs_core::exposure::{Exposer, Exposure, ExposureAdam, PhotoExposures};
+use ibgs_core::exposure::{Exposure, ExposureAdam, ExposurePass, PhotoExposures};
 use ibgs_core::gpu::Pass;
 use ibgs_core::raster::RasterView;
 use ibgs_reference::adam::Adam;
@@ -39,8 +39,8 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         assert!(twin.transmittance.iter().any(|t| *t > 0.9) && twin.transmittance.iter().any(|t| *t < 0.5));
 
         let own = exposure(seed);
-        let exposer = Exposer::new(gpu.clone());
-        let exposures = exposer.upload(&own.single(), &[]).unwrap();
+        let exposure_pass = ExposurePass::new(gpu.clone());
+        let exposures = exposure_pass.upload(&own.single(), &[]).unwrap();
         let shown = autodiff::exposed(&exposures, &image, &forward).unwrap();
         let error = relative_error(&values(shown.clone().inner()), twin.exposed(&own).as_flattened());
         let v = random_image(33, 21, -1.0, 1.0, seed + 9);

@@ -1,6 +1,6 @@
 //! The middle of the window: which frame is asked for, and the picture with all that is drawn over it.
 
-use crate::canvas::{SIDES, Wanted as WantedFrame};
+use crate::canvas::{CanvasRequest, SIDES};
 use crate::looks::Look;
 use crate::marks::{self, Onto};
 use crate::mode::Mode;
@@ -40,7 +40,7 @@ impl Viewer {
         }
         let camera = self.camera();
         let image = fitted(room, camera.width as f32 / camera.height as f32);
-        let wanted = WantedFrame {
+        let wanted = CanvasRequest {
             camera,
             moving: self.moving(),
             exact: self.view().is_some() && self.shows(Mode::needs_photo),

@@ -1,6 +1,6 @@
 //! The start page, and opening things.
 
-use crate::Wanted;
+use crate::OpenRequest;
 use crate::dialogs::{Sought, native};
 use crate::recents::Recent;
 use crate::train_form::Asked;
@@ -35,7 +35,7 @@ const STEPS: [(&str, &str); 3] = [
 pub fn chosen(viewer: &mut Viewer) {
     match viewer.start.dialog.answer() {
         Some((Sought::Scene, path)) => viewer.start.ask_about(path),
-        Some((Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(Wanted::Path(path)),
+        Some((Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(OpenRequest::Path(path)),
         None => {}
     }
 }
@@ -72,7 +72,7 @@ pub fn menu(viewer: &mut Viewer, ui: &mut Ui) {
         ui.weak("Opened before");
         for path in recent {
             if ui.button(path.display().to_string()).clicked() {
-                viewer.open(Wanted::Path(path));
+                viewer.open(OpenRequest::Path(path));
                 ui.close();
             }
         }
@@ -93,7 +93,7 @@ fn address(viewer: &mut Viewer, ui: &mut Ui) {
         let path = address.path();
         let clicked = ui.add_enabled(path.is_some(), egui::Button::new("Open")).clicked();
         if let Some(path) = path.filter(|_| entered || clicked) {
-            viewer.open(Wanted::Path(path));
+            viewer.open(OpenRequest::Path(path));
         }
     });
 }
@@ -114,7 +114,7 @@ fn recents(viewer: &mut Viewer, ui: &mut Ui) {
         }
     });
     if let Some(path) = wanted {
-        viewer.open(Wanted::Path(path));
+        viewer.open(OpenRequest::Path(path));
     }
 }
 

@@ -1,7 +1,7 @@
 //! The frames that the worker renders for the window.
 
 use super::messages::{Message, ModelFacts, Rendered, Request, Sheet};
-use super::{State, Work};
+use super::{Work, WorkerState};
 use crate::Content;
 use crate::looks::{Look, Looks, rendered};
 use anyhow::Result;
@@ -16,7 +16,7 @@ use web_time::Instant;
 /// Least time between two readings of the memory in use.
 const MEMORY: Duration = Duration::from_secs(1);
 
-impl State {
+impl WorkerState {
     /// Renders a frame with what was asked for beside it, and hands it to the window.
     pub(super) async fn render(&self, work: &mut Work, request: &Request, sheet: Option<&Sheet>) -> Result<()> {
         if work.unfinished {
@@ -44,7 +44,7 @@ impl State {
         let looks =
             looks.frames(&renderer, &request.camera, request.looks, |frame, look| present(frame, Some(look))).await?;
         let time = start.elapsed();
-        let depths = if request.with_range { frame.depth_later().await? } else { None };
+        let depths = if request.with_range { frame.depth_async().await? } else { None };
         let facts = ModelFacts {
             gaussians: renderer.stream().map_or(renderer.splats().len(), Stream::shown),
             is_loading: renderer.stream().is_some_and(Stream::is_waiting),

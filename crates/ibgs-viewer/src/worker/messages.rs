@@ -4,7 +4,7 @@ use crate::edit_work::{EditCommand, EditMessage};
 use crate::film::Film;
 use crate::looks::Look;
 use crate::mode::{Mode, Style};
-use crate::{Opened, Scene, Wanted};
+use crate::{OpenRequest, Opened, Scene};
 use ibgs_core::camera::Camera;
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
@@ -38,7 +38,7 @@ pub struct Sheet {
 /// What the window asks for.
 pub enum Command {
     /// Open something in place of what is open.
-    Open(Wanted),
+    Open(OpenRequest),
     /// Show another model of the same scene, as this revision.
     Replace(Box<Opened>, u32),
     /// Render a view; of several the last one counts.

@@ -1,14 +1,14 @@
 //! The training that the worker continues between two frames.
 
 use super::messages::Message;
-use super::{State, Work};
+use super::{Work, WorkerState};
 use std::time::Duration;
 use web_time::Instant;
 
 /// Least time between two reports of a training.
 const REPORT: Duration = Duration::from_millis(100);
 
-impl State {
+impl WorkerState {
     /// One iteration; the last one ends the training.
     pub(super) fn train(&self, work: &mut Work) {
         work.single = false;

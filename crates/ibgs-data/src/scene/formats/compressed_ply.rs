@@ -148,7 +148,7 @@ impl Bounds {
         let corner = |at: usize| {
             let mut corner = [values[at], values[at + 1], values[at + 2]];
             if (6..12).contains(&at) {
-                finite::settle(&mut 0.0, &mut corner);
+                finite::make_finite(&mut 0.0, &mut corner);
             }
             corner
         };

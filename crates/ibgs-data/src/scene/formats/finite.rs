@@ -19,7 +19,7 @@ const WORDS: PerGaussian<&str> = PerGaussian {
 };
 
 /// Makes infinite logits and logarithms finite where they mean something: opaque, transparent, flat.
-pub(in crate::scene) fn settle(opacity_logit: &mut f32, log_scales: &mut [f32; 3]) {
+pub(in crate::scene) fn make_finite(opacity_logit: &mut f32, log_scales: &mut [f32; 3]) {
     if opacity_logit.is_infinite() {
         *opacity_logit = quantise::logit(f64::from(*opacity_logit), quantise::FLOAT_STEP);
     }
@@ -93,7 +93,7 @@ impl Dropped {
 pub(super) fn only(mut gaussians: Gaussians, path: &Path) -> Result<Gaussians, SceneError> {
     let mut dropped = Dropped::default();
     for (logit, scales) in gaussians.opacity_logits.iter_mut().zip(&mut gaussians.log_scales) {
-        settle(logit, scales);
+        make_finite(logit, scales);
     }
     let keep: Vec<bool> = (0..gaussians.len()).map(|index| is_usable(&gaussians, index, &mut dropped)).collect();
     if keep.contains(&false) {

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const IN_MEMORY: [Duration; 2] = [Duration::from_secs(30), Duration::from_secs(120)];
 
 /// Writes the checkpoints of a run.
-pub struct Keeper {
+pub struct CheckpointWriter {
     /// None: nothing is written.
     folder: Option<OutputFolder>,
     /// Time between two; none: only when the training is stopped.
@@ -31,7 +31,7 @@ pub struct Keeper {
     writing: Option<(u32, JoinHandle<std::result::Result<(), CheckpointError>>)>,
 }
 
-impl Keeper {
+impl CheckpointWriter {
     /// Checkpoints in a model folder, every so often.
     pub fn new(folder: Option<OutputFolder>, every: Option<Duration>) -> Self {
         let now = Instant::now();
@@ -45,7 +45,7 @@ impl Keeper {
 
     /// The training returned to its last good state: files written since are removed with the next checkpoint.
     pub fn went_back(&mut self, observer: &mut dyn Observer) {
-        self.settle(observer);
+        self.wait(observer);
         let good = self.last.as_ref().map(|last| last.iteration());
         self.written = self.written.filter(|&written| good == Some(written));
     }
@@ -71,12 +71,12 @@ impl Keeper {
     /// Begins to write the last state; an earlier failure is a warning, because the training itself is sound.
     pub fn begin(&mut self, observer: &mut dyn Observer) {
         self.began = Instant::now();
-        self.settle(observer);
+        self.wait(observer);
         self.write_last();
     }
 
     /// Waits until nothing is being written.
-    pub fn settle(&mut self, observer: &mut dyn Observer) {
+    pub fn wait(&mut self, observer: &mut dyn Observer) {
         if let Err(error) = self.finish() {
             observer.event(&Event::NoCheckpoint { error: &error });
         }
@@ -102,7 +102,7 @@ impl Keeper {
 
     /// Writes the last state to its end.
     pub fn write(&mut self, observer: &mut dyn Observer) -> Result<()> {
-        self.settle(observer);
+        self.wait(observer);
         self.write_last();
         self.finish()
     }
