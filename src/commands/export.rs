@@ -20,14 +20,20 @@ Examples:
   ibgs export output/my-scene --web my-page";
 
 /// Options of `ibgs export`.
+fn output_help() -> String {
+    format!(
+        "File to write: `.ibgs` holds Gaussians, network, cameras and source photos; {} hold the Gaussians only, and for them \
+         MODEL may be a file of Gaussians too",
+        Format::endings()
+    )
+}
+
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES, group = ArgGroup::new("target").required(true))]
 pub struct Args {
     #[command(flatten)]
     model: FileArgs,
-    /// File to write: `.ibgs` holds Gaussians, network, cameras and source photos; `.ply`, `.compressed.ply`, `.spz`,
-    /// `.splat`, `.glb` and `.sog` hold the Gaussians only, and for them MODEL may be a file of Gaussians too.
-    #[arg(short, long, group = "target")]
+    #[arg(short, long, group = "target", help = output_help())]
     output: Option<PathBuf>,
     /// Folder to write that a web server shows: the viewer for browsers, with the model and its source photos.
     #[arg(long, value_name = "FOLDER", group = "target", conflicts_with = "plain")]

@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// Options of `ibgs info`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene folder, model folder, `.ibgs` bundle, file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG) or plan of `ibgs split`
-    /// [default: list the adapters of this machine].
+    /// Scene folder, model folder, `.ibgs` bundle, file of Gaussians (`.ply` and others) or plan of `ibgs split` [default: list
+    /// the adapters of this machine].
     path: Option<PathBuf>,
 }
 

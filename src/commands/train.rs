@@ -53,8 +53,8 @@ Examples:
 #[derive(ClapArgs, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Scene folder (photos with a COLMAP model, transforms.json, a camera list of RealityCapture, or poses of LLFF or
-    /// NeuS) or a .zip of one [default: the built-in demo scene].
+    /// Scene folder (photos with their poses, of COLMAP, transforms.json or another program) or a .zip of one [default: the
+    /// built-in demo scene].
     scene: Option<PathBuf>,
 
     /// What to train: `ibgs` (Gaussians and a residual from neighbouring photos) or `3dgs` (plain 3D Gaussian splatting)
@@ -195,8 +195,7 @@ pub struct Args {
     )]
     checkpoint_every: f64,
 
-    /// Start from a file of Gaussians of this scene (PLY, SPZ, `.splat`, GLB, SOG); train surface and residual, without
-    /// densification.
+    /// Start from a file of Gaussians of this scene (`.ply` and others); train surface and residual, without densification.
     #[arg(long, help_heading = heading::GAUSSIANS)]
     init: Option<PathBuf>,
     /// Largest number of Gaussians, such as `500000`, `500k` or `1.5M` [default: one per 45 pixels of the training photos,
@@ -227,14 +226,14 @@ pub struct Args {
     /// The first densification comes after this iteration [default: 500, less in short runs].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_start: Option<u32>,
-    /// Gaussians are added only before this iteration [default: 21000; with `mcmc` 25000; with `published` and `absgs`
-    /// 15000; all scaled; with `--init` none are added].
+    /// Gaussians are added only before this iteration [default: 21000; with `mcmc` 25000; with the others 15000; all
+    /// scaled; with `--init` none are added].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_end: Option<u32>,
     /// Iterations between two densifications [default: 200, with the other strategies 100; less in short runs].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_interval: Option<u32>,
-    /// Iterations between two opacity resets of `published` and `absgs` [default: 3000, scaled].
+    /// Iterations between two opacity resets of the strategies that have them [default: 3000, scaled].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     opacity_reset_interval: Option<u32>,
 

@@ -53,8 +53,8 @@ struct Memory {
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Model folder, `.ibgs` bundle or file of Gaussians (PLY, SPZ, `.splat`, GLB, SOG); a scene folder or a .zip of one
-    /// opens the start page, which asks how to train on it [default: the start page].
+    /// Model folder, `.ibgs` bundle or file of Gaussians (`.ply` and others); a scene folder or a .zip of one opens the start
+    /// page, which asks how to train on it [default: the start page].
     model: Option<PathBuf>,
     /// Train in the window at once, on a scene folder or else on the built-in demo scene; `ibgs train --with-viewer` has
     /// all options of a training.

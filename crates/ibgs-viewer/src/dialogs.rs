@@ -1,6 +1,8 @@
 //! The system's file dialogs. Each runs on a thread of its own, so the window answers while one is open.
 
 use eframe::egui::Context;
+#[cfg(not(target_arch = "wasm32"))]
+use ibgs_core::scene::Format;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
@@ -63,6 +65,13 @@ pub fn native(_: Sought) -> Option<PathBuf> {
     None
 }
 
+/// The last parts of the names of bundles and files of Gaussians.
+#[cfg(not(target_arch = "wasm32"))]
+fn model_endings() -> Vec<&'static str> {
+    let of_gaussians = Format::ALL.into_iter().filter_map(|format| format.ending().rsplit('.').next());
+    std::iter::once("ibgs").chain(of_gaussians).collect()
+}
+
 /// The system's own dialog.
 #[cfg(not(target_arch = "wasm32"))]
 pub fn native(sought: Sought) -> Option<PathBuf> {
@@ -71,7 +80,7 @@ pub fn native(sought: Sought) -> Option<PathBuf> {
         Sought::ModelFolder => dialog.set_title("Open a model folder").pick_folder(),
         Sought::ModelFile => dialog
             .set_title("Open a bundle or a file of Gaussians")
-            .add_filter("Models", &["ibgs", "ply", "spz", "splat", "glb", "sog"])
+            .add_filter("Models", &model_endings())
             .add_filter("All files", &["*"])
             .pick_file(),
         Sought::Scene => dialog.set_title("Choose a scene folder").pick_folder(),

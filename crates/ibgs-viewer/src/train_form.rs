@@ -121,9 +121,9 @@ impl TrainForm {
             ui.add_enabled_ui(!self.is_demo, |ui| {
                 ui.horizontal(|ui| {
                     let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
-                    ui.add(field.desired_width(room)).labelled_by(label).on_hover_text(
-                        "Photos with their poses: COLMAP, transforms.json, a camera list of RealityCapture, LLFF or NeuS",
-                    );
+                    ui.add(field.desired_width(room))
+                        .labelled_by(label)
+                        .on_hover_text("Photos with their poses, of COLMAP, transforms.json or another program");
                     browses = ui.button("Browse...").clicked();
                 });
             });

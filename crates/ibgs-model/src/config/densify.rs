@@ -67,9 +67,6 @@ const PUBLISHED: StrategyDefaults = StrategyDefaults {
 };
 
 impl Strategy {
-    /// The words of the options, in the order of the variants.
-    pub const WORDS: &[&str] = &["default", "published", "absgs", "mcmc"];
-
     /// The strategy's row in the table of what the options leave open.
     pub fn defaults(self) -> StrategyDefaults {
         match self {
@@ -102,12 +99,11 @@ impl Strategy {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct DensifyConfig {
-    /// How Gaussians are added and removed: `default`, `published`, `absgs`, `mcmc`.
+    /// How Gaussians are added and removed.
     pub strategy: Strategy,
     /// Rounds come after this iteration; unset: 500, scaled only in short runs.
     pub start: Option<u32>,
-    /// The number of Gaussians grows before this iteration; unset: 21000, with MCMC 25000, with `published` and `absgs` 15000,
-    /// scaled.
+    /// The number of Gaussians grows before this iteration; unset: 21000, with `mcmc` 25000, with the others 15000, scaled.
     pub end: Option<u32>,
     /// Rounds come at multiples of this; unset: 200, and more in proportion where `learning-rates.factor` is under 1; with the
     /// other strategies 100; scaled only in short runs.

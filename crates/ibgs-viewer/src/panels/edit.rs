@@ -11,6 +11,7 @@ use eframe::egui::{
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::edit::{Combine, CropBox, Editor, box_edges};
+use ibgs_core::scene::Format;
 
 /// Colour of what is selected and of the box.
 const SELECTED: Color32 = Color32::from_rgb(255, 120, 20);
@@ -204,10 +205,10 @@ fn save(viewer: &mut Viewer, ui: &mut Ui) -> Option<Command> {
         }
     });
     let field = TextEdit::singleline(&mut edit.file).desired_width(f32::INFINITY);
-    ui.add(field).on_hover_text(
-        "A name in `.ibgs` keeps network, cameras and source photos; one in `.ply`, `.spz`, `.splat`, `.glb` or `.sog` the \
-         Gaussians alone",
-    );
+    ui.add(field).on_hover_text(format!(
+        "A name in `.ibgs` keeps network, cameras and source photos; one in {} the Gaussians alone",
+        Format::endings()
+    ));
     let mut command = None;
     ui.horizontal_wrapped(|ui| {
         if ui.button("Save model").clicked() {
