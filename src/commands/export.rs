@@ -19,7 +19,6 @@ Examples:
   ibgs export some.splat -o some.ply
   ibgs export output/my-scene --web my-page";
 
-/// Options of `ibgs export`.
 fn output_help() -> String {
     format!(
         "File to write: `.ibgs` holds Gaussians, network, cameras and source photos; {} hold the Gaussians only, and for them \
@@ -28,6 +27,7 @@ fn output_help() -> String {
     )
 }
 
+/// Options of `ibgs export`.
 #[derive(ClapArgs)]
 #[command(after_help = EXAMPLES, group = ArgGroup::new("target").required(true))]
 pub struct Args {
