@@ -30,7 +30,7 @@ pub mod tensor;
 
 /// The version of burn whose tensors are part of this crate's interface.
 pub use burn;
-pub use exposure_trial::{ExposureEvidence, settle as settle_exposure};
+pub use exposure_trial::{ExposureEvidence, resolve as resolve_exposure};
 pub use first_points::find_points;
 pub use session::Session;
 pub use step::{TrainError, Trainer};

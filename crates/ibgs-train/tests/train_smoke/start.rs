@@ -9,7 +9,7 @@ use ibgs_core::dataset::{Dataset, InitialPoints, Masks, Point, PointsFrom, View,
 use ibgs_core::sources::sweep;
 use ibgs_reference::gpu::{gpu, rasterizer};
 use ibgs_reference::plane_sweep::wall_photo;
-use ibgs_train::{TrainError, Trainer, find_points, settle_exposure};
+use ibgs_train::{TrainError, Trainer, find_points, resolve_exposure};
 use std::sync::Arc;
 
 fn moved(dataset: &Dataset, place: impl Fn(DVec3) -> DVec3) -> Dataset {
@@ -133,7 +133,7 @@ fn short_runs_make_no_trial_of_exposures() {
     ] {
         let mut config = plain(200);
         config.exposure.enabled = switch;
-        assert_eq!(settle_exposure(&raster, &dataset(), &mut config).unwrap(), None);
+        assert_eq!(resolve_exposure(&raster, &dataset(), &mut config).unwrap(), None);
         assert_eq!(config.exposure.enabled, settled);
     }
 }

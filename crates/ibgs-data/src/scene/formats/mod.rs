@@ -21,7 +21,7 @@ mod spz;
 #[cfg(test)]
 mod tests;
 
-pub(super) use finite::{Dropped, is_rotation, settle};
+pub(super) use finite::{Dropped, is_rotation, make_finite};
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;
