@@ -43,8 +43,6 @@ pub struct Trainer {
     loss: ImageLoss,
     /// Those beside it.
     losses: Vec<Box<dyn Loss>>,
-    /// The passes of an iteration are submitted together: none of its losses has operations of burn's, which know no batch.
-    batches: bool,
     config: TrainConfig,
     schedule: Schedule,
     parameters: Parameters,
@@ -93,10 +91,9 @@ impl Trainer {
         self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
     }
 
-    /// Adds a loss to those of the options. It may use burn's operations. A checkpoint does not hold it.
+    /// Adds a loss to those of the options. A checkpoint does not hold it.
     pub fn add_loss(&mut self, loss: Box<dyn Loss>) {
         self.losses.push(loss);
-        self.batches = false;
     }
 
     /// Densifies by this strategy in place of the one that the options name, whose milestones stay; for the data set that the

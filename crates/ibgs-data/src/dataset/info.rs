@@ -131,7 +131,7 @@ impl Inspected {
             models: Vec::new(),
             images: scene.frames.len() + scene.missing.len(),
             cameras: cameras(&scene.frames),
-            points: points::from_files(&scene.point_files)?.map_or(0, |cloud| cloud.points.len()),
+            points: points::from_files(&scene.point_files)?.map_or(scene.points.len(), |cloud| cloud.points.len()),
             missing: scene.missing.iter().map(|path| path.display().to_string()).collect(),
             found: scene.frames.into_iter().map(ListedPhoto::found).collect(),
             beside: scene.beside,

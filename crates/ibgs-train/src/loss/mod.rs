@@ -57,6 +57,12 @@ pub trait Loss: Debug + Send {
         false
     }
 
+    /// Whether it has operations of burn's own. They know no [batch](ibgs_core::gpu::Batch), so the passes of an iteration are
+    /// then submitted one by one.
+    fn uses_burn(&self) -> bool {
+        true
+    }
+
     /// The loss `[1]` times its weight, on the graph of what it reads; none where it has no part in the iteration.
     ///
     /// # Errors

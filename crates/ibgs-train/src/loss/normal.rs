@@ -181,6 +181,10 @@ impl NormalLoss {
 }
 
 impl Loss for NormalLoss {
+    fn uses_burn(&self) -> bool {
+        false
+    }
+
     fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
         let counts = inputs.schedule.normal_loss_at(inputs.iteration) && self.weight > 0.0;
         let surface = inputs.surface.filter(|_| counts).map(SurfaceBuffers::of);

@@ -158,6 +158,10 @@ impl PhotometricLoss {
 }
 
 impl Loss for PhotometricLoss {
+    fn uses_burn(&self) -> bool {
+        false
+    }
+
     fn reads_sources(&self, iteration: u32, _: &Schedule) -> bool {
         iteration.is_multiple_of(self.every) && self.weight > 0.0
     }

@@ -35,7 +35,8 @@ impl Trainer {
     /// One iteration, and its end on the device.
     pub(super) fn iterate(&mut self) -> Result<Mark, TrainError> {
         self.restructure()?;
-        let _batch = self.batches.then(|| Batch::new(&self.gpu));
+        let batches = !self.losses.iter().any(|loss| loss.uses_burn());
+        let _batch = batches.then(|| Batch::new(&self.gpu));
         self.iteration += 1;
         let index = self.next_view();
         let rendered = self.rendered(index)?;

@@ -142,7 +142,6 @@ impl Trainer {
         let free_space = FreeSpace::new(&cameras, (&dataset.points, &space), part);
         Ok(Self {
             losses: losses(&gpu, config),
-            batches: true,
             loss: ImageLoss::new(gpu.clone(), config.ssim_weight as f32),
             schedule: Schedule::new(config, config.iterations()),
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
