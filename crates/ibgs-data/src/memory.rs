@@ -80,19 +80,7 @@ impl FromStr for MemoryBudget {
     }
 }
 
-impl TryFrom<String> for MemoryBudget {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<MemoryBudget> for String {
-    fn from(budget: MemoryBudget) -> String {
-        budget.to_string()
-    }
-}
+crate::text_in_files!(MemoryBudget);
 
 impl fmt::Display for MemoryBudget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

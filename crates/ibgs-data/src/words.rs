@@ -1,4 +1,4 @@
-//! The words of an enum of options: those of its serde derive, which files, messages and command lines all take.
+//! Options as text. The words of an enum are those of its serde derive, which files, messages and command lines all take.
 
 use serde::de::{self, DeserializeOwned, Deserializer, Visitor};
 use serde::forward_to_deserialize_any;
@@ -21,6 +21,26 @@ macro_rules! display_words {
 }
 
 pub(crate) use display_words;
+
+/// Lets a type with `FromStr` and `Display` stand as its text in files, for `#[serde(try_from = "String", into = "String")]`.
+#[macro_export]
+macro_rules! text_in_files {
+    ($name:ty) => {
+        impl TryFrom<String> for $name {
+            type Error = <$name as std::str::FromStr>::Err;
+
+            fn try_from(text: String) -> Result<Self, Self::Error> {
+                text.parse()
+            }
+        }
+
+        impl From<$name> for String {
+            fn from(value: $name) -> String {
+                value.to_string()
+            }
+        }
+    };
+}
 
 /// Gives no value: it is asked for an enum and learns its words.
 struct Asked;

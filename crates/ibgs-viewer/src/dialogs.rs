@@ -69,7 +69,10 @@ pub fn native(_: Sought) -> Option<PathBuf> {
 #[cfg(not(target_arch = "wasm32"))]
 fn model_endings() -> Vec<&'static str> {
     let of_gaussians = Format::ALL.into_iter().filter_map(|format| format.ending().rsplit('.').next());
-    std::iter::once("ibgs").chain(of_gaussians).collect()
+    let mut endings: Vec<_> = std::iter::once("ibgs").chain(of_gaussians).collect();
+    // Both kinds of PLY have the same.
+    endings.dedup();
+    endings
 }
 
 /// The system's own dialog.

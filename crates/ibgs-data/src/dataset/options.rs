@@ -43,19 +43,7 @@ impl FromStr for Resolution {
     }
 }
 
-impl TryFrom<String> for Resolution {
-    type Error = DatasetError;
-
-    fn try_from(text: String) -> Result<Self, DatasetError> {
-        text.parse()
-    }
-}
-
-impl From<Resolution> for String {
-    fn from(resolution: Resolution) -> String {
-        resolution.to_string()
-    }
-}
+crate::text_in_files!(Resolution);
 
 impl fmt::Display for Resolution {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -192,8 +180,8 @@ pub struct LoadOptions {
     /// local units that of the nearest nine tenths of all cameras from their median. `ibgs merge` takes that of a block.
     pub extent: Option<f64>,
     /// What the training begins with: `auto`: the scene's points and those found in the photos (not where the photos show an
-    /// object, nor on a software adapter, where the scene has points); `scene`: its own alone; `photos`: those found in the photos alone, also where the scene has none;
-    /// `random`.
+    /// object, nor on a software adapter, where the scene has points); `scene`: its own alone; `photos`: those found in the
+    /// photos alone, also where the scene has none; `random`.
     pub initial_points: InitialPoints,
     /// Number of points that are made; in the hull of an object at most 150 for each photo.
     pub random_points: u32,

@@ -29,19 +29,7 @@ impl Background {
     }
 }
 
-impl TryFrom<String> for Background {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<Background> for String {
-    fn from(background: Background) -> String {
-        background.to_string()
-    }
-}
+ibgs_data::text_in_files!(Background);
 
 impl FromStr for Background {
     type Err = String;

@@ -169,7 +169,8 @@ pub trait Strategy: Debug + Send {
     /// Plans a round.
     fn plan(&self, o: &Observations, config: &DensifyConfig, round: &Round<'_>, rng: &mut ChaCha8Rng) -> Plan;
 
-    /// Adds the gradients of its own penalties to those of an iteration.
+    /// Adds the gradients of its own penalties to those of an iteration. The batch may still hold the latter: burn's operations
+    /// on them need a [`flush`](ibgs_core::gpu::flush) before.
     fn penalise(&self, _gradients: &mut SplatGradients, _parameters: &Parameters, _config: &DensifyConfig) {}
 
     /// Records what it does to the Gaussians after each step.

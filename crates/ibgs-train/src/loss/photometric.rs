@@ -38,7 +38,7 @@ pub struct PhotometricLoss {
     pool: Arc<Pool<Scratch>>,
     /// Weight of the loss.
     pub weight: f32,
-    /// It is part of every so manieth iteration.
+    /// It is part of the iterations at multiples of this.
     every: u32,
 }
 
