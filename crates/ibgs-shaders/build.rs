@@ -24,6 +24,7 @@ mod shared {
 
 use module::{Description, Shape};
 use shared::class::KernelSet;
+use shared::import::name_of;
 use shared::variant::{MatrixUnits, Variant};
 use std::path::{Path, PathBuf};
 
@@ -32,8 +33,18 @@ fn main() {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let files = wgsl_files("wgsl/shared");
     let shared: Vec<_> = files.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
-    let kernels: Vec<_> = wgsl_files("wgsl").iter().map(|(name, source)| describe(name, source, &shared)).collect();
+    let files = wgsl_files("wgsl");
+    let mut kernels: Vec<_> = files
+        .iter()
+        .flat_map(|(file, source)| {
+            kernels_of(file, source).into_iter().map(|name| describe(name, file, source, &shared))
+        })
+        .collect();
     assert!(!kernels.is_empty(), "wgsl/ has no kernel");
+    kernels.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some([one, _]) = kernels.array_windows().find(|[one, other]| one.name == other.name) {
+        panic!("two kernels are called {}", one.name);
+    }
     for (name, text) in [
         ("shared.rs", write::shared(&shared)),
         ("kernels.rs", write::kernels(&kernels)),
@@ -57,11 +68,18 @@ fn wgsl_files(folder: &str) -> Vec<(String, String)> {
     files
 }
 
+/// The names of a file's kernels.
+fn kernels_of<'a>(file: &'a str, source: &'a str) -> Vec<&'a str> {
+    let names: Vec<_> = source.lines().filter_map(name_of).collect();
+    if names.is_empty() { vec![file] } else { names }
+}
+
 /// What the host must know of a kernel, which is the same of all its forms.
-fn describe(name: &str, source: &str, shared: &[(&str, &str)]) -> Description {
+fn describe(name: &str, file: &str, source: &str, shared: &[(&str, &str)]) -> Description {
     let _named = Named(name);
+    assert!(name.starts_with(file), "wgsl/{file}.wgsl: the name {name} does not begin with the file's");
     let header = header::read(name, source);
-    let shape = |variant: Variant| Shape::of(name, &variant.text(source, shared));
+    let shape = |variant: Variant| Shape::of(name, &variant.text(name, source, shared));
     let matrix = |side, lanes| Variant::Matrix(MatrixUnits { side, lanes });
     let (usual, others) = match header.set {
         // Those for matrix units have a fixed number of subgroups; the table says what 32 lanes make.
@@ -73,9 +91,9 @@ fn describe(name: &str, source: &str, shared: &[(&str, &str)]) -> Description {
         if matches!(variant, Variant::Matrix(_)) && 4 * other.workgroup[0] == usual.workgroup[0] {
             other.workgroup = usual.workgroup;
         }
-        assert!(other == usual, "wgsl/{name}.wgsl: its form {variant:?} has other bindings, parameters or workgroups");
+        assert!(other == usual, "kernel {name}: its form {variant:?} has other bindings, parameters or workgroups");
     }
-    Description { name: name.to_string(), header, shape: usual }
+    Description { name: name.to_string(), file: file.to_string(), header, shape: usual }
 }
 
 /// The kernel that is read: a panic of the library's part does not name it.
@@ -84,7 +102,7 @@ struct Named<'a>(&'a str);
 impl Drop for Named<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            println!("cargo::error=wgsl/{}.wgsl cannot be read", self.0);
+            println!("cargo::error=the kernel {} cannot be read", self.0);
         }
     }
 }

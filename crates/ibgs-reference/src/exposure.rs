@@ -74,3 +74,28 @@ impl Image {
         (colors, numbers)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::finite::assert_gradient;
+    use crate::random_scene::random_image;
+
+    #[test]
+    fn gradients_agree_with_finite_differences() {
+        let colors = random_image(13, 11, 0.0, 1.0, 8);
+        let transmittance = random_image(13, 11, 0.0, 1.0, 9).iter().map(|v| v[0]).collect();
+        let v = random_image(13, 11, -1.0, 1.0, 10);
+        let image = Image { colors, transmittance, background: [0.9, 0.1, 0.4] };
+        let own = Exposure { log_gain: [0.2, -0.3, 0.1], offset: [0.02, -0.05, 0.1] };
+        let along = |map: &Map| -> f64 { map.as_flattened().iter().zip(v.as_flattened()).map(|(x, v)| x * v).sum() };
+        let (v_image, v_numbers) = image.exposed_backward(&own, &v);
+        let by_image = assert_gradient("image", image.colors.as_flattened(), v_image.as_flattened(), 1e-6, |x| {
+            along(&Image { colors: x.as_chunks().0.to_vec(), ..image.clone() }.exposed(&own))
+        });
+        let by_numbers = assert_gradient("exposure", &own.numbers(), &v_numbers, 1e-6, |x| {
+            along(&image.exposed(&Exposure::from_numbers(x.try_into().unwrap())))
+        });
+        println!("by image {by_image:.1e}, by exposure {by_numbers:.1e}");
+    }
+}

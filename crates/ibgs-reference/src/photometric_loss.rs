@@ -57,3 +57,27 @@ pub fn photometric_loss_backward(target: &Masked, warped: &[Map], visible: &[Vec
     };
     warped.iter().zip(visible).map(compared).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::finite::assert_gradient;
+    use crate::random_scene::random_image;
+
+    #[test]
+    fn gradient_agrees_with_finite_differences() {
+        let (width, height) = (15, 13);
+        let photo = random_image(15, 13, 0.0, 1.0, 4);
+        let valid: Vec<bool> = (0..photo.len()).map(|i| i % 9 != 4).collect();
+        let target = Masked { photo: &photo, valid: &valid, width, height };
+        let level = random_image(15, 13, 0.0, 1.0, 5);
+        let visible = [0.3, 0.7].map(|limit| level.iter().map(|v| v[0] > limit).collect::<Vec<bool>>());
+        let warped = [random_image(15, 13, 0.0, 1.0, 6), random_image(15, 13, 0.0, 1.0, 7)];
+        let split = |v: &[f64]| -> Vec<Map> { v.as_chunks().0.chunks(width * height).map(<[_]>::to_vec).collect() };
+        let flat: Vec<f64> = warped.concat().into_flattened();
+        let v = photometric_loss_backward(&target, &warped, &visible, 0.3).concat().into_flattened();
+        let worst =
+            assert_gradient("warped", &flat, &v, 1e-6, |at| photometric_loss(&target, &split(at), &visible, 0.3));
+        println!("photometric {worst:.1e}");
+    }
+}

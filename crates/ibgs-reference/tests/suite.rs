@@ -1,4 +1,4 @@
-//! Holds the CPU twins to finite differences, to the golden data and to independent evaluations.
+//! Holds the CPU twins to finite differences, where they do not themselves, to the golden data and to independent evaluations.
 #![allow(missing_docs, clippy::print_stdout)]
 #![forbid(unsafe_code)]
 
@@ -6,5 +6,4 @@ mod geometry;
 mod golden;
 mod gradients;
 mod losses;
-mod surface_losses;
 mod thresholds;

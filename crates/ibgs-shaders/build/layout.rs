@@ -35,13 +35,13 @@ impl Reader<'_> {
     pub fn row(&mut self, buffer: &GlobalVariable) -> String {
         let (kernel, name) = (self.kernel, buffer.name.as_deref().unwrap_or_default());
         let TypeInner::Array { base, stride, .. } = self.module.types[buffer.ty].inner else {
-            panic!("wgsl/{kernel}.wgsl: buffer {name} is no array")
+            panic!("kernel {kernel}: buffer {name} is no array")
         };
         let (row, size) = match self.module.types[base].inner {
             TypeInner::Atomic(scalar) => (self.host_scalar(scalar), u32::from(scalar.width)),
             _ => self.host_type(base),
         };
-        assert!(size == stride, "wgsl/{kernel}.wgsl: buffer {name} has implicit padding in each `{row}`");
+        assert!(size == stride, "kernel {kernel}: buffer {name} has implicit padding in each `{row}`");
         row
     }
 
@@ -57,11 +57,11 @@ impl Reader<'_> {
             TypeInner::Array { base, size: ArraySize::Constant(count), stride } => {
                 let (base, size) = self.host_type(*base);
                 let kernel = self.kernel;
-                assert!(size == *stride, "wgsl/{kernel}.wgsl: an array of `{base}` has implicit padding in each value");
+                assert!(size == *stride, "kernel {kernel}: an array of `{base}` has implicit padding in each value");
                 (format!("[{base}; {count}]"), size * count.get())
             }
             TypeInner::Struct { span, .. } => (self.read(handle), *span),
-            _ => panic!("wgsl/{}.wgsl: the host has no type for `{}`", self.kernel, wgsl_type(self.module, handle)),
+            _ => panic!("kernel {}: the host has no type for `{}`", self.kernel, wgsl_type(self.module, handle)),
         }
     }
 
@@ -70,7 +70,7 @@ impl Reader<'_> {
         match name.as_str() {
             "f32" | "u32" | "i32" => name,
             "f16" => "F16".to_string(),
-            _ => panic!("wgsl/{}.wgsl: the host has no type for `{name}`", self.kernel),
+            _ => panic!("kernel {}: the host has no type for `{name}`", self.kernel),
         }
     }
 
@@ -82,23 +82,23 @@ impl Reader<'_> {
         let name = ty.name.clone().unwrap_or_default();
         let comments = module.doc_comments.as_deref();
         let doc = lines(comments.and_then(|all| all.types.get(&handle)));
-        assert!(!doc.is_empty(), "wgsl/{kernel}.wgsl: struct {name} needs a comment `///`");
+        assert!(!doc.is_empty(), "kernel {kernel}: struct {name} needs a comment `///`");
         let (mut fields, mut end) = (Vec::new(), 0);
         for (index, member) in members.iter().enumerate() {
             let field = member.name.clone().unwrap_or_default();
             let doc = lines(comments.and_then(|all| all.struct_members.get(&(handle, index))));
-            assert!(!doc.is_empty(), "wgsl/{kernel}.wgsl: field {name}.{field} needs a comment `///`");
+            assert!(!doc.is_empty(), "kernel {kernel}: field {name}.{field} needs a comment `///`");
             let gap = member.offset - end;
             assert!(
                 gap == 0,
-                "wgsl/{kernel}.wgsl: before {name}.{field} lie {gap} bytes of implicit padding; add a field"
+                "kernel {kernel}: before {name}.{field} lie {gap} bytes of implicit padding; add a field"
             );
             let (ty, size) = self.host_type(member.ty);
             end = member.offset + size;
             fields.push(Field { name: field, doc, ty, offset: member.offset });
         }
         let gap = span - end;
-        assert!(gap == 0, "wgsl/{kernel}.wgsl: struct {name} ends with {gap} bytes of implicit padding; add a field");
+        assert!(gap == 0, "kernel {kernel}: struct {name} ends with {gap} bytes of implicit padding; add a field");
         self.found.push(Struct { name: name.clone(), doc, fields });
         name
     }
@@ -141,7 +141,7 @@ pub fn all_structs(kernels: &[Description]) -> Vec<Struct> {
         for own in &kernel.shape.structs {
             let (first, known) = *all.entry(&own.name).or_insert((&kernel.name, own));
             let name = &own.name;
-            assert!(known == own, "struct {name} differs between wgsl/{first}.wgsl and wgsl/{}.wgsl", kernel.name);
+            assert!(known == own, "struct {name} differs between the kernels {first} and {}", kernel.name);
         }
     }
     all.into_values().map(|(_, own)| own.clone()).collect()

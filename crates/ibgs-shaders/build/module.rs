@@ -8,6 +8,8 @@ use naga::{AddressSpace, GlobalVariable, Module, StorageAccess};
 /// What the host must know of a kernel.
 pub struct Description {
     pub name: String,
+    /// Name of its file without extension.
+    pub file: String,
     pub header: Header,
     pub shape: Shape,
 }
@@ -45,9 +47,9 @@ impl Shape {
         let options = Options { parse_doc_comments: true, ..Options::new() };
         let module = Frontend::new_with_options(options)
             .parse(text)
-            .unwrap_or_else(|e| panic!("wgsl/{kernel}.wgsl: {}", e.emit_to_string(text)));
-        let [entry] = &module.entry_points[..] else { panic!("wgsl/{kernel}.wgsl has not one entry point") };
-        assert!(entry.name == "main", "wgsl/{kernel}.wgsl: the entry point is called `{}`, not main", entry.name);
+            .unwrap_or_else(|e| panic!("kernel {kernel}: {}", e.emit_to_string(text)));
+        let [entry] = &module.entry_points[..] else { panic!("kernel {kernel} has not one entry point") };
+        assert!(entry.name == "main", "kernel {kernel}: the entry point is called `{}`, not main", entry.name);
         let mut reader = Reader { kernel, module: &module, found: Vec::new() };
         let (mut bindings, mut immediates) = (Vec::new(), None);
         for (handle, variable) in module.global_variables.iter() {
@@ -59,7 +61,7 @@ impl Shape {
                     let row = reader.row(variable);
                     bindings.push(binding(kernel, &module, (variable, row), doc, access));
                 }
-                _ => assert!(variable.binding.is_none(), "wgsl/{kernel}.wgsl: only storage buffers can be bound"),
+                _ => assert!(variable.binding.is_none(), "kernel {kernel}: only storage buffers can be bound"),
             }
         }
         let structs = reader.found;
@@ -75,8 +77,8 @@ fn binding(
     access: StorageAccess,
 ) -> (u32, Binding) {
     let name = variable.name.clone().unwrap_or_default();
-    let Some(at) = variable.binding else { panic!("wgsl/{kernel}.wgsl: buffer {name} has no @binding") };
-    assert!(at.group == 0, "wgsl/{kernel}.wgsl: buffer {name} is not in group 0");
+    let Some(at) = variable.binding else { panic!("kernel {kernel}: buffer {name} has no @binding") };
+    assert!(at.group == 0, "kernel {kernel}: buffer {name} is not in group 0");
     let writes = access.contains(StorageAccess::STORE);
     (at.binding, Binding { name, doc, ty: wgsl_type(module, variable.ty), row, writes })
 }
@@ -85,7 +87,7 @@ fn in_order(kernel: &str, mut bindings: Vec<(u32, Binding)>) -> Vec<Binding> {
     bindings.sort_by_key(|(at, _)| *at);
     let bindings = bindings.into_iter().enumerate().map(|(index, (at, binding))| {
         let name = &binding.name;
-        assert!(at as usize == index, "wgsl/{kernel}.wgsl: buffer {name} has number {at} and should have {index}");
+        assert!(at as usize == index, "kernel {kernel}: buffer {name} has number {at} and should have {index}");
         binding
     });
     bindings.collect()

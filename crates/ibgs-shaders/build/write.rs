@@ -54,11 +54,11 @@ pub fn kernels(kernels: &[Description]) -> String {
     text
 }
 
-fn table_entry(text: &mut String, Description { name, header, shape }: &Description) {
+fn table_entry(text: &mut String, Description { name, file, header, shape }: &Description) {
     doc(text, "", &header.doc);
     line!(text, "pub static {}: Kernel = Kernel {{", name.to_uppercase());
     line!(text, "    name: \"{name}\",");
-    line!(text, "    source: {},", include(name));
+    line!(text, "    source: {},", include(file));
     line!(text, "    set: KernelSet::{:?},", header.set);
     line!(text, "    stage: KernelStage::{:?},", header.stage);
     line!(text, "    bindings: &[");

@@ -3,18 +3,38 @@
 //! between `#repeat name count` and `#end` come `count` times, with the number of the repetition in place of `$name`: drivers do
 //! not unroll every loop that they should.
 //!
-//! A kernel's file begins with what the host is told of it, which the build script reads (build/header.rs) and which leaves no line
+//! A kernel begins with what the host is told of it, which the build script reads (build/header.rs) and which leaves no line
 //! here: `//!` and a sentence of documentation, `#set` and the kernel's set, `#stage` and its stage, by the names of class.rs.
+//!
+//! A file is one kernel, which has its name, or several that belong together, such as a loss and its gradient. A line `#kernel name`
+//! then begins each of them; what stands above the first such line is a part of all.
 
-/// The WGSL of a kernel's file: imports, variants and repetitions resolved; `defined`: names that are defined before it; `shared`:
-/// name and text of the files that may be imported.
+/// The lines of a file that make one of its kernels.
+pub fn lines_of<'a>(kernel: &str, source: &'a str) -> impl Iterator<Item = &'a str> {
+    let mut counts = true;
+    source.lines().filter(move |line| match name_of(line) {
+        Some(name) => {
+            counts = name == kernel;
+            false
+        }
+        None => counts,
+    })
+}
+
+/// The kernel that a line begins.
+pub fn name_of(line: &str) -> Option<&str> {
+    line.trim_end().strip_prefix("#kernel ")
+}
+
+/// The WGSL of a kernel from the text of its file: imports, variants and repetitions resolved; `defined`: names that are defined
+/// before it; `shared`: name and text of the files that may be imported.
 ///
 /// # Panics
 /// When a kernel imports a file that does not exist, a condition or a repetition has no end, or a repetition no count: mistakes in
 /// this crate, caught by its build.
-pub fn resolve(source: &str, defined: &[&str], shared: &[(&str, &str)]) -> String {
+pub fn resolve(kernel: &str, source: &str, defined: &[&str], shared: &[(&str, &str)]) -> String {
     let mut expansion = Expansion { shared, imported: Vec::new(), defined: defined.to_vec(), text: String::new() };
-    expansion.file(source);
+    expansion.file(lines_of(kernel, source));
     repeat(&expansion.text)
 }
 
@@ -58,10 +78,10 @@ struct Expansion<'a> {
 }
 
 impl<'a> Expansion<'a> {
-    fn file(&mut self, source: &'a str) {
+    fn file(&mut self, lines: impl Iterator<Item = &'a str>) {
         // Whether the lines of each open condition count, and whether no `#else` has come yet.
         let mut conditions: Vec<(bool, bool)> = Vec::new();
-        for line in source.lines() {
+        for line in lines {
             let (directive, name) = line.trim().split_once(' ').unwrap_or((line.trim(), ""));
             match directive {
                 "#if" => conditions.push((self.defined.contains(&name), true)),
@@ -92,7 +112,7 @@ impl<'a> Expansion<'a> {
         let Some((_, text)) = self.shared.iter().find(|(file, _)| *file == name) else {
             panic!("WGSL import of unknown file {name}");
         };
-        self.file(text);
+        self.file(text.lines());
     }
 }
 
@@ -101,7 +121,7 @@ mod tests {
     const SHARED: &[(&str, &str)] = &[("one", "fn one() {}\n"), ("both", "#import one\nfn two() {}\n")];
 
     fn resolve(source: &str) -> String {
-        super::resolve(source, &[], SHARED)
+        super::resolve("one", source, &[], SHARED)
     }
 
     #[test]
@@ -123,6 +143,14 @@ mod tests {
     }
 
     #[test]
+    fn kernels_of_a_file_share_what_stands_above_them() {
+        let source = "#set train\na\n#kernel loss\n//! Forward.\nb\n#kernel loss_backward \n#import one\nc\n";
+        assert!(source.lines().filter_map(super::name_of).eq(["loss", "loss_backward"]));
+        let of = |kernel| super::resolve(kernel, source, &[], SHARED);
+        assert_eq!((&*of("loss"), &*of("loss_backward")), ("a\nb\n", "a\nfn one() {}\nc\n"));
+    }
+
+    #[test]
     fn the_header_leaves_no_line() {
         assert_eq!(resolve("//! A kernel.\n#set train\n#stage other\n// How it works.\n"), "// How it works.\n");
     }
@@ -134,7 +162,7 @@ mod tests {
         assert_eq!(resolve(&format!("#define A\n{source}")), "a\nc\n");
         assert_eq!(resolve(&format!("#define A\n#define B\n{source}")), "a\nab\nc\n");
         assert_eq!(resolve(&format!("#define B\n{source}")), "b\nc\n");
-        assert_eq!(super::resolve(source, &["A"], SHARED), "a\nc\n");
+        assert_eq!(super::resolve("one", source, &["A"], SHARED), "a\nc\n");
     }
 
     #[test]

@@ -20,10 +20,10 @@ pub struct Binding {
     pub access: Access,
 }
 
-/// A compute kernel: one file under `wgsl/`, entry point `main`.
+/// A compute kernel: a file under `wgsl/`, or a part of one, with the entry point `main`.
 #[derive(Debug)]
 pub struct Kernel {
-    /// File name without extension.
+    /// Name: that of the file, or one that begins with it.
     pub name: &'static str,
     /// Text of the file, imports not yet resolved.
     pub source: &'static str,
@@ -42,13 +42,13 @@ pub struct Kernel {
 impl Kernel {
     /// The complete WGSL source: shared constants, imported files, the kernel.
     pub fn wgsl(&self) -> String {
-        Variant::Plain.text(self.source, SHARED)
+        Variant::Plain.text(self.name, self.source, SHARED)
     }
 
     /// The same for devices whose subgroups all have this number of lanes: 8, 16 or 32. Kernels that have a form for such
     /// devices differ.
     pub fn wgsl_with_subgroups(&self, lanes: u32) -> String {
-        Variant::Subgroups(lanes).text(self.source, SHARED)
+        Variant::Subgroups(lanes).text(self.name, self.source, SHARED)
     }
 
     /// The same for devices without immediate data, which is then a uniform at binding 0 of group 1.
@@ -63,7 +63,7 @@ impl Kernel {
 
     /// The same of one of the [`MATRIX_KERNELS`](crate::MATRIX_KERNELS).
     pub fn wgsl_for(&self, units: MatrixUnits) -> String {
-        Variant::Matrix(units).text(self.source, SHARED)
+        Variant::Matrix(units).text(self.name, self.source, SHARED)
     }
 }
 

@@ -35,14 +35,21 @@ pub enum Variant {
 }
 
 impl Variant {
-    /// Shared constants, imported files, the kernel; `shared`: name and text of the files that it may import.
-    pub fn text(self, source: &str, shared: &[(&str, &str)]) -> String {
+    /// Shared constants, imported files, the kernel; `source`: the text of its file, `shared`: name and text of the files that it may
+    /// import.
+    pub fn text(self, kernel: &str, source: &str, shared: &[(&str, &str)]) -> String {
         match self {
-            Self::Plain => format!("{}{}", constants(), resolve(source, &[], shared)),
+            Self::Plain => format!("{}{}", constants(), resolve(kernel, source, &[], shared)),
             Self::Subgroups(lanes) => {
-                format!("const LANES: u32 = {lanes}u;\n{}{}", constants(), resolve(source, &["SUBGROUPS"], shared))
+                format!(
+                    "const LANES: u32 = {lanes}u;\n{}{}",
+                    constants(),
+                    resolve(kernel, source, &["SUBGROUPS"], shared)
+                )
             }
-            Self::Matrix(units) => format!("{}{}{}", units.constants(), constants(), resolve(source, &[], shared)),
+            Self::Matrix(units) => {
+                format!("{}{}{}", units.constants(), constants(), resolve(kernel, source, &[], shared))
+            }
         }
     }
 }

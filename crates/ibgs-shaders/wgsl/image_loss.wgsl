@@ -1,5 +1,7 @@
-//! L1 + SSIM, forward.
 #set train
+
+#kernel image_loss
+//! L1 + SSIM, forward.
 #stage image loss
 // One workgroup a tile and channel: |x - y|, SSIM, and the derivatives of SSIM by its windowed moments.
 #import ssim_moments
@@ -49,4 +51,75 @@ fn main(
     if local == 0u {
         partials[(wid.z * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum;
     }
+}
+
+#kernel image_loss_total
+//! L1 + SSIM, sum over the tiles.
+#stage image loss
+// One workgroup: sums the tiles' partial sums in a fixed order. stats = (loss, mean |x - y|, mean SSIM, mean squared error).
+#import ssim
+#import reduce
+
+@group(0) @binding(0) var<storage, read> partials: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read_write> loss: array<f32>;
+@group(0) @binding(2) var<storage, read_write> stats: array<f32>;
+
+@compute @workgroup_size(256)
+fn main(@builtin(local_invocation_index) local: u32) {
+    let count = 3u * params.tiles.x * params.tiles.y;
+    var sum = vec4(0.0);
+    for (var i = local; i < count; i += 256u) {
+        sum += partials[i];
+    }
+    let total = reduce(local, sum);
+    if local == 0u {
+        let mean = total / (3.0 * f32(params.size.x * params.size.y));
+        let value = (1.0 - params.lambda) * mean.x + params.lambda * (1.0 - mean.y);
+        loss[0] = value;
+        stats[0] = value;
+        stats[1] = mean.x;
+        stats[2] = mean.y;
+        stats[3] = mean.z;
+    }
+}
+
+#kernel image_loss_backward
+//! L1 + SSIM, gradient by the image.
+#stage image loss backward
+// One workgroup a tile and channel: gradient of the L1 + SSIM loss by the image, times the upstream scalar.
+#import ssim_maps
+
+@group(0) @binding(0) var<storage, read> image: array<f32>;
+@group(0) @binding(1) var<storage, read> photo: array<u32>;
+@group(0) @binding(2) var<storage, read> moments: array<f32>;
+@group(0) @binding(3) var<storage, read> v_loss: array<f32>;
+@group(0) @binding(4) var<storage, read_write> v_image: array<f32>;
+
+@compute @workgroup_size(TILE, TILE)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(local_invocation_id) lid: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let c = wid.z;
+    let plane = params.size.x * params.size.y;
+    let pixel = wid.xy * TILE + lid.xy;
+    let within = min(pixel, params.size - 1u);
+    let p = within.y * params.size.x + within.x;
+    // Read before the maps, so that all wait together.
+    let texel = photo[p];
+    let x = image[3u * p + c];
+    let upstream = v_loss[0];
+    load_maps(wid.xy, c, local);
+    if any(pixel >= params.size) {
+        return;
+    }
+    let s = window_sums(lid);
+    var v = 0.0;
+    if target_counts(texel) {
+        let y = target_channel(texel, c);
+        let by_ssim = s.x + 2.0 * x * s.y + y * s.z;
+        v = upstream * ((1.0 - params.lambda) * sign(x - y) - params.lambda * by_ssim) / (3.0 * f32(plane));
+    }
+    v_image[3u * p + c] = v;
 }

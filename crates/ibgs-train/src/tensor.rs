@@ -140,3 +140,9 @@ pub fn contiguous(tensor: CubeTensor) -> CubeTensor {
 pub fn from_primitive<const D: usize>(cube: CubeTensor) -> Tensor<D> {
     Tensor::from_primitive::<CubeBackend>(cube)
 }
+
+/// Values of a tensor.
+#[cfg(test)]
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
+    tensor.into_data().try_into_vec::<f32>().unwrap().into_iter().map(f64::from).collect()
+}
