@@ -21,7 +21,8 @@ pub mod view;
 
 use crate::stderr;
 use anyhow::Result;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use ibgs_core::config::Strategy;
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::words::words;
 use serde::de::DeserializeOwned;
@@ -41,7 +42,21 @@ fn word<T>() -> impl TypedValueParser<Value = T>
 where
     T: DeserializeOwned + Clone + Send + Sync + 'static,
 {
-    PossibleValuesParser::new(words::<T>()).try_map(|word| serde_json::from_value(Value::String(word)))
+    word_of(words::<T>())
+}
+
+/// The same where help says more of each word.
+fn word_of<T>(values: impl Into<PossibleValuesParser>) -> impl TypedValueParser<Value = T>
+where
+    T: DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    values.into().try_map(|word| serde_json::from_value(Value::String(word)))
+}
+
+/// Parses a strategy of densification; help says what each does.
+fn strategy() -> impl TypedValueParser<Value = Strategy> {
+    let strategies = words::<Strategy>().iter().zip(Strategy::ALL);
+    word_of(PossibleValuesParser::new(strategies.map(|(word, own)| PossibleValue::new(*word).help(own.meaning()))))
 }
 
 /// A number such as `5000`, `100k` or `1.5M`; none for other text.

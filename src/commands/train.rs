@@ -14,7 +14,7 @@ pub use demo::DemoDefaults;
 pub use start::{Reports, prepare, wished};
 pub use window::{Failure, Watched};
 
-use super::{open_gpu, view, word};
+use super::{open_gpu, strategy, view, word};
 use crate::advice::resolution;
 use crate::stderr;
 use anyhow::{Result, bail};
@@ -199,7 +199,7 @@ pub struct Args {
     #[arg(long, help_heading = heading::GAUSSIANS)]
     init: Option<PathBuf>,
     /// Largest number of Gaussians, such as `500000`, `500k` or `1.5M` [default: one per 45 pixels of the training photos,
-    /// from 200000 to 3000000; with `published` and `absgs` 5000000; demo scene 1000000, on a software adapter 12000].
+    /// from 200000 to 3000000, with `default`, else by the strategy; demo scene 1000000, on a software adapter 12000].
     #[arg(long, value_parser = splats, help_heading = heading::GAUSSIANS)]
     max_splats: Option<u32>,
     /// Degree of the spherical harmonics (view dependence of the base colour), 0 to 3 [default: 2; with `--method 3dgs`
@@ -213,24 +213,23 @@ pub struct Args {
     /// Iterations over which the learning rate of the positions falls [default: 30000, scaled].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     mean_iterations: Option<u32>,
-    /// How Gaussians are added and removed: `default` splits by the largest gradient of any view; `published` as in the
-    /// paper, with opacity resets; `absgs` splits by absolute gradients; `mcmc` moves them and grows to `--max-splats`
-    /// [default: default].
+    /// How Gaussians are added and removed [default: default].
     #[arg(
         long,
         value_name = "STRATEGY",
-        value_parser = word::<Strategy>(),
+        value_parser = strategy(),
         help_heading = heading::GAUSSIANS
     )]
     densify: Option<Strategy>,
     /// The first densification comes after this iteration [default: 500, less in short runs].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_start: Option<u32>,
-    /// Gaussians are added only before this iteration [default: 21000; with `mcmc` 25000; with the others 15000; all
-    /// scaled; with `--init` none are added].
+    /// Gaussians are added only before this iteration [default: 21000 with `default`, else by the strategy; scaled; with
+    /// `--init` none are added].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_end: Option<u32>,
-    /// Iterations between two densifications [default: 200, with the other strategies 100; less in short runs].
+    /// Iterations between two densifications [default: 200 with `default`, else by the strategy; less in short
+    /// runs].
     #[arg(long, help_heading = heading::GAUSSIANS)]
     densify_interval: Option<u32>,
     /// Iterations between two opacity resets of the strategies that have them [default: 3000, scaled].

@@ -68,9 +68,9 @@ pub struct TrainConfig {
     pub background: Option<Background>,
     /// Weight of 1 - SSIM in the image loss; L1 has the rest.
     pub ssim_weight: f64,
-    /// Opacity of the first Gaussians; unset: 0.1, with MCMC 0.5.
+    /// Opacity of the first Gaussians; unset: by the strategy.
     pub initial_opacity: Option<f64>,
-    /// Scale of the first Gaussians, times the distance of their neighbours; unset: 1, with MCMC 0.1.
+    /// Scale of the first Gaussians, times the distance of their neighbours; unset: by the strategy.
     pub initial_scale: Option<f64>,
     /// Evaluate every N iterations; 0: only at `eval-iterations`.
     pub eval_every: u32,

@@ -1,8 +1,6 @@
-//! Which values of the options make sense.
+//! Which values of the options make sense. Tables with a file of their own say it there, beside their fields.
 
-use super::{
-    ConfigError, DensifyConfig, ExposureConfig, LearningRates, McmcConfig, ResidualConfig, SourceOptions, TrainConfig,
-};
+use super::{ConfigError, LearningRates, SourceOptions, TrainConfig};
 use crate::scene::MAX_SH_DEGREE;
 use crate::sources::memory::MemoryBudget;
 use crate::sources::{MAX_SOURCES, MAX_VISIBLE};
@@ -10,7 +8,7 @@ use std::path::Path;
 
 /// What a number must be.
 #[derive(Clone, Copy)]
-enum Range {
+pub(super) enum Range {
     /// > 0.
     Positive,
     /// >= 0.
@@ -51,12 +49,18 @@ impl Range {
 }
 
 /// Carries the file's name into the errors.
-struct Check<'a> {
+pub(super) struct Check<'a> {
     path: Option<&'a Path>,
 }
 
 impl Check<'_> {
-    fn require(&self, holds: bool, field: &str, value: impl ToString, advice: &'static str) -> Result<(), ConfigError> {
+    pub(super) fn require(
+        &self,
+        holds: bool,
+        field: &str,
+        value: impl ToString,
+        advice: &'static str,
+    ) -> Result<(), ConfigError> {
         if holds {
             return Ok(());
         }
@@ -68,7 +72,7 @@ impl Check<'_> {
         })
     }
 
-    fn numbers(&self, table: &str, rows: &[(&str, f64, Range)]) -> Result<(), ConfigError> {
+    pub(super) fn numbers(&self, table: &str, rows: &[(&str, f64, Range)]) -> Result<(), ConfigError> {
         rows.iter().try_for_each(|&(field, value, range)| {
             let field = format!("{table}{field}");
             self.require(range.holds(value), &field, value, range.advice())
@@ -108,22 +112,11 @@ impl TrainConfig {
             ],
         )?;
         check_rates(&self.learning_rates, &check)?;
-        check_densify(&self.densify, &check)?;
+        self.densify.check(&check)?;
         check_sources(&self.sources, &check)?;
-        let count = self.surface.intersections;
-        let even = matches!(count, 2 | 4 | 6 | 8);
-        check.require(even, "surface.intersections", count, "it must be 2, 4, 6 or 8")?;
-        let every = self.surface.photometric_every;
-        check.require(every > 0, "surface.photometric-every", every, "it must be at least 1")?;
-        check.numbers(
-            "surface.",
-            &[
-                ("normal-weight", self.surface.normal_weight, Range::NotNegative),
-                ("photometric-weight", self.surface.photometric_weight, Range::NotNegative),
-            ],
-        )?;
-        check_residual(&self.residual, &check)?;
-        check_exposure(&self.exposure, &check)
+        self.surface.check(&check)?;
+        self.residual.check(&check)?;
+        self.exposure.check(&check)
     }
 
     fn check_counts(&self, check: &Check<'_>) -> Result<(), ConfigError> {
@@ -177,34 +170,6 @@ fn check_rates(rates: &LearningRates, check: &Check<'_>) -> Result<(), ConfigErr
     )
 }
 
-fn check_densify(densify: &DensifyConfig, check: &Check<'_>) -> Result<(), ConfigError> {
-    check.numbers(
-        "densify.",
-        &[
-            ("grad-threshold", densify.grad_threshold, Range::Positive),
-            ("scale-threshold", densify.scale_threshold, Range::NotNegative),
-            ("near-depth", densify.near_depth, Range::NotNegative),
-            ("abs-grad-threshold", densify.abs_grad_threshold, Range::Positive),
-            ("absgs-threshold", densify.absgs_threshold, Range::Positive),
-            ("abs-min-radius", densify.abs_min_radius, Range::NotNegative),
-            ("split-divisor", densify.split_divisor, Range::AboveOne),
-            ("prune-opacity", densify.prune_opacity, Range::Decay),
-            ("prune-scale", densify.prune_scale, Range::Positive),
-            ("growth.threshold", densify.growth.threshold, Range::Positive),
-            ("growth.fraction", densify.growth.fraction, Range::Unit),
-            ("growth.prune-opacity", densify.growth.prune_opacity, Range::Decay),
-            ("growth.opacity-decay", densify.growth.opacity_decay, Range::Decay),
-            ("growth.screen-size", densify.growth.screen_size, Range::NotNegative),
-            ("growth.free-space", densify.growth.free_space, Range::Decay),
-            ("mcmc.noise", densify.mcmc.noise, Range::NotNegative),
-            ("mcmc.opacity-weight", densify.mcmc.opacity_weight, Range::NotNegative),
-            ("mcmc.scale-weight", densify.mcmc.scale_weight, Range::NotNegative),
-            ("mcmc.dead-opacity", densify.mcmc.dead_opacity, Range::Inside),
-            ("mcmc.growth", densify.mcmc.growth.unwrap_or(McmcConfig::LEAST_GROWTH), Range::AboveOne),
-        ],
-    )
-}
-
 fn check_sources(sources: &SourceOptions, check: &Check<'_>) -> Result<(), ConfigError> {
     let angle = sources.max_angle_deg;
     let possible = angle > 0.0 && angle <= 180.0;
@@ -223,38 +188,4 @@ fn check_sources(sources: &SourceOptions, check: &Check<'_>) -> Result<(), Confi
         ],
     )?;
     check.require(most > least, "sources.max-distance", most, "it must lie above `sources.min-distance`")
-}
-
-fn check_residual(residual: &ResidualConfig, check: &Check<'_>) -> Result<(), ConfigError> {
-    let factor = residual.factor();
-    let known = [1.0, 0.5, 0.25].contains(&factor);
-    check.require(known, "residual.factor", factor, "it must be 1, 0.5 or 0.25")?;
-    let counted = residual.halve_at.iter().flatten().all(|&iteration| iteration >= 1);
-    check.require(counted, "residual.halve-at", "a list with 0", "iterations count from 1")?;
-    check.numbers(
-        "residual.",
-        &[
-            ("burn-in-gain", residual.burn_in_gain, Range::Unit),
-            ("dropout", residual.dropout, Range::Decay),
-            ("dropout-until", residual.dropout_until.unwrap_or(1.0), Range::Unit),
-            ("source-share", residual.source_share, Range::Unit),
-            ("learning-rate", residual.learning_rate, Range::Positive),
-            ("beta1", residual.beta1, Range::Decay),
-            ("beta2", residual.beta2, Range::Decay),
-            ("epsilon", f64::from(residual.epsilon as f32), Range::Positive),
-        ],
-    )
-}
-
-fn check_exposure(exposure: &ExposureConfig, check: &Check<'_>) -> Result<(), ConfigError> {
-    check.numbers(
-        "exposure.",
-        &[
-            ("learning-rate", exposure.learning_rate, Range::Positive),
-            ("final-learning-rate", exposure.final_learning_rate, Range::Positive),
-            ("beta1", exposure.beta1, Range::Decay),
-            ("beta2", exposure.beta2, Range::Decay),
-            ("epsilon", f64::from(exposure.epsilon as f32), Range::Positive),
-        ],
-    )
 }

@@ -4,8 +4,8 @@ use crate::dataset::LoadOptions;
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{
-    AdamConfig, DensifyConfig, ExposureConfig, GrowthConfig, LearningRates, McmcConfig, Method, OpacityResetConfig,
-    ResidualConfig, SourceOptions, Strategy, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
+    AdamConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, ResidualConfig,
+    SourceOptions, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
 };
 
 impl Default for TrainConfig {
@@ -71,11 +71,6 @@ impl TrainConfig {
     }
 }
 
-impl McmcConfig {
-    /// Factor by which the number of Gaussians grows in a round at the least, where the options give none.
-    pub const LEAST_GROWTH: f64 = 1.05;
-}
-
 impl Default for LearningRates {
     fn default() -> Self {
         Self {
@@ -98,57 +93,5 @@ impl Default for LearningRates {
 impl Default for AdamConfig {
     fn default() -> Self {
         Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 }
-    }
-}
-
-impl Default for DensifyConfig {
-    fn default() -> Self {
-        Self {
-            strategy: Strategy::Default,
-            start: None,
-            end: None,
-            interval: None,
-            grad_threshold: 2e-4,
-            near_depth: 1.0,
-            scale_threshold: 0.001,
-            abs_split: true,
-            abs_grad_threshold: 8e-4,
-            absgs_threshold: 4e-4,
-            abs_min_radius: 20.0,
-            abs_max_per_round: 50_000,
-            split_divisor: 1.6,
-            max_splats: None,
-            prune_opacity: 0.05,
-            prune_scale: 0.1,
-            prune_scale_by_distance: true,
-            prune_scale_after: None,
-            growth: GrowthConfig::default(),
-            mcmc: McmcConfig::default(),
-        }
-    }
-}
-
-impl Default for GrowthConfig {
-    fn default() -> Self {
-        Self {
-            threshold: 0.002,
-            fraction: 0.25,
-            prune_opacity: 1.0 / 255.0,
-            opacity_decay: 0.004,
-            screen_size: 0.5,
-            free_space: 0.2,
-        }
-    }
-}
-
-impl Default for McmcConfig {
-    fn default() -> Self {
-        Self { noise: 5e5, opacity_weight: 0.01, scale_weight: 0.01, dead_opacity: 0.005, growth: None }
-    }
-}
-
-impl Default for OpacityResetConfig {
-    fn default() -> Self {
-        Self { interval: None, max_opacity: 0.01 }
     }
 }

@@ -1,19 +1,47 @@
 //! Options of densification: strategies, their rounds and constants, opacity resets (method.md section 7).
 
+use super::ConfigError;
+use super::check::{Check, Range};
 use serde::{Deserialize, Serialize};
 
-/// How Gaussians are added and removed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Strategy {
-    /// Splits by the largest gradient, pruning and replacement in every round, fading opacities, no resets.
-    #[default]
+/// Makes the enum, with a list of the strategies and what their documentation says, for help and reference.
+macro_rules! strategies {
+    ($($(#[doc = $text:literal])+ $name:ident,)+) => {
+        /// How Gaussians are added and removed.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(rename_all = "lowercase")]
+        pub enum Strategy {
+            #[default]
+            $($(#[doc = $text])+ $name,)+
+        }
+
+        impl Strategy {
+            /// All of them.
+            pub const ALL: &[Self] = &[$(Self::$name),+];
+
+            /// What it does.
+            pub fn meaning(self) -> &'static str {
+                match self {
+                    $(Self::$name => concat!($($text),+).trim_start(),)+
+                }
+            }
+        }
+    };
+}
+
+strategies! {
+    /// Splits by the largest gradient of any view, prunes and replaces in every round, lets opacities fade, resets nothing
+    /// (method.md section 7).
     Default,
-    /// By mean gradients of the projected means and, for wide Gaussians, by absolute gradients (method.md section 7).
+    /// As in the paper: clones and splits by mean gradients of the projected means and, where Gaussians are wide, by absolute
+    /// gradients (method.md section 7).
     Published,
-    /// AbsGS (Ye et al., 2024): the absolute gradient alone says what is split.
+    /// AbsGS (Ye et al., 2024): splits large Gaussians by the absolute gradient alone, without conditions on radius and number;
+    /// clones small ones by the signed gradient.
     AbsGs,
-    /// 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., 2024): moves, noise and a cap.
+    /// 3D Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al., 2024): nothing is cloned, split or pruned. Transparent
+    /// Gaussians move onto others that are drawn by opacity, and the number grows to the cap. Penalties on opacity and scale are
+    /// added to the gradients, and noise moves the means after each step.
     Mcmc,
 }
 
@@ -103,10 +131,10 @@ pub struct DensifyConfig {
     pub strategy: Strategy,
     /// Rounds come after this iteration; unset: 500, scaled only in short runs.
     pub start: Option<u32>,
-    /// The number of Gaussians grows before this iteration; unset: 21000, with `mcmc` 25000, with the others 15000, scaled.
+    /// The number of Gaussians grows before this iteration; unset: by the strategy, scaled.
     pub end: Option<u32>,
-    /// Rounds come at multiples of this; unset: 200, and more in proportion where `learning-rates.factor` is under 1; with the
-    /// other strategies 100; scaled only in short runs.
+    /// Rounds come at multiples of this; unset: by the strategy, with `default` more in proportion where `learning-rates.factor`
+    /// is under 1; scaled only in short runs.
     pub interval: Option<u32>,
     /// Mean gradient norm from which a Gaussian is cloned or split.
     pub grad_threshold: f64,
@@ -127,8 +155,8 @@ pub struct DensifyConfig {
     pub abs_max_per_round: u32,
     /// A split divides the scales by this.
     pub split_divisor: f64,
-    /// Gaussians in all; unset: with `default` and `mcmc` one for each 45 pixels of the training photos, 200,000 to 3 million; 5
-    /// million with the others.
+    /// Gaussians in all; unset: by the strategy, or by the photos: one for each 45 pixels of the training photos, 200,000 to 3
+    /// million.
     pub max_splats: Option<u32>,
     /// Gaussians below this opacity are removed.
     pub prune_opacity: f64,
@@ -149,6 +177,35 @@ impl DensifyConfig {
     /// Gaussians in all.
     pub fn most(&self) -> u32 {
         self.max_splats.unwrap_or(self.strategy.defaults().max_splats)
+    }
+
+    /// Which values make sense.
+    pub(super) fn check(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        check.numbers(
+            "densify.",
+            &[
+                ("grad-threshold", self.grad_threshold, Range::Positive),
+                ("scale-threshold", self.scale_threshold, Range::NotNegative),
+                ("near-depth", self.near_depth, Range::NotNegative),
+                ("abs-grad-threshold", self.abs_grad_threshold, Range::Positive),
+                ("absgs-threshold", self.absgs_threshold, Range::Positive),
+                ("abs-min-radius", self.abs_min_radius, Range::NotNegative),
+                ("split-divisor", self.split_divisor, Range::AboveOne),
+                ("prune-opacity", self.prune_opacity, Range::Decay),
+                ("prune-scale", self.prune_scale, Range::Positive),
+                ("growth.threshold", self.growth.threshold, Range::Positive),
+                ("growth.fraction", self.growth.fraction, Range::Unit),
+                ("growth.prune-opacity", self.growth.prune_opacity, Range::Decay),
+                ("growth.opacity-decay", self.growth.opacity_decay, Range::Decay),
+                ("growth.screen-size", self.growth.screen_size, Range::NotNegative),
+                ("growth.free-space", self.growth.free_space, Range::Decay),
+                ("mcmc.noise", self.mcmc.noise, Range::NotNegative),
+                ("mcmc.opacity-weight", self.mcmc.opacity_weight, Range::NotNegative),
+                ("mcmc.scale-weight", self.mcmc.scale_weight, Range::NotNegative),
+                ("mcmc.dead-opacity", self.mcmc.dead_opacity, Range::Inside),
+                ("mcmc.growth", self.mcmc.growth.unwrap_or(McmcConfig::LEAST_GROWTH), Range::AboveOne),
+            ],
+        )
     }
 }
 
@@ -196,4 +253,61 @@ pub struct OpacityResetConfig {
     pub interval: Option<u32>,
     /// Opacity is clamped to at most this.
     pub max_opacity: f64,
+}
+
+impl McmcConfig {
+    /// Factor by which the number of Gaussians grows in a round at the least, where the options give none.
+    pub const LEAST_GROWTH: f64 = 1.05;
+}
+
+impl Default for DensifyConfig {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Default,
+            start: None,
+            end: None,
+            interval: None,
+            grad_threshold: 2e-4,
+            near_depth: 1.0,
+            scale_threshold: 0.001,
+            abs_split: true,
+            abs_grad_threshold: 8e-4,
+            absgs_threshold: 4e-4,
+            abs_min_radius: 20.0,
+            abs_max_per_round: 50_000,
+            split_divisor: 1.6,
+            max_splats: None,
+            prune_opacity: 0.05,
+            prune_scale: 0.1,
+            prune_scale_by_distance: true,
+            prune_scale_after: None,
+            growth: GrowthConfig::default(),
+            mcmc: McmcConfig::default(),
+        }
+    }
+}
+
+impl Default for GrowthConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.002,
+            fraction: 0.25,
+            prune_opacity: 1.0 / 255.0,
+            opacity_decay: 0.004,
+            screen_size: 0.5,
+            free_space: 0.2,
+        }
+    }
+}
+
+impl Default for McmcConfig {
+    fn default() -> Self {
+        Self { noise: 5e5, opacity_weight: 0.01, scale_weight: 0.01, dead_opacity: 0.005, growth: None }
+    }
+}
+
+impl Default for OpacityResetConfig {
+    fn default() -> Self {
+        Self { interval: None, max_opacity: 0.01 }
+    }
 }

@@ -54,8 +54,7 @@ impl TrainConfig {
         self.densify.prune_scale_by_distance = false;
         self.sources.distances = Distances::Absolute;
         self.sources.draw = Draw::Nearest;
-        (self.surface.normal_weight, self.surface.photometric_weight) = (0.03, 0.3);
-        self.surface.photometric_every = 1;
+        self.surface.publish();
         self.residual.burn_in_gain = 0.5;
         self.residual.dropout = 0.0;
         self.residual.output = Some(Output::Residual);

@@ -1,5 +1,7 @@
 //! Options of the image-based stages, surface losses and residual network (method.md sections 3, 6 and 7), and of exposure.
 
+use super::ConfigError;
+use super::check::{Check, Range};
 use crate::residual::variant::{Aggregation, Output, Precision};
 use crate::sources::memory::MemoryBudget;
 use serde::{Deserialize, Serialize};
@@ -101,6 +103,30 @@ pub struct ExposureConfig {
     pub epsilon: f64,
 }
 
+impl SurfaceConfig {
+    /// Sets what is published otherwise.
+    pub(super) fn publish(&mut self) {
+        (self.normal_weight, self.photometric_weight) = (0.03, 0.3);
+        self.photometric_every = 1;
+    }
+
+    /// Which values make sense.
+    pub(super) fn check(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        let count = self.intersections;
+        let even = matches!(count, 2 | 4 | 6 | 8);
+        check.require(even, "surface.intersections", count, "it must be 2, 4, 6 or 8")?;
+        let every = self.photometric_every;
+        check.require(every > 0, "surface.photometric-every", every, "it must be at least 1")?;
+        check.numbers(
+            "surface.",
+            &[
+                ("normal-weight", self.normal_weight, Range::NotNegative),
+                ("photometric-weight", self.photometric_weight, Range::NotNegative),
+            ],
+        )
+    }
+}
+
 impl ResidualConfig {
     /// Size at which the network runs, relative to the image's.
     pub fn factor(&self) -> f64 {
@@ -110,6 +136,44 @@ impl ResidualConfig {
     /// What the network gives.
     pub fn output(&self) -> Output {
         self.output.unwrap_or(if self.factor() < 1.0 { Output::Gated } else { Output::Residual })
+    }
+
+    /// Which values make sense.
+    pub(super) fn check(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        let factor = self.factor();
+        let known = [1.0, 0.5, 0.25].contains(&factor);
+        check.require(known, "residual.factor", factor, "it must be 1, 0.5 or 0.25")?;
+        let counted = self.halve_at.iter().flatten().all(|&iteration| iteration >= 1);
+        check.require(counted, "residual.halve-at", "a list with 0", "iterations count from 1")?;
+        check.numbers(
+            "residual.",
+            &[
+                ("burn-in-gain", self.burn_in_gain, Range::Unit),
+                ("dropout", self.dropout, Range::Decay),
+                ("dropout-until", self.dropout_until.unwrap_or(1.0), Range::Unit),
+                ("source-share", self.source_share, Range::Unit),
+                ("learning-rate", self.learning_rate, Range::Positive),
+                ("beta1", self.beta1, Range::Decay),
+                ("beta2", self.beta2, Range::Decay),
+                ("epsilon", f64::from(self.epsilon as f32), Range::Positive),
+            ],
+        )
+    }
+}
+
+impl ExposureConfig {
+    /// Which values make sense.
+    pub(super) fn check(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        check.numbers(
+            "exposure.",
+            &[
+                ("learning-rate", self.learning_rate, Range::Positive),
+                ("final-learning-rate", self.final_learning_rate, Range::Positive),
+                ("beta1", self.beta1, Range::Decay),
+                ("beta2", self.beta2, Range::Decay),
+                ("epsilon", f64::from(self.epsilon as f32), Range::Positive),
+            ],
+        )
     }
 }
 

@@ -131,3 +131,125 @@ pub(super) fn plan(
     }
     plan
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::free_space::NOWHERE;
+    use super::super::{Round, distance_length, strategy};
+    use super::{FRESH, Observations, Plan};
+    use glam::DVec3;
+    use ibgs_core::config::{DensifyConfig, Strategy};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    pub fn round() -> Round<'static> {
+        Round {
+            extent: 1.0,
+            prune_length: 1.0,
+            transparent: true,
+            large: false,
+            grows: true,
+            progress: 0.0,
+            until_half: 0,
+            free_space: &NOWHERE,
+        }
+    }
+
+    fn published() -> DensifyConfig {
+        DensifyConfig { strategy: Strategy::Published, ..DensifyConfig::default() }
+    }
+
+    /// One Gaussian each: (gradient sum, absolute sum, views, radius), log scale, opacity logit.
+    pub fn observations(rows: &[([f32; 4], f32, f32)]) -> Observations {
+        Observations {
+            statistics: rows.iter().map(|r| r.0).collect(),
+            means: (0..rows.len()).map(|i| [i as f32, 0.0, 0.0]).collect(),
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; rows.len()],
+            log_scales: rows.iter().map(|r| [r.1; 3]).collect(),
+            opacity_logits: rows.iter().map(|r| r.2).collect(),
+        }
+    }
+
+    pub fn planned(rows: &[([f32; 4], f32, f32)], config: &DensifyConfig, round: &Round<'_>) -> Plan {
+        strategy(config.strategy).plan(&observations(rows), config, round, &mut ChaCha8Rng::seed_from_u64(1))
+    }
+
+    #[test]
+    fn small_ones_are_cloned_large_ones_split_quiet_ones_kept() {
+        let (small, large) = (0.0005f32.ln(), 0.05f32.ln());
+        let rows = [
+            ([1e-3, 0.0, 2.0, 5.0], small, 1.0),
+            ([1e-3, 0.0, 2.0, 5.0], large, 1.0),
+            ([1e-4, 0.0, 2.0, 5.0], large, 1.0),
+            // Never seen: no division by zero views.
+            ([0.0, 0.0, 0.0, 0.0], small, 1.0),
+        ];
+        let plan = planned(&rows, &published(), &round());
+        assert_eq!(plan.sources, [0, 2, 3, FRESH, FRESH | 1, FRESH | 1]);
+        assert_eq!(plan.counts, [1, 1, 0]);
+        assert_eq!(plan.means[..3], [[0.0; 3], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]);
+        assert_ne!(plan.means[3], [0.0; 3], "the copy is drawn from the Gaussian");
+        assert!((plan.log_scales[4][0] - (large - 1.6f32.ln())).abs() < 1e-6);
+        assert_eq!(plan.log_scales[3], [small; 3]);
+        assert_ne!(plan.means[4], plan.means[5]);
+    }
+
+    #[test]
+    fn absolute_gradients_split_wide_ones_and_the_largest_win() {
+        let large = 0.05f32.ln();
+        let rows = [
+            ([0.0, 2e-3, 1.0, 21.0], large, 1.0),
+            ([0.0, 3e-3, 1.0, 21.0], large, 1.0),
+            ([0.0, 3e-3, 1.0, 20.0], large, 1.0),
+            ([0.0, 3e-3, 1.0, 90.0], 0.0005f32.ln(), 1.0),
+            ([0.0, 7e-4, 1.0, 90.0], large, 1.0),
+        ];
+        let config = published();
+        assert_eq!(planned(&rows, &config, &round()).counts, [0, 2, 0]);
+        let one = DensifyConfig { abs_max_per_round: 1, ..config.clone() };
+        let plan = planned(&rows, &one, &round());
+        assert_eq!(plan.sources, [0, 2, 3, 4, FRESH | 1, FRESH | 1]);
+        let off = DensifyConfig { abs_split: false, ..config };
+        assert_eq!(planned(&rows, &off, &round()).counts, [0, 0, 0]);
+    }
+
+    #[test]
+    fn pruning_takes_the_transparent_and_later_the_large() {
+        let rows = [([0.0; 4], 0.01f32.ln(), -3.5), ([0.0; 4], 0.2f32.ln(), 1.0), ([0.0; 4], 0.01f32.ln(), 1.0)];
+        let config = published();
+        assert_eq!(planned(&rows, &config, &round()).sources, [1, 2]);
+        assert_eq!(planned(&rows, &config, &Round { large: true, ..round() }).sources, [2]);
+        assert_eq!(planned(&rows, &config, &Round { transparent: false, ..round() }).sources, [0, 1, 2]);
+    }
+
+    #[test]
+    fn far_scenes_are_measured_by_their_distance() {
+        let far =
+            |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [1e6, 0.0, 0.0], [x - 1.0, 0.0, 0.0], [x + 0.5, 0.0, 0.0]];
+        let centre = DVec3::new(-1.0, 0.0, 0.0);
+        assert_eq!(distance_length(&far(9.0), centre, 2.0), 10.5);
+        assert_eq!(distance_length(&far(4.0), centre, 2.0), 2.0);
+        assert_eq!(distance_length(&[], centre, 2.0), 2.0);
+        let rows = [([0.0; 4], 0.25f32.ln(), 1.0); 3];
+        let round = Round { large: true, ..round() };
+        assert_eq!(planned(&rows, &published(), &round).sources, [0; 0]);
+        assert_eq!(planned(&rows, &published(), &Round { prune_length: 3.0, ..round }).sources, [0, 1, 2]);
+    }
+
+    #[test]
+    fn the_cap_is_never_passed() {
+        let rows: Vec<_> = (0..50).map(|i| ([1e-3 * (1 + i) as f32, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)).collect();
+        let config = DensifyConfig { max_splats: Some(55), ..published() };
+        let plan = planned(&rows, &config, &round());
+        assert_eq!(plan.sources.len(), 55);
+        // The largest gradients.
+        assert!(plan.sources.iter().filter(|s| **s & FRESH != 0).all(|s| s & !FRESH >= 45));
+    }
+
+    #[test]
+    fn a_plan_is_repeatable() {
+        let rows = [([1e-3, 0.0, 1.0, 1.0], 0.05f32.ln(), 1.0)];
+        let config = published();
+        assert_eq!(planned(&rows, &config, &round()), planned(&rows, &config, &round()));
+    }
+}

@@ -75,7 +75,7 @@ fn the_most_gaussians_are_not_exceeded() {
 #[test]
 fn every_strategy_trains_and_repeats() {
     let dataset = dataset();
-    for strategy in [Strategy::Default, Strategy::AbsGs, Strategy::Mcmc] {
+    for &strategy in Strategy::ALL {
         let mut config = densifying(60, 60);
         config.densify.strategy = strategy;
         config.densify.max_splats = Some(330);
