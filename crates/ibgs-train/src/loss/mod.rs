@@ -1,7 +1,7 @@
 //! Losses (method.md section 7): the image loss of base and final image, and those that are added to it.
 //!
-//! One of the latter is a file with a [`Loss`] and its line in [`losses`]; a program of its own gives a training more
-//! ([`SessionBuilder::loss`](crate::session::SessionBuilder::loss)).
+//! One of the latter is a file with a [`Loss`] and the tests of its kernels, and its line in [`losses`]; a program of its own
+//! gives a training more ([`SessionBuilder::loss`](crate::session::SessionBuilder::loss)).
 
 mod image;
 mod normal;
