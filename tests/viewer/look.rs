@@ -6,8 +6,16 @@ use egui_kittest::kittest::Queryable;
 use ibgs_core::camera_path::KeyframePath;
 use ibgs_viewer::Mode;
 
-const KEYS: [Key; 10] =
-    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
+/// Shows a mode by its key, one that has none by its button.
+fn show(window: &mut Window, mode: Mode) {
+    match mode.key() {
+        Some(key) => press(window, key),
+        None => {
+            window.get_by_label(mode.name()).click();
+            settle(window);
+        }
+    }
+}
 
 /// The canvas' middle.
 fn middle(window: &mut Window) -> Vec<[u8; 4]> {
@@ -20,8 +28,8 @@ fn every_mode_shows_something_else() {
     let mut window = window(Some(small(folder.path())));
     assert_eq!((window.state().mode(), window.state().on_view()), (Mode::Final, Some(0)));
     let mut seen: Vec<Vec<[u8; 4]>> = Vec::new();
-    for (key, mode) in KEYS.into_iter().zip(Mode::ALL) {
-        press(&mut window, key);
+    for mode in Mode::ALL {
+        show(&mut window, mode);
         assert_eq!(window.state().mode(), mode);
         let picture = middle(&mut window);
         // The Gaussians of so short a training are still round: they all have one normal.
@@ -112,9 +120,17 @@ fn models_without_a_network_or_photos_offer_what_they_have() {
     let content = Content::Model(Arc::new(renderer.showing_surface()));
     let mut window = window(Some(Opened { scene, content }));
     let offered: Vec<Mode> = Mode::ALL.into_iter().filter(|mode| window.state().offers(*mode)).collect();
-    assert_eq!(offered, [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids]);
-    for key in [Key::Num3, Key::Num6, Key::Num7, Key::Num8] {
-        press(&mut window, key);
+    let (needing, others): (Vec<Mode>, Vec<Mode>) =
+        Mode::ALL.into_iter().partition(|mode| mode.needs_network() || mode.needs_photo());
+    assert_eq!(offered, others);
+    for mode in [Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo] {
+        assert!(needing.contains(&mode), "{mode:?}");
+    }
+    for mode in [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids] {
+        assert!(others.contains(&mode), "{mode:?}");
+    }
+    for mode in needing {
+        show(&mut window, mode);
         assert_eq!(window.state().mode(), Mode::Final);
     }
     window.state_mut().show_other(Some(Mode::Visibility));

@@ -7,6 +7,9 @@ use ibgs_render::residual::layers::{CONFIDENCE, FEATURES, HIDDEN, INPUT, MLP1, M
 use ibgs_render::residual::{Aggregation, Output, Variant};
 use ibgs_render::sources::Reach;
 
+/// Place of the cosine among the numbers of a source.
+const COSINE: usize = 6;
+
 /// In place of a source's number where there is no visible source m.
 pub const EMPTY: u8 = 255;
 
@@ -207,7 +210,7 @@ impl View {
         for (m, v) in v_features.iter().enumerate() {
             let v = resize_backward(v, self.size(), self.low());
             for p in (0..pixels).filter(|p| self.seen[*p][m] != EMPTY) {
-                grads.warped[m * pixels + p] = [v[p][0], v[p][1], v[p][2], v[p][6]];
+                grads.warped[m * pixels + p] = [v[p][0], v[p][1], v[p][2], v[p][COSINE]];
                 (0..3).for_each(|c| grads.base[p][c] -= v[p][c]);
             }
         }

@@ -63,11 +63,9 @@ pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS + 1] {
     window
 }
 
-/// The shared constants as WGSL declarations.
-pub fn constants() -> String {
-    use std::fmt::Write;
-    let mut text = String::new();
-    for (name, value) in [
+/// Name and value of the whole numbers that the WGSL gets.
+pub(crate) fn whole_numbers() -> impl Iterator<Item = (&'static str, u32)> {
+    [
         ("TILE", TILE),
         ("ALPHA_EMPTY", ALPHA_EMPTY),
         ("SORT_BLOCK", SORT_BLOCK),
@@ -76,6 +74,8 @@ pub fn constants() -> String {
         ("BENCH_FMAS", BENCH_FMAS),
         ("SSIM_RADIUS", SSIM_RADIUS as u32),
         ("MLP_FEATURES", layers::FEATURES as u32),
+        ("MLP_QUADS", layers::FEATURES.div_ceil(4) as u32),
+        ("MLP_ROUNDS", (layers::FEATURES + 1).div_ceil(8) as u32),
         ("MLP_CHANNELS", layers::HIDDEN as u32),
         ("NETWORK_CHANNELS", layers::INPUT as u32),
         ("NETWORK_OUTPUTS", layers::OUTPUTS as u32),
@@ -86,9 +86,15 @@ pub fn constants() -> String {
         ("HALF_SUBGROUPS", layers::HALF_SUBGROUPS),
         ("CONFIDENCE_OFFSET", layers::CONFIDENCE.offset as u32),
     ]
-    .iter()
-    .chain(choices::CONSTANTS)
-    {
+    .into_iter()
+    .chain(choices::CONSTANTS.iter().copied())
+}
+
+/// The shared constants as WGSL declarations.
+pub fn constants() -> String {
+    use std::fmt::Write;
+    let mut text = String::new();
+    for (name, value) in whole_numbers() {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
     for (name, value) in [

@@ -1,13 +1,15 @@
 //! `#import name` puts `wgsl/shared/name.wgsl` in place, once. After `#define NAME` the lines between `#if NAME` and its `#else` or
 //! `#endif` count, without it those between `#else` and `#endif`: kernels that are variants of each other share one file. The lines
 //! between `#repeat name count` and `#end` come `count` times, with the number of the repetition in place of `$name`: drivers do
-//! not unroll every loop that they should.
+//! not unroll every loop that they should. A count is a number or the name of a shared constant.
 //!
 //! A kernel begins with what the host is told of it, which the build script reads (build/header.rs) and which leaves no line
 //! here: `//!` and a sentence of documentation, `#set` and the kernel's set, `#stage` and its stage, by the names of class.rs.
 //!
 //! A file is one kernel, which has its name, or several that belong together, such as a loss and its gradient. A line `#kernel name`
 //! then begins each of them; what stands above the first such line is a part of all.
+
+use super::constants::whole_numbers;
 
 /// The lines of a file that make one of its kernels.
 pub fn lines_of<'a>(kernel: &str, source: &'a str) -> impl Iterator<Item = &'a str> {
@@ -48,7 +50,7 @@ fn repeat(source: &str) -> String {
             out.push('\n');
             continue;
         };
-        let parsed = repetition.split_once(' ').and_then(|(name, count)| Some((name, count.parse::<usize>().ok()?)));
+        let parsed = repetition.split_once(' ').and_then(|(name, text)| Some((name, count(text)?)));
         let Some((name, count)) = parsed else { panic!("WGSL repetition without name and count: {repetition}") };
         let (mut body, mut depth) = (String::new(), 1);
         while depth > 0 {
@@ -68,6 +70,10 @@ fn repeat(source: &str) -> String {
         }
     }
     out
+}
+
+fn count(text: &str) -> Option<u32> {
+    text.parse().ok().or_else(|| whole_numbers().find(|(name, _)| *name == text).map(|(_, value)| value))
 }
 
 struct Expansion<'a> {
@@ -134,6 +140,18 @@ mod tests {
     fn repetitions_hold_others() {
         let text = resolve("#repeat r 2\n#repeat k 2\nlet x$r$k;\n#end\nlet y$r;\n#end\n");
         assert_eq!(text, "let x00;\nlet x01;\nlet y0;\nlet x10;\nlet x11;\nlet y1;\n");
+    }
+
+    #[test]
+    fn a_count_has_a_name() {
+        let text = resolve("#repeat n MLP_FEATURES\nx$n\n#end\n");
+        assert_eq!(text.lines().count(), crate::layers::FEATURES);
+    }
+
+    #[test]
+    #[should_panic(expected = "without name and count: n NOTHING")]
+    fn a_count_is_known() {
+        resolve("#repeat n NOTHING\nx$n\n#end\n");
     }
 
     #[test]

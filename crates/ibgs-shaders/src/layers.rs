@@ -1,7 +1,10 @@
 //! Where each layer of the residual network lies in its flat weight vector (method.md section 6).
 
+/// Numbers of the per-view feature in every network so far, the published one first. A new number comes last, and so does
+/// the new width here: files of the others are read with zeros in place of the weights that they lack.
+pub const WIDTHS: &[usize] = &[7];
 /// Numbers of the per-view feature.
-pub const FEATURES: usize = 7;
+pub const FEATURES: usize = WIDTHS[WIDTHS.len() - 1];
 /// Channels of the per-view MLP.
 pub const HIDDEN: usize = 32;
 /// Channels of the U-Net's input: aggregated features, unit viewing ray, base colour.
@@ -138,7 +141,8 @@ pub const HALF_SUBGROUPS: u32 = 4;
 mod tests {
     #[test]
     fn as_many_parameters_as_published() {
-        let own = super::FINAL.inputs + 1;
-        assert_eq!(super::FINAL.end() - own, 66_095);
+        let inputs = super::HIDDEN * (super::FEATURES - super::WIDTHS[0]);
+        let gate = super::FINAL.inputs + 1;
+        assert_eq!(super::FINAL.end() - inputs - gate, 66_095);
     }
 }

@@ -4,7 +4,7 @@
 // The input that residual_features_half.wgsl makes, with the per-view MLP on the matrix units.
 //
 // A lane is a pixel. The MLP is two products of matrices over the pixels of a subgroup: hidden = ReLU(W1 F), outputs = ReLU(W2 hidden +
-// biases), where F are the seven numbers of a source and a one. Values pass through workgroup memory in half precision, sums in
+// biases), where F are the numbers of a source and a one. Values pass through workgroup memory in half precision, sums in
 // float32, SIDE channels at a time: the less of it a subgroup needs, the more of them run at once. SIDE is 16, LANES 32.
 #import half_mlp_first
 #import residual_features_rest
@@ -102,10 +102,9 @@ fn main(
         var share = 1.0;
         for (var m = 0u; m < used; m++) {
             let f = feature(c, m);
-            values[own] = to_half(f.head);
-            values[own + 1u] = to_half(f.tail);
-            values[own + 2u] = vec4<f16>();
-            values[own + 3u] = vec4<f16>();
+            #repeat q 4
+            values[own + $qu] = to_half(f.numbers[$qu]);
+            #end
             subgroupBarrier();
             #repeat s 2
             let f$s = coopLoadT<MatrixA>(&values[row$s], LINE);

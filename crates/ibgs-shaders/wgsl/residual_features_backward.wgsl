@@ -76,7 +76,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     let used = used_sources();
     let is_soft = params.aggregation == AGGREGATION_SOFT;
     let scale = 1.0 / f32(max(used, 1u));
-    // Rows 4 a .. 4 a + 3 and columns 4 b .. 4 b + 3 of W2; the first layer's input a and outputs 4 b .. 4 b + 3.
+    // Rows 4 a .. 4 a + 3 and columns 4 b .. 4 b + 3 of W2; the first layer's inputs a, a + 8 .. and outputs 4 b .. 4 b + 3.
     let a = local / 8u;
     let b = local % 8u;
     var w0 = z;
@@ -84,7 +84,9 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var w2 = z;
     var w3 = z;
     var bias2 = z;
-    var first = z;
+    #repeat r MLP_ROUNDS
+    var first$r = z;
+    #end
     // Of the confidence: columns 4 b .. 4 b + 3 of its weights; its bias and its weight of the error.
     var by_confidence = z;
     var confidence_bias = vec2(0.0);
@@ -110,7 +112,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 confidence = confidence_start(present.y);
             }
             for (var j = 0u; j < 8u; j++) {
-                let hidden = mlp_hidden(j, f.head, f.tail);
+                let hidden = mlp_hidden(j, f);
                 stage[mine + 8u + j] = hidden;
                 add_rows(ROW_WEIGHT2 + 4u * j, hidden, &h2);
                 if is_soft {
@@ -164,11 +166,15 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
                 by_input += vec4(dot(mlp[j], v), dot(mlp[8u + j], v), dot(mlp[16u + j], v), dot(mlp[48u + j], v));
                 stage[mine + 8u + j] = v;
             }
-            stage[mine] = f.head;
-            stage[mine + 1u] = f.tail;
+            #repeat r MLP_ROUNDS
+            stage[mine + 2u * $ru] = f.numbers[2u * $ru];
+            stage[mine + 2u * $ru + 1u] = f.numbers[2u * $ru + 1u];
+            #end
             workgroupBarrier();
             for (var q = 0u; q < THREADS; q++) {
-                first += stage[q * STAGED + a / 4u][a % 4u] * stage[q * STAGED + 8u + b];
+                #repeat r MLP_ROUNDS
+                first$r += stage[q * STAGED + 2u * $ru + a / 4u][a % 4u] * stage[q * STAGED + 8u + b];
+                #end
             }
             workgroupBarrier();
             if inside {
@@ -185,11 +191,14 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     if b == 0u {
         put_sums(out + BIAS2 + 4u * a, 1u, bias2);
     }
-    if a == FEATURES {
-        put_sums(out + BIAS1 + 4u * b, 1u, first);
-    } else {
-        put_sums(out + 4u * b * FEATURES + a, FEATURES, first);
+    #repeat r MLP_ROUNDS
+    let input$r = 8u * $ru + a;
+    if input$r < FEATURES {
+        put_sums(out + 4u * b * FEATURES + input$r, FEATURES, first$r);
+    } else if input$r == ONE {
+        put_sums(out + BIAS1 + 4u * b, 1u, first$r);
     }
+    #end
     if a == 0u {
         put_sums(out + MLP_WEIGHTS + 4u * b, 1u, by_confidence);
     }

@@ -1,6 +1,7 @@
 //! What the canvas can show.
 
 use crate::looks::Look;
+use eframe::egui::Key;
 use ibgs_core::present::Shown;
 use ibgs_core::sources::DevicePhoto;
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,10 @@ enum Needs {
 /// What the device shows in a mode.
 type ShownIn = for<'a> fn(&Style, Option<&'a DevicePhoto>) -> Shown<'a>;
 
+/// The keys of the first modes.
+const KEYS: [Key; 10] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
+
 /// All that is known of a mode.
 struct Row {
     mode: Mode,
@@ -74,11 +79,13 @@ struct Row {
     /// The look of the Gaussians; none: their own.
     look: Option<Look>,
     has_gain: bool,
+    has_range: bool,
 }
 
 /// A mode that every model has.
 const fn row(mode: Mode, name: &'static str, word: &'static str, meaning: &'static str, shown: ShownIn) -> Row {
-    Row { mode, name, word, meaning, shown, needs: Needs::Nothing, look: None, has_gain: false }
+    let (needs, look, has_gain, has_range) = (Needs::Nothing, None, false, false);
+    Row { mode, name, word, meaning, shown, needs, look, has_gain, has_range }
 }
 
 /// The modes in their order.
@@ -102,13 +109,16 @@ static TABLE: [Row; 10] = [
             |style, _| Shown::Residual(style.gain),
         )
     },
-    row(
-        Mode::Depth,
-        "Depth",
-        "depth",
-        "Depth where half of the light is stopped, near bright and far dark",
-        |style, _| Shown::Depth(style.depth_range),
-    ),
+    Row {
+        has_range: true,
+        ..row(
+            Mode::Depth,
+            "Depth",
+            "depth",
+            "Depth where half of the light is stopped, near bright and far dark",
+            |style, _| Shown::Depth(style.depth_range),
+        )
+    },
     row(
         Mode::Normal,
         "Normal",
@@ -162,7 +172,7 @@ static TABLE: [Row; 10] = [
 ];
 
 impl Mode {
-    /// All of them, in the order of the number keys from 1 on.
+    /// All of them, in the order of their keys.
     pub const ALL: [Mode; TABLE.len()] = {
         let mut all = [Mode::Final; TABLE.len()];
         let mut i = 0;
@@ -176,6 +186,11 @@ impl Mode {
 
     fn row(self) -> &'static Row {
         &TABLE[self as usize]
+    }
+
+    /// The key that shows it; the first ten have one.
+    pub fn key(self) -> Option<Key> {
+        KEYS.get(self as usize).copied()
     }
 
     /// Its name in menus.
@@ -206,6 +221,11 @@ impl Mode {
     /// Whether its strength can be chosen.
     pub fn has_gain(self) -> bool {
         self.row().has_gain
+    }
+
+    /// Whether its colours stand for depths in a range, which has to be found and is said.
+    pub fn has_range(self) -> bool {
+        self.row().has_range
     }
 
     /// The look of the Gaussians that it shows; none: their own.

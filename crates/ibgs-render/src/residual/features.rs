@@ -26,8 +26,8 @@ const CONFIDENCE_WEIGHTS: usize = CONFIDENCE.end() - CONFIDENCE.offset;
 const _: () = assert!(MLP1.offset == 0 && MLP1.bias() == FEATURES * HIDDEN && MLP2.offset == MLP1.bias() + HIDDEN);
 const _: () = assert!(MLP2.bias() == MLP2.offset + HIDDEN * HIDDEN && MLP_WEIGHTS == MLP2.bias() + HIDDEN);
 const _: () = assert!(CONFIDENCE_WEIGHTS == HIDDEN + 2 && INPUT == 38);
-// A feature of wgsl/shared/residual_feature.wgsl has eight numbers with the one for the biases.
-const _: () = assert!(FEATURES < 8);
+// Matrix units of 16 x 16 take the numbers of a source, the one for the biases, and the error of the depth.
+const _: () = assert!(FEATURES + 2 <= 16);
 
 /// Sums of a workgroup of the backward pass.
 const SUMS: usize = MLP_WEIGHTS + CONFIDENCE_WEIGHTS;

@@ -100,7 +100,7 @@ fn after_pickle(mut bytes: &[u8]) -> Option<&[u8]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual::layers::{COLORS, FINAL, WEIGHTS};
+    use crate::residual::layers::{COLORS, FEATURES, FINAL, MLP1, WEIGHTS, WIDTHS};
 
     /// Made up, but written by PyTorch as the published code does.
     const PUBLISHED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/color_aggregation_network.pth");
@@ -110,7 +110,8 @@ mod tests {
         let weights = read_pth(Path::new(PUBLISHED)).unwrap();
         assert_eq!(weights.len(), WEIGHTS);
         let gate = FINAL.offset + COLORS * FINAL.row()..FINAL.bias();
-        let is_ours = |i: usize| gate.contains(&i) || i >= FINAL.bias() + COLORS;
+        let is_input = |i: usize| i < MLP1.bias() && i % FEATURES >= WIDTHS[0];
+        let is_ours = |i: usize| is_input(i) || gate.contains(&i) || i >= FINAL.bias() + COLORS;
         let (ours, published): (Vec<_>, Vec<_>) = weights.into_iter().enumerate().partition(|(i, _)| is_ours(*i));
         assert_eq!(published.len(), 66_095);
         for (i, (_, weight)) in (0_u64..).zip(published) {

@@ -4,7 +4,7 @@ mod initial;
 
 pub use initial::{initial, random};
 
-use super::layers::{COLORS, CONFIDENCE, FINAL, LAYERS, Layer, MLP1, MLP2, OUTPUTS, WEIGHTS};
+use super::layers::{COLORS, CONFIDENCE, FINAL, LAYERS, Layer, MLP1, MLP2, OUTPUTS, WEIGHTS, WIDTHS};
 use super::pth::read_pth;
 use super::state_dict::StateDict;
 use crate::files::{WriteError, write_atomically};
@@ -139,6 +139,26 @@ fn tensors() -> Vec<Named> {
     LAYERS.iter().flat_map(pair).collect()
 }
 
+/// The values of a tensor, of which `find` gives those of a shape. A first layer may have one of these widths: its weights of the
+/// numbers that come behind are zero.
+fn read_tensor(
+    tensor: &Named,
+    widths: &[usize],
+    mut find: impl FnMut(&str, &[usize]) -> Result<Option<Vec<f32>>, NetworkError>,
+) -> Result<Option<Vec<f32>>, NetworkError> {
+    let [outputs, inputs] = tensor.shape[..] else { return find(&tensor.name, &tensor.shape) };
+    match find(&tensor.name, &tensor.shape) {
+        Err(NetworkError::Shape { found, .. })
+            if tensor.layer == MLP1 && widths.iter().any(|&width| found == [outputs, width]) =>
+        {
+            let row = |row: &[f32]| row.iter().copied().chain(std::iter::repeat(0.0)).take(inputs).collect::<Vec<_>>();
+            let values = find(&tensor.name, &found)?;
+            Ok(values.map(|values| values.chunks(found[1]).flat_map(row).collect()))
+        }
+        other => other,
+    }
+}
+
 /// Flat weights from named tensors; `find` gives the values of a tensor of this shape, or None where there is none.
 pub(super) fn assemble(
     path: &Path,
@@ -146,7 +166,7 @@ pub(super) fn assemble(
 ) -> Result<Vec<f32>, NetworkError> {
     let mut weights = Vec::with_capacity(WEIGHTS);
     for tensor in tensors() {
-        match find(&tensor.name, &tensor.shape)? {
+        match read_tensor(&tensor, WIDTHS, &mut find)? {
             Some(values) => weights.extend(values),
             None if tensor.ours => weights.resize(weights.len() + tensor.len(), 0.0),
             None => return Err(NetworkError::MissingTensor { path: path.to_owned(), tensor: tensor.name }),
@@ -220,6 +240,7 @@ pub fn to_bytes(weights: &[f32]) -> Result<Vec<u8>, NetworkError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::residual::layers::{FEATURES, HIDDEN};
 
     fn edited(edit: impl FnOnce(&mut Vec<(String, Vec<usize>, Vec<f32>)>)) -> Result<Vec<f32>, NetworkError> {
         let weights = random(3);
@@ -241,7 +262,7 @@ mod tests {
         let ends = tensors.iter().map(|t| t.first + t.len());
         assert!(tensors.iter().skip(1).map(|t| t.first).eq(ends.take(tensors.len() - 1)));
         let shape = |name: &str| tensors.iter().find(|t| t.name == name).unwrap().shape.clone();
-        assert_eq!(shape("per_view_mlp.0.weight"), [32, 7]);
+        assert_eq!(shape("per_view_mlp.0.weight"), [HIDDEN, FEATURES]);
         assert_eq!(shape("conv_decoder.enc1.0.weight"), [38, 38, 3, 3]);
         assert_eq!(shape("conv_decoder.final.weight"), [3, 38, 1, 1]);
         assert_eq!(shape("conv_decoder.final.bias"), [3]);
@@ -300,6 +321,27 @@ mod tests {
         assert!(text.contains("`per_view_mlp.2.weight`") && text.contains("[32, 32]"), "{text}");
         let text = edited(|t| t[4].2[17] = f32::NAN).unwrap_err().to_string();
         assert!(text.contains("value 17") && text.contains("`conv_decoder.enc1.0.weight`"), "{text}");
+    }
+
+    #[test]
+    fn a_network_of_fewer_inputs_is_read_with_zeros() {
+        let tensor = tensors().into_iter().find(|tensor| tensor.layer == MLP1).unwrap();
+        let narrow = FEATURES - 2;
+        let find = |name: &str, shape: &[usize]| {
+            if shape == [HIDDEN, narrow] {
+                return Ok(Some((0..HIDDEN * narrow).map(|i| 1.0 + i as f32).collect()));
+            }
+            let (path, tensor, expected) = (PathBuf::new(), name.to_owned(), shape.to_vec());
+            Err(NetworkError::Shape { path, tensor, expected, found: vec![HIDDEN, narrow] })
+        };
+        let read = read_tensor(&tensor, &[narrow, FEATURES], find).unwrap().unwrap();
+        assert_eq!(read.len(), HIDDEN * FEATURES);
+        for (i, value) in read.into_iter().enumerate() {
+            let (output, input) = (i / FEATURES, i % FEATURES);
+            assert_eq!(value, if input < narrow { (1 + output * narrow + input) as f32 } else { 0.0 });
+        }
+        let refused = read_tensor(&tensor, &[FEATURES], find);
+        assert!(matches!(refused, Err(NetworkError::Shape { found, .. }) if found == [HIDDEN, narrow]));
     }
 
     #[test]

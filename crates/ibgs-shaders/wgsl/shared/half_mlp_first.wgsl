@@ -2,9 +2,6 @@
 #import half
 #import residual_mlp_layout
 
-// Behind the features comes a one: its weights are the biases.
-const ONE: u32 = FEATURES;
-
 fn weight1(o: u32, i: u32) -> f32 {
     let at = select(o * FEATURES + min(i, FEATURES - 1u), BIAS1 + o, i == ONE);
     return select(0.0, weights[at], i <= ONE);

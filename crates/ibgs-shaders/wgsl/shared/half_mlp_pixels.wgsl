@@ -1,7 +1,7 @@
 // What half_features_backward.wgsl keeps of its pixels in workgroup memory.
 //
 // The per-view MLP is two products of matrices over the pixels of a subgroup: hidden = ReLU(W1 F), (outputs, confidence) =
-// W2 [hidden, F], where F are the seven numbers of a source, a one, and the error of its depth; the weights of the one are the
+// W2 [hidden, F], where F are the numbers of a source, a one, and the error of its depth; the weights of the one are the
 // biases. Values pass through workgroup memory in half precision, sums in float32, SIDE channels at a time: the less of it a subgroup
 // needs, the more of them run at once.
 #import residual_feature
@@ -24,8 +24,9 @@ var<workgroup> sums: array<vec4<f32>, THREADS * SUMS>;
 // F of a source.
 fn put_inputs(local: u32, f: Feature, error: f32) {
     let own = local * F_LINE;
-    inputs[own] = to_half(f.head);
-    inputs[own + 1u] = to_half(f.tail);
-    inputs[own + 2u] = to_half(vec4(error, 0.0, 0.0, 0.0));
-    inputs[own + 3u] = vec4<f16>();
+    var numbers = f.numbers;
+    numbers[ERROR / 4u][ERROR % 4u] = error;
+    #repeat q 4
+    inputs[own + $qu] = to_half(numbers[$qu]);
+    #end
 }

@@ -1,11 +1,12 @@
-// The seven numbers of a visible source (method.md section 5), at the network's size.
+// The numbers of a visible source (method.md section 5), at the network's size.
 // Reads the kernel's bindings base, warped, seen and centers.
 #import residual_input
+#import residual_mlp_layout
 
-// The seven numbers and a one for the bias: (rgb, centre x), (centre y, centre z, cosine, 1).
+// The numbers, a one, and zeros: as many as matrix units of 16 x 16 take, four a vector. They are indexed by constants alone, so
+// that they lie in registers.
 struct Feature {
-    head: vec4<f32>,
-    tail: vec4<f32>,
+    numbers: array<vec4<f32>, 4>,
 }
 
 fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
@@ -15,13 +16,14 @@ fn add_feature(p: u32, m: u32, weight: f32, sum: ptr<function, Feature>) {
     let source = seen_source(seen[p], m);
     let read = warped[m * params.size.x * params.size.y + p];
     let center = centers[source].xyz;
-    (*sum).head += weight * vec4(read.rgb - base_at(p), center.x);
-    (*sum).tail += weight * vec4(center.yz, read.w, 0.0);
+    (*sum).numbers[0] += weight * vec4(read.rgb - base_at(p), center.x);
+    (*sum).numbers[1] += weight * vec4(center.yz, read.w, 0.0);
 }
 
 // The feature of the m-th visible source at a pixel of the network's size.
 fn feature(c: Corners, m: u32) -> Feature {
-    var sum = Feature(vec4(0.0), vec4(0.0, 0.0, 0.0, 1.0));
+    var sum = Feature();
+    sum.numbers[ONE / 4u][ONE % 4u] = 1.0;
     if resized() {
         add_feature(c.at.x, m, c.weight.x, &sum);
         add_feature(c.at.y, m, c.weight.y, &sum);

@@ -42,7 +42,7 @@ fn main(
             present = presence(c, m);
             confidence = confidence_start(present.y);
         }
-        let h = mlp_output(f.head, f.tail, &confidence);
+        let h = mlp_output(f, &confidence);
         if params.aggregation == AGGREGATION_SOFT {
             let next = select(top, max(top, confidence), present.x > 0.0);
             kept = exp(top - next);

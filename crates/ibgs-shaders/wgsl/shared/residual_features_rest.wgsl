@@ -19,7 +19,12 @@ fn merged_scale(used: u32, total: f32) -> f32 {
 }
 
 // (viewing ray, red), (green, blue, 0, 0).
-fn ray_and_color(c: Corners) -> Feature {
+struct Rest {
+    head: vec4<f32>,
+    tail: vec4<f32>,
+}
+
+fn ray_and_color(c: Corners) -> Rest {
     var ray = world_ray(c.at.x);
     var color = base_at(c.at.x);
     if resized() {
@@ -28,5 +33,5 @@ fn ray_and_color(c: Corners) -> Feature {
         ray = normalize(ray);
         color = w.x * color + w.y * base_at(c.at.y) + w.z * base_at(c.at.z) + w.w * base_at(c.at.w);
     }
-    return Feature(vec4(ray, color.x), vec4(color.yz, 0.0, 0.0));
+    return Rest(vec4(ray, color.x), vec4(color.yz, 0.0, 0.0));
 }

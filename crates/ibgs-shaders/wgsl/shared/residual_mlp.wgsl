@@ -1,7 +1,7 @@
-// The per-view MLP 7 -> 32 -> 32 on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
+// The per-view MLP on one thread: 32 sums in registers, weights broadcast from workgroup memory. The hidden
 // channels come and go four at a time in a loop: written out, software drivers take minutes to compile it.
 // Reads the kernel's binding `weights`.
-#import residual_mlp_layout
+#import residual_feature
 
 // Rows of `mlp`: one an input, the 32 outputs side by side, the biases behind.
 const ROW_BIAS1: u32 = FEATURES;
@@ -82,11 +82,22 @@ fn relu(v: Hidden) -> Hidden {
     return Hidden(max(v.a, z), max(v.b, z), max(v.c, z), max(v.d, z), max(v.e, z), max(v.f, z), max(v.g, z), max(v.h, z));
 }
 
-// Hidden channels 4 j .. 4 j + 3.
-fn mlp_hidden(j: u32, head: vec4<f32>, tail: vec4<f32>) -> vec4<f32> {
-    let front = head.x * mlp[j] + head.y * mlp[8u + j] + head.z * mlp[16u + j] + head.w * mlp[24u + j];
-    let back = tail.x * mlp[32u + j] + tail.y * mlp[40u + j] + tail.z * mlp[48u + j];
-    return max(front + back + mlp[8u * ROW_BIAS1 + j], vec4(0.0));
+// A sum with one more term, which may be its first.
+fn with_term(sum: vec4<f32>, term: vec4<f32>, is_first: bool) -> vec4<f32> {
+    return select(sum + term, term, is_first);
+}
+
+// Hidden channels 4 j .. 4 j + 3: the sums over each four numbers, their sum, then the biases.
+fn mlp_hidden(j: u32, f: Feature) -> vec4<f32> {
+    var parts: array<vec4<f32>, MLP_QUADS>;
+    #repeat n MLP_FEATURES
+    parts[$nu / 4u] = with_term(parts[$nu / 4u], f.numbers[$nu / 4u][$nu % 4u] * mlp[8u * $nu + j], $nu % 4u == 0u);
+    #end
+    var sum = vec4(0.0);
+    #repeat q MLP_QUADS
+    sum = with_term(sum, parts[$qu], $qu == 0u);
+    #end
+    return max(sum + mlp[8u * ROW_BIAS1 + j], vec4(0.0));
 }
 
 // The logarithm of the confidence in a source whose depth is off by `error`, before the hidden channels' part.
@@ -95,10 +106,10 @@ fn confidence_start(error: f32) -> f32 {
 }
 
 // Adds the hidden channels' part of the logarithm of the confidence to `confidence`.
-fn mlp_output(head: vec4<f32>, tail: vec4<f32>, confidence: ptr<function, f32>) -> Hidden {
+fn mlp_output(f: Feature, confidence: ptr<function, f32>) -> Hidden {
     var sum = mlp_row(ROW_BIAS2);
     for (var j = 0u; j < 8u; j++) {
-        let hidden = mlp_hidden(j, head, tail);
+        let hidden = mlp_hidden(j, f);
         add_rows(ROW_WEIGHT2 + 4u * j, hidden, &sum);
         if params.aggregation == AGGREGATION_SOFT {
             *confidence += dot(hidden, mlp[8u * ROW_CONFIDENCE + j]);

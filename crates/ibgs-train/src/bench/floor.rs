@@ -4,7 +4,7 @@
 //! Bytes: each input is read once and each output written once. Operations: floating-point ones, a multiply-add counts
 //! as two. With N Gaussians of C coefficients a channel, n of them with tiles in the view, I tile intersections, T
 //! tiles, P pixels, B pairs of pixel and Gaussian, M sources, V visible sources a pixel of which A are
-//! there somewhere, K medians,
+//! there somewhere, F numbers of a source, K medians,
 //! p pixels of the network (p / 4 and p / 16 stand for the sizes halved and rounded down), and W weights:
 //!
 //! | stage | bytes | operations |
@@ -15,7 +15,7 @@
 //! | blend | 48 n + 4 I + 8 T + 20 P; with surface also 16 n + 16 P + 12 K P, in a frame 4 P + 4 K P less | 14 B |
 //! | depth maps | M times project with C = 1, sort, planes, and 64 n + 4 I + 8 T + 4 P | M times theirs |
 //! | warp | (4 + 8 K + 8 M + 16 V + 4) P | 40 min(M, V) P |
-//! | features | (12 + 16 A + 4) P + 152 p | 2 (7 x 32 + 32 x 32) A p |
+//! | features | (12 + 16 A + 4) P + 152 p | 2 (32 F + 32 x 32) A p |
 //! | U-Net | 4 bytes an input and output of each layer | 2 a weight and pixel of each layer |
 //! | compose | 24 P + 12 p; in a frame also (28 + 16 A) P | 9 P |
 //! | image loss | 52 P an image | 660 P an image |

@@ -45,7 +45,7 @@ impl Viewer {
             moving: self.moving(),
             exact: self.view().is_some() && self.shows(Mode::needs_photo),
             always_sharp: self.panels.always_sharp,
-            with_range: self.shows(|mode| mode == Mode::Depth) || self.edit.needs_depths(),
+            with_range: self.shows(Mode::has_range) || self.edit.needs_depths(),
             looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
             iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
             running: self.training.as_ref().is_some_and(|trained| trained.running),

@@ -13,10 +13,6 @@ use web_time::Instant;
 const TURN: f64 = 3.0;
 /// Scene extents that the camera flies in a second.
 const SPEED: f64 = 0.3;
-/// The keys of the first modes.
-const MODE_KEYS: [Key; 10] =
-    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9, Key::Num0];
-
 /// Keys that do something once.
 const SINGLE_KEYS: [Key; 8] =
     [Key::ArrowLeft, Key::ArrowRight, Key::R, Key::C, Key::P, Key::K, Key::Space, Key::Escape];
@@ -43,7 +39,8 @@ impl Viewer {
         let focused = ui.memory(|memory| memory.focused().is_some());
         let (pressed, down, shift, dt) = ui.input(|input| {
             let taken = |key| focused && matches!(key, Key::Space | Key::ArrowLeft | Key::ArrowRight);
-            let keys = MODE_KEYS.into_iter().chain(SINGLE_KEYS).filter(|&key| !taken(key));
+            let modes = Mode::ALL.into_iter().filter_map(Mode::key);
+            let keys = modes.chain(SINGLE_KEYS).filter(|&key| !taken(key));
             let command = input.modifiers.command || input.modifiers.ctrl || input.modifiers.alt;
             let pressed: Vec<Key> = keys.filter(|&key| !command && input.key_pressed(key)).collect();
             let fly = FLY_KEYS.iter().filter(|(key, _)| !command && input.key_down(*key));
@@ -62,8 +59,8 @@ impl Viewer {
                 Key::Space => self.panels.path.toggle(),
                 Key::Escape => (self.found, self.other) = (None, None),
                 _ => {
-                    let keys = MODE_KEYS.into_iter().zip(Mode::ALL);
-                    keys.filter(|(other, _)| *other == key).for_each(|(_, mode)| self.show_mode(mode));
+                    let wanted = Mode::ALL.into_iter().find(|mode| mode.key() == Some(key));
+                    wanted.into_iter().for_each(|mode| self.show_mode(mode));
                 }
             }
         }

@@ -84,9 +84,9 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
 }
 
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
-    for (number, mode) in (1..).zip(Mode::ALL) {
+    for mode in Mode::ALL {
         let offered = viewer.offers(mode);
-        let key = if number <= 10 { format!(" Key {}.", number % 10) } else { String::new() };
+        let key = mode.key().map_or(String::new(), |key| format!(" Key {}.", key.name()));
         let text = format!("{}.{key}", mode.meaning());
         let button = ui.add_enabled(offered, Button::selectable(viewer.mode == mode, mode.name()));
         if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
@@ -110,9 +110,9 @@ fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     })
     .response
     .on_hover_text("Show another mode right of a line that you can drag");
-    if viewer.mode.has_gain() || viewer.other.is_some_and(Mode::has_gain) {
+    if viewer.shows(Mode::has_gain) {
         let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
-        ui.add(slider).on_hover_text("Factor that amplifies residual and difference");
+        ui.add(slider).on_hover_text("Factor that amplifies differences");
     }
 }
 

@@ -106,7 +106,7 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
     if let Some(bytes) = last.memory {
         text += &format!("   {}", Bytes(bytes));
     }
-    if viewer.mode == Mode::Depth || viewer.other == Some(Mode::Depth) {
+    if viewer.shows(Mode::has_range) {
         let [near, far] = viewer.canvas.style.depth_range;
         let [near, far] = [near, far].map(|z| Length(z.into()));
         text += &format!("\ndepth {near} (bright) to {far} (dark)");
