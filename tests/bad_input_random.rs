@@ -3,9 +3,11 @@
 
 pub mod attacks;
 pub mod mutate;
+#[macro_use]
 mod readers;
 pub mod seeds;
 
+use ibgs_core::dataset::Loaders;
 use mutate::{damaged, damages};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
@@ -16,13 +18,13 @@ const CASES: u32 = 400;
 
 /// Runs a reader on damaged seeds, then on bytes without any order.
 fn survives(name: &str) {
-    let (_, read) = readers::READERS.into_iter().find(|(reader, _)| *reader == name).unwrap();
+    let (_, read) = readers::all().into_iter().find(|(reader, _)| *reader == name).unwrap();
     let seeds = seeds::of(name);
     for (at, seed) in seeds.iter().enumerate() {
         assert!(read(seed), "seed {at} of {name} is not whole");
     }
     // Readers of several files choose by the first byte; it stays, so that every one of them is damaged as often.
-    let keep = usize::from(matches!(name, "colmap_binary" | "colmap_text" | "pth" | "model_folder"));
+    let keep = usize::from(matches!(name, "pth" | "model_folder"));
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(CASES);
     let config = Config { cases, rng_seed: RngSeed::Fixed(7), failure_persistence: None, ..Config::default() };
     let whole = Cell::new(0);
@@ -51,22 +53,9 @@ macro_rules! survive {
     )*};
 }
 
-survive!(
-    colmap_binary,
-    colmap_text,
-    transforms_json,
-    reality_capture,
-    pose_arrays,
-    ply,
-    gaussians,
-    camera_path,
-    bundle,
-    checkpoint,
-    pth,
-    safetensors,
-    zip_scene,
-    photo,
-    config,
-    model_folder,
-    plan
-);
+each_reader!(survive);
+
+#[test]
+fn files_of_scenes() {
+    Loaders::default().files().iter().for_each(|file| survives(file.name));
+}

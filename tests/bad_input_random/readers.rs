@@ -1,4 +1,4 @@
-//! Every reader of untrusted bytes, for the property tests and for the fuzz targets in `fuzz/`. Each takes the contents of
+//! Every reader of untrusted bytes, for the property tests and for the fuzzer in `fuzz/`. Each takes the contents of
 //! a file, reads it and checks what holds of all contents: what is accepted makes sense, what is not has a sentence that
 //! names the file. Whether it was accepted comes back.
 
@@ -8,7 +8,7 @@ use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::{self, Dataset, LoadOptions, ModelFile};
+use ibgs_core::dataset::{self, Dataset, LoadOptions, Loaders, SceneFile};
 use ibgs_core::local_space::LocalSpace;
 use ibgs_core::output::figures::Figures;
 use ibgs_core::output::{OutputFolder, cameras, multi_view};
@@ -22,29 +22,29 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A reader by its name, which is also that of its fuzz target.
-pub type Reader = (&'static str, fn(&[u8]) -> bool);
+/// Calls a macro with the readers that are functions of this file.
+macro_rules! each_reader {
+    ($what:ident) => {
+        $what! {
+            transforms_json, ply, gaussians, camera_path, bundle, checkpoint, pth, safetensors, zip_scene, photo, config,
+            model_folder, plan
+        }
+    };
+}
 
-/// All readers.
-pub const READERS: [Reader; 17] = [
-    ("colmap_binary", colmap_binary),
-    ("colmap_text", colmap_text),
-    ("transforms_json", transforms_json),
-    ("reality_capture", reality_capture),
-    ("pose_arrays", pose_arrays),
-    ("ply", ply),
-    ("gaussians", gaussians),
-    ("camera_path", camera_path),
-    ("bundle", bundle),
-    ("checkpoint", checkpoint),
-    ("pth", pth),
-    ("safetensors", safetensors),
-    ("zip_scene", zip_scene),
-    ("photo", photo),
-    ("config", config),
-    ("model_folder", model_folder),
-    ("plan", plan),
-];
+macro_rules! table {
+    ($($name:ident),*) => { [$((stringify!($name), $name as fn(&[u8]) -> bool)),*] };
+}
+
+/// Reads the contents of a file and says whether they were accepted.
+pub type Reader = Box<dyn Fn(&[u8]) -> bool + Send + Sync>;
+
+/// All readers by name: those of this file, and one for each file of scenes that is checked by itself.
+pub fn all() -> Vec<(&'static str, Reader)> {
+    let functions = each_reader!(table).map(|(name, read)| (name, Box::new(read) as Reader));
+    let of_scenes = |file: SceneFile| (file.name, Box::new(move |bytes: &[u8]| scene_file(file, bytes)) as Reader);
+    functions.into_iter().chain(Loaders::default().files().into_iter().map(of_scenes)).collect()
+}
 
 /// Whether it was accepted; an error names the file.
 fn accepted<T, E: Display>(result: Result<T, E>, name: &str, check: impl FnOnce(T)) -> bool {
@@ -62,9 +62,9 @@ fn accepted<T, E: Display>(result: Result<T, E>, name: &str, check: impl FnOnce(
 }
 
 /// The first byte chooses, the rest is the file.
-fn choice<T: Copy, const N: usize>(bytes: &[u8], of: [T; N]) -> Option<(T, &[u8])> {
+fn choice<'a, T: Copy>(bytes: &'a [u8], of: &[T]) -> Option<(T, &'a [u8])> {
     let (first, rest) = bytes.split_first()?;
-    Some((of[usize::from(*first) % N], rest))
+    Some((of[usize::from(*first) % of.len()], rest))
 }
 
 /// A folder in memory where there is such a thing.
@@ -80,24 +80,8 @@ fn in_file(name: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool
     read(path)
 }
 
-const MODEL: [(ModelFile, &str); 3] =
-    [(ModelFile::Cameras, "cameras"), (ModelFile::Images, "images"), (ModelFile::Points, "points3D")];
-
-fn colmap(bytes: &[u8], extension: &str) -> bool {
-    let Some(((file, stem), bytes)) = choice(bytes, MODEL) else { return false };
-    let name = format!("{stem}.{extension}");
-    let read = dataset::check_model_file(file, Path::new(&name), bytes);
-    accepted(read, &name, |count| assert!(count <= bytes.len()))
-}
-
-/// `cameras.bin`, `images.bin`, `points3D.bin`.
-pub fn colmap_binary(bytes: &[u8]) -> bool {
-    colmap(bytes, "bin")
-}
-
-/// `cameras.txt`, `images.txt`, `points3D.txt`.
-pub fn colmap_text(bytes: &[u8]) -> bool {
-    colmap(bytes, "txt")
+fn scene_file(file: SceneFile, bytes: &[u8]) -> bool {
+    accepted((file.check)(Path::new(file.name), bytes), file.name, |count| assert!(count <= bytes.len()))
 }
 
 fn check_camera(camera: &Camera) {
@@ -154,22 +138,6 @@ pub fn transforms_json(bytes: &[u8]) -> bool {
     })
 }
 
-/// A camera list of RealityCapture.
-pub fn reality_capture(bytes: &[u8]) -> bool {
-    let read = dataset::check_reality_capture(Path::new("cameras.csv"), bytes);
-    accepted(read, "cameras.csv", |count| assert!(count <= bytes.len()))
-}
-
-/// `poses_bounds.npy` of LLFF and `cameras_sphere.npz` of NeuS.
-pub fn pose_arrays(bytes: &[u8]) -> bool {
-    let Some((is_llff, bytes)) = choice(bytes, [true, false]) else { return false };
-    let read = match is_llff {
-        true => dataset::check_poses_bounds(Path::new("cameras.np"), bytes),
-        false => dataset::check_neus_cameras(Path::new("cameras.np"), bytes),
-    };
-    accepted(read, "cameras.np", |count| assert!(count <= bytes.len()))
-}
-
 /// A PLY of Gaussians, and one of points.
 pub fn ply(bytes: &[u8]) -> bool {
     let path = Path::new("some.ply");
@@ -179,11 +147,12 @@ pub fn ply(bytes: &[u8]) -> bool {
     accepted(read, "some.ply", |points| assert!(points.len() <= bytes.len())) || gaussians
 }
 
-/// A file of Gaussians of any format; where the first byte is odd, by the name of one without a mark.
+/// A file of Gaussians of any format, with a name whose ending the first byte chooses.
 pub fn gaussians(bytes: &[u8]) -> bool {
-    let Some((name, bytes)) = choice(bytes, ["some.gaussians", "some.splat"]) else { return false };
-    let read = scene::read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(name));
-    accepted(read, name, |gaussians| check_gaussians(&gaussians))
+    let Some((ending, bytes)) = choice(bytes, &seeds::endings()) else { return false };
+    let name = format!("some{ending}");
+    let read = scene::read_gaussians_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(&name));
+    accepted(read, &name, |gaussians| check_gaussians(&gaussians))
 }
 
 /// A camera path, its frames and its keyframes.
@@ -309,7 +278,7 @@ pub fn plan(bytes: &[u8]) -> bool {
 
 /// A JSON file of a model folder, chosen by the first byte.
 pub fn model_folder(bytes: &[u8]) -> bool {
-    let Some((name, bytes)) = choice(bytes, seeds::MODEL_FILES) else { return false };
+    let Some((name, bytes)) = choice(bytes, &seeds::MODEL_FILES) else { return false };
     let Ok(text) = std::str::from_utf8(bytes) else { return false };
     match name {
         "cameras.json" => accepted(cameras::from_json(text), "", |records| {

@@ -14,7 +14,7 @@ use ibgs_core::local_space::LocalSpace;
 use ibgs_core::output::cameras::{self, CameraRecord, Split};
 use ibgs_core::scene::{self, Format, PlyFlavor};
 use ibgs_testing::checkpoint_file;
-use ibgs_testing::scene_files::{Model, write_photo};
+use ibgs_testing::scene_files::{Model, npy, write_photo, zip_of};
 use ibgs_train::checkpoint;
 use image::{DynamicImage, ImageFormat};
 use serde_json::json;
@@ -42,20 +42,19 @@ pub const MODEL_FILES: [&str; 7] = [
 /// Parts of an archive by name.
 pub type Parts = Vec<(String, Vec<u8>)>;
 
-/// Whole files for a reader.
+/// Whole files for a reader, or for a file of scenes that a loader checks by itself.
 pub fn of(reader: &str) -> Vec<Vec<u8>> {
     match reader {
-        "colmap_binary" => {
-            let model = Model::small(2);
-            numbered([model.cameras_bin(), model.images_bin(), model.points_bin()])
-        }
-        "colmap_text" => {
-            let model = Model::small(2);
-            numbered([model.cameras_txt(), model.images_txt(), model.points_txt()].map(String::into_bytes))
-        }
+        "cameras.bin" => vec![Model::small(2).cameras_bin()],
+        "images.bin" => vec![Model::small(2).images_bin()],
+        "points3D.bin" => vec![Model::small(2).points_bin()],
+        "cameras.txt" => vec![Model::small(2).cameras_txt().into_bytes()],
+        "images.txt" => vec![Model::small(2).images_txt().into_bytes()],
+        "points3D.txt" => vec![Model::small(2).points_txt().into_bytes()],
+        "cameras.csv" => reality_capture(),
+        "poses_bounds.npy" => vec![poses_bounds()],
+        "cameras_sphere.npz" => vec![neus_cameras()],
         "transforms_json" => transforms(),
-        "reality_capture" => reality_capture(),
-        "pose_arrays" => numbered(pose_arrays()),
         "ply" => plys(),
         "gaussians" => gaussians(),
         "camera_path" => camera_paths(),
@@ -144,14 +143,20 @@ fn plys() -> Vec<Vec<u8>> {
     vec![write(1, PlyFlavor::Full), write(0, PlyFlavor::Plain), text.into_bytes(), cloud, own]
 }
 
-/// Every format; the first byte is the choice of the name.
+/// Endings of the names of files of Gaussians, by the number that chooses one: one that says nothing, then those of the
+/// formats.
+pub fn endings() -> Vec<&'static str> {
+    std::iter::once(".gaussians").chain(Format::ALL.map(Format::ending)).collect()
+}
+
+/// Every format; its name has its ending only where its contents do not say what it is.
 fn gaussians() -> Vec<Vec<u8>> {
     let model = scene::from_points(&points(), 1, 0.3).unwrap();
-    let write = |format: Format| {
+    let write = |(at, format): (usize, Format)| {
         let bytes = written("a.bin", |path| scene::write_gaussians(path, &model, format).unwrap());
-        chosen(usize::from(format == Format::Splat), &bytes)
+        chosen(if Format::of_contents(&bytes).is_some() { 0 } else { at }, &bytes)
     };
-    Format::ALL.map(write).into()
+    (1..).zip(Format::ALL).map(write).collect()
 }
 
 fn camera_paths() -> Vec<Vec<u8>> {
@@ -297,12 +302,16 @@ fn reality_capture() -> Vec<Vec<u8>> {
     vec![whole.into_bytes(), format!("#name,x,y,alt,heading,pitch,roll,f\n{}\n", "a.png,1,2,3,4,5,6,7").into_bytes()]
 }
 
-fn pose_arrays() -> [Vec<u8>; 2] {
+fn poses_bounds() -> Vec<u8> {
     let row = [0.0, 1.0, 0.0, 0.5, 48.0, 1.0, 0.0, 0.0, -2.0, 64.0, 0.0, 0.0, -1.0, 3.0, 70.5, 0.1, 9.0];
+    npy(17, &[row, row].concat())
+}
+
+fn neus_cameras() -> Vec<u8> {
     let matrix = [70.0, 0.0, 32.0, 5.0, 0.0, 71.0, 24.0, -6.0, 0.0, 0.0, 1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
-    let matrix = ibgs_testing::scene_files::npy(4, &matrix);
+    let matrix = npy(4, &matrix);
     let parts = [("world_mat_0.npy", &matrix[..]), ("scale_mat_0.npy", &matrix), ("world_mat_1.npy", &matrix)];
-    [ibgs_testing::scene_files::npy(17, &[row, row].concat()), ibgs_testing::scene_files::zip_of(&parts)]
+    zip_of(&parts)
 }
 
 fn photos() -> Vec<Vec<u8>> {

@@ -1,26 +1,15 @@
-//! The formats of scenes: one loader each, in one list.
+//! The formats of scenes: one loader each.
 
 use super::info::{Beside, Inspected};
 use super::lens::{Distortion, Lens, Pose};
 use super::names::clean_name;
 use super::photos::ListedPhoto;
 use super::split::StatedSplit;
-use super::{DatasetError, LoadOptions, Point, colmap, llff, nerf, neus, reality_capture};
+use super::{DatasetError, LOADERS, LoadOptions, Point};
 use crate::camera::Camera;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::path::{Path, PathBuf};
-
-/// The loaders of this crate, in the order in which they are asked.
-const LOADERS: [&dyn Loader; 7] = [
-    &colmap::Colmap::Own,
-    &nerf::Transforms,
-    &colmap::Colmap::Nerfstudio,
-    &reality_capture::RealityCapture,
-    &llff::Llff,
-    &neus::Neus,
-    &colmap::Colmap::Flat,
-];
 
 /// Reads the scenes of one format.
 pub trait Loader: fmt::Debug + Send + Sync {
@@ -43,6 +32,20 @@ pub trait Loader: fmt::Debug + Send + Sync {
     fn inspect(&self, path: &Path) -> Result<Inspected, DatasetError> {
         Inspected::of(self.read(path, &LoadOptions { eval: true, ..LoadOptions::default() })?)
     }
+
+    /// The files of the format that can be checked without the rest of a scene.
+    fn files(&self) -> &'static [SceneFile] {
+        &[]
+    }
+}
+
+/// A file of a format, to be checked by itself.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneFile {
+    /// Its usual name.
+    pub name: &'static str,
+    /// Checks its contents and counts the records in them; the path is for messages.
+    pub check: fn(&Path, &[u8]) -> Result<usize, DatasetError>,
 }
 
 /// The formats that scenes are read in: those of this crate, and those that a program adds.
@@ -60,6 +63,11 @@ impl Loaders {
     pub fn with(mut self, loader: &'static dyn Loader) -> Self {
         self.0.insert(0, loader);
         self
+    }
+
+    /// The files of all formats that can be checked by themselves.
+    pub fn files(&self) -> Vec<SceneFile> {
+        self.0.iter().flat_map(|loader| loader.files()).copied().collect()
     }
 
     /// The loader of a scene folder, or of the scene that a file stands for.

@@ -10,7 +10,7 @@ use super::lens::{Distortion, Lens, Pose};
 use super::masks::MaskFinder;
 use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
-use super::{LoadOptions, Loader, Scene, SceneKind, npy};
+use super::{LoadOptions, Loader, Scene, SceneFile, SceneKind, npy};
 use glam::DVec2;
 use std::path::{Path, PathBuf};
 
@@ -62,14 +62,6 @@ fn cameras(path: &Path, bytes: &[u8]) -> Result<Vec<(Lens, Pose)>, DatasetError>
     rows.map(|(index, row)| camera(row).map_err(|problem| bad(format!("row {index}"), problem))).collect()
 }
 
-/// Checks the contents of a `poses_bounds.npy`, and counts its poses; `path` is for messages.
-///
-/// # Errors
-/// A [`DatasetError`] that names the row, counted from 0, and what is wrong in it.
-pub fn check_poses_bounds(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
-    Ok(cameras(path, bytes)?.len())
-}
-
 /// Names of the photos. Reduced photos often have other names than those in `images/`, which then count.
 fn names(root: &Path, photos: &[PathBuf], is_reduced: bool) -> Vec<String> {
     let full = if is_reduced { photos_in(&root.join("images")) } else { Vec::new() };
@@ -88,6 +80,10 @@ impl Loader for Llff {
 
     fn is_scene(&self, path: &Path) -> bool {
         listing(path).is_some()
+    }
+
+    fn files(&self) -> &'static [SceneFile] {
+        &[SceneFile { name: FILE, check: |path, bytes| Ok(cameras(path, bytes)?.len()) }]
     }
 
     /// Reads the poses and finds the photos.

@@ -29,23 +29,19 @@ mod split;
 mod undistort;
 
 pub use archive::is_archive;
-pub use colmap::{ModelFile, check_model_file};
 pub(crate) use decode::srgb;
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;
 pub use fit::{shown_by_any, unrelated_colors};
-pub use format::{Loader, Loaders, PosedPhoto, Scene, SceneKind};
+pub use format::{Loader, Loaders, PosedPhoto, Scene, SceneFile, SceneKind};
 pub use host::HostPhoto;
 pub use info::{CameraInfo, Inspected, ModelInfo, SceneInfo, SizeInfo, SplitInfo, inspect};
-pub use llff::check_poses_bounds;
 pub use load::{PosedScene, load, load_poses, load_with};
 pub use masks::is_mask;
 pub use names::{PHOTO_EXTENSIONS, has_extension, picture_extensions};
-pub use neus::check_neus_cameras;
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub use photos::resample;
 pub use points::thinned;
-pub use reality_capture::check_reality_capture;
 pub use shown::shown;
 
 use crate::camera::Camera;
@@ -53,6 +49,17 @@ use crate::local_space::LocalSpace;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+
+/// The formats of scenes, in the order in which they are asked.
+const LOADERS: [&dyn Loader; 7] = [
+    &colmap::Colmap::Own,
+    &nerf::Transforms,
+    &colmap::Colmap::Nerfstudio,
+    &reality_capture::RealityCapture,
+    &llff::Llff,
+    &neus::Neus,
+    &colmap::Colmap::Flat,
+];
 
 /// Alpha where the photo of an object shows nothing.
 pub const ALPHA_EMPTY: u8 = ibgs_shaders::ALPHA_EMPTY as u8;

@@ -11,7 +11,7 @@ use super::lens::{Distortion, Lens, Pose};
 use super::masks::MaskFinder;
 use super::names::{PhotoFolders, RelativeTo, inside, photos_in};
 use super::photos::ListedPhoto;
-use super::{LoadOptions, Loader, Scene, SceneKind, npy};
+use super::{LoadOptions, Loader, Scene, SceneFile, SceneKind, npy};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
@@ -148,14 +148,6 @@ fn cameras(path: &Path, bytes: &[u8]) -> Result<Vec<Camera>, DatasetError> {
     Ok(cameras.into_values().collect())
 }
 
-/// Checks the contents of a `cameras_sphere.npz`, and counts its cameras; `path` is for messages.
-///
-/// # Errors
-/// A [`DatasetError`] that names the matrix and what is wrong in it.
-pub fn check_neus_cameras(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
-    Ok(cameras(path, bytes)?.len())
-}
-
 /// The folder of the photos: the one that the user names, or the usual one.
 fn photo_folder(root: &Path, options: &LoadOptions) -> Result<PathBuf, DatasetError> {
     let folders = PhotoFolders::new(root, RelativeTo::Photos, options);
@@ -194,6 +186,10 @@ impl Loader for Neus {
 
     fn is_scene(&self, path: &Path) -> bool {
         listing(path).is_some()
+    }
+
+    fn files(&self) -> &'static [SceneFile] {
+        &[SceneFile { name: FILES[0], check: |path, bytes| Ok(cameras(path, bytes)?.len()) }]
     }
 
     /// Reads the cameras and finds the photos.

@@ -17,7 +17,7 @@ use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::{MaskFinder, is_mask};
 use super::names::{Inside, Photo, PhotoFolders, RelativeTo, photos_below, photos_in};
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{LoadOptions, Loader, Scene, SceneKind};
+use super::{LoadOptions, Loader, Scene, SceneFile, SceneKind};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -185,10 +185,7 @@ impl Row {
 }
 
 /// Checks the contents of a camera list, and counts its photos; `path` is for messages.
-///
-/// # Errors
-/// A [`DatasetError`] that names the line and what is wrong in it.
-pub fn check_reality_capture(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
+fn check(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
     let rows = rows(path, bytes)?;
     for row in &rows {
         row.pose().map_err(|problem| DatasetError::line(path, row.line, problem))?;
@@ -233,6 +230,10 @@ impl Loader for RealityCapture {
 
     fn is_scene(&self, path: &Path) -> bool {
         !listings(path).is_empty()
+    }
+
+    fn files(&self) -> &'static [SceneFile] {
+        &[SceneFile { name: "cameras.csv", check }]
     }
 
     /// Reads the list and finds its photos.

@@ -10,7 +10,7 @@ mod ply_rows;
 
 pub use error::SceneError;
 pub use formats::packed;
-pub use formats::{Format, Loss, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians};
+pub use formats::{Format, Loss, Steps, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians};
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 pub use init::from_points;
 pub use per_gaussian::PerGaussian;

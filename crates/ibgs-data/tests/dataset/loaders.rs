@@ -59,3 +59,12 @@ fn a_program_adds_a_format() {
     std::fs::write(folder.path().join("row.txt"), "../a.png\nb.png\n").unwrap();
     assert!(load().unwrap_err().to_string().contains("image name `../a.png`"));
 }
+
+#[test]
+fn the_documentation_has_every_file() {
+    let text = include_str!("../../../../docs/scenes.md");
+    for file in Loaders::default().files() {
+        let stem = Path::new(file.name).file_stem().unwrap().to_str().unwrap();
+        assert!(text.contains(stem), "docs/scenes.md does not name {}", file.name);
+    }
+}

@@ -21,13 +21,14 @@ pub fn complaint(bytes: &[u8], name: &str) -> String {
 #[test]
 fn every_cut_is_told() {
     let g = random_gaussians(40, 2, 1);
-    for format in [Format::CompressedPly, Format::Spz, Format::Gltf, Format::Sog, Format::Splat] {
+    for format in Format::ALL {
         let bytes = bytes_of(&g, format);
         let name = format!("a{}", format.ending());
         assert_eq!(read(&bytes, &name).unwrap().len(), 40);
+        let is_counted = Format::of_contents(&bytes).is_some();
         for end in (0..bytes.len()).step_by(bytes.len() / 60 + 1) {
             // A whole number of Gaussians is a whole file where nothing counts them.
-            if format == Format::Splat && end % 32 == 0 {
+            if !is_counted && (40 * end).is_multiple_of(bytes.len()) {
                 continue;
             }
             complaint(&bytes[..end], &name);
@@ -35,7 +36,6 @@ fn every_cut_is_told() {
     }
     assert!(complaint(b"something else", "a.bin").contains("`.ply`, `.spz`"));
     assert!(complaint(b"", "a.bin").contains("`.ply`, `.spz`"));
-    assert!(complaint(&[7; 33], "a.splat").contains("multiple of 32"));
     assert!(read_gaussians(Path::new("no/such.spz")).unwrap_err().to_string().contains("no/such.spz"));
 }
 
@@ -206,7 +206,6 @@ fn values_that_are_not_finite_are_left_out_of_every_format() {
     let kept = read(&splat, "a.splat").unwrap();
     kept.validate().unwrap();
     assert_eq!(kept.len(), 298);
-    assert!(complaint(&[0xff; 64], "a.splat").contains("`position` of Gaussian 0"));
     let mut glb = bytes_of(&g, Format::Gltf);
     let last = glb.len() - 4;
     glb[last..].copy_from_slice(&f32::NAN.to_le_bytes());

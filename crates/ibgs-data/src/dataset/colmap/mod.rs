@@ -14,7 +14,7 @@ use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::MaskFinder;
 use super::names::{self, Inside, Photo, PhotoFolders, RelativeTo};
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{CameraInfo, LoadOptions, Loader, Scene, SceneKind};
+use super::{CameraInfo, LoadOptions, Loader, Scene, SceneFile, SceneKind};
 use glam::DVec2;
 use models::{Chosen, ModelFiles};
 use posed::{Unposed, Unsolved, posed};
@@ -89,41 +89,27 @@ impl Colmap {
     }
 }
 
-/// A file of a COLMAP model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ModelFile {
-    /// `cameras.bin` or `cameras.txt`.
-    Cameras,
-    /// `images.bin` or `images.txt`.
-    Images,
-    /// `points3D.bin` or `points3D.txt`.
-    Points,
+/// The files of a model, by themselves.
+const FILES: [SceneFile; 6] = [
+    SceneFile { name: "cameras.bin", check: |path, bytes| check_cameras(path, binary::cameras(path, bytes)?) },
+    SceneFile { name: "images.bin", check: |path, bytes| check_images(path, &binary::images(path, bytes)?) },
+    SceneFile { name: "points3D.bin", check: |path, bytes| Ok(binary::points(path, bytes)?.len()) },
+    SceneFile { name: "cameras.txt", check: |path, bytes| check_cameras(path, text::cameras(path, bytes)?) },
+    SceneFile { name: "images.txt", check: |path, bytes| check_images(path, &text::images(path, bytes)?) },
+    SceneFile { name: "points3D.txt", check: |path, bytes| Ok(text::points(path, bytes)?.len()) },
+];
+
+fn check_cameras(path: &Path, cameras: BTreeMap<u32, CameraRecord>) -> Result<usize, DatasetError> {
+    cameras.iter().try_for_each(|(id, camera)| camera.lens(path, *id).map(|_| ()))?;
+    Ok(cameras.len())
 }
 
-/// Checks the contents of one file of a COLMAP model by itself, and counts its records; `path` is for messages, and its
-/// extension distinguishes text (`txt`) from binary.
-///
-/// # Errors
-/// A [`DatasetError`] that names the file and what is wrong in it.
-pub fn check_model_file(file: ModelFile, path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
-    let is_text = path.extension().is_some_and(|extension| extension == "txt");
-    Ok(match (file, is_text) {
-        (ModelFile::Cameras, _) => {
-            let cameras = if is_text { text::cameras(path, bytes) } else { binary::cameras(path, bytes) }?;
-            cameras.iter().try_for_each(|(id, camera)| camera.lens(path, *id).map(|_| ()))?;
-            cameras.len()
-        }
-        (ModelFile::Images, _) => {
-            let images = if is_text { text::images(path, bytes) } else { binary::images(path, bytes) }?;
-            for image in &images {
-                names::inside(&image.name, |_| true).ok_or_else(|| image.bad_name(path))?;
-                image.pose(path)?;
-            }
-            images.len()
-        }
-        (ModelFile::Points, true) => text::points(path, bytes)?.len(),
-        (ModelFile::Points, false) => binary::points(path, bytes)?.len(),
-    })
+fn check_images(path: &Path, images: &[ImageRecord]) -> Result<usize, DatasetError> {
+    for image in images {
+        names::inside(&image.name, |_| true).ok_or_else(|| image.bad_name(path))?;
+        image.pose(path)?;
+    }
+    Ok(images.len())
 }
 
 impl ImageRecord {
@@ -256,6 +242,14 @@ impl Loader for Colmap {
 
     fn is_scene(&self, path: &Path) -> bool {
         !self.models(path).is_empty()
+    }
+
+    fn files(&self) -> &'static [SceneFile] {
+        match self {
+            Colmap::Own => &FILES,
+            // They have the same.
+            Colmap::Nerfstudio | Colmap::Flat => &[],
+        }
     }
 
     /// Reads the largest model and finds its photos.

@@ -1,23 +1,33 @@
 //! Axes of other conventions: two of them point the other way, which is half a turn about the third.
 
 use super::super::Gaussians;
+use std::borrow::Cow;
 
-/// Signs from 3DGS' axes (x right, y down, z forward) to those of OpenGL (x right, y up, z back), and back.
+/// Signs of the axes of 3DGS themselves (x right, y down, z forward).
+pub(super) const RDF: [f32; 3] = [1.0; 3];
+
+/// Signs from 3DGS' axes to those of OpenGL (x right, y up, z back), and back.
 pub(super) const RUB: [f32; 3] = [1.0, -1.0, -1.0];
 
 /// Signs from 3DGS' axes to those of glTF (x left, y up, z forward), and back.
 pub(super) const LUF: [f32; 3] = [-1.0, -1.0, 1.0];
 
-/// A copy with changed axes. Applied twice it gives the same bits again.
-pub(super) fn turned(gaussians: &Gaussians, signs: [f32; 3]) -> Gaussians {
-    let mut turned = gaussians.clone();
+/// The same with changed axes. Applied twice it gives the same bits again.
+pub(super) fn turned(gaussians: Cow<'_, Gaussians>, signs: [f32; 3]) -> Cow<'_, Gaussians> {
+    if signs == RDF {
+        return gaussians;
+    }
+    let mut turned = gaussians.into_owned();
     turn(&mut turned, signs);
-    turned
+    Cow::Owned(turned)
 }
 
 /// Multiplies the axes with `signs`, an even number of them negative. Quaternions become those of S R S, which differs from
 /// S R only in the directions of the Gaussian's own axes.
 pub(super) fn turn(gaussians: &mut Gaussians, signs: [f32; 3]) {
+    if signs == RDF {
+        return;
+    }
     let [x, y, z] = signs;
     let vector = |v: &mut [f32; 3]| *v = [x * v[0], y * v[1], z * v[2]];
     // Adding 0 turns -0 into +0.

@@ -9,7 +9,7 @@ use super::super::gaussians::degree_of;
 use super::super::ply::rows_error;
 use super::super::ply_rows::{ElementSeed, RowSink, scalar_columns};
 use super::super::{Gaussians, SceneError};
-use super::{Format, MAX_SH_DEGREE, finite, order, quantise, without_planes};
+use super::{MAX_SH_DEGREE, Steps, axes, finite, order, quantise, without_planes};
 use crate::local_space::LocalSpace;
 use crate::ply_offset;
 use glam::DVec3;
@@ -20,10 +20,12 @@ use std::io::{self, BufRead, Write};
 use std::path::Path;
 
 pub(super) const ROW: super::Row = super::Row {
-    format: Format::CompressedPly,
+    name: "compressed PLY (SuperSplat)",
     ending: ".compressed.ply",
     marks: &[],
+    axes: axes::RDF,
     max_sh_degree: MAX_SH_DEGREE,
+    steps: Steps { rotation: SQRT_2 / ROTATION_STEPS as f64, sh: [0.0, HARMONIC, HARMONIC, HARMONIC] },
     place_of_offset: super::PLY.place_of_offset,
     writer: Some(|g| Ok(Box::new(move |out| write(g, out)))),
     read: super::PLY.read,
@@ -57,6 +59,10 @@ const BOUNDS_WITHOUT_COLOR: usize = 12;
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 /// Largest higher coefficient.
 const MOST_HARMONIC: f64 = 4.0;
+/// Step of higher coefficients.
+const HARMONIC: f64 = 2.0 * MOST_HARMONIC / 256.0;
+/// Steps of a component of a rotation.
+const ROTATION_STEPS: u32 = 1023;
 /// Largest range of the logarithms of scales in a chunk; smaller scales become the least.
 const MOST_LOGARITHMS: f32 = 20.0;
 
@@ -178,11 +184,11 @@ impl Bounds {
 
 fn pack_rotation(rotation: [f32; 4]) -> u32 {
     let (largest, others) = quantise::smallest_three(quantise::unit_quaternion(rotation));
-    others.into_iter().fold(largest as u32, |word, v| word << 10 | quantise::unit(v / SQRT_2 + 0.5, 1023))
+    others.into_iter().fold(largest as u32, |word, v| word << 10 | quantise::unit(v / SQRT_2 + 0.5, ROTATION_STEPS))
 }
 
 fn unpack_rotation(word: u32) -> [f32; 4] {
-    let component = |shift: u32| (f64::from(word >> shift & 1023) / 1023.0 - 0.5) * SQRT_2;
+    let component = |shift: u32| (f64::from(word >> shift & ROTATION_STEPS) / f64::from(ROTATION_STEPS) - 0.5) * SQRT_2;
     quantise::from_smallest_three((word >> 30) as usize, [component(20), component(10), component(0)])
 }
 
@@ -342,6 +348,30 @@ impl RowSink for Unpacked {
             }
             Part::Vertex => self.finish_vertex(),
             Part::Harmonics => self.finish_harmonics(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::SH_C0;
+    use crate::scene::formats::Format;
+    use crate::scene::formats::tests::{LARGEST, OPACITY, errors, random, round_trip, rounding};
+
+    #[test]
+    fn errors_are_half_a_step_of_the_chunk() {
+        for degree in 0..=3 {
+            let g = random(700, degree, 10 + u64::from(degree));
+            let e = errors(&g, &round_trip(&g, Format::CompressedPly), &order::morton(&g));
+            // A chunk is no larger than the whole: 40 along the axis of 11 bits, 9 along that of 10.
+            assert!(e.mean <= (0.5_f64 * 40.0 / 2047.0).max(0.5 * 9.0 / 1023.0) + rounding(40.0), "{e:?}");
+            assert!(e.log_scale <= 0.5 * 8.0 / 1023.0 + rounding(8.0) && e.opacity <= OPACITY, "{e:?}");
+            assert!(e.rotation <= LARGEST * 0.5 / 1023.0 * SQRT_2, "{e:?}");
+            // Colours of this scene have a range of 1.8 times the constant.
+            assert!(e.color <= 0.5 / 255.0 * 1.8 * SH_C0 + rounding(1.0), "{e:?}");
+            // 256 parts of -4 to 4.
+            assert!(e.harmonics.iter().all(|&e| e <= 0.5 * 8.0 / 256.0 + rounding(4.0)), "{e:?}");
         }
     }
 }

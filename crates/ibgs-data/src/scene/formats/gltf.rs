@@ -2,20 +2,22 @@
 //!
 //! One point primitive with an attribute of floats for each parameter: quaternions as x, y, z, w, standard deviations and
 //! opacities as they are, coefficients of the spherical harmonics with the Condon-Shortley phase as 3DGS has them, in sRGB.
-//! Axes are those of glTF: x left, y up, z forward. Where the scene lies far from its origin, the node's translation says so.
+//! Where the scene lies far from its origin, the node's translation says so.
 
 use super::super::Gaussians;
-use super::{Format, MAX_SH_DEGREE, Writer, axes, gltf_read, quantise};
+use super::{MAX_SH_DEGREE, Writer, axes, gltf_read, quantise};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
 
 pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 pub(super) const ROW: super::Row = super::Row {
-    format: Format::Gltf,
+    name: "binary glTF 2.0 with `KHR_gaussian_splatting`",
     ending: ".glb",
     marks: &[b"glTF"],
+    axes: axes::LUF,
     max_sh_degree: MAX_SH_DEGREE,
+    steps: super::PLY.steps,
     place_of_offset: Some("the translation of its node"),
     writer: Some(writer),
     read: Some(gltf_read::read),
@@ -52,13 +54,12 @@ pub(super) fn harmonic(coefficient: usize) -> String {
 }
 
 fn writer(gaussians: &Gaussians) -> Writer<'_> {
-    let turned = axes::turned(gaussians, axes::LUF);
-    check(&turned)?;
-    Ok(Box::new(move |out| write(&turned, out)))
+    check(gaussians)?;
+    Ok(Box::new(move |out| write(gaussians, out)))
 }
 
-/// Writes Gaussians that have the axes of the format.
-pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
+/// Writes all Gaussians.
+fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
     let mut text = description(g).to_string();
     // Chunks are whole words.
     text.push_str(&" ".repeat(text.len().next_multiple_of(4) - text.len()));
@@ -131,4 +132,31 @@ fn description(g: &Gaussians) -> Value {
         "bufferViews": views,
         "buffers": [{"byteLength": first}],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::formats::Format;
+    use crate::scene::formats::tests::{in_order, random, round_trip, rounding, written};
+
+    #[test]
+    fn floats_are_kept() {
+        for degree in 0..=3 {
+            let g = random(300, degree, 20 + u64::from(degree));
+            let back = round_trip(&g, Format::Gltf);
+            assert_eq!((&back.means, &back.sh), (&g.means, &g.sh), "signs of the axes cancel to the bit");
+            let e = in_order(&g, Format::Gltf);
+            assert!(e.log_scale <= rounding(8.0) && e.rotation <= rounding(1.0) && e.opacity <= rounding(1.0), "{e:?}");
+        }
+    }
+
+    /// x points left and y up.
+    #[test]
+    fn axes_are_those_of_the_format() {
+        let mut g = random(1, 0, 50);
+        g.means[0] = [0.5, 1.0, 2.0];
+        let glb = written(&g, Format::Gltf);
+        let binary = glb.len() - 4 * 14;
+        assert_eq!(bytemuck::pod_collect_to_vec::<u8, f32>(&glb[binary..binary + 12]), [-0.5, -1.0, 2.0]);
+    }
 }

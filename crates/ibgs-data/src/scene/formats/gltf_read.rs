@@ -5,7 +5,7 @@ use super::super::gaussians::coefficients;
 use super::gltf::{EXTENSION, FLOAT, harmonic};
 use super::gltf_colors::ColorSpace;
 use super::gltf_nodes::{Node, Pose, meshes};
-use super::{MAX_SH_DEGREE, axes, quantise};
+use super::{MAX_SH_DEGREE, quantise};
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -99,7 +99,6 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Gaussians, String> {
         let mut part = file.gaussians(primitive, degree, room)?;
         colors.convert(&mut part);
         pose.apply(&mut part);
-        axes::turn(&mut part, axes::LUF);
         if at == 0 {
             all.space = part.space;
         }

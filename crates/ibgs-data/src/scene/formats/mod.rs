@@ -1,7 +1,7 @@
 //! Files of Gaussians that other programs read and write: one module a format, with its reader and its writer.
 //!
-//! Gaussians in memory have the axes of 3DGS: x to the right, y down, z forward ("RDF"). Each module says which axes its
-//! files have (`axes` changes the signs), how colours, opacities, scales and quaternions are kept, and in how many bits.
+//! Gaussians in memory have the axes of 3DGS: x to the right, y down, z forward ("RDF"). Each module states what
+//! is known of its format as a `Row`, and says how colours, opacities, scales and quaternions are kept, and in how many bits.
 
 mod axes;
 pub(super) mod compressed_ply;
@@ -32,21 +32,38 @@ use std::fs::File;
 use std::io::{self, BufRead, Read, Seek, Write};
 use std::path::Path;
 
-/// A format of files that hold Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// PLY in chunks of 256 Gaussians with packed values, as SuperSplat writes it.
-    CompressedPly,
+/// The enum of the formats and their rows, of one list.
+macro_rules! formats {
+    ($($(#[$doc:meta])* $format:ident => $row:expr,)*) => {
+        /// A format of files that hold Gaussians.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Format { $($(#[$doc])* $format,)* }
+
+        impl Format {
+            /// All formats.
+            pub const ALL: [Self; [$(Self::$format),*].len()] = [$(Self::$format),*];
+
+            fn row(self) -> &'static Row {
+                match self { $(Self::$format => &$row,)* }
+            }
+        }
+    };
+}
+
+formats! {
+    /// PLY in chunks of 256 Gaussians with packed values, as SuperSplat writes it. It comes before PLY, in whose ending its
+    /// own one ends.
+    CompressedPly => compressed_ply::ROW,
     /// PLY of 32-bit floats, as 3DGS writes it.
-    Ply,
+    Ply => PLY,
     /// Niantic's SPZ: written in version 3, read in versions 2 and 3.
-    Spz,
+    Spz => spz::ROW,
     /// 32 bytes a Gaussian, as antimatter15's viewer reads it.
-    Splat,
+    Splat => splat::ROW,
     /// Binary glTF with the extension `KHR_gaussian_splatting`.
-    Gltf,
+    Gltf => gltf::ROW,
     /// PlayCanvas' SOG, version 2: lossless WebP pictures in a ZIP archive.
-    Sog,
+    Sog => sog::ROW,
 }
 
 /// What writes a file's bytes, or why a file cannot hold the model.
@@ -55,50 +72,53 @@ type Writer<'a> = Result<Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>, Str
 /// What was read, or what is wrong in a file.
 type Found = Result<Gaussians, String>;
 
+/// The steps in which files keep values: 0 where they keep floats, or numbers of codebooks or between bounds, whose steps
+/// follow the values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Steps {
+    /// Of a component of the unit quaternion.
+    pub rotation: f64,
+    /// Of the coefficients of the spherical harmonics of each degree.
+    pub sh: [f64; MAX_SH_DEGREE as usize + 1],
+}
+
 /// All that is known of a format; each module states its own.
 struct Row {
-    format: Format,
+    /// Its name in sentences.
+    name: &'static str,
     /// How names of such files end.
     ending: &'static str,
     /// What the files begin with, in four bytes at most; nothing where a name alone says it.
     marks: &'static [&'static [u8]],
+    /// Signs from the axes in memory to those of the files, one of [`axes`].
+    axes: [f32; 3],
     max_sh_degree: u32,
+    steps: Steps,
     /// What of a file says where its coordinates lie in the scene ([`Gaussians::file_offset`]).
     place_of_offset: Option<&'static str>,
-    /// Makes ready for writing; none: [`ply::write_ply`].
+    /// Makes ready for writing, with the axes of the files; none: [`ply::write_ply`].
     writer: Option<fn(&Gaussians) -> Writer<'_>>,
-    /// Reads a whole file, whose path is for messages; none: [`ply::read_ply_from`], which tells both kinds of PLY apart.
+    /// Reads a whole file, whose path is for messages, with the axes of the files; none: [`ply::read_ply_from`], which tells
+    /// both kinds of PLY apart.
     read: Option<fn(&[u8], &Path) -> Found>,
 }
 
-/// The formats in the order of [`Format`]. `.compressed.ply` comes before `.ply`, which it ends in.
-const TABLE: [&Row; 6] = [&compressed_ply::ROW, &PLY, &spz::ROW, &splat::ROW, &gltf::ROW, &sog::ROW];
-
 const PLY: Row = Row {
-    format: Format::Ply,
+    name: "PLY of 3DGS",
     ending: ".ply",
     marks: &[b"ply"],
+    axes: axes::RDF,
     max_sh_degree: MAX_SH_DEGREE,
+    steps: Steps { rotation: 0.0, sh: [0.0; 4] },
     place_of_offset: Some("the line `comment offset` of its header"),
     writer: None,
     read: None,
 };
 
 impl Format {
-    /// All formats.
-    pub const ALL: [Self; TABLE.len()] = {
-        let mut all = [Self::Ply; TABLE.len()];
-        let mut i = 0;
-        while i < TABLE.len() {
-            all[i] = TABLE[i].format;
-            assert!(all[i] as usize == i, "the table has the order of the enum");
-            i += 1;
-        }
-        all
-    };
-
-    fn row(self) -> &'static Row {
-        TABLE[self as usize]
+    /// Its name in sentences.
+    pub fn name(self) -> &'static str {
+        self.row().name
     }
 
     /// How names of such files end.
@@ -117,7 +137,8 @@ impl Format {
         Self::ALL.into_iter().find(|format| name.ends_with(format.ending()))
     }
 
-    /// The format of a file by its first four bytes; [`Format::Ply`] stands for both kinds of PLY. `.splat` files have no mark.
+    /// The format of a file by its first four bytes; [`Format::Ply`] stands for both kinds of PLY. Some formats have no
+    /// mark.
     pub fn of_contents(start: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.row().marks.iter().any(|mark| start.starts_with(mark)))
     }
@@ -125,6 +146,11 @@ impl Format {
     /// Highest degree of the spherical harmonics that such files keep.
     pub fn max_sh_degree(self) -> u32 {
         self.row().max_sh_degree
+    }
+
+    /// The steps in which such files keep values.
+    pub fn steps(self) -> Steps {
+        self.row().steps
     }
 
     /// What a file of this format leaves out of a model or splits off, beside precision and planes.
@@ -203,14 +229,14 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
         return Err(refused("the model has no Gaussians".to_owned()));
     }
     let place = LocalSpace::at(gaussians.file_offset().unwrap_or_default());
-    let gaussians = gaussians.in_space(place);
+    let gaussians = axes::turned(gaussians.in_space(place), format.row().axes);
     let write = writer(&gaussians).map_err(refused)?;
     files::write_atomically(path, |out| write(out))?;
     Ok(())
 }
 
-/// Reads Gaussians from a file of any [`Format`]. Its contents say which it is, not its name; only `.splat` files, which
-/// begin with no mark, are known by their ending. Gaussians with values that are not finite, or with a quaternion of
+/// Reads Gaussians from a file of any [`Format`]. Its contents say which it is, not its name; only formats whose files begin
+/// with no mark are known by their ending. Gaussians with values that are not finite, or with a quaternion of
 /// zeros, are left out, with a warning in the log. They come in scene units; what has no plane gets the normal (0, 0, 1) and the offset 0.
 ///
 /// # Errors
@@ -220,7 +246,7 @@ pub fn read_gaussians(path: &Path) -> Result<Gaussians, SceneError> {
     read_gaussians_from(&mut file, length, path)
 }
 
-/// [`read_gaussians`] from anything seekable that is `length` bytes long; `path` is for messages, and for `.splat`.
+/// [`read_gaussians`] from anything seekable that is `length` bytes long; `path` is for messages, and for formats without a mark.
 ///
 /// # Errors
 /// As [`read_gaussians`].
@@ -243,7 +269,9 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
     let mut bytes = Vec::new();
     reader.take(length).read_to_end(&mut bytes).map_err(io_error)?;
     let bad = |reason| SceneError::BadFile { path: path.to_owned(), format: format.ending(), reason };
-    without_planes(read(&bytes, path).map_err(bad)?, path)
+    let mut gaussians = read(&bytes, path).map_err(bad)?;
+    axes::turn(&mut gaussians, format.row().axes);
+    without_planes(gaussians, path)
 }
 
 /// What was read from a format without planes: Gaussians that say so, and only those whose values are finite.

@@ -8,7 +8,7 @@
 
 use super::super::Gaussians;
 use super::palette::{Codebook, Palette};
-use super::{Format, MAX_SH_DEGREE, Writer, order, quantise, sog_read};
+use super::{MAX_SH_DEGREE, Steps, Writer, axes, order, quantise, sog_read};
 use crate::stored_zip;
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::{Value, json};
@@ -16,10 +16,12 @@ use std::f64::consts::SQRT_2;
 use std::io::{self, Cursor};
 
 pub(super) const ROW: super::Row = super::Row {
-    format: Format::Sog,
+    name: "SOG (PlayCanvas)",
     ending: ".sog",
     marks: &[b"PK\x03\x04"],
+    axes: axes::RDF,
     max_sh_degree: MAX_SH_DEGREE,
+    steps: Steps { rotation: SQRT_2 / 255.0, sh: [0.0; 4] },
     place_of_offset: None,
     writer: Some(writer),
     read: Some(|bytes, _| sog_read::read(bytes)),
@@ -200,4 +202,37 @@ fn webp(rgba: &[u8], width: usize, height: usize) -> io::Result<Vec<u8>> {
         .encode(rgba, width as u32, height as u32, ColorType::Rgba8)
         .map_err(io::Error::other)?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::formats::Format;
+    use crate::scene::formats::tests::{LARGEST, OPACITY, errors, random, round_trip, rounding};
+
+    #[test]
+    fn errors_are_those_of_its_bits_and_codebooks() {
+        for degree in 0..=3 {
+            let g = random(700, degree, 30 + u64::from(degree));
+            let order = order::morton(&g);
+            let back = round_trip(&g, Format::Sog);
+            let e = errors(&g, &back, &order);
+            // 16 bits of ln(1 + |x|), whose slope is 1 / (1 + |x|).
+            assert!(e.mean <= 41.0 * 0.5 * 41.0_f64.ln() / 65535.0 + rounding(40.0), "{e:?}");
+            assert!(e.opacity <= OPACITY, "{e:?}");
+            assert!(e.rotation <= LARGEST * 0.5 / 255.0 * SQRT_2, "{e:?}");
+            // Half of the 256 codes begin as even steps over the range, and the mean square only falls from there: that of half a
+            // step is the most it can be.
+            let half_step = |range: f64| 0.5 * range / 127.0;
+            let row = 3 * g.sh_coefficients();
+            let root_mean_square =
+                |values: Vec<f32>| (values.iter().map(|v| f64::from(v * v)).sum::<f64>() / values.len() as f64).sqrt();
+            let scales =
+                order.iter().zip(&back.log_scales).flat_map(|(&i, b)| [0, 1, 2].map(|k| g.log_scales[i][k] - b[k]));
+            assert!(root_mean_square(scales.collect()) <= half_step(8.0), "{e:?}");
+            // As many entries as Gaussians in the palette, so that only the codebooks are inexact.
+            let sh = order.iter().enumerate().flat_map(|(at, &i)| (0..row).map(move |k| (row * at + k, row * i + k)));
+            assert!(root_mean_square(sh.map(|(b, a)| g.sh[a] - back.sh[b]).collect()) <= half_step(1.8), "{e:?}");
+        }
+    }
 }

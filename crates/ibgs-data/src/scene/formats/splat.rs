@@ -1,18 +1,20 @@
 //! `.splat` files: 32 bytes a Gaussian and nothing else, the largest and most opaque first.
 //!
 //! Position and scale as three floats each, colour of degree 0 and opacity as four bytes, the unit quaternion as w, x, y, z in
-//! four bytes (128 is 0, a step 1/128). Axes are those of 3DGS.
+//! four bytes (128 is 0, a step 1/128).
 
-use super::super::Gaussians;
-use super::Format;
+use super::super::{Gaussians, SH_C0};
 use super::quantise::{self, byte};
+use super::{Steps, axes};
 use std::io::{self, Write};
 
 pub(super) const ROW: super::Row = super::Row {
-    format: Format::Splat,
+    name: "`.splat`",
     ending: ".splat",
     marks: &[],
+    axes: axes::RDF,
     max_sh_degree: 0,
+    steps: Steps { rotation: 1.0 / 128.0, sh: [1.0 / 255.0 / SH_C0, 0.0, 0.0, 0.0] },
     place_of_offset: None,
     writer: Some(|g| Ok(Box::new(move |out| write(g, out)))),
     read: Some(|bytes, _| read(bytes)),
@@ -22,7 +24,7 @@ pub(super) const ROW: super::Row = super::Row {
 const EACH: usize = 32;
 
 /// Writes all Gaussians by their size times their opacity: viewers show the first ones first while they load.
-pub(super) fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
+fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
     let weight = |(scales, &logit): (&[f32; 3], &f32)| -> f64 {
         scales.iter().map(|&s| f64::from(s)).sum::<f64>() + quantise::opacity(logit).ln()
     };
@@ -62,4 +64,49 @@ fn read(bytes: &[u8]) -> Result<Gaussians, String> {
         g.rotations.push(quantise::read_quaternion(rotation));
     }
     Ok(g)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Loss;
+    use crate::scene::formats::Format;
+    use crate::scene::formats::tests::{OPACITY, errors, random, read_named, round_trip, rounding, written};
+
+    #[test]
+    fn errors_are_half_a_step() {
+        let g = random(700, 2, 4);
+        let back = round_trip(&g, Format::Splat);
+        assert_eq!(back.sh_degree, 0);
+        // Positions are kept to the bit, and no two are alike.
+        let index_of = |mean: &[f32; 3]| g.means.iter().position(|other| other == mean).unwrap();
+        let order: Vec<usize> = back.means.iter().map(index_of).collect();
+        let e = errors(&g, &back, &order);
+        assert_eq!(e.mean, 0.0);
+        assert!(e.log_scale <= rounding(8.0) && e.opacity <= OPACITY, "{e:?}");
+        // A component near 1 is cut at 127/128, a whole step; the length of 1 is restored by up to sqrt(4) times that.
+        assert!(e.rotation <= 2.0 / 128.0, "{e:?}");
+        assert!(e.color <= 0.5 / 255.0 + rounding(1.0), "{e:?}");
+        let weight = |at: usize| -> f64 {
+            let size: f32 = back.log_scales[at].iter().sum();
+            f64::from(size).exp() * quantise::opacity(back.opacity_logits[at])
+        };
+        // Opacities moved by half a step of at least 1/150.
+        assert!((1..back.len()).all(|at| weight(at) <= weight(at - 1) * 1.7), "the largest come first");
+        assert_eq!(Format::Splat.losses(&g), [Loss::Harmonics { degree: 2, kept: 0 }]);
+    }
+
+    #[test]
+    fn axes_are_those_of_memory() {
+        let mut g = random(1, 0, 50);
+        g.means[0] = [0.5, 1.0, 2.0];
+        assert_eq!(bytemuck::pod_collect_to_vec::<u8, f32>(&written(&g, Format::Splat)[..12]), [0.5, 1.0, 2.0]);
+    }
+
+    #[test]
+    fn files_that_make_no_sense() {
+        let refused = |bytes: &[u8]| read_named(bytes, "a.splat").unwrap_err().to_string();
+        assert!(refused(&[7; 33]).contains("multiple of 32"));
+        assert!(refused(&[0xff; 64]).contains("`position` of Gaussian 0"));
+    }
 }

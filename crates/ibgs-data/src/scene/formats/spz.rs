@@ -3,12 +3,12 @@
 //! One gzip stream: a header of 16 bytes, then all positions (24-bit fixed point), opacities (a byte), colours (a byte a
 //! channel of 0.15 dc + 0.5), scales (a byte in steps of 1/16 of the logarithm, from -10), rotations and spherical harmonics
 //! (a byte each over -1 to 1, with 5 significant bits in degree 1 and 4 above). Rotations are the smallest three components of the quaternion in
-//! 10 bits each; in version 2, x, y, z in a byte each. Axes: x right, y up, z back.
+//! 10 bits each; in version 2, x, y, z in a byte each.
 
 use super::super::Gaussians;
 use super::super::gaussians::coefficients;
 use super::quantise::{self, byte};
-use super::{Format, MAX_SH_DEGREE, Writer, axes};
+use super::{MAX_SH_DEGREE, Steps, Writer, axes};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -16,10 +16,15 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::{self, Read, Write};
 
 pub(super) const ROW: super::Row = super::Row {
-    format: Format::Spz,
+    name: "SPZ (Niantic)",
     ending: ".spz",
     marks: &[&[0x1f, 0x8b], b"NGSP"],
+    axes: axes::RUB,
     max_sh_degree: MAX_SH_DEGREE,
+    steps: Steps {
+        rotation: FRAC_1_SQRT_2 / ROTATION_STEPS,
+        sh: [1.0 / 255.0 / COLOR_SCALE, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 8.0],
+    },
     place_of_offset: None,
     writer: Some(writer),
     read: Some(|bytes, _| read(bytes)),
@@ -57,13 +62,12 @@ fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
 }
 
 fn writer(gaussians: &Gaussians) -> Writer<'_> {
-    let turned = axes::turned(gaussians, axes::RUB);
-    let bits = fractional_bits(&turned)?;
-    Ok(Box::new(move |out| write(&turned, bits, out)))
+    let bits = fractional_bits(gaussians)?;
+    Ok(Box::new(move |out| write(gaussians, bits, out)))
 }
 
-/// Writes version 3. The Gaussians have the axes of the format.
-pub(super) fn write(g: &Gaussians, fractional_bits: u32, out: &mut dyn Write) -> io::Result<()> {
+/// Writes version 3.
+fn write(g: &Gaussians, fractional_bits: u32, out: &mut dyn Write) -> io::Result<()> {
     let mut gzip = GzEncoder::new(out, Compression::default());
     gzip.write_all(&MAGIC)?;
     gzip.write_all(&3_u32.to_le_bytes())?;
@@ -157,7 +161,7 @@ impl Header {
 ///
 /// # Errors
 /// What is wrong.
-pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
+fn read(bytes: &[u8]) -> Result<Gaussians, String> {
     if bytes.starts_with(&MAGIC) {
         return Err("it has version 4 of the format; versions 2 and 3 are read".to_owned());
     }
@@ -178,12 +182,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
     }
     // Extensions may follow. The checksum behind them shows damage.
     io::copy(&mut gzip.take(SMALL), &mut io::sink()).map_err(damaged)?;
-    let mut gaussians = unpack(&header, &data);
-    axes::turn(&mut gaussians, axes::RUB);
-    Ok(gaussians)
+    Ok(unpack(&header, &data))
 }
 
-/// The Gaussians in data of the length that the header promises, in the axes of the format.
+/// The Gaussians in data of the length that the header promises.
 fn unpack(header: &Header, data: &[u8]) -> Gaussians {
     let mut rest = data;
     let [positions, opacities, colors, scales, rotations, harmonics] = header.row().map(|row| {
@@ -215,4 +217,79 @@ fn first_three(bytes: [u8; 3]) -> [f32; 4] {
     let [x, y, z] = bytes.map(|v| f64::from(v) / 127.5 - 1.0);
     let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
     [w, x, y, z].map(|v| v as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::formats::Format;
+    use crate::scene::formats::tests::{LARGEST, OPACITY, in_order, random, rounding, written};
+    use crate::scene::{SH_C0, SceneError, read_gaussians_from, write_gaussians};
+    use std::io::Cursor;
+    use std::path::Path;
+
+    #[test]
+    fn errors_are_half_a_step() {
+        for degree in 0..=3 {
+            let g = random(700, degree, u64::from(degree));
+            let e = in_order(&g, Format::Spz);
+            // 40 in 23 bits leaves 17 behind the point.
+            assert!(e.mean <= 0.5 / f64::from(1 << 17) + rounding(40.0), "{e:?}");
+            assert!(e.mean >= 0.4 / f64::from(1 << 17), "more bits than it has: {e:?}");
+            assert!(e.log_scale <= 0.5 / 16.0 + rounding(10.0), "{e:?}");
+            assert!(e.opacity <= OPACITY, "{e:?}");
+            // 511 steps up to 1 / sqrt(2).
+            assert!(e.rotation <= LARGEST * 0.5 / 511.0 * FRAC_1_SQRT_2, "{e:?}");
+            assert!(e.color <= 0.5 / 255.0 / 0.15 * SH_C0 + rounding(4.0), "{e:?}");
+            // 32 and 16 steps over -1 to 1.
+            assert!(
+                e.harmonics[0] <= 0.5 / 16.0 + rounding(1.0) && e.harmonics[1] <= 0.5 / 8.0 + rounding(1.0),
+                "{e:?}"
+            );
+        }
+    }
+
+    /// y points up and z back.
+    #[test]
+    fn axes_are_those_of_the_format() {
+        let mut g = random(1, 0, 50);
+        g.means[0] = [0.5, 1.0, 2.0];
+        let mut data = Vec::new();
+        GzDecoder::new(written(&g, Format::Spz).as_slice()).read_to_end(&mut data).unwrap();
+        // As many bits behind the point as there are.
+        assert_eq!(data[..16], [b'N', b'G', b'S', b'P', 3, 0, 0, 0, 1, 0, 0, 0, 0, 20, 0, 0]);
+        // 0.5, -1 and -2 in steps of 1/2^20.
+        assert_eq!(data[16..25], [0, 0, 8, 0, 0, 0xf0, 0, 0, 0xe0]);
+    }
+
+    /// A file of version 2, by hand: two Gaussians with x, y, z of their quaternions.
+    #[test]
+    fn version_2() {
+        let mut data = b"NGSP\x02\0\0\0\x02\0\0\0\x00\x0c\0\0".to_vec();
+        data.extend([0, 16, 0, 0, 0, 0, 0, 0xf0, 0xff, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+        data.extend([128, 255]);
+        data.extend([128; 6]);
+        data.extend([160, 160, 160, 0, 0, 0]);
+        data.extend([255, 128, 128, 128, 128, 128]);
+        let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+        gzip.write_all(&data).unwrap();
+        let g = read_gaussians_from(&mut Cursor::new(gzip.finish().unwrap()), 1 << 20, Path::new("a")).unwrap();
+        assert_eq!(g.means, [[1.0, 0.0, 1.0], [0.0; 3]]);
+        assert_eq!(g.log_scales, [[0.0; 3], [-10.0; 3]]);
+        assert!(g.rotations[0][1] > 0.999 && g.rotations[1][0] > 0.999, "{:?}", g.rotations);
+    }
+
+    #[test]
+    fn models_that_it_cannot_hold() {
+        let path = tempfile::tempdir().unwrap().path().join("a.spz");
+        let refused = |g: &Gaussians| {
+            let error = write_gaussians(&path, g, Format::Spz).unwrap_err();
+            assert!(!path.exists());
+            error
+        };
+        let mut far = random(2, 0, 70);
+        far.means[1][2] = -1e7;
+        let error = refused(&far);
+        assert!(matches!(error, SceneError::CannotHold { .. }) && error.to_string().contains("8388607"), "{error}");
+    }
 }
