@@ -93,6 +93,10 @@ pub struct Args {
     /// Seed of view order and sampling [default: 0].
     #[arg(long)]
     seed: Option<u64>,
+    /// Number of bases, trained side by side, whose mean is the base image: more true to the scene, at more time and memory
+    /// [default: 1].
+    #[arg(long, value_name = "N")]
+    ensemble: Option<u32>,
     /// Repeat bit for bit on the same adapter and build, resumed or not; checkpoints are larger.
     #[arg(long)]
     deterministic: bool,

@@ -195,6 +195,7 @@ pub fn bundle_parts() -> Parts {
         let bundle = Bundle {
             iteration: 7,
             gaussians: scene::from_points(&points(), 0, 0.3).unwrap(),
+            members: Vec::new(),
             levels: None,
             network: Some(vec![1, 2, 3]),
             exposure: Some([("a.png".to_owned(), Exposure { log_gain: [0.1; 3], offset: [0.0; 3] })].into()),

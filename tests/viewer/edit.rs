@@ -53,6 +53,7 @@ fn bundle(path: &Path) {
     let bundle = Bundle {
         iteration: 30,
         gaussians: from_points(&dataset.points, 0, 0.6).unwrap(),
+        members: Vec::new(),
         levels: None,
         network: Some(weights::to_bytes(&weights::random(0)).unwrap()),
         exposure: None,

@@ -15,6 +15,9 @@
 //! A bundle with levels of detail ([`Packing::Levels`], format 3) has `levels.json` and `levels.bin` in place of
 //! `point_cloud.ply`: the tree of its chunks and their numbers, which stay in the file until they are needed.
 //!
+//! A bundle of an ensemble (format 4) has `member_2/point_cloud.ply` and, where exposures were corrected,
+//! `member_2/exposure.json`, after the network.
+//!
 //! The order lets a browser show the base image early: with the constant colours as soon as the SOG file has come to its
 //! spherical harmonics, see [`Bundle::read_start`].
 //!
@@ -30,7 +33,8 @@ pub use error::BundleError;
 
 use crate::config::TrainConfig;
 use crate::dataset::HostPhoto;
-use crate::exposure::Exposure;
+use crate::ensemble::{self, Member};
+use crate::exposure::{self, Exposure};
 use crate::levels::Levels;
 use crate::local_space::LocalSpace;
 use crate::output::cameras::CameraRecord;
@@ -44,8 +48,10 @@ use std::sync::Arc;
 /// Version of the layout, and of that of small bundles.
 const FORMAT: u32 = 1;
 const SMALL_FORMAT: u32 = 2;
-/// That of bundles with levels of detail, the latest.
+/// That of bundles with levels of detail.
 const LEVELS_FORMAT: u32 = 3;
+/// That of bundles of an ensemble, the latest.
+const ENSEMBLE_FORMAT: u32 = 4;
 
 /// Everything that rendering a model needs.
 #[derive(Clone, Debug)]
@@ -54,6 +60,8 @@ pub struct Bundle {
     pub iteration: u32,
     /// The Gaussians; where there are levels of detail, the coarsest.
     pub gaussians: Gaussians,
+    /// The further members of an ensemble.
+    pub members: Vec<Member>,
     /// The levels of detail of a bundle that was read with them.
     pub levels: Option<Arc<Levels>>,
     /// The residual network in its module's own form; none without.
@@ -109,3 +117,9 @@ const TREE: &str = "levels.json";
 const CHUNKS: &str = "levels.bin";
 /// The options' part.
 const OPTIONS: &str = "config.toml";
+
+/// The parts of a further member of an ensemble: its Gaussians and its exposures.
+fn member_parts(number: usize) -> [String; 2] {
+    let folder = ensemble::folder(number).unwrap_or_default();
+    [CLOUD, exposure::FILE_NAME].map(|part| format!("{folder}/{part}"))
+}

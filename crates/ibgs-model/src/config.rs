@@ -9,6 +9,7 @@ mod check;
 mod defaults;
 mod densify;
 mod difference;
+mod ensemble;
 mod error;
 mod file;
 mod image;
@@ -56,6 +57,10 @@ pub struct TrainConfig {
     pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,
+    /// Number of bases, trained side by side, each on its own: the base image is their mean, which keeps less of what is chance in
+    /// each. The first has the surface; the others are plain splatting of at most 7000 iterations. 1: a single base. A departure
+    /// from method.md.
+    pub ensemble: u32,
     /// The run repeats bit for bit on the same adapter and build, even when it is resumed: it computes in float32 only,
     /// and checkpoints hold the depth maps of the training views.
     pub deterministic: bool,

@@ -3,12 +3,14 @@
 //! 1. [`config`] has the options of a training, which a model keeps.
 //! 2. [`model`] opens models, [`bundle`] keeps one in a single file, [`output`] is the model folder.
 //! 3. [`eval`] measures, [`video`] makes films, [`mesh`] fuses the depths of all views into a triangle mesh.
-//! 4. [`edit`] selects and removes Gaussians of a finished model, [`blocks`] joins those of its parts.
+//! 4. [`edit`] selects and removes Gaussians of a finished model, [`blocks`] joins those of its parts, [`ensemble`] has the
+//!    further members of one.
 
 pub mod blocks;
 pub mod bundle;
 pub mod config;
 pub mod edit;
+pub mod ensemble;
 pub mod eval;
 pub mod mesh;
 pub mod model;

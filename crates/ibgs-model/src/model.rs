@@ -14,6 +14,7 @@ pub use scene::{MakeScene, load_scene};
 use crate::camera::Camera;
 use crate::config::{Background, TrainConfig};
 use crate::dataset::{Dataset, HostPhoto, Resolution};
+use crate::ensemble::Member;
 use crate::exposure::{Exposure, ExposureField};
 use crate::gpu::Gpu;
 use crate::levels::{self, Levels, Loading, Stream};
@@ -82,6 +83,8 @@ pub struct Model {
     pub bundle_bytes: Option<u64>,
     /// Exposures of the training photos by name, where they were corrected.
     exposure: Option<HashMap<String, Exposure>>,
+    /// The further members of an ensemble.
+    pub members: Vec<Member>,
     /// Training photos by name, where the model brings them.
     photos: Option<HashMap<String, HostPhoto>>,
     /// Another program wrote it: the scene has its cameras.
@@ -106,7 +109,10 @@ impl Model {
         let part = self.network.as_ref().map(|network| self.image_part(gpu, network)).transpose()?;
         let field = self.exposure_field()?;
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        let renderer = |splats| Renderer::new(raster, splats, self.config.background(), part).with_exposure(field);
+        let members = self.members.iter().map(|member| self.member(&raster, member)).collect::<Result<_, _>>()?;
+        let background = self.config.background();
+        let renderer =
+            |splats| Renderer::new(raster, splats, background, part).with_exposure(field).with_members(members);
         let Some(levels) = &self.levels else {
             return Ok(renderer(Splats::upload_in(&self.gaussians.in_space(self.space()), gpu, self.harmonics)?));
         };
@@ -122,6 +128,13 @@ impl Model {
         };
         let (stream, splats) = Stream::new(levels.clone(), gpu, slots(harmonics)?, self.loading, harmonics)?;
         Ok(renderer(splats).with_stream(stream))
+    }
+
+    /// The renderer of a further member of an ensemble.
+    fn member(&self, raster: &Arc<Rasterizer>, member: &Member) -> Result<Renderer, ModelError> {
+        let splats = Splats::upload_in(&member.gaussians.in_space(self.space()), raster.gpu(), self.harmonics)?;
+        let renderer = Renderer::new(raster.clone(), splats, self.config.background(), None);
+        Ok(renderer.with_exposure(self.field(member.exposure.as_ref())?))
     }
 
     /// The local coordinates in which it is rendered: those of its training, from its cameras; without cameras, those
@@ -145,7 +158,12 @@ impl Model {
     /// # Errors
     /// A training view has none.
     pub fn exposure_field(&self) -> Result<Option<ExposureField>, ModelError> {
-        let Some(photos) = &self.exposure else { return Ok(None) };
+        self.field(self.exposure.as_ref())
+    }
+
+    /// Exposures of the training photos by name, in the order of the views.
+    fn field(&self, photos: Option<&HashMap<String, Exposure>>) -> Result<Option<ExposureField>, ModelError> {
+        let Some(photos) = photos else { return Ok(None) };
         let training = self.training_views();
         let own = |record: &&CameraRecord| {
             photos.get(&record.name).copied().ok_or_else(|| ModelError::NoExposure { name: record.name.clone() })

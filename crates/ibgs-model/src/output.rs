@@ -6,6 +6,8 @@
 //! point_cloud/iteration_N/point_cloud.ply
 //! point_cloud/iteration_N/residual_network.safetensors from the first iteration with a residual on
 //! point_cloud/iteration_N/exposure.json                where the photos' exposures were corrected
+//! point_cloud/iteration_N/member_M/{point_cloud.ply,exposure.json}
+//!                                                      the further members of an ensemble, from 2
 //! {test,train}/ours_N/OUTPUT/NAME.png                  OUTPUT: gt, renders, renders_aggregate, predicted_residual,
 //!                                                      renders_depth, renders_normal, visibility
 //! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
@@ -40,6 +42,7 @@ pub use lock::FolderLock;
 
 use crate::config::{Method, TrainConfig};
 use crate::dataset::{Dataset, PHOTO_EXTENSIONS, has_extension};
+use crate::ensemble;
 use crate::exposure::{self, Exposure};
 use crate::files::{self, WriteError};
 use crate::residual::weights;
@@ -88,26 +91,44 @@ impl OutputFolder {
         self.point_cloud_path(iteration).with_file_name(weights::FILE_NAME)
     }
 
-    /// Where the photos' exposures of an iteration are saved: beside its point cloud.
-    pub fn exposure_path(&self, iteration: u32) -> PathBuf {
-        self.point_cloud_path(iteration).with_file_name(exposure::FILE_NAME)
+    /// Where the photos' exposures of an iteration are saved: beside the point cloud of the member, counted from 1.
+    pub fn exposure_path(&self, iteration: u32, member: usize) -> PathBuf {
+        self.member_path(iteration, member).with_file_name(exposure::FILE_NAME)
     }
 
-    /// Writes the training photos' exposures, in the order of the training views.
+    /// The point cloud of a member of an ensemble, counted from 1.
+    pub fn member_path(&self, iteration: u32, member: usize) -> PathBuf {
+        let first = self.point_cloud_path(iteration);
+        match (ensemble::folder(member), first.parent(), first.file_name()) {
+            (Some(folder), Some(parent), Some(name)) => parent.join(folder).join(name),
+            _ => first,
+        }
+    }
+
+    /// Writes what a member, counted from 1, learned of the training photos' exposures, in the order of the training views.
     ///
     /// # Errors
     /// [`OutputError::Write`].
-    pub fn write_exposures(&self, iteration: u32, dataset: &Dataset, photos: &[Exposure]) -> Result<(), OutputError> {
+    pub fn write_exposures(
+        &self,
+        (iteration, member): (u32, usize),
+        dataset: &Dataset,
+        photos: &[Exposure],
+    ) -> Result<(), OutputError> {
         let names = dataset.train.iter().map(|&view| dataset.views[view].name.as_str());
-        Ok(write_json(&self.exposure_path(iteration), &exposure::to_json(names.zip(photos)))?)
+        Ok(write_json(&self.exposure_path(iteration, member), &exposure::to_json(names.zip(photos)))?)
     }
 
-    /// Reads the photos' exposures of an iteration by name; none where none were corrected.
+    /// Reads the photos' exposures of an iteration and a member, counted from 1, by name; none where none were corrected.
     ///
     /// # Errors
     /// [`OutputError::Read`], [`OutputError::Damaged`] naming the photo.
-    pub fn read_exposures(&self, iteration: u32) -> Result<Option<HashMap<String, Exposure>>, OutputError> {
-        let path = self.exposure_path(iteration);
+    pub fn read_exposures(
+        &self,
+        iteration: u32,
+        member: usize,
+    ) -> Result<Option<HashMap<String, Exposure>>, OutputError> {
+        let path = self.exposure_path(iteration, member);
         match fs::read_to_string(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(source) => Err(OutputError::Read { path, source }),

@@ -37,6 +37,7 @@ fn bundle() -> Bundle {
     Bundle {
         iteration: 123,
         gaussians: random_gaussians(17, 2, 22),
+        members: Vec::new(),
         levels: None,
         network: Some((0..5_000).map(|_| rng.random()).collect()),
         exposure: None,

@@ -53,6 +53,7 @@ fn bundle(gaussians: Gaussians) -> Bundle {
     Bundle {
         iteration: 1,
         gaussians,
+        members: Vec::new(),
         levels: None,
         network: None,
         exposure: None,

@@ -11,6 +11,7 @@
 //!
 //! [`gpu`] is the base layer: the device, its memory and the only place that dispatches.
 
+pub mod ensemble;
 pub mod exposure;
 pub mod gpu;
 pub mod inspect;

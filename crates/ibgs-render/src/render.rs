@@ -1,6 +1,7 @@
 //! [`Renderer`]: the one path that training, render, eval and the viewer use. Its cameras, and the depths of its frames, are in the
 //! scene's coordinates; on the device all is local ([`LocalSpace`]).
 
+mod base;
 mod frame;
 mod image_part;
 
@@ -13,10 +14,11 @@ use crate::exposure::{ExposureField, ExposurePass, Exposures};
 use crate::gpu::{Gpu, GpuError, Pass};
 use crate::levels::Stream;
 use crate::local_space::LocalSpace;
-use crate::raster::{Keep, RasterView, Rasterizer, Room, Shape, SurfaceOptions};
+use crate::raster::{RasterView, Rasterizer, Room, Shape, SurfaceOptions};
 use crate::residual::Residual;
 use crate::scene::{SceneError, Splats};
 use crate::sources::SourceView;
+use base::Base;
 use image_part::{ImageStage, Sources, record_final};
 use std::sync::Arc;
 
@@ -34,6 +36,8 @@ pub struct Renderer {
     exposure: Option<(ExposureField, ExposurePass)>,
     /// Chunks that come and go with the views, of a model with levels of detail.
     stream: Option<Stream>,
+    /// The others of an ensemble, which give their base images.
+    members: Arc<[Renderer]>,
 }
 
 impl Renderer {
@@ -53,6 +57,7 @@ impl Renderer {
             shape: Shape::default(),
             exposure: None,
             stream: None,
+            members: Arc::default(),
         }
     }
 
@@ -69,6 +74,7 @@ impl Renderer {
             image: self.image.as_ref().map(stage),
             exposure: self.exposure().map(|field| (field.clone(), ExposurePass::new(gpu.clone()))),
             stream: None,
+            members: self.members.clone(),
         }
     }
 
@@ -96,6 +102,16 @@ impl Renderer {
     /// The same of Gaussians that are the chunks of a model with levels of detail.
     pub fn with_stream(self, stream: Stream) -> Self {
         Self { stream: Some(stream), ..self }
+    }
+
+    /// The first member of an ensemble: its surface and its residual, over the mean of its base image and those of the others.
+    pub fn with_members(self, members: Vec<Self>) -> Self {
+        Self { members: members.into(), ..self }
+    }
+
+    /// The other members of its ensemble.
+    pub fn members(&self) -> &[Self] {
+        &self.members
     }
 
     /// Brings all chunks of a view, of a model with levels of detail whose frames do not wait for them.
@@ -238,7 +254,7 @@ impl Renderer {
         }
         loop {
             let frame = self.render_in(camera, Room::Assumed, &mut then)?;
-            if self.raster.had_room_async(&frame.forward).await? {
+            if self.had_room_async(&frame).await? {
                 return Ok(frame);
             }
         }
@@ -265,16 +281,8 @@ impl Renderer {
         let exposures = self.exposures(camera, indices)?;
         loop {
             let mut pass = Pass::new(&gpu, "frame");
-            let memory = self.raster.image_memory(camera)?;
-            let forward = self.raster.record(&mut pass, &self.splats, &view, Keep::Image, memory)?;
-            let base = match &exposures {
-                Some(exposures) => {
-                    let exposed = gpu.transient("exposed image", forward.image.rows())?;
-                    exposures.record(&mut pass, &forward, &exposed);
-                    exposed
-                }
-                None => forward.image.clone(),
-            };
+            let own = self.record_own(&mut pass, &view, exposures.as_ref())?;
+            let Base { forward, others, image: base } = self.record_members(&mut pass, camera, own)?;
             let image = match (&self.image, &sources) {
                 (Some(stage), Some(sources)) => {
                     let base = (base.clone(), exposures.as_ref());
@@ -284,9 +292,9 @@ impl Renderer {
             };
             pass.submit();
             let gpu = gpu.clone();
-            let frame = Frame { gpu, forward, image, base, camera: *camera, local, space };
+            let frame = Frame { gpu, forward, others, image, base, camera: *camera, local, space };
             then(&frame)?;
-            if room == Room::Assumed || self.raster.had_room(&frame.forward)? {
+            if room == Room::Assumed || self.had_room(&frame)? {
                 return Ok(frame);
             }
         }

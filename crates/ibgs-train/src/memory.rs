@@ -143,6 +143,9 @@ impl Estimate {
         let mut estimate = Self { parts: Vec::new() };
         estimate.add_kept("photos", "training photos", demand, demand.photo_budget);
         estimate.add_gaussians(&sizes, demand);
+        for number in 2..=demand.config.ensemble {
+            estimate.add_member(&sizes, demand, number);
+        }
         estimate.add_raster(&sizes, demand.config.method);
         estimate.add("images", "base image and its gradient", 12 * sizes.pixels, 2);
         if demand.config.exposure.enabled != ExposureSwitch::Off {
@@ -191,6 +194,15 @@ impl Estimate {
         if image_based {
             self.add("optimiser", "network", 4 * WEIGHTS as u64, 2);
         }
+    }
+
+    /// Adds a further member of an ensemble, whose passes run in the memory of the first.
+    fn add_member(&mut self, sizes: &Sizes, demand: &Demand, number: u32) {
+        let config = demand.config.of_member(number);
+        let sh_degree = config.sh_degree();
+        let sizes = Sizes { coefficients: u64::from(sh_degree + 1).pow(2), ..*sizes };
+        self.add_gaussians(&sizes, &Demand { config: &config, sh_degree, ..*demand });
+        self.add("images", "base image of a member, exposed, and the mean", 12 * sizes.pixels, 3);
     }
 
     fn add_raster(&mut self, sizes: &Sizes, method: Method) {

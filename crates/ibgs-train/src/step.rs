@@ -80,6 +80,8 @@ pub struct Trainer {
     is_whole: bool,
     /// Ends of the last ones on the device.
     in_flight: VecDeque<Mark>,
+    /// The further members of an ensemble.
+    members: Vec<Trainer>,
 }
 
 impl Trainer {
@@ -104,9 +106,15 @@ impl Trainer {
         self.strategy = strategy;
     }
 
-    /// Lets the number of Gaussians grow to `most` at most.
+    /// Lets the number of Gaussians of each member grow to `most` at most.
     pub fn limit_splats(&mut self, most: u32) {
         self.config.densify.max_splats = Some(most);
+        self.members.iter_mut().for_each(|member| member.limit_splats(most));
+    }
+
+    /// The further members of an ensemble.
+    pub fn members(&self) -> &[Self] {
+        &self.members
     }
 
     fn view(&self, index: usize) -> RasterView {
@@ -132,7 +140,8 @@ impl Trainer {
         let residual = self.stages.as_ref().filter(|_| self.schedule.residual_at(self.iteration));
         let part = residual.map(|stages| stages.part(self.scene_cameras.clone(), self.photos.clone()));
         let renderer = Renderer::new(self.raster.clone(), self.splats().clone(), self.background(), part);
-        Ok(renderer.with_exposure(self.exposure()?))
+        let members = self.members.iter().map(Self::renderer).collect::<Result<_, _>>()?;
+        Ok(renderer.with_exposure(self.exposure()?).with_members(members))
     }
 
     /// The photos' exposures as they are now; none where they are not corrected. Waits for the GPU.
@@ -180,7 +189,7 @@ impl Trainer {
 
     /// True if an iteration had more intersections than room: its gradient was left out. Known some iterations late.
     pub fn overflowed(&self) -> bool {
-        self.overflowed
+        self.overflowed || self.members.iter().any(Self::overflowed)
     }
 
     /// One iteration.
@@ -189,6 +198,11 @@ impl Trainer {
     /// Not enough memory, device lost, or a loss that is not finite.
     pub fn step(&mut self) -> Result<(), TrainError> {
         self.is_whole = false;
+        for member in &mut self.members {
+            if member.iteration < member.config.iterations() {
+                member.step()?;
+            }
+        }
         let gpu = self.gpu.clone();
         let end = tensor::at_memory(&gpu, || self.iterate())??;
         self.is_whole = true;

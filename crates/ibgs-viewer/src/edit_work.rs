@@ -90,6 +90,9 @@ impl EditWork {
         if renderer.stream().is_some() {
             bail!("a model with levels of detail cannot be edited; edit the one that it was exported from");
         }
+        if !renderer.members().is_empty() {
+            bail!("a model of several bases (`ensemble`) cannot be edited; train it with one");
+        }
         let whole = Arc::new(renderer.splats().download(renderer.gpu())?);
         self.whole = Some(whole.clone());
         Ok(whole)

@@ -168,6 +168,17 @@ impl Gaussians {
         Self::from_values(self.space, self.sh_degree, values)
     }
 
+    /// With spherical harmonics of another degree: coefficients that are new are zero, others are left out.
+    pub fn with_sh_degree(&self, sh_degree: u32) -> Self {
+        let [own, wanted] = [self.sh_degree, sh_degree].map(|degree| 3 * coefficients(degree));
+        let kept = own.min(wanted);
+        let mut sh = vec![0.0; self.len() * wanted];
+        for (to, from) in sh.chunks_exact_mut(wanted).zip(self.sh.chunks_exact(own)) {
+            to[..kept].copy_from_slice(&from[..kept]);
+        }
+        Self { sh, sh_degree, ..self.clone() }
+    }
+
     /// Takes the planes away: from a format that has none.
     pub(super) fn remove_planes(&mut self) {
         self.normals = vec![[0.0, 0.0, 1.0]; self.len()];

@@ -1,6 +1,6 @@
 //! Errors of bundles.
 
-use super::LEVELS_FORMAT;
+use super::ENSEMBLE_FORMAT;
 use crate::files::WriteError;
 use crate::scene::SceneError;
 use std::io;
@@ -38,13 +38,18 @@ pub enum BundleError {
         reason: String,
     },
     /// A later version wrote it.
-    #[error("the bundle {} has format {found}, this version of ibgs reads {LEVELS_FORMAT}; use a newer one", path.display())]
+    #[error("the bundle {} has format {found}, this version of ibgs reads {ENSEMBLE_FORMAT}; use a newer one", path.display())]
     Newer {
         /// The file.
         path: PathBuf,
         /// Its format.
         found: u32,
     },
+    /// Levels of detail have one base.
+    #[error(
+        "levels of detail hold the Gaussians of one base, and this model is an ensemble of {0}; train it with `ensemble = 1`"
+    )]
+    Ensemble(usize),
     /// The Gaussians are not valid.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -1,12 +1,14 @@
 //! Bundles are read, as a whole or as far as their beginning goes.
 
-use super::{Bundle, BundleError, CHUNKS, CLOUD, Header, LEVELS_FORMAT, OPTIONS, SOG, TREE};
+use super::{Bundle, BundleError, CHUNKS, CLOUD, ENSEMBLE_FORMAT, Header, OPTIONS, SOG, TREE, member_parts};
 use crate::config::TrainConfig;
-use crate::exposure;
+use crate::ensemble::Member;
+use crate::exposure::{self, Exposure};
 use crate::levels::{Levels, Tree};
 use crate::output::{cameras, multi_view};
 use crate::scene::{Gaussians, packed, read_ply_from};
 use crate::stored_zip::{self, StoredZip, add};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek};
 use std::path::Path;
@@ -29,8 +31,10 @@ impl Bundle {
     pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, BundleError> {
         let mut parts = Parts::open(reader, path)?;
         let bundle = parts.bundle(Parts::gaussians)?;
+        let members =
+            (2..=bundle.config.ensemble as usize).map(|number| parts.member(number)).collect::<Result<_, _>>()?;
         let photos = parts.photos(&bundle.cameras)?;
-        Ok(Self { photos, ..bundle })
+        Ok(Self { members, photos, ..bundle })
     }
 
     /// What the beginning of a bundle's bytes gives: the model without network and photos. Gaussians of a small bundle have
@@ -119,7 +123,7 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         gaussians: fn(&mut Self, &Header) -> Result<Gaussians, BundleError>,
     ) -> Result<Bundle, BundleError> {
         let header: Header = self.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
-        if header.format > LEVELS_FORMAT {
+        if header.format > ENSEMBLE_FORMAT {
             return Err(BundleError::Newer { path: self.path.to_owned(), found: header.format });
         }
         let levels = self.zip.has(TREE).then(|| self.levels()).transpose()?.map(Arc::new);
@@ -131,10 +135,7 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         };
         let has_network = self.zip.has("network.bin");
         let network = has_network.then(|| self.bytes("network.bin")).transpose()?;
-        let has_exposure = self.zip.has(exposure::FILE_NAME);
-        let exposure = has_exposure
-            .then(|| self.parse(exposure::FILE_NAME, |bytes| exposure::from_json(&String::from_utf8_lossy(bytes))))
-            .transpose()?;
+        let exposure = self.exposures(exposure::FILE_NAME)?;
         let cameras = self.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
         let sources = self.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
         let config =
@@ -143,6 +144,7 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         Ok(Bundle {
             iteration: header.iteration,
             gaussians,
+            members: Vec::new(),
             levels,
             network,
             exposure,
@@ -151,6 +153,19 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
             photos,
             sources,
         })
+    }
+
+    /// The photos' exposures in a part; none where there is none.
+    fn exposures(&mut self, part: &str) -> Result<Option<HashMap<String, Exposure>>, BundleError> {
+        let parse = |bytes: &[u8]| exposure::from_json(&String::from_utf8_lossy(bytes));
+        self.zip.has(part).then(|| self.parse(part, parse)).transpose()
+    }
+
+    /// A further member of an ensemble.
+    fn member(&mut self, number: usize) -> Result<Member, BundleError> {
+        let [cloud, exposure] = member_parts(number);
+        let read = |bytes: &[u8]| read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(&cloud));
+        Ok(Member { gaussians: self.parse(&cloud, read)?, exposure: self.exposures(&exposure)? })
     }
 
     pub(super) fn damaged(&self, part: &str, reason: impl Into<String>) -> BundleError {

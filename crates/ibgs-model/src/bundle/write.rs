@@ -2,18 +2,19 @@
 
 use super::photos::{BATCH, encode};
 use super::{
-    Bundle, BundleError, CHUNKS, CLOUD, FORMAT, Header, LEVELS_FORMAT, OPTIONS, Packing, SMALL_FORMAT, SOG, TREE,
+    Bundle, BundleError, CHUNKS, CLOUD, ENSEMBLE_FORMAT, FORMAT, Header, LEVELS_FORMAT, OPTIONS, Packing, SMALL_FORMAT,
+    SOG, TREE, member_parts,
 };
 use crate::dataset::HostPhoto;
-use crate::exposure;
+use crate::exposure::{self, Exposure};
 use crate::files::write_seekable_atomically;
 use crate::levels::{self, Tree};
 use crate::local_space::LocalSpace;
 use crate::output::{cameras, multi_view};
-use crate::scene::{PlyFlavor, SceneError, packed, write_ply_to};
+use crate::scene::{Gaussians, PlyFlavor, SceneError, packed, write_ply_to};
 use crate::stored_zip::{self, add};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Seek, Write};
 use std::path::Path;
 use zip::ZipWriter;
@@ -28,7 +29,11 @@ impl Bundle {
         if self.gaussians.is_empty() && packing == Packing::Levels {
             return Err(SceneError::NoGaussians.into());
         }
-        self.gaussians.validate()?;
+        if !self.members.is_empty() && packing == Packing::Levels {
+            return Err(BundleError::Ensemble(self.members.len() + 1));
+        }
+        let members = self.members.iter().map(|member| &member.gaussians);
+        std::iter::once(&self.gaussians).chain(members).try_for_each(Gaussians::validate)?;
         write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip, packing)))?;
         Ok(())
     }
@@ -39,13 +44,9 @@ impl Bundle {
             Packing::Levels => (LEVELS_FORMAT, None),
             Packing::Small { .. } => (SMALL_FORMAT, self.gaussians.space.file_offset()),
         };
+        let format = if self.members.is_empty() { format } else { ENSEMBLE_FORMAT };
         add(zip, "ibgs.json", &serde_json::to_vec(&Header { format, iteration: self.iteration, offset })?)?;
-        if let Some(exposure) = &self.exposure {
-            // In the order of their names, so that equal bundles have equal bytes.
-            let photos: BTreeMap<_, _> = exposure.iter().collect();
-            let value = exposure::to_json(photos.into_iter().map(|(name, photo)| (name.as_str(), photo)));
-            add(zip, exposure::FILE_NAME, &serde_json::to_vec(&value)?)?;
-        }
+        add_exposures(zip, exposure::FILE_NAME, self.exposure.as_ref())?;
         add(zip, "cameras.json", &serde_json::to_vec(&cameras::to_json(&self.cameras))?)?;
         add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
         add(zip, OPTIONS, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
@@ -69,6 +70,13 @@ impl Bundle {
         if let Some(network) = &self.network {
             add(zip, "network.bin", network)?;
         }
+        for (member, number) in self.members.iter().zip(2..) {
+            let [cloud, exposure] = member_parts(number);
+            let mut ply = Vec::new();
+            write_ply_to(&mut ply, &member.gaussians, PlyFlavor::Plain)?;
+            add(zip, &cloud, &ply)?;
+            add_exposures(zip, &exposure, member.exposure.as_ref())?;
+        }
         for photos in self.photos.chunks(BATCH) {
             let encode = |(name, photo): &(String, HostPhoto)| {
                 let pixels = photo.pixels().map_err(io::Error::other)?;
@@ -80,4 +88,17 @@ impl Bundle {
         }
         Ok(())
     }
+}
+
+/// Adds a part of the photos' exposures, where they were corrected.
+fn add_exposures<W: Write + Seek>(
+    zip: &mut ZipWriter<W>,
+    part: &str,
+    exposures: Option<&HashMap<String, Exposure>>,
+) -> io::Result<()> {
+    let Some(exposures) = exposures else { return Ok(()) };
+    // In the order of their names, so that equal bundles have equal bytes.
+    let photos: BTreeMap<_, _> = exposures.iter().collect();
+    let value = exposure::to_json(photos.into_iter().map(|(name, photo)| (name.as_str(), photo)));
+    add(zip, part, &serde_json::to_vec(&value)?)
 }

@@ -16,6 +16,7 @@ impl Default for TrainConfig {
             schedule_scaling: true,
             init: None,
             seed: 0,
+            ensemble: 1,
             deterministic: false,
             sh_degree: None,
             sh_interval: None,

@@ -5,6 +5,7 @@ use crate::bundle::Bundle;
 use crate::config::schedule::Schedule;
 use crate::config::{Method, Preset, TrainConfig};
 use crate::dataset::{PrincipalPoint, Resampler};
+use crate::ensemble::Member;
 use crate::levels::Loading;
 use crate::output::OutputFolder;
 use crate::residual::weights;
@@ -92,6 +93,7 @@ fn from_bundle(bundle: Bundle, bytes: Option<u64>, path: &Path) -> Result<Model,
         network,
         network_bytes,
         exposure: bundle.exposure,
+        members: bundle.members,
         bundle_bytes: bytes,
         photos: Some(bundle.photos.into_iter().collect()),
         foreign: false,
@@ -116,6 +118,11 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
     let latest = folder.latest_iteration()?.ok_or_else(|| ModelError::NoPointCloud { path: path.to_owned() })?;
     let iteration = options.iteration.unwrap_or(latest);
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
+    let member = |number: usize| -> Result<Member, ModelError> {
+        let gaussians = read_ply(&folder.member_path(iteration, number))?;
+        Ok(Member { gaussians, exposure: folder.read_exposures(iteration, number)? })
+    };
+    let members = (2..=config.ensemble as usize).map(member).collect::<Result<_, _>>()?;
     let network_path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
     let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations()).residual_at(iteration);
     if network_path.is_none() && residual && !foreign {
@@ -128,7 +135,8 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
     let cameras = if foreign && options.source.is_some() { Vec::new() } else { folder.read_cameras()? };
     Ok(Model {
         path: path.to_owned(),
-        exposure: if foreign { None } else { folder.read_exposures(iteration)? },
+        exposure: if foreign { None } else { folder.read_exposures(iteration, 1)? },
+        members,
         bundle_bytes: None,
         photos: None,
         folder,

@@ -36,7 +36,7 @@ impl Model {
         let names = || training.iter().map(|record| record.name.clone());
         let exposure = field.map(|field| names().zip(field.photos().iter().copied()).collect());
         let photos = names().zip(photos).collect();
-        let Model { config, cameras, iteration, gaussians, .. } = self;
-        Ok(Bundle { iteration, gaussians, levels: None, network, exposure, cameras, config, photos, sources })
+        let Model { config, cameras, iteration, gaussians, members, .. } = self;
+        Ok(Bundle { iteration, gaussians, members, levels: None, network, exposure, cameras, config, photos, sources })
     }
 }

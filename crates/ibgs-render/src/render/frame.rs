@@ -57,6 +57,8 @@ pub(crate) struct FinalImage {
 pub struct Frame {
     pub(crate) gpu: Arc<Gpu>,
     pub(super) forward: Forward,
+    /// The passes of the other members of an ensemble.
+    pub(super) others: Vec<Forward>,
     /// The final image, where the model has a network.
     pub(crate) image: Option<FinalImage>,
     /// The base image, `[H, W, 3]`.

@@ -2,6 +2,7 @@
 
 use super::{Checkpoint, CheckpointError, FORMAT, TrainingState, VERSION};
 use ibgs_core::config::TrainConfig;
+use ibgs_core::ensemble;
 use ibgs_core::files::write_seekable_atomically;
 use ibgs_core::scene::MAX_SH_DEGREE;
 use ibgs_core::stored_zip::{self, StoredZip};
@@ -30,23 +31,30 @@ impl Checkpoint {
     /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums show damage.
     ///
     /// ```text
-    /// checkpoint.json   {"format": 5, "version": "0.1.0", "scene": checksum of cameras, names and photos}
+    /// checkpoint.json   {"format": 6, "version": "0.1.0", "scene": checksum of cameras, names and photos}
     /// config.toml       the options
     /// state.json        iteration, random state, order of the views, exposures ...
     /// run.json          times, curves and measurements so far
     /// tensors/NAME      float32, little endian: parameters, moments, statistics, network, depth maps
+    /// member_2/...      all of this but the first of a further member of an ensemble
     /// ```
     ///
     /// # Errors
     /// [`CheckpointError::Write`].
     pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
-        Ok(write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip)))?)
+        Ok(write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_all(zip)))?)
     }
 
-    fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>) -> io::Result<()> {
-        let mut add = |part: &str, bytes: &[u8]| stored_zip::add(zip, part, bytes);
+    fn write_all<W: Write + Seek>(&self, zip: &mut ZipWriter<W>) -> io::Result<()> {
         let header = Header { format: FORMAT, version: VERSION.to_owned(), scene: self.scene };
-        add(HEADER, &serde_json::to_vec(&header)?)?;
+        stored_zip::add(zip, HEADER, &serde_json::to_vec(&header)?)?;
+        self.write_parts(zip, "")?;
+        let mut members = self.members.iter().zip(2..);
+        members.try_for_each(|(member, number)| member.write_parts(zip, &prefix(number)))
+    }
+
+    fn write_parts<W: Write + Seek>(&self, zip: &mut ZipWriter<W>, prefix: &str) -> io::Result<()> {
+        let mut add = |part: &str, bytes: &[u8]| stored_zip::add(zip, &format!("{prefix}{part}"), bytes);
         add(CONFIG, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
         add(STATE, &serde_json::to_vec(&self.state)?)?;
         add(RUN, &serde_json::to_vec(&self.run)?)?;
@@ -85,17 +93,32 @@ impl Checkpoint {
             let found = format!("{} (format {})", header.version, header.format);
             return Err(CheckpointError::Version { path: path.to_owned(), found });
         }
-        let config = bytes(&mut zip, CONFIG).map_err(damaged)?;
+        let mut first = Self::read_parts(&mut zip, header.scene, "").map_err(damaged)?;
+        for number in 2..=first.config.ensemble as usize {
+            let member = Self::read_parts(&mut zip, header.scene, &prefix(number)).map_err(damaged)?;
+            first.members.push(member);
+        }
+        Ok(first)
+    }
+
+    fn read_parts<R: Read + Seek>(zip: &mut StoredZip<R>, scene: u32, prefix: &str) -> Result<Self, String> {
+        let part = |name: &str| format!("{prefix}{name}");
+        let config = bytes(zip, &part(CONFIG))?;
         let config = TrainConfig::from_text(&String::from_utf8_lossy(&config), Path::new(CONFIG))
-            .map_err(|error| damaged(error.to_string()))?;
-        let state: TrainingState = json(&mut zip, STATE).map_err(damaged)?;
-        let run = json(&mut zip, RUN).map_err(damaged)?;
+            .map_err(|error| error.to_string())?;
+        let state: TrainingState = json(zip, &part(STATE))?;
+        let run = json(zip, &part(RUN))?;
         // Every value takes four bytes of the file.
         if state.gaussians as u64 > zip.length() || state.sh_degree > MAX_SH_DEGREE {
-            return Err(damaged(format!("its `{STATE}` lists more than the file holds")));
+            return Err(format!("its `{STATE}` lists more than the file holds"));
         }
-        Self::assemble((config, header.scene, run, state), |name, count| tensor(&mut zip, name, count)).map_err(damaged)
+        Self::assemble((config, scene, run, state), |name, count| tensor(zip, &part(&format!("tensors/{name}")), count))
     }
+}
+
+/// What the parts of a further member of an ensemble begin with.
+fn prefix(number: usize) -> String {
+    ensemble::folder(number).map_or_else(String::new, |folder| format!("{folder}/"))
 }
 
 /// A part, or what is wrong.
@@ -108,9 +131,8 @@ fn json<R: Read + Seek, T: DeserializeOwned>(zip: &mut StoredZip<R>, part: &str)
     serde_json::from_slice(&bytes).map_err(|error| format!("its `{part}` makes no sense ({error})"))
 }
 
-fn tensor<R: Read + Seek>(zip: &mut StoredZip<R>, name: &str, count: usize) -> Result<Vec<f32>, String> {
-    let part = format!("tensors/{name}");
-    let bytes = bytes(zip, &part)?;
+fn tensor<R: Read + Seek>(zip: &mut StoredZip<R>, part: &str, count: usize) -> Result<Vec<f32>, String> {
+    let bytes = bytes(zip, part)?;
     if Some(bytes.len()) != count.checked_mul(4) {
         return Err(format!("its `{part}` has {} bytes in place of {count} values", bytes.len()));
     }

@@ -21,7 +21,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-pub const FORMAT: u32 = 5;
+pub const FORMAT: u32 = 6;
 
 /// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
@@ -117,6 +117,8 @@ pub struct Checkpoint {
     pub gaussians: Gaussians,
     /// The residual network; none without one.
     pub network: Option<NetworkState>,
+    /// The further members of an ensemble.
+    pub members: Vec<Self>,
     /// What the program keeps besides: times, curves, measurements.
     pub run: serde_json::Value,
     /// First and second moments of the parameters that are trained.
@@ -144,6 +146,7 @@ impl Checkpoint {
     pub fn is_finite(&self) -> bool {
         self.state.exposure.iter().flatten().all(ExposureState::is_finite)
             && self.tensors().iter().all(|(_, values)| values.iter().all(|v| v.is_finite()))
+            && self.members.iter().all(Self::is_finite)
     }
 
     /// All tensors by name.
@@ -194,7 +197,8 @@ impl Checkpoint {
         }
         let statistics = tensor("statistics", 4 * n)?;
         let gaussians = Gaussians::from_values(state.space, state.sh_degree, values);
-        Ok(Self { config, scene, gaussians, network, run, moments, statistics, depths, state })
+        let members = Vec::new();
+        Ok(Self { config, scene, gaussians, network, members, run, moments, statistics, depths, state })
     }
 
     /// Whether a training on this scene, in this space, with `pixels` of each view, can resume from it.
@@ -219,6 +223,11 @@ impl Checkpoint {
         require(state.recorder.is_sound(state.iteration), "its telemetry has a wrong length")?;
         let lengths = [state.extent, state.prune_length, state.caution];
         require(lengths.iter().all(|v| v.is_finite() && *v > 0.0), "its scene extent is not positive")?;
+        require(
+            self.members.len() + 1 == self.config.ensemble as usize,
+            "the number of its members is not that of the options",
+        )?;
+        self.members.iter().try_for_each(|member| member.check((scene, space), pixels))?;
         require(self.is_finite(), "a number is not finite")
     }
 }

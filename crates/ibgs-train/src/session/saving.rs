@@ -1,6 +1,7 @@
 //! What a session writes.
 
 use super::{Due, Event, ExposureSummary, Observer, Result, Session, SessionError, Summary};
+use crate::checkpoint::Checkpoint;
 use ibgs_core::config::Method;
 use ibgs_core::eval::Score;
 use ibgs_core::eval::scores::{protocol, score_test_views};
@@ -9,6 +10,7 @@ use ibgs_core::output::OutputFolder;
 use ibgs_core::output::figures::TIME_FILE;
 use ibgs_core::output::log::Evaluation;
 use ibgs_core::output::results::{ViewScore, means};
+use ibgs_core::render::Renderer;
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
 use serde_json::json;
@@ -21,6 +23,13 @@ struct Parts<'a> {
     gaussians: &'a Gaussians,
     network: Option<&'a [f32]>,
     exposure: Option<&'a [Exposure]>,
+    members: &'a [Member],
+}
+
+/// What it gets of a further member of an ensemble.
+struct Member {
+    gaussians: Gaussians,
+    exposure: Option<Vec<Exposure>>,
 }
 
 impl Session {
@@ -50,6 +59,8 @@ impl Session {
             return error;
         };
         let exposure = checkpoint.exposures();
+        let member = |member: &Checkpoint| Member { gaussians: member.gaussians.clone(), exposure: member.exposures() };
+        let members: Vec<Member> = checkpoint.members.iter().map(member).collect();
         let saved = self.write(
             &folder,
             &Parts {
@@ -57,6 +68,7 @@ impl Session {
                 gaussians: &checkpoint.gaussians,
                 network: checkpoint.network.as_ref().map(|network| &network.weights[..]),
                 exposure: exposure.as_deref(),
+                members: &members,
             },
         );
         // Without the curves the error is reported all the same.
@@ -80,6 +92,11 @@ impl Session {
         let (renderer, gpu) = (self.trainer.renderer()?, self.raster.gpu());
         let network = renderer.part().map(|part| part.network.to_values(gpu)).transpose()?;
         let gaussians = self.trainer.splats().download(gpu)?;
+        let member = |member: &Renderer| -> Result<Member> {
+            let exposure = member.exposure().map(|field| field.photos().to_vec());
+            Ok(Member { gaussians: member.splats().download(gpu)?, exposure })
+        };
+        let members: Vec<Member> = renderer.members().iter().map(member).collect::<Result<_>>()?;
         // Data read from a lost device looks like any other result.
         gpu.check()?;
         let parts = Parts {
@@ -87,12 +104,13 @@ impl Session {
             gaussians: &gaussians,
             network: network.as_deref(),
             exposure: renderer.exposure().map(ExposureField::photos),
+            members: &members,
         };
         self.write(folder, &parts).map(Some)
     }
 
     fn write(&self, folder: &OutputFolder, parts: &Parts) -> Result<PathBuf> {
-        let &Parts { iteration, gaussians, network, exposure } = parts;
+        let &Parts { iteration, gaussians, network, exposure, members } = parts;
         // Without planes the file is exactly what other programs write and read.
         let planes = self.config.method == Method::Ibgs;
         let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
@@ -104,7 +122,13 @@ impl Session {
                 weights::write(&folder.network_save_path(iteration), network)?;
             }
             if let Some(photos) = exposure {
-                folder.write_exposures(iteration, &self.dataset, photos)?;
+                folder.write_exposures((iteration, 1), &self.dataset, photos)?;
+            }
+            for (member, number) in members.iter().zip(2..) {
+                if let Some(photos) = &member.exposure {
+                    folder.write_exposures((iteration, number), &self.dataset, photos)?;
+                }
+                write_ply(&folder.member_path(iteration, number), &member.gaussians, PlyFlavor::Plain)?;
             }
             Ok(write_ply(&path, gaussians, flavor)?)
         };

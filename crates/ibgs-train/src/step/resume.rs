@@ -64,6 +64,9 @@ impl Trainer {
         self.slow_down(state.caution);
         self.raster.set_capacity(state.room);
         self.is_whole = true;
+        for (member, checkpoint) in self.members.iter_mut().zip(&checkpoint.members) {
+            member.restore(checkpoint)?;
+        }
         Ok(())
     }
 
@@ -119,7 +122,10 @@ impl Trainer {
             recorder,
         };
         let (config, scene) = (self.config.clone(), self.scene);
-        let checkpoint = Checkpoint { config, scene, gaussians, network, run, moments, statistics, depths, state };
+        let members = self.members.iter_mut().map(|member| member.checkpoint(serde_json::Value::Null));
+        let members = members.collect::<Result<_, _>>()?;
+        let checkpoint =
+            Checkpoint { config, scene, gaussians, network, members, run, moments, statistics, depths, state };
         if checkpoint.is_finite() { Ok(checkpoint) } else { Err(TrainError::NotFinite(self.iteration)) }
     }
 }

@@ -114,12 +114,29 @@ impl Trainer {
         Ok(trainer)
     }
 
-    /// The same without counting the intersections; the data set comes with its checksum.
+    /// The same without counting the intersections, with all members of the ensemble; the data set comes with its checksum.
     pub(super) fn with_default_room(
         raster: Arc<Rasterizer>,
-        (dataset, scene): (&Dataset, u32),
+        scene: (&Dataset, u32),
         config: &TrainConfig,
         start: &Gaussians,
+    ) -> Result<Self, TrainError> {
+        let mut first = Self::single(raster.clone(), scene, (config, start), None)?;
+        for number in 2..=config.ensemble {
+            let config = config.of_member(number);
+            let start = start.with_sh_degree(config.sh_degree());
+            let photos = Some(first.photos.clone());
+            first.members.push(Self::single(raster.clone(), scene, (&config, &start), photos)?);
+        }
+        Ok(first)
+    }
+
+    /// A member, with the photos of the first where there are some.
+    fn single(
+        raster: Arc<Rasterizer>,
+        (dataset, scene): (&Dataset, u32),
+        (config, start): (&TrainConfig, &Gaussians),
+        photos: Option<Arc<SourceStore>>,
     ) -> Result<Self, TrainError> {
         let gpu = raster.gpu().clone();
         if dataset.train.is_empty() {
@@ -132,8 +149,13 @@ impl Trainer {
         let views = || dataset.train.iter().map(|&i| &dataset.views[i]);
         let scene_cameras: Arc<[Camera]> = views().map(|view| view.camera).collect();
         let cameras: Arc<[Camera]> = scene_cameras.iter().map(|camera| space.camera(camera)).collect();
-        let photos = views().map(|view| view.photo.clone()).collect();
-        let photos = Arc::new(SourceStore::new(gpu.clone(), photos, gpu.bytes_of(config.sources.memory))?);
+        let photos = match photos {
+            Some(photos) => photos,
+            None => {
+                let photos = views().map(|view| view.photo.clone()).collect();
+                Arc::new(SourceStore::new(gpu.clone(), photos, gpu.bytes_of(config.sources.memory))?)
+            }
+        };
         let image_based = config.method == Method::Ibgs;
         let stages = image_based.then(|| ImageStages::new(&gpu, [&scene_cameras, &cameras], config)).transpose()?;
         let Lengths { extent, prune_length } = Lengths::new(dataset, &scene_cameras, config, &start);
@@ -161,6 +183,7 @@ impl Trainer {
             caution: 1.0,
             is_whole: true,
             in_flight: VecDeque::new(),
+            members: Vec::new(),
             config: config.clone(),
             gpu,
             raster,

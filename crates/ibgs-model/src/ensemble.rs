@@ -1,0 +1,22 @@
+//! Ensembles: several bases, whose images are averaged. The first member has the surface and the residual; the others are
+//! models of the base alone.
+
+pub use ibgs_render::ensemble::Average;
+
+use crate::exposure::Exposure;
+use crate::scene::Gaussians;
+use std::collections::HashMap;
+
+/// A member of an ensemble besides the first.
+#[derive(Clone, Debug)]
+pub struct Member {
+    /// Its Gaussians, as the file has them.
+    pub gaussians: Gaussians,
+    /// What it learned of the training photos' exposures, by name; none where they were not corrected.
+    pub exposure: Option<HashMap<String, Exposure>>,
+}
+
+/// The folder of a member's files inside that of the first: none of the first, `member_2` of the next.
+pub fn folder(member: usize) -> Option<String> {
+    (member > 1).then(|| format!("member_{member}"))
+}
