@@ -9,6 +9,7 @@ mod blocks;
 mod bundle;
 mod compare;
 mod docs;
+mod ensemble;
 mod folder;
 mod formats;
 mod image_based;

@@ -196,7 +196,10 @@ fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<V
     let network = model.network_bytes;
     // A bundle is one file; the folder beside it may hold another model.
     let size = |path: &Path| path.metadata().ok().filter(|_| model.bundle_bytes.is_none()).map(|file| file.len());
-    let gaussians = size(&model.folder.point_cloud_path(model.iteration));
+    let mut clouds =
+        (1..=1 + renderer.members().len()).map(|member| size(&model.folder.member_path(model.iteration, member)));
+    let gaussians: Option<u64> = clouds.try_fold(0, |sum, cloud| Some(sum + cloud?));
+    let members: usize = renderer.members().iter().map(|member| member.splats().len()).sum();
     let poses = size(&model.folder.cameras_path());
     let bundle = model.bundle_bytes;
     let training = std::fs::read_to_string(model.folder.root().join(TIME_FILE)).ok();
@@ -204,7 +207,7 @@ fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<V
     let mut report = json!({
         "FPS_warm": warm,
         "least_passes": PASSES,
-        "gaussians": model.levels.as_ref().map_or(renderer.splats().len(), |levels| levels.len()),
+        "gaussians": members + model.levels.as_ref().map_or(renderer.splats().len(), |levels| levels.len()),
         "storage_bytes": {
             "gaussians": gaussians, "network": network, "poses": poses, "photos": photos, "bundle": bundle,
         },

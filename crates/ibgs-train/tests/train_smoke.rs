@@ -1,6 +1,7 @@
 //! Short trainings of a tiny scene: what must happen in every run, and what must not.
 
 mod checkpoint;
+mod ensemble;
 mod events;
 pub mod image_based;
 mod inputs;

@@ -6,6 +6,7 @@ use crate::stdout;
 use anyhow::Result;
 use glam::DVec3;
 use ibgs_core::config::{Method, TrainConfig};
+use ibgs_core::ensemble::Member;
 use ibgs_core::levels::Levels;
 use ibgs_core::local_space::Length;
 use ibgs_core::model::{Model, ModelOptions};
@@ -63,6 +64,11 @@ fn contents(model: &Model) -> Result<Rows> {
     let gaussians = &model.gaussians;
     let count = model.levels.as_ref().map_or(gaussians.len(), |levels| levels.len());
     rows.push(("Gaussians", format!("{count}, spherical harmonics of degree {}", gaussians.sh_degree)));
+    let member = |member: &Member| member.gaussians.len().to_string();
+    if !model.members.is_empty() {
+        let further = model.members.iter().map(member).collect::<Vec<_>>().join(" and ");
+        rows.push(("further bases", format!("{further} Gaussians; the base image is the mean of all")));
+    }
     let chunks = |levels: &Arc<Levels>| format!("levels of detail in {} chunks", levels.nodes.len());
     rows.extend(model.levels.as_ref().map(|levels| ("chunks", chunks(levels))));
     let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));

@@ -2,6 +2,7 @@
 //! contract test looks for it. Those of a loss are in its own file.
 
 mod adam;
+mod average;
 mod bench;
 mod densify;
 mod expose;

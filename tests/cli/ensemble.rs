@@ -1,0 +1,36 @@
+//! A model of several bases.
+
+use super::Sandbox;
+use std::fs;
+
+/// Folder and bundle of an ensemble give the pictures that its training gave.
+#[test]
+fn an_ensemble_is_rendered_from_folder_and_bundle() {
+    let (sandbox, _) = Sandbox::with_scene();
+    sandbox.succeeds("train scene --iterations 30 --eval --ensemble 2 --exposure on -m model");
+    let member = sandbox.path("model/point_cloud/iteration_30/member_2");
+    assert!(member.join("point_cloud.ply").is_file() && member.join("exposure.json").is_file());
+    let info = sandbox.succeeds("info model").stdout;
+    assert!(info.contains("further bases"), "{info}");
+
+    sandbox.succeeds("export model -o small.ibgs");
+    sandbox.succeeds("render model --precision full -o folder");
+    sandbox.succeeds("render small.ibgs --precision full -o bundle");
+    for output in ["renders", "renders_aggregate"] {
+        let pictures = fs::read_dir(sandbox.path("model/test/ours_30").join(output)).unwrap();
+        let names: Vec<_> = pictures.map(|picture| picture.unwrap().file_name()).collect();
+        assert!(!names.is_empty());
+        for name in names {
+            let [trained, folder, bundle] = ["model", "folder", "bundle"].map(|root| {
+                let path = sandbox.path(root).join("test/ours_30").join(output).join(&name);
+                fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+            });
+            assert!(folder == bundle, "{output} of {name:?}: folder and bundle differ");
+            assert!(output != "renders" || trained == folder, "{name:?}: training and folder differ");
+        }
+    }
+    sandbox.fails("export model -o chunks.ibgs --levels", &["levels of detail", "ensemble of 2"]);
+    sandbox.fails("train scene --iterations 30 --ensemble 9 -m other", &["ensemble", "between 1 and 8"]);
+    fs::remove_file(member.join("point_cloud.ply")).unwrap();
+    sandbox.fails("render model", &["member_2", "point_cloud.ply"]);
+}
