@@ -8,7 +8,8 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_data::camera::Camera;
-use npyz::{DType, NpyHeader, npz::NpzArchive};
+use npyz::{DType, NpyHeader};
+use zip::ZipArchive;
 
 use super::Params;
 use ibgs_testing::shared;
@@ -49,11 +50,11 @@ impl Npz {
     }
 
     fn read(path: &Path) -> Npz {
-        let mut archive = NpzArchive::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        let names: Vec<String> = archive.array_names().map(str::to_owned).collect();
-        let zip = archive.zip_archive();
-        let arrays = names.into_iter().map(|name| {
-            let mut file = zip.by_name(&format!("{name}.npy")).expect("array is in the archive");
+        let file = fs::File::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let mut archive = ZipArchive::new(file).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let arrays = (0..archive.len()).map(|index| {
+            let mut file = archive.by_index(index).expect("array is in the archive");
+            let name = file.name().expect("name is text").trim_end_matches(".npy").to_owned();
             let header = NpyHeader::from_reader(&mut file).expect("npy header");
             let mut bytes = Vec::new();
             file.read_to_end(&mut bytes).expect("array data");
