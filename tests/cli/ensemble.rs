@@ -1,6 +1,6 @@
 //! A model of several bases.
 
-use super::Sandbox;
+use super::{Sandbox, files_in};
 use std::fs;
 
 /// Folder and bundle of an ensemble give the pictures that its training gave.
@@ -17,8 +17,7 @@ fn an_ensemble_is_rendered_from_folder_and_bundle() {
     sandbox.succeeds("render model --precision full -o folder");
     sandbox.succeeds("render small.ibgs --precision full -o bundle");
     for output in ["renders", "renders_aggregate"] {
-        let pictures = fs::read_dir(sandbox.path("model/test/ours_30").join(output)).unwrap();
-        let names: Vec<_> = pictures.map(|picture| picture.unwrap().file_name()).collect();
+        let names = files_in(&sandbox.path("model/test/ours_30").join(output));
         assert!(!names.is_empty());
         for name in names {
             let [trained, folder, bundle] = ["model", "folder", "bundle"].map(|root| {
