@@ -206,8 +206,8 @@ pub struct Args {
     /// from 200000 to 3000000, with `default`, else by the strategy; demo scene 1000000, on a software adapter 12000].
     #[arg(long, value_parser = splats, help_heading = heading::GAUSSIANS)]
     max_splats: Option<u32>,
-    /// Degree of the spherical harmonics (view dependence of the base colour), 0 to 3 [default: 2; with `--method 3dgs`
-    /// 3; with `--init` that of its file].
+    /// Degree of the spherical harmonics (view dependence of the base colour), 0 to 3 [default: 2; with
+    /// `--method 3dgs`, and for objects, 3; with `--init` that of its file].
     #[arg(long, conflicts_with = "init", help_heading = heading::GAUSSIANS)]
     sh_degree: Option<u32>,
     /// Iterations until the degree of the spherical harmonics in use rises by one [default: 1000, scaled; with `--init`
