@@ -1,8 +1,6 @@
 //! Ensembles: several bases, whose images are averaged. The first member has the surface and the residual; the others are
 //! models of the base alone.
 
-pub use ibgs_render::ensemble::Average;
-
 use crate::exposure::Exposure;
 use crate::scene::Gaussians;
 use std::collections::HashMap;

@@ -282,14 +282,15 @@ impl Renderer {
         loop {
             let mut pass = Pass::new(&gpu, "frame");
             let own = self.record_own(&mut pass, &view, exposures.as_ref())?;
-            let Base { forward, others, image: base } = self.record_members(&mut pass, camera, own)?;
-            let image = match (&self.image, &sources) {
+            let mut image = match (&self.image, &sources) {
                 (Some(stage), Some(sources)) => {
-                    let base = (base.clone(), exposures.as_ref());
-                    Some(record_final(&mut pass, (&gpu, stage), &local, &forward, base, sources)?)
+                    let base = (own.image.clone(), exposures.as_ref());
+                    Some(record_final(&mut pass, (&gpu, stage), &local, &own.forward, base, sources)?)
                 }
                 _ => None,
             };
+            let base = self.record_members(&mut pass, camera, (own, image.as_mut()))?;
+            let Base { forward, others, image: base } = base;
             pass.submit();
             let gpu = gpu.clone();
             let frame = Frame { gpu, forward, others, image, base, camera: *camera, local, space };

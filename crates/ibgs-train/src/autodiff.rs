@@ -1,13 +1,11 @@
 //! The kernels of [`ibgs_core`] as operations of burn's autodiff.
 
-mod ensemble;
 mod exposure;
 mod node;
 mod raster;
 mod residual;
 mod warp;
 
-pub use ensemble::averaged;
 pub use exposure::{exposed, exposed_warped};
 pub use node::unary;
 pub use raster::{Leaves, SplatGradients, rasterized};

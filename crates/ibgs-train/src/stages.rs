@@ -54,8 +54,6 @@ pub(super) struct Work<'a> {
     pub image: &'a Tensor<3>,
     /// The image in the photo's exposure.
     pub shown: &'a Tensor<3>,
-    /// The same of the further members of an ensemble.
-    pub members: &'a [Buffer<f32>],
     /// Exposures of photo and sources, where they are corrected.
     pub exposures: Option<&'a Exposures>,
     /// The view's sources.
@@ -204,7 +202,6 @@ impl ImageStages {
             true => (work.shown.clone().detach(), colors.clone().detach()),
             false => (work.shown.clone(), colors.clone()),
         };
-        let base = autodiff::averaged(&self.gpu, base, work.members)?;
         let image = autodiff::residual(&self.residual, &task, base, colors, network.clone())?;
         Ok(FinalImage { image, network })
     }

@@ -1,8 +1,9 @@
 //! The base image: that of the Gaussians, or the mean of those of an ensemble's members.
 
+use super::frame::FinalImage;
 use super::{Frame, Renderer};
 use crate::camera::Camera;
-use crate::ensemble::Average;
+use crate::ensemble::record_weighted_sum;
 use crate::exposure::Exposures;
 use crate::gpu::{Buffer, GpuError, Pass};
 use crate::raster::{Forward, Keep, RasterView};
@@ -38,19 +39,45 @@ impl Renderer {
         Ok(Base { forward, others: Vec::new(), image })
     }
 
-    /// Records the mean of the base image of these Gaussians and those of the other members.
-    pub(super) fn record_members(&self, pass: &mut Pass, camera: &Camera, own: Base) -> Result<Base, GpuError> {
+    /// Records the mean of the base image of these Gaussians and those of the other members, and lays the residual of the final
+    /// image over it.
+    pub(super) fn record_members(
+        &self,
+        pass: &mut Pass,
+        camera: &Camera,
+        (own, image): (Base, Option<&mut FinalImage>),
+    ) -> Result<Base, GpuError> {
+        if self.members.is_empty() {
+            return Ok(own);
+        }
         let (mut base, values) = (own, 3 * camera.pixels());
+        let first = base.image.clone();
         for (member, images) in self.members.iter().zip(1..) {
             let view = member.view(&member.space().camera(camera));
             let exposures = member.exposures(camera, &[])?;
             let Base { forward, image, .. } = member.record_own(pass, &view, exposures.as_ref())?;
-            let mean = self.gpu().transient("mean of the base images", values)?;
-            Average::new(values, images).record(pass, &base.image, &image, &mean);
-            pass.keep((std::mem::replace(&mut base.image, mean), image));
+            let part = 1.0 / (images as f32 + 1.0);
+            base.image = self.record_sum(pass, values, [(1.0 - part, &base.image), (part, &image)])?;
+            pass.keep(image);
             base.others.push(forward);
         }
+        if let Some(image) = image {
+            let change = self.record_sum(pass, values, [(1.0, &base.image), (-1.0, &first)])?;
+            image.image = self.record_sum(pass, values, [(1.0, &image.image), (1.0, &change)])?;
+        }
         Ok(base)
+    }
+
+    fn record_sum(
+        &self,
+        pass: &mut Pass,
+        values: usize,
+        images: [(f32, &Buffer<f32>); 2],
+    ) -> Result<Buffer<f32>, GpuError> {
+        let sum = self.gpu().transient("sum of images", values)?;
+        record_weighted_sum(pass, values, images, &sum);
+        pass.keep(images.map(|(_, image)| image.clone()));
+        Ok(sum)
     }
 
     /// Whether every tile intersection of a frame fitted.

@@ -15,3 +15,4 @@ mod sum_rows;
 mod tile;
 mod tile_emit;
 mod tile_sort;
+mod weighted_sum;

@@ -9,8 +9,8 @@ use crate::telemetry::Telemetry;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::exposure::Exposures;
-use ibgs_core::gpu::{Batch, Buffer, GpuError, Mark, Pass, flush};
-use ibgs_core::raster::{Forward, Keep, RasterView};
+use ibgs_core::gpu::{Batch, GpuError, Mark, Pass, flush};
+use ibgs_core::raster::Forward;
 use ibgs_core::sources::{DevicePhoto, Outside};
 use rand::seq::SliceRandom;
 
@@ -21,8 +21,6 @@ pub(super) struct Rendered {
     pub forward: Forward,
     pub image: Tensor<3>,
     leaves: Leaves,
-    /// The same of the further members of an ensemble, where the final image has a part in the loss.
-    pub members: Vec<Buffer<f32>>,
     /// Exposures of photo and sources, where they are corrected.
     pub exposures: Option<Exposures>,
     /// The view's sources.
@@ -96,26 +94,7 @@ impl Trainer {
             Some(exposures) => autodiff::exposed(exposures, &image, &forward)?,
             None => image.clone(),
         };
-        let members = self.members.iter().filter(|_| self.schedule.residual_at(iteration));
-        let members =
-            members.map(|member| member.shown(index, self.iteration_background())).collect::<Result<_, _>>()?;
-        Ok(Rendered { shown, forward, image, leaves, members, exposures, sources, target, index })
-    }
-
-    /// The base image of a training view, `[H, W, 3]`, in its photo's exposure.
-    fn shown(&self, index: usize, background: [f32; 3]) -> Result<Buffer<f32>, GpuError> {
-        let mut view = RasterView::new(self.cameras[index], self.schedule.sh_degree(self.iteration));
-        view.background = background;
-        let memory = self.raster.image_memory(&view.camera)?;
-        let forward = self.raster.forward(self.splats(), &view, Keep::Image, memory)?;
-        let Some(exposing) = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(self.iteration)) else {
-            return Ok(forward.image.clone());
-        };
-        let exposed = self.gpu.transient("exposed image", forward.image.rows())?;
-        let mut pass = Pass::new(&self.gpu, "exposure");
-        exposing.of(index, &[])?.record(&mut pass, &forward, &exposed);
-        pass.submit();
-        Ok(exposed)
+        Ok(Rendered { shown, forward, image, leaves, exposures, sources, target, index })
     }
 
     /// The photo of a training view as this iteration's loss compares with it.

@@ -72,7 +72,6 @@ impl Trainer {
             index: rendered.index,
             image: &rendered.image,
             shown: &rendered.shown,
-            members: &rendered.members,
             exposures: rendered.exposures.as_ref(),
             sources: &rendered.sources,
             warps: self.losses.iter().any(|loss| loss.reads_sources(self.iteration, &self.schedule)),

@@ -2,7 +2,6 @@
 //! contract test looks for it. Those of a loss are in its own file.
 
 mod adam;
-mod average;
 mod bench;
 mod densify;
 mod expose;

@@ -2,7 +2,7 @@
 
 use crate::small::{dataset, model, run, staged, trainer};
 use ibgs_core::config::{ExposureSwitch, TrainConfig};
-use ibgs_core::dataset::Dataset;
+use ibgs_core::render::Renderer;
 use ibgs_core::scene::Gaussians;
 use ibgs_reference::gpu::{gpu, rasterizer};
 use ibgs_train::Trainer;
@@ -23,7 +23,7 @@ fn members(trainer: &Trainer) -> Vec<Gaussians> {
 /// The base image is the mean of those of the members, each of which is another model, and the residual lies over it.
 #[test]
 fn the_base_image_is_the_mean_of_those_of_the_members() {
-    let dataset: Dataset = dataset();
+    let dataset = dataset();
     let mut trainer = trainer(&dataset, &config(24));
     run(&mut trainer, 24);
     let [second, third] = &members(&trainer)[..] else { panic!("two further members") };
@@ -31,17 +31,34 @@ fn the_base_image_is_the_mean_of_those_of_the_members() {
     let renderer = trainer.renderer().unwrap();
     for view in [dataset.train[3], dataset.test[0]] {
         let camera = &dataset.views[view].camera;
-        let base = |renderer: &ibgs_core::render::Renderer| renderer.render(camera).unwrap().base().unwrap().rgb;
+        let frame = |renderer: &Renderer| renderer.render(camera).unwrap();
+        let base = |renderer: &Renderer| frame(renderer).base().unwrap().rgb;
         let others: Vec<Vec<f32>> = renderer.members().iter().map(base).collect();
-        let alone = base(&trainer.renderer().unwrap().with_members(Vec::new()));
-        let frame = renderer.render(camera).unwrap();
+        let alone = frame(&trainer.renderer().unwrap().with_members(Vec::new()));
+        let [alone, own] = [alone.image().unwrap().unwrap().rgb, alone.base().unwrap().rgb];
+        let frame = frame(&renderer);
         let (mean, image) = (frame.base().unwrap().rgb, frame.image().unwrap().unwrap().rgb);
-        for (i, &mean) in mean.iter().enumerate() {
-            let expected = (alone[i] + others[0][i] + others[1][i]) / 3.0;
-            assert!((mean - expected).abs() < 1e-5, "value {i}: {mean} in place of {expected}");
+        for (i, (&mean, &image)) in mean.iter().zip(&image).enumerate() {
+            let expected = [(own[i] + others[0][i] + others[1][i]) / 3.0, alone[i] + mean - own[i]];
+            let off = [mean - expected[0], image - expected[1]];
+            assert!(off.iter().all(|off| off.abs() < 1e-5), "value {i}: {mean}, {image} in place of {expected:?}");
         }
-        assert!(alone != others[0] && others[0] != others[1] && mean != image);
+        assert!(own != others[0] && others[0] != others[1] && mean != image);
     }
+}
+
+/// Further members change nothing in the first.
+#[test]
+fn the_first_member_is_what_it_is_alone() {
+    let dataset = dataset();
+    let trained = |config: &TrainConfig| {
+        let mut trainer = trainer(&dataset, config);
+        run(&mut trainer, 20);
+        model(&trainer)
+    };
+    let several = config(20);
+    let single = TrainConfig { ensemble: 1, ..several.clone() };
+    assert!(trained(&several) == trained(&single), "another model");
 }
 
 /// A resumed ensemble is the uninterrupted one, bit for bit, with all members.

@@ -1,24 +1,24 @@
-//! The mean of the images of an ensemble.
+//! The weighted sum of two images.
 #set render
 #stage compose
 // One thread a value.
 #import index
 
 /// Weights of two images.
-struct AverageParams {
+struct WeightedSumParams {
     /// Number of values.
     values: u32,
     /// Weight of the first image.
-    own: f32,
+    first: f32,
     /// Weight of the second.
-    other: f32,
+    second: f32,
 }
 
-var<immediate> params: AverageParams;
+var<immediate> params: WeightedSumParams;
 
-@group(0) @binding(0) var<storage, read> image: array<f32>;
-@group(0) @binding(1) var<storage, read> member: array<f32>;
-@group(0) @binding(2) var<storage, read_write> mean: array<f32>;
+@group(0) @binding(0) var<storage, read> a: array<f32>;
+@group(0) @binding(1) var<storage, read> b: array<f32>;
+@group(0) @binding(2) var<storage, read_write> sum: array<f32>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -30,5 +30,5 @@ fn main(
     if i >= params.values {
         return;
     }
-    mean[i] = params.own * image[i] + params.other * member[i];
+    sum[i] = params.first * a[i] + params.second * b[i];
 }
