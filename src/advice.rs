@@ -137,7 +137,7 @@ fn session(error: &SessionError) -> Option<String> {
         SessionError::Stopped { saved: None, checkpoint: Some(iteration), .. } => {
             Some(format!("training stopped; `--resume` continues from iteration {iteration}"))
         }
-        SessionError::Unsettled { .. } => {
+        SessionError::OnlyCheckpoint { .. } => {
             Some("`--resume` continues from here, but not everything was saved and measured".to_owned())
         }
         _ => None,
@@ -318,7 +318,7 @@ mod tests {
     fn advice_names_the_option() {
         let path = || PathBuf::from("model");
         let large = |what| GpuError::TooLarge { what, bytes: 9, limit: 8 };
-        let unsettled = SessionError::Unsettled {
+        let only_checkpoint = SessionError::OnlyCheckpoint {
             iteration: 7,
             source: Box::new(GpuError::OutOfMemory { what: "planes", bytes: 9 }.into()),
         };
@@ -345,7 +345,7 @@ mod tests {
             (large("image").into(), &["use smaller images (`--resolution` or `--max-resolution`)"]),
             (large("means").into(), &["use fewer Gaussians (`--max-splats`)"]),
             (CheckpointError::Version { path: path(), found: "0.0.1".into() }.into(), &["ibgs 0.0.1", "with `--init`"]),
-            (unsettled.into(), &["`--resume` continues from here", "was saved and measured", "no memory left"]),
+            (only_checkpoint.into(), &["`--resume` continues from here", "was saved and measured", "no memory left"]),
             (OutputError::HoldsModel { path: path(), iteration: 7 }.into(), &["7 iterations", "(`--overwrite`)"]),
             (OutputError::HoldsTraining { path: path(), iteration: 7 }.into(), &["`--resume`", "(`--overwrite`)"]),
             (OutputError::Foreign { path: path(), file: "split.json" }.into(), &["split.json", "(`--overwrite`)"]),

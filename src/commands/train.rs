@@ -11,7 +11,7 @@ mod terminal;
 mod window;
 
 pub use demo::DemoDefaults;
-pub use start::{Reports, prepare, wished};
+pub use start::{Reports, prepare, requested};
 pub use window::{Failure, Watched};
 
 use super::{open_gpu, strategy, view, word};

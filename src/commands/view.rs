@@ -2,7 +2,7 @@
 
 use super::model::{FileArgs, ModelArgs};
 use super::open_gpu;
-use super::train::{DemoDefaults, Failure, Watched, prepare, wished};
+use super::train::{DemoDefaults, Failure, Watched, prepare, requested};
 use crate::advice::{self, resolution};
 use crate::progress::Bars;
 use crate::signals::on_stop;
@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<()> {
     let open = |wanted| open_gpu(args.adapter.as_ref(), wanted);
     if let Some(scene) = &args.train {
         let request = TrainingRequest { scene: scene.clone(), ..TrainingRequest::default() };
-        let session = prepare(wished(&request)?, || open(Use::Training), &|_| {})?;
+        let session = prepare(requested(&request)?, || open(Use::Training), &|_| {})?;
         return look(|failure| Watched::new(session, failure));
     }
     let gpu = || open(Use::Rendering);
@@ -224,7 +224,7 @@ impl Open for Opener {
         let opened = match wanted {
             OpenRequest::Train(request) => {
                 request.scene.as_deref().map_or(Ok(()), check_path)?;
-                self.train(wished(request)?, gpu, status)?
+                self.train(requested(request)?, gpu, status)?
             }
             OpenRequest::Path(path) => {
                 check_path(path)?;

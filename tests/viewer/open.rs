@@ -4,7 +4,7 @@ use super::*;
 use eframe::egui::{DroppedFile, Theme};
 use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
-use ibgs::commands::train::wished;
+use ibgs::commands::train::requested;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch, Method, Preset};
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_testing::scene_files::{Model, write_file};
@@ -61,7 +61,7 @@ impl Open for Into {
     fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
         match wanted {
             OpenRequest::Train(request) if request.scene.as_ref().is_some_and(|scene| scene.exists()) => {
-                let training = wished(request)?.output(Output::at(&self.0));
+                let training = requested(request)?.output(Output::at(&self.0));
                 Ok(Outcome::Opened(Box::new(Opener::default().train(training, gpu, status)?)))
             }
             other => Opener::default().open(other, gpu, status),
@@ -218,7 +218,7 @@ fn a_scene_that_is_missing_is_an_error_in_the_page() {
 
 #[test]
 fn a_wish_becomes_the_options_of_a_training() {
-    let usual = wished(&TrainingRequest::default()).unwrap();
+    let usual = requested(&TrainingRequest::default()).unwrap();
     assert_eq!(*usual.config(), TrainConfig::default());
     let request = TrainingRequest {
         scene: Some("some/scene".into()),
@@ -227,13 +227,13 @@ fn a_wish_becomes_the_options_of_a_training() {
         iterations: Some(77),
         exposure: ExposureSwitch::On,
     };
-    let training = wished(&request).unwrap();
+    let training = requested(&request).unwrap();
     let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
     expected.source = Some(std::path::absolute("some/scene").unwrap());
     expected.data.eval = true;
     assert_eq!(*training.config(), expected);
-    assert!(wished(&TrainingRequest { scene: Some(PathBuf::new()), ..request }).is_err());
+    assert!(requested(&TrainingRequest { scene: Some(PathBuf::new()), ..request }).is_err());
 }
 
 #[test]

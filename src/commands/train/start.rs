@@ -58,7 +58,7 @@ fn free(name: &str) -> Output {
 ///
 /// # Errors
 /// A path that cannot be made absolute, such as the empty one.
-pub fn wished(request: &TrainingRequest) -> Result<SessionBuilder> {
+pub fn requested(request: &TrainingRequest) -> Result<SessionBuilder> {
     let mut config = TrainConfig::preset(request.preset);
     config.method = request.method;
     // Held-out photos let the window measure the training.

@@ -53,7 +53,7 @@ pub enum SessionError {
     },
     /// The training was stopped and can be resumed, but not everything was saved and measured.
     #[error("the checkpoint of iteration {iteration} is whole, but not everything was saved and measured")]
-    Unsettled {
+    OnlyCheckpoint {
         /// Iteration of the checkpoint.
         iteration: u32,
         /// What failed.

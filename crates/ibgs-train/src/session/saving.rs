@@ -182,7 +182,7 @@ impl Session {
         let done = self.do_due(Due { save, evaluate, ..Due::default() }, observer);
         match &kept {
             Ok(()) if !is_whole => {
-                done.map_err(|error| SessionError::Unsettled { iteration, source: Box::new(error) })?
+                done.map_err(|error| SessionError::OnlyCheckpoint { iteration, source: Box::new(error) })?
             }
             _ => done?,
         }
