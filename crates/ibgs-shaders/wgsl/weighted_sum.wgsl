@@ -1,6 +1,6 @@
 //! The weighted sum of two images.
 #set render
-#stage compose
+#stage other
 // One thread a value.
 #import index
 

@@ -74,6 +74,7 @@ impl Trainer {
     pub fn slow_down(&mut self, part: f64) {
         self.caution *= part;
         self.schedule.slow_down(part);
+        self.members.iter_mut().for_each(|member| member.slow_down(part));
     }
 
     /// Whether the learning rates have been lowered.
