@@ -120,6 +120,6 @@ const OPTIONS: &str = "config.toml";
 
 /// The parts of a further member of an ensemble: its Gaussians and its exposures.
 fn member_parts(number: usize) -> [String; 2] {
-    let folder = ensemble::folder(number).unwrap_or_default();
+    let folder = ensemble::folder(number);
     [CLOUD, exposure::FILE_NAME].map(|part| format!("{folder}/{part}"))
 }

@@ -14,7 +14,7 @@ pub struct Member {
     pub exposure: Option<HashMap<String, Exposure>>,
 }
 
-/// The folder of a member's files inside that of the first: none of the first, `member_2` of the next.
-pub fn folder(member: usize) -> Option<String> {
-    (member > 1).then(|| format!("member_{member}"))
+/// The folder of a further member's files inside that of the first, by its number from 2.
+pub fn folder(member: usize) -> String {
+    format!("member_{member}")
 }

@@ -99,8 +99,8 @@ impl OutputFolder {
     /// The point cloud of a member of an ensemble, counted from 1.
     pub fn member_path(&self, iteration: u32, member: usize) -> PathBuf {
         let first = self.point_cloud_path(iteration);
-        match (ensemble::folder(member), first.parent(), first.file_name()) {
-            (Some(folder), Some(parent), Some(name)) => parent.join(folder).join(name),
+        match first.file_name() {
+            Some(name) if member > 1 => first.with_file_name(ensemble::folder(member)).join(name),
             _ => first,
         }
     }

@@ -92,7 +92,7 @@ impl TrainConfig {
     pub(super) fn validate_from(&self, path: Option<&Path>) -> Result<(), ConfigError> {
         let check = Check { path };
         self.check_counts(&check)?;
-        self.check_ensemble(path)?;
+        self.check_ensemble(&check)?;
         check.intervals(&[
             ("sh-interval", self.sh_interval),
             ("densify.interval", self.densify.interval),

@@ -1,7 +1,7 @@
 //! Ensembles: several bases, whose mean is the base image.
 
+use super::check::Check;
 use super::{ConfigError, Method, TrainConfig};
-use std::path::Path;
 
 /// Most bases of an ensemble.
 const MOST: u32 = 8;
@@ -19,21 +19,11 @@ impl TrainConfig {
     }
 
     /// Checks the options of an ensemble.
-    pub(super) fn check_ensemble(&self, path: Option<&Path>) -> Result<(), ConfigError> {
-        let invalid = |advice: &'static str| {
-            Err(ConfigError::Invalid {
-                path: path.map(Path::to_owned),
-                field: "ensemble".to_owned(),
-                value: self.ensemble.to_string(),
-                advice,
-            })
-        };
-        match self.ensemble {
-            1 => Ok(()),
-            2..=MOST if self.init.is_none() => Ok(()),
-            2..=MOST => invalid("a training that begins with a model (`init`) has one base: it must be 1"),
-            _ => invalid("it must lie between 1 and 8"),
-        }
+    pub(super) fn check_ensemble(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        let require = |holds, advice| check.require(holds, "ensemble", self.ensemble, advice);
+        require((1..=MOST).contains(&self.ensemble), "it must lie between 1 and 8")?;
+        let has_one = self.ensemble == 1 || self.init.is_none();
+        require(has_one, "a training that begins with a model (`init`) has one base: it must be 1")
     }
 }
 

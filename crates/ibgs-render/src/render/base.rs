@@ -58,7 +58,6 @@ impl Renderer {
             let Base { forward, image, .. } = member.record_own(pass, &view, exposures.as_ref())?;
             let part = 1.0 / (images as f32 + 1.0);
             base.image = self.record_sum(pass, values, [(1.0 - part, &base.image), (part, &image)])?;
-            pass.keep(image);
             base.others.push(forward);
         }
         if let Some(image) = image {

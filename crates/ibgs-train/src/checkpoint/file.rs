@@ -118,7 +118,7 @@ impl Checkpoint {
 
 /// What the parts of a further member of an ensemble begin with.
 fn prefix(number: usize) -> String {
-    ensemble::folder(number).map_or_else(String::new, |folder| format!("{folder}/"))
+    format!("{}/", ensemble::folder(number))
 }
 
 /// A part, or what is wrong.
