@@ -234,7 +234,7 @@ impl Joined {
         let dataset = load_scene(config, source, &Bars::default())?;
         let (folder, _lock) = output.create(config, &dataset)?;
         if let Some(network) = &self.network {
-            weights::write(&folder.network_save_path(self.iteration), &weights::load(network)?)?;
+            weights::write(&folder.network_save_path(self.iteration, 1), &weights::load(network)?)?;
         }
         write_ply(&folder.point_cloud_path(self.iteration), &read_ply(start)?, PlyFlavor::Full)?;
         let path = folder.root().display();

@@ -76,9 +76,10 @@ pub fn run(args: &Args) -> Result<()> {
         anyhow::anyhow!("the options after `--` are not those of `ibgs train`: {first}")
     })?;
     let mut config = options.shared_config()?;
-    if config.ensemble != 1 {
+    if config.ensemble.is_some_and(|bases| bases != 1) {
         bail!("blocks have one base: leave `--ensemble` out");
     }
+    config.ensemble = Some(1);
     config.source = Some(std::path::absolute(&args.scene)?);
     let scene = load_poses(&args.scene, &config.load_options())?;
     if scene.points.is_empty() {

@@ -15,8 +15,8 @@
 //! A bundle with levels of detail ([`Packing::Levels`], format 3) has `levels.json` and `levels.bin` in place of
 //! `point_cloud.ply`: the tree of its chunks and their numbers, which stay in the file until they are needed.
 //!
-//! A bundle of an ensemble (format 4) has `member_2/point_cloud.ply` and, where exposures were corrected,
-//! `member_2/exposure.json`, after the network.
+//! A bundle of an ensemble (format 4) has the Gaussians, exposures and network of each further member in `member_2/`, `member_3/`
+//! and so on, after the network.
 //!
 //! The order lets a browser show the base image early: with the constant colours as soon as the SOG file has come to its
 //! spherical harmonics, see [`Bundle::read_start`].
@@ -34,7 +34,7 @@ pub use error::BundleError;
 use crate::config::TrainConfig;
 use crate::dataset::HostPhoto;
 use crate::ensemble::{self, Member};
-use crate::exposure::{self, Exposure};
+use crate::exposure::Exposure;
 use crate::levels::Levels;
 use crate::local_space::LocalSpace;
 use crate::output::cameras::CameraRecord;
@@ -89,7 +89,8 @@ pub enum Packing {
         /// JPEG's quality, 1 to 100.
         photo_quality: u8,
     },
-    /// Photos without loss, Gaussians with levels of detail, in the coordinates in which they are rendered.
+    /// Photos without loss, Gaussians with levels of detail, in the coordinates in which they are rendered; of an ensemble the first
+    /// member alone.
     Levels,
 }
 
@@ -115,11 +116,16 @@ const SOG: &str = "gaussians.sog";
 /// The parts of levels of detail.
 const TREE: &str = "levels.json";
 const CHUNKS: &str = "levels.bin";
-/// The options' part.
+/// The part that says what the bundle is, and the options' part.
+const HEADER: &str = "ibgs.json";
 const OPTIONS: &str = "config.toml";
 
-/// The parts of a further member of an ensemble: its Gaussians and its exposures.
-fn member_parts(number: usize) -> [String; 2] {
-    let folder = ensemble::folder(number);
-    [CLOUD, exposure::FILE_NAME].map(|part| format!("{folder}/{part}"))
+/// The planes' part of a small bundle.
+const PLANES: &str = "planes.bin";
+/// The residual network's part.
+const NETWORK: &str = "network.bin";
+
+/// A part of a member of an ensemble, counted from 1.
+fn member_part(number: usize, part: &str) -> String {
+    if number == 1 { part.to_owned() } else { format!("{}/{part}", ensemble::folder(number)) }
 }

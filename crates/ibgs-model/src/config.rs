@@ -48,8 +48,8 @@ pub enum Method {
 pub struct TrainConfig {
     /// What is trained.
     pub method: Method,
-    /// Number of iterations, counted from 1; unset: 200 for each training photo, 7000 to 30000; with another strategy than
-    /// `default` or without scaling 30000; with `init` 3000.
+    /// Number of iterations, counted from 1; unset: 150 for each training photo, 5500 to 12000, with two bases, otherwise 200, 7000
+    /// to 30000; with another strategy than `default` or without scaling 30000; with `init` 3000.
     pub iterations: Option<u32>,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
@@ -57,10 +57,11 @@ pub struct TrainConfig {
     pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,
-    /// Number of bases, trained side by side, each on its own: the base image is their mean, which keeps less of what is chance in
-    /// each. The first has the surface; the others are plain splatting of at most 7000 iterations. 1: a single base. A departure
-    /// from method.md.
-    pub ensemble: u32,
+    /// Number of bases, 1 to 8, trained side by side, each on its own: the base image is their mean, which keeps less of what is
+    /// chance in each. Those beyond `residual.networks` are plain splatting, by this strategy (at most 7000 iterations) and by
+    /// `mcmc` in turn, and have half of the weight together; unset: 2 in runs of the image-based method with the strategy
+    /// `default`, 1 with `init`, where the photos show an object, and on a software adapter. A departure from method.md.
+    pub ensemble: Option<u32>,
     /// The run repeats bit for bit on the same adapter and build, even when it is resumed: it computes in float32 only,
     /// and checkpoints hold the depth maps of the training views.
     pub deterministic: bool,

@@ -1,5 +1,5 @@
-//! Ensembles: several bases, whose images are averaged. The first member has the surface and the residual; the others are
-//! models of the base alone.
+//! Ensembles: several bases, whose images are averaged. The first member has the surface; it and the first of the others have a
+//! network, whose residuals are averaged too, the rest are models of the base alone.
 
 use crate::exposure::Exposure;
 use crate::scene::Gaussians;
@@ -10,6 +10,8 @@ use std::collections::HashMap;
 pub struct Member {
     /// Its Gaussians, as the file has them.
     pub gaussians: Gaussians,
+    /// Flat weights of its residual network, where it has one.
+    pub network: Option<Vec<f32>>,
     /// What it learned of the training photos' exposures, by name; none where they were not corrected.
     pub exposure: Option<HashMap<String, Exposure>>,
 }

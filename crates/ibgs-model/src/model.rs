@@ -77,7 +77,7 @@ pub struct Model {
     pub levels: Option<Arc<Levels>>,
     /// Flat weights of the residual network.
     pub network: Option<Vec<f32>>,
-    /// Bytes of the residual network's file.
+    /// Bytes of the files of residual networks.
     pub network_bytes: u64,
     /// Bytes of the bundle, where the model is one.
     pub bundle_bytes: Option<u64>,
@@ -109,10 +109,12 @@ impl Model {
         let part = self.network.as_ref().map(|network| self.image_part(gpu, network)).transpose()?;
         let field = self.exposure_field()?;
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        let members = self.members.iter().map(|member| self.member(&raster, member)).collect::<Result<_, _>>()?;
-        let background = self.config.background();
-        let renderer =
-            |splats| Renderer::new(raster, splats, background, part).with_exposure(field).with_members(members);
+        let member = |member| self.member(&raster, part.as_ref(), member);
+        let members = self.members.iter().map(member).collect::<Result<_, _>>()?;
+        let (background, networks) = (self.config.background(), self.config.residual.networks as usize);
+        let renderer = |splats| {
+            Renderer::new(raster, splats, background, part).with_exposure(field).with_members(members, networks)
+        };
         let Some(levels) = &self.levels else {
             return Ok(renderer(Splats::upload_in(&self.gaussians.in_space(self.space()), gpu, self.harmonics)?));
         };
@@ -130,10 +132,19 @@ impl Model {
         Ok(renderer(splats).with_stream(stream))
     }
 
-    /// The renderer of a further member of an ensemble.
-    fn member(&self, raster: &Arc<Rasterizer>, member: &Member) -> Result<Renderer, ModelError> {
+    /// The renderer of a further member of an ensemble, whose photos are those of the first.
+    fn member(
+        &self,
+        raster: &Arc<Rasterizer>,
+        first: Option<&ImagePart>,
+        member: &Member,
+    ) -> Result<Renderer, ModelError> {
         let splats = Splats::upload_in(&member.gaussians.in_space(self.space()), raster.gpu(), self.harmonics)?;
-        let renderer = Renderer::new(raster.clone(), splats, self.config.background(), None);
+        let own = |(weights, part): (&Vec<f32>, &ImagePart)| -> Result<_, ModelError> {
+            Ok(ImagePart { network: ResidualNetwork::from_values(raster.gpu(), weights)?, ..part.clone() })
+        };
+        let part = member.network.as_ref().zip(first).map(own).transpose()?;
+        let renderer = Renderer::new(raster.clone(), splats, self.config.background(), part);
         Ok(renderer.with_exposure(self.field(member.exposure.as_ref())?))
     }
 

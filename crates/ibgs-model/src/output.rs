@@ -6,8 +6,7 @@
 //! point_cloud/iteration_N/point_cloud.ply
 //! point_cloud/iteration_N/residual_network.safetensors from the first iteration with a residual on
 //! point_cloud/iteration_N/exposure.json                where the photos' exposures were corrected
-//! point_cloud/iteration_N/member_M/{point_cloud.ply,exposure.json}
-//!                                                      the further members of an ensemble, from 2
+//! point_cloud/iteration_N/member_M/                    the same of a further member of an ensemble, from 2
 //! {test,train}/ours_N/OUTPUT/NAME.png                  OUTPUT: gt, renders, renders_aggregate, predicted_residual,
 //!                                                      renders_depth, renders_normal, visibility
 //! {test,train}/ours_N/exr/NAME.exr                     true values in place of pictures
@@ -86,9 +85,9 @@ impl OutputFolder {
         Self { root: path.to_owned() }
     }
 
-    /// Where the residual network of an iteration is saved: beside its point cloud.
-    pub fn network_save_path(&self, iteration: u32) -> PathBuf {
-        self.point_cloud_path(iteration).with_file_name(weights::FILE_NAME)
+    /// Where the residual network of an iteration is saved: beside the point cloud of the member, counted from 1.
+    pub fn network_save_path(&self, iteration: u32, member: usize) -> PathBuf {
+        self.member_path(iteration, member).with_file_name(weights::FILE_NAME)
     }
 
     /// Where the photos' exposures of an iteration are saved: beside the point cloud of the member, counted from 1.
@@ -136,9 +135,9 @@ impl OutputFolder {
         }
     }
 
-    /// The residual network of an iteration, ours or the published code's; none where there is none.
+    /// The residual network of an iteration, ours or the published code's; none where there is none. Of an ensemble that of the first.
     pub fn network_path(&self, iteration: u32) -> Option<PathBuf> {
-        let beside = self.network_save_path(iteration);
+        let beside = self.network_save_path(iteration, 1);
         let published = beside.with_file_name(weights::PUBLISHED_FILE_NAME);
         let at_root = self.root.join(weights::PUBLISHED_FILE_NAME);
         [beside, published, at_root].into_iter().find(|path| path.is_file())

@@ -6,9 +6,11 @@ use ibgs_data::dataset::{HostPhoto, Photo};
 use ibgs_data::local_space::LocalSpace;
 use ibgs_model::bundle::{Bundle, BundleError, Packing};
 use ibgs_model::config::TrainConfig;
+use ibgs_model::ensemble::Member;
 use ibgs_model::output::cameras::Split;
 use ibgs_model::output::{cameras, multi_view};
 use ibgs_render::exposure::Exposure;
+use ibgs_shaders::layers::WEIGHTS;
 use ibgs_render::sources::find::SourceOptions;
 use ibgs_testing::random_gaussians;
 use rand::{Rng, SeedableRng};
@@ -64,6 +66,39 @@ fn read(bytes: &[u8]) -> Result<Bundle, BundleError> {
     let path = folder.path().join("model.ibgs");
     fs::write(&path, bytes).unwrap();
     Bundle::read(&path)
+}
+
+/// Every member comes back: its Gaussians, with planes where it has a network, and its exposures.
+#[test]
+fn an_ensemble_round_trip() {
+    let mut bundle = bundle();
+    bundle.config = TrainConfig { ensemble: Some(3), ..TrainConfig::default() };
+    bundle.config.residual.networks = 2;
+    let network: Vec<f32> = (0..WEIGHTS).map(|i| i as f32 * 1e-4).collect();
+    let exposure = bundle.photos.iter().map(|(name, _)| (name.clone(), Exposure::default())).collect();
+    let mut plain = random_gaussians(9, 3, 24);
+    plain.normals.fill([0.0, 0.0, 1.0]);
+    plain.offsets.fill(0.0);
+    bundle.members = vec![
+        Member { gaussians: random_gaussians(12, 2, 23), network: Some(network), exposure: Some(exposure) },
+        Member { gaussians: plain, network: None, exposure: None },
+    ];
+    let lossless = read(&written(&bundle)).unwrap();
+    let small = read(&packed(&bundle, Packing::Small { photo_quality: 90 })).unwrap();
+    for back in [&lossless, &small] {
+        assert_eq!(back.config, bundle.config);
+        assert_eq!(back.members.len(), 2);
+        for (member, expected) in back.members.iter().zip(&bundle.members) {
+            assert_eq!(member.gaussians.len(), expected.gaussians.len());
+            assert_eq!(member.gaussians.sh_degree, expected.gaussians.sh_degree);
+            assert_eq!((&member.network, &member.exposure), (&expected.network, &expected.exposure));
+            assert_eq!(member.gaussians.lacks_planes(), expected.network.is_none());
+        }
+    }
+    assert!(lossless.members.iter().zip(&bundle.members).all(|(back, own)| back.gaussians == own.gaussians));
+    // Levels of detail are those of the first.
+    let levels = read(&packed(&bundle, Packing::Levels)).unwrap();
+    assert!(levels.members.is_empty() && levels.config.ensemble() == 1 && levels.network == bundle.network);
 }
 
 #[test]

@@ -18,8 +18,8 @@ use crate::raster::{RasterView, Rasterizer, Room, Shape, SurfaceOptions};
 use crate::residual::Residual;
 use crate::scene::{SceneError, Splats};
 use crate::sources::SourceView;
-use base::Base;
-use image_part::{ImageStage, Sources, record_final};
+use base::Images;
+use image_part::{ImageStage, Sources};
 use std::sync::Arc;
 
 /// Renders a model.
@@ -36,8 +36,10 @@ pub struct Renderer {
     exposure: Option<(ExposureField, ExposurePass)>,
     /// Chunks that come and go with the views, of a model with levels of detail.
     stream: Option<Stream>,
-    /// The others of an ensemble, which give their base images.
+    /// The others of an ensemble, which give their images.
     members: Arc<[Renderer]>,
+    /// How many of the ensemble, the first and the first of the others, have or will have an image-based part.
+    networks: usize,
 }
 
 impl Renderer {
@@ -58,6 +60,7 @@ impl Renderer {
             exposure: None,
             stream: None,
             members: Arc::default(),
+            networks: 1,
         }
     }
 
@@ -75,6 +78,7 @@ impl Renderer {
             exposure: self.exposure().map(|field| (field.clone(), ExposurePass::new(gpu.clone()))),
             stream: None,
             members: self.members.clone(),
+            networks: self.networks,
         }
     }
 
@@ -104,9 +108,11 @@ impl Renderer {
         Self { stream: Some(stream), ..self }
     }
 
-    /// The first member of an ensemble: its surface and its residual, over the mean of its base image and those of the others.
-    pub fn with_members(self, members: Vec<Self>) -> Self {
-        Self { members: members.into(), ..self }
+    /// The first member of an ensemble, with the others: the first `networks` of all, 1 at least, have or will have an image-based
+    /// part. The base image is the weighted mean of all ([`weights`](crate::ensemble::weights)), and over it lies the mean of the
+    /// residuals; the surface is that of the first.
+    pub fn with_members(self, members: Vec<Self>, networks: usize) -> Self {
+        Self { networks: networks.clamp(1, 1 + members.len()), members: members.into(), ..self }
     }
 
     /// The other members of its ensemble.
@@ -186,6 +192,7 @@ impl Renderer {
         if let Some(stage) = &self.image {
             stage.depths.lock().expect("depth cache").clear();
         }
+        self.members.iter().for_each(Self::forget_depths);
     }
 
     /// Where its local coordinates lie in the scene.
@@ -242,15 +249,9 @@ impl Renderer {
         camera: &Camera,
         mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
     ) -> Result<Frame, GpuError> {
-        if let Some(stage) = &self.image {
-            // A map that is made within a frame is not checked.
-            for index in self.chosen(stage, camera) {
-                if stage.depths.lock().expect("depth cache").get(index).is_none() {
-                    let view = self.view(&self.space().camera(&stage.part.cameras[index]));
-                    let map = self.raster.depth_map_async(&self.splats, &view).await?;
-                    stage.depths.lock().expect("depth cache").insert(index, map);
-                }
-            }
+        // A map that is made within a frame is not checked.
+        for member in std::iter::once(self).chain(self.members.iter()) {
+            member.make_depths_async(camera).await?;
         }
         loop {
             let frame = self.render_in(camera, Room::Assumed, &mut then)?;
@@ -258,6 +259,19 @@ impl Renderer {
                 return Ok(frame);
             }
         }
+    }
+
+    /// Makes the depth maps of a view's sources that are not there yet.
+    async fn make_depths_async(&self, camera: &Camera) -> Result<(), GpuError> {
+        let Some(stage) = &self.image else { return Ok(()) };
+        for index in self.chosen(stage, camera) {
+            if stage.depths.lock().expect("depth cache").get(index).is_none() {
+                let view = self.view(&self.space().camera(&stage.part.cameras[index]));
+                let map = self.raster.depth_map_async(&self.splats, &view).await?;
+                stage.depths.lock().expect("depth cache").insert(index, map);
+            }
+        }
+        Ok(())
     }
 
     fn render_in(
@@ -274,23 +288,12 @@ impl Renderer {
         {
             self.forget_depths();
         }
-        // The sources' depth maps first: what they were made in then serves the frame.
-        let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
-        let view = self.view(&local);
-        let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
-        let exposures = self.exposures(camera, indices)?;
+        let own = self.prepare(camera, room)?;
+        let members = self.members.iter().map(|member| member.prepare(camera, room));
+        let members = members.collect::<Result<Vec<_>, _>>()?;
         loop {
             let mut pass = Pass::new(&gpu, "frame");
-            let own = self.record_own(&mut pass, &view, exposures.as_ref())?;
-            let mut image = match (&self.image, &sources) {
-                (Some(stage), Some(sources)) => {
-                    let base = (own.image.clone(), exposures.as_ref());
-                    Some(record_final(&mut pass, (&gpu, stage), &local, &own.forward, base, sources)?)
-                }
-                _ => None,
-            };
-            let base = self.record_members(&mut pass, camera, (own, image.as_mut()))?;
-            let Base { forward, others, image: base } = base;
+            let (Images { forward, base, image }, others) = self.record_all(&mut pass, (&own, &members))?;
             pass.submit();
             let gpu = gpu.clone();
             let frame = Frame { gpu, forward, others, image, base, camera: *camera, local, space };

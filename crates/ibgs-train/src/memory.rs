@@ -143,7 +143,7 @@ impl Estimate {
         let mut estimate = Self { parts: Vec::new() };
         estimate.add_kept("photos", "training photos", demand, demand.photo_budget);
         estimate.add_gaussians(&sizes, demand);
-        for number in 2..=demand.config.ensemble {
+        for number in 2..=demand.config.ensemble() {
             estimate.add_member(&sizes, demand, number);
         }
         estimate.add_raster(&sizes, demand.config.method);
@@ -152,17 +152,22 @@ impl Estimate {
             estimate.add("images", "base image in the photo's exposure and its gradient", 12 * sizes.pixels, 2);
         }
         estimate.add("losses", "SSIM moments", 36 * sizes.pixels, if image_based { 2 } else { 1 });
-        if image_based {
-            estimate.add_surface(&sizes);
-            estimate.add_network(&sizes, demand);
-            let budget = match demand.config.surface.depth_memory {
-                MemoryBudget::Bytes(bytes) => Some(bytes),
-                MemoryBudget::Auto => demand.photo_budget,
-                MemoryBudget::Unlimited => None,
-            };
-            estimate.add_kept("depth maps", "depth maps of the training views", demand, budget);
+        for _ in 0..if image_based { demand.config.residual.networks } else { 0 } {
+            estimate.add_image_part(&sizes, demand);
         }
         estimate
+    }
+
+    /// Adds what a member with a network has.
+    fn add_image_part(&mut self, sizes: &Sizes, demand: &Demand) {
+        self.add_surface(sizes);
+        self.add_network(sizes, demand);
+        let budget = match demand.config.surface.depth_memory {
+            MemoryBudget::Bytes(bytes) => Some(bytes),
+            MemoryBudget::Auto => demand.photo_budget,
+            MemoryBudget::Unlimited => None,
+        };
+        self.add_kept("depth maps", "depth maps of the training views", demand, budget);
     }
 
     fn add(&mut self, part: &'static str, what: &'static str, bytes: u64, buffers: u64) {

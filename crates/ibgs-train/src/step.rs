@@ -90,7 +90,8 @@ impl Trainer {
     /// # Errors
     /// Another number of weights, not enough memory.
     pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
-        self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))
+        self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))?;
+        self.members.iter_mut().try_for_each(|member| member.set_network(weights))
     }
 
     /// Adds a loss to those of the options. A checkpoint does not hold it.
@@ -141,7 +142,7 @@ impl Trainer {
         let part = residual.map(|stages| stages.part(self.scene_cameras.clone(), self.photos.clone()));
         let renderer = Renderer::new(self.raster.clone(), self.splats().clone(), self.background(), part);
         let members = self.members.iter().map(Self::renderer).collect::<Result<_, _>>()?;
-        Ok(renderer.with_exposure(self.exposure()?).with_members(members))
+        Ok(renderer.with_exposure(self.exposure()?).with_members(members, self.config.residual.networks as usize))
     }
 
     /// The photos' exposures as they are now; none where they are not corrected. Waits for the GPU.

@@ -10,8 +10,9 @@ const METHODS: [(Method, &str, &str); 2] = [
     (Method::Gs3, "3DGS", "Plain 3D Gaussian splatting: faster, and without the residual"),
 ];
 
-const PRESETS: [(Preset, &str, &str); 3] = [
+const PRESETS: [(Preset, &str, &str); 4] = [
     (Preset::Default, "default", "A length that follows the photos: the usual choice"),
+    (Preset::Best, "best", "The highest image, in about four times the usual time"),
     (Preset::Fast, "fast", "A good image after half a minute on a fast GPU"),
     (Preset::Published, "published", "The options of the published experiments"),
 ];

@@ -84,7 +84,11 @@ fn contents(model: &Model) -> Result<Rows> {
     if !gaussians.is_empty() {
         rows.push(("place", ["x", "y", "z"].into_iter().enumerate().map(axis).collect::<Vec<_>>().join(", ")));
     }
-    let weights = |network: &Vec<f32>| format!("{} weights", network.len());
+    let further = model.members.iter().filter(|member| member.network.is_some()).count();
+    let weights = |network: &Vec<f32>| match further {
+        0 => format!("{} weights", network.len()),
+        further => format!("{} of {} weights each", 1 + further, network.len()),
+    };
     rows.push(("network", model.network.as_ref().map_or_else(|| "none".to_owned(), weights)));
     let exposure = match model.exposure_field()? {
         Some(field) => format!("corrected; the photos differ by {:.1} %", 100.0 * field.spread()),

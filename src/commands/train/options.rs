@@ -183,7 +183,7 @@ impl Args {
         set_some(&mut c.eval_iterations, &self.eval_iterations);
         set_some(&mut c.save_iterations, &self.save_iterations);
         set(&mut c.seed, &self.seed);
-        set(&mut c.ensemble, &self.ensemble);
+        set_some(&mut c.ensemble, &self.ensemble);
         set_some(&mut c.background, &self.background.or(self.white_background.then_some(Background::WHITE)));
         c.deterministic |= self.deterministic;
         self.stages.apply(&mut c);

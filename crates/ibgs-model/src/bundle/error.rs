@@ -45,11 +45,6 @@ pub enum BundleError {
         /// Its format.
         found: u32,
     },
-    /// Levels of detail have one base.
-    #[error(
-        "levels of detail hold the Gaussians of one base, and this model is an ensemble of {0}; train it with `ensemble = 1`"
-    )]
-    Ensemble(usize),
     /// The Gaussians are not valid.
     #[error(transparent)]
     Scene(#[from] SceneError),

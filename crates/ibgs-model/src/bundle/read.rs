@@ -1,11 +1,15 @@
 //! Bundles are read, as a whole or as far as their beginning goes.
 
-use super::{Bundle, BundleError, CHUNKS, CLOUD, ENSEMBLE_FORMAT, Header, OPTIONS, SOG, TREE, member_parts};
+use super::{
+    Bundle, BundleError, CHUNKS, CLOUD, ENSEMBLE_FORMAT, HEADER, Header, NETWORK, OPTIONS, PLANES, SOG, TREE,
+    member_part,
+};
 use crate::config::TrainConfig;
 use crate::ensemble::Member;
 use crate::exposure::{self, Exposure};
 use crate::levels::{Levels, Tree};
 use crate::output::{cameras, multi_view};
+use crate::residual::weights;
 use crate::scene::{Gaussians, packed, read_ply_from};
 use crate::stored_zip::{self, StoredZip, add};
 use std::collections::HashMap;
@@ -30,9 +34,9 @@ impl Bundle {
     /// As [`Bundle::read`].
     pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, BundleError> {
         let mut parts = Parts::open(reader, path)?;
-        let bundle = parts.bundle(Parts::gaussians)?;
-        let members =
-            (2..=bundle.config.ensemble as usize).map(|number| parts.member(number)).collect::<Result<_, _>>()?;
+        let bundle = parts.bundle(|parts, header| parts.gaussians(header, 1))?;
+        let further = 2..=bundle.config.ensemble() as usize;
+        let members = further.map(|number| parts.member(number)).collect::<Result<_, _>>()?;
         let photos = parts.photos(&bundle.cameras)?;
         Ok(Self { members, photos, ..bundle })
     }
@@ -82,32 +86,35 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
     fn open(reader: R, path: &'a Path) -> Result<Self, BundleError> {
         let no_bundle = |reason: String| BundleError::NoBundle { path: path.to_owned(), reason };
         let zip = StoredZip::open(reader).map_err(no_bundle)?;
-        match zip.has("ibgs.json") {
+        match zip.has(HEADER) {
             true => Ok(Self { path, zip }),
             false => Err(no_bundle("it is a ZIP archive of something else".to_owned())),
         }
     }
 
-    /// The Gaussians.
-    fn gaussians(&mut self, header: &Header) -> Result<Gaussians, BundleError> {
-        if !self.zip.has(SOG) {
-            return self.cloud();
+    /// The Gaussians of a member, counted from 1.
+    fn gaussians(&mut self, header: &Header, member: usize) -> Result<Gaussians, BundleError> {
+        let [sog, planes] = [SOG, PLANES].map(|part| member_part(member, part));
+        if !self.zip.has(&sog) {
+            return self.cloud(member);
         }
-        let planes = self.bytes("planes.bin")?;
-        let gaussians = self.parse(SOG, |bytes| packed::decode(bytes, &planes))?;
+        let has_planes = member == 1 || self.zip.has(&planes);
+        let planes = has_planes.then(|| self.bytes(&planes)).transpose()?;
+        let gaussians = self.parse(&sog, |bytes| packed::decode(bytes, planes.as_deref()))?;
         Ok(Gaussians { space: header.space(), ..gaussians })
     }
 
     /// The same, as far as the base image needs them.
     fn base_gaussians(&mut self, header: &Header) -> Result<Gaussians, BundleError> {
         if !self.zip.has(SOG) {
-            return self.cloud();
+            return self.cloud(1);
         }
         Ok(Gaussians { space: header.space(), ..self.parse(SOG, packed::decode_base)? })
     }
 
-    fn cloud(&mut self) -> Result<Gaussians, BundleError> {
-        self.parse(CLOUD, |bytes| read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(CLOUD)))
+    fn cloud(&mut self, member: usize) -> Result<Gaussians, BundleError> {
+        let part = member_part(member, CLOUD);
+        self.parse(&part, |bytes| read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(&part)))
     }
 
     /// The levels of detail, whose numbers stay in the file.
@@ -122,7 +129,7 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         &mut self,
         gaussians: fn(&mut Self, &Header) -> Result<Gaussians, BundleError>,
     ) -> Result<Bundle, BundleError> {
-        let header: Header = self.parse("ibgs.json", |bytes| serde_json::from_slice(bytes))?;
+        let header: Header = self.parse(HEADER, |bytes| serde_json::from_slice(bytes))?;
         if header.format > ENSEMBLE_FORMAT {
             return Err(BundleError::Newer { path: self.path.to_owned(), found: header.format });
         }
@@ -133,8 +140,8 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
             }
             None => gaussians(self, &header)?,
         };
-        let has_network = self.zip.has("network.bin");
-        let network = has_network.then(|| self.bytes("network.bin")).transpose()?;
+        let has_network = self.zip.has(NETWORK);
+        let network = has_network.then(|| self.bytes(NETWORK)).transpose()?;
         let exposure = self.exposures(exposure::FILE_NAME)?;
         let cameras = self.parse("cameras.json", |bytes| cameras::from_json(&String::from_utf8_lossy(bytes)))?;
         let sources = self.parse("multi_view.json", |bytes| multi_view::from_text(&String::from_utf8_lossy(bytes)))?;
@@ -161,11 +168,14 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         self.zip.has(part).then(|| self.parse(part, parse)).transpose()
     }
 
-    /// A further member of an ensemble.
+    /// A further member of an ensemble, counted from 2.
     fn member(&mut self, number: usize) -> Result<Member, BundleError> {
-        let [cloud, exposure] = member_parts(number);
-        let read = |bytes: &[u8]| read_ply_from(&mut Cursor::new(bytes), bytes.len() as u64, Path::new(&cloud));
-        Ok(Member { gaussians: self.parse(&cloud, read)?, exposure: self.exposures(&exposure)? })
+        let header: Header = self.parse(HEADER, |bytes| serde_json::from_slice(bytes))?;
+        let [network, exposure] = [NETWORK, exposure::FILE_NAME].map(|part| member_part(number, part));
+        let gaussians = self.gaussians(&header, number)?;
+        let parse = |bytes: &[u8]| weights::from_bytes(bytes, Path::new(&network));
+        let weights = self.zip.has(&network).then(|| self.parse(&network, parse)).transpose()?;
+        Ok(Member { gaussians, network: weights, exposure: self.exposures(&exposure)? })
     }
 
     pub(super) fn damaged(&self, part: &str, reason: impl Into<String>) -> BundleError {

@@ -2,8 +2,8 @@
 
 use super::photos::{BATCH, encode};
 use super::{
-    Bundle, BundleError, CHUNKS, CLOUD, ENSEMBLE_FORMAT, FORMAT, Header, LEVELS_FORMAT, OPTIONS, Packing, SMALL_FORMAT,
-    SOG, TREE, member_parts,
+    Bundle, BundleError, CHUNKS, CLOUD, ENSEMBLE_FORMAT, FORMAT, HEADER, Header, LEVELS_FORMAT, NETWORK, OPTIONS,
+    PLANES, Packing, SMALL_FORMAT, SOG, TREE, member_part,
 };
 use crate::dataset::HostPhoto;
 use crate::exposure::{self, Exposure};
@@ -11,6 +11,7 @@ use crate::files::write_seekable_atomically;
 use crate::levels::{self, Tree};
 use crate::local_space::LocalSpace;
 use crate::output::{cameras, multi_view};
+use crate::residual::weights;
 use crate::scene::{Gaussians, PlyFlavor, SceneError, packed, write_ply_to};
 use crate::stored_zip::{self, add};
 use rayon::prelude::*;
@@ -29,9 +30,6 @@ impl Bundle {
         if self.gaussians.is_empty() && packing == Packing::Levels {
             return Err(SceneError::NoGaussians.into());
         }
-        if !self.members.is_empty() && packing == Packing::Levels {
-            return Err(BundleError::Ensemble(self.members.len() + 1));
-        }
         let members = self.members.iter().map(|member| &member.gaussians);
         std::iter::once(&self.gaussians).chain(members).try_for_each(Gaussians::validate)?;
         write_seekable_atomically(path, |out| stored_zip::write(out, |zip| self.write_parts(zip, packing)))?;
@@ -44,12 +42,15 @@ impl Bundle {
             Packing::Levels => (LEVELS_FORMAT, None),
             Packing::Small { .. } => (SMALL_FORMAT, self.gaussians.space.file_offset()),
         };
-        let format = if self.members.is_empty() { format } else { ENSEMBLE_FORMAT };
-        add(zip, "ibgs.json", &serde_json::to_vec(&Header { format, iteration: self.iteration, offset })?)?;
+        let members = if packing == Packing::Levels { &[] } else { &self.members[..] };
+        let format = if members.is_empty() { format } else { ENSEMBLE_FORMAT };
+        let place = LocalSpace::at(offset.unwrap_or_default());
+        add(zip, HEADER, &serde_json::to_vec(&Header { format, iteration: self.iteration, offset })?)?;
         add_exposures(zip, exposure::FILE_NAME, self.exposure.as_ref())?;
         add(zip, "cameras.json", &serde_json::to_vec(&cameras::to_json(&self.cameras))?)?;
         add(zip, "multi_view.json", multi_view::to_text(&self.sources)?.as_bytes())?;
-        add(zip, OPTIONS, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
+        let config = if members.len() < self.members.len() { &self.config.single() } else { &self.config };
+        add(zip, OPTIONS, config.to_text().map_err(io::Error::other)?.as_bytes())?;
         if packing == Packing::Levels {
             // In the coordinates in which it is rendered.
             let space = cameras::space(&self.cameras, &self.gaussians, self.config.data.extent);
@@ -57,25 +58,21 @@ impl Bundle {
             let tree = Tree::of(space, self.gaussians.sh_degree, &chunks);
             add(zip, TREE, &serde_json::to_vec(&tree)?)?;
             stored_zip::add_large(zip, CHUNKS, tree.bytes(), |out| levels::write(&chunks, out))?;
-        } else if packing == Packing::Lossless {
-            let mut ply = Vec::new();
-            write_ply_to(&mut ply, &self.gaussians, PlyFlavor::Full)?;
-            add(zip, CLOUD, &ply)?;
         } else {
-            let place = LocalSpace::at(offset.unwrap_or_default());
-            let [sog, planes] = packed::encode(&self.gaussians.in_space(place)).map_err(io::Error::other)?;
-            add(zip, SOG, &sog)?;
-            add(zip, "planes.bin", &planes)?;
+            add_gaussians(zip, 1, (&self.gaussians, PlyFlavor::Full), (packing, place))?;
         }
         if let Some(network) = &self.network {
-            add(zip, "network.bin", network)?;
+            add(zip, NETWORK, network)?;
         }
-        for (member, number) in self.members.iter().zip(2..) {
-            let [cloud, exposure] = member_parts(number);
-            let mut ply = Vec::new();
-            write_ply_to(&mut ply, &member.gaussians, PlyFlavor::Plain)?;
-            add(zip, &cloud, &ply)?;
-            add_exposures(zip, &exposure, member.exposure.as_ref())?;
+        for (member, number) in members.iter().zip(2..) {
+            // Without a network nothing reads its planes.
+            let flavor = if member.network.is_some() { PlyFlavor::Full } else { PlyFlavor::Plain };
+            add_gaussians(zip, number, (&member.gaussians, flavor), (packing, place))?;
+            add_exposures(zip, &member_part(number, exposure::FILE_NAME), member.exposure.as_ref())?;
+            if let Some(network) = &member.network {
+                let bytes = weights::to_bytes(network).map_err(io::Error::other)?;
+                add(zip, &member_part(number, NETWORK), &bytes)?;
+            }
         }
         for photos in self.photos.chunks(BATCH) {
             let encode = |(name, photo): &(String, HostPhoto)| {
@@ -87,6 +84,26 @@ impl Bundle {
             }
         }
         Ok(())
+    }
+}
+
+/// Adds the Gaussians of a member, counted from 1; those of a small bundle lie at a place in the scene.
+fn add_gaussians<W: Write + Seek>(
+    zip: &mut ZipWriter<W>,
+    member: usize,
+    (gaussians, flavor): (&Gaussians, PlyFlavor),
+    (packing, place): (Packing, LocalSpace),
+) -> io::Result<()> {
+    if packing == Packing::Lossless {
+        let mut ply = Vec::new();
+        write_ply_to(&mut ply, gaussians, flavor)?;
+        return add(zip, &member_part(member, CLOUD), &ply);
+    }
+    let [sog, planes] = packed::encode(&gaussians.in_space(place)).map_err(io::Error::other)?;
+    add(zip, &member_part(member, SOG), &sog)?;
+    match flavor {
+        PlyFlavor::Full => add(zip, &member_part(member, PLANES), &planes),
+        PlyFlavor::Plain => Ok(()),
     }
 }
 

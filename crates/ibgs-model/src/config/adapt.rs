@@ -8,10 +8,19 @@ use crate::dataset::Dataset;
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
 /// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
 const VISITS_AT_FULL_RATES: f64 = 163.0;
-/// Visits of each photo in a run of the default strategy.
-const USUAL_VISITS: u32 = 200;
-/// Least and most iterations of such a run.
-const USUAL_ITERATIONS: [u32; 2] = [7_000, REFERENCE_ITERATIONS];
+
+/// Length of a run of the default strategy.
+struct Length {
+    /// Visits of each photo.
+    visits: u32,
+    least: u32,
+    most: u32,
+}
+
+/// That of most runs.
+const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
+/// That of two bases: what the first one has in fewer iterations, the mean makes good in half of the time.
+const LENGTH_OF_TWO: Length = Length { visits: 150, least: 5_500, most: 12_000 };
 
 impl DensifyConfig {
     /// Sets the cap on Gaussians from the scene, for the strategies that do so, unless it is given: one Gaussian per 45
@@ -35,18 +44,19 @@ impl TrainConfig {
         self.adapt_to_photos(dataset.train.len(), pixels);
     }
 
-    /// Sets the options that depend on the training photos, unless they are given: the number of iterations, the cap on
-    /// Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
+    /// Sets the options that depend on the training photos, unless they are given: the number of bases and of iterations, the cap
+    /// on Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
     ///
-    /// With the default strategy and `schedule_scaling` a run visits every photo 200 times, in 7000 iterations at least and
-    /// 30,000 at most. At full rates it overfits after 7000 iterations or 163 visits of each photo, whichever is more. In a
-    /// longer run the rates fall, and the rounds of densification move apart, in proportion, so that the Gaussians move as
-    /// far as in that many iterations. Departures from method.md.
+    /// With the default strategy and `schedule_scaling` a run of two bases visits every photo 150 times, in 5500 iterations at
+    /// least and 12,000 at most, any other 200 times, in 7000 to 30,000. At full rates it overfits after 7000 iterations or 163
+    /// visits of each photo, whichever is more. In a longer run the rates fall, and the rounds of densification move apart, in
+    /// proportion, so that the Gaussians move as far as in that many iterations. Departures from method.md.
     pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
         self.densify.choose_cap(pixels);
         let adapts = self.densify.strategy.defaults().length_follows_photos && self.init.is_none();
-        let [least, most] = USUAL_ITERATIONS;
-        let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(USUAL_VISITS);
+        let ensemble = *self.ensemble.get_or_insert(self.usual_ensemble());
+        let Length { visits, least, most } = if ensemble == 2 { LENGTH_OF_TWO } else { USUAL_LENGTH };
+        let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(visits);
         // Milestones that are not scaled need the whole length.
         let usual = if adapts && self.schedule_scaling { visits.clamp(least, most) } else { self.iterations() };
         self.iterations.get_or_insert(usual);
@@ -84,8 +94,11 @@ mod tests {
             config.adapt_to_photos(photos, 1);
             config.iterations()
         };
-        let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
+        let single = || TrainConfig { ensemble: Some(1), ..TrainConfig::default() };
+        let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, single()));
         assert_eq!(lengths, [7_000, 8_600, 14_000, 30_000, 30_000]);
+        let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
+        assert_eq!(lengths, [5_500, 6_450, 10_500, 12_000, 12_000]);
         let given = TrainConfig { iterations: Some(5), ..TrainConfig::default() };
         let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
         let mut published = TrainConfig::default();

@@ -16,7 +16,7 @@ impl Default for TrainConfig {
             schedule_scaling: true,
             init: None,
             seed: 0,
-            ensemble: 1,
+            ensemble: None,
             deterministic: false,
             sh_degree: None,
             sh_interval: None,

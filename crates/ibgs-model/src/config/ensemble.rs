@@ -1,29 +1,63 @@
 //! Ensembles: several bases, whose mean is the base image.
 
 use super::check::Check;
-use super::{ConfigError, Method, TrainConfig};
+use super::{ConfigError, Method, Strategy, TrainConfig};
 
 /// Most bases of an ensemble.
 const MOST: u32 = 8;
-/// Iterations of a further member, at most: its image needs no surface, and a base alone is about done.
+/// Bases where none are asked for.
+const USUAL: u32 = 2;
+/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done.
 const MEMBER_ITERATIONS: u32 = 7_000;
 /// What the seeds of two members differ by.
 const SEED_STEP: u64 = 0x9e37_79b9;
 
 impl TrainConfig {
-    /// The options of a further member of an ensemble, counted from 2: plain splatting with random numbers of its own.
+    /// Number of bases. Where none is given and [`adapt_to_photos`](Self::adapt_to_photos) was not called, a single one.
+    pub fn ensemble(&self) -> u32 {
+        self.ensemble.unwrap_or(1)
+    }
+
+    /// Number of bases where none is given. What is an object's is hardly chance, and its residual fits its own base best.
+    pub(super) fn usual_ensemble(&self) -> u32 {
+        let is_usual = self.method == Method::Ibgs && self.densify.strategy == Strategy::Default;
+        if is_usual && self.init.is_none() && !self.data.shows_object() { USUAL } else { 1 }
+    }
+
+    /// The options of a further member of an ensemble, counted from 2, with random numbers of its own: a training like the first,
+    /// or plain splatting by the same strategy and by MCMC in turn.
     pub fn of_member(&self, number: u32) -> Self {
         let seed = self.seed.wrapping_add(SEED_STEP * u64::from(number - 1)) & i64::MAX as u64;
-        let iterations = Some(self.iterations().min(MEMBER_ITERATIONS));
-        Self { method: Method::Gs3, ensemble: 1, seed, iterations, schedule_scaling: true, ..self.clone() }
+        let like_the_first = Self { seed, ..self.single() };
+        let Some(plain) = number.checked_sub(self.residual.networks + 1) else { return like_the_first };
+        let mut member = Self { method: Method::Gs3, schedule_scaling: true, ..like_the_first };
+        member.learning_rates.factor = None;
+        let mut iterations = self.iterations();
+        if plain % 2 == 1 {
+            member.densify.strategy = Strategy::Mcmc;
+        } else {
+            iterations = iterations.min(MEMBER_ITERATIONS);
+        }
+        member.iterations = Some(iterations);
+        member
+    }
+
+    /// Those of its first member alone.
+    pub(crate) fn single(&self) -> Self {
+        let mut config = Self { ensemble: Some(1), ..self.clone() };
+        config.residual.networks = 1;
+        config
     }
 
     /// Checks the options of an ensemble.
     pub(super) fn check_ensemble(&self, check: &Check<'_>) -> Result<(), ConfigError> {
-        let require = |holds, advice| check.require(holds, "ensemble", self.ensemble, advice);
-        require((1..=MOST).contains(&self.ensemble), "it must lie between 1 and 8")?;
-        let has_one = self.ensemble == 1 || self.init.is_none();
-        require(has_one, "a training that begins with a model (`init`) has one base: it must be 1")
+        let (count, networks) = (self.ensemble(), self.residual.networks);
+        let require = |holds, advice| check.require(holds, "ensemble", count, advice);
+        require((1..=MOST).contains(&count), "it must lie between 1 and 8")?;
+        let has_one = count == 1 || self.init.is_none();
+        require(has_one, "a training that begins with a model (`init`) has one base: it must be 1")?;
+        let fits = networks == 1 || (1..=count).contains(&networks);
+        check.require(fits, "residual.networks", networks, "it must lie between 1 and `ensemble`")
     }
 }
 
@@ -31,23 +65,59 @@ impl TrainConfig {
 mod tests {
     use super::*;
 
+    fn ensemble(count: u32, networks: u32) -> TrainConfig {
+        let mut config = TrainConfig { ensemble: Some(count), iterations: Some(9_000), ..TrainConfig::default() };
+        config.residual.networks = networks;
+        config
+    }
+
     #[test]
-    fn members_differ_by_their_random_numbers() {
-        let config =
-            TrainConfig { ensemble: 3, iterations: Some(9_000), seed: u64::MAX >> 1, ..TrainConfig::default() };
-        let members = [2, 3].map(|number| config.of_member(number));
-        for member in &members {
+    fn members_differ_by_their_random_numbers_and_ways() {
+        let config = TrainConfig { seed: u64::MAX >> 1, ..ensemble(6, 2) };
+        let members = [2, 3, 4, 5, 6].map(|number| config.of_member(number));
+        let kinds = [
+            (Method::Ibgs, Strategy::Default, 9_000),
+            (Method::Gs3, Strategy::Default, MEMBER_ITERATIONS),
+            (Method::Gs3, Strategy::Mcmc, 9_000),
+            (Method::Gs3, Strategy::Default, MEMBER_ITERATIONS),
+            (Method::Gs3, Strategy::Mcmc, 9_000),
+        ];
+        for (member, kind) in members.iter().zip(kinds) {
             member.validate().unwrap();
-            assert_eq!((member.ensemble, member.method, member.iterations()), (1, Method::Gs3, MEMBER_ITERATIONS));
+            assert_eq!((member.method, member.densify.strategy, member.iterations()), kind);
+            assert_eq!(member.ensemble, Some(1));
         }
-        assert!(members[0].seed != members[1].seed && members[0].seed != config.seed);
+        let mut seeds = members.map(|member| member.seed).to_vec();
+        seeds.push(config.seed);
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 6);
     }
 
     #[test]
     fn an_ensemble_has_bounds() {
         let message = |config: TrainConfig| config.validate().unwrap_err().to_string();
-        assert!(message(TrainConfig { ensemble: 0, ..TrainConfig::default() }).contains("between 1 and 8"));
-        let warm = TrainConfig { ensemble: 2, init: Some("a.ply".into()), ..TrainConfig::default() };
+        assert!(message(ensemble(0, 1)).contains("between 1 and 8"));
+        let warm = TrainConfig { init: Some("a.ply".into()), ..ensemble(2, 1) };
         assert!(message(warm).contains("`init`"));
+        for wrong in [ensemble(2, 3), ensemble(2, 0)] {
+            assert!(message(wrong).contains("`residual.networks`"));
+        }
+    }
+
+    #[test]
+    fn only_the_usual_run_has_two_bases_unasked() {
+        let count = |mut config: TrainConfig| {
+            config.adapt_to_photos(50, 1);
+            config.ensemble()
+        };
+        let mut chain = TrainConfig::default();
+        chain.densify.strategy = Strategy::Mcmc;
+        let mut object = TrainConfig::default();
+        object.data.masks = crate::dataset::Masks::Object;
+        let plain = TrainConfig { method: Method::Gs3, ..TrainConfig::default() };
+        let warm = TrainConfig { init: Some("a.ply".into()), ..TrainConfig::default() };
+        assert_eq!([chain, object, plain, warm, ensemble(1, 1)].map(count), [1; 5]);
+        assert_eq!([TrainConfig::default(), ensemble(6, 2)].map(count), [2, 6]);
     }
 }

@@ -58,6 +58,9 @@ pub struct ResidualConfig {
     pub dropout_until: Option<f64>,
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's; unset: 1.
     pub factor: Option<f64>,
+    /// Number of members of the ensemble that have a network and a surface, 1 to `ensemble`: the final image has the mean of their
+    /// residuals. A departure from method.md.
+    pub networks: u32,
     /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
     /// float32.
     pub precision: Precision,
@@ -206,6 +209,7 @@ impl Default for ResidualConfig {
             dropout: 0.1,
             dropout_until: None,
             factor: None,
+            networks: 1,
             precision: Precision::Auto,
             output: None,
             aggregation: Aggregation::Soft,

@@ -118,19 +118,25 @@ fn from_folder(path: &Path, options: &ModelOptions) -> Result<Model, ModelError>
     let latest = folder.latest_iteration()?.ok_or_else(|| ModelError::NoPointCloud { path: path.to_owned() })?;
     let iteration = options.iteration.unwrap_or(latest);
     let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-    let member = |number: usize| -> Result<Member, ModelError> {
-        let gaussians = read_ply(&folder.member_path(iteration, number))?;
-        Ok(Member { gaussians, exposure: folder.read_exposures(iteration, number)? })
-    };
-    let members = (2..=config.ensemble as usize).map(member).collect::<Result<_, _>>()?;
     let network_path = folder.network_path(iteration).filter(|_| config.method == Method::Ibgs);
     let residual = config.method == Method::Ibgs && Schedule::new(&config, config.iterations()).residual_at(iteration);
     if network_path.is_none() && residual && !foreign {
-        let missing = folder.network_save_path(iteration);
+        let missing = folder.network_save_path(iteration, 1);
         log::warn!("{} is missing; without its network the model gives the base image alone", missing.display());
     }
     let network = network_path.as_deref().map(weights::load).transpose()?;
-    let network_bytes = network_path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
+    let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
+    let mut network_bytes = network_path.as_deref().map_or(0, bytes);
+    let mut members = Vec::new();
+    for number in 2..=config.ensemble() as usize {
+        let gaussians = read_ply(&folder.member_path(iteration, number))?;
+        // Without that of the first it would be of no use.
+        let has_network = network.is_some() && number <= config.residual.networks as usize;
+        let path = has_network.then(|| folder.network_save_path(iteration, number));
+        network_bytes += path.as_deref().map_or(0, bytes);
+        let network = path.as_deref().map(weights::load).transpose()?;
+        members.push(Member { gaussians, network, exposure: folder.read_exposures(iteration, number)? });
+    }
     // Those of the scene take the place of a foreign folder's.
     let cameras = if foreign && options.source.is_some() { Vec::new() } else { folder.read_cameras()? };
     Ok(Model {

@@ -1,34 +1,48 @@
-//! The base image: that of the Gaussians, or the mean of those of an ensemble's members.
+//! The images of one member of an ensemble, and those of all.
 
 use super::frame::FinalImage;
+use super::image_part::{Sources, record_final};
 use super::{Frame, Renderer};
 use crate::camera::Camera;
-use crate::ensemble::record_weighted_sum;
+use crate::ensemble::{record_weighted_sum, weights};
 use crate::exposure::Exposures;
 use crate::gpu::{Buffer, GpuError, Pass};
-use crate::raster::{Forward, Keep, RasterView};
+use crate::raster::{Forward, Keep, RasterView, Room};
 
-/// A base image that is being recorded.
-pub(super) struct Base {
-    /// The pass of the first member.
+/// What a member reads of a view, made before its images are recorded.
+pub(super) struct Prepared {
+    view: RasterView,
+    /// None without an image-based part.
+    sources: Option<Sources>,
+    exposures: Option<Exposures>,
+}
+
+/// Images that are being recorded.
+pub(super) struct Images {
+    /// The pass of the Gaussians.
     pub forward: Forward,
-    /// Those of the others.
-    pub others: Vec<Forward>,
-    /// `[H, W, 3]`.
-    pub image: Buffer<f32>,
+    /// The base image, `[H, W, 3]`.
+    pub base: Buffer<f32>,
+    /// The final image, of a model with a network.
+    pub image: Option<FinalImage>,
 }
 
 impl Renderer {
-    /// Records the base image of these Gaussians alone.
-    pub(super) fn record_own(
-        &self,
-        pass: &mut Pass,
-        view: &RasterView,
-        exposures: Option<&Exposures>,
-    ) -> Result<Base, GpuError> {
+    /// Makes what this member, without the others, reads of a view of a camera in the scene.
+    pub(super) fn prepare(&self, camera: &Camera, room: Room) -> Result<Prepared, GpuError> {
+        // The sources' depth maps first: what they were made in then serves the frame.
+        let sources = self.image.as_ref().map(|stage| self.sources(stage, camera, room)).transpose()?;
+        let indices = sources.as_ref().map_or(&[][..], |sources| &sources.indices[..]);
+        let exposures = self.exposures(camera, indices)?;
+        Ok(Prepared { view: self.view(&self.space().camera(camera)), sources, exposures })
+    }
+
+    /// Records the images of this member alone.
+    pub(super) fn record_own(&self, pass: &mut Pass, prepared: &Prepared) -> Result<Images, GpuError> {
+        let Prepared { view, sources, exposures } = prepared;
         let memory = self.raster.image_memory(&view.camera)?;
         let forward = self.raster.record(pass, &self.splats, view, Keep::Image, memory)?;
-        let image = match exposures {
+        let base = match exposures {
             Some(exposures) => {
                 let exposed = self.gpu().transient("exposed image", forward.image.rows())?;
                 exposures.record(pass, &forward, &exposed);
@@ -36,35 +50,55 @@ impl Renderer {
             }
             None => forward.image.clone(),
         };
-        Ok(Base { forward, others: Vec::new(), image })
+        let image = match (&self.image, sources) {
+            (Some(stage), Some(sources)) => {
+                let given = (base.clone(), exposures.as_ref());
+                Some(record_final(pass, (self.gpu(), stage), &view.camera, &forward, given, sources)?)
+            }
+            _ => None,
+        };
+        Ok(Images { forward, base, image })
     }
 
-    /// Records the mean of the base image of these Gaussians and those of the other members, and lays the residual of the final
-    /// image over it.
-    pub(super) fn record_members(
+    /// Records the images of an ensemble, and the passes of its further members: the mean of the base images, and over it that of
+    /// the residuals.
+    pub(super) fn record_all(
         &self,
         pass: &mut Pass,
-        camera: &Camera,
-        (own, image): (Base, Option<&mut FinalImage>),
-    ) -> Result<Base, GpuError> {
+        (own, members): (&Prepared, &[Prepared]),
+    ) -> Result<(Images, Vec<Forward>), GpuError> {
+        let mut first = self.record_own(pass, own)?;
         if self.members.is_empty() {
-            return Ok(own);
+            return Ok((first, Vec::new()));
         }
-        let (mut base, values) = (own, 3 * camera.pixels());
-        let first = base.image.clone();
-        for (member, images) in self.members.iter().zip(1..) {
-            let view = member.view(&member.space().camera(camera));
-            let exposures = member.exposures(camera, &[])?;
-            let Base { forward, image, .. } = member.record_own(pass, &view, exposures.as_ref())?;
-            let part = 1.0 / (images as f32 + 1.0);
-            base.image = self.record_sum(pass, values, [(1.0 - part, &base.image), (part, &image)])?;
-            base.others.push(forward);
+        let values = 3 * own.view.camera.pixels();
+        let [with, without] = weights(self.networks, 1 + self.members.len() - self.networks);
+        let mut mean = (with, first.base.clone());
+        let mut residuals = Vec::new();
+        residuals.extend(first.image.as_ref().map(|image| (image.image.clone(), first.base.clone())));
+        let mut others = Vec::new();
+        for ((member, prepared), number) in self.members.iter().zip(members).zip(1..) {
+            let Images { forward, base, image } = member.record_own(pass, prepared)?;
+            let weight = if number < self.networks { with } else { without };
+            mean = (1.0, self.record_sum(pass, values, [(mean.0, &mean.1), (weight, &base)])?);
+            if let Some(image) = image {
+                residuals.push((image.image.clone(), base));
+                pass.keep(image);
+            }
+            others.push(forward);
         }
-        if let Some(image) = image {
-            let change = self.record_sum(pass, values, [(1.0, &base.image), (-1.0, &first)])?;
-            image.image = self.record_sum(pass, values, [(1.0, &image.image), (1.0, &change)])?;
+        let (_, mean) = mean;
+        if let Some(image) = &mut first.image {
+            let part = 1.0 / residuals.len() as f32;
+            let mut sum = mean.clone();
+            for (image, base) in &residuals {
+                let residual = self.record_sum(pass, values, [(part, image), (-part, base)])?;
+                sum = self.record_sum(pass, values, [(1.0, &sum), (1.0, &residual)])?;
+            }
+            image.image = sum;
         }
-        Ok(base)
+        first.base = mean;
+        Ok((first, others))
     }
 
     fn record_sum(

@@ -94,7 +94,7 @@ impl Checkpoint {
             return Err(CheckpointError::Version { path: path.to_owned(), found });
         }
         let mut first = Self::read_parts(&mut zip, header.scene, "").map_err(damaged)?;
-        for number in 2..=first.config.ensemble as usize {
+        for number in 2..=first.config.ensemble() as usize {
             let member = Self::read_parts(&mut zip, header.scene, &prefix(number)).map_err(damaged)?;
             first.members.push(member);
         }

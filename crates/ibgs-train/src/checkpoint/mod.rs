@@ -224,7 +224,7 @@ impl Checkpoint {
         let lengths = [state.extent, state.prune_length, state.caution];
         require(lengths.iter().all(|v| v.is_finite() && *v > 0.0), "its scene extent is not positive")?;
         require(
-            self.members.len() + 1 == self.config.ensemble as usize,
+            self.members.len() + 1 == self.config.ensemble() as usize,
             "the number of its members is not that of the options",
         )?;
         self.members.iter().try_for_each(|member| member.check((scene, space), pixels))?;

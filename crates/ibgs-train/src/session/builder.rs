@@ -182,6 +182,9 @@ impl Loaded {
     pub fn build(self, gpu: &Arc<Gpu>, observer: &mut dyn Observer) -> Result<Session> {
         let Self { mut builder, start, network } = self;
         let (mut dataset, mut config) = (builder.dataset.take().ok_or(BuildError::NoScene)?, builder.config.clone());
+        if gpu.is_software() {
+            config.ensemble.get_or_insert(1);
+        }
         config.adapt_to(&dataset);
         let known = dataset.notes.len();
         find_points(gpu, &mut dataset, &config, observer.progress())?;

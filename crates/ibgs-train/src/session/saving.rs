@@ -29,7 +29,24 @@ struct Parts<'a> {
 /// What it gets of a further member of an ensemble.
 struct Member {
     gaussians: Gaussians,
+    network: Option<Vec<f32>>,
     exposure: Option<Vec<Exposure>>,
+}
+
+impl Member {
+    /// That of a checkpoint.
+    fn kept(member: &Checkpoint) -> Self {
+        let network = member.network.as_ref().map(|network| network.weights.clone());
+        Self { gaussians: member.gaussians.clone(), network, exposure: member.exposures() }
+    }
+
+    /// That of a renderer.
+    fn on_device(renderer: &Renderer) -> Result<Self> {
+        let gpu = renderer.gpu();
+        let network = renderer.part().map(|part| part.network.to_values(gpu)).transpose()?;
+        let exposure = renderer.exposure().map(|field| field.photos().to_vec());
+        Ok(Self { gaussians: renderer.splats().download(gpu)?, network, exposure })
+    }
 }
 
 impl Session {
@@ -59,8 +76,7 @@ impl Session {
             return error;
         };
         let exposure = checkpoint.exposures();
-        let member = |member: &Checkpoint| Member { gaussians: member.gaussians.clone(), exposure: member.exposures() };
-        let members: Vec<Member> = checkpoint.members.iter().map(member).collect();
+        let members: Vec<Member> = checkpoint.members.iter().map(Member::kept).collect();
         let saved = self.write(
             &folder,
             &Parts {
@@ -92,11 +108,7 @@ impl Session {
         let (renderer, gpu) = (self.trainer.renderer()?, self.raster.gpu());
         let network = renderer.part().map(|part| part.network.to_values(gpu)).transpose()?;
         let gaussians = self.trainer.splats().download(gpu)?;
-        let member = |member: &Renderer| -> Result<Member> {
-            let exposure = member.exposure().map(|field| field.photos().to_vec());
-            Ok(Member { gaussians: member.splats().download(gpu)?, exposure })
-        };
-        let members: Vec<Member> = renderer.members().iter().map(member).collect::<Result<_>>()?;
+        let members: Vec<Member> = renderer.members().iter().map(Member::on_device).collect::<Result<_>>()?;
         // Data read from a lost device looks like any other result.
         gpu.check()?;
         let parts = Parts {
@@ -119,7 +131,7 @@ impl Session {
         // The Gaussians last: a folder holds a model once it holds them, and never one without its network or exposures.
         let written = || -> Result<()> {
             if let Some(network) = network.filter(|_| residual) {
-                weights::write(&folder.network_save_path(iteration), network)?;
+                weights::write(&folder.network_save_path(iteration, 1), network)?;
             }
             if let Some(photos) = exposure {
                 folder.write_exposures((iteration, 1), &self.dataset, photos)?;
@@ -128,7 +140,12 @@ impl Session {
                 if let Some(photos) = &member.exposure {
                     folder.write_exposures((iteration, number), &self.dataset, photos)?;
                 }
-                write_ply(&folder.member_path(iteration, number), &member.gaussians, PlyFlavor::Plain)?;
+                let network = member.network.as_ref().filter(|_| residual);
+                if let Some(network) = network {
+                    weights::write(&folder.network_save_path(iteration, number), network)?;
+                }
+                let flavor = if network.is_some() { PlyFlavor::Full } else { PlyFlavor::Plain };
+                write_ply(&folder.member_path(iteration, number), &member.gaussians, flavor)?;
             }
             Ok(write_ply(&path, gaussians, flavor)?)
         };

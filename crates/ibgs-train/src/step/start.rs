@@ -122,7 +122,7 @@ impl Trainer {
         start: &Gaussians,
     ) -> Result<Self, TrainError> {
         let mut first = Self::single(raster.clone(), scene, (config, start), None)?;
-        for number in 2..=config.ensemble {
+        for number in 2..=config.ensemble() {
             let config = config.of_member(number);
             let start = start.with_sh_degree(config.sh_degree());
             let photos = Some(first.photos.clone());

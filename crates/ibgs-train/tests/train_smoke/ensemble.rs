@@ -10,7 +10,8 @@ use ibgs_train::checkpoint::Checkpoint;
 use std::sync::Arc;
 
 fn config(iterations: u32) -> TrainConfig {
-    let mut config = TrainConfig { ensemble: 3, deterministic: true, ..staged(iterations) };
+    let mut config = TrainConfig { ensemble: Some(4), deterministic: true, ..staged(iterations) };
+    config.residual.networks = 2;
     config.exposure.enabled = ExposureSwitch::On;
     config.exposure.from = Some(5);
     config
@@ -20,30 +21,34 @@ fn members(trainer: &Trainer) -> Vec<Gaussians> {
     trainer.members().iter().map(|member| member.splats().download(&gpu()).unwrap()).collect()
 }
 
-/// The base image is the mean of those of the members, each of which is another model, and the residual lies over it.
+/// The base image is the mean of those of the members, each of which is another model, by half of those with a network, and the
+/// mean of their residuals lies over it.
 #[test]
 fn the_base_image_is_the_mean_of_those_of_the_members() {
     let dataset = dataset();
     let mut trainer = trainer(&dataset, &config(24));
     run(&mut trainer, 24);
-    let [second, third] = &members(&trainer)[..] else { panic!("two further members") };
-    assert!(second.means != third.means && second.sh_degree == 3, "members are models of their own");
+    let [second, third, fourth] = &members(&trainer)[..] else { panic!("three further members") };
+    assert_eq!([second, third, fourth].map(|member| member.sh_degree), [2, 3, 3]);
+    assert!(second.means != model(&trainer).0.means && third.means != fourth.means, "members are models of their own");
     let renderer = trainer.renderer().unwrap();
     for view in [dataset.train[3], dataset.test[0]] {
         let camera = &dataset.views[view].camera;
         let frame = |renderer: &Renderer| renderer.render(camera).unwrap();
         let base = |renderer: &Renderer| frame(renderer).base().unwrap().rgb;
-        let others: Vec<Vec<f32>> = renderer.members().iter().map(base).collect();
-        let alone = frame(&trainer.renderer().unwrap().with_members(Vec::new()));
-        let [alone, own] = [alone.image().unwrap().unwrap().rgb, alone.base().unwrap().rgb];
-        let frame = frame(&renderer);
-        let (mean, image) = (frame.base().unwrap().rgb, frame.image().unwrap().unwrap().rgb);
-        for (i, (&mean, &image)) in mean.iter().zip(&image).enumerate() {
-            let expected = [(own[i] + others[0][i] + others[1][i]) / 3.0, alone[i] + mean - own[i]];
-            let off = [mean - expected[0], image - expected[1]];
-            assert!(off.iter().all(|off| off.abs() < 1e-5), "value {i}: {mean}, {image} in place of {expected:?}");
+        let image = |renderer: &Renderer| frame(renderer).image().unwrap().map(|image| image.rgb);
+        let alone = trainer.renderer().unwrap().with_members(Vec::new(), 1);
+        let all: Vec<&Renderer> = [&alone].into_iter().chain(renderer.members()).collect();
+        let bases: Vec<Vec<f32>> = all.iter().map(|member| base(member)).collect();
+        let images: Vec<_> = all.iter().map(|member| image(member)).collect();
+        let [Some(first), Some(second), None, None] = &images[..] else { panic!("two members with a network") };
+        for (i, (&mean, &image)) in base(&renderer).iter().zip(&image(&renderer).unwrap()).enumerate() {
+            let expected = bases.iter().map(|base| base[i] / 4.0).sum::<f32>();
+            let residual = (first[i] - bases[0][i] + second[i] - bases[1][i]) / 2.0;
+            let off = [mean - expected, image - (expected + residual)];
+            assert!(off.iter().all(|off| off.abs() < 1e-5), "value {i}: {mean}, {image}; off by {off:?}");
         }
-        assert!(own != others[0] && others[0] != others[1] && mean != image);
+        assert!(bases[0] != bases[1] && bases[2] != bases[3] && first != &bases[0] && first != second);
     }
 }
 
@@ -57,7 +62,7 @@ fn the_first_member_is_what_it_is_alone() {
         model(&trainer)
     };
     let several = config(20);
-    let single = TrainConfig { ensemble: 1, ..several.clone() };
+    let single = several.of_member(1);
     assert!(trained(&several) == trained(&single), "another model");
 }
 
@@ -73,7 +78,7 @@ fn an_ensemble_resumes_bit_for_bit() {
     run(&mut training, 17);
     training.checkpoint(serde_json::Value::Null).unwrap().write(&path).unwrap();
     let checkpoint = Checkpoint::read(&path).unwrap();
-    assert_eq!(checkpoint.members.len(), 2);
+    assert_eq!(checkpoint.members.len(), 3);
     let mut resumed = Trainer::resume(Arc::new(rasterizer()), &dataset, &checkpoint).unwrap();
     run(&mut resumed, 28);
     assert!(model(&resumed) == model(&whole), "another model");

@@ -26,12 +26,17 @@ pub fn encode(g: &Gaussians) -> Result<[Vec<u8>; 2], String> {
     Ok([sog::encode(g, order)?, planes])
 }
 
-/// The Gaussians of both.
+/// The Gaussians of both; without planes where their bytes are left out.
 ///
 /// # Errors
 /// What is wrong.
-pub fn decode(sog: &[u8], planes: &[u8]) -> Result<Gaussians, String> {
+pub fn decode(sog: &[u8], planes: Option<&[u8]>) -> Result<Gaussians, String> {
     let mut g = sog_read::read(sog)?;
+    let Some(planes) = planes else {
+        g.remove_planes();
+        g.validate().map_err(|error| error.to_string())?;
+        return Ok(g);
+    };
     if planes.len() != PLANE * g.len() {
         return Err(format!("it has {} Gaussians and {} bytes of planes, {PLANE} each", g.len(), planes.len()));
     }
@@ -123,11 +128,11 @@ mod tests {
             g.offsets.push(offset);
         }
         let [sog, mut planes] = encode(&g).unwrap();
-        let back = decode(&sog, &planes).unwrap();
+        let back = decode(&sog, Some(&planes)).unwrap();
         for (found, expected) in back.offsets.iter().zip(&g.offsets) {
             assert!((found / expected - 1.0).abs() < 2e-3, "{expected} became {found}");
         }
         planes.pop();
-        assert!(decode(&sog, &planes).unwrap_err().contains("9 bytes of planes"));
+        assert!(decode(&sog, Some(&planes)).unwrap_err().contains("9 bytes of planes"));
     }
 }
