@@ -1,6 +1,7 @@
 //! The viewer, driven without a window.
 
 mod edit;
+mod edit_ensemble;
 mod look;
 mod open;
 mod pixel;

@@ -125,6 +125,7 @@ impl ModelArgs {
         let renderer = model.renderer(&gpu()?)?;
         // The renderer has them on the device.
         model.gaussians = Gaussians::default();
+        model.members.iter_mut().for_each(|member| member.gaussians = Gaussians::default());
         Ok(OpenModel { model, renderer })
     }
 }

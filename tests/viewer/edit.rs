@@ -5,16 +5,17 @@ use eframe::egui::Theme;
 use egui_kittest::kittest::Queryable;
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::edit::Mask;
+use ibgs_core::ensemble::Member;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::{cameras, multi_view};
 use ibgs_core::residual::Output;
-use ibgs_core::scene::{Format, read_gaussians, write_gaussians};
+use ibgs_core::scene::{Format, Gaussians, read_gaussians, write_gaussians};
 use ibgs_viewer::{Mode, Open, OpenRequest};
 use std::path::PathBuf;
 use std::process::Command;
 
 /// A window with the editor open.
-fn editing(opened: Opened) -> Window {
+pub fn editing(opened: Opened) -> Window {
     let mut window = window_on(&gpu(), Some(opened), Vec2::new(1000.0, 800.0));
     window.state_mut().show_figures(false);
     press(&mut window, Key::X);
@@ -23,37 +24,42 @@ fn editing(opened: Opened) -> Window {
     window
 }
 
-fn pick(window: &mut Window, label: &str) {
+pub fn pick(window: &mut Window, label: &str) {
     window.get_by_label(label).click();
     settle(window);
 }
 
-fn counts(window: &Window) -> [usize; 2] {
+pub fn counts(window: &Window) -> [usize; 2] {
     window.state().edited().unwrap()
 }
 
-fn command(window: &mut Window, modifiers: Modifiers, key: Key) {
+pub fn command(window: &mut Window, modifiers: Modifiers, key: Key) {
     window.key_press_modifiers(modifiers, key);
     settle(window);
 }
 
 /// The canvas without the panels and the marks over it.
-fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
+pub fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
     part(window, Vec2::new(0.3, 0.3), Vec2::new(0.6, 0.8))
 }
 
-/// A bundle of a model that has learnt nothing.
 fn bundle(path: &Path) {
+    write_bundle(path, from_points(&many_points().points, 0, 0.6).unwrap(), Vec::new());
+}
+
+/// A bundle of a model that has learnt nothing.
+pub fn write_bundle(path: &Path, gaussians: Gaussians, members: Vec<Member>) {
     let dataset = many_points();
     let photo = |&index: &usize| (dataset.views[index].name.clone(), dataset.views[index].photo.clone());
     let mut config = mean_of_sources();
     // The window's images are large for a software adapter.
     config.residual.factor = Some(0.25);
     config.residual.output = Some(Output::Residual);
+    config.ensemble = members.len() as u32 + 1;
     let bundle = Bundle {
         iteration: 30,
-        gaussians: from_points(&dataset.points, 0, 0.6).unwrap(),
-        members: Vec::new(),
+        gaussians,
+        members,
         levels: None,
         network: Some(weights::to_bytes(&weights::random(0)).unwrap()),
         exposure: None,
@@ -65,7 +71,7 @@ fn bundle(path: &Path) {
     bundle.write(path, Packing::Lossless).unwrap();
 }
 
-fn open(path: &Path) -> Opened {
+pub fn open(path: &Path) -> Opened {
     let wanted = OpenRequest::Path(path.to_owned());
     match Opener::default().open(&wanted, &gpu(), &|_| {}).unwrap() {
         Outcome::Opened(opened) => *opened,
@@ -245,12 +251,8 @@ fn an_edited_bundle_is_saved_and_opened_again() {
     // It needs no scene, has all of the model but what was deleted, and shows what the window did.
     let mut model = Model::open(&saved, &ModelOptions::default()).unwrap();
     assert_eq!((model.gaussians.len(), model.training_photos().unwrap().len()), (left, many_points().train.len()));
-    let shot = image::open(folder.path().join("model/screenshots/0001.png")).unwrap().into_rgb8();
-    let renderer = model.renderer(&gpu()).unwrap();
-    let camera = model.cameras[0].camera.resized(shot.width(), shot.height());
-    let image = renderer.render(&camera).unwrap().image().unwrap().unwrap().to_rgb8();
-    let differ = image.iter().zip(shot.as_raw()).filter(|(a, b)| a.abs_diff(**b) > 2).count();
-    assert!(differ < image.len() / 1000, "{differ} of {} values differ", image.len());
+    let differs = differs(folder.path(), &model.renderer(&gpu()).unwrap(), &model);
+    assert!(differs < 0.001, "{differs} of the values differ");
     for arguments in [&["info"][..], &["render"]] {
         let program = Command::new(env!("CARGO_BIN_EXE_ibgs")).args(arguments).arg(&saved).output().unwrap();
         assert!(program.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&program.stderr));
@@ -259,6 +261,15 @@ fn an_edited_bundle_is_saved_and_opened_again() {
     let whole = Model::open(&path, &ModelOptions::default()).unwrap();
     assert_eq!((&model.network, &model.cameras), (&whole.network, &whole.cameras));
     assert_eq!(Bundle::read(&saved).unwrap().sources, Bundle::read(&path).unwrap().sources);
+}
+
+/// The share of a screenshot's values that differ from a renderer's image of the first view.
+pub fn differs(folder: &Path, renderer: &Renderer, model: &Model) -> f64 {
+    let shot = image::open(folder.join("model/screenshots/0001.png")).unwrap().into_rgb8();
+    let camera = model.cameras[0].camera.resized(shot.width(), shot.height());
+    let image = renderer.render(&camera).unwrap().image().unwrap().unwrap().to_rgb8();
+    let differ = image.iter().zip(shot.as_raw()).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+    differ as f64 / image.len() as f64
 }
 
 #[test]

@@ -1,9 +1,12 @@
-//! Selecting and removing Gaussians of a finished model: which ones ([`Mask`]), by what ([`CropBox`], [`Brush`], [`Filter`]), and the
-//! steps that were taken ([`Editor`]). Knows neither windows nor devices.
+//! Selecting and removing Gaussians of a finished model: which ones ([`Mask`]), by what ([`CropBox`], [`Brush`], [`Filter`]), the
+//! steps that were taken ([`Editor`]), and what they leave of each base of an ensemble ([`Bases`]). Knows neither windows nor
+//! devices.
 
+mod bases;
 mod choose;
 mod mask;
 
+pub use bases::Bases;
 pub use choose::{Brush, CropBox, Filter, box_edges};
 pub use mask::Mask;
 

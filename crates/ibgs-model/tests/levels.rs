@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// At a place, looking along z.
-fn camera(x: f64, z: f64) -> Camera {
+pub fn camera(x: f64, z: f64) -> Camera {
     Camera {
         width: 96,
         height: 64,

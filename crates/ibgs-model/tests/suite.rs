@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod bundle;
+mod ensemble;
 mod find;
 mod levels;
 mod output;

@@ -4,7 +4,7 @@
 use crate::Content;
 use anyhow::{Result, bail};
 use ibgs_core::bundle::Packing;
-use ibgs_core::edit::Mask;
+use ibgs_core::edit::{Bases, Mask};
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Format, Gaussians, Splats, write_gaussians};
@@ -37,7 +37,7 @@ pub struct SaveEdited {
 
 /// What the editor is sent.
 pub enum EditMessage {
-    /// The Gaussians of the model.
+    /// The Gaussians of the model, those of all its bases in one list.
     Gaussians(Arc<Gaussians>),
     /// The model of a revision was saved: what was written.
     Saved(String, u32),
@@ -47,7 +47,7 @@ pub enum EditMessage {
 #[derive(Default)]
 pub struct EditWork {
     /// All of its Gaussians.
-    whole: Option<Arc<Gaussians>>,
+    whole: Option<Bases>,
     left: Option<(Arc<Mask>, u32)>,
     /// Which model it is now.
     pub revision: u32,
@@ -66,7 +66,7 @@ impl EditWork {
     pub fn execute(&mut self, content: Option<&Content>, command: EditCommand) -> Result<Option<EditMessage>> {
         let Some(Content::Model(renderer)) = content else { return Ok(None) };
         match command {
-            EditCommand::Begin => Ok(Some(EditMessage::Gaussians(self.whole(renderer)?))),
+            EditCommand::Begin => Ok(Some(EditMessage::Gaussians(self.whole(renderer)?.joined().clone()))),
             EditCommand::Leave(left, revision) => {
                 self.left = Some((left, revision));
                 Ok(None)
@@ -74,28 +74,20 @@ impl EditWork {
             EditCommand::Save(save) => {
                 let whole = self.whole(renderer)?;
                 // Asked for while another model was opened.
-                if whole.len() != save.left.total() {
+                if whole.joined().len() != save.left.total() {
                     return Ok(None);
                 }
-                let kept = save.left.of_model(&whole);
-                Ok(Some(EditMessage::Saved(write(&save, kept)?, save.revision)))
+                Ok(Some(EditMessage::Saved(write(&save, whole.left(&save.left))?, save.revision)))
             }
         }
     }
 
-    fn whole(&mut self, renderer: &Renderer) -> Result<Arc<Gaussians>> {
-        if let Some(whole) = &self.whole {
-            return Ok(whole.clone());
-        }
-        if renderer.stream().is_some() {
-            bail!("a model with levels of detail cannot be edited; edit the one that it was exported from");
-        }
-        if !renderer.members().is_empty() {
-            bail!("a model of several bases (`ensemble`) cannot be edited; train it with one");
-        }
-        let whole = Arc::new(renderer.splats().download(renderer.gpu())?);
-        self.whole = Some(whole.clone());
-        Ok(whole)
+    fn whole(&mut self, renderer: &Renderer) -> Result<&Bases> {
+        let whole = match self.whole.take() {
+            Some(whole) => whole,
+            None => downloaded(renderer)?,
+        };
+        Ok(self.whole.insert(whole))
     }
 
     /// A renderer of what is to be left, where that was asked for since the last time.
@@ -104,17 +96,32 @@ impl EditWork {
     /// Not enough memory.
     pub fn renderer(&mut self, content: Option<&Content>) -> Result<Option<Renderer>> {
         let Some((left, revision)) = self.left.take() else { return Ok(None) };
-        let whole = self.whole.as_ref().filter(|whole| whole.len() == left.total());
+        let whole = self.whole.as_ref().filter(|whole| whole.joined().len() == left.total());
         let (Some(Content::Model(renderer)), Some(whole)) = (content, whole) else { return Ok(None) };
         // Set even if the upload fails, as no newer command will follow.
         self.revision = revision;
-        let splats = Splats::upload(&left.of_model(whole), renderer.gpu())?;
-        Ok(Some(renderer.with_splats(splats)))
+        let with = |renderer: &Renderer, gaussians| -> Result<Renderer> {
+            Ok(renderer.with_splats(Splats::upload(gaussians, renderer.gpu())?))
+        };
+        let (first, further) = whole.left(&left);
+        let members = renderer.members().iter().zip(&further).map(|(member, left)| with(member, left));
+        Ok(Some(with(renderer, &first)?.with_members(members.collect::<Result<_>>()?)))
     }
 }
 
-/// Writes a file and says what it is and what it leaves out.
-fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
+/// The Gaussians of a model on the device.
+fn downloaded(renderer: &Renderer) -> Result<Bases> {
+    if renderer.stream().is_some() {
+        bail!("a model with levels of detail cannot be edited; edit the one that it was exported from");
+    }
+    let own = |renderer: &Renderer| renderer.splats().download(renderer.gpu());
+    let further = renderer.members().iter().map(own).collect::<Result<_, _>>()?;
+    Ok(Bases::new(own(renderer)?, further))
+}
+
+/// Writes a file and says what it is and what it leaves out. A bundle has every base; a format of Gaussians alone has room
+/// for the first.
+fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Result<String> {
     let SaveEdited { path, model, .. } = save;
     if path.as_os_str().is_empty() {
         bail!("give the file a name that ends in `.ply` or `.ibgs`");
@@ -122,10 +129,14 @@ fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
     if path.exists() && !save.replaces {
         bail!("{} is there already; choose another name or tick `replace`", path.display());
     }
-    let mut text = format!("saved: {}, {} Gaussians", path.display(), gaussians.len());
+    let saved = |gaussians: usize| format!("saved: {}, {gaussians} Gaussians", path.display());
     if let Some(format) = Format::of_name(path) {
-        write_gaussians(path, &gaussians, format)?;
-        for loss in format.losses(&gaussians) {
+        write_gaussians(path, &first, format)?;
+        let mut text = saved(first.len());
+        if !further.is_empty() {
+            text += ", those of the first base alone";
+        }
+        for loss in format.losses(&first) {
             text += &format!("; {loss}");
         }
         return Ok(text);
@@ -136,8 +147,12 @@ fn write(save: &SaveEdited, gaussians: Gaussians) -> Result<String> {
     let Some(model) = model else {
         bail!("a bundle holds cameras and photos, which this model does not have; choose a name in `.ply`");
     };
+    let text = saved(first.len() + further.iter().map(Gaussians::len).sum::<usize>());
     let mut model = Model::clone(model);
-    (model.gaussians, model.levels) = (gaussians, None);
+    (model.gaussians, model.levels) = (first, None);
+    for (member, gaussians) in model.members.iter_mut().zip(further) {
+        member.gaussians = gaussians;
+    }
     model.into_bundle(&())?.write(path, Packing::Lossless)?;
     Ok(text)
 }

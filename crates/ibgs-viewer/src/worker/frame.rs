@@ -45,8 +45,9 @@ impl WorkerState {
             looks.frames(&renderer, &request.camera, request.looks, |frame, look| present(frame, Some(look))).await?;
         let time = start.elapsed();
         let depths = if request.with_range { frame.depth_async().await? } else { None };
+        let further: usize = renderer.members().iter().map(|member| member.splats().len()).sum();
         let facts = ModelFacts {
-            gaussians: renderer.stream().map_or(renderer.splats().len(), Stream::shown),
+            gaussians: further + renderer.stream().map_or(renderer.splats().len(), Stream::shown),
             is_loading: renderer.stream().is_some_and(Stream::is_waiting),
             sources: renderer.part().map(|part| part.cameras.clone()),
             most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),

@@ -69,7 +69,7 @@ pub enum Command {
 /// What a model has, as a frame found it.
 #[derive(Clone, Debug)]
 pub struct ModelFacts {
-    /// Number of Gaussians; of a model with levels of detail those that the frame is made of.
+    /// Number of Gaussians, of all bases; of a model with levels of detail those that the frame is made of.
     pub gaussians: usize,
     /// Finer chunks of such a model are still to come.
     pub is_loading: bool,
