@@ -55,7 +55,7 @@ pub fn write_bundle(path: &Path, gaussians: Gaussians, members: Vec<Member>) {
     // The window's images are large for a software adapter.
     config.residual.factor = Some(0.25);
     config.residual.output = Some(Output::Residual);
-    config.ensemble = members.len() as u32 + 1;
+    config.ensemble = Some(members.len() as u32 + 1);
     let bundle = Bundle {
         iteration: 30,
         gaussians,

@@ -20,8 +20,11 @@ fn ensemble(path: &Path) {
     let third = from_points(&points[..200], 1, 0.9).unwrap();
     let exposure = Exposure { log_gain: [0.3, 0.0, -0.3], offset: [0.05; 3] };
     let exposures = dataset.train.iter().map(|&index| (dataset.views[index].name.clone(), exposure)).collect();
-    let members =
-        [(second, Some(exposures)), (third, None)].map(|(gaussians, exposure)| Member { gaussians, exposure });
+    let members = [(second, Some(exposures)), (third, None)].map(|(gaussians, exposure)| Member {
+        gaussians,
+        network: None,
+        exposure,
+    });
     write_bundle(path, from_points(&dataset.points, 0, 0.6).unwrap(), members.into());
 }
 

@@ -48,7 +48,7 @@ pub enum Method {
 pub struct TrainConfig {
     /// What is trained.
     pub method: Method,
-    /// Number of iterations, counted from 1; unset: 150 for each training photo, 5500 to 12000, with two bases, otherwise 200, 7000
+    /// Number of iterations, counted from 1; unset: 130 for each training photo, 5000 to 11000, with two bases, otherwise 200, 7000
     /// to 30000; with another strategy than `default` or without scaling 30000; with `init` 3000.
     pub iterations: Option<u32>,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.

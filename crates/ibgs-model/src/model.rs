@@ -111,10 +111,9 @@ impl Model {
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         let member = |member| self.member(&raster, part.as_ref(), member);
         let members = self.members.iter().map(member).collect::<Result<_, _>>()?;
-        let (background, networks) = (self.config.background(), self.config.residual.networks as usize);
-        let renderer = |splats| {
-            Renderer::new(raster, splats, background, part).with_exposure(field).with_members(members, networks)
-        };
+        let (background, alike) = (self.config.background(), self.config.weighted_as_the_first());
+        let renderer =
+            |splats| Renderer::new(raster, splats, background, part).with_exposure(field).with_members(members, alike);
         let Some(levels) = &self.levels else {
             return Ok(renderer(Splats::upload_in(&self.gaussians.in_space(self.space()), gpu, self.harmonics)?));
         };

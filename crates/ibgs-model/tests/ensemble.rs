@@ -15,7 +15,8 @@ use std::path::Path;
 /// The base image of a bundle of these bases.
 fn base_image(path: &Path, bases: &[&Gaussians], packing: Packing) -> Vec<f32> {
     let dataset = output::dataset();
-    let member = |gaussians: &&Gaussians| Member { gaussians: Gaussians::clone(gaussians), exposure: None };
+    let member =
+        |gaussians: &&Gaussians| Member { gaussians: Gaussians::clone(gaussians), network: None, exposure: None };
     let photo = |&view: &usize| (dataset.views[view].name.clone(), dataset.views[view].photo.clone());
     let background = Some(Background::Color([51, 102, 204]));
     let bundle = Bundle {
@@ -26,7 +27,12 @@ fn base_image(path: &Path, bases: &[&Gaussians], packing: Packing) -> Vec<f32> {
         network: None,
         exposure: None,
         cameras: cameras::records(&dataset),
-        config: TrainConfig { method: Method::Gs3, ensemble: bases.len() as u32, background, ..TrainConfig::default() },
+        config: TrainConfig {
+            method: Method::Gs3,
+            ensemble: Some(bases.len() as u32),
+            background,
+            ..TrainConfig::default()
+        },
         photos: dataset.train.iter().map(photo).collect(),
         sources: Vec::new(),
     };

@@ -9,11 +9,11 @@ use crate::gpu::{Buffer, Pass};
 use ibgs_shaders::bindings::WeightedSumBindings;
 use ibgs_shaders::types::WeightedSumParams;
 
-/// Weights in the base image of each of `networks` members with a network, and of each of `plain` members without: both kinds
-/// have half of it, for a residual fits its own base best.
-pub fn weights(networks: usize, plain: usize) -> [f32; 2] {
-    let half = if plain == 0 { 1.0 } else { 0.5 };
-    [half / networks as f32, half / plain.max(1) as f32]
+/// Weights in the base image of each of the `alike` members with a network, and of each of the `others` without: both kinds have
+/// half of it, for a residual fits its own base best. Where none has a network all are alike.
+pub fn weights(alike: usize, others: usize) -> [f32; 2] {
+    let half = if others == 0 { 1.0 } else { 0.5 };
+    [half / alike as f32, half / others.max(1) as f32]
 }
 
 /// Records the weighted sum of two images into `sum`; all are `values` numbers, `[H, W, 3]`.
@@ -33,10 +33,10 @@ mod tests {
 
     #[test]
     fn weights_are_those_of_a_mean() {
-        for (networks, plain) in [(1, 0), (1, 1), (1, 3), (2, 4), (3, 0)] {
-            let [with, without] = weights(networks, plain);
-            let all = with * networks as f32 + without * plain as f32;
-            assert!((all - 1.0).abs() < 1e-6, "{networks} and {plain}: {all}");
+        for (alike, others) in [(1, 0), (1, 1), (1, 3), (2, 4), (3, 0)] {
+            let [first, other] = weights(alike, others);
+            let all = first * alike as f32 + other * others as f32;
+            assert!((all - 1.0).abs() < 1e-6, "{alike} and {others}: {all}");
         }
         assert_eq!([weights(1, 1), weights(2, 4)], [[0.5, 0.5], [0.25, 0.125]]);
     }

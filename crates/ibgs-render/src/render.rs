@@ -38,8 +38,8 @@ pub struct Renderer {
     stream: Option<Stream>,
     /// The others of an ensemble, which give their images.
     members: Arc<[Renderer]>,
-    /// How many of the ensemble, the first and the first of the others, have or will have an image-based part.
-    networks: usize,
+    /// How many members have the weight of the first in the base image: it and the first of the others.
+    alike: usize,
 }
 
 impl Renderer {
@@ -60,7 +60,7 @@ impl Renderer {
             exposure: None,
             stream: None,
             members: Arc::default(),
-            networks: 1,
+            alike: 1,
         }
     }
 
@@ -78,7 +78,7 @@ impl Renderer {
             exposure: self.exposure().map(|field| (field.clone(), ExposurePass::new(gpu.clone()))),
             stream: None,
             members: self.members.clone(),
-            networks: self.networks,
+            alike: self.alike,
         }
     }
 
@@ -108,16 +108,21 @@ impl Renderer {
         Self { stream: Some(stream), ..self }
     }
 
-    /// The first member of an ensemble, with the others: the first `networks` of all, 1 at least, have or will have an image-based
-    /// part. The base image is the weighted mean of all ([`weights`](crate::ensemble::weights)), and over it lies the mean of the
+    /// The first member of an ensemble, with the others: the base image is the weighted mean of all, in which the first `alike`, 1
+    /// at least, have one weight and the rest another ([`weights`](crate::ensemble::weights)). Over it lies the mean of the
     /// residuals; the surface is that of the first.
-    pub fn with_members(self, members: Vec<Self>, networks: usize) -> Self {
-        Self { networks: networks.clamp(1, 1 + members.len()), members: members.into(), ..self }
+    pub fn with_members(self, members: Vec<Self>, alike: usize) -> Self {
+        Self { alike: alike.clamp(1, 1 + members.len()), members: members.into(), ..self }
     }
 
     /// The other members of its ensemble.
     pub fn members(&self) -> &[Self] {
         &self.members
+    }
+
+    /// How many members of its ensemble have the weight of the first.
+    pub fn alike(&self) -> usize {
+        self.alike
     }
 
     /// Brings all chunks of a view, of a model with levels of detail whose frames do not wait for them.
@@ -140,7 +145,9 @@ impl Renderer {
 
     /// Every view in the photos' mean exposure, without a prediction.
     pub fn levelled(self) -> Self {
-        Self { exposure: self.exposure.map(|(field, exposure_pass)| (field.levelled(), exposure_pass)), ..self }
+        let members = self.members.iter().map(|member| member.with_splats(member.splats.clone()).levelled()).collect();
+        let exposure = self.exposure.map(|(field, exposure_pass)| (field.levelled(), exposure_pass));
+        Self { exposure, members, ..self }
     }
 
     /// The exposures of the photos, where they were corrected.

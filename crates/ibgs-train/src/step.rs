@@ -142,7 +142,7 @@ impl Trainer {
         let part = residual.map(|stages| stages.part(self.scene_cameras.clone(), self.photos.clone()));
         let renderer = Renderer::new(self.raster.clone(), self.splats().clone(), self.background(), part);
         let members = self.members.iter().map(Self::renderer).collect::<Result<_, _>>()?;
-        Ok(renderer.with_exposure(self.exposure()?).with_members(members, self.config.residual.networks as usize))
+        Ok(renderer.with_exposure(self.exposure()?).with_members(members, self.config.weighted_as_the_first()))
     }
 
     /// The photos' exposures as they are now; none where they are not corrected. Waits for the GPU.

@@ -105,7 +105,8 @@ impl EditWork {
         };
         let (first, further) = whole.left(&left);
         let members = renderer.members().iter().zip(&further).map(|(member, left)| with(member, left));
-        Ok(Some(with(renderer, &first)?.with_members(members.collect::<Result<_>>()?)))
+        let members = members.collect::<Result<_>>()?;
+        Ok(Some(with(renderer, &first)?.with_members(members, renderer.alike())))
     }
 }
 

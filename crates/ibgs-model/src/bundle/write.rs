@@ -94,7 +94,8 @@ fn add_gaussians<W: Write + Seek>(
     (gaussians, flavor): (&Gaussians, PlyFlavor),
     (packing, place): (Packing, LocalSpace),
 ) -> io::Result<()> {
-    if packing == Packing::Lossless {
+    // A SOG file holds at least one.
+    if packing == Packing::Lossless || gaussians.is_empty() {
         let mut ply = Vec::new();
         write_ply_to(&mut ply, gaussians, flavor)?;
         return add(zip, &member_part(member, CLOUD), &ply);

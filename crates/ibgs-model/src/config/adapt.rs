@@ -20,7 +20,7 @@ struct Length {
 /// That of most runs.
 const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
 /// That of two bases: what the first one has in fewer iterations, the mean makes good in half of the time.
-const LENGTH_OF_TWO: Length = Length { visits: 150, least: 5_500, most: 12_000 };
+const LENGTH_OF_TWO: Length = Length { visits: 130, least: 5_000, most: 11_000 };
 
 impl DensifyConfig {
     /// Sets the cap on Gaussians from the scene, for the strategies that do so, unless it is given: one Gaussian per 45
@@ -47,8 +47,8 @@ impl TrainConfig {
     /// Sets the options that depend on the training photos, unless they are given: the number of bases and of iterations, the cap
     /// on Gaussians and the factor on their learning rates. `pixels` counts those of all training photos.
     ///
-    /// With the default strategy and `schedule_scaling` a run of two bases visits every photo 150 times, in 5500 iterations at
-    /// least and 12,000 at most, any other 200 times, in 7000 to 30,000. At full rates it overfits after 7000 iterations or 163
+    /// With the default strategy and `schedule_scaling` a run of two bases visits every photo 130 times, in 5000 iterations at
+    /// least and 11,000 at most, any other 200 times, in 7000 to 30,000. At full rates it overfits after 7000 iterations or 163
     /// visits of each photo, whichever is more. In a longer run the rates fall, and the rounds of densification move apart, in
     /// proportion, so that the Gaussians move as far as in that many iterations. Departures from method.md.
     pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
@@ -98,7 +98,7 @@ mod tests {
         let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, single()));
         assert_eq!(lengths, [7_000, 8_600, 14_000, 30_000, 30_000]);
         let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
-        assert_eq!(lengths, [5_500, 6_450, 10_500, 12_000, 12_000]);
+        assert_eq!(lengths, [5_000, 5_590, 9_100, 11_000, 11_000]);
         let given = TrainConfig { iterations: Some(5), ..TrainConfig::default() };
         let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
         let mut published = TrainConfig::default();

@@ -18,6 +18,12 @@ impl TrainConfig {
         self.ensemble.unwrap_or(1)
     }
 
+    /// Number of members that have the weight of the first: those with a network, or all where none has one.
+    pub fn weighted_as_the_first(&self) -> usize {
+        let count = if self.method == Method::Ibgs { self.residual.networks } else { self.ensemble() };
+        count as usize
+    }
+
     /// Number of bases where none is given. What is an object's is hardly chance, and its residual fits its own base best.
     pub(super) fn usual_ensemble(&self) -> u32 {
         let is_usual = self.method == Method::Ibgs && self.densify.strategy == Strategy::Default;

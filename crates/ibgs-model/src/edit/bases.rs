@@ -8,8 +8,8 @@ use std::sync::Arc;
 ///
 /// A mask of what is chosen is one of a single list, in which the bases follow each other. A base may lose all of its
 /// Gaussians: it stays in the ensemble, and its image is the background, so that every other Gaussian keeps its weight in
-/// the mean of the images. A lossless bundle holds such a base; small bundles, levels of detail and most formats of
-/// Gaussians need at least one Gaussian in the first.
+/// the mean of the images. Bundles hold such a base; levels of detail and most formats of Gaussians need at least one
+/// Gaussian in the first.
 #[derive(Clone, Debug)]
 pub struct Bases {
     first: Arc<Gaussians>,

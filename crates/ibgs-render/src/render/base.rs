@@ -72,14 +72,14 @@ impl Renderer {
             return Ok((first, Vec::new()));
         }
         let values = 3 * own.view.camera.pixels();
-        let [with, without] = weights(self.networks, 1 + self.members.len() - self.networks);
+        let [with, without] = weights(self.alike, 1 + self.members.len() - self.alike);
         let mut mean = (with, first.base.clone());
         let mut residuals = Vec::new();
         residuals.extend(first.image.as_ref().map(|image| (image.image.clone(), first.base.clone())));
         let mut others = Vec::new();
         for ((member, prepared), number) in self.members.iter().zip(members).zip(1..) {
             let Images { forward, base, image } = member.record_own(pass, prepared)?;
-            let weight = if number < self.networks { with } else { without };
+            let weight = if number < self.alike { with } else { without };
             mean = (1.0, self.record_sum(pass, values, [(mean.0, &mean.1), (weight, &base)])?);
             if let Some(image) = image {
                 residuals.push((image.image.clone(), base));
