@@ -191,7 +191,7 @@ fn wrong_usage_ends_with_2() {
         assert!(outcome.stderr.contains(&format!("[possible values: {possible}]")), "{outcome}");
     };
     wrong_value("--alpha", "half", "mask, composite, keyed");
-    wrong_value("--preset", "quick", "default, fast, published");
+    wrong_value("--preset", "quick", "default, best, fast, published");
     wrong_value("--masks", "thing", "ignore, object");
     wrong_value("--color-space", "xyz", "srgb, linear");
     wrong("train scene --seed 1.5", &["1.5"]);
