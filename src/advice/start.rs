@@ -10,7 +10,7 @@ pub fn passed_on(error: &BuildError) -> Option<AnyError<'_>> {
     match error {
         BuildError::Config(error) => Some(error),
         BuildError::Scene(error) => Some(error),
-        BuildError::Gaussians(error) => Some(error),
+        BuildError::Start(error) => Some(error),
         BuildError::Network(error) => Some(error),
         BuildError::Gpu(error) => Some(error),
         BuildError::Train(error) => Some(error),

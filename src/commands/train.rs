@@ -199,8 +199,9 @@ pub struct Args {
     )]
     checkpoint_every: f64,
 
-    /// Start from a file of Gaussians of this scene (`.ply` and others); train surface and residual, without densification.
-    #[arg(long, help_heading = heading::GAUSSIANS)]
+    /// Start from a file of Gaussians of this scene (`.ply` and others) or from a model, whose bases become one; train surface
+    /// and residual, without densification.
+    #[arg(long, value_name = "FILE|MODEL", help_heading = heading::GAUSSIANS)]
     init: Option<PathBuf>,
     /// Largest number of Gaussians, such as `500000`, `500k` or `1.5M` [default: one per 45 pixels of the training photos,
     /// from 200000 to 3000000, with `default`, else by the strategy; demo scene 1000000, on a software adapter 12000].

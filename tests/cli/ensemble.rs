@@ -1,6 +1,7 @@
 //! A model of several bases.
 
 use super::{Sandbox, files_in};
+use ibgs_core::scene::read_gaussians;
 use std::fs;
 
 /// Folder and bundle of an ensemble give the pictures that its training gave.
@@ -32,6 +33,18 @@ fn an_ensemble_is_rendered_from_folder_and_bundle() {
     let info = sandbox.succeeds("info chunks.ibgs").stdout;
     assert!(!info.contains("further bases"), "levels of detail are those of the first: {info}");
     sandbox.fails("train scene --iterations 30 --ensemble 9 -m other", &["ensemble", "between 1 and 8"]);
+
+    // One model of both bases, with their exposures, for programs that show Gaussians alone.
+    let count = |path: &str| read_gaussians(&sandbox.path(path)).unwrap().len();
+    let both = count("model/point_cloud/iteration_30/point_cloud.ply")
+        + count("model/point_cloud/iteration_30/member_2/point_cloud.ply");
+    for (start, name) in [("model", "one"), ("small.ibgs", "again")] {
+        sandbox.succeeds(&format!("train scene --method 3dgs --init {start} --iterations 2 -m {name}"));
+        let folder = format!("{name}/point_cloud/iteration_2");
+        assert_eq!(count(&format!("{folder}/point_cloud.ply")), both);
+        assert!(sandbox.path(&folder).join("exposure.json").is_file(), "exposures stay");
+        assert!(!sandbox.path(&folder).join("member_2").exists());
+    }
     fs::remove_file(member.join("point_cloud.ply")).unwrap();
     sandbox.fails("render model", &["member_2", "point_cloud.ply"]);
 }

@@ -53,7 +53,8 @@ pub struct TrainConfig {
     pub iterations: Option<u32>,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
-    /// PLY file of this scene to start from; it is neither densified nor reset; unset: the scene's points.
+    /// Gaussians of this scene to start from, a file or a model, of which an ensemble's bases become one and the exposures stay;
+    /// they are neither densified nor reset; unset: the scene's points.
     pub init: Option<PathBuf>,
     /// Seed of view order and sampling.
     pub seed: u64,

@@ -171,6 +171,11 @@ impl Model {
         self.field(self.exposure.as_ref())
     }
 
+    /// The exposures of its photos by name, where they were corrected.
+    pub fn exposures(&self) -> Option<&HashMap<String, Exposure>> {
+        self.exposure.as_ref()
+    }
+
     /// Exposures of the training photos by name, in the order of the views.
     fn field(&self, photos: Option<&HashMap<String, Exposure>>) -> Result<Option<ExposureField>, ModelError> {
         let Some(photos) = photos else { return Ok(None) };

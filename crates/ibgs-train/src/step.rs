@@ -22,7 +22,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::dataset::Dataset;
-use ibgs_core::exposure::ExposureField;
+use ibgs_core::exposure::{Exposure, ExposureField, ExposureState};
 use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
@@ -92,6 +92,16 @@ impl Trainer {
     pub fn set_network(&mut self, weights: &[f32]) -> Result<(), TrainError> {
         self.stages.as_mut().map_or(Ok(()), |stages| stages.set_network(weights))?;
         self.members.iter_mut().try_for_each(|member| member.set_network(weights))
+    }
+
+    /// Begins with these exposures of the training photos, in their order; where they are not corrected it ignores them.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn set_exposures(&mut self, photos: &[Exposure]) -> Result<(), TrainError> {
+        let states: Vec<_> =
+            photos.iter().map(|&exposure| ExposureState { exposure, ..ExposureState::default() }).collect();
+        Ok(self.exposing.as_mut().map_or(Ok(()), |exposing| exposing.restore(&states))?)
     }
 
     /// Adds a loss to those of the options. A checkpoint does not hold it.

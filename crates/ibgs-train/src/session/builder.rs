@@ -2,8 +2,10 @@
 //! to the memory that there is, and its folder is locked and written.
 
 mod error;
+mod start;
 
 pub use error::BuildError;
+use start::Start;
 
 use super::{CheckpointWriter, Event, Observer, Output, Preparation, Records, Session, StoppedTraining};
 use crate::densify::Strategy;
@@ -11,14 +13,13 @@ use crate::loss::Loss;
 use crate::memory::Needs;
 use crate::{Trainer, exposure_trial, find_points};
 use ibgs_core::camera::Camera;
-use ibgs_core::config::TrainConfig;
+use ibgs_core::config::{ExposureSwitch, TrainConfig};
 use ibgs_core::dataset::{Dataset, shown_by_any};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::load_scene;
 use ibgs_core::output::{FolderLock, OutputFolder};
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::residual::weights;
-use ibgs_core::scene::{Gaussians, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -130,7 +131,7 @@ impl SessionBuilder {
         if let Some(output) = self.output.as_ref().filter(|_| is_new) {
             output.check(self.config.source.as_deref())?;
         }
-        let start = self.config.init.as_deref().filter(|_| is_new).map(read_gaussians).transpose()?;
+        let start = self.config.init.as_deref().filter(|_| is_new).map(Start::read).transpose()?;
         let network = self.config.residual.init.as_deref().filter(|_| is_new);
         let network = network.map(weights::load).transpose()?;
         if let (None, Some(source)) = (&self.dataset, &self.config.source) {
@@ -146,7 +147,7 @@ impl SessionBuilder {
 pub struct Loaded {
     builder: SessionBuilder,
     /// What it begins with in place of the scene's points.
-    start: Option<Gaussians>,
+    start: Option<Start>,
     network: Option<Vec<f32>>,
 }
 
@@ -193,12 +194,15 @@ impl Loaded {
         let started = Instant::now();
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
         gpu.warm_up()?;
+        if start.as_ref().is_some_and(Start::has_exposures) && config.exposure.enabled == ExposureSwitch::Auto {
+            config.exposure.enabled = ExposureSwitch::On;
+        }
         if builder.stopped.is_none()
             && let Some(evidence) = exposure_trial::resolve(&raster, &dataset, &mut config)?
         {
             observer.event(&Event::ExposureTried(&evidence));
         }
-        let mut trainer = builder.trainer(&raster, &dataset, &mut config, start)?;
+        let mut trainer = builder.trainer(&raster, &dataset, &mut config, start.as_ref())?;
         builder.losses.drain(..).for_each(|loss| trainer.add_loss(loss));
         if let Some(strategy) = builder.strategy.take() {
             trainer.set_strategy(strategy, &dataset);
@@ -238,13 +242,17 @@ impl SessionBuilder {
         raster: &Arc<Rasterizer>,
         dataset: &Dataset,
         config: &mut TrainConfig,
-        start: Option<Gaussians>,
+        start: Option<&Start>,
     ) -> Result<Trainer> {
         Ok(match (&self.stopped, start) {
             (Some(stopped), _) => Trainer::resume(raster.clone(), dataset, stopped.checkpoint())?,
             (None, Some(start)) => {
-                config.sh_degree = Some(start.sh_degree);
-                Trainer::from_gaussians(raster.clone(), dataset, config, &start)?
+                config.sh_degree = Some(start.gaussians.sh_degree);
+                let mut trainer = Trainer::from_gaussians(raster.clone(), dataset, config, &start.gaussians)?;
+                if let Some(exposures) = start.exposures(dataset) {
+                    trainer.set_exposures(&exposures)?;
+                }
+                trainer
             }
             (None, None) => Trainer::new(raster.clone(), dataset, config)?,
         })

@@ -7,9 +7,9 @@ use ibgs_core::config::{ConfigError, OptionDifference};
 use ibgs_core::dataset::DatasetError;
 use ibgs_core::files::WriteError;
 use ibgs_core::gpu::GpuError;
+use ibgs_core::model::ModelError;
 use ibgs_core::output::OutputError;
 use ibgs_core::residual::NetworkError;
-use ibgs_core::scene::SceneError;
 use std::error::Error;
 use std::path::PathBuf;
 
@@ -23,9 +23,9 @@ pub enum BuildError {
     /// The scene.
     #[error(transparent)]
     Scene(#[from] DatasetError),
-    /// The Gaussians that it begins with.
+    /// The Gaussians, or the model, that it begins with.
     #[error(transparent)]
-    Gaussians(#[from] SceneError),
+    Start(#[from] ModelError),
     /// The network that it begins with.
     #[error(transparent)]
     Network(#[from] NetworkError),
