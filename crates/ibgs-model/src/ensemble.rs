@@ -48,7 +48,8 @@ mod tests {
         let mut first = random_gaussians(6, 1, 1);
         first.opacity_logits = vec![-8.0, -2.0, 0.0, 3.0, 20.0, 90.0];
         let further = |seed, degree| {
-            let gaussians = Gaussians { opacity_logits: first.opacity_logits.clone(), ..random_gaussians(6, degree, seed) };
+            let gaussians =
+                Gaussians { opacity_logits: first.opacity_logits.clone(), ..random_gaussians(6, degree, seed) };
             Member { gaussians, network: None, exposure: None }
         };
         let members = [further(2, 3), further(3, 0)];
