@@ -140,7 +140,8 @@ fn files(model: &Model) -> Result<Rows> {
     let saved: Vec<String> = folder.iterations()?.iter().map(u32::to_string).collect();
     rows.push(("saved", format!("iterations {}", saved.join(", "))));
     let size = |path: &Path| path.metadata().map_or(0, |file| file.len());
-    let mut parts = vec![format!("point cloud {}", megabytes(size(&folder.point_cloud_path(iteration))))];
+    let clouds = (1..=1 + model.members.len()).map(|member| size(&folder.member_path(iteration, member))).sum();
+    let mut parts = vec![format!("point cloud {}", megabytes(clouds))];
     if model.network_bytes > 0 {
         parts.push(format!("network {}", megabytes(model.network_bytes)));
     }
