@@ -196,9 +196,7 @@ fn speed(model: &OpenModel, cameras: &[Camera], photos: Option<u64>) -> Result<V
     let network = model.network_bytes;
     // A bundle is one file; the folder beside it may hold another model.
     let size = |path: &Path| path.metadata().ok().filter(|_| model.bundle_bytes.is_none()).map(|file| file.len());
-    let mut clouds =
-        (1..=1 + renderer.members().len()).map(|member| size(&model.folder.member_path(model.iteration, member)));
-    let gaussians: Option<u64> = clouds.try_fold(0, |sum, cloud| Some(sum + cloud?));
+    let gaussians = model.cloud_bytes();
     let members: usize = renderer.members().iter().map(|member| member.splats().len()).sum();
     let poses = size(&model.folder.cameras_path());
     let bundle = model.bundle_bytes;

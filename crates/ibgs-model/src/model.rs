@@ -171,6 +171,15 @@ impl Model {
         self.field(self.exposure.as_ref())
     }
 
+    /// Bytes of the files of all bases; none where one is not there, or the model is a bundle.
+    pub fn cloud_bytes(&self) -> Option<u64> {
+        if self.bundle_bytes.is_some() {
+            return None;
+        }
+        let size = |base| Some(self.folder.member_path(self.iteration, base).metadata().ok()?.len());
+        (1..=self.config.ensemble() as usize).map(size).sum()
+    }
+
     /// The exposures of its photos by name, where they were corrected.
     pub fn exposures(&self) -> Option<&HashMap<String, Exposure>> {
         self.exposure.as_ref()

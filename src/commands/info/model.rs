@@ -135,13 +135,11 @@ fn files(model: &Model) -> Result<Rows> {
     if let Some(bytes) = model.bundle_bytes {
         return Ok(vec![("file", megabytes(bytes))]);
     }
-    let (folder, iteration) = (&model.folder, model.iteration);
+    let folder = &model.folder;
     let mut rows = Rows::new();
     let saved: Vec<String> = folder.iterations()?.iter().map(u32::to_string).collect();
     rows.push(("saved", format!("iterations {}", saved.join(", "))));
-    let size = |path: &Path| path.metadata().map_or(0, |file| file.len());
-    let clouds = (1..=1 + model.members.len()).map(|member| size(&folder.member_path(iteration, member))).sum();
-    let mut parts = vec![format!("point cloud {}", megabytes(clouds))];
+    let mut parts = vec![format!("point cloud {}", megabytes(model.cloud_bytes().unwrap_or(0)))];
     if model.network_bytes > 0 {
         parts.push(format!("network {}", megabytes(model.network_bytes)));
     }

@@ -34,9 +34,10 @@ impl Bundle {
     /// As [`Bundle::read`].
     pub fn read_from<R: Read + Seek>(reader: R, path: &Path) -> Result<Self, BundleError> {
         let mut parts = Parts::open(reader, path)?;
-        let bundle = parts.bundle(|parts, header| parts.gaussians(header, 1))?;
+        let header = parts.header()?;
+        let bundle = parts.bundle(&header, |parts, header| parts.gaussians(header, 1))?;
         let further = 2..=bundle.config.ensemble() as usize;
-        let members = further.map(|number| parts.member(number)).collect::<Result<_, _>>()?;
+        let members = further.map(|number| parts.member(&header, number)).collect::<Result<_, _>>()?;
         let photos = parts.photos(&bundle.cameras)?;
         Ok(Self { members, photos, ..bundle })
     }
@@ -48,7 +49,9 @@ impl Bundle {
     /// As [`Bundle::read`].
     pub fn read_start(start: &[u8], path: &Path) -> Result<Option<Self>, BundleError> {
         let Some(archive) = beginning(start).ok().flatten() else { return Ok(None) };
-        let bundle = Parts::open(Cursor::new(archive), path)?.bundle(Parts::base_gaussians)?;
+        let mut parts = Parts::open(Cursor::new(archive), path)?;
+        let header = parts.header()?;
+        let bundle = parts.bundle(&header, Parts::base_gaussians)?;
         Ok(Some(Self { network: None, ..bundle }))
     }
 }
@@ -124,21 +127,27 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
         Levels::open(tree, self.path, place).map_err(|reason| self.damaged(CHUNKS, reason))
     }
 
-    /// The bundle without its photos.
-    fn bundle(
-        &mut self,
-        gaussians: fn(&mut Self, &Header) -> Result<Gaussians, BundleError>,
-    ) -> Result<Bundle, BundleError> {
+    /// What the bundle is.
+    fn header(&mut self) -> Result<Header, BundleError> {
         let header: Header = self.parse(HEADER, |bytes| serde_json::from_slice(bytes))?;
         if header.format > ENSEMBLE_FORMAT {
             return Err(BundleError::Newer { path: self.path.to_owned(), found: header.format });
         }
+        Ok(header)
+    }
+
+    /// The bundle without its photos.
+    fn bundle(
+        &mut self,
+        header: &Header,
+        gaussians: fn(&mut Self, &Header) -> Result<Gaussians, BundleError>,
+    ) -> Result<Bundle, BundleError> {
         let levels = self.zip.has(TREE).then(|| self.levels()).transpose()?.map(Arc::new);
         let gaussians = match &levels {
             Some(levels) => {
                 levels.gaussians(std::iter::once(0)).map_err(|error| self.damaged(CHUNKS, error.to_string()))?
             }
-            None => gaussians(self, &header)?,
+            None => gaussians(self, header)?,
         };
         let has_network = self.zip.has(NETWORK);
         let network = has_network.then(|| self.bytes(NETWORK)).transpose()?;
@@ -169,10 +178,9 @@ impl<'a, R: Read + Seek> Parts<'a, R> {
     }
 
     /// A further member of an ensemble, counted from 2.
-    fn member(&mut self, number: usize) -> Result<Member, BundleError> {
-        let header: Header = self.parse(HEADER, |bytes| serde_json::from_slice(bytes))?;
+    fn member(&mut self, header: &Header, number: usize) -> Result<Member, BundleError> {
         let [network, exposure] = [NETWORK, exposure::FILE_NAME].map(|part| member_part(number, part));
-        let gaussians = self.gaussians(&header, number)?;
+        let gaussians = self.gaussians(header, number)?;
         let parse = |bytes: &[u8]| weights::from_bytes(bytes, Path::new(&network));
         let weights = self.zip.has(&network).then(|| self.parse(&network, parse)).transpose()?;
         Ok(Member { gaussians, network: weights, exposure: self.exposures(&exposure)? })

@@ -8,6 +8,7 @@ use crate::ensemble::{record_weighted_sum, weights};
 use crate::exposure::Exposures;
 use crate::gpu::{Buffer, GpuError, Pass};
 use crate::raster::{Forward, Keep, RasterView, Room};
+use std::iter;
 
 /// What a member reads of a view, made before its images are recorded.
 pub(super) struct Prepared {
@@ -71,46 +72,46 @@ impl Renderer {
         if self.members.is_empty() {
             return Ok((first, Vec::new()));
         }
-        let values = 3 * own.view.camera.pixels();
-        let [with, without] = weights(self.alike, 1 + self.members.len() - self.alike);
-        let mut mean = (with, first.base.clone());
-        let mut residuals = Vec::new();
-        residuals.extend(first.image.as_ref().map(|image| (image.image.clone(), first.base.clone())));
+        let [alike, other] = weights(self.alike, 1 + self.members.len() - self.alike);
+        let mut bases = vec![(alike, first.base.clone())];
+        let mut residuals: Vec<_> = first.image.iter().map(|image| [image.image.clone(), first.base.clone()]).collect();
         let mut others = Vec::new();
         for ((member, prepared), number) in self.members.iter().zip(members).zip(1..) {
             let Images { forward, base, image } = member.record_own(pass, prepared)?;
-            let weight = if number < self.alike { with } else { without };
-            mean = (1.0, self.record_sum(pass, values, [(mean.0, &mean.1), (weight, &base)])?);
+            bases.push((if number < self.alike { alike } else { other }, base.clone()));
             if let Some(image) = image {
-                residuals.push((image.image.clone(), base));
+                residuals.push([image.image.clone(), base]);
                 pass.keep(image);
             }
             others.push(forward);
         }
-        let (_, mean) = mean;
+        let values = 3 * own.view.camera.pixels();
+        first.base = self.record_total(pass, values, bases)?;
         if let Some(image) = &mut first.image {
             let part = 1.0 / residuals.len() as f32;
-            let mut sum = mean.clone();
-            for (image, base) in &residuals {
-                let residual = self.record_sum(pass, values, [(part, image), (-part, base)])?;
-                sum = self.record_sum(pass, values, [(1.0, &sum), (1.0, &residual)])?;
-            }
-            image.image = sum;
+            let differences = residuals.into_iter().flat_map(|[image, base]| [(part, image), (-part, base)]);
+            let terms = iter::once((1.0, first.base.clone())).chain(differences);
+            image.image = self.record_total(pass, values, terms)?;
         }
-        first.base = mean;
         Ok((first, others))
     }
 
-    fn record_sum(
+    /// Records the weighted sum of images, two at least.
+    fn record_total(
         &self,
         pass: &mut Pass,
         values: usize,
-        images: [(f32, &Buffer<f32>); 2],
+        terms: impl IntoIterator<Item = (f32, Buffer<f32>)>,
     ) -> Result<Buffer<f32>, GpuError> {
-        let sum = self.gpu().transient("sum of images", values)?;
-        record_weighted_sum(pass, values, images, &sum);
-        pass.keep(images.map(|(_, image)| image.clone()));
-        Ok(sum)
+        let mut terms = terms.into_iter();
+        let mut total = terms.next().expect("a sum has terms");
+        for (weight, image) in terms {
+            let sum = self.gpu().transient("sum of images", values)?;
+            record_weighted_sum(pass, values, [(total.0, &total.1), (weight, &image)], &sum);
+            pass.keep([total.1, image]);
+            total = (1.0, sum);
+        }
+        Ok(total.1)
     }
 
     /// Whether every tile intersection of a frame fitted.

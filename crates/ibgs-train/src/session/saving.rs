@@ -15,18 +15,10 @@ use ibgs_core::residual::weights;
 use ibgs_core::scene::{Gaussians, PlyFlavor, write_ply};
 use serde_json::json;
 use std::fs;
+use std::iter;
 use std::path::PathBuf;
 
-/// What a model folder gets of a model.
-struct Parts<'a> {
-    iteration: u32,
-    gaussians: &'a Gaussians,
-    network: Option<&'a [f32]>,
-    exposure: Option<&'a [Exposure]>,
-    members: &'a [Member],
-}
-
-/// What it gets of a further member of an ensemble.
+/// What a model folder gets of a member of an ensemble; a model of one base is its first.
 struct Member {
     gaussians: Gaussians,
     network: Option<Vec<f32>>,
@@ -75,18 +67,8 @@ impl Session {
         let (Some(checkpoint), Some(folder)) = (self.checkpoints.last().cloned(), self.folder.clone()) else {
             return error;
         };
-        let exposure = checkpoint.exposures();
-        let members: Vec<Member> = checkpoint.members.iter().map(Member::kept).collect();
-        let saved = self.write(
-            &folder,
-            &Parts {
-                iteration: checkpoint.iteration(),
-                gaussians: &checkpoint.gaussians,
-                network: checkpoint.network.as_ref().map(|network| &network.weights[..]),
-                exposure: exposure.as_deref(),
-                members: &members,
-            },
-        );
+        let members: Vec<Member> = iter::once(&*checkpoint).chain(&checkpoint.members).map(Member::kept).collect();
+        let saved = self.write(&folder, checkpoint.iteration(), &members);
         // Without the curves the error is reported all the same.
         if saved.is_ok() {
             let _ = folder.write_log(&self.records.log);
@@ -105,49 +87,34 @@ impl Session {
     /// The device failed, or a file cannot be written.
     pub fn save(&mut self) -> Result<Option<PathBuf>> {
         let Some(folder) = &self.folder else { return Ok(None) };
-        let (renderer, gpu) = (self.trainer.renderer()?, self.raster.gpu());
-        let network = renderer.part().map(|part| part.network.to_values(gpu)).transpose()?;
-        let gaussians = self.trainer.splats().download(gpu)?;
-        let members: Vec<Member> = renderer.members().iter().map(Member::on_device).collect::<Result<_>>()?;
+        let renderer = self.trainer.renderer()?;
+        let members =
+            iter::once(&renderer).chain(renderer.members()).map(Member::on_device).collect::<Result<Vec<_>>>()?;
         // Data read from a lost device looks like any other result.
-        gpu.check()?;
-        let parts = Parts {
-            iteration: self.trainer.iteration(),
-            gaussians: &gaussians,
-            network: network.as_deref(),
-            exposure: renderer.exposure().map(ExposureField::photos),
-            members: &members,
-        };
-        self.write(folder, &parts).map(Some)
+        self.raster.gpu().check()?;
+        self.write(folder, self.trainer.iteration(), &members).map(Some)
     }
 
-    fn write(&self, folder: &OutputFolder, parts: &Parts) -> Result<PathBuf> {
-        let &Parts { iteration, gaussians, network, exposure, members } = parts;
-        // Without planes the file is exactly what other programs write and read.
-        let planes = self.config.method == Method::Ibgs;
-        let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
+    fn write(&self, folder: &OutputFolder, iteration: u32, members: &[Member]) -> Result<PathBuf> {
         let residual = self.trainer.schedule().residual_at(iteration);
         let path = folder.point_cloud_path(iteration);
-        // The Gaussians last: a folder holds a model once it holds them, and never one without its network or exposures.
+        // The Gaussians of the first last: a folder holds a model once it holds them, and never one without its network or exposures.
         let written = || -> Result<()> {
-            if let Some(network) = network.filter(|_| residual) {
-                weights::write(&folder.network_save_path(iteration, 1), network)?;
-            }
-            if let Some(photos) = exposure {
-                folder.write_exposures((iteration, 1), &self.dataset, photos)?;
-            }
-            for (member, number) in members.iter().zip(2..) {
-                if let Some(photos) = &member.exposure {
-                    folder.write_exposures((iteration, number), &self.dataset, photos)?;
-                }
+            for (index, member) in members.iter().enumerate().rev() {
+                let number = index + 1;
                 let network = member.network.as_ref().filter(|_| residual);
                 if let Some(network) = network {
                     weights::write(&folder.network_save_path(iteration, number), network)?;
                 }
-                let flavor = if network.is_some() { PlyFlavor::Full } else { PlyFlavor::Plain };
+                if let Some(photos) = &member.exposure {
+                    folder.write_exposures((iteration, number), &self.dataset, photos)?;
+                }
+                // Without planes the file is exactly what other programs write and read.
+                let planes = network.is_some() || number == 1 && self.config.method == Method::Ibgs;
+                let flavor = if planes { PlyFlavor::Full } else { PlyFlavor::Plain };
                 write_ply(&folder.member_path(iteration, number), &member.gaussians, flavor)?;
             }
-            Ok(write_ply(&path, gaussians, flavor)?)
+            Ok(())
         };
         if let Err(error) = written() {
             // Without them the other files are of no use.

@@ -32,11 +32,7 @@ pub fn encode(g: &Gaussians) -> Result<[Vec<u8>; 2], String> {
 /// What is wrong.
 pub fn decode(sog: &[u8], planes: Option<&[u8]>) -> Result<Gaussians, String> {
     let mut g = sog_read::read(sog)?;
-    let Some(planes) = planes else {
-        g.remove_planes();
-        g.validate().map_err(|error| error.to_string())?;
-        return Ok(g);
-    };
+    let Some(planes) = planes else { return without_planes(g) };
     if planes.len() != PLANE * g.len() {
         return Err(format!("it has {} Gaussians and {} bytes of planes, {PLANE} each", g.len(), planes.len()));
     }
@@ -61,7 +57,10 @@ pub fn base_of(start: &[u8]) -> Option<Vec<u8>> {
 /// # Errors
 /// What is wrong.
 pub fn decode_base(sog: &[u8]) -> Result<Gaussians, String> {
-    let mut g = sog_read::read_base(sog)?;
+    without_planes(sog_read::read_base(sog)?)
+}
+
+fn without_planes(mut g: Gaussians) -> Result<Gaussians, String> {
     g.remove_planes();
     g.validate().map_err(|error| error.to_string())?;
     Ok(g)
