@@ -204,7 +204,8 @@ fn by_photos(config: &TrainConfig, photos: usize, pixels: u64) -> TrainConfig {
         config
     };
     let (by_photos, by_length) = (adapted(None), adapted(config.iterations));
-    let mut usual = TrainConfig { iterations: by_photos.iterations, ..TrainConfig::default() };
+    let ensemble = Some(config.usual_ensemble());
+    let mut usual = TrainConfig { ensemble, iterations: by_photos.iterations, ..TrainConfig::default() };
     usual.densify.max_splats = by_photos.densify.max_splats;
     usual.learning_rates.factor = by_length.learning_rates.factor;
     usual

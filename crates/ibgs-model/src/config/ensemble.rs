@@ -25,7 +25,7 @@ impl TrainConfig {
     }
 
     /// Number of bases where none is given. What is an object's is hardly chance, and its residual fits its own base best.
-    pub(super) fn usual_ensemble(&self) -> u32 {
+    pub fn usual_ensemble(&self) -> u32 {
         let is_usual = self.method == Method::Ibgs && self.densify.strategy == Strategy::Default;
         if is_usual && self.init.is_none() && !self.data.shows_object() { USUAL } else { 1 }
     }
