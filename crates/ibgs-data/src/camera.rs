@@ -93,6 +93,12 @@ impl Camera {
         self.view_from_world == other.view_from_world && self.translation == other.translation
     }
 
+    /// Whether it has the same lens and image size as another one; the pose does not matter.
+    pub fn has_lens_of(&self, other: &Camera) -> bool {
+        let own = Camera { view_from_world: other.view_from_world, translation: other.translation, ..*self };
+        own == *other
+    }
+
     /// The same camera for a photo resized to `width` x `height`.
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let scale = DVec2::new(f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));

@@ -9,6 +9,7 @@
 //! to the `log` crate.
 
 pub mod camera;
+pub mod camera_change;
 pub mod camera_path;
 pub mod dataset;
 pub mod files;
@@ -22,6 +23,7 @@ pub mod ply_offset;
 pub mod progress;
 pub mod scene;
 mod sentence;
+pub mod similarity;
 pub mod stored_zip;
 pub mod words;
 

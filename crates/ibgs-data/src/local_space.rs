@@ -107,6 +107,12 @@ impl LocalSpace {
         Camera { translation, ..*scene }
     }
 
+    /// The way back from [`LocalSpace::camera`].
+    pub fn scene_camera(&self, local: &Camera) -> Camera {
+        let translation = local.translation * self.scale - local.view_from_world * self.origin;
+        Camera { translation, ..*local }
+    }
+
     /// Whether float32 holds the scene's coordinates as well as the local ones.
     pub fn is_near(&self) -> bool {
         self.origin.abs().max_element() <= FAR * self.scale

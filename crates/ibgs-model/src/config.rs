@@ -13,6 +13,7 @@ mod ensemble;
 mod error;
 mod file;
 mod image;
+mod poses;
 mod preset;
 mod removed;
 pub mod schedule;
@@ -23,6 +24,7 @@ pub use background::Background;
 pub use densify::{DensifyConfig, GrowthConfig, McmcConfig, OpacityResetConfig, ShortRuns, Strategy, StrategyDefaults};
 pub use difference::OptionDifference;
 pub use error::ConfigError;
+pub use poses::{PoseConfig, PoseSwitch};
 pub use preset::Preset;
 pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
 
@@ -107,6 +109,8 @@ pub struct TrainConfig {
     pub residual: ResidualConfig,
     /// Exposure correction.
     pub exposure: ExposureConfig,
+    /// Refinement of cameras.
+    pub poses: PoseConfig,
 }
 
 /// Learning rates (method.md section 1).

@@ -220,14 +220,21 @@ impl OutputFolder {
     /// The first file that cannot be written.
     pub fn write_start(&self, config: &TrainConfig, dataset: &Dataset) -> Result<(), OutputError> {
         config.save(&self.config_path())?;
-        let records = cameras::records(dataset);
-        write_json(&self.cameras_path(), &cameras::to_json(&records))?;
-        write_json(&self.split_path(), &cameras::split_json(&records))?;
+        self.write_cameras(dataset)?;
+        write_json(&self.split_path(), &cameras::split_json(&cameras::records(dataset)))?;
         write_points_ply(&self.root.join("input.ply"), &dataset.points, dataset.space())?;
         if config.method == Method::Ibgs {
             self.write_multi_view(&multi_view::records(dataset, &config.sources))?;
         }
         Ok(())
+    }
+
+    /// Writes `cameras.json`.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn write_cameras(&self, dataset: &Dataset) -> Result<(), OutputError> {
+        Ok(write_json(&self.cameras_path(), &cameras::to_json(&cameras::records(dataset)))?)
     }
 
     /// Reads `config.toml`.

@@ -119,7 +119,7 @@ pub fn warp_backward(camera: &Camera, geometry: &Geometry, sources: &[Source], v
 }
 
 /// median = sum w_k z_k / (sum w_k + 1e-8): adds the gradient by it to those by the intersections.
-fn median_backward(
+pub(super) fn median_backward(
     intersections: &[Intersection],
     median: f64,
     v_median: f64,

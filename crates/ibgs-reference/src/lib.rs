@@ -11,6 +11,7 @@
 
 pub mod adam;
 pub mod backward;
+pub mod camera_gradient;
 pub mod exposure;
 pub mod features;
 pub mod finite;

@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 use ibgs_data::camera::Camera;
+use ibgs_data::camera_change::CameraChange;
 
+use super::camera_gradient::by_ray;
 use super::geometry::pixel_ray;
 use super::image_loss::Map;
 
@@ -55,21 +57,32 @@ pub fn normal_loss(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight:
     weight * normals.iter().zip(normal).zip(surface.valid).map(term).sum::<f64>() / depth.len() as f64
 }
 
-/// Gradients of `normal_loss` by depth and by normal map. Where a component of the two normals is equal the absolute
+/// Gradients of the normal loss.
+pub struct NormalGrads {
+    pub depth: Vec<f64>,
+    pub normal: Map,
+    /// By the lens of the camera.
+    pub camera: CameraChange,
+}
+
+/// Gradients of `normal_loss` by depth, by normal map and by the lens. Where a component of the two normals is equal the absolute
 /// difference passes nothing.
-pub fn normal_loss_backward(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> (Vec<f64>, Map) {
+pub fn normal_loss_backward(surface: Surface, depth: &[f64], normal: &[[f64; 3]], weight: f64) -> NormalGrads {
     let camera = surface.camera;
     let share = weight / depth.len() as f64;
     let sign = |d: f64| if d == 0.0 { 0.0 } else { d.signum() };
-    let mut v_depth = vec![0.0; depth.len()];
-    let mut v_normal = vec![[0.0; 3]; depth.len()];
+    let mut grads = NormalGrads {
+        depth: vec![0.0; depth.len()],
+        normal: vec![[0.0; 3]; depth.len()],
+        camera: CameraChange::default(),
+    };
     for (i, nd) in depth_normals(camera, depth).into_iter().enumerate() {
         if !surface.valid[i] {
             continue;
         }
         let (nd, n) = (DVec3::from(nd), DVec3::from(normal[i]));
         let signs = DVec3::from_array((nd - n).to_array().map(sign));
-        v_normal[i] = (-share * (L1 * signs + DOT * nd)).to_array();
+        grads.normal[i] = (-share * (L1 * signs + DOT * nd)).to_array();
         let Some(around) = neighbours(camera, i).filter(|_| nd != DVec3::ZERO) else { continue };
         let v_nd = share * (L1 * signs - DOT * n);
         let [a, b] = edges(camera, depth, around);
@@ -77,10 +90,12 @@ pub fn normal_loss_backward(surface: Surface, depth: &[f64], normal: &[[f64; 3]]
         // d(a x b) . v = da . (b x v) + db . (v x a).
         let (v_a, v_b) = (b.cross(v_cross), v_cross.cross(a));
         for (pixel, v) in around.into_iter().zip([v_a, -v_a, v_b, -v_b]) {
-            v_depth[pixel] += ray(camera, pixel).dot(v);
+            let ray = ray(camera, pixel);
+            grads.depth[pixel] += ray.dot(v);
+            grads.camera = grads.camera + by_ray(camera, ray, v * depth[pixel]);
         }
     }
-    (v_depth, v_normal)
+    grads
 }
 
 #[cfg(test)]
@@ -96,17 +111,25 @@ mod tests {
         let normal = random_image(11, 7, -1.0, 1.0, 2);
         let valid: Vec<bool> = (0..depth.len()).map(|i| i % 7 != 3).collect();
         let seen = Surface { camera: &camera, valid: &valid };
-        let (v_depth, v_normal) = normal_loss_backward(seen, &depth, &normal, 0.7);
-        let by_depth = assert_gradient("depth", &depth, &v_depth, 1e-6, |z| normal_loss(seen, z, &normal, 0.7));
-        let by_normal = assert_gradient("normal", normal.as_flattened(), v_normal.as_flattened(), 1e-6, |n| {
+        let v = normal_loss_backward(seen, &depth, &normal, 0.7);
+        let by_depth = assert_gradient("depth", &depth, &v.depth, 1e-6, |z| normal_loss(seen, z, &normal, 0.7));
+        let by_normal = assert_gradient("normal", normal.as_flattened(), v.normal.as_flattened(), 1e-6, |n| {
             normal_loss(seen, &depth, n.as_chunks().0, 0.7)
         });
-        println!("by depth {by_depth:.1e}, by normal {by_normal:.1e}");
+        let [pose @ .., a, b, c, d] = v.camera.to_array();
+        assert_eq!(pose, [0.0; 6], "the loss is taken in view space");
+        let by_lens = assert_gradient("lens", &[0.0; 4], &[a, b, c, d], 1e-6, |lens| {
+            let mut change = [0.0; CameraChange::NUMBERS];
+            change[6..].copy_from_slice(lens);
+            let camera = camera.changed(&CameraChange::from_array(change));
+            normal_loss(Surface { camera: &camera, ..seen }, &depth, &normal, 0.7)
+        });
+        println!("by depth {by_depth:.1e}, by normal {by_normal:.1e}, by lens {by_lens:.1e}");
         // Two pairs without depth: no normal, no gradient.
         for at in [5 * 11 + 4, 5 * 11 + 6, 2 * 11 + 2, 4 * 11 + 2] {
             depth[at] = 0.0;
         }
-        let (v_depth, _) = normal_loss_backward(seen, &depth, &normal, 0.7);
-        assert!(v_depth.iter().all(|v| v.is_finite()));
+        let v = normal_loss_backward(seen, &depth, &normal, 0.7);
+        assert!(v.depth.iter().all(|v| v.is_finite()));
     }
 }

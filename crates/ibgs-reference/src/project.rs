@@ -7,28 +7,28 @@ use rayon::prelude::*;
 use super::{BLUR, Grads, MIN_ALPHA, Model, NEAR, Params, Projected, SplatGrads, TILE, sh};
 
 /// One Gaussian after activation, with the intermediate results that the backward pass needs again.
-struct Splat {
+pub(super) struct Splat {
     /// Mean in view space.
-    view: DVec3,
+    pub(super) view: DVec3,
     /// x/z and y/z held within 1.3 times the tangent of half the field of view.
-    ratio: DVec2,
+    pub(super) ratio: DVec2,
     /// Whether either ratio was held: it is then a constant.
-    held: [bool; 2],
+    pub(super) held: [bool; 2],
     /// Normalised quaternion and the length it had.
-    rotation: DQuat,
-    rotation_length: f64,
-    scale: DVec3,
+    pub(super) rotation: DQuat,
+    pub(super) rotation_length: f64,
+    pub(super) scale: DVec3,
     /// Sigma, in world space.
-    covariance: DMat3,
+    pub(super) covariance: DMat3,
     /// The two rows of T = J R: pixels by world coordinates.
-    pixel_from_world: [DVec3; 2],
+    pub(super) pixel_from_world: [DVec3; 2],
     /// 2D covariance xx, xy, yy in square pixels, with the blur.
-    cov2d: [f64; 3],
-    conic: [f64; 3],
-    opacity: f64,
+    pub(super) cov2d: [f64; 3],
+    pub(super) conic: [f64; 3],
+    pub(super) opacity: f64,
     /// Unit direction from the camera centre to the mean, and the distance.
-    direction: DVec3,
-    distance: f64,
+    pub(super) direction: DVec3,
+    pub(super) distance: f64,
 }
 
 fn sigmoid(x: f64) -> f64 {
@@ -42,7 +42,7 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
 
 impl Splat {
     /// None where the mean is not beyond the near plane or the 2D covariance is not positive.
-    fn new(p: &Params, i: usize, camera: &Camera, model: Model) -> Option<Splat> {
+    pub(super) fn new(p: &Params, i: usize, camera: &Camera, model: Model) -> Option<Splat> {
         let mean = DVec3::from_array(p.means[i]);
         let view = camera.to_view(mean);
         if view.z.is_nan() || view.z <= NEAR {
@@ -261,7 +261,7 @@ fn project_backward_one(
 }
 
 /// From the conic to the rows of T and to Sigma: cov2d = T Sigma T^T + blur, conic = cov2d^-1.
-fn covariance_backward(splat: &Splat, v_conic: [f64; 3]) -> ([DVec3; 2], DMat3) {
+pub(super) fn covariance_backward(splat: &Splat, v_conic: [f64; 3]) -> ([DVec3; 2], DMat3) {
     // d(X^-1) = -X^-1 dX X^-1 with the symmetric X = cov2d; the off-diagonal gradient is shared by both entries.
     let [a, b, c] = splat.conic;
     let [va, vb, vc] = [v_conic[0], 0.5 * v_conic[1], v_conic[2]];
@@ -276,7 +276,7 @@ fn covariance_backward(splat: &Splat, v_conic: [f64; 3]) -> ([DVec3; 2], DMat3) 
 }
 
 /// From the rows of T = J R to the mean in view space. A held ratio is a constant.
-fn jacobian_backward(splat: &Splat, camera: &Camera, v_rows: [DVec3; 2]) -> DVec3 {
+pub(super) fn jacobian_backward(splat: &Splat, camera: &Camera, v_rows: [DVec3; 2]) -> DVec3 {
     let z = splat.view.z;
     let mut v_view = DVec3::ZERO;
     for axis in 0..2 {

@@ -99,8 +99,8 @@ pub struct Landing {
 pub struct Pair<'a> {
     pub source: &'a Source,
     /// Source view space from target view space.
-    rotation: DMat3,
-    translation: DVec3,
+    pub(super) rotation: DMat3,
+    pub(super) translation: DVec3,
     world_from_target: DMat3,
     /// Target camera centre minus source camera centre, world.
     pub center_difference: DVec3,

@@ -228,12 +228,12 @@ impl Case {
         let valid = vec![true; pixels];
         let masked = Masked { photo: &self.photo, valid: &valid, width, height };
         let (last, weights) = self.last_backward(run);
-        let (v_depth, v_normal) =
-            normal_loss_backward(Surface { camera: &self.scene.camera, valid: &valid }, depth, normal, NORMAL);
+        let surface = Surface { camera: &self.scene.camera, valid: &valid };
+        let by_normals = normal_loss_backward(surface, depth, normal, NORMAL);
         let mut v = Cotangents {
             base: halved(image_loss_backward(&run.exposed, &self.photo, width, height, LAMBDA)),
-            normal: v_normal,
-            depth: v_depth,
+            normal: by_normals.normal,
+            depth: by_normals.depth,
             warped: photometric_loss_backward(&masked, &run.warped, &run.visible, PHOTO).concat(),
             cosine: vec![0.0; self.scene.sources.len() * pixels],
         };

@@ -13,7 +13,7 @@ use ibgs_reference::surface_scene::*;
 use ibgs_reference::warp::{Bilinear, Pair, Warp};
 
 /// The loss whose gradient is `v`, less its value at `start`: a sum of small numbers is rounded less.
-fn loss(out: &Cotangents, start: &Cotangents, v: &Cotangents) -> f64 {
+pub(crate) fn loss(out: &Cotangents, start: &Cotangents, v: &Cotangents) -> f64 {
     let flat = |c: &Cotangents| {
         let [base, normal, warped] = [&c.base, &c.normal, &c.warped].map(|t| t.as_flattened().to_vec());
         [base, normal, warped, c.depth.clone(), c.cosine.clone()].concat()

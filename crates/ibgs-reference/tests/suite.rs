@@ -2,6 +2,7 @@
 #![allow(missing_docs, clippy::print_stdout)]
 #![forbid(unsafe_code)]
 
+mod cameras;
 mod geometry;
 mod golden;
 mod gradients;

@@ -46,6 +46,8 @@ pub const NORMAL_DOT: f32 = 0.6;
 
 /// Workgroups, and so partial sums, of the exposure kernels' reductions.
 pub const EXPOSURE_GROUPS: u32 = 256;
+/// Workgroups, and so partial sums, of the kernels that make gradients by cameras.
+pub const CAMERA_GROUPS: u32 = 256;
 /// Weight of half the square of a photo's log gains and offsets beside its image loss.
 pub const EXPOSURE_PULL: f32 = 0.01;
 
@@ -71,6 +73,7 @@ pub(crate) fn whole_numbers() -> impl Iterator<Item = (&'static str, u32)> {
         ("SORT_BLOCK", SORT_BLOCK),
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),
+        ("CAMERA_GROUPS", CAMERA_GROUPS),
         ("BENCH_FMAS", BENCH_FMAS),
         ("SSIM_RADIUS", SSIM_RADIUS as u32),
         ("MLP_FEATURES", layers::FEATURES as u32),

@@ -42,6 +42,7 @@ fn main(
 #kernel normal_loss_backward
 //! Depth normals against the normal map, gradients by median depth and normal map.
 #stage normal loss backward
+#import normal_gradient
 // One workgroup a tile: adds the gradients of the normal loss by median depth and normal map, times the upstream
 // scalar. Pixels that are masked in the photo have no part in it. A pixel's depth enters the depth normals of its four neighbours: it gathers from them.
 
@@ -57,23 +58,12 @@ const EDGE: u32 = TILE + 2u;
 // 2 v_p / (z_r + z_l)^2 and 2 v_q / (z_t + z_b)^2 of each pixel, see shared/depth_normal.wgsl.
 var<workgroup> slopes: array<vec2<f32>, EDGE * EDGE>;
 
-fn normal_at(at: vec2<u32>) -> vec3<f32> {
-    let p = 3u * (at.y * params.size.x + at.x);
-    return vec3(normal[p], normal[p + 1u], normal[p + 2u]);
-}
-
-fn scale() -> f32 {
-    return v_loss[0] * params.weight / f32(params.size.x * params.size.y);
-}
-
 fn slope_gradient(at: vec2<u32>) -> vec2<f32> {
     let nd = depth_normal(at);
-    if nd.inverse == 0.0 || !photo_valid(photo[at.y * params.size.x + at.x]) {
+    let v_m = cross_gradient(at, nd);
+    if nd.inverse == 0.0 {
         return vec2(0.0);
     }
-    let n = normal_at(at);
-    let v_nd = scale() * (NORMAL_L1 * sign(nd.normal - n) - NORMAL_DOT * n);
-    let v_m = (v_nd - nd.normal * dot(nd.normal, v_nd)) * nd.inverse;
     let offset = vec2<f32>(at) - params.principal;
     let v_p = params.focal.x * v_m.x - offset.x * v_m.z;
     let v_q = offset.y * v_m.z - params.focal.y * v_m.y;
@@ -122,4 +112,35 @@ fn main(
     v_normal[3u * p] += v_n.x;
     v_normal[3u * p + 1u] += v_n.y;
     v_normal[3u * p + 2u] += v_n.z;
+}
+
+#kernel normal_loss_camera
+//! Depth normals against the normal map, gradient by the lens.
+#stage normal loss backward
+// A fixed number of workgroups, each over its share of the pixels.
+#import normal_gradient
+#import camera_sums
+
+@group(0) @binding(0) var<storage, read> depth: array<f32>;
+@group(0) @binding(1) var<storage, read> normal: array<f32>;
+@group(0) @binding(2) var<storage, read> photo: array<u32>;
+@group(0) @binding(3) var<storage, read> v_loss: array<f32>;
+@group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
+
+@compute @workgroup_size(256)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    var sum: CameraGradient;
+    for (var p = wid.x * 256u + local; p < params.size.x * params.size.y; p += CAMERA_GROUPS * 256u) {
+        let at = vec2(p % params.size.x, p / params.size.x);
+        let nd = depth_normal(at);
+        if nd.inverse == 0.0 {
+            continue;
+        }
+        let v_m = cross_gradient(at, nd);
+        // m is linear in the lens.
+        let slope = nd.normal.xy / (nd.inverse * params.focal);
+        sum.focal += v_m.xy * slope;
+        sum.principal += v_m.z * slope;
+    }
+    store_camera(local, 3u * wid.x, sum);
 }

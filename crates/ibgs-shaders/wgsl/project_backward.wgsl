@@ -8,6 +8,7 @@
 #import frame
 #import room
 #import gaussian
+#import ewa_backward
 #import sh
 
 @group(0) @binding(0) var<storage, read> means: array<f32>;
@@ -72,7 +73,7 @@ fn direction_backward(local: u32, offset: vec3<f32>) -> vec3<f32> {
             v_direction += basis_values[ROW * local + c] * sh_basis_gradient(direction, c);
         }
     }
-    return (v_direction - direction * dot(direction, v_direction)) / length(offset);
+    return along_sphere(offset, v_direction);
 }
 
 fn rotation_backward(q: vec4<f32>, v: mat3x3<f32>) -> vec4<f32> {
@@ -137,32 +138,14 @@ fn main(
     let view = view_rotate(mean) + view_translation();
     let e = ewa_project(view, axes, scale);
 
-    // cov = M M^T with M = J axes diag(scale).
-    let v_m0 = 2.0 * by_cov.x * e.m0 + by_cov.y * e.m1;
-    let v_m1 = 2.0 * by_cov.z * e.m1 + by_cov.y * e.m0;
-    let inv_z = 1.0 / view.z;
-    let f = frame.focal * inv_z;
-    let j0 = vec3(f.x, 0.0, -f.x * e.tangent.x);
-    let j1 = vec3(0.0, f.y, -f.y * e.tangent.y);
-    // By N = axes diag(scale), columns.
+    let v = ewa_backward(e, view, axes, scale, by_xy, by_cov);
     var v_axes: mat3x3<f32>;
     var v_scale: vec3<f32>;
-    var v_j0 = vec3(0.0);
-    var v_j1 = vec3(0.0);
     for (var c = 0u; c < 3u; c++) {
-        let v_n = j0 * v_m0[c] + j1 * v_m1[c];
-        v_axes[c] = view_rotate_transposed(v_n) * scale[c];
-        v_scale[c] = dot(axes[c], v_n) * scale[c];
-        v_j0 += v_m0[c] * axes[c] * scale[c];
-        v_j1 += v_m1[c] * axes[c] * scale[c];
+        v_axes[c] = view_rotate_transposed(v.spread[c]) * scale[c];
+        v_scale[c] = dot(axes[c], v.spread[c]) * scale[c];
     }
-    let v_tangent = -f * vec2(v_j0.z, v_j1.z) * e.free;
-    let v_inv_z = frame.focal.x * (v_j0.x - e.tangent.x * v_j0.z) + frame.focal.y * (v_j1.y - e.tangent.y * v_j1.z);
-    // x / z and y / z: of the projected mean and of the Jacobian.
-    let v_ratio = frame.focal * by_xy + v_tangent;
-    let v_view = vec3(v_ratio * inv_z, -inv_z * (dot(v_ratio, view.xy * inv_z) + v_inv_z * inv_z));
-
-    let v_mean = view_rotate_transposed(v_view) + direction_backward(local, mean - frame.center);
+    let v_mean = view_rotate_transposed(v.view) + direction_backward(local, mean - frame.center);
     let v_q = rotation_backward(q, v_axes);
     v_rotations[g] = (v_q - q * dot(q, v_q)) / q_length;
     for (var c = 0u; c < 3u; c++) {

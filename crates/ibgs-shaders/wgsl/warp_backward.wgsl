@@ -6,6 +6,7 @@
 // derivative (10.4).
 #import source
 #import seen
+#import source_read
 
 @group(0) @binding(0) var<storage, read> median_depth: array<f32>;
 @group(0) @binding(1) var<storage, read> intersections: array<vec2<f32>>;
@@ -16,31 +17,6 @@
 /// By (view depth, weight).
 @group(0) @binding(6) var<storage, read_write> v_intersections: array<vec2<f32>>;
 @group(0) @binding(7) var<storage, read_write> v_median_depth: array<f32>;
-
-struct Read {
-    valid: bool,
-    // Gradient of the loss by the colour read, times the colour, and the same along the texel coordinates.
-    color: f32,
-    slope: vec2<f32>,
-}
-
-fn read_photo(l: Landing, v: vec3<f32>) -> Read {
-    let t00 = photo[l.texel];
-    let t10 = photo[l.texel + 1u];
-    let t01 = photo[l.texel + params.source_size.x];
-    let t11 = photo[l.texel + params.source_size.x + 1u];
-    let c = vec4(
-        dot(v, unpack4x8unorm(t00).rgb),
-        dot(v, unpack4x8unorm(t10).rgb),
-        dot(v, unpack4x8unorm(t01).rgb),
-        dot(v, unpack4x8unorm(t11).rgb),
-    );
-    var read: Read;
-    read.valid = (t00 & t10 & t01 & t11 & 0x80000000u) != 0u;
-    read.color = dot(bilinear_weights(l.fraction), c);
-    read.slope = mix(vec2(c.y - c.x, c.z - c.x), vec2(c.w - c.z, c.w - c.y), l.fraction.yx);
-    return read;
-}
 
 @compute @workgroup_size(TILE, TILE)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -22,6 +22,8 @@ pub mod lpips;
 pub mod memory;
 pub mod optim;
 pub mod parameters;
+mod readback;
+mod refining;
 pub mod session;
 mod stages;
 mod step;

@@ -16,6 +16,7 @@
 //! ```
 
 mod builder;
+mod cameras;
 mod checkpoint_writer;
 mod error;
 mod event;
@@ -36,6 +37,7 @@ pub use stopped::StoppedTraining;
 
 use crate::{TrainError, Trainer};
 use checkpoint_writer::CheckpointWriter;
+use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::gpu::Gpu;
@@ -82,6 +84,8 @@ pub struct Session {
     trainer: Trainer,
     raster: Arc<Rasterizer>,
     dataset: Dataset,
+    /// The cameras of all views as they were loaded, where the training refines its own.
+    loaded_cameras: Option<Vec<Camera>>,
     config: TrainConfig,
     folder: Option<OutputFolder>,
     records: Records,

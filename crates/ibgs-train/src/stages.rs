@@ -105,6 +105,11 @@ impl ImageStages {
         })
     }
 
+    /// Reads the training views from these cameras, in local coordinates, from here on.
+    pub fn set_cameras(&mut self, cameras: &Arc<[Camera]>) {
+        self.cameras = cameras.clone();
+    }
+
     /// Records the count of the network's weights that are not finite.
     pub fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
         self.network_optimizer.record_check(pass, broken);

@@ -13,6 +13,7 @@ use super::densify::free_space::FreeSpace;
 use super::densify::{self, Round, Statistics, Strategy};
 use super::exposing::Exposing;
 use super::optim::Optimizer;
+use super::refining::Refining;
 use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
 use crate::loss::{ImageLoss, Loss};
@@ -50,6 +51,8 @@ pub struct Trainer {
     statistics: Statistics,
     /// The photos' exposures, where they are corrected.
     exposing: Option<Exposing>,
+    /// The photos' cameras, where they learn.
+    refining: Option<Refining>,
     recorder: Recorder,
     telemetry: Telemetry,
     /// Cameras of the training views, in local coordinates.
@@ -161,6 +164,35 @@ impl Trainer {
     /// When the device is lost.
     pub fn exposure(&self) -> Result<Option<ExposureField>, GpuError> {
         self.exposing.as_ref().map(|exposing| exposing.field(&self.scene_cameras)).transpose()
+    }
+
+    /// The cameras of the training views in the scene's coordinates, as the training has them now.
+    pub fn cameras(&self) -> &Arc<[Camera]> {
+        &self.scene_cameras
+    }
+
+    /// The mean angle, in radians, and the mean distance, as a part of the distance to what a view shows, by which the training
+    /// views' cameras were moved; none where they are not refined.
+    pub fn moved_cameras(&self) -> Option<[f64; 2]> {
+        self.refining.as_ref().map(Refining::moved)
+    }
+
+    /// Takes the steps of the cameras that are due.
+    fn refine(&mut self) -> Result<(), GpuError> {
+        let rate = self.caution * self.schedule.poses_lr(self.iteration);
+        let Some(refining) = &mut self.refining else { return Ok(()) };
+        if refining.step(rate)? {
+            let [scene, local] = refining.cameras();
+            self.set_cameras(&scene, &local);
+        }
+        Ok(())
+    }
+
+    /// Sees the training views from these cameras from here on, and so do its members.
+    fn set_cameras(&mut self, scene: &Arc<[Camera]>, local: &Arc<[Camera]>) {
+        (self.scene_cameras, self.cameras) = (scene.clone(), local.clone());
+        self.stages.iter_mut().for_each(|stages| stages.set_cameras(local));
+        self.members.iter_mut().for_each(|member| member.set_cameras(scene, local));
     }
 
     /// Colour behind the Gaussians.

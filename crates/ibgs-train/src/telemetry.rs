@@ -2,9 +2,9 @@
 //! long past them and nothing waits. The delay is a fixed number of iterations, so that a run repeats exactly.
 
 use crate::loss::ImageStats;
+use crate::readback::Readback;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Mark, Pass};
 use serde::{Deserialize, Serialize};
-use std::sync::mpsc::{Receiver, channel};
 
 /// Iterations between two readbacks.
 const RING: usize = 32;
@@ -39,7 +39,7 @@ struct Pending {
 #[derive(Debug)]
 enum Words {
     /// On their way.
-    Mapping(Receiver<Result<(), wgpu::BufferAsyncError>>, Mark),
+    Coming(Readback),
     /// Read already, for a checkpoint.
     Here(Vec<u32>),
 }
@@ -125,11 +125,8 @@ impl Recorder {
         }
         let end = pass.submit_marked();
         if full {
-            let (sender, mapped) = channel();
-            self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
-                let _ = sender.send(result);
-            });
-            self.pending = Some(Pending { words: Words::Mapping(mapped, end.clone()), capacities: self.capacities });
+            let words = Words::Coming(Readback::new(&self.staging, end.clone()));
+            self.pending = Some(Pending { words, capacities: self.capacities });
         }
         let telemetry = if self.written % RING == DELAY { self.collect(gpu)? } else { None };
         Ok((end, telemetry))
@@ -144,26 +141,9 @@ impl Recorder {
         let Some(Pending { words, capacities }) = self.pending.take() else { return Ok(None) };
         let words = match words {
             Words::Here(words) => words,
-            Words::Mapping(mapped, mark) => self.answer(gpu, &mapped, mark)?,
+            Words::Coming(readback) => readback.words(gpu, &self.staging)?,
         };
         Ok(Some((words, capacities)))
-    }
-
-    /// Waits for a readback.
-    fn answer(
-        &self,
-        gpu: &Gpu,
-        mapped: &Receiver<Result<(), wgpu::BufferAsyncError>>,
-        mark: Mark,
-    ) -> Result<Vec<u32>, GpuError> {
-        let failed = |e: String| GpuError::Readback(e);
-        gpu.wait_for(mark)?;
-        gpu.answer(mapped)?.map_err(|e| failed(e.to_string()))?;
-        let range = self.staging.get_mapped_range(..).map_err(|e| failed(e.to_string()))?;
-        let words = bytemuck::pod_collect_to_vec(&range[..]);
-        drop(range);
-        self.staging.unmap();
-        Ok(words)
     }
 
     /// Reads everything back; waits for the GPU.

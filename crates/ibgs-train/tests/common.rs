@@ -1,7 +1,8 @@
 //! Models as a training has them, and their gradients under burn's autodiff, in the shapes of the twins.
 
 use burn::tensor::{Tensor, TensorData};
-use ibgs_core::raster::RasterView;
+use ibgs_core::camera_change::CameraChange;
+use ibgs_core::raster::{CameraGradients, RasterView};
 use ibgs_core::scene::PerGaussian;
 use ibgs_core::sources::{WarpOptions, Warper};
 use ibgs_reference::geometry_backward::Cotangents;
@@ -43,12 +44,28 @@ impl GpuGradients {
 
 /// Runs forward and backward under burn's autodiff.
 pub fn gradients(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> GpuGradients {
+    gradients_with(p, view, cotangent, None)
+}
+
+/// Gradient of `sum(cotangent * image)` by the camera.
+pub fn camera_gradient_of_image(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> CameraChange {
+    let cameras = CameraGradients::new(&gpu(), 0).unwrap();
+    gradients_with(p, view, cotangent, Some(&cameras));
+    cameras.read(&gpu()).unwrap()[0]
+}
+
+fn gradients_with(
+    p: &Params,
+    view: &RasterView,
+    cotangent: &[[f64; 3]],
+    cameras: Option<&CameraGradients>,
+) -> GpuGradients {
     let raster = rasterizer();
     let model = parameters(p);
     // Makes room for every intersection.
     raster.render(model.splats(), view).unwrap();
     let leaves = Leaves::new(&gpu(), &model).unwrap();
-    let (image, _pass) = autodiff::rasterized(&raster, &leaves, view).unwrap();
+    let (image, _pass) = autodiff::rasterized(&raster, &leaves, view, cameras).unwrap();
     let shape = image.dims();
     let cotangent: Vec<f32> = cotangent.as_flattened().iter().map(|v| *v as f32).collect();
     let cotangent = Tensor::<3>::from_data(TensorData::new(cotangent, shape), &image.device());
@@ -74,6 +91,8 @@ pub struct GpuSurface {
     pub most_visible: u32,
     /// Gradients by tensor name.
     pub grads: Vec<(&'static str, Vec<f64>)>,
+    /// Gradients by the cameras of target and sources.
+    pub cameras: Vec<CameraChange>,
 }
 
 impl GpuSurface {
@@ -92,7 +111,8 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
     let warper = Warper::new(gpu.clone(), warping);
     let leaves = Leaves::new(&gpu, &model).unwrap();
-    let (image, forward) = autodiff::rasterized(&raster, &leaves, view).unwrap();
+    let cameras = CameraGradients::new(&gpu, sources.len()).unwrap();
+    let (image, forward) = autodiff::rasterized(&raster, &leaves, view, Some(&cameras)).unwrap();
     let (warped, pass) = autodiff::warped(&warper, &image, &forward, &sources).unwrap();
     let seen = pass.seen;
     let surface = forward.surface().unwrap();
@@ -129,5 +149,5 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let parameters = g.parameters.map(|gradient| values(gradient.expect("a surface has plane gradients")));
     let pairs = [("xy_pixels", pair(0)), ("xy_pixels_abs", pair(2))];
     let grads = TENSORS.into_iter().zip(parameters.into_array()).chain(pairs).collect();
-    GpuSurface { outputs, source, error, most_visible, grads }
+    GpuSurface { outputs, source, error, most_visible, grads, cameras: cameras.read(&gpu).unwrap() }
 }

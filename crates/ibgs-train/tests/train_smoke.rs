@@ -8,6 +8,7 @@ mod inputs;
 mod masks;
 mod memory;
 mod own;
+mod poses;
 mod start;
 mod units;
 

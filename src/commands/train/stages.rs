@@ -4,7 +4,7 @@ use super::heading;
 use super::options::{set, set_some};
 use crate::commands::word;
 use clap::Args as ClapArgs;
-use ibgs_core::config::{ExposureSwitch, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, PoseSwitch, TrainConfig};
 use ibgs_core::residual::Precision;
 use ibgs_core::sources::find::Distances;
 use ibgs_core::sources::memory::MemoryBudget;
@@ -35,6 +35,9 @@ pub struct StageArgs {
     /// Correct the exposure of the photos: `on`, `off` or `auto` (where they differ) [default: auto].
     #[arg(long, value_parser = word::<ExposureSwitch>(), help_heading = heading::SCENE)]
     exposure: Option<ExposureSwitch>,
+    /// Refine the cameras of the training photos with the Gaussians, poses and focal lengths: `on` or `off` [default: off].
+    #[arg(long, value_parser = word::<PoseSwitch>(), help_heading = heading::SCENE)]
+    refine_poses: Option<PoseSwitch>,
     /// Neighbouring photos (sources) read for each view, 1 to 8 [default: 4].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
     sources: Option<u32>,
@@ -91,6 +94,7 @@ impl StageArgs {
         set_some(&mut c.residual.factor, &self.residual_factor);
         set(&mut c.residual.precision, &self.precision);
         set(&mut c.exposure.enabled, &self.exposure);
+        set(&mut c.poses.refine, &self.refine_poses);
     }
 }
 
@@ -119,11 +123,13 @@ mod tests {
         let s = &c.sources;
         assert_eq!((s.used, s.visible, s.max_angle_deg, s.max_distance), (2, 1, 50.0, Some(4.5)));
         assert_eq!(s.memory, MemoryBudget::Bytes(2 << 30));
-        let c = config("--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure on");
+        let c = config(
+            "--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure on --refine-poses on",
+        );
         assert_eq!((c.sources.distances, c.sources.max_distance), (Distances::Absolute, None));
         assert_eq!(
-            (c.surface.intersections, c.residual.factor, c.exposure.enabled),
-            (8, Some(0.5), ExposureSwitch::On)
+            (c.surface.intersections, c.residual.factor, c.exposure.enabled, c.poses.refine),
+            (8, Some(0.5), ExposureSwitch::On, PoseSwitch::On)
         );
         for line in ["--source-distance far", "--source-distance -1", "--source-memory much"] {
             assert!(Line::try_parse_from(["ibgs"].into_iter().chain(line.split_whitespace())).is_err(), "{line}");

@@ -117,7 +117,8 @@ impl TrainConfig {
         check_sources(&self.sources, &check)?;
         self.surface.check(&check)?;
         self.residual.check(&check)?;
-        self.exposure.check(&check)
+        self.exposure.check(&check)?;
+        self.poses.check(&check)
     }
 
     fn check_counts(&self, check: &Check<'_>) -> Result<(), ConfigError> {

@@ -4,7 +4,7 @@ use crate::dataset::LoadOptions;
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{
-    AdamConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, ResidualConfig,
+    AdamConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, PoseConfig, ResidualConfig,
     SourceOptions, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
 };
 
@@ -38,6 +38,7 @@ impl Default for TrainConfig {
             surface: SurfaceConfig::default(),
             residual: ResidualConfig::default(),
             exposure: ExposureConfig::default(),
+            poses: PoseConfig::default(),
         }
     }
 }

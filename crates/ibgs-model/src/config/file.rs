@@ -152,6 +152,7 @@ mod tests {
             ("[residual]\nburn-in-gain = -0.5", "residual.burn-in-gain"),
             ("[residual]\ndropout = 1.0", "residual.dropout"),
             ("[exposure]\nlearning-rate = nan", "exposure.learning-rate"),
+            ("[poses]\nfinal-learning-rate = 0.0", "poses.final-learning-rate"),
         ];
         for (text, field) in cases {
             let message = load(text).unwrap_err().to_string();

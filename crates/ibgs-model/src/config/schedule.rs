@@ -66,6 +66,10 @@ pub struct Schedule {
     pub exposure_start: u32,
     /// Learning rates of the exposures at the start and at the end.
     pub exposure_lr: [f64; 2],
+    /// Cameras learn after this iteration.
+    pub poses_start: u32,
+    /// Learning rates of the cameras at the start and at the end.
+    pub poses_lr: [f64; 2],
     /// Milestones of the image-based stages; none for plain splatting.
     pub stages: Option<Stages>,
 }
@@ -129,6 +133,8 @@ impl Schedule {
             save_iterations: reports(&config.save_iterations),
             exposure_start: exposure.from.unwrap_or_else(|| scaled(1_000)),
             exposure_lr: [exposure.learning_rate, exposure.final_learning_rate].map(|rate| factor * rate),
+            poses_start: config.poses.from.unwrap_or_else(|| scaled(500)),
+            poses_lr: [config.poses.learning_rate, config.poses.final_learning_rate],
             stages: Stages::new(config, n_iterations, scaled),
         }
     }
@@ -159,8 +165,17 @@ impl Schedule {
 
     /// Learning rate of the photos' exposures: log-linear from the first to the last.
     pub fn exposure_lr(&self, iteration: u32) -> f64 {
-        let [first, last] = self.exposure_lr.map(f64::ln);
-        (first + (last - first) * self.progress(iteration)).exp()
+        log_linear(self.exposure_lr, self.progress(iteration))
+    }
+
+    /// Whether the training photos' cameras learn in this iteration, where they do.
+    pub fn poses_at(&self, iteration: u32) -> bool {
+        iteration > self.poses_start
+    }
+
+    /// Learning rate of the cameras, in radians: log-linear from the first to the last.
+    pub fn poses_lr(&self, iteration: u32) -> f64 {
+        log_linear(self.poses_lr, self.progress(iteration))
     }
 
     /// Part of the run that is done, 0 to 1.
@@ -187,6 +202,11 @@ fn scale(reference: u32, n: u32) -> u32 {
     let half = u64::from(REFERENCE_ITERATIONS) / 2;
     let rounded = (n + half) / u64::from(REFERENCE_ITERATIONS);
     u32::try_from(rounded).unwrap_or(u32::MAX).max(1)
+}
+
+/// From the first to the last, evenly in the logarithm.
+fn log_linear([first, last]: [f64; 2], progress: f64) -> f64 {
+    (first.ln() + (last.ln() - first.ln()) * progress).exp()
 }
 
 #[cfg(test)]

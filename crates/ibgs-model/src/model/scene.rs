@@ -1,10 +1,12 @@
 //! The scene that a model was trained on, loaded where its photos or cameras are needed.
 
 use super::{Model, ModelError, scene_check};
-use crate::config::TrainConfig;
+use crate::camera::Camera;
+use crate::config::{PoseSwitch, TrainConfig};
 use crate::dataset::{self, Dataset};
 use crate::output::cameras::{self, Split};
 use crate::progress::Progress;
+use std::collections::HashMap;
 use std::error::Error;
 use std::path::Path;
 
@@ -69,7 +71,20 @@ impl Model {
         };
         let (train, test) = (split(Split::Train)?, split(Split::Test)?);
         (dataset.train, dataset.test) = (train, test);
+        if config.poses.refine != PoseSwitch::Off {
+            self.give_cameras(&mut dataset);
+        }
         Ok(dataset)
+    }
+
+    /// Gives the views of the scene the cameras that the training has refined.
+    fn give_cameras(&self, dataset: &mut Dataset) {
+        let listed: HashMap<_, _> = self.cameras.iter().map(|record| (record.name.as_str(), record.camera)).collect();
+        for view in &mut dataset.views {
+            let size = |camera: &Camera| [camera.width, camera.height];
+            let refined = listed.get(view.name.as_str()).filter(|camera| size(camera) == size(&view.camera));
+            view.camera = refined.copied().unwrap_or(view.camera);
+        }
     }
 
     /// Compares a scene with the cameras that another program's folder lists, where it does.

@@ -1,12 +1,14 @@
 //! The backward pass.
 
 use super::workspace::Workspace;
-use super::{Forward, tile_grid};
+use super::{Forward, Surface, tile_grid};
 use crate::gpu::{Buffer, Gpu, Pass};
 use crate::scene::{Harmonics, PerGaussian, Splats};
+use ibgs_shaders::CAMERA_GROUPS;
 use ibgs_shaders::bindings::{
-    PlanesBackwardBindings, ProjectBackwardBindings, RasterizeBackwardBindings, RasterizeSurfaceBackwardBindings,
-    SumRowsBindings, SumRowsSurfaceBindings,
+    PlanesBackwardBindings, PlanesCameraBindings, ProjectBackwardBindings, ProjectCameraBindings,
+    RasterizeBackwardBindings, RasterizeSurfaceBackwardBindings, SumRowsBindings, SumRowsSurfaceBindings,
+    SurfaceCameraBindings,
 };
 
 /// Where the gradients of one backward pass go, float32; contents before are overwritten.
@@ -20,7 +22,7 @@ pub struct RasterGradients {
 
 impl Forward {
     /// Gradients from that of the image, `[H, W, 3]`, and, with a surface, from those that were added to it
-    /// ([`Surface::v`](super::Surface::v)).
+    /// ([`Surface::v`](super::Surface::v)). That by the camera is added to [`Forward::cameras`].
     ///
     /// # Panics
     /// When the pass did not keep what its gradients need, `v` lacks some or has too many, or the spherical harmonics are halves: bugs of
@@ -81,7 +83,64 @@ impl Forward {
                     v_isect_plane,
                 };
                 pass.grid(&blend, &s.frame, grid);
+                self.record_lens(pass, s);
             }
+        }
+    }
+
+    /// What the surface's rays say of the lens.
+    fn record_lens(&self, pass: &mut Pass, surface: &Surface) {
+        let (Some(cameras), Some(v)) = (&self.cameras, &surface.v) else { return };
+        let bindings = SurfaceCameraBindings {
+            planes: &surface.planes,
+            sorted_gaussians: &self.workspace.sorted_gaussians,
+            tile_ranges: &self.workspace.tile_ranges,
+            intersections: &surface.intersections,
+            intersection_entries: &v.entries,
+            v_median_depth: &v.median_depth,
+            v_intersections: &v.intersections,
+            partials: cameras.partials(),
+        };
+        pass.groups(&bindings, &surface.frame, CAMERA_GROUPS as usize);
+        cameras.record_target(pass);
+    }
+
+    /// What the sums by Gaussian say of the camera; before they become gradients of the parameters.
+    fn record_camera(&self, pass: &mut Pass, splats: &Splats, base: Base, planes: Option<[&Buffer<f32>; 2]>) {
+        let Some(cameras) = &self.cameras else { return };
+        let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
+        let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
+        let partials = cameras.partials();
+        let Base { v_rotations, v_log_scales, v_screen, .. } = base;
+        let project = ProjectCameraBindings {
+            means,
+            rotations: &splats.rotations(),
+            log_scales,
+            sh,
+            projected,
+            tile_counts,
+            total,
+            v_rotations,
+            v_log_scales,
+            v_screen,
+            partials,
+        };
+        pass.groups(&project, &self.frame, CAMERA_GROUPS as usize);
+        cameras.record_target(pass);
+        if let Some((s, [v_normals, v_plane_offsets])) = self.surface.as_ref().zip(planes) {
+            let planes = PlanesCameraBindings {
+                means,
+                normals,
+                plane_offsets,
+                planes: &s.planes,
+                tile_counts,
+                total,
+                v_normals,
+                v_plane_offsets,
+                partials,
+            };
+            pass.groups(&planes, &self.frame, CAMERA_GROUPS as usize);
+            cameras.record_target(pass);
         }
     }
 
@@ -131,7 +190,9 @@ impl Forward {
         let v_rotations = v.parameters.rotations.as_ref().expect("the base has gradients").cast();
         let base = Base::of(v, &v_rotations);
         let surface = self.surface.as_ref().zip(v.parameters.normals.as_ref().zip(v.parameters.offsets.as_ref()));
-        self.record_sums(pass, splats.count, base, surface.map(|(_, (normals, offsets))| [normals, offsets]));
+        let planes = surface.map(|(_, (normals, offsets))| [normals, offsets]);
+        self.record_sums(pass, splats.count, base, planes);
+        self.record_camera(pass, splats, base, planes);
         let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen } = base;
         let project = ProjectBackwardBindings {
             means,

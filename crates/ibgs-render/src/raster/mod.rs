@@ -7,8 +7,10 @@
 //!
 //! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface`, or `rasterize_surface_image`
 //! without gradients, takes the place of `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
+//! For gradients by the camera ([`Forward::cameras`]) `surface_camera`, `project_camera` and `planes_camera` join it too.
 
 mod backward;
+mod camera;
 mod dropout;
 mod lists;
 mod surface;
@@ -16,6 +18,7 @@ mod view;
 mod workspace;
 
 pub use backward::RasterGradients;
+pub use camera::CameraGradients;
 pub use dropout::{Dropout, iteration_seed};
 pub use surface::{Surface, SurfaceOptions};
 pub use view::{RasterView, Shape};
@@ -61,6 +64,8 @@ pub struct Forward {
     pub workspace: Arc<Lease<Workspace>>,
     /// What the view's [`RasterView::surface`] asked for.
     surface: Option<Arc<Lease<Surface>>>,
+    /// Where the backward passes of this view add the gradients by cameras; none where nobody asks for them.
+    pub cameras: Option<CameraGradients>,
 }
 
 const LABEL: &str = "rasterize";
@@ -202,7 +207,7 @@ impl Rasterizer {
                 s.record(pass, (&ws, sorted_gaussians), &image, grid);
             }
         }
-        Ok(Forward { image, frame, workspace: Arc::new(self.pool.lease(ws)), surface })
+        Ok(Forward { image, frame, workspace: Arc::new(self.pool.lease(ws)), surface, cameras: None })
     }
 
     fn leased_workspace(&self, splats: &Splats, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {

@@ -5,10 +5,10 @@ use super::DevicePhoto;
 use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
-use crate::raster::{Forward, Surface};
-use ibgs_shaders::TILE;
-use ibgs_shaders::bindings::{WarpBackwardBindings, WarpBindings};
+use crate::raster::{CameraGradients, Forward, Surface};
+use ibgs_shaders::bindings::{WarpBackwardBindings, WarpBindings, WarpCameraBindings};
 use ibgs_shaders::types::{SourceParams, VisibleParams};
+use ibgs_shaders::{CAMERA_GROUPS, TILE};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -99,6 +99,7 @@ pub struct Warped {
     pub visible: u32,
     surface: Arc<Lease<Surface>>,
     sources: Vec<(SourceView, SourceParams)>,
+    cameras: Option<CameraGradients>,
 }
 
 impl Warped {
@@ -108,7 +109,7 @@ impl Warped {
     }
 
     /// Adds the gradients by the surface's depths and weights to the surface's own, where the rasterizer's backward pass reads
-    /// them, from those by the colours, `[V, P, 4]`.
+    /// them, from those by the colours, `[V, P, 4]`, and those by the cameras to [`Forward::cameras`].
     ///
     /// # Panics
     /// When the surface was made without gradients: a bug of ours.
@@ -127,8 +128,31 @@ impl Warped {
                 v_median_depth: &v.median_depth,
             };
             pass.grid(&buffers, params, tiles(params.size));
+            if let Some(cameras) = &self.cameras {
+                self.record_camera(&mut pass, (source, params), v_colors, cameras);
+            }
         }
         pass.submit();
+    }
+
+    /// What the warping of a source says of its camera and of the target's.
+    fn record_camera(
+        &self,
+        pass: &mut Pass,
+        (source, params): (&SourceView, &SourceParams),
+        v_colors: &Buffer<[f32; 4]>,
+        cameras: &CameraGradients,
+    ) {
+        let bindings = WarpCameraBindings {
+            median_depth: &self.surface.median_depth,
+            intersections: &self.surface.intersections,
+            photo: &source.photo.texels,
+            seen: &self.seen.visible,
+            v_warped: v_colors,
+            partials: cameras.partials(),
+        };
+        pass.groups(&bindings, params, CAMERA_GROUPS as usize);
+        cameras.record_both(pass, params.index);
     }
 }
 
@@ -252,6 +276,7 @@ impl Warper {
             used.push((source.clone(), params));
         }
         let seen = Arc::new(self.pool.lease(seen));
-        Ok(Warped { colors, seen, visible: self.options.visible, surface: surface.clone(), sources: used })
+        let (visible, cameras) = (self.options.visible, forward.cameras.clone());
+        Ok(Warped { colors, seen, visible, surface: surface.clone(), sources: used, cameras })
     }
 }

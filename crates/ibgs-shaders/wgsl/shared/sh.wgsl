@@ -73,3 +73,9 @@ fn sh_basis_gradient(d: vec3<f32>, i: u32) -> vec3<f32> {
         default: { return vec3(0.0); }
     }
 }
+
+// From the gradient by the unit direction of an offset to that by the offset.
+fn along_sphere(offset: vec3<f32>, v_direction: vec3<f32>) -> vec3<f32> {
+    let direction = normalize(offset);
+    return (v_direction - direction * dot(direction, v_direction)) / length(offset);
+}

@@ -6,7 +6,7 @@ use crate::tensor::{bind, bind_rows, empty, empty_like};
 use burn::tensor::Tensor;
 use burn_cubecl::tensor::CubeTensor;
 use ibgs_core::gpu::{Gpu, GpuError};
-use ibgs_core::raster::{Forward, Keep, RasterGradients, RasterView, Rasterizer};
+use ibgs_core::raster::{CameraGradients, Forward, Keep, RasterGradients, RasterView, Rasterizer};
 use ibgs_core::scene::{PerGaussian, Splats};
 
 /// What the image is made of: the parameters and the screen positions.
@@ -62,14 +62,21 @@ impl Leaves {
 }
 
 /// Rasterizes tracked Gaussians: image `[H, W, 3]` on the autodiff graph, and the pass's scratch memory (radii and intersection
-/// count), which stays valid as long as it is held.
+/// count), which stays valid as long as it is held. Everything that is made of the pass adds its gradient by the cameras to
+/// `cameras`.
 ///
 /// # Errors
 /// Not enough memory.
-pub fn rasterized(raster: &Rasterizer, leaves: &Leaves, view: &RasterView) -> Result<(Tensor<3>, Forward), GpuError> {
+pub fn rasterized(
+    raster: &Rasterizer,
+    leaves: &Leaves,
+    view: &RasterView,
+    cameras: Option<&CameraGradients>,
+) -> Result<(Tensor<3>, Forward), GpuError> {
     let (gpu, splats) = (raster.gpu().clone(), leaves.splats.clone());
     let image = empty(&gpu, "image", &[view.camera.height as usize, view.camera.width as usize, 3])?;
-    let forward = raster.forward(&splats, view, Keep::Gradients, bind(&image))?;
+    let mut forward = raster.forward(&splats, view, Keep::Gradients, bind(&image))?;
+    forward.cameras = cameras.cloned();
     let pass = forward.clone();
     let parents_of_image = parents(leaves.parameters.clone().map(on_graph), on_graph(leaves.screen.clone()));
     let image = node(parents_of_image, |_| {

@@ -31,7 +31,7 @@ impl Checkpoint {
     /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums show damage.
     ///
     /// ```text
-    /// checkpoint.json   {"format": 6, "version": "0.1.0", "scene": checksum of cameras, names and photos}
+    /// checkpoint.json   {"format": 7, "version": "0.1.0", "scene": checksum of cameras, names and photos}
     /// config.toml       the options
     /// state.json        iteration, random state, order of the views, exposures ...
     /// run.json          times, curves and measurements so far

@@ -3,6 +3,7 @@
 mod file;
 
 use super::optim::Moments;
+use super::refining::RefinementState;
 use super::telemetry::{RecorderState, Telemetry};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::exposure::{Exposure, ExposureState};
@@ -21,7 +22,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-pub const FORMAT: u32 = 6;
+pub const FORMAT: u32 = 7;
 
 /// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
@@ -100,6 +101,7 @@ pub(super) struct TrainingState {
     /// Part of the learning rates that counts.
     pub caution: f64,
     pub exposure: Option<Vec<ExposureState>>,
+    pub poses: Option<RefinementState>,
     /// Training views with their pixels, whose depth maps are here.
     pub depths: BTreeMap<usize, usize>,
     pub telemetry: Telemetry,
@@ -145,6 +147,7 @@ impl Checkpoint {
     /// Whether every number of the model and its optimiser is finite.
     pub fn is_finite(&self) -> bool {
         self.state.exposure.iter().flatten().all(ExposureState::is_finite)
+            && self.state.poses.iter().all(RefinementState::is_finite)
             && self.tensors().iter().all(|(_, values)| values.iter().all(|v| v.is_finite()))
             && self.members.iter().all(Self::is_finite)
     }
@@ -220,6 +223,8 @@ impl Checkpoint {
         require(self.depths.iter().all(fits), "a depth map does not fit its view")?;
         let exposures = state.exposure.as_ref().is_none_or(|states| states.len() == views);
         require(exposures, "the number of exposures is not that of the views")?;
+        let poses = state.poses.as_ref().is_none_or(|state| state.is_sound(views));
+        require(poses, "its cameras are not those of the views")?;
         require(state.recorder.is_sound(state.iteration), "its telemetry has a wrong length")?;
         let lengths = [state.extent, state.prune_length, state.caution];
         require(lengths.iter().all(|v| v.is_finite() && *v > 0.0), "its scene extent is not positive")?;

@@ -15,7 +15,7 @@ use burn::tensor::Tensor;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError};
-use ibgs_core::raster::Surface;
+use ibgs_core::raster::{CameraGradients, Surface};
 use ibgs_core::sources::DevicePhoto;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -44,6 +44,8 @@ pub struct LossInputs<'a> {
     pub shown: &'a Tensor<3>,
     /// The surface, from two epochs before the surface losses on.
     pub surface: Option<&'a Surface>,
+    /// Gradients by cameras, to which a loss that reads a camera adds its own; none where nobody asks for them.
+    pub cameras: Option<&'a CameraGradients>,
     /// The sources, where a loss or the final image reads them.
     pub warped: Option<&'a WarpedSources>,
     /// The final image `[H, W, 3]`, once the residual has begun.

@@ -9,11 +9,13 @@ use burn_cubecl::tensor::CubeTensor;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::pool::{Lease, Pool};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
-use ibgs_core::raster::Surface;
+use ibgs_core::raster::{CameraGradients, Surface};
 use ibgs_core::sources::DevicePhoto;
-use ibgs_shaders::TILE;
-use ibgs_shaders::bindings::{DepthNormalsBindings, LossMeanBindings, NormalLossBackwardBindings, NormalLossBindings};
+use ibgs_shaders::bindings::{
+    DepthNormalsBindings, LossMeanBindings, NormalLossBackwardBindings, NormalLossBindings, NormalLossCameraBindings,
+};
 use ibgs_shaders::types::{MeanParams, SurfaceParams};
+use ibgs_shaders::{CAMERA_GROUPS, TILE};
 use std::sync::Arc;
 
 /// The surface that a forward pass met, and where the gradients by it are gathered. Pixels row by row, P of them; four
@@ -34,6 +36,8 @@ pub struct SurfaceBuffers {
     pub focal: [f32; 2],
     /// Principal point minus one half: the pixel with index x lies at x.
     pub principal: [f32; 2],
+    /// Gradients by cameras; losses add that by the lens to the target's. None where nobody asks for them.
+    pub cameras: Option<CameraGradients>,
 }
 
 impl SurfaceBuffers {
@@ -51,6 +55,7 @@ impl SurfaceBuffers {
             size: [camera.width, camera.height],
             focal: camera.focal.as_vec2().to_array(),
             principal: (camera.principal - 0.5).as_vec2().to_array(),
+            cameras: None,
         })
     }
 
@@ -68,6 +73,7 @@ impl SurfaceBuffers {
             size: [surface.camera.width, surface.camera.height],
             focal: surface.camera.focal.as_vec2().to_array(),
             principal: surface.options.principal(&surface.camera),
+            cameras: None,
         }
     }
 
@@ -172,6 +178,12 @@ impl NormalLoss {
                 let (photo, v_loss) = (&photo.texels, &upstream);
                 let buffers = NormalLossBackwardBindings { depth, normal, photo, v_loss, v_depth, v_normal };
                 pass.grid(&buffers, &params, surface.tiles());
+                if let Some(cameras) = &surface.cameras {
+                    let partials = cameras.partials();
+                    let buffers = NormalLossCameraBindings { depth, normal, photo, v_loss, partials };
+                    pass.groups(&buffers, &params, CAMERA_GROUPS as usize);
+                    cameras.record_target(&mut pass);
+                }
                 pass.submit();
                 None
             };
@@ -187,7 +199,8 @@ impl Loss for NormalLoss {
 
     fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
         let counts = inputs.schedule.normal_loss_at(inputs.iteration) && self.weight > 0.0;
-        let surface = inputs.surface.filter(|_| counts).map(SurfaceBuffers::of);
+        let of = |surface| SurfaceBuffers { cameras: inputs.cameras.cloned(), ..SurfaceBuffers::of(surface) };
+        let surface = inputs.surface.filter(|_| counts).map(of);
         surface.map(|surface| self.tracked(inputs.image, &surface, inputs.target)).transpose()
     }
 }
@@ -195,10 +208,11 @@ impl Loss for NormalLoss {
 /// Against the twins, forward and backward.
 #[cfg(test)]
 mod kernels {
-    use super::{NormalLoss, SurfaceBuffers};
+    use super::{CameraGradients, NormalLoss, SurfaceBuffers};
     use crate::tensor::{device, values};
     use burn::tensor::{Tensor, TensorData};
     use ibgs_core::camera::Camera;
+    use ibgs_core::camera_change::CameraChange;
     use ibgs_core::dataset::Photo;
     use ibgs_core::gpu::Pass;
     use ibgs_core::sources::DevicePhoto;
@@ -215,6 +229,8 @@ mod kernels {
         loss: f64,
         v_depth: Vec<f64>,
         v_normal: Vec<f64>,
+        /// By the target's camera and a source's.
+        cameras: Vec<CameraChange>,
     }
 
     /// Loss and gradients on the GPU; the upstream gradient is 3. The gradients are what was added to `before`.
@@ -228,6 +244,7 @@ mod kernels {
             normal: gpu.upload("normal", &narrow(normal.as_flattened())).unwrap(),
             v_depth: gpu.upload("v_depth", &vec![before; depth.len()]).unwrap(),
             v_normal: gpu.upload("v_normal", &vec![before; 3 * depth.len()]).unwrap(),
+            cameras: Some(CameraGradients::new(&gpu, 1).unwrap()),
             ..SurfaceBuffers::new(&gpu, camera).unwrap()
         };
         let pixels = depth.len();
@@ -246,6 +263,7 @@ mod kernels {
             loss: values(loss.inner())[0],
             v_depth: read(&surface.v_depth, pixels),
             v_normal: read(&surface.v_normal, 3 * pixels),
+            cameras: surface.cameras.unwrap().read(&gpu).unwrap(),
         }
     }
 
@@ -273,17 +291,20 @@ mod kernels {
             let what = format!("{width} x {height}");
             let expected = normal_loss(seen, &depth, &normal, WEIGHT);
             let error = (ours.loss - expected).abs() / expected;
-            let (v_depth, v_normal) = normal_loss_backward(seen, &depth, &normal, 3.0 * WEIGHT);
-            let by_depth = relative_error(&ours.v_depth, &v_depth);
-            let by_normal = relative_error(&ours.v_normal, v_normal.as_flattened());
-            println!("{what}: loss {error:.1e}, by depth {by_depth:.1e}, by normal {by_normal:.1e}");
+            let v = normal_loss_backward(seen, &depth, &normal, 3.0 * WEIGHT);
+            let by_depth = relative_error(&ours.v_depth, &v.depth);
+            let by_normal = relative_error(&ours.v_normal, v.normal.as_flattened());
+            let [own, other] = ours.cameras[..] else { panic!("{} cameras", ours.cameras.len()) };
+            let by_lens = relative_error(&own.to_array(), &v.camera.to_array());
+            println!("{what}: loss {error:.1e}, by depth {by_depth:.1e}, normal {by_normal:.1e}, lens {by_lens:.1e}");
             assert!(error <= 1e-5, "{what}: loss {} against {expected}", ours.loss);
-            assert!(by_depth <= 1e-4 && by_normal <= 1e-5, "{what}");
-            for (a, b) in ours.v_depth.iter().zip(&v_depth) {
+            assert!(by_depth <= 1e-4 && by_normal <= 1e-5 && by_lens <= 1e-4, "{what}");
+            assert_eq!(other, CameraChange::default(), "{what}: a source");
+            for (a, b) in ours.v_depth.iter().zip(&v.depth) {
                 assert!(*b != 0.0 || *a == 0.0, "{what}: {a} where the truth is zero");
             }
-            assert_eq!(v_depth.iter().any(|v| *v != 0.0), width >= 3 && height >= 3, "{what}: gradient by depth");
-            assert!(v_normal.as_flattened().iter().any(|v| *v != 0.0), "{what}: gradient by normal");
+            assert_eq!(v.depth.iter().any(|v| *v != 0.0), width >= 3 && height >= 3, "{what}: gradient by depth");
+            assert!(v.normal.as_flattened().iter().any(|v| *v != 0.0), "{what}: gradient by normal");
         }
     }
 

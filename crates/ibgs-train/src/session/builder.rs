@@ -13,7 +13,7 @@ use crate::loss::Loss;
 use crate::memory::Needs;
 use crate::{Trainer, exposure_trial, find_points};
 use ibgs_core::camera::Camera;
-use ibgs_core::config::{ExposureSwitch, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, PoseSwitch, TrainConfig};
 use ibgs_core::dataset::{Dataset, shown_by_any};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::load_scene;
@@ -223,6 +223,7 @@ impl Loaded {
             checkpoints: CheckpointWriter::new(folder.clone(), every),
             trainer,
             raster,
+            loaded_cameras: Session::refined_from(&dataset, config.poses.refine != PoseSwitch::Off),
             dataset,
             config,
             folder,
@@ -232,7 +233,7 @@ impl Loaded {
             lost_records: None,
             _lock: lock,
         };
-        Ok(builder.with_records(session))
+        builder.with_records(session)
     }
 }
 
@@ -278,7 +279,7 @@ impl SessionBuilder {
     }
 
     /// The session with the records of the training that it resumes, and with its command line.
-    fn with_records(self, mut session: Session) -> Session {
+    fn with_records(self, mut session: Session) -> Result<Session> {
         if let Some(checkpoint) = self.stopped.as_ref().map(StoppedTraining::checkpoint) {
             session.checkpoints.resumed(checkpoint.iteration());
             match Records::deserialize(&checkpoint.run) {
@@ -287,7 +288,8 @@ impl SessionBuilder {
             }
         }
         session.records.commands.extend(self.command);
-        session
+        session.adopt_cameras()?;
+        Ok(session)
     }
 }
 

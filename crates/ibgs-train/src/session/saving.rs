@@ -44,6 +44,9 @@ impl Member {
 impl Session {
     /// Saves and measures.
     pub(super) fn do_due(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
+        if due.save || due.evaluate {
+            self.adopt_cameras()?;
+        }
         if due.save {
             // Wait for a checkpoint that is being written: on a small disk its temporary file could take the space
             // needed here.
@@ -68,7 +71,8 @@ impl Session {
             return error;
         };
         let members: Vec<Member> = iter::once(&*checkpoint).chain(&checkpoint.members).map(Member::kept).collect();
-        let saved = self.write(&folder, checkpoint.iteration(), &members);
+        let adopted = self.adopt_cameras().map_err(SessionError::from);
+        let saved = adopted.and_then(|()| self.write(&folder, checkpoint.iteration(), &members));
         // Without the curves the error is reported all the same.
         if saved.is_ok() {
             let _ = folder.write_log(&self.records.log);
@@ -186,6 +190,7 @@ impl Session {
             gaussians: self.trainer.splats().len(),
             stages: self.records.watch.sentence(),
             exposure,
+            moved_cameras: self.trainer.moved_cameras(),
             resumable: resumable.map(|folder| folder.root().to_owned()),
         }));
         if is_whole { self.checkpoints.clear() } else { kept }

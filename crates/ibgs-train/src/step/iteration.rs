@@ -5,6 +5,7 @@ use super::{TrainError, Trainer};
 use crate::autodiff::{self, Leaves, SplatGradients};
 use crate::densify::Step;
 use crate::optim::Rates;
+use crate::refining::Refining;
 use crate::telemetry::Telemetry;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::dataset::HostPhoto;
@@ -35,6 +36,7 @@ impl Trainer {
     /// One iteration, and its end on the device.
     pub(super) fn iterate(&mut self) -> Result<Mark, TrainError> {
         self.restructure()?;
+        self.refine()?;
         let batches = !self.losses.iter().any(|loss| loss.uses_burn());
         let _batch = batches.then(|| Batch::new(&self.gpu));
         self.iteration += 1;
@@ -60,9 +62,15 @@ impl Trainer {
             stages.keep_depth(&mut pass, index, &rendered.forward)?;
         }
         self.record_check(&mut pass);
+        let learns = self.schedule.poses_at(self.iteration);
+        let mut refining = self.refining.as_mut().filter(|_| learns);
+        let staging = refining.as_mut().map(|refining| refining.record_copy(&mut pass));
         let (stats, forward) = (&total.scratch.stats, &rendered.forward);
         let capacity = u64::from(forward.frame.capacity);
         let (end, telemetry) = self.recorder.submit(&gpu, pass, stats, &forward.workspace.total, capacity)?;
+        if let Some((refining, staging)) = refining.zip(staging) {
+            refining.sent(index, &rendered.sources, staging, end.clone());
+        }
         if let Some(telemetry) = telemetry {
             self.note(telemetry)?;
         }
@@ -89,7 +97,9 @@ impl Trainer {
         let sources = self.sources(index, iteration);
         let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
         let leaves = Leaves::new(&self.gpu, &self.parameters)?;
-        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index))?;
+        let refining = self.refining.as_ref().filter(|_| self.schedule.poses_at(iteration));
+        let cameras = refining.map(Refining::cleared);
+        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index), cameras)?;
         let shown = match &exposures {
             Some(exposures) => autodiff::exposed(exposures, &image, &forward)?,
             None => image.clone(),

@@ -6,6 +6,7 @@ use crate::densify::Statistics;
 use crate::exposing::Exposing;
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
+use crate::refining::Refining;
 use crate::stages::ImageStages;
 use crate::telemetry::Recorder;
 use ibgs_core::config::schedule::Schedule;
@@ -50,6 +51,11 @@ impl Trainer {
                 exposing
             }
         };
+        if let (Some(refining), Some(state)) = (&mut self.refining, &state.poses) {
+            refining.restore(state);
+            let [scene, local] = refining.cameras();
+            self.set_cameras(&scene, &local);
+        }
         self.recorder = Recorder::from_state(&gpu, &state.recorder)?;
         self.telemetry = state.telemetry;
         self.queue = state.queue.clone();
@@ -99,6 +105,7 @@ impl Trainer {
         let gaussians = self.splats().download(&gpu)?;
         let statistics = self.statistics.values(&gpu)?;
         let exposure = self.exposing.as_ref().map(Exposing::states).transpose()?;
+        let poses = self.refining.as_mut().map(Refining::state).transpose()?;
         let recorder = self.recorder.state(&gpu)?;
         // Data read from a lost device looks like any other result.
         gpu.check()?;
@@ -118,6 +125,7 @@ impl Trainer {
             room: self.raster.capacity(),
             caution: self.caution,
             exposure,
+            poses,
             depths: depths.iter().map(|(&view, depth)| (view, depth.len())).collect(),
             telemetry: self.telemetry,
             recorder,

@@ -7,6 +7,7 @@ use crate::exposing::Exposing;
 use crate::loss::{ImageLoss, losses};
 use crate::optim::Optimizer;
 use crate::parameters::Parameters;
+use crate::refining::Refining;
 use crate::stages::ImageStages;
 use crate::telemetry::{Recorder, Telemetry};
 use glam::Vec3;
@@ -27,6 +28,9 @@ use std::sync::Arc;
 
 /// A training begins with so many Gaussians that some camera shows, or with one of a hundred.
 const LEAST_SHOWN: usize = 100;
+
+/// Points that the distance of what a view shows is measured by.
+const MOST_LOOKED_AT: usize = 20_000;
 
 /// At most `most` points, evenly taken from the list.
 fn thinned(points: &[Point], most: usize) -> Cow<'_, [Point]> {
@@ -55,6 +59,18 @@ impl Lengths {
         };
         Self { extent, prune_length }
     }
+}
+
+/// The median depth of the points that each camera shows, in local units; the scene's extent where it shows none.
+fn lengths_of(cameras: &[Camera], dataset: &Dataset, extent: f64) -> Vec<f64> {
+    let space = dataset.space();
+    let points: Vec<_> = thinned(&dataset.points, MOST_LOOKED_AT).iter().map(|p| space.to_local(p.position)).collect();
+    let depth = |camera: &Camera| {
+        let mut depths: Vec<f64> = points.iter().filter_map(|point| Some(camera.seen(*point)?.1)).collect();
+        depths.sort_unstable_by(f64::total_cmp);
+        depths.get(depths.len() / 2).copied().unwrap_or(extent)
+    };
+    cameras.par_iter().map(depth).collect()
 }
 
 impl Trainer {
@@ -169,6 +185,7 @@ impl Trainer {
             optimizer: Optimizer::new(&gpu, splats, config.adam.clone(), config.method)?,
             statistics: Statistics::new(&gpu, splats.len())?,
             exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
+            refining: Refining::new(&gpu, (&cameras, space), || lengths_of(&cameras, dataset, extent), config)?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),

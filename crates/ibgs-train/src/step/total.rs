@@ -55,6 +55,7 @@ impl Trainer {
             image,
             shown,
             surface: forward.surface().map(|surface| &***surface),
+            cameras: forward.cameras.as_ref(),
             warped: warped.as_ref(),
             final_image: final_image.as_ref().map(|made| &made.image),
         };

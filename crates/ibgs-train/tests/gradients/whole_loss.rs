@@ -102,7 +102,7 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let flat: Vec<f32> = case.weights.iter().map(|w| *w as f32).collect();
     let weights =
         Tensor::<1>::from_data(TensorData::new(flat, [WEIGHTS]), device(&gpu).unwrap()).autodiff().require_grad();
-    let (base, forward) = autodiff::rasterized(&raster, &leaves, &view).unwrap();
+    let (base, forward) = autodiff::rasterized(&raster, &leaves, &view, None).unwrap();
     let warper = Warper::new(gpu.clone(), warping(scene));
     let (warped, pass) = autodiff::warped(&warper, &base, &forward, &sources).unwrap();
     let seen = &pass.seen;

@@ -32,7 +32,7 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         // Makes room for every intersection.
         raster.render(model.splats(), &view).unwrap();
         let leaves = Leaves::new(&gpu, &model).unwrap();
-        let (image, forward) = autodiff::rasterized(&raster, &leaves, &view).unwrap();
+        let (image, forward) = autodiff::rasterized(&raster, &leaves, &view, None).unwrap();
         let twin_forward = render_twin(&params, &camera, background.map(f64::from), 1);
         let colors = values(image.clone().inner()).as_chunks().0.to_vec();
         let twin = Image { colors, transmittance: twin_forward.final_t, background: background.map(f64::from) };
@@ -53,7 +53,7 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         let through = leaves.gradients(&mut through).unwrap();
         let by_numbers = gpu.read(exposures.v_target(), 2).unwrap().into_flattened();
         let straight = Leaves::new(&gpu, &model).unwrap();
-        let (image, _) = autodiff::rasterized(&raster, &straight, &view).unwrap();
+        let (image, _) = autodiff::rasterized(&raster, &straight, &view, None).unwrap();
         let flat: Vec<f32> = v_image.as_flattened().iter().map(|v| *v as f32).collect();
         let cotangent = Tensor::<3>::from_data(TensorData::new(flat, [21, 33, 3]), device(&gpu).unwrap()).autodiff();
         let mut plain = (image * cotangent).sum().backward();

@@ -3,6 +3,7 @@
 
 mod adam;
 mod bench;
+mod camera;
 mod densify;
 mod expose;
 mod finite;

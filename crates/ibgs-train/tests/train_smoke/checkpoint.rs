@@ -1,10 +1,11 @@
 //! Checkpoints: a training goes on from one as if nothing had happened.
 
+use super::poses::training_cameras;
 use super::units::moved;
 use super::{densifying, poison};
 use crate::small::{dataset, model, staged};
 use crate::small::{run, trainer};
-use ibgs_core::config::{ExposureSwitch, Method, Strategy, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, Method, PoseSwitch, Strategy, TrainConfig};
 use ibgs_core::dataset::{Dataset, Photo};
 use ibgs_reference::gpu::rasterizer;
 use ibgs_testing::TINY;
@@ -23,6 +24,8 @@ fn everything(iterations: u32) -> TrainConfig {
     config.opacity_reset.interval = Some(20);
     config.exposure.enabled = ExposureSwitch::On;
     config.exposure.from = Some(5);
+    config.poses.refine = PoseSwitch::On;
+    config.poses.from = Some(3);
     config.densify.grad_threshold = 1e-5;
     config
 }
@@ -48,6 +51,7 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
         let mut whole = trainer(&dataset, &config);
         run(&mut whole, 40);
         let expected = model(&whole);
+        assert_ne!(**whole.cameras(), *training_cameras(&dataset), "the cameras must learn");
         let mut training = trainer(&dataset, &config);
         let first = training.splats().len();
         // In every stage, right before and after rounds and readbacks, some after having been resumed before.
@@ -64,6 +68,7 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
         run(&mut training, 40);
         assert!(first < expected.0.len(), "the run must densify");
         assert!(model(&training) == expected, "{:?}: another model", config.densify.strategy);
+        assert_eq!(training.cameras(), whole.cameras(), "{:?}", config.densify.strategy);
     }
 }
 

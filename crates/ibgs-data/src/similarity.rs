@@ -1,0 +1,147 @@
+//! Similarities between the frames of two reconstructions of the same cameras.
+
+use crate::camera::Camera;
+use glam::{DMat3, DQuat, DVec3};
+
+/// Rounds of weighing down the cameras that a fit does not explain.
+const ROUNDS: usize = 4;
+
+/// `x -> scale * rotation * x + translation`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Similarity {
+    /// Positive.
+    pub scale: f64,
+    /// Proper rotation.
+    pub rotation: DMat3,
+    /// Units of the second frame.
+    pub translation: DVec3,
+}
+
+impl Similarity {
+    /// Leaves everything where it is.
+    pub const IDENTITY: Self = Self { scale: 1.0, rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
+
+    /// The one that takes the first camera of each pair to the second, as well as one can: rotations by their mean, scale and
+    /// translation by least squares of the centres, both with less weight for pairs that stand out. Without pairs the identity;
+    /// where all centres are one the scale is 1.
+    pub fn fit(pairs: &[(Camera, Camera)]) -> Self {
+        let mut weights = vec![1.0; pairs.len()];
+        let mut best = Self::IDENTITY;
+        for _ in 0..ROUNDS {
+            best = Self::weighted(pairs, &weights);
+            let moved: Vec<(f64, f64)> = pairs.iter().map(|(from, to)| best.residual(from, to)).collect();
+            let middle = |of: fn(&(f64, f64)) -> f64| {
+                let mut values: Vec<f64> = moved.iter().map(of).collect();
+                values.sort_by(f64::total_cmp);
+                values.get(values.len() / 2).copied().unwrap_or_default()
+            };
+            let typical = (middle(|r| r.0), middle(|r| r.1));
+            let part = |value: f64, typical: f64| if typical > 0.0 { (value / typical).powi(2) } else { 0.0 };
+            for (weight, (angle, distance)) in weights.iter_mut().zip(&moved) {
+                *weight = 1.0 / (1.0 + part(*angle, typical.0) + part(*distance, typical.1));
+            }
+        }
+        best
+    }
+
+    /// Angle in radians and distance by which the image of one camera misses the other.
+    fn residual(&self, from: &Camera, to: &Camera) -> (f64, f64) {
+        let moved = self.camera(from);
+        let turn = DQuat::from_mat3(&(to.view_from_world * moved.view_from_world.transpose()));
+        (2.0 * turn.w.abs().min(1.0).acos(), moved.center().distance(to.center()))
+    }
+
+    fn weighted(pairs: &[(Camera, Camera)], weights: &[f64]) -> Self {
+        let all = || pairs.iter().zip(weights);
+        let total: f64 = weights.iter().sum();
+        if total <= 0.0 {
+            return Self::IDENTITY;
+        }
+        let turn =
+            |(from, to): &(Camera, Camera)| DQuat::from_mat3(&(to.view_from_world.transpose() * from.view_from_world));
+        let first = turn(&pairs[0]);
+        let sum = all().map(|(pair, weight)| {
+            let turn = turn(pair);
+            turn * (weight * turn.dot(first).signum())
+        });
+        let sum = sum.fold(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, turn| sum + turn);
+        let rotation = DMat3::from_quat(if sum.length_squared() > 0.0 { sum.normalize() } else { first });
+        let mean = |of: fn(&(Camera, Camera)) -> DVec3| all().map(|(p, w)| of(p) * *w).sum::<DVec3>() / total;
+        let (from, to) = (mean(|p| p.0.center()), mean(|p| p.1.center()));
+        let (mut product, mut square) = (0.0, 0.0);
+        for ((a, b), weight) in all() {
+            let offset = rotation * (a.center() - from);
+            product += weight * (b.center() - to).dot(offset);
+            square += weight * offset.length_squared();
+        }
+        let scale = if square > 0.0 && product > 0.0 { product / square } else { 1.0 };
+        Self { scale, rotation, translation: to - scale * (rotation * from) }
+    }
+
+    /// A point of the first frame in the second.
+    pub fn point(&self, point: DVec3) -> DVec3 {
+        self.scale * (self.rotation * point) + self.translation
+    }
+
+    /// A camera of the first frame in the second.
+    pub fn camera(&self, camera: &Camera) -> Camera {
+        let view_from_world = camera.view_from_world * self.rotation.transpose();
+        let center = self.point(camera.center());
+        Camera { view_from_world, translation: -(view_from_world * center), ..*camera }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera_change::CameraChange;
+    use glam::DVec2;
+
+    fn cameras() -> Vec<Camera> {
+        let camera = |i: u32| {
+            let angle = f64::from(i) * 0.3;
+            let view_from_world = DMat3::from_rotation_y(angle) * DMat3::from_rotation_x(0.2 * angle.sin());
+            Camera {
+                width: 40,
+                height: 30,
+                focal: DVec2::splat(30.0),
+                principal: DVec2::new(20.0, 15.0),
+                view_from_world,
+                translation: DVec3::new(0.1 * angle, 0.3, 4.0 + 0.2 * angle.cos()),
+            }
+        };
+        (0..21).map(camera).collect()
+    }
+
+    #[test]
+    fn a_similarity_is_found_again_whatever_a_few_cameras_do() {
+        let truth = Similarity {
+            scale: 1.7,
+            rotation: DMat3::from_rotation_z(2.5) * DMat3::from_rotation_x(0.4),
+            translation: DVec3::new(3.0, -1.0, 0.5),
+        };
+        let astray = CameraChange::from_array([0.5, 0.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let pair = |(i, camera): (usize, Camera)| {
+            let there = truth.camera(&camera);
+            (camera, if i % 7 == 3 { there.changed(&astray) } else { there })
+        };
+        let exact: Vec<_> = cameras().into_iter().map(|camera| (camera, truth.camera(&camera))).collect();
+        let spoilt: Vec<_> = cameras().into_iter().enumerate().map(pair).collect();
+        for (pairs, tolerance) in [(exact, 1e-12), (spoilt, 2e-2)] {
+            let found = Similarity::fit(&pairs);
+            assert!((found.scale - truth.scale).abs() < tolerance, "{found:?}");
+            assert!(found.rotation.abs_diff_eq(truth.rotation, tolerance), "{found:?}");
+            assert!(found.translation.abs_diff_eq(truth.translation, 5.0 * tolerance), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_to_fit_is_no_change() {
+        assert_eq!(Similarity::fit(&[]), Similarity::IDENTITY);
+        let camera = cameras()[0];
+        let same = Similarity::fit(&[(camera, camera)]);
+        assert!((same.scale - 1.0).abs() < 1e-15 && same.rotation.abs_diff_eq(DMat3::IDENTITY, 1e-12));
+        let moved = same.camera(&camera);
+        assert!(moved.translation.abs_diff_eq(camera.translation, 1e-12));
+    }
+}

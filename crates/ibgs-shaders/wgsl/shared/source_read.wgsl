@@ -1,0 +1,26 @@
+// The bilinear read of a source's photo, as it is differentiated. The kernel imports `source` and declares `photo`.
+
+struct Read {
+    valid: bool,
+    // Gradient of the loss by the colour read, times the colour, and the same along the texel coordinates.
+    color: f32,
+    slope: vec2<f32>,
+}
+
+fn read_photo(l: Landing, v: vec3<f32>) -> Read {
+    let t00 = photo[l.texel];
+    let t10 = photo[l.texel + 1u];
+    let t01 = photo[l.texel + params.source_size.x];
+    let t11 = photo[l.texel + params.source_size.x + 1u];
+    let c = vec4(
+        dot(v, unpack4x8unorm(t00).rgb),
+        dot(v, unpack4x8unorm(t10).rgb),
+        dot(v, unpack4x8unorm(t01).rgb),
+        dot(v, unpack4x8unorm(t11).rgb),
+    );
+    var read: Read;
+    read.valid = (t00 & t10 & t01 & t11 & 0x80000000u) != 0u;
+    read.color = dot(bilinear_weights(l.fraction), c);
+    read.slope = mix(vec2(c.y - c.x, c.z - c.x), vec2(c.w - c.z, c.w - c.y), l.fraction.yx);
+    return read;
+}
