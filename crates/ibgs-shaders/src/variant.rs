@@ -13,10 +13,16 @@ pub struct MatrixUnits {
 }
 
 impl MatrixUnits {
-    fn constants(self) -> String {
+    /// What a kernel with this text needs. Those that only prepare or sum what the units multiply have no matrices, and run
+    /// where nothing but halves is there.
+    fn constants(self, text: &str) -> String {
         let Self { side, lanes } = self;
+        let sizes = format!("const SIDE: u32 = {side}u;\nconst LANES: u32 = {lanes}u;\n");
+        if !["MatrixA", "MatrixB", "MatrixC"].iter().any(|matrix| text.contains(matrix)) {
+            return format!("enable f16;\n{sizes}");
+        }
         format!(
-            "enable f16;\nenable wgpu_cooperative_matrix;\nconst SIDE: u32 = {side}u;\nconst LANES: u32 = {lanes}u;\n\
+            "enable f16;\nenable wgpu_cooperative_matrix;\n{sizes}\
              alias MatrixA = coop_mat{side}x{side}<f16, A>;\nalias MatrixB = coop_mat{side}x{side}<f16, B>;\n\
              alias MatrixC = coop_mat{side}x{side}<f32, C>;\n"
         )
@@ -48,7 +54,8 @@ impl Variant {
                 )
             }
             Self::Matrix(units) => {
-                format!("{}{}{}", units.constants(), constants(), resolve(kernel, source, &[], shared))
+                let text = resolve(kernel, source, &[], shared);
+                format!("{}{}{text}", units.constants(&text), constants())
             }
         }
     }

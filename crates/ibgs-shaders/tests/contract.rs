@@ -6,7 +6,7 @@ use ibgs_shaders::{
     types,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
-use naga::{AddressSpace, Module, StorageAccess};
+use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use std::marker::PhantomData;
 
 /// Every kernel's module as a GPU gets it, without subgroups and with; those for matrix units as an H100 and as a software
@@ -121,6 +121,10 @@ fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for()
         assert!(size <= most * 1024, "{}: {size} bytes", kernel.name);
         assert_eq!(size_of(AddressSpace::Immediate), kernel.immediates, "{}", kernel.name);
         assert!(kernel.immediates <= 128, "{}", kernel.name);
+        // naga translates no others to HLSL.
+        let immediate = module.global_variables.iter().find(|(_, v)| v.space == AddressSpace::Immediate);
+        let is_struct = immediate.is_none_or(|(_, v)| matches!(module.types[v.ty].inner, TypeInner::Struct { .. }));
+        assert!(is_struct, "{}: immediate data is no struct", kernel.name);
     }
 }
 
@@ -194,7 +198,8 @@ fn buffers_come_in_binding_order_with_the_parameters_of_their_kernel() {
     let buffers = bindings::ExposeTotalBindings { exposures, partials, v_exposure };
     assert_eq!(launched(&buffers, &()).2, 0);
     let (values, copied) = (&rows("0"), &rows("1"));
-    let (_, numbers, size) = launched(&bindings::BenchCopyBindings { values, copied }, &7_u32);
+    let (_, numbers, size) =
+        launched(&bindings::BenchCopyBindings { values, copied }, &types::CountParams { count: 7 });
     assert_eq!((numbers, size), (vec!["0", "1"], 4));
 }
 
@@ -210,5 +215,8 @@ fn buffers_have_the_rows_that_their_kernel_declares() {
     assert_eq!(launched(&buffers, &types::SweepParams::default()).1[2], "found");
     // Atomics are numbers to the host.
     let (values, broken) = (&rows::<u32>("values"), &rows::<u32>("broken"));
-    assert_eq!(launched(&bindings::FiniteBindings { values, broken }, &7_u32).1, ["values", "broken"]);
+    assert_eq!(
+        launched(&bindings::FiniteBindings { values, broken }, &types::CountParams { count: 7 }).1,
+        ["values", "broken"]
+    );
 }

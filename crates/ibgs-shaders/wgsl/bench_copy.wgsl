@@ -2,10 +2,8 @@
 #set train
 #stage other
 // One thread a vec4: a copy, to measure how fast memory is read and written.
+#import count_params
 #import index
-
-/// Number of vec4.
-var<immediate> count: u32;
 
 @group(0) @binding(0) var<storage, read> values: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read_write> copied: array<vec4<f32>>;
@@ -17,7 +15,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let i = linear_workgroup(wid, groups) * 256u + local;
-    if i < count {
+    if i < params.count {
         copied[i] = values[i];
     }
 }

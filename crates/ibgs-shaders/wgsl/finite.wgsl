@@ -3,10 +3,8 @@
 #stage other
 // One thread a value: counts the values that are not finite. It tests their bits, because compilers may assume that
 // floats are finite.
+#import count_params
 #import index
-
-/// Number of values.
-var<immediate> count: u32;
 
 @group(0) @binding(0) var<storage, read> values: array<u32>;
 @group(0) @binding(1) var<storage, read_write> broken: array<atomic<u32>>;
@@ -20,7 +18,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let i = linear_workgroup(wid, groups) * 256u + local;
-    if i < count && (values[i] & EXPONENT) == EXPONENT {
+    if i < params.count && (values[i] & EXPONENT) == EXPONENT {
         atomicAdd(&broken[0], 1u);
     }
 }

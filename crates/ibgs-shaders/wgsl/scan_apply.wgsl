@@ -5,7 +5,7 @@
 // takes less time than a launch in between. The last block writes the grand total.
 #import index
 #import scan_block
-#import scan_length
+#import count_params
 
 @group(0) @binding(0) var<storage, read> values: array<u32>;
 @group(0) @binding(1) var<storage, read> block_sums: array<u32>;
@@ -19,7 +19,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let block = linear_workgroup(wid, groups);
-    let blocks = (count + SCAN_BLOCK - 1u) / SCAN_BLOCK;
+    let blocks = (params.count + SCAN_BLOCK - 1u) / SCAN_BLOCK;
     var before = 0u;
     for (var k = local; k < min(block, blocks); k += 256u) {
         before += block_sums[k];
@@ -27,7 +27,7 @@ fn main(
     let start = scan_block(local, before).total;
     // Each thread has values in a row.
     let first = block * SCAN_BLOCK + local * (SCAN_BLOCK / 256u);
-    let behind = min(first + SCAN_BLOCK / 256u, count);
+    let behind = min(first + SCAN_BLOCK / 256u, params.count);
     var own = 0u;
     for (var i = first; i < behind; i++) {
         own += values[i];

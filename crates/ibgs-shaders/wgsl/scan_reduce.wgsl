@@ -4,7 +4,7 @@
 // First step of the prefix sum: the sum of every block of SCAN_BLOCK elements.
 #import index
 #import scan_block
-#import scan_length
+#import count_params
 
 @group(0) @binding(0) var<storage, read> values: array<u32>;
 @group(0) @binding(1) var<storage, read_write> block_sums: array<u32>;
@@ -19,12 +19,12 @@ fn main(
     var sum = 0u;
     for (var k = 0u; k < SCAN_BLOCK / 256u; k++) {
         let i = block * SCAN_BLOCK + k * 256u + local;
-        if i < count {
+        if i < params.count {
             sum += values[i];
         }
     }
     let result = scan_block(local, sum);
-    if local == 0u && block * SCAN_BLOCK < count {
+    if local == 0u && block * SCAN_BLOCK < params.count {
         block_sums[block] = result.total;
     }
 }

@@ -7,7 +7,7 @@ use ibgs_core::config::{AdamConfig, Method, TrainConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::bindings::{AdamBindings, FiniteBindings, OpacityResetBindings};
-use ibgs_shaders::types::{AdamParams, OpacityResetParams};
+use ibgs_shaders::types::{AdamParams, CountParams, OpacityResetParams};
 
 /// Rates of one step, three a tensor: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
 /// the share of the rest that is lost, times its rate.
@@ -53,7 +53,7 @@ impl Learned {
     fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
         // The kernel looks at their bits.
         let buffers = FiniteBindings { values: &self.parameter.cast(), broken };
-        pass.linear(&buffers, &(self.count as u32), self.count);
+        pass.linear(&buffers, &CountParams { count: self.count as u32 }, self.count);
     }
 
     /// Reads the moments back.

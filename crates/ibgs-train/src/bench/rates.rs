@@ -3,7 +3,7 @@
 use super::median;
 use ibgs_core::gpu::{Gpu, GpuError, Pass, RawBuffer};
 use ibgs_shaders::bindings::{BenchCopyBindings, BenchFmaBindings};
-use ibgs_shaders::types::FmaParams;
+use ibgs_shaders::types::{CountParams, FmaParams};
 use ibgs_shaders::{BENCH_FMAS, Bindings};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -68,7 +68,7 @@ fn bandwidth(gpu: &Gpu) -> Result<f64, GpuError> {
     let count = (COPIED[usize::from(gpu.is_software())].min(gpu.binding_limit()) / 16) as u32;
     let [from, to] = [gpu.allocate("copy", count as usize)?, gpu.allocate("copy", count as usize)?];
     let buffers = BenchCopyBindings { values: &from, copied: &to };
-    let ms = median_time(&mut || time(gpu, &buffers, &count, count as usize))?;
+    let ms = median_time(&mut || time(gpu, &buffers, &CountParams { count }, count as usize))?;
     Ok(2.0 * 16.0 * f64::from(count) / (1e-3 * ms))
 }
 

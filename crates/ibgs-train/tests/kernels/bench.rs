@@ -4,7 +4,7 @@ use ibgs_core::gpu::Pass;
 use ibgs_reference::gpu::gpu;
 use ibgs_shaders::BENCH_FMAS;
 use ibgs_shaders::bindings::{BenchCopyBindings, BenchFmaBindings};
-use ibgs_shaders::types::FmaParams;
+use ibgs_shaders::types::{CountParams, FmaParams};
 use ibgs_train::bench::Rates;
 
 #[test]
@@ -15,7 +15,7 @@ fn the_copy_is_a_copy() {
     let values: Vec<[f32; 4]> = (0..=count).map(|i| [1.0, 2.0, 3.0, 4.0].map(|v| v + 4.0 * i as f32)).collect();
     let (from, to) = (gpu.upload("from", &values).unwrap(), gpu.allocate("to", count as usize + 1).unwrap());
     let mut pass = Pass::new(&gpu, "test");
-    pass.linear(&BenchCopyBindings { values: &from, copied: &to }, &count, count as usize);
+    pass.linear(&BenchCopyBindings { values: &from, copied: &to }, &CountParams { count }, count as usize);
     pass.submit();
     let copied = gpu.read(&to, values.len()).unwrap();
     let (inside, outside) = copied.split_at(count as usize);

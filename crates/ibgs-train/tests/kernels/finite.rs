@@ -3,6 +3,7 @@
 use ibgs_core::gpu::Pass;
 use ibgs_reference::gpu::gpu;
 use ibgs_shaders::bindings::FiniteBindings;
+use ibgs_shaders::types::CountParams;
 
 #[test]
 fn what_is_not_finite_is_counted() {
@@ -13,7 +14,7 @@ fn what_is_not_finite_is_counted() {
         let (uploaded, broken) = (gpu.upload("values", values).unwrap(), gpu.upload("broken", &[0u32]).unwrap());
         let mut pass = Pass::new(&gpu, "test");
         // Beyond the count lie values that are not looked at.
-        let looked_at = values.len() as u32 - 1;
+        let looked_at = CountParams { count: values.len() as u32 - 1 };
         pass.linear(&FiniteBindings { values: &uploaded.cast(), broken: &broken }, &looked_at, values.len());
         pass.submit();
         gpu.read(&broken, 1).unwrap()[0]

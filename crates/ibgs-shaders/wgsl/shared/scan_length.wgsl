@@ -1,2 +1,0 @@
-/// Number of values.
-var<immediate> count: u32;
