@@ -1,4 +1,5 @@
-//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`).
+//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`), with masks of walkers in
+//! `walkers/`.
 //!
 //! Only the photos are read back: poses and points follow from the options. Each file is written to a temporary name
 //! and renamed, so an interrupted run leaves whole files, which the next run keeps.
