@@ -10,7 +10,7 @@ mod start;
 mod terminal;
 mod window;
 
-pub use demo::DemoDefaults;
+pub use demo::{DemoDefaults, demo_scene};
 pub use start::{Reports, prepare, requested};
 pub use window::{Failure, Watched};
 

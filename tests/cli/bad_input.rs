@@ -144,7 +144,7 @@ fn options_of_a_scene_on_disk_do_not_pass_silently_for_the_built_in_one() {
 #[test]
 fn option_files_with_mistakes() {
     let (sandbox, _) = Sandbox::with_scene();
-    let cases: [(&str, &[&str]); 10] = [
+    let cases: [(&str, &[&str]); 12] = [
         ("seed = 1\nsead = 2\n", &["run.toml, line 2", "`sead`"]),
         ("[densify]\nintervall = 5\n", &["run.toml, line 2", "`intervall`"]),
         ("iterations = \"many\"\n", &["run.toml, line 1"]),
@@ -152,6 +152,8 @@ fn option_files_with_mistakes() {
         ("[data]\nalpha = \"half\"\n", &["run.toml, line 2", "`half`", "composite"]),
         ("[data]\ncolor-space = \"xyz\"\n", &["run.toml, line 2", "`xyz`"]),
         ("sh-degree = 9\n", &["run.toml", "`sh-degree` is 9"]),
+        ("demo-walkers = 101\n", &["run.toml", "`demo-walkers` is 101", "between 0 and 100"]),
+        ("demo-walkers = -1\n", &["run.toml, line 1"]),
         // Constants of the method, no options.
         ("[exposure]\nmin-pixels = 64\n", &["run.toml, line 2", "`min-pixels`"]),
         ("[exposure]\nmax-dissimilarity = 0.5\n", &["run.toml, line 2", "`max-dissimilarity`"]),

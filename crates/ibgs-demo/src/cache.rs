@@ -1,23 +1,27 @@
-//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`).
+//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`), with masks of walkers in
+//! `walkers/`.
 //!
 //! Only the photos are read back: poses and points follow from the options. Each file is written to a temporary name
 //! and renamed, so an interrupted run leaves whole files, which the next run keeps.
 
-use super::{DemoOptions, VERSION, view_name};
+use super::{VERSION, view_name};
 use glam::DVec3;
 use ibgs_data::camera::Camera;
 use ibgs_data::dataset::{Photo, Point};
 use ibgs_data::files::write_atomically;
+use ibgs_data::progress::Progress;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::io::Error;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// The file that lists the photos.
 const LISTING: &str = "transforms.json";
 
 /// What the cache holds for one photo.
-pub(super) enum Found {
+enum Found {
     /// The photo.
     Photo(Photo),
     /// Nothing readable.
@@ -32,11 +36,10 @@ pub(super) struct Cache {
 }
 
 impl Cache {
-    /// Touches nothing yet.
-    pub fn new(base: Option<PathBuf>, options: &DemoOptions) -> Self {
-        let DemoOptions { width, height, views, samples, points, seed } = options;
-        let key = format!("demo-v{VERSION}-{width}x{height}-{views}v-{samples}s-{points}p-{seed}");
-        Cache { folder: base.map(|base| base.join(key)) }
+    /// The folder of this name in `dir`; none: in `ibgs` of the user's cache folder. Touches nothing yet.
+    pub fn new(dir: Option<&Path>, name: &str) -> Self {
+        let base = dir.map_or_else(|| Some(dirs::cache_dir()?.join("ibgs")), |dir| Some(dir.to_owned()));
+        Cache { folder: base.map(|base| base.join(name)) }
     }
 
     /// A folder that is named.
@@ -44,9 +47,9 @@ impl Cache {
         Cache { folder: Some(folder.to_owned()) }
     }
 
-    /// The scene folder.
-    pub fn folder(&self) -> Option<&Path> {
-        self.folder.as_deref()
+    /// The scene folder; without one a name in its place.
+    pub fn path(&self) -> PathBuf {
+        self.folder.clone().unwrap_or_else(|| PathBuf::from("demo"))
     }
 
     /// Whether the folder is new, or lists a scene of these options and this version.
@@ -58,8 +61,50 @@ impl Cache {
         own.is_some() && own.as_ref() == listed.as_ref().and_then(|listed| listed.get("ibgs_demo"))
     }
 
+    /// The photos of these names: those that are there, and the others made, by their place in the list. Also a note if those
+    /// could not be written.
+    pub fn photos(
+        &self,
+        wanted: &[(String, Camera)],
+        make: impl Fn(usize) -> Photo + Sync,
+        progress: &dyn Progress,
+        notes: &mut Vec<String>,
+    ) -> (Vec<Photo>, Option<String>) {
+        let read = |(name, camera): &(String, Camera)| self.read_photo(name, camera.width, camera.height);
+        let found: Vec<Found> = wanted.par_iter().map(read).collect();
+        let damaged = found.iter().filter(|found| matches!(found, Found::Damaged)).count();
+        if damaged > 0 {
+            notes.push(format!("{damaged} cached photo(s) of the demo scene were damaged and traced again"));
+        }
+        let missing = found.iter().filter(|found| !matches!(found, Found::Photo(_))).count();
+        if missing > 0 {
+            progress.begin("ray tracing the demo scene", missing);
+        }
+        let trouble: Mutex<Option<String>> = Mutex::new(None);
+        let note = || trouble.lock().unwrap_or_else(PoisonError::into_inner);
+        let photos = found
+            .into_par_iter()
+            .enumerate()
+            .map(|(index, found)| {
+                if let Found::Photo(photo) = found {
+                    return photo;
+                }
+                let photo = make(index);
+                let given_up = note().is_some();
+                if !given_up && let Err(message) = self.write_photo(&wanted[index].0, &photo) {
+                    note().get_or_insert(message);
+                }
+                progress.step();
+                photo
+            })
+            .collect();
+        progress.end();
+        let trouble = note().take();
+        (photos, trouble)
+    }
+
     /// Reads one photo.
-    pub fn read_photo(&self, name: &str, width: u32, height: u32) -> Found {
+    fn read_photo(&self, name: &str, width: u32, height: u32) -> Found {
         let Some(folder) = &self.folder else {
             return Found::Missing;
         };
@@ -75,14 +120,29 @@ impl Cache {
         }
     }
 
+    /// Writes one photo unless there is a file of its name; the error is a note for the user.
+    pub fn keep_photo(&self, name: &str, photo: &Photo) -> Result<(), String> {
+        let is_there = self.folder.as_ref().is_some_and(|folder| folder.join("images").join(name).is_file());
+        if is_there { Ok(()) } else { self.write_photo(name, photo) }
+    }
+
     /// Writes one photo; the error is a note for the user.
-    pub fn write_photo(&self, name: &str, photo: &Photo) -> Result<(), String> {
+    fn write_photo(&self, name: &str, photo: &Photo) -> Result<(), String> {
         let rgb: Vec<u8> = photo.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        self.write_png(Path::new("images").join(name), &rgb, [photo.width, photo.height], ExtendedColorType::Rgb8)
+    }
+
+    /// Writes the mask of a photo's walker; the error is a note for the user.
+    pub fn write_mask(&self, name: &str, levels: &[u8], size: [u32; 2]) -> Result<(), String> {
+        self.write_png(Path::new("walkers").join(name), levels, size, ExtendedColorType::L8)
+    }
+
+    fn write_png(&self, name: PathBuf, bytes: &[u8], size: [u32; 2], kind: ExtendedColorType) -> Result<(), String> {
         let mut png = Vec::new();
         image::codecs::png::PngEncoder::new(&mut png)
-            .write_image(&rgb, photo.width, photo.height, ExtendedColorType::Rgb8)
+            .write_image(bytes, size[0], size[1], kind)
             .map_err(|error| self.note(&Error::other(error)))?;
-        self.write(Path::new("images").join(name), &png)
+        self.write(name, &png)
     }
 
     /// Writes `transforms.json` and `points3D.ply` unless they are there already; the error is a note.

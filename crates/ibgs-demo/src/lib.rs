@@ -7,6 +7,7 @@
 mod cache;
 mod cloud;
 mod exposure;
+mod figure;
 mod mesh;
 mod numeric;
 mod poses;
@@ -15,16 +16,15 @@ mod shape;
 mod street;
 mod texture;
 mod trace;
+mod walkers;
 
-use cache::{Cache, Found};
+use cache::Cache;
 use glam::DVec3;
 use ibgs_data::camera::Camera;
 use ibgs_data::dataset::{Dataset, DatasetError, Photo, PointsFrom, View};
 use ibgs_data::progress::Progress;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 pub use exposure::change_exposure;
 pub use mesh::{TriangleMesh, mesh};
@@ -32,6 +32,7 @@ pub use poses::{cameras, look_at};
 pub use scene::{BALL, CUBE, GLOSSY_SPHERE, LAMP, MIRROR, RING, ROOM, STAND, TABLE, is_view_dependent};
 pub use street::{StreetOptions, street};
 pub use trace::{Truth, render_photo, truth};
+pub use walkers::{Walked, WalkerMask, WalkerOptions, WalkerPixel, walkers};
 
 /// Version of the scene; any change to a traced pixel, a pose or a point raises it, and old caches are left behind.
 pub const VERSION: u32 = 2;
@@ -65,6 +66,12 @@ impl DemoOptions {
     /// For a GPU: 120 photos of 640 x 480 pixels and 40,000 points, traced in minutes on two cores.
     pub fn large() -> Self {
         DemoOptions { width: 640, height: 480, views: 120, samples: 3, points: 40_000, seed: 0 }
+    }
+
+    /// Name of the folder that keeps the scene.
+    fn folder_name(&self) -> String {
+        let DemoOptions { width, height, views, samples, points, seed } = self;
+        format!("demo-v{VERSION}-{width}x{height}-{views}v-{samples}s-{points}p-{seed}")
     }
 
     fn validate(&self) -> Result<(), DemoError> {
@@ -123,13 +130,9 @@ pub enum DemoError {
 /// that are traced.
 pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: &dyn Progress) -> Result<Dataset, DemoError> {
     options.validate()?;
-    let base = match cache_dir {
-        Some(dir) => Some(dir.to_path_buf()),
-        None => dirs::cache_dir().map(|dir| dir.join("ibgs")),
-    };
     let traced = Traced {
         scene: scene::scene(),
-        cache: Cache::new(base, options),
+        cache: Cache::new(cache_dir, &options.folder_name()),
         cameras: cameras(options),
         samples: options.samples,
         points: (options.points, options.seed),
@@ -137,15 +140,26 @@ pub fn load(options: &DemoOptions, cache_dir: Option<&Path>, progress: &dyn Prog
     Ok(Dataset { glossy: Some(glossy), ..traced.load(options, progress) })
 }
 
-/// The demo scene as a run was trained on it: in one of its two sizes, by the width of the photos. With a seed every photo has
-/// another exposure.
+/// The demo scene that a run is trained on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RunOptions {
+    /// Width of the photos in pixels, which tells the two sizes of the scene.
+    pub width: u32,
+    /// With a seed every photo has another exposure.
+    pub exposure_seed: Option<u64>,
+    /// Percent of the training photos that show a walker.
+    pub walkers: u32,
+}
+
+/// The demo scene as a run was trained on it, in one of its two sizes.
 ///
 /// # Errors
-/// It has no photos of this width.
-pub fn of_run(width: u32, exposure_seed: Option<u64>, progress: &dyn Progress) -> Result<Dataset, DemoError> {
+/// It has no photos of this width, or the walkers are out of range.
+pub fn of_run(options: &RunOptions, progress: &dyn Progress) -> Result<Dataset, DemoError> {
+    let RunOptions { width, exposure_seed, walkers: percent } = *options;
     let presets = [DemoOptions::small(), DemoOptions::large()];
-    let preset = presets.into_iter().find(|preset| preset.width == width).ok_or(DemoError::Size { width })?;
-    let mut dataset = load(&preset, None, progress)?;
+    let scene = presets.into_iter().find(|preset| preset.width == width).ok_or(DemoError::Size { width })?;
+    let Walked { mut dataset, .. } = walkers(&WalkerOptions { scene, percent }, None, progress)?;
     if let Some(seed) = exposure_seed {
         change_exposure(&mut dataset, seed)?;
     }
@@ -183,24 +197,17 @@ impl Traced<'_> {
     /// Reads what the cache has, traces the rest, and writes it there with the `options` that it was made with.
     fn load(&self, options: &impl Serialize, progress: &dyn Progress) -> Dataset {
         let mut notes = Vec::new();
-        let (photos, trouble) = self.photos(progress, &mut notes);
-        let views: Vec<View> = self
-            .cameras
-            .iter()
-            .zip(photos)
-            .enumerate()
-            .map(|(index, (&camera, photo))| View {
-                name: view_name(index, self.cameras.len()),
-                camera,
-                photo: photo.into(),
-            })
-            .collect();
+        let wanted: Vec<(String, Camera)> =
+            (0..self.cameras.len()).map(|index| (view_name(index, self.cameras.len()), self.cameras[index])).collect();
+        let render = |index: usize| trace::render_in(self.scene, &self.cameras[index], self.samples);
+        let (photos, trouble) = self.cache.photos(&wanted, render, progress, &mut notes);
+        let view = |((name, camera), photo): (_, Photo)| View { name, camera, photo: photo.into() };
+        let views: Vec<View> = wanted.into_iter().zip(photos).map(view).collect();
         let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);
         let points = cloud::points(self.scene, self.points, &views, &train);
         notes.extend(trouble.or_else(|| self.cache.describe(options, &self.cameras, &points).err()));
-        let path = self.cache.folder().map_or_else(|| PathBuf::from("demo"), Path::to_path_buf);
         Dataset {
-            path,
+            path: self.cache.path(),
             views,
             train,
             test,
@@ -211,44 +218,5 @@ impl Traced<'_> {
             glossy: None,
             notes,
         }
-    }
-
-    /// The photos, and a note if they could not be cached.
-    fn photos(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> (Vec<Photo>, Option<String>) {
-        let Self { cache, cameras, .. } = self;
-        let found: Vec<Found> = cameras
-            .par_iter()
-            .enumerate()
-            .map(|(index, camera)| cache.read_photo(&view_name(index, cameras.len()), camera.width, camera.height))
-            .collect();
-        let damaged = found.iter().filter(|found| matches!(found, Found::Damaged)).count();
-        if damaged > 0 {
-            notes.push(format!("{damaged} cached photo(s) of the demo scene were damaged and traced again"));
-        }
-        let missing = found.iter().filter(|found| !matches!(found, Found::Photo(_))).count();
-        if missing > 0 {
-            progress.begin("ray tracing the demo scene", missing);
-        }
-        let trouble: Mutex<Option<String>> = Mutex::new(None);
-        let note = || trouble.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let photos = found
-            .into_par_iter()
-            .enumerate()
-            .map(|(index, found)| {
-                if let Found::Photo(photo) = found {
-                    return photo;
-                }
-                let photo = trace::render_in(self.scene, &cameras[index], self.samples);
-                let given_up = note().is_some();
-                if !given_up && let Err(message) = cache.write_photo(&view_name(index, cameras.len()), &photo) {
-                    note().get_or_insert(message);
-                }
-                progress.step();
-                photo
-            })
-            .collect();
-        progress.end();
-        let trouble = note().take();
-        (photos, trouble)
     }
 }

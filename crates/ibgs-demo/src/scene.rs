@@ -1,5 +1,6 @@
 //! The furniture of the demo room. World axes: z up, floor at z = 0, photos are taken from -y. Lengths in metres.
 
+use super::figure::Figure;
 use super::numeric::sin_cos;
 use super::shape::{Entry, Form, Ray, Solid, box_normal, box_span};
 use super::texture::{ROOM_HALF, Texture};
@@ -24,6 +25,8 @@ pub const CUBE: u8 = 6;
 pub const BALL: u8 = 7;
 /// Object id of the lamps, which shine.
 pub const LAMP: u8 = 8;
+/// Object id of a walker, who stands in single photos and is no part of the scene.
+pub(super) const WALKER: u8 = 9;
 
 /// Whether the colour of an object depends on where it is seen from: the glossy and mirror-like ones.
 pub fn is_view_dependent(object: u8) -> bool {
@@ -78,6 +81,8 @@ pub(super) struct Scene {
     pub objects: Vec<Object>,
     /// The lights of the first room.
     pub lamps: Vec<Lamp>,
+    /// Somebody in the first room, in one photo.
+    pub walker: Option<Figure>,
     /// Box around all objects: centre and half extents.
     cluster: (DVec3, DVec3),
 }
@@ -87,7 +92,7 @@ pub(super) struct Scene {
 pub(super) struct Hit {
     /// Object id.
     pub id: u8,
-    /// Index into the lamps or the objects (0 for the room).
+    /// Index into the lamps, the objects or the walker's parts (0 for the room).
     pub index: usize,
     /// Distance along the ray.
     pub t: f64,
@@ -158,8 +163,14 @@ impl Scene {
                 lamp(1.25, -0.75, 2.30, 1.56, 1.56, 1.64),
                 lamp(0.10, 1.20, 2.20, 1.69, 1.37, 1.04),
             ],
+            walker: None,
             cluster: ((low + high) / 2.0, (high - low) / 2.0 + DVec3::splat(1e-6)),
         }
+    }
+
+    /// The one scene with somebody in it.
+    pub fn with(walker: Figure) -> Scene {
+        Scene { walker: Some(walker), ..Scene::street(1) }
     }
 
     /// Centre of all rooms.
@@ -215,14 +226,29 @@ impl Scene {
                 offer(LAMP, index, &lamp.solid);
             }
         }
+        if let Some((index, Entry { t, normal, local })) = self.meets_walker(ray, hit.t) {
+            hit = Hit { id: WALKER, index, t, normal, local: (local, normal) };
+        }
         hit
     }
 
-    /// Whether an object (not a lamp, not a wall) lies on the ray before distance `reach`.
+    /// Whether an object or a walker (not a lamp, not a wall) is on the ray before distance `reach`.
     pub fn blocked(&self, ray: &Ray, reach: f64) -> bool {
-        self.rooms_along(ray, reach).map(|room| in_room(ray, room)).any(|ray| {
-            self.meets_cluster(&ray) && self.objects.iter().any(|object| object.solid.enter(&ray, reach).is_some())
-        })
+        let mut rooms = self.rooms_along(ray, reach).map(|room| in_room(ray, room));
+        self.meets_walker(ray, reach).is_some()
+            || rooms.any(|ray| {
+                self.meets_cluster(&ray) && self.objects.iter().any(|object| object.solid.enter(&ray, reach).is_some())
+            })
+    }
+
+    /// Whether a ray meets a walker first.
+    pub fn shows_walker(&self, ray: &Ray) -> bool {
+        self.meets_walker(ray, f64::MAX).is_some() && self.nearest(ray).id == WALKER
+    }
+
+    /// The part of the walker, if there is one, that a ray enters first before distance `reach`.
+    fn meets_walker(&self, ray: &Ray, reach: f64) -> Option<(usize, Entry)> {
+        self.walker.as_ref()?.enter(ray, reach)
     }
 
     /// Distance in metres from a point inside the room to the nearest surface, lamps included.
@@ -252,9 +278,12 @@ impl Scene {
         Hit { id: ROOM, index: 0, t, normal: -outward, local: (local, outward) }
     }
 
-    /// Signed distance to the walls and, near the table, to the objects: what dims ambient light.
+    /// Signed distance to the walls, a walker and, near the table, the objects: what dims ambient light.
     pub fn clearance(&self, point: DVec3) -> f64 {
         let mut nearest = self.room_clearance(point);
+        if let Some(walker) = &self.walker {
+            nearest = walker.distance(point, nearest);
+        }
         let point = point - room_offset(self.room_of(point));
         let margin = (point - self.cluster.0).abs() - self.cluster.1;
         if margin.max_element() < nearest {

@@ -152,7 +152,7 @@ fn enter_cuboid(ray: &Ray, half: DVec3) -> Option<Entry> {
 }
 
 /// Distances at which a ray enters and leaves an origin-centred sphere.
-fn sphere_span(ray: &Ray, radius: f64) -> Option<(f64, f64)> {
+pub(super) fn sphere_span(ray: &Ray, radius: f64) -> Option<(f64, f64)> {
     let b = ray.origin.dot(ray.direction);
     let discriminant = b * b - ray.origin.length_squared() + radius * radius;
     if discriminant < 0.0 {

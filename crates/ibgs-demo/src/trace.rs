@@ -1,7 +1,7 @@
 //! Ray tracing: direct light with soft shadows, ambient light dimmed in corners, and mirror bounces.
 
 use super::numeric::{hash, power_of_two, sin_cos, srgb_code};
-use super::scene::{Hit, LAMP, Material, ROOM, Scene, scene};
+use super::scene::{Hit, LAMP, Material, ROOM, Scene, WALKER, scene};
 use super::shape::Ray;
 use super::texture::{Texture, albedo};
 use glam::{DVec2, DVec3};
@@ -77,21 +77,37 @@ pub(super) fn hit_at(scene: &Scene, camera: &Camera, x: f64, y: f64) -> (Hit, Ra
 /// Average over a grid of rays; each ray also looks at its own point of every lamp, which makes shadows soft.
 fn pixel_color(scene: &Scene, camera: &Camera, x: f64, y: f64, samples: u32) -> DVec3 {
     static SPOTS: LazyLock<[DVec3; 16]> = LazyLock::new(lamp_spots);
-    let (step, origin) = (1.0 / f64::from(samples), camera.center());
     let mut sum = DVec3::ZERO;
-    for j in 0..samples {
-        for i in 0..samples {
-            let offset = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) * step;
-            let direction = camera.ray(DVec2::new(x, y) + offset);
-            let spot = match samples {
-                1 => DVec3::ZERO,
-                2..=4 => SPOTS[((j * samples + i) * 7 % 16) as usize],
-                _ => SPOTS[(hash(u64::from(j * samples + i)) % 16) as usize],
-            };
-            sum += shoulder(radiance(scene, Ray { origin, direction }, spot));
-        }
+    for (number, ray) in pixel_rays(camera, x, y, samples) {
+        let spot = match samples {
+            1 => DVec3::ZERO,
+            2..=4 => SPOTS[(number * 7 % 16) as usize],
+            _ => SPOTS[(hash(u64::from(number)) % 16) as usize],
+        };
+        sum += shoulder(radiance(scene, ray, spot));
     }
     sum / f64::from(samples * samples)
+}
+
+/// The grid of rays through a pixel, row by row, with their numbers.
+fn pixel_rays(camera: &Camera, x: f64, y: f64, samples: u32) -> impl Iterator<Item = (u32, Ray)> {
+    let (step, origin) = (1.0 / f64::from(samples), camera.center());
+    (0..samples * samples).map(move |number| {
+        let offset = DVec2::new(f64::from(number % samples) + 0.5, f64::from(number / samples) + 0.5) * step;
+        (number, Ray { origin, direction: camera.ray(DVec2::new(x, y) + offset) })
+    })
+}
+
+/// The pixels in which the walker of a scene is seen: those of which a ray meets it first.
+pub(super) fn walker_pixels(scene: &Scene, camera: &Camera, samples: u32) -> Vec<bool> {
+    let (width, samples) = (camera.width as usize, samples.max(1));
+    (0..width * camera.height as usize)
+        .into_par_iter()
+        .map(|pixel| {
+            let (x, y) = ((pixel % width) as f64, (pixel / width) as f64);
+            pixel_rays(camera, x, y, samples).any(|(_, ray)| scene.shows_walker(&ray))
+        })
+        .collect()
 }
 
 /// Sixteen points spread over the unit sphere.
@@ -137,10 +153,11 @@ pub(super) fn radiance(scene: &Scene, mut ray: Ray, spot: DVec3) -> DVec3 {
 }
 
 fn material_of(scene: &Scene, hit: &Hit) -> Material {
-    if hit.id == ROOM {
-        Material { texture: Texture::Room, reflectance: DVec3::ZERO, sheen: 0.0 }
-    } else {
-        scene.objects[hit.index].material
+    let matt = |texture| Material { texture, reflectance: DVec3::ZERO, sheen: 0.0 };
+    match (&scene.walker, hit.id) {
+        (_, ROOM) => matt(Texture::Room),
+        (Some(walker), WALKER) => matt(Texture::Plain(walker.color(hit.index))),
+        _ => scene.objects[hit.index].material,
     }
 }
 

@@ -4,6 +4,7 @@
 
 mod cache;
 mod scene;
+mod walkers;
 
 use ibgs_data::dataset::Dataset;
 use ibgs_demo::DemoOptions;

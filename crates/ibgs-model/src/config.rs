@@ -91,6 +91,9 @@ pub struct TrainConfig {
     pub source: Option<PathBuf>,
     /// Gives every photo of the demo scene another exposure, by this seed; unset: the same for all.
     pub demo_exposure_seed: Option<u64>,
+    /// Percent of the demo scene's training photos, 0 to 100, that show a walker: a figure with its shadow that stands in one photo
+    /// alone. Held-out photos never show one.
+    pub demo_walkers: u32,
     /// How the scene is loaded.
     pub data: LoadOptions,
     /// Learning rates.

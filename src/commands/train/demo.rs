@@ -4,9 +4,10 @@ use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
 use ibgs_core::config::TrainConfig;
-use ibgs_core::dataset::LoadOptions;
+use ibgs_core::dataset::{Dataset, LoadOptions};
 use ibgs_core::gpu::Gpu;
-use ibgs_demo::DemoOptions;
+use ibgs_core::progress::Progress;
+use ibgs_demo::{DemoError, DemoOptions, RunOptions};
 use ibgs_train::session::Loaded;
 
 /// The demo scene's own defaults.
@@ -63,6 +64,12 @@ pub fn refuse_scene_options(data: &LoadOptions) -> Result<()> {
     }
 }
 
+/// The demo scene with photos of this width, as the options of a training say.
+pub fn demo_scene(width: u32, config: &TrainConfig, progress: &dyn Progress) -> Result<Dataset, DemoError> {
+    let options = RunOptions { width, exposure_seed: config.demo_exposure_seed, walkers: config.demo_walkers };
+    ibgs_demo::of_run(&options, progress)
+}
+
 /// Gives a training the demo scene, and its defaults.
 pub fn load(training: &mut Loaded, gpu: &Gpu) -> Result<()> {
     training.adapt(|config| {
@@ -70,7 +77,7 @@ pub fn load(training: &mut Loaded, gpu: &Gpu) -> Result<()> {
         config.data.eval = true;
     });
     let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
-    let dataset = ibgs_demo::of_run(options.width, training.config().demo_exposure_seed, &Bars::default())?;
+    let dataset = demo_scene(options.width, training.config(), &Bars::default())?;
     for note in &dataset.notes {
         stderr!("note: {note}");
     }

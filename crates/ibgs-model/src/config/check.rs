@@ -129,6 +129,8 @@ impl TrainConfig {
         for (field, seed) in [("seed", self.seed), ("demo-exposure-seed", demo)] {
             check.require(i64::try_from(seed).is_ok(), field, seed, "it must be below 2^63")?;
         }
+        let walkers = self.demo_walkers;
+        check.require(walkers <= 100, "demo-walkers", walkers, "it must lie between 0 and 100")?;
         check.require(self.sh_degree() <= MAX_SH_DEGREE, "sh-degree", self.sh_degree(), "it must be 0, 1, 2 or 3")?;
         let every = self.data.eval_split_every;
         check.require(every >= 2, "data.eval-split-every", every, "it must be at least 2")?;

@@ -29,6 +29,7 @@ impl Default for TrainConfig {
             save_iterations: None,
             source: None,
             demo_exposure_seed: None,
+            demo_walkers: 0,
             data: LoadOptions::default(),
             learning_rates: LearningRates::default(),
             adam: AdamConfig::default(),

@@ -10,8 +10,8 @@ use std::collections::HashMap;
 use std::error::Error;
 use std::path::Path;
 
-/// Makes a scene: with photos of this width, and another exposure for each of them where there is a seed.
-pub type MakeScene = fn(u32, Option<u64>, &dyn Progress) -> Result<Dataset, Box<dyn Error + Send + Sync>>;
+/// Makes a scene: with photos of this width, as the options of the training say.
+pub type MakeScene = fn(u32, &TrainConfig, &dyn Progress) -> Result<Dataset, Box<dyn Error + Send + Sync>>;
 
 impl Model {
     /// Loads the scene where a renderer needs its photos or cameras: once, and not for a model that brings them.
@@ -106,7 +106,7 @@ impl Model {
     fn made_scene(&self, progress: &dyn Progress) -> Result<Dataset, ModelError> {
         let make = self.make_scene.ok_or_else(|| ModelError::NotMade { path: self.path.clone() })?;
         let width = self.cameras.first().ok_or(ModelError::NoCameras)?.camera.width;
-        make(width, self.config.demo_exposure_seed, progress).map_err(ModelError::Made)
+        make(width, &self.config, progress).map_err(ModelError::Made)
     }
 }
 
