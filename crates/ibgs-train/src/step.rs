@@ -167,7 +167,7 @@ impl Trainer {
     }
 
     /// The cameras of the training views in the scene's coordinates, as the training has them now.
-    pub fn cameras(&self) -> &Arc<[Camera]> {
+    pub fn scene_cameras(&self) -> &Arc<[Camera]> {
         &self.scene_cameras
     }
 

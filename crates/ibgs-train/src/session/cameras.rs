@@ -15,7 +15,7 @@ impl Session {
     /// Gives the views the cameras that the training has now, and writes them.
     pub(super) fn adopt_cameras(&mut self) -> Result<(), OutputError> {
         let Some(loaded) = &self.loaded_cameras else { return Ok(()) };
-        let cameras = adopted(loaded, &self.dataset.train, self.trainer.cameras());
+        let cameras = adopted(loaded, &self.dataset.train, self.trainer.scene_cameras());
         self.dataset.views.iter_mut().zip(cameras).for_each(|(view, camera)| view.camera = camera);
         match &self.folder {
             Some(folder) => folder.write_cameras(&self.dataset),

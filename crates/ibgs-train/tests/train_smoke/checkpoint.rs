@@ -51,7 +51,7 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
         let mut whole = trainer(&dataset, &config);
         run(&mut whole, 40);
         let expected = model(&whole);
-        assert_ne!(**whole.cameras(), *training_cameras(&dataset), "the cameras must learn");
+        assert_ne!(**whole.scene_cameras(), *training_cameras(&dataset), "the cameras must learn");
         let mut training = trainer(&dataset, &config);
         let first = training.splats().len();
         // In every stage, right before and after rounds and readbacks, some after having been resumed before.
@@ -68,7 +68,7 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
         run(&mut training, 40);
         assert!(first < expected.0.len(), "the run must densify");
         assert!(model(&training) == expected, "{:?}: another model", config.densify.strategy);
-        assert_eq!(training.cameras(), whole.cameras(), "{:?}", config.densify.strategy);
+        assert_eq!(training.scene_cameras(), whole.scene_cameras(), "{:?}", config.densify.strategy);
     }
 }
 

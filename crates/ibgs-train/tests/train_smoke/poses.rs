@@ -59,15 +59,15 @@ fn cameras_that_are_off_come_nearer_to_the_truth() {
     // The Gaussians stay about where they are.
     config.learning_rates.factor = Some(0.05);
     let mut training = Trainer::from_gaussians(Arc::new(rasterizer()), &disturbed, &config, &model).unwrap();
-    let before = errors(training.cameras(), &truth);
+    let before = errors(training.scene_cameras(), &truth);
     run(&mut training, 160);
-    let after = errors(training.cameras(), &truth);
+    let after = errors(training.scene_cameras(), &truth);
     println!("pixels and length from {before:.4?} to {after:.4?}, moved by {:?}", training.moved_cameras());
     assert!(after[0] < 0.5 * before[0], "pixels from {before:.3?} to {after:.3?}");
     assert!(after[1].abs() < 0.6 * before[1], "lengths from {before:.4?} to {after:.4?}");
     config.poses.refine = PoseSwitch::Off;
     let mut still = Trainer::from_gaussians(Arc::new(rasterizer()), &disturbed, &config, &model).unwrap();
     run(&mut still, 5);
-    assert_eq!(**still.cameras(), training_cameras(&disturbed));
+    assert_eq!(**still.scene_cameras(), training_cameras(&disturbed));
     assert_eq!(still.moved_cameras(), None);
 }
