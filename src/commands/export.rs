@@ -1,5 +1,6 @@
 //! `ibgs export`
 
+mod cameras;
 mod web;
 
 use super::model::FileArgs;
@@ -17,7 +18,8 @@ Examples:
   ibgs export output/my-scene -o my-scene.ibgs
   ibgs export output/my-scene -o my-scene.spz
   ibgs export some.splat -o some.ply
-  ibgs export output/my-scene --web my-page";
+  ibgs export output/my-scene --web my-page
+  ibgs export output/my-scene --cameras sparse/0";
 
 fn output_help() -> String {
     format!(
@@ -38,6 +40,10 @@ pub struct Args {
     /// Folder to write that a web server shows: the viewer for browsers, with the model and its source photos.
     #[arg(long, value_name = "FOLDER", group = "target", conflicts_with = "plain")]
     web: Option<PathBuf>,
+    /// Folder to write the cameras to, as a COLMAP model in text without points: those that the training saw, of photos without
+    /// distortion in the size that they were trained in, refined where they were.
+    #[arg(long, value_name = "FOLDER", group = "target", conflicts_with_all = ["plain", "levels", "quality", "photo_size"])]
+    cameras: Option<PathBuf>,
     /// With `--web`: folder of the viewer's module for browsers (ibgs_web.js, ibgs_web_bg.wasm) [default: `web` beside
     /// the program].
     #[arg(long, value_name = "FOLDER", requires = "web")]
@@ -93,10 +99,20 @@ impl BundleArgs {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    match &args.web {
-        Some(folder) => web::write(args, folder),
-        None => file(args, args.output.as_ref().expect("one of both is required")),
+    match (&args.web, &args.cameras) {
+        (Some(folder), _) => web::write(args, folder),
+        (_, Some(folder)) => cameras::write(args, folder),
+        _ => file(args, args.output.as_ref().expect("one of the three is required")),
     }
+}
+
+/// Refuses a folder in which there is something.
+fn refuse_taken(folder: &Path, overwrite: bool) -> Result<()> {
+    let taken = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) || folder.is_file();
+    if taken && !overwrite {
+        bail!("{} is not empty; choose another folder or allow `--overwrite`", folder.display());
+    }
+    Ok(())
 }
 
 /// Writes the model as one file.

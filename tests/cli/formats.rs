@@ -1,7 +1,30 @@
 //! Files of Gaussians of other programs, written, read and told about.
 
 use super::Sandbox;
+use ibgs_core::dataset::{LoadOptions, load_poses};
 use ibgs_core::scene::{Format, read_gaussians};
+
+/// The cameras of a model, written for other programs, are those of its scene.
+#[test]
+fn cameras_become_a_scene_again() {
+    let (sandbox, _) = Sandbox::with_trained();
+    let outcome = sandbox.succeeds("export model --cameras posed/sparse/0");
+    assert!(outcome.stderr.contains("cameras of "), "{outcome}");
+    std::os::unix::fs::symlink(sandbox.path("scene/images"), sandbox.path("posed/images")).unwrap();
+    let [scene, posed] = ["scene", "posed"].map(|name| {
+        let options = LoadOptions::default();
+        load_poses(&sandbox.path(name), &options).unwrap().views
+    });
+    assert_eq!(scene.len(), posed.len());
+    for ((name, camera), (other, again)) in scene.iter().zip(&posed) {
+        assert_eq!((name, camera.focal, camera.principal), (other, again.focal, again.principal));
+        assert!(camera.translation.abs_diff_eq(again.translation, 1e-12), "{name}");
+        assert!(camera.view_from_world.abs_diff_eq(again.view_from_world, 1e-12), "{name}");
+    }
+    sandbox.fails("export model --cameras posed/sparse/0", &["posed/sparse/0", "--overwrite"]);
+    sandbox.succeeds("export model --cameras posed/sparse/0 --overwrite");
+    sandbox.fails("export model --cameras other -o b.ply", &["--cameras", "--output"]);
+}
 
 #[test]
 fn models_become_files_of_every_format() {

@@ -1,6 +1,6 @@
 //! A folder that shows a model in a browser.
 
-use super::Args;
+use super::{Args, refuse_taken};
 use crate::commands::report::page::escape;
 use crate::stderr;
 use anyhow::{Context, Result, bail};
@@ -31,10 +31,7 @@ const POSTER_QUALITY: u8 = 80;
 
 /// Writes page, module, model and poster.
 pub fn write(args: &Args, folder: &Path) -> Result<()> {
-    let taken = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) || folder.is_file();
-    if taken && !args.overwrite {
-        bail!("{} is not empty; choose another folder or allow `--overwrite`", folder.display());
-    }
+    refuse_taken(folder, args.overwrite)?;
     let module = module(args)?;
     let model = args.model.read()?;
     let title = escape(&model.path.file_stem().unwrap_or_default().to_string_lossy());

@@ -29,6 +29,7 @@ mod split;
 mod undistort;
 
 pub use archive::is_archive;
+pub use colmap::text_model as colmap_text;
 pub(crate) use decode::srgb;
 pub use decode::{decode_photo, photo_size};
 pub use error::DatasetError;

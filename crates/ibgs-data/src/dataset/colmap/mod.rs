@@ -6,6 +6,9 @@ mod models;
 mod posed;
 mod sparse;
 mod text;
+mod write;
+
+pub use write::text_model;
 
 use super::error::DatasetError;
 use super::format::not_a_scene;
