@@ -9,7 +9,7 @@ use crate::arguments;
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use ibgs_core::progress::Progress;
-use mapper::Plan;
+use mapper::Mappers;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs;
@@ -95,7 +95,7 @@ pub struct Colmap {
     tool: Tool,
     scene: PathBuf,
     has_cuda: bool,
-    plan: Plan,
+    mappers: Mappers,
 }
 
 impl Colmap {
@@ -110,8 +110,8 @@ impl Colmap {
         if version < OLDEST {
             bail!("{} is COLMAP {major}.{minor}; version {}.{} or newer is needed", tool.name(), OLDEST[0], OLDEST[1]);
         }
-        let plan = Plan::new(mapper, &tool, &help, version)?;
-        Ok(Self { tool, scene: scene.to_owned(), has_cuda: help.contains("with CUDA"), plan })
+        let mappers = Mappers::new(mapper, &tool, &help, version)?;
+        Ok(Self { tool, scene: scene.to_owned(), has_cuda: help.contains("with CUDA"), mappers })
     }
 
     /// Finds features in every photo. Those that the database has are not done again.
@@ -302,8 +302,8 @@ mod tests {
             "I20260101 12:00:00.5 77 pairing.cc:1] in 0.734s",
             "Matching image [1/12]",
         ];
-        let mut count = counter(is_matched);
-        assert_eq!(lines.map(|line| count(line)), [1, 2, 2, 3]);
+        let count = counter(is_matched);
+        assert_eq!(lines.map(count), [1, 2, 2, 3]);
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! `ibgs prepare` with programs that stand in for COLMAP 4, which has a global mapper, and for GLOMAP.
 
-use super::prepare::{COLMAP, make_program, sandbox};
-use super::{Outcome, Sandbox};
+use super::prepare::{COLMAP, make_program};
+use super::{Outcome, PATIENCE, Sandbox, wait_for};
 use ibgs_testing::scene_files::Model;
 use std::fs;
+use std::process::{Command, Stdio};
 
 /// As COLMAP 4 does: help and messages go to standard error, and the global mapper reads a database that another command has
 /// changed. `broken-global` makes the global mapper fail. The models are those of folders beside it.
@@ -32,20 +33,20 @@ case "$1 $2" in
 esac
 "#;
 
-/// Three photos, what the incremental mapper finds of them (two models, the second of all photos), and what the global one
-/// finds: a model of this many.
-fn sandbox_4(global: usize) -> Sandbox {
-    let sandbox = sandbox();
-    make_program(&sandbox, "colmap4", COLMAP_4);
-    named(global).write_binary_to(&sandbox.path("global/0"));
-    sandbox
-}
+/// As many as the global mapper is taken for.
+const PHOTOS: usize = 100;
 
-/// A model of the first photos.
-fn named(count: usize) -> Model {
-    let mut model = Model::small(count);
-    model.images.iter_mut().zip(["a.PNG", "b.jpg", "c.jpeg"]).for_each(|(image, name)| image.name = name.to_owned());
-    model
+/// Photos, what the incremental mapper finds of them (all), and what the global one finds: a model of this many.
+fn sandbox_4(global: usize) -> Sandbox {
+    let sandbox = Sandbox::new();
+    Model::small(PHOTOS)
+        .images
+        .iter()
+        .for_each(|image| sandbox.write(&format!("photos/{}", image.name), "not looked at"));
+    Model::small(PHOTOS).write_binary_to(&sandbox.path("models/0"));
+    Model::small(global).write_binary_to(&sandbox.path("global/0"));
+    make_program(&sandbox, "colmap4", COLMAP_4);
+    sandbox
 }
 
 fn has_call(sandbox: &Sandbox, command: &str) -> bool {
@@ -53,14 +54,14 @@ fn has_call(sandbox: &Sandbox, command: &str) -> bool {
 }
 
 fn posed(outcome: &Outcome, count: usize) {
-    assert!(outcome.stdout.contains(&format!("{count} of 3 photos have a pose")), "{outcome}");
+    assert!(outcome.stdout.contains(&format!("{count} of {PHOTOS} photos have a pose")), "{outcome}");
 }
 
 #[test]
 fn the_global_mapper_is_used_where_it_is_there() {
-    let sandbox = sandbox_4(3);
+    let sandbox = sandbox_4(PHOTOS);
     let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap4");
-    posed(&outcome, 3);
+    posed(&outcome, PHOTOS);
     for line in [
         "poses by the global mapper of COLMAP 4.2",
         "global mapper, step 1 of 6: view graph calibration",
@@ -81,11 +82,11 @@ fn the_global_mapper_is_used_where_it_is_there() {
 
 #[test]
 fn the_scene_keeps_the_tracks_of_its_points() {
-    let sandbox = sandbox_4(3);
+    let sandbox = sandbox_4(PHOTOS);
     for mapper in ["incremental", "global"] {
         sandbox.succeeds(&format!("prepare photos -o {mapper} --colmap ./colmap4 --mapper {mapper}"));
         let kept = |file: &str| fs::read(sandbox.path(mapper).join("sparse/0").join(file)).unwrap();
-        let model = named(3);
+        let model = Model::small(PHOTOS);
         assert!(model.images.iter().all(|image| !image.observations.is_empty()));
         assert!(model.points.iter().all(|point| !point.track.is_empty()));
         assert_eq!((kept("images.bin"), kept("points3D.bin")), (model.images_bin(), model.points_bin()), "{mapper}");
@@ -94,10 +95,10 @@ fn the_scene_keeps_the_tracks_of_its_points() {
 
 #[test]
 fn where_the_global_mapper_fails_the_incremental_one_runs() {
-    let sandbox = sandbox_4(3);
+    let sandbox = sandbox_4(PHOTOS);
     sandbox.write("broken-global", "");
     let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap4");
-    posed(&outcome, 3);
+    posed(&outcome, PHOTOS);
     let said = "the global mapper failed: ./colmap4 failed (exit status: 1): it says `E1 a.cc:1] Failed to solve`";
     assert!(outcome.stderr.contains(said) && outcome.stderr.contains("; now the incremental one"), "{outcome}");
     assert!(has_call(&sandbox, "mapper"));
@@ -113,20 +114,48 @@ fn where_the_global_mapper_fails_the_incremental_one_runs() {
 }
 
 #[test]
+fn stopping_a_mapper_begins_no_other_one_and_the_same_command_continues() {
+    let sandbox = sandbox_4(PHOTOS);
+    for (mapper, command) in [("auto", "global_mapper"), ("incremental", "mapper")] {
+        let slow =
+            COLMAP_4.replace(&format!("\n    {command}*)"), &format!("\n    {command}*) exec sleep 60 ;;\n    never)"));
+        assert_ne!(slow, COLMAP_4);
+        make_program(&sandbox, "colmap4", &slow);
+        let arguments = format!("prepare photos -o {mapper} --colmap ./colmap4 --mapper {mapper}");
+        let mut program = sandbox.command(&arguments);
+        let mut child = program.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let begun = || sandbox.path("calls").exists() && has_call(&sandbox, command);
+        wait_for(PATIENCE, || (begun() || child.try_wait().unwrap().is_some()).then_some(()));
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        let outcome = Outcome::of_child(&arguments, child);
+        outcome.assert_stopped(130);
+        assert!(outcome.stderr.ends_with("stopped; the same command continues from here\n"), "{outcome}");
+        let calls = fs::read_to_string(sandbox.path("calls")).unwrap();
+        assert!(calls.lines().last().unwrap().starts_with(command), "{calls}");
+        fs::remove_file(sandbox.path("calls")).unwrap();
+        make_program(&sandbox, "colmap4", COLMAP_4);
+        posed(&sandbox.succeeds(&arguments), PHOTOS);
+        assert!(has_call(&sandbox, command) && !has_call(&sandbox, "feature_extractor"));
+        assert!(!sandbox.path(mapper).join("prepare-work").exists());
+        fs::remove_file(sandbox.path("calls")).unwrap();
+    }
+}
+
+#[test]
 fn of_two_mappers_the_one_with_more_poses_stays() {
-    let sandbox = sandbox_4(2);
+    let sandbox = sandbox_4(79);
     let outcome = sandbox.succeeds("prepare photos -o more --colmap ./colmap4");
-    posed(&outcome, 3);
-    let said = "the global mapper gives 2 of 3 photos a pose; now the incremental one";
+    posed(&outcome, PHOTOS);
+    let said = "the global mapper gives 79 of 100 photos a pose; now the incremental one";
     assert!(outcome.stderr.contains(said), "{outcome}");
     fs::remove_dir_all(sandbox.path("models")).unwrap();
-    named(1).write_binary_to(&sandbox.path("models/0"));
+    Model::small(1).write_binary_to(&sandbox.path("models/0"));
     let outcome = sandbox.succeeds("prepare photos -o fewer --colmap ./colmap4");
-    posed(&outcome, 2);
+    posed(&outcome, 79);
     let said = "the incremental mapper gives 1 photos a pose, so the global one's poses stay";
     assert!(outcome.stderr.contains(said), "{outcome}");
     sandbox.write("broken", "");
-    posed(&sandbox.succeeds("prepare photos -o none --colmap ./colmap4"), 2);
+    posed(&sandbox.succeeds("prepare photos -o none --colmap ./colmap4"), 79);
     for scene in ["more", "fewer", "none"] {
         assert!(!sandbox.path(scene).join("prepare-work").exists(), "{scene}");
     }
@@ -134,17 +163,24 @@ fn of_two_mappers_the_one_with_more_poses_stays() {
 
 #[test]
 fn the_mapper_can_be_chosen() {
-    let sandbox = sandbox_4(3);
+    let sandbox = sandbox_4(PHOTOS);
     let outcome = sandbox.succeeds("prepare photos -o scene --colmap ./colmap4 --mapper incremental");
     assert!(outcome.stderr.contains("poses by COLMAP's incremental mapper, as asked for"), "{outcome}");
     assert!(has_call(&sandbox, "mapper") && !has_call(&sandbox, "global_mapper"));
     let outcome = sandbox.run("prepare photos -o scene --colmap ./colmap4 --mapper global");
     outcome.assert_failure(1, &["begun with other photos or options"]);
+    // One photo less, and it takes the wish for the global one.
+    fs::remove_file(sandbox.path("photos/a99.png")).unwrap();
+    let outcome = sandbox.succeeds("prepare photos -o few --colmap ./colmap4");
+    let why = "poses by COLMAP's incremental mapper, which is the surer one for fewer than 100 photos";
+    assert!(outcome.stderr.contains(why) && !has_call(&sandbox, "global_mapper"), "{outcome}");
+    sandbox.succeeds("prepare photos -o wanted --colmap ./colmap4 --mapper global");
+    assert!(has_call(&sandbox, "global_mapper"));
 }
 
 #[test]
 fn without_a_global_mapper_that_is_said_and_glomap_is_one() {
-    let sandbox = sandbox_4(3);
+    let sandbox = sandbox_4(PHOTOS);
     make_program(
         &sandbox,
         "colmap",
@@ -166,7 +202,7 @@ fn without_a_global_mapper_that_is_said_and_glomap_is_one() {
     let beside = format!("{}:{path}", sandbox.path("bin").display());
     let outcome = run("prepare photos -o scene --colmap ./colmap --overwrite", &beside);
     outcome.assert_success();
-    posed(&outcome, 3);
+    posed(&outcome, PHOTOS);
     let why = "poses by the global mapper `glomap`, since COLMAP 3.8 has none of its own";
     assert!(outcome.stderr.contains(why), "{outcome}");
     let calls = sandbox.text("bin/calls");

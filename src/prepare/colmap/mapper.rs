@@ -1,5 +1,5 @@
 //! Poses by one of COLMAP's two mappers. The incremental one adds photo after photo. The global one solves for all photos at
-//! once, which takes less time; COLMAP 4 has it, and so has the program `glomap`.
+//! once; COLMAP 4 has it, and so has the program `glomap`.
 
 use super::{Colmap, MORE_OVERLAP, models, registered};
 use crate::arguments;
@@ -14,6 +14,10 @@ use std::path::Path;
 
 /// Fraction of the photos with a pose below which something went wrong.
 pub const ENOUGH: f64 = 0.8;
+
+/// Fewest photos for which the global mapper is taken where the choice is free. Of few photos, of which each overlaps with few
+/// others, it gives wrong poses with small errors.
+const MANY: usize = 100;
 
 /// The global mapper's steps, by what it prints when one begins.
 const STAGES: [&str; 6] = [
@@ -30,7 +34,7 @@ const STAGES: [&str; 6] = [
 #[serde(rename_all = "kebab-case")]
 pub enum Mapper {
     #[default]
-    /// The global mapper where there is one, and the incremental one where it fails or finds few poses.
+    /// For 100 photos or more the global mapper where there is one, and the incremental one where it fails or finds few poses.
     Auto,
     /// COLMAP's incremental mapper, which adds photo after photo.
     Incremental,
@@ -47,45 +51,62 @@ enum Global {
     Glomap(Tool),
 }
 
-/// The choice of a mapper.
-pub(super) struct Plan {
+/// What there is to choose from.
+pub(super) struct Mappers {
     wanted: Mapper,
     global: Option<Global>,
-    /// Which mapper it is, and why.
-    why: String,
+    /// Of COLMAP.
+    version: String,
 }
 
-impl Plan {
+impl Mappers {
     /// `help` is what COLMAP prints of itself.
     ///
     /// # Errors
     /// The global mapper is wanted, and there is none.
     pub fn new(wanted: Mapper, tool: &Tool, help: &str, [major, minor]: [u32; 2]) -> Result<Self> {
-        if wanted == Mapper::Incremental {
-            let why = "poses by COLMAP's incremental mapper, as asked for".to_owned();
-            return Ok(Self { wanted, global: None, why });
-        }
         let has = |command| help.split_whitespace().any(|word| word == command);
-        if has("global_mapper") {
-            let why = format!("poses by the global mapper of COLMAP {major}.{minor}, faster than the incremental one");
-            return Ok(Self { wanted, global: Some(Global::Own { calibrates: has("view_graph_calibrator") }), why });
-        }
-        let glomap = tool.other("glomap");
-        if glomap.output(&["-h"]).is_ok_and(|help| help.to_ascii_lowercase().contains("glomap")) {
-            let why = format!("poses by the global mapper `glomap`, since COLMAP {major}.{minor} has none of its own");
-            return Ok(Self { wanted, global: Some(Global::Glomap(glomap)), why });
-        }
-        if wanted == Mapper::Global {
+        let glomap = || {
+            let tool = tool.other("glomap");
+            let help = tool.output(&["-h"]).unwrap_or_default();
+            help.to_ascii_lowercase().contains("glomap").then_some(Global::Glomap(tool))
+        };
+        let global = match wanted {
+            Mapper::Incremental => None,
+            _ if has("global_mapper") => Some(Global::Own { calibrates: has("view_graph_calibrator") }),
+            _ => glomap(),
+        };
+        let version = format!("{major}.{minor}");
+        if wanted == Mapper::Global && global.is_none() {
             bail!(
-                "COLMAP {major}.{minor} has no global mapper, and the program `glomap` was not found; install COLMAP 4 or newer, or \
-                 leave `--mapper` out"
+                "COLMAP {version} has no global mapper, and the program `glomap` was not found; install COLMAP 4 or newer, or leave \
+                 `--mapper` out"
             );
         }
-        let why = format!(
-            "poses by COLMAP's incremental mapper: COLMAP {major}.{minor} has no global one (4.0 and newer have it), and there is no \
-             program `glomap`"
-        );
-        Ok(Self { wanted, global: None, why })
+        Ok(Self { wanted, global, version })
+    }
+
+    /// The global mapper if it is the one for so many photos, and a sentence that says which one it is and why.
+    fn choose(&self, photos: usize) -> (Option<&Global>, String) {
+        let version = &self.version;
+        let global = self.global.as_ref().filter(|_| self.wanted == Mapper::Global || photos >= MANY);
+        let why = match (global, &self.global) {
+            (Some(Global::Own { .. }), _) => format!("poses by the global mapper of COLMAP {version}"),
+            (Some(Global::Glomap(_)), _) => {
+                format!("poses by the global mapper `glomap`, since COLMAP {version} has none of its own")
+            }
+            (None, Some(_)) => {
+                format!("poses by COLMAP's incremental mapper, which is the surer one for fewer than {MANY} photos")
+            }
+            (None, None) if self.wanted == Mapper::Incremental => {
+                "poses by COLMAP's incremental mapper, as asked for".to_owned()
+            }
+            (None, None) => format!(
+                "poses by COLMAP's incremental mapper: COLMAP {version} has no global one (4.0 and newer have it), and there is no \
+                 program `glomap`"
+            ),
+        };
+        (global, why)
     }
 }
 
@@ -95,9 +116,12 @@ impl Colmap {
     /// # Errors
     /// As [`Tool::run`]; no model was found.
     pub fn map(&self, photos: usize, progress: &dyn Progress, note: &mut dyn FnMut(String)) -> Result<()> {
-        note(self.plan.why.clone());
-        let Some(global) = &self.plan.global else { return self.map_incrementally(photos, progress) };
-        let is_only = self.plan.wanted == Mapper::Global;
+        let (global, why) = self.mappers.choose(photos);
+        note(why);
+        // Of a preparation that was stopped.
+        remove(&self.work())?;
+        let Some(global) = global else { return self.map_incrementally(photos, progress) };
+        let is_only = self.mappers.wanted == Mapper::Global;
         let problem = match self.map_globally(global, note) {
             Err(error) if is_only || error.is::<Stopped>() => return Err(error),
             Err(error) => format!("failed: {error:#}"),
@@ -145,9 +169,10 @@ impl Colmap {
             most = most.max(registered(line).unwrap_or(0));
             most
         });
-        mapped.with_context(|| match has_start {
-            true => "the poses could not be estimated".to_owned(),
-            false => format!("no two photos overlap well enough to begin with; {MORE_OVERLAP}"),
+        mapped.map_err(|error| match has_start {
+            _ if error.is::<Stopped>() => error,
+            true => error.context("the poses could not be estimated"),
+            false => error.context(format!("no two photos overlap well enough to begin with; {MORE_OVERLAP}")),
         })
     }
 
