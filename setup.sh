@@ -1,10 +1,23 @@
 #!/usr/bin/env bash
-# Prepares this machine for building, running and testing ibgs: C compiler, Vulkan loader, a software Vulkan driver.
-# Changes nothing when everything is there; run it as often as you like.
+# Prepares this machine for building, running and testing ibgs; `./setup.sh --help` says more.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
 VULKAN_PACKAGES=(libvulkan1 mesa-vulkan-drivers)
+# Programs of `ibgs prepare`, each in the package of its name; none without --photos.
+PHOTO_PROGRAMS=()
+
+usage() {
+    cat <<'END'
+Usage: ./setup.sh [--photos]
+
+Prepares this machine for building, running and testing ibgs: C compiler, Vulkan loader, a software Vulkan driver.
+It changes nothing when everything is there; run it as often as you like.
+
+  --photos    also install COLMAP and ffmpeg, with which `ibgs prepare` makes scenes of photos and videos
+  -h, --help  print this
+END
+}
 
 say() {
     printf 'setup: %s\n' "$*"
@@ -57,6 +70,10 @@ missing_packages() {
     local package status
     has_c_compiler || echo build-essential
     command -v pkg-config >/dev/null || echo pkg-config
+    # One that was built here or comes from elsewhere is as good.
+    for package in "${PHOTO_PROGRAMS[@]}"; do
+        command -v "$package" >/dev/null || echo "$package"
+    done
     for package in "${VULKAN_PACKAGES[@]}"; do
         status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) || status=absent
         [[ $status == installed ]] || printf '%s\n' "$package"
@@ -73,7 +90,7 @@ setup_debian() {
     local as_root=()
     if ((EUID != 0)); then
         if ! command -v sudo >/dev/null; then
-            has_c_compiler && has_vulkan_loader ||
+            has_c_compiler && has_vulkan_loader && ((${#PHOTO_PROGRAMS[@]} == 0)) ||
                 fail "not root and no sudo; as root, run: apt-get install ${missing[*]}"
             say "not root and no sudo, so ${missing[*]} stay missing; a compiler and a Vulkan loader are there"
             return
@@ -97,22 +114,46 @@ has_vulkan_loader() {
     return 1
 }
 
+# Where this script installs nothing.
+check_photo_programs() {
+    # Old versions of bash take an empty list for one that is not set.
+    ((${#PHOTO_PROGRAMS[@]} > 0)) || return 0
+    local program
+    for program in "${PHOTO_PROGRAMS[@]}"; do
+        command -v "$program" >/dev/null || fail "$program was not found; install it: $1"
+    done
+}
+
 check_other_unix() {
     say "this is not Debian or Ubuntu, so nothing is installed; ibgs needs a C compiler, the Vulkan loader and a driver:"
     say "  Fedora:    dnf install gcc vulkan-loader mesa-vulkan-drivers vulkan-tools"
     say "  Arch:      pacman -S gcc vulkan-icd-loader vulkan-swrast vulkan-tools"
     has_c_compiler || fail "no working C compiler (cc) was found; install one as listed above"
     has_vulkan_loader || fail "no Vulkan loader (libvulkan.so.1) was found; install it as listed above"
+    check_photo_programs "with the package manager, or https://colmap.github.io and https://ffmpeg.org"
 }
+
+for argument in "$@"; do
+    case "$argument" in
+        --photos) PHOTO_PROGRAMS=(colmap ffmpeg) ;;
+        -h | --help)
+            usage
+            exit
+            ;;
+        *) fail "unknown option $argument; see ./setup.sh --help" ;;
+    esac
+done
 
 check_rust
 case "$(uname -s)" in
     Darwin)
         # Metal is part of the system.
         has_c_compiler || fail "no working C compiler was found; run: xcode-select --install"
+        check_photo_programs "brew install colmap ffmpeg"
         ;;
     MINGW* | MSYS* | CYGWIN*)
         say "Windows: DirectX 12 or the Vulkan driver of the GPU is used; building needs the Visual Studio C++ build tools"
+        check_photo_programs "https://github.com/colmap/colmap/releases and https://ffmpeg.org/download.html"
         ;;
     *)
         if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then

@@ -2,9 +2,9 @@
 //! about it with the flags of this program is added here.
 
 mod passed_on;
+mod photos;
 mod start;
 
-use crate::prepare;
 use ibgs_core::blocks::PlanError;
 use ibgs_core::config::ConfigError;
 use ibgs_core::dataset::{DatasetError, Resolution};
@@ -102,6 +102,7 @@ fn words(error: AnyError) -> String {
 /// An error in other words than the library's.
 fn rephrased(error: AnyError) -> Option<String> {
     None.or_else(|| dataset(error.downcast_ref()?))
+        .or_else(|| photos::rephrased(error.downcast_ref()?))
         .or_else(|| session(error.downcast_ref()?))
         .or_else(|| session(error.downcast_ref::<Box<SessionError>>()?))
         .or_else(|| start::rephrased(error.downcast_ref()?))
@@ -170,7 +171,7 @@ fn advice(error: AnyError) -> Option<String> {
         })
         .map(str::to_owned)
         .or_else(|| mesh(error.downcast_ref()?))
-        .or_else(|| poses(error.downcast_ref()?))
+        .or_else(|| photos::advice(error.downcast_ref()?))
         .or_else(|| start::advice(error.downcast_ref()?))
 }
 
@@ -230,13 +231,6 @@ fn mesh(error: &MeshError) -> Option<String> {
         }
         _ => None,
     }
-}
-
-/// Photos or a video in place of a scene: how to get one.
-fn poses(error: &DatasetError) -> Option<String> {
-    let DatasetError::NotAScene { path, .. } = error else { return None };
-    let inputs = prepare::inputs_in(path)?;
-    Some(format!("for camera poses of its photos run `ibgs prepare {} -o my-scene` first", inputs.display()))
 }
 
 fn scene(error: &DatasetError) -> Option<&'static str> {

@@ -2,79 +2,29 @@
 
 pub mod colmap;
 mod photos;
+mod record;
 pub mod tool;
 mod upright;
 mod video;
 
 use anyhow::{Context, Result, bail};
-use colmap::{Cameras, Colmap, Matching, Origin, Quality};
+use colmap::{Cameras, Colmap, Matching, Origin, Quality, WORK};
 use ibgs_core::dataset::{self, has_extension, picture_extensions};
 use ibgs_core::files::is_same;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
 use photos::{left_out, photos_below, unread_note};
-use serde::{Deserialize, Serialize};
+pub use record::Request;
+use record::{Contents, Record, Step};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tool::Tool;
 
-/// File in the scene that records its inputs and the finished steps.
-const RECORD: &str = "prepare.json";
 /// Fewest photos that have poses.
 const FEWEST: usize = 3;
 /// Photos that are named one by one.
 const NAMED: usize = 5;
 const VIDEOS: [&str; 10] = ["mp4", "mov", "m4v", "avi", "mkv", "webm", "mts", "m2ts", "mpg", "wmv"];
-
-/// What a scene is made of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub struct Request {
-    /// Folders of photos and videos.
-    pub inputs: Vec<PathBuf>,
-    /// Most frames of a video.
-    pub frames: usize,
-    /// COLMAP's camera model.
-    pub camera_model: String,
-    /// Which photos are compared with each other.
-    pub matching: Matching,
-}
-
-impl Request {
-    /// Whether it asks for the same, by other paths or not.
-    fn is_same(&self, other: &Self) -> bool {
-        let Self { inputs, frames, camera_model, matching } = other;
-        (self.frames, &self.camera_model, self.matching) == (*frames, camera_model, *matching)
-            && self.inputs.len() == inputs.len()
-            && self.inputs.iter().zip(inputs).all(|(a, b)| is_same(a, b))
-    }
-}
-
-/// How much the inputs hold: photos that are added or removed change it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Contents {
-    files: usize,
-    bytes: u64,
-}
-
-/// Where a scene stands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Record {
-    request: Request,
-    contents: Contents,
-    /// The last step that is done.
-    done: Step,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Step {
-    Nothing,
-    Photos,
-    Features,
-    Matches,
-    Poses,
-}
 
 /// What was made.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,26 +53,21 @@ impl<'a> Preparation<'a> {
         let photos = photos_of(&request.inputs, scene)?;
         check_inputs(&request.inputs, &photos, scene)?;
         let images = scene.join("images");
-        let mut record = Record { request, contents: contents(&photos), done: Step::Nothing };
+        let mut record = Record::new(request, Contents::of(&photos));
         let own_photos = |record: &Record| record.request.inputs.iter().any(|input| is_same(input, &images));
-        match read_record(scene)? {
-            Some(earlier)
-                if existing == Existing::Keep
-                    && earlier.request.is_same(&record.request)
-                    && earlier.contents == record.contents =>
-            {
-                record = earlier;
-            }
+        match Record::read(scene)? {
+            Some(earlier) if existing == Existing::Keep && earlier.continues(&record) => record = earlier,
             Some(_) if existing == Existing::Keep => bail!(
-                "{} was begun with other photos or options; to begin anew, add `--overwrite`, or choose another folder",
+                "{} was begun with other photos or options; to begin anew, add `--overwrite` to `ibgs prepare`, or choose another \
+                 folder",
                 scene.display()
             ),
             Some(earlier) if own_photos(&earlier) && !own_photos(&record) => {
                 bail!("{} holds photos that were there before; choose another folder", images.display())
             }
             // Photos of the user's own stay.
-            Some(_) if own_photos(&record) => clear(scene, &["sparse"])?,
-            Some(_) => clear(scene, &["sparse", "images"])?,
+            Some(_) if own_photos(&record) => clear(scene, &["sparse", WORK])?,
+            Some(_) => clear(scene, &["sparse", WORK, "images"])?,
             None if has_poses(scene) => {
                 bail!("{} has camera poses already: train on it, or choose another folder", scene.display())
             }
@@ -132,20 +77,13 @@ impl<'a> Preparation<'a> {
             None => {}
         }
         fs::create_dir_all(scene).with_context(|| format!("cannot create {}", scene.display()))?;
-        let preparation = Self { scene: scene.to_owned(), record, progress };
-        preparation.save()?;
-        Ok(preparation)
-    }
-
-    fn save(&self) -> Result<()> {
-        let path = self.scene.join(RECORD);
-        let text = serde_json::to_string_pretty(&self.record).context("cannot describe the scene")?;
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+        record.save(scene)?;
+        Ok(Self { scene: scene.to_owned(), record, progress })
     }
 
     fn done(&mut self, step: Step) -> Result<()> {
         self.record.done = step;
-        self.save()
+        self.record.save(&self.scene)
     }
 
     /// Does what is left. `note` receives sentences for the user.
@@ -176,8 +114,7 @@ impl<'a> Preparation<'a> {
             self.done(Step::Matches)?;
         }
         if self.record.done < Step::Poses {
-            note("estimating the poses".to_owned());
-            colmap.map(count, progress)?;
+            colmap.map(count, progress, note)?;
             self.done(Step::Poses)?;
         }
         let quality = colmap.choose()?;
@@ -275,12 +212,6 @@ fn has_poses(folder: &Path) -> bool {
     fs::read_dir(folder.join("sparse")).is_ok_and(|mut entries| entries.next().is_some())
 }
 
-/// What the files of all inputs hold.
-fn contents(photos: &[Vec<PathBuf>]) -> Contents {
-    let bytes = |path: &PathBuf| Some(fs::metadata(path).ok()?.len());
-    Contents { files: photos.iter().map(Vec::len).sum(), bytes: photos.iter().flatten().filter_map(bytes).sum() }
-}
-
 /// The photos of each input, or its video, without the copies that the scene has of them.
 ///
 /// # Errors
@@ -334,15 +265,31 @@ pub fn inputs_in(path: &Path) -> Option<PathBuf> {
     [path.to_owned(), path.join("images")].into_iter().find(|folder| has_photos(folder))
 }
 
-/// What an earlier preparation left in a folder; none where there was none.
-fn read_record(scene: &Path) -> Result<Option<Record>> {
-    let path = scene.join(RECORD);
-    if !path.exists() {
-        return Ok(None);
+/// The scene that is made of an input where no other is named: beside it, with its name and `-scene`. A folder `images` has the
+/// name of the folder around it.
+///
+/// # Errors
+/// The input is not there.
+pub fn scene_beside(input: &Path) -> Result<PathBuf> {
+    let full = input.canonicalize().with_context(|| format!("cannot find {}", input.display()))?;
+    // The path as it was given reads better, where it ends with a name.
+    let mut named = if input.file_name().is_some() { input } else { &full };
+    if named.is_dir() && named.ends_with("images") {
+        named = named.parent().filter(|parent| parent.file_name().is_some()).unwrap_or(named);
     }
-    let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let record = serde_json::from_str(&text);
-    record.map(Some).with_context(|| format!("{} is damaged; remove it, or choose another folder", path.display()))
+    let stem = if named.is_dir() { named.file_name() } else { named.file_stem() };
+    let mut name = stem.unwrap_or_else(|| "photos".as_ref()).to_owned();
+    name.push("-scene");
+    Ok(named.with_file_name(name))
+}
+
+/// Whether a scene is complete and was made of these inputs, which have not changed since; with whatever options.
+///
+/// # Errors
+/// Inputs or the scene cannot be read.
+pub fn is_complete(scene: &Path, inputs: &[PathBuf]) -> Result<bool> {
+    let Some(record) = Record::read(scene)? else { return Ok(false) };
+    Ok(has_poses(scene) && record.is_complete(inputs, Contents::of(&photos_of(inputs, scene)?)))
 }
 
 /// Removes folders that an earlier preparation has made, and its database.

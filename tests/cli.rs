@@ -17,7 +17,11 @@ mod inputs;
 mod install;
 #[cfg(unix)]
 mod interrupt;
+#[cfg(unix)]
+mod mappers;
 mod mesh;
+#[cfg(unix)]
+mod photos;
 #[cfg(unix)]
 mod prepare;
 mod report;
@@ -117,7 +121,7 @@ impl Sandbox {
         // Compiled kernels of a software adapter may be shared between tests: starting is four times faster.
         command.env("MESA_SHADER_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
         command.env_remove("RUST_BACKTRACE");
-        let needs_none = ["info", "export", "serve"].iter().any(|command| arguments.starts_with(command));
+        let needs_none = ["info", "export", "serve", "prepare"].iter().any(|command| arguments.starts_with(command));
         let opens_gpu = !needs_none && !arguments.contains("--adapter");
         if let Some(adapter) = std::env::var_os("IBGS_TEST_ADAPTER").filter(|_| opens_gpu) {
             command.arg("--adapter").arg(adapter);

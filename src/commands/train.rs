@@ -5,6 +5,7 @@ mod demo;
 mod json_log;
 mod options;
 mod pace;
+mod photos;
 mod stages;
 mod start;
 mod terminal;
@@ -46,6 +47,7 @@ mod heading {
 const EXAMPLES: &str = "\
 Examples:
   ibgs train my-scene --eval --preset fast       # short run with evaluation
+  ibgs train photos --prepare                    # photos without poses
   ibgs train --resume -m output/my-scene         # resume a stopped training";
 
 /// Options of `ibgs train`; they override the options file.
@@ -87,6 +89,10 @@ pub struct Args {
     /// The options to begin with, for a block.
     #[arg(skip)]
     base: Option<TrainConfig>,
+    /// Where SCENE is a folder of photos or a video, estimate the camera poses first, as `ibgs prepare SCENE` does; a scene
+    /// that was made so is used again while the photos stay the same.
+    #[arg(long, conflicts_with_all = ["block", "resume", "images"])]
+    prepare: bool,
     /// Train in the viewer's window; closing it stops the training as Ctrl-C does.
     #[arg(long)]
     with_viewer: bool,
@@ -272,7 +278,8 @@ fn run_whole(args: &Args, before: Before) -> Result<()> {
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;
     }
-    let mut session = start(args.training()?, args.adapter.as_ref())?;
+    let training = if args.prepare { photos::prepared(args)?.training()? } else { args.training()? };
+    let mut session = start(training, args.adapter.as_ref())?;
     let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
     match args.with_viewer {
         true => view::look(|failure| Watched::new(session, failure).with_log(log)),

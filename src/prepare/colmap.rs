@@ -1,10 +1,15 @@
 //! COLMAP's steps from photos to poses.
 
+mod mapper;
+
+pub use mapper::{ENOUGH, Mapper};
+
 use super::tool::Tool;
 use crate::arguments;
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use ibgs_core::progress::Progress;
+use mapper::Mappers;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs;
@@ -15,6 +20,11 @@ const OLDEST: [u32; 2] = [3, 6];
 
 /// Largest number of photos for which every pair is matched.
 const EXHAUSTIVE: usize = 250;
+
+/// Matching compares each block of photos with each other one, and tells of each pair of blocks; this many blocks, unless they
+/// get smaller or larger than COLMAP does well with.
+const BLOCKS: usize = 8;
+const BLOCK_SIZES: [usize; 2] = [5, 50];
 
 /// Which photos are compared with each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -73,6 +83,9 @@ pub struct Quality {
     pub error: f64,
 }
 
+/// Folder in the scene for what the mappers need besides.
+pub(super) const WORK: &str = "prepare-work";
+
 /// What helps where poses fail.
 const MORE_OVERLAP: &str =
     "take them with more overlap (each part of the scene in three or more), in even light and without blur";
@@ -82,21 +95,23 @@ pub struct Colmap {
     tool: Tool,
     scene: PathBuf,
     has_cuda: bool,
+    mappers: Mappers,
 }
 
 impl Colmap {
-    /// Asks the program for its version.
+    /// Asks the program for its version and its commands.
     ///
     /// # Errors
-    /// It is missing, is no COLMAP, or is too old.
-    pub fn new(tool: Tool, scene: &Path) -> Result<Self> {
+    /// It is missing, is no COLMAP, is too old, or does not have the mapper.
+    pub fn new(tool: Tool, scene: &Path, mapper: Mapper) -> Result<Self> {
         let help = tool.output(&["-h"])?;
         let Some(version) = version(&help) else { bail!("{} is not COLMAP: its help names no version", tool.name()) };
         let [major, minor] = version;
         if version < OLDEST {
             bail!("{} is COLMAP {major}.{minor}; version {}.{} or newer is needed", tool.name(), OLDEST[0], OLDEST[1]);
         }
-        Ok(Self { tool, scene: scene.to_owned(), has_cuda: help.contains("with CUDA") })
+        let mappers = Mappers::new(mapper, &tool, &help, version)?;
+        Ok(Self { tool, scene: scene.to_owned(), has_cuda: help.contains("with CUDA"), mappers })
     }
 
     /// Finds features in every photo. Those that the database has are not done again.
@@ -112,7 +127,7 @@ impl Colmap {
             Cameras::ByMetadata => {}
         }
         self.add_gpu(&mut arguments, "Extraction.use_gpu")?;
-        self.follow(&arguments, ("features", photos), progress, |line, _| line.contains("Processed file ["))
+        self.follow(&arguments, ("features", photos), progress, counter(|line| line.contains("Processed file [")))
     }
 
     /// Matches features between photos. Pairs that the database has are not done again.
@@ -125,37 +140,11 @@ impl Colmap {
         self.add_gpu(&mut arguments, "Matching.use_gpu")?;
         let mut steps = photos;
         if matching != Matching::Sequential {
-            // Blocks of 50 photos are matched with each other.
-            steps = photos.div_ceil(50).pow(2);
+            let size = photos.div_ceil(BLOCKS).clamp(BLOCK_SIZES[0], BLOCK_SIZES[1]);
+            arguments.extend(arguments!["--ExhaustiveMatching.block_size", size.to_string()]);
+            steps = photos.div_ceil(size).pow(2);
         }
-        self.follow(&arguments, ("matching", steps), progress, |line, _| {
-            line.starts_with("Matching ") && line.contains('[')
-        })
-    }
-
-    /// Estimates poses and points from the start.
-    ///
-    /// # Errors
-    /// As [`Tool::run`]; no model was found.
-    pub fn map(&self, photos: usize, progress: &dyn Progress) -> Result<()> {
-        let sparse = self.scene.join("sparse");
-        let _ = fs::remove_dir_all(&sparse);
-        fs::create_dir_all(&sparse).with_context(|| format!("cannot create {}", sparse.display()))?;
-        let mut arguments = arguments!["mapper", "--database_path", self.database()].to_vec();
-        arguments.extend(arguments!["--image_path", self.images(), "--output_path", &sparse]);
-        let (mut most, mut has_start) = (0, true);
-        let mapped = self.follow(&arguments, ("poses", photos), progress, |line, _| {
-            has_start &= !line.to_ascii_lowercase().contains("no good initial");
-            // A model that leads nowhere is begun again and counts from the start.
-            let registered = registered(line).unwrap_or(0);
-            let is_more = registered > most;
-            most = most.max(registered);
-            is_more
-        });
-        mapped.with_context(|| match has_start {
-            true => "the poses could not be estimated".to_owned(),
-            false => format!("no two photos overlap well enough to begin with; {MORE_OVERLAP}"),
-        })
+        self.follow(&arguments, ("matching", steps), progress, counter(is_matched))
     }
 
     /// Gives the largest model the number 0, and measures it.
@@ -163,7 +152,7 @@ impl Colmap {
     /// # Errors
     /// There is no model.
     pub fn choose(&self) -> Result<Quality> {
-        let sparse = self.scene.join("sparse");
+        let sparse = self.sparse();
         let models = models(&sparse)?;
         let Some((posed, largest)) = models.iter().max_by_key(|(posed, folder)| (*posed, std::cmp::Reverse(folder)))
         else {
@@ -197,6 +186,15 @@ impl Colmap {
         self.scene.join("images")
     }
 
+    fn sparse(&self) -> PathBuf {
+        self.scene.join("sparse")
+    }
+
+    /// A folder for what is in the way of the result.
+    fn work(&self) -> PathBuf {
+        self.scene.join(WORK)
+    }
+
     /// The option has another name in each generation, `SiftExtraction.use_gpu` or `FeatureExtraction.use_gpu`.
     fn add_gpu(&self, arguments: &mut Vec<OsString>, end: &str) -> Result<()> {
         let command = arguments[0].to_string_lossy().into_owned();
@@ -207,25 +205,38 @@ impl Colmap {
         Ok(())
     }
 
-    /// Runs a command; `is_step` says which lines are a step.
+    /// Runs a command; `count` sees its lines and says how many steps are done.
     fn follow(
         &self,
         arguments: &[OsString],
         (what, steps): (&'static str, usize),
         progress: &dyn Progress,
-        mut is_step: impl FnMut(&str, usize) -> bool,
+        mut count: impl FnMut(&str) -> usize,
     ) -> Result<()> {
         progress.begin(what, steps);
         let mut done = 0;
         let ran = self.tool.run(arguments, |line| {
-            if is_step(line, done) && done < steps {
-                done += 1;
-                progress.step();
-            }
+            let now = count(line).min(steps);
+            (done..now).for_each(|_| progress.step());
+            done = done.max(now);
         });
         progress.end();
         ran
     }
+}
+
+/// Counts the lines that are a step.
+fn counter(is_step: impl Fn(&str) -> bool) -> impl FnMut(&str) -> usize {
+    let mut done = 0;
+    move |line| {
+        done += usize::from(is_step(line));
+        done
+    }
+}
+
+/// Whether matching has come to another photo or pair of blocks: `Matching block [1/2, 1/2]`, later `Processing block [...`.
+fn is_matched(line: &str) -> bool {
+    ["block [", "image ["].into_iter().any(|what| line.contains(what))
 }
 
 /// `3.8` of `COLMAP 3.8 -- Structure-from-Motion ...`.
@@ -281,6 +292,18 @@ mod tests {
         assert_eq!(registered("=> Image sees 812 / 1233 points"), None);
         assert_eq!(value("Mean reprojection error: 0.622px", "Mean reprojection error: "), Some(0.622));
         assert_eq!(value("Points: 5012", "Points: "), Some(5012.0));
+    }
+
+    #[test]
+    fn what_the_matcher_prints() {
+        let lines = [
+            "Matching block [1/2, 1/2] in 0.734s",
+            "I20260101 12:00:00.5 77 pairing.cc:1] Processing block [1/2, 2/2]",
+            "I20260101 12:00:00.5 77 pairing.cc:1] in 0.734s",
+            "Matching image [1/12]",
+        ];
+        let count = counter(is_matched);
+        assert_eq!(lines.map(count), [1, 2, 2, 3]);
     }
 
     #[test]

@@ -42,14 +42,20 @@ impl Tool {
         self.program.display().to_string()
     }
 
-    /// What a call prints on standard output. Its exit status does not matter: old programs end their help with 1.
+    /// Another program, by its name, that is run in the same way.
+    pub fn other(&self, program: &str) -> Self {
+        Self { program: program.into(), ..self.clone() }
+    }
+
+    /// All that a call prints: some programs print their help on standard error. Its exit status does not matter: old programs
+    /// end their help with 1.
     ///
     /// # Errors
     /// The program is missing or cannot be run.
     pub fn output(&self, arguments: &[&str]) -> Result<String> {
         let output = Command::new(&self.program).args(arguments).stdin(Stdio::null()).output();
         let output = output.map_err(|error| self.missing(error))?;
-        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+        Ok(String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
     }
 
     /// Runs a call to its end; `each` sees every line that it prints.

@@ -51,8 +51,9 @@ fn no_option_is_documented_that_is_not_there() {
     let mut program = Cli::command();
     program.build();
     let mut known: BTreeSet<String> = program.get_subcommands().flat_map(options).collect();
-    // Of cargo and of the program itself.
-    known.extend(["--release", "--path", "--locked", "--offline", "--help", "--version"].map(str::to_owned));
+    // Of cargo, of setup.sh and of the program itself.
+    known
+        .extend(["--photos", "--release", "--path", "--locked", "--offline", "--help", "--version"].map(str::to_owned));
     let unknown: Vec<String> = named(TEXT).into_iter().filter(|option| !known.contains(option)).collect();
     assert!(unknown.is_empty(), "docs/cli.md names {unknown:?}");
 }

@@ -8,7 +8,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
 /// A program that does as COLMAP 3.8 does: two models, the second of which has more photos. The file `broken` makes its mapper fail.
-const COLMAP: &str = r#"#!/bin/sh
+pub(super) const COLMAP: &str = r#"#!/bin/sh
 here=$(dirname "$0")
 echo "$@" >> "$here/calls"
 case "$1 $2" in
@@ -33,14 +33,18 @@ fn write_models(sandbox: &Sandbox, first: &[&str], second: &[&str]) {
     }
 }
 
-fn sandbox() -> Sandbox {
+pub(super) fn make_program(sandbox: &Sandbox, name: &str, script: &str) {
+    sandbox.write(name, script);
+    fs::set_permissions(sandbox.path(name), fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+pub(super) fn sandbox() -> Sandbox {
     let sandbox = Sandbox::new();
     for name in ["photos/b.jpg", "photos/a.PNG", "photos/c.jpeg", "photos/notes.txt"] {
         sandbox.write(name, "not looked at");
     }
     write_models(&sandbox, &["a.PNG", "b.jpg"], &["a.PNG", "b.jpg", "c.jpeg"]);
-    sandbox.write("colmap", COLMAP);
-    fs::set_permissions(sandbox.path("colmap"), fs::Permissions::from_mode(0o755)).unwrap();
+    make_program(&sandbox, "colmap", COLMAP);
     sandbox
 }
 
@@ -151,8 +155,7 @@ fn what_is_missing_is_said_before_anything_is_written() {
     sandbox.write("walk.mp4", "a video");
     sandbox.fails("prepare photos -o new --colmap ./none", &["./none was not found", "apt install colmap", "--colmap"]);
     sandbox.fails("prepare photos -o new --colmap true", &["is not COLMAP"]);
-    sandbox.write("silent", COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
-    fs::set_permissions(sandbox.path("silent"), fs::Permissions::from_mode(0o755)).unwrap();
+    make_program(&sandbox, "silent", &COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
     for (arguments, fragments) in [
         ("nowhere -o new", &["nowhere does not exist"][..]),
         ("few -o new", &["few has 1 photos", "at least 3"]),
@@ -164,8 +167,7 @@ fn what_is_missing_is_said_before_anything_is_written() {
     ] {
         sandbox.fails(&format!("prepare {arguments} --colmap ./silent"), fragments);
     }
-    sandbox.write("old", COLMAP.replace("COLMAP 3.8", "COLMAP 3.5"));
-    fs::set_permissions(sandbox.path("old"), fs::Permissions::from_mode(0o755)).unwrap();
+    make_program(&sandbox, "old", &COLMAP.replace("COLMAP 3.8", "COLMAP 3.5"));
     let outcome = sandbox.run("prepare photos -o new --colmap ./old");
     outcome.assert_failure(1, &["COLMAP 3.5", "3.6 or newer"]);
 }
@@ -226,12 +228,6 @@ fn photos_are_turned_upright_and_masks_are_no_photos() {
 }
 
 #[test]
-fn training_on_photos_names_the_command() {
-    let sandbox = sandbox();
-    sandbox.fails("train photos", &["is not a scene", "run `ibgs prepare ", "photos -o my-scene` first"]);
-}
-
-#[test]
 fn photos_without_a_pose_and_formats_that_are_left_out_are_named() {
     let sandbox = sandbox();
     for name in ["photos/d.tiff", "photos/e.WebP", "photos/f.png", "photos/g.png", "photos/h.png", "photos/i.png"] {
@@ -255,7 +251,6 @@ fn photos_without_a_pose_and_formats_that_are_left_out_are_named() {
     for name in ["phone/a.heic", "phone/b.heic", "phone/c.heic"] {
         sandbox.write(name, "not looked at");
     }
-    sandbox.write("silent", COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
-    fs::set_permissions(sandbox.path("silent"), fs::Permissions::from_mode(0o755)).unwrap();
+    make_program(&sandbox, "silent", &COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
     sandbox.fails("prepare phone -o new --colmap ./silent", &["phone has 0 photos", "3 HEIC photos", "`heif-convert`"]);
 }

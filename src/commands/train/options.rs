@@ -8,7 +8,7 @@ use clap::Parser;
 use ibgs_core::config::{Background, ConfigError, TrainConfig};
 use ibgs_core::output::Existing;
 use ibgs_train::Session;
-use ibgs_train::session::{SessionBuilder, StoppedTraining};
+use ibgs_train::session::{Output, SessionBuilder, StoppedTraining};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -70,11 +70,26 @@ impl Args {
     }
 
     fn new_training(&self) -> Result<SessionBuilder> {
+        let (config, output) = self.new_output()?;
+        Ok(Session::builder(config).output(output))
+    }
+
+    fn new_output(&self) -> Result<(TrainConfig, Output)> {
         let file = self.file()?;
         let config = self.config(file.as_ref().map(|(text, path)| (&**text, *path)))?;
         let existing = if self.overwrite { Existing::Replace } else { Existing::Keep };
         let output = output(self.model.as_deref(), existing, &config);
-        Ok(Session::builder(config).output(output))
+        Ok((config, output))
+    }
+
+    /// Refuses options that a new training would refuse after its scene is there.
+    ///
+    /// # Errors
+    /// An option with a wrong value; an output folder that may not be used.
+    pub(super) fn check(&self) -> Result<()> {
+        let (config, output) = self.new_output()?;
+        config.validate()?;
+        Ok(output.check(config.source.as_deref())?)
     }
 
     /// The stopped training in a folder, with the options of the command line over its own.
@@ -119,6 +134,7 @@ impl Args {
         let refused = [
             ("SCENE", self.scene.is_some() || self.source.is_some()),
             ("--block", self.block.is_some()),
+            ("--prepare", self.prepare),
             ("--resume", self.resume),
             ("--init", self.init.is_some()),
             ("--model", self.model.is_some()),

@@ -1,0 +1,44 @@
+//! Photos or a video in place of a scene.
+
+use crate::prepare;
+use ibgs_core::dataset::DatasetError;
+
+/// The error in other words than the library's: what is missing is poses.
+pub fn rephrased(error: &DatasetError) -> Option<String> {
+    let DatasetError::NotAScene { path, wanted } = error else { return None };
+    prepare::inputs_in(path)?;
+    let what = if path.is_file() { "is a video without camera poses" } else { "has photos but no camera poses" };
+    Some(format!("{} {what}: it has {wanted}", path.display()))
+}
+
+/// The command that estimates the poses.
+pub fn advice(error: &DatasetError) -> Option<String> {
+    let DatasetError::NotAScene { path, .. } = error else { return None };
+    prepare::inputs_in(path)?;
+    let path = path.to_string_lossy();
+    let quoted = shlex::try_quote(&path).unwrap_or_else(|_| path.clone());
+    Some(format!("`ibgs train {quoted} --prepare` estimates them and trains (`ibgs prepare` has options for that)"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_and_a_video_are_told_apart_from_other_folders() {
+        let work = tempfile::tempdir().unwrap();
+        let folder = work.path().join("my photos");
+        std::fs::create_dir(&folder).unwrap();
+        let error =
+            |path: &std::path::Path| DatasetError::NotAScene { path: path.to_owned(), wanted: "no x".to_owned() };
+        assert_eq!((rephrased(&error(&folder)), advice(&error(&folder))), (None, None));
+        std::fs::write(folder.join("a.jpg"), "").unwrap();
+        let said = rephrased(&error(&folder)).unwrap();
+        assert!(said.ends_with("my photos has photos but no camera poses: it has no x"), "{said}");
+        let command = advice(&error(&folder)).unwrap();
+        assert!(command.starts_with(&format!("`ibgs train '{}' --prepare`", folder.display())), "{command}");
+        let video = work.path().join("a.mp4");
+        std::fs::write(&video, "").unwrap();
+        assert!(rephrased(&error(&video)).unwrap().contains("a.mp4 is a video without camera poses"));
+    }
+}
