@@ -23,6 +23,7 @@ mod mesh;
 #[cfg(unix)]
 mod photos;
 #[cfg(unix)]
+mod poses;
 mod prepare;
 mod report;
 mod resume;

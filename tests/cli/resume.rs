@@ -10,7 +10,8 @@ const OPTIONS: &str = "train scene --config run.toml --eval --deterministic";
 
 fn options(iterations: u32) -> String {
     format!(
-        "iterations = {iterations}\nsave-iterations = [3]\n[surface]\nstart = 4\n[residual]\nstart = 8\nfactor = 0.25\n"
+        "iterations = {iterations}\nsave-iterations = [3]\n[surface]\nstart = 4\n[residual]\nstart = 8\nfactor = 0.25\n\
+         [poses]\nrefine = \"on\"\nfrom = 2\n"
     )
 }
 
@@ -101,6 +102,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
             .map(|folder| fs::read(sandbox.path(&format!("{folder}/point_cloud/iteration_60/{file}"))).unwrap());
         assert!(whole == model, "{file} of the resumed run differs");
     }
+    assert_eq!(sandbox.text("whole/cameras.json"), sandbox.text("model/cameras.json"), "refined cameras");
     assert!(!sandbox.path("model/checkpoints").exists());
     assert!(sandbox.text("model/config.toml").contains("moved"), "a later `render` must find the scene");
     assert_eq!(sandbox.json("model/result_training.json")["ours_60"]["iterations"], 60);
