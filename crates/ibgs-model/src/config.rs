@@ -20,6 +20,7 @@ pub mod schedule;
 mod stages;
 
 pub use crate::sources::find::SourceOptions;
+pub use adapt::LengthReason;
 pub use background::Background;
 pub use densify::{DensifyConfig, GrowthConfig, McmcConfig, OpacityResetConfig, ShortRuns, Strategy, StrategyDefaults};
 pub use difference::OptionDifference;

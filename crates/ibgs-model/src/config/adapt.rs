@@ -3,6 +3,7 @@
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{Background, DensifyConfig, TrainConfig};
 use crate::dataset::Dataset;
+use std::fmt;
 
 /// Iterations of the default strategy at full rates.
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
@@ -21,6 +22,30 @@ struct Length {
 const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
 /// That of two bases: what the first one has in fewer iterations, the mean makes good in half of the time.
 const LENGTH_OF_TWO: Length = Length { visits: 130, least: 5_000, most: 11_000 };
+
+/// Why a training has its number of iterations, where nobody asked for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LengthReason {
+    /// So many visits of each photo.
+    Visits(u32),
+    /// So many visits would be too few iterations.
+    Least(u32),
+    /// So many visits would be too many iterations.
+    Most(u32),
+    /// It does not follow the photos: the strategy's own length, or that of a start from a model.
+    Own,
+}
+
+impl fmt::Display for LengthReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Visits(visits) => write!(f, "{visits} visits of each photo"),
+            Self::Least(visits) => write!(f, "the least of such runs, more than {visits} visits of each photo"),
+            Self::Most(visits) => write!(f, "the most of such runs, fewer than {visits} visits of each photo"),
+            Self::Own => f.write_str("the length of such runs, whatever the number of photos"),
+        }
+    }
+}
 
 impl DensifyConfig {
     /// Sets the cap on Gaussians from the scene, for the strategies that do so, unless it is given: one Gaussian per 45
@@ -53,17 +78,39 @@ impl TrainConfig {
     /// proportion, so that the Gaussians move as far as in that many iterations. Departures from method.md.
     pub fn adapt_to_photos(&mut self, photos: usize, pixels: u64) {
         self.densify.choose_cap(pixels);
-        let adapts = self.densify.strategy.defaults().length_follows_photos && self.init.is_none();
-        let ensemble = *self.ensemble.get_or_insert(self.usual_ensemble());
-        let Length { visits, least, most } = if ensemble == 2 { LENGTH_OF_TWO } else { USUAL_LENGTH };
-        let visits = u32::try_from(photos).unwrap_or(most).saturating_mul(visits);
-        // Milestones that are not scaled need the whole length.
-        let usual = if adapts && self.schedule_scaling { visits.clamp(least, most) } else { self.iterations() };
+        self.ensemble.get_or_insert(self.usual_ensemble());
+        let (usual, _) = self.usual_length(photos);
         self.iterations.get_or_insert(usual);
-        if adapts && self.learning_rates.factor.is_none() {
+        if self.length_follows_photos() && self.learning_rates.factor.is_none() {
             let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
             self.learning_rates.factor = Some((full / f64::from(self.iterations())).min(1.0));
         }
+    }
+
+    fn length_follows_photos(&self) -> bool {
+        self.densify.strategy.defaults().length_follows_photos && self.init.is_none()
+    }
+
+    /// Iterations of a run of so many photos where none are given, once the number of bases is known.
+    fn usual_length(&self, photos: usize) -> (u32, LengthReason) {
+        let Length { visits, least, most } = if self.ensemble() == 2 { LENGTH_OF_TWO } else { USUAL_LENGTH };
+        // Milestones that are not scaled need the whole length.
+        if !(self.length_follows_photos() && self.schedule_scaling) {
+            return (Self { iterations: None, ..self.clone() }.iterations(), LengthReason::Own);
+        }
+        let wanted = u32::try_from(photos).unwrap_or(most).saturating_mul(visits);
+        let reason = match wanted.clamp(least, most) {
+            length if length > wanted => LengthReason::Least(visits),
+            length if length < wanted => LengthReason::Most(visits),
+            _ => LengthReason::Visits(visits),
+        };
+        (wanted.clamp(least, most), reason)
+    }
+
+    /// Why a run with these options, adapted to so many photos, has its length; none where another one was asked for.
+    pub fn length_reason(&self, photos: usize) -> Option<LengthReason> {
+        let (usual, reason) = self.usual_length(photos);
+        (self.iterations() == usual).then_some(reason)
     }
 }
 
@@ -99,7 +146,17 @@ mod tests {
         assert_eq!(lengths, [7_000, 8_600, 14_000, 30_000, 30_000]);
         let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
         assert_eq!(lengths, [5_000, 5_590, 9_100, 11_000, 11_000]);
+        let reason = |photos| {
+            let mut config = single();
+            config.adapt_to_photos(photos, 1);
+            config.length_reason(photos)
+        };
+        let reasons = [1, 43, 35, 151].map(reason);
+        let expected =
+            [LengthReason::Least(200), LengthReason::Visits(200), LengthReason::Visits(200), LengthReason::Most(200)];
+        assert_eq!(reasons, expected.map(Some));
         let given = TrainConfig { iterations: Some(5), ..TrainConfig::default() };
+        assert_eq!(given.length_reason(43), None);
         let warm = TrainConfig { init: Some("scene.ply".into()), ..TrainConfig::default() };
         let mut published = TrainConfig::default();
         published.densify.strategy = Strategy::Published;

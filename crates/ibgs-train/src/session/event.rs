@@ -4,6 +4,7 @@ use super::{Preparation, SessionError, TrainingProgress};
 use crate::ExposureEvidence;
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
+use ibgs_core::config::LengthReason;
 use ibgs_core::eval::scores::Scores;
 use ibgs_core::progress::Progress;
 use std::error::Error;
@@ -129,6 +130,8 @@ pub enum Event<'a> {
 pub struct Summary {
     /// Iterations done.
     pub iteration: u32,
+    /// Why it ended there; none where it was stopped, or its length was asked for.
+    pub length: Option<LengthReason>,
     /// Time of the iterations.
     pub training: Duration,
     /// Time of everything else.
@@ -188,6 +191,9 @@ impl fmt::Display for Summary {
             self.gaussians,
             self.stages
         )?;
+        if let Some(reason) = self.length {
+            write!(f, "\nlength: {} iterations, {reason}", self.iteration)?;
+        }
         if self.exposure != ExposureSummary::Off {
             write!(f, "\n{}", self.exposure)?;
         }

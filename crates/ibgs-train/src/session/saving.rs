@@ -185,6 +185,7 @@ impl Session {
         let resumable = self.folder.as_ref().filter(|_| !is_whole && kept.is_ok());
         observer.event(&Event::Finished(&Summary {
             iteration,
+            length: is_whole.then(|| self.config.length_reason(self.dataset.train.len())).flatten(),
             training,
             beside: (self.started.elapsed() + self.before).saturating_sub(training),
             gaussians: self.trainer.splats().len(),
