@@ -27,12 +27,12 @@ pub(super) fn by_ray(camera: &Camera, ray: DVec3, v: DVec3) -> CameraChange {
 }
 
 /// Through the projection, from the gradients by what the blending reads.
-pub fn project_camera(p: &Params, camera: &Camera, forward: &Forward, v: &SplatGrads) -> CameraChange {
+pub fn camera_project(p: &Params, camera: &Camera, forward: &Forward, v: &SplatGrads) -> CameraChange {
     let visible = (0..p.len()).filter(|i| forward.projected[*i].visible);
-    sum(visible.map(|i| project_camera_one(p, i, camera, forward, v)))
+    sum(visible.map(|i| camera_project_one(p, i, camera, forward, v)))
 }
 
-fn project_camera_one(p: &Params, i: usize, camera: &Camera, forward: &Forward, v: &SplatGrads) -> CameraChange {
+fn camera_project_one(p: &Params, i: usize, camera: &Camera, forward: &Forward, v: &SplatGrads) -> CameraChange {
     let splat = Splat::new(p, i, camera, forward.model).expect("a visible Gaussian projects");
     let z = splat.view.z;
     let v_xy = DVec2::from_array(v.xy[i]);
@@ -59,7 +59,7 @@ fn project_camera_one(p: &Params, i: usize, camera: &Camera, forward: &Forward, 
 }
 
 /// Through the planes as the camera sees them: n_c = R n, and D_c is the distance of the camera's centre.
-pub fn planes_camera(planes: &[Plane], v: &[PlaneGrad]) -> CameraChange {
+pub fn camera_planes(planes: &[Plane], v: &[PlaneGrad]) -> CameraChange {
     sum(planes.iter().zip(v).map(|(plane, v)| CameraChange {
         translation: -plane.normal * plane.sign * v.distance,
         rotation: plane.normal.cross(v.normal),
@@ -68,7 +68,7 @@ pub fn planes_camera(planes: &[Plane], v: &[PlaneGrad]) -> CameraChange {
 }
 
 /// Through the rays that meet the planes, from the gradients by the intersections and the median depth.
-pub fn surface_camera(camera: &Camera, geometry: &Geometry, v: &SurfaceGrads) -> CameraChange {
+pub fn camera_surface(camera: &Camera, geometry: &Geometry, v: &SurfaceGrads) -> CameraChange {
     let pixel = |i: usize| {
         let ray = pixel_ray(camera, i as u32 % camera.width, i as u32 / camera.width);
         let intersections = &geometry.intersections[i];
@@ -154,7 +154,7 @@ fn seen_camera(
 }
 
 /// Through the warping: by the target's camera and by each source's.
-pub fn warp_camera(
+pub fn camera_warp(
     camera: &Camera,
     geometry: &Geometry,
     sources: &[Source],
@@ -186,10 +186,10 @@ pub fn camera_gradient(
     let mut v_surface = warp_backward(camera, geometry, sources, v);
     v_surface.depth.iter_mut().zip(&v.depth).for_each(|(sum, depth)| *sum += depth);
     let blend = blend_backward(camera, background, geometry, &v.base, &v.normal, &v_surface);
-    let (by_warp, by_source) = warp_camera(camera, geometry, sources, v);
-    let target = project_camera(p, camera, &geometry.base, &blend.splat)
-        + planes_camera(&geometry.planes, &blend.planes)
-        + surface_camera(camera, geometry, &v_surface)
+    let (by_warp, by_source) = camera_warp(camera, geometry, sources, v);
+    let target = camera_project(p, camera, &geometry.base, &blend.splat)
+        + camera_planes(&geometry.planes, &blend.planes)
+        + camera_surface(camera, geometry, &v_surface)
         + by_warp;
     (target, by_source)
 }

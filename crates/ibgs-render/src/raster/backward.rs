@@ -6,9 +6,9 @@ use crate::gpu::{Buffer, Gpu, Pass};
 use crate::scene::{Harmonics, PerGaussian, Splats};
 use ibgs_shaders::CAMERA_GROUPS;
 use ibgs_shaders::bindings::{
-    PlanesBackwardBindings, PlanesCameraBindings, ProjectBackwardBindings, ProjectCameraBindings,
-    RasterizeBackwardBindings, RasterizeSurfaceBackwardBindings, SumRowsBindings, SumRowsSurfaceBindings,
-    SurfaceCameraBindings,
+    CameraPlanesBindings, CameraProjectBindings, CameraSurfaceBindings, PlanesBackwardBindings,
+    ProjectBackwardBindings, RasterizeBackwardBindings, RasterizeSurfaceBackwardBindings, SumRowsBindings,
+    SumRowsSurfaceBindings,
 };
 
 /// Where the gradients of one backward pass go, float32; contents before are overwritten.
@@ -91,7 +91,7 @@ impl Forward {
     /// What the surface's rays say of the lens.
     fn record_lens(&self, pass: &mut Pass, surface: &Surface) {
         let (Some(cameras), Some(v)) = (&self.cameras, &surface.v) else { return };
-        let bindings = SurfaceCameraBindings {
+        let bindings = CameraSurfaceBindings {
             planes: &surface.planes,
             sorted_gaussians: &self.workspace.sorted_gaussians,
             tile_ranges: &self.workspace.tile_ranges,
@@ -112,7 +112,7 @@ impl Forward {
         let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
         let partials = cameras.partials();
         let Base { v_rotations, v_log_scales, v_screen, .. } = base;
-        let project = ProjectCameraBindings {
+        let project = CameraProjectBindings {
             means,
             rotations: &splats.rotations(),
             log_scales,
@@ -128,7 +128,7 @@ impl Forward {
         pass.groups(&project, &self.frame, CAMERA_GROUPS as usize);
         cameras.record_target(pass);
         if let Some((s, [v_normals, v_plane_offsets])) = self.surface.as_ref().zip(planes) {
-            let planes = PlanesCameraBindings {
+            let planes = CameraPlanesBindings {
                 means,
                 normals,
                 plane_offsets,

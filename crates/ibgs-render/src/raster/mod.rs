@@ -7,7 +7,7 @@
 //!
 //! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface`, or `rasterize_surface_image`
 //! without gradients, takes the place of `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
-//! For gradients by the camera ([`Forward::cameras`]) `surface_camera`, `project_camera` and `planes_camera` join it too.
+//! For gradients by the camera ([`Forward::cameras`]) `camera_surface`, `camera_project` and `camera_planes` join it too.
 
 mod backward;
 mod camera;

@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::{CameraGradients, Forward, Surface};
-use ibgs_shaders::bindings::{WarpBackwardBindings, WarpBindings, WarpCameraBindings};
+use ibgs_shaders::bindings::{CameraWarpBindings, WarpBackwardBindings, WarpBindings};
 use ibgs_shaders::types::{SourceParams, VisibleParams};
 use ibgs_shaders::{CAMERA_GROUPS, TILE};
 use serde::{Deserialize, Serialize};
@@ -143,7 +143,7 @@ impl Warped {
         v_colors: &Buffer<[f32; 4]>,
         cameras: &CameraGradients,
     ) {
-        let bindings = WarpCameraBindings {
+        let bindings = CameraWarpBindings {
             median_depth: &self.surface.median_depth,
             intersections: &self.surface.intersections,
             photo: &source.photo.texels,

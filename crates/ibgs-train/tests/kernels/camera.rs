@@ -5,7 +5,7 @@ use crate::gradients::surface::{random_cotangents, warping};
 use ibgs_core::camera_change::CameraChange;
 use ibgs_core::raster::RasterView;
 use ibgs_reference::backward::rasterize_backward;
-use ibgs_reference::camera_gradient::{camera_gradient, project_camera};
+use ibgs_reference::camera_gradient::{camera_gradient, camera_project};
 use ibgs_reference::gpu::view_of;
 use ibgs_reference::random_scene::{POISON, poison, random_camera, random_image, random_params};
 use ibgs_reference::surface_scene::*;
@@ -24,7 +24,7 @@ fn base_twin(p: &Params, view: &RasterView, cotangent: &[[f64; 3]]) -> CameraCha
     let background = view.background.map(f64::from);
     let forward = reference::render(p, &view.camera, background, view.sh_degree as usize);
     let v = rasterize_backward(&view.camera, background, &forward, cotangent);
-    project_camera(p, &view.camera, &forward, &v)
+    camera_project(p, &view.camera, &forward, &v)
 }
 
 #[test]
