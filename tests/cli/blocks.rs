@@ -107,6 +107,7 @@ fn what_cannot_be_split_or_trained_says_why() {
     sandbox.fails("split scene -o plan --blocks 9", &["the scene has 300 points, too few for 9 blocks"]);
     sandbox.fails("split scene -o scene", &["scene exists already"]);
     sandbox.fails("split scene -o plan -- --resume -m x", &["`--resume`"]);
+    sandbox.fails("split scene -o plan -- --refine-poses on", &["share their cameras", "`--refine-poses`"]);
     sandbox.fails("split scene -o plan -- --nonsense", &["not those of `ibgs train`", "--nonsense"]);
     sandbox.fails("split scene -o plan --gpu-memory 1MiB", &["1 MiB"]);
     sandbox.fails("split nowhere -o plan", &["nowhere"]);

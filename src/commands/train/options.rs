@@ -5,7 +5,7 @@ use super::start::{Reports, output};
 use crate::commands::number;
 use anyhow::{Result, bail};
 use clap::Parser;
-use ibgs_core::config::{Background, ConfigError, TrainConfig};
+use ibgs_core::config::{Background, ConfigError, PoseSwitch, TrainConfig};
 use ibgs_core::output::Existing;
 use ibgs_train::Session;
 use ibgs_train::session::{Output, SessionBuilder, StoppedTraining};
@@ -153,6 +153,9 @@ impl Args {
         config.validate()?;
         if config.init.is_some() {
             bail!("blocks begin with their own points; leave the option `init` out of the options file");
+        }
+        if config.poses.refine != PoseSwitch::Off {
+            bail!("the blocks of a scene share their cameras, so none may move them; leave `--refine-poses` out");
         }
         Ok(config)
     }
