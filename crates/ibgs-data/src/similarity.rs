@@ -44,8 +44,8 @@ impl Similarity {
         best
     }
 
-    /// Angle in radians and distance by which the image of one camera misses the other.
-    fn residual(&self, from: &Camera, to: &Camera) -> (f64, f64) {
+    /// Angle in radians and distance, in units of the second frame, by which the image of one camera misses the other.
+    pub fn residual(&self, from: &Camera, to: &Camera) -> (f64, f64) {
         let moved = self.camera(from);
         let turn = DQuat::from_mat3(&(to.view_from_world * moved.view_from_world.transpose()));
         (2.0 * turn.w.abs().min(1.0).acos(), moved.center().distance(to.center()))

@@ -52,14 +52,7 @@ fn add_pixel(sums: ptr<function, Sums>, p: u32, m: u32) {
     let pixel = vec2(p % params.size.x, p / params.size.x);
     let v = v_warped[m * pixels + p];
     let ray = source_ray(pixel);
-    var weights = SOURCE_EPSILON;
-    for (var k = 0u; k < params.intersections; k++) {
-        let intersection = intersections[k * pixels + p];
-        let l = land(ray, intersection.x);
-        if intersection.y > 0.0 && l.inside {
-            weights += select(0.0, intersection.y, read_photo(l, v.rgb).valid);
-        }
-    }
+    let weights = read_weights(p, ray, v.rgb);
     for (var k = 0u; k < params.intersections; k++) {
         let intersection = intersections[k * pixels + p];
         let l = land(ray, intersection.x);

@@ -38,14 +38,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let z = median_depth[p];
     v_median_depth[p] += v.w * ray_cosine(ray, z).y;
     let mean = dot(v.rgb, warped[m * plane + p].rgb);
-    var weights = SOURCE_EPSILON;
-    for (var k = 0u; k < params.intersections; k++) {
-        let intersection = intersections[k * plane + p];
-        let l = land(ray, intersection.x);
-        if intersection.y > 0.0 && l.inside {
-            weights += select(0.0, intersection.y, read_photo(l, v.rgb).valid);
-        }
-    }
+    let weights = read_weights(p, ray, v.rgb);
     for (var k = 0u; k < params.intersections; k++) {
         let at = k * plane + p;
         let intersection = intersections[at];

@@ -5,7 +5,7 @@
 //! target. A step is taken some iterations after its gradients were made, always as many, so that nothing waits and runs repeat.
 
 use crate::readback::Readback;
-use glam::{DQuat, DVec2};
+use glam::DVec2;
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_change::CameraChange;
 use ibgs_core::config::{PoseSwitch, TrainConfig};
@@ -267,10 +267,9 @@ impl Refining {
         let pairs: Vec<_> = self.first.iter().copied().zip(self.cameras.iter().copied()).collect();
         let frame = Similarity::fit(&pairs);
         for ((first, now), length) in pairs.iter().zip(&self.lengths) {
-            let first = frame.camera(first);
-            let turn = DQuat::from_mat3(&(now.view_from_world * first.view_from_world.transpose()));
-            sums[0] += 2.0 * turn.w.abs().min(1.0).acos() / count;
-            sums[1] += now.center().distance(first.center()) / length / count;
+            let (angle, distance) = frame.residual(first, now);
+            sums[0] += angle / count;
+            sums[1] += distance / length / count;
         }
         sums
     }
