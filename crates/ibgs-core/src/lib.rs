@@ -47,7 +47,7 @@
 //! ```
 
 pub use ibgs_data::{
-    camera, camera_change, camera_path, dataset, files, image_io, local_space, picture, progress, sentence,
+    adjust, camera, camera_change, camera_path, dataset, files, image_io, local_space, picture, progress, sentence,
     sentence_with, similarity, stored_zip, words,
 };
 pub use ibgs_model::{blocks, bundle, config, edit, ensemble, eval, mesh, model, output, video};

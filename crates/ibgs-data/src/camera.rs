@@ -111,6 +111,23 @@ impl Camera {
     }
 }
 
+/// The views' lenses by number: that of each view, and how many views have each.
+pub fn lenses(cameras: &[Camera]) -> (Vec<usize>, Vec<usize>) {
+    let mut kinds: Vec<Camera> = Vec::new();
+    let (mut lens_of, mut views_of) = (Vec::new(), Vec::new());
+    for camera in cameras {
+        let same = |kind: &Camera| kind.has_lens_of(camera);
+        let lens = kinds.iter().position(same).unwrap_or_else(|| {
+            kinds.push(*camera);
+            views_of.push(0);
+            kinds.len() - 1
+        });
+        lens_of.push(lens);
+        views_of[lens] += 1;
+    }
+    (lens_of, views_of)
+}
+
 /// The extent as a unit of length; 1 if all cameras stand at one place, so that their extent is 0.
 pub fn usable_extent(extent: f64) -> f64 {
     if extent > 0.0 { extent } else { 1.0 }

@@ -8,6 +8,7 @@
 //! [`local_space`] makes results independent of a scene's unit and position. [`progress`] reports long work; warnings and notes go
 //! to the `log` crate.
 
+pub mod adjust;
 pub mod camera;
 pub mod camera_change;
 pub mod camera_path;

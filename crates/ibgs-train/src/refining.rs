@@ -6,7 +6,7 @@
 
 use crate::readback::Readback;
 use glam::DVec2;
-use ibgs_core::camera::Camera;
+use ibgs_core::camera::{Camera, lenses};
 use ibgs_core::camera_change::CameraChange;
 use ibgs_core::config::{PoseSwitch, TrainConfig};
 use ibgs_core::gpu::{Gpu, GpuError, Mark, Pass};
@@ -124,23 +124,6 @@ pub(super) struct Refining {
     lenses: Vec<Moments>,
     flights: VecDeque<Flight>,
     free: Vec<wgpu::Buffer>,
-}
-
-/// The views' lenses by number.
-fn lenses(cameras: &[Camera]) -> (Vec<usize>, Vec<usize>) {
-    let mut kinds: Vec<Camera> = Vec::new();
-    let (mut lens_of, mut views_of) = (Vec::new(), Vec::new());
-    for camera in cameras {
-        let same = |kind: &Camera| kind.has_lens_of(camera);
-        let lens = kinds.iter().position(same).unwrap_or_else(|| {
-            kinds.push(*camera);
-            views_of.push(0);
-            kinds.len() - 1
-        });
-        lens_of.push(lens);
-        views_of[lens] += 1;
-    }
-    (lens_of, views_of)
 }
 
 impl Refining {
