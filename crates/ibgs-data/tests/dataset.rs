@@ -11,6 +11,7 @@ mod neus;
 mod points;
 pub mod reality_capture;
 mod splits;
+mod tracks;
 mod units;
 mod unsolved;
 

@@ -5,7 +5,7 @@ use super::lens::{Distortion, Lens, Pose};
 use super::names::clean_name;
 use super::photos::ListedPhoto;
 use super::split::StatedSplit;
-use super::{DatasetError, LOADERS, LoadOptions, Point};
+use super::{DatasetError, LOADERS, LoadOptions, Observations, Point};
 use crate::camera::Camera;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -31,6 +31,14 @@ pub trait Loader: fmt::Debug + Send + Sync {
     /// What is wrong with the scene.
     fn inspect(&self, path: &Path) -> Result<Inspected, DatasetError> {
         Inspected::of(self.read(path, &LoadOptions { eval: true, ..LoadOptions::default() })?)
+    }
+
+    /// Reads what the photos have of the points, where the format has it.
+    ///
+    /// # Errors
+    /// What is wrong with the scene.
+    fn observations(&self, _path: &Path, _options: &LoadOptions) -> Result<Observations, DatasetError> {
+        Ok(Observations::default())
     }
 
     /// The files of the format that can be checked without the rest of a scene.

@@ -1,7 +1,7 @@
 //! The camera as the scene file states it: a pinhole or fisheye with polynomial distortion.
 
 use crate::camera::{Camera, MAX_COORDINATE};
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
 /// What a lens does to the distance r = tan(theta) from the optical axis before the polynomial.
@@ -89,6 +89,22 @@ impl Distortion {
         let x = p1 * xy + p2 * (r2 + 2.0 * p.x * p.x) + s1 * r2;
         let y = p2 * xy + p1 * (r2 + 2.0 * p.y * p.y) + s2 * r2;
         p * self.radial_factor(r2) + DVec2::new(x, y)
+    }
+
+    /// The way back from [`Distortion::distort`], by Newton's method; none where it finds none.
+    pub(crate) fn undistort(&self, target: DVec2) -> Option<DVec2> {
+        const ROUNDS: usize = 60;
+        const STEP: f64 = 1e-6;
+        let mut p = target;
+        for _ in 0..ROUNDS {
+            let miss = self.distort(p) - target;
+            if miss.length() < 1e-13 {
+                break;
+            }
+            let slope = |along: DVec2| (self.distort(p + along * STEP) - self.distort(p - along * STEP)) / (2.0 * STEP);
+            p -= DMat2::from_cols(slope(DVec2::X), slope(DVec2::Y)).inverse() * miss;
+        }
+        (self.distort(p).distance(target) < 1e-9).then_some(p)
     }
 
     /// The largest radius up to `limit` below which the distorted radius still grows. Beyond it the polynomial
@@ -285,23 +301,14 @@ mod tests {
         ]
     }
 
-    /// The inverse, by Newton's method with differences.
-    fn undistort(lens: &Distortion, target: DVec2) -> DVec2 {
-        const STEP: f64 = 1e-6;
-        (0..60).fold(target, |p, _| {
-            let slope = |along: DVec2| (lens.distort(p + along * STEP) - lens.distort(p - along * STEP)) / (2.0 * STEP);
-            p - glam::DMat2::from_cols(slope(DVec2::X), slope(DVec2::Y)).inverse() * (lens.distort(p) - target)
-        })
-    }
-
     #[test]
     fn distortion_and_its_inverse_cancel() {
         for lens in lenses() {
             for (i, j) in (-6..=6).flat_map(|i| (-6..=6).map(move |j| (i, j))) {
                 let p = DVec2::new(f64::from(i), f64::from(j)) * 0.15;
                 let there = lens.distort(p);
-                assert!(undistort(&lens, there).distance(p) < 1e-9, "{lens:?} at {p}");
-                assert!(lens.distort(undistort(&lens, there)).distance(there) < 1e-9, "{lens:?} at {p}");
+                assert!(lens.undistort(there).unwrap().distance(p) < 1e-9, "{lens:?} at {p}");
+                assert!(lens.distort(lens.undistort(there).unwrap()).distance(there) < 1e-9, "{lens:?} at {p}");
             }
         }
     }

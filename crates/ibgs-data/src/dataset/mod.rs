@@ -26,6 +26,7 @@ mod points_ply;
 mod reality_capture;
 mod shown;
 mod split;
+mod tracks;
 mod undistort;
 
 pub use archive::is_archive;
@@ -44,6 +45,7 @@ pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, Principa
 pub use photos::resample;
 pub use points::thinned;
 pub use shown::shown;
+pub use tracks::Observations;
 
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;

@@ -4,7 +4,7 @@ use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, MODELS, model_by_id};
 use crate::dataset::Point;
 use crate::dataset::error::DatasetError;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -75,11 +75,12 @@ impl<'a> Reader<'a> {
         Ok(claimed as usize)
     }
 
-    /// Skips a counted list.
-    fn skip_list(&mut self, what: &'static str, bytes_each: u64) -> Result<(), DatasetError> {
-        let count = self.count(what, bytes_each)?;
-        self.offset += count * bytes_each as usize;
-        Ok(())
+    /// A counted list as it is.
+    fn list(&mut self, what: &'static str, bytes_each: u64) -> Result<&'a [u8], DatasetError> {
+        let bytes = self.count(what, bytes_each)? * bytes_each as usize;
+        let list = &self.rest()[..bytes];
+        self.offset += bytes;
+        Ok(list)
     }
 
     /// A name that ends with a zero byte.
@@ -134,8 +135,22 @@ pub(super) fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, CameraR
     Ok(cameras)
 }
 
-/// Reads `images.bin`; the observations are skipped.
-pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, DatasetError> {
+/// The observations of an image in `images.bin`, 24 bytes each.
+pub(super) type Raw<'a> = &'a [u8];
+
+/// The number and the place of each observation that has a point.
+pub(super) fn observations(raw: Raw<'_>) -> Vec<(u64, DVec2)> {
+    let number = |bytes: &[u8; 24], at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[8 * at + i]));
+    let all = raw.as_chunks::<24>().0.iter();
+    let read = |bytes| {
+        let at = DVec2::new(f64::from_bits(number(bytes, 0)), f64::from_bits(number(bytes, 1)));
+        (number(bytes, 2), at)
+    };
+    all.map(read).filter(|(point, at)| *point != u64::MAX && at.is_finite()).collect()
+}
+
+/// Reads `images.bin`, each image with its observations as they are.
+pub(super) fn images<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Vec<(ImageRecord, Raw<'a>)>, DatasetError> {
     let mut reader = Reader::new(path, bytes);
     let count = reader.count("images", IMAGE_BYTES)?;
     let mut images = Vec::with_capacity(count);
@@ -145,8 +160,8 @@ pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, Data
         let translation = reader.f64s("an image translation")?;
         let camera = reader.u32("an image's camera id")?;
         let name = reader.name()?;
-        reader.skip_list("observations", OBSERVATION_BYTES)?;
-        images.push(ImageRecord { name, camera, quaternion, translation });
+        let raw = reader.list("observations", OBSERVATION_BYTES)?;
+        images.push((ImageRecord { name, camera, quaternion, translation }, raw));
     }
     reader.finish("images", count)?;
     Ok(images)
@@ -158,7 +173,7 @@ pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, Data
     let count = reader.count("points", POINT_BYTES)?;
     let mut points = Vec::with_capacity(count);
     for _ in 0..count {
-        reader.u64("a point id")?;
+        let id = reader.u64("a point id")?;
         let position = DVec3::from_array(reader.f64s("a point position")?);
         let color = reader.take("a point colour")?;
         let [error] = reader.f64s("a point error")?;
@@ -167,7 +182,7 @@ pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, Data
             *image = reader.u32("a track's image id")?;
             reader.u32("a track's observation")?;
         }
-        points.push(SparsePoint { point: Point { position, color }, error, images: distinct(track) });
+        points.push(SparsePoint { id, point: Point { position, color }, error, images: distinct(track) });
     }
     reader.finish("points", count)?;
     Ok(points)

@@ -17,7 +17,8 @@ use super::lens::{Distortion, Lens, Pose, Projection};
 use super::masks::MaskFinder;
 use super::names::{self, Inside, Photo, PhotoFolders, RelativeTo};
 use super::photos::{AbsoluteNames, ListedPhoto};
-use super::{CameraInfo, LoadOptions, Loader, Scene, SceneFile, SceneKind};
+use super::tracks::Observed;
+use super::{CameraInfo, LoadOptions, Loader, Observations, Scene, SceneFile, SceneKind};
 use glam::DVec2;
 use models::{Chosen, ModelFiles};
 use posed::{Unposed, Unsolved, posed};
@@ -95,16 +96,28 @@ impl Colmap {
 /// The files of a model, by themselves.
 const FILES: [SceneFile; 6] = [
     SceneFile { name: "cameras.bin", check: |path, bytes| check_cameras(path, binary::cameras(path, bytes)?) },
-    SceneFile { name: "images.bin", check: |path, bytes| check_images(path, &binary::images(path, bytes)?) },
+    SceneFile { name: "images.bin", check: check_binary_images },
     SceneFile { name: "points3D.bin", check: |path, bytes| Ok(binary::points(path, bytes)?.len()) },
     SceneFile { name: "cameras.txt", check: |path, bytes| check_cameras(path, text::cameras(path, bytes)?) },
-    SceneFile { name: "images.txt", check: |path, bytes| check_images(path, &text::images(path, bytes)?) },
+    SceneFile { name: "images.txt", check: check_text_images },
     SceneFile { name: "points3D.txt", check: |path, bytes| Ok(text::points(path, bytes)?.len()) },
 ];
 
 fn check_cameras(path: &Path, cameras: BTreeMap<u32, CameraRecord>) -> Result<usize, DatasetError> {
     cameras.iter().try_for_each(|(id, camera)| camera.lens(path, *id).map(|_| ()))?;
     Ok(cameras.len())
+}
+
+fn check_binary_images(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
+    let images = binary::images(path, bytes)?;
+    images.iter().for_each(|(_, raw)| drop(binary::observations(raw)));
+    check_images(path, &models::records(images))
+}
+
+fn check_text_images(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
+    let images = text::images(path, bytes)?;
+    images.iter().try_for_each(|(_, raw)| text::observations(path, *raw).map(drop))?;
+    check_images(path, &models::records(images))
 }
 
 fn check_images(path: &Path, images: &[ImageRecord]) -> Result<usize, DatasetError> {
@@ -306,6 +319,22 @@ impl Loader for Colmap {
             notes,
             ..Scene::new(kind(&files), images_path, frames)
         })
+    }
+
+    fn observations(&self, scene: &Path, options: &LoadOptions) -> Result<Observations, DatasetError> {
+        let files = self.largest(scene)?.files;
+        let (cameras, folders) = (files.cameras()?, PhotoFolders::new(scene, RelativeTo::Photos, options));
+        let mut photos = Vec::new();
+        for (record, points) in files.observations()? {
+            // What has no pose is no view either.
+            if let (Some((inside, _)), Ok((_, lens))) =
+                (folders.resolve(&record.name), posed(&record, &cameras, &files))
+            {
+                photos.push(Observed { name: inside.name, lens, points });
+            }
+        }
+        let positions = files.points()?.into_iter().map(|sparse| (sparse.id, sparse.point.position)).collect();
+        Ok(Observations { photos, positions })
     }
 
     /// Metadata only; unsupported camera models and absent photos are reported, not refused.

@@ -4,6 +4,7 @@ use super::{CameraRecord, ImageRecord, SparsePoint, binary, text};
 use crate::dataset::ModelInfo;
 use crate::dataset::error::{DatasetError, read_bytes};
 use crate::dataset::info::path_inside;
+use glam::DVec2;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,20 @@ impl ModelFiles {
     pub fn images(&self) -> Result<Vec<ImageRecord>, DatasetError> {
         let path = self.path("images");
         let bytes = read_bytes(&path)?;
-        if self.text { text::images(&path, &bytes) } else { binary::images(&path, &bytes) }
+        Ok(if self.text { records(text::images(&path, &bytes)?) } else { records(binary::images(&path, &bytes)?) })
+    }
+
+    /// The observations of each image in its file's order.
+    pub fn observations(&self) -> Result<Vec<(ImageRecord, Vec<(u64, DVec2)>)>, DatasetError> {
+        let path = self.path("images");
+        let bytes = read_bytes(&path)?;
+        if self.text {
+            let images = text::images(&path, &bytes)?.into_iter();
+            images.map(|(record, raw)| Ok((record, text::observations(&path, raw)?))).collect()
+        } else {
+            let images = binary::images(&path, &bytes)?.into_iter();
+            Ok(images.map(|(record, raw)| (record, binary::observations(raw))).collect())
+        }
     }
 
     /// The cloud; none where the file is absent.
@@ -51,6 +65,11 @@ impl ModelFiles {
         let bytes = read_bytes(&path)?;
         if self.text { text::points(&path, &bytes) } else { binary::points(&path, &bytes) }
     }
+}
+
+/// The images without their observations.
+pub(super) fn records<T>(images: Vec<(ImageRecord, T)>) -> Vec<ImageRecord> {
+    images.into_iter().map(|(record, _)| record).collect()
 }
 
 /// The models in a folder: those of its numbered folders, by number, else its own.

@@ -5,6 +5,7 @@ use crate::dataset::Point;
 /// A point as the file states it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SparsePoint {
+    pub id: u64,
     pub point: Point,
     /// Mean reprojection error in pixels.
     pub error: f64,

@@ -4,7 +4,7 @@ use super::sparse::{SparsePoint, distinct};
 use super::{CameraRecord, ImageRecord, model_by_name};
 use crate::dataset::Point;
 use crate::dataset::error::{DatasetError, without_mark};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::{FromStr, SplitWhitespace, Utf8Error};
@@ -111,9 +111,25 @@ pub(super) fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, CameraR
     Ok(cameras)
 }
 
+/// The observations of an image in `images.txt`: a line and its number.
+pub(super) type Raw<'a> = (usize, &'a str);
+
+/// The number and the place of each observation that has a point.
+pub(super) fn observations(path: &Path, (number, line): Raw<'_>) -> Result<Vec<(u64, DVec2)>, DatasetError> {
+    let mut fields = Fields::new(path, number, line);
+    let mut found = Vec::new();
+    while fields.rest.clone().next().is_some() {
+        let at = DVec2::from_array(fields.reals("a pixel of an observation")?);
+        // -1 where it has none.
+        let point: i64 = fields.number("an observation's point id")?;
+        found.extend(u64::try_from(point).ok().filter(|_| at.is_finite()).map(|point| (point, at)));
+    }
+    Ok(found)
+}
+
 /// Reads `images.txt`, two lines an image: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then the observations,
 /// a line that may be blank.
-pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, DatasetError> {
+pub(super) fn images<'a>(path: &Path, bytes: &'a [u8]) -> Result<Vec<(ImageRecord, Raw<'a>)>, DatasetError> {
     let text = text(path, bytes)?;
     let mut images = Vec::new();
     let mut lines = (1..).zip(text.lines());
@@ -130,15 +146,15 @@ pub(super) fn images(path: &Path, bytes: &[u8]) -> Result<Vec<ImageRecord>, Data
         if name.is_empty() {
             return Err(DatasetError::line(path, number, "the image name is missing"));
         }
-        images.push(ImageRecord { name: name.to_owned(), camera, quaternion, translation });
         // Without this check a file that lacks the observation lines would lose every second image.
-        if let Some((number, line)) = lines.next()
-            && line.split_whitespace().count() % 3 != 0
-        {
+        let raw = lines.next().unwrap_or((number, ""));
+        if raw.1.split_whitespace().count() % 3 != 0 {
+            let number = raw.0;
             let problem = "expected the observations of the image above, triples of X Y POINT3D_ID (the line may be \
                            blank but not absent)";
             return Err(DatasetError::line(path, number, problem));
         }
+        images.push((ImageRecord { name: name.to_owned(), camera, quaternion, translation }, raw));
     }
     Ok(images)
 }
@@ -158,7 +174,7 @@ pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, Data
     let mut points = Vec::new();
     for (number, line) in records(text) {
         let mut fields = Fields::new(path, number, line);
-        fields.number::<u64>("the point id")?;
+        let id = fields.number("the point id")?;
         let position = DVec3::from_array(fields.reals("the point position")?);
         let color = fields.numbers("the point colour")?;
         let [error] = fields.reals("the point error")?;
@@ -167,7 +183,7 @@ pub(super) fn points(path: &Path, bytes: &[u8]) -> Result<Vec<SparsePoint>, Data
             track.push(fields.number("an image id of the track")?);
             fields.number::<u32>("an observation of the track")?;
         }
-        points.push(SparsePoint { point: Point { position, color }, error, images: distinct(track) });
+        points.push(SparsePoint { id, point: Point { position, color }, error, images: distinct(track) });
     }
     Ok(points)
 }

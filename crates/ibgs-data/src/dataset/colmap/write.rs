@@ -54,7 +54,7 @@ mod tests {
         let photos = [("a b.jpg", &camera), ("c/d.png", &other), ("e.png", &camera)];
         let [(_, cameras), (_, images), _] = text_model(photos.into_iter());
         let lenses = text::cameras(Path::new("cameras.txt"), cameras.as_bytes()).unwrap();
-        let found = text::images(Path::new("images.txt"), images.as_bytes()).unwrap();
+        let found = super::super::models::records(text::images(Path::new("images.txt"), images.as_bytes()).unwrap());
         assert_eq!((lenses.len(), found.len()), (2, 3));
         for ((name, camera), image) in photos.into_iter().zip(found) {
             let lens = &lenses[&image.camera];
