@@ -9,6 +9,7 @@ use anyhow::{Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
 use ibgs_core::dataset::{Dataset, View};
+use ibgs_core::eval::fitted::fitted_views;
 use ibgs_core::eval::scores::{Scores, protocol, score_test_views};
 use ibgs_core::eval::{Cache, PASSES, Perceptual, Score, ViewScores, frames_per_second};
 use ibgs_core::output::REPORT_FILE;
@@ -46,6 +47,9 @@ pub struct Args {
     /// Range of the values that LPIPS reads.
     #[arg(long, value_enum, default_value_t, requires = "lpips_weights")]
     lpips_range: LpipsRange,
+    /// Also fit the camera of each held-out view to its own photo, and report the PSNR from there apart: PSNR_fitted_pose.
+    #[arg(long)]
+    fit_poses: bool,
     /// HTML file for the report: figures, curves and pictures [default: MODEL/report.html].
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -84,9 +88,14 @@ pub fn run(args: &Args) -> Result<()> {
         table.row(name, scores);
         table.bar.inc(1);
     };
-    let scores = score_test_views(&model.renderer, &dataset, &model.config, into, perceptual, report)?;
+    let mut scores = score_test_views(&model.renderer, &dataset, &model.config, into, perceptual, report)?;
     table.bar.finish_and_clear();
     table.row("mean", mean(&scores).as_ref());
+    if args.fit_poses {
+        let bar = bar("fitting poses", cameras.len());
+        scores.fitted = fitted_views(&model.renderer, &dataset, &model.config, &mut |_| bar.inc(1))?;
+        bar.finish_and_clear();
+    }
     let mut protocol = protocol(&model.config, &dataset, model.renderer.gpu());
     protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
     scores.write(&model.folder, model.iteration, &protocol)?;
@@ -129,6 +138,7 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
         notes.push(format!("masks: masked pixels do not count; {masked} of {all} photos have some"));
     }
     notes.extend(scores.masked_sentence());
+    notes.extend(scores.fitted_sentence());
     notes.push(match &protocol.lpips {
         Some(how) => format!("LPIPS: {how}"),
         None => "LPIPS not computed (`--lpips-weights` names its weights)".to_owned(),

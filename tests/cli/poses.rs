@@ -32,7 +32,12 @@ fn a_model_is_seen_through_its_refined_cameras() {
         scores[key]["PSNR"].as_f64().unwrap()
     };
     let trained = psnr();
-    sandbox.succeeds("eval refined");
+    let fitted =
+        || sandbox.json("refined/results_fitted_poses.json")[key]["final"]["PSNR_fitted_pose"].as_f64().unwrap();
+    assert!(fitted() >= trained, "{} from poses that are fitted to the photos", fitted());
+    std::fs::remove_file(sandbox.path("refined/results_fitted_poses.json")).unwrap();
+    assert!(sandbox.succeeds("eval refined --fit-poses").stdout.contains("PSNR_fitted_pose"));
+    assert!(fitted() >= psnr());
     assert!((psnr() - trained).abs() < 0.02, "{trained} in training, {} by `eval`", psnr());
     sandbox.succeeds("export refined -o refined.ibgs");
     sandbox.succeeds("export refined --cameras sparse");

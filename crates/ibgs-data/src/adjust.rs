@@ -1,6 +1,5 @@
 //! Cameras and points are adjusted to what the photos have of the points: bundle adjustment (method.md section 11).
 
-mod cholesky;
 mod normal;
 mod reprojection;
 mod triangulate;

@@ -12,6 +12,7 @@ pub mod adjust;
 pub mod camera;
 pub mod camera_change;
 pub mod camera_path;
+pub mod cholesky;
 pub mod dataset;
 pub mod files;
 pub mod image_io;

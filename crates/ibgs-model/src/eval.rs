@@ -1,5 +1,7 @@
 //! Image metrics and the evaluation of a model (method.md section 9).
 
+pub mod fit_pose;
+pub mod fitted;
 pub mod scores;
 
 pub use crate::score::Score;

@@ -3,6 +3,7 @@
 mod checkpoint;
 mod ensemble;
 mod events;
+mod fit_poses;
 pub mod image_based;
 mod inputs;
 mod masks;

@@ -1,9 +1,9 @@
 //! Steps of Levenberg and Marquardt: the points are eliminated (Schur), the cameras solved for.
 
-use super::cholesky::Symmetric;
 use super::reprojection::{FAR, NUMBERS, Reprojection, error};
 use super::{Seen, moved};
 use crate::camera::Camera;
+use crate::cholesky::Symmetric;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 

@@ -44,7 +44,7 @@ pub use names::{PHOTO_EXTENSIONS, has_extension, picture_extensions};
 pub use options::{Alpha, ColorSpace, InitialPoints, LoadOptions, Masks, PrincipalPoint, Resampler, Resolution};
 pub use photos::resample;
 pub use points::thinned;
-pub use shown::shown;
+pub use shown::{median_depth, shown};
 pub use tracks::Observations;
 
 use crate::camera::Camera;

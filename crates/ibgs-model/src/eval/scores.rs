@@ -1,5 +1,6 @@
 //! Scores of all held-out views.
 
+use super::fitted::{FittedView, fitted_sentence, write_fitted};
 use super::{EvalError, Perceptual, Region, Score, ViewScores, score_view};
 use crate::config::{Background, TrainConfig};
 use crate::dataset::{Dataset, DatasetError, HostPhoto, Photo, Resolution, View};
@@ -90,6 +91,8 @@ pub struct Scores {
     pub with_masks: usize,
     /// Where the scene's objects are known: base and final image on the glossy and mirror-like ones, then elsewhere.
     pub regions: Option<[[Region; 2]; 2]>,
+    /// Apart from all others: the views from poses that were fitted to their photos, where that was asked for.
+    pub fitted: Vec<FittedView>,
 }
 
 impl Scores {
@@ -102,7 +105,7 @@ impl Scores {
         if !self.image.is_empty() {
             folder.write_results(iteration, Scored::Final, &self.image, protocol)?;
         }
-        Ok(())
+        write_fitted(&self.fitted, folder, iteration)
     }
 
     /// Errors on the glossy and mirror-like objects and elsewhere.
@@ -127,6 +130,11 @@ impl Scores {
             false => Some(format!("final {:.2} dB, base {:.2} dB", image.psnr()?, base.psnr()?)),
         };
         Some(format!("glossy and mirror-like objects: {}; elsewhere: {}", one(glossy)?, one(elsewhere)?))
+    }
+
+    /// The mean scores from fitted poses, where there are such.
+    pub fn fitted_sentence(&self) -> Option<String> {
+        fitted_sentence(&self.fitted)
     }
 
     /// `2 held-out views have no score, as their photos are masked as a whole: a.png, b.png`, where there are such.

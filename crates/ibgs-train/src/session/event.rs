@@ -235,7 +235,7 @@ impl Event<'_> {
                     scores.base.len(),
                     1e3 * iteration_time.as_secs_f64()
                 )?;
-                let more = [scores.regions_sentence(), scores.masked_sentence()];
+                let more = [scores.regions_sentence(), scores.masked_sentence(), scores.fitted_sentence()];
                 more.into_iter().flatten().try_for_each(|line| write!(f, "\n   {line}"))
             }
             Self::RolledBack { error, iteration, rates } => {

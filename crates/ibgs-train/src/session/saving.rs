@@ -4,6 +4,7 @@ use super::{Due, Event, ExposureSummary, Observer, Result, Session, SessionError
 use crate::checkpoint::Checkpoint;
 use ibgs_core::config::Method;
 use ibgs_core::eval::Score;
+use ibgs_core::eval::fitted::fitted_views;
 use ibgs_core::eval::scores::{protocol, score_test_views};
 use ibgs_core::exposure::{Exposure, ExposureField};
 use ibgs_core::output::OutputFolder;
@@ -138,7 +139,10 @@ impl Session {
         }
         let renderer = self.trainer.renderer()?;
         let into = self.folder.as_ref().map(|folder| (folder, iteration));
-        let scores = score_test_views(&renderer, &self.dataset, &self.config, into, None, &mut |_, _| {})?;
+        let mut scores = score_test_views(&renderer, &self.dataset, &self.config, into, None, &mut |_, _| {})?;
+        if self.loaded_cameras.is_some() && self.is_done() {
+            scores.fitted = fitted_views(&renderer, &self.dataset, &self.config, &mut |_| {})?;
+        }
         if let Some(folder) = &self.folder {
             scores.write(folder, iteration, &protocol(&self.config, &self.dataset, self.raster.gpu()))?;
         }

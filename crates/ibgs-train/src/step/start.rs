@@ -14,7 +14,7 @@ use glam::Vec3;
 use ibgs_core::camera::{Camera, scene_extent, usable_extent};
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::config::{Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, Point, shown_by_any, unrelated_colors};
+use ibgs_core::dataset::{Dataset, Point, median_depth, shown_by_any, unrelated_colors};
 use ibgs_core::eval::EvalError;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{Gaussians, from_points};
@@ -65,12 +65,7 @@ impl Lengths {
 fn lengths_of(cameras: &[Camera], dataset: &Dataset, extent: f64) -> Vec<f64> {
     let space = dataset.space();
     let points: Vec<_> = thinned(&dataset.points, MOST_LOOKED_AT).iter().map(|p| space.to_local(p.position)).collect();
-    let depth = |camera: &Camera| {
-        let mut depths: Vec<f64> = points.iter().filter_map(|point| Some(camera.seen(*point)?.1)).collect();
-        depths.sort_unstable_by(f64::total_cmp);
-        depths.get(depths.len() / 2).copied().unwrap_or(extent)
-    };
-    cameras.par_iter().map(depth).collect()
+    cameras.par_iter().map(|camera| median_depth(camera, &points).unwrap_or(extent)).collect()
 }
 
 impl Trainer {

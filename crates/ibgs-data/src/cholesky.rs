@@ -7,7 +7,7 @@ const ROWS_EACH: usize = 32;
 
 /// A dense symmetric matrix, of which the lower triangle is read.
 #[derive(Clone, Debug)]
-pub(super) struct Symmetric {
+pub struct Symmetric {
     size: usize,
     /// Row by row.
     values: Vec<f64>,
@@ -27,6 +27,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Symmetric {
+    /// Of zeros.
     pub fn zero(size: usize) -> Self {
         Self { size, values: vec![0.0; size * size] }
     }
@@ -38,6 +39,7 @@ impl Symmetric {
         }
     }
 
+    /// Adds another one of the same size.
     pub fn add_all(&mut self, other: &Self) {
         self.values.iter_mut().zip(&other.values).for_each(|(sum, v)| *sum += v);
     }
