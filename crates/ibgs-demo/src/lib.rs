@@ -216,6 +216,7 @@ impl Traced<'_> {
             extent: None,
             backdrop: None,
             glossy: None,
+            loaded_checksum: None,
             notes,
         }
     }

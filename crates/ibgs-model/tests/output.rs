@@ -36,6 +36,7 @@ pub fn dataset() -> Dataset {
         extent: None,
         backdrop: None,
         glossy: None,
+        loaded_checksum: None,
         points_from: PointsFrom::Scene,
         path: "scene".into(),
         views: views.into(),

@@ -147,7 +147,7 @@ impl Refining {
         depths: impl FnOnce() -> Vec<f64>,
         config: &TrainConfig,
     ) -> Result<Option<Self>, GpuError> {
-        if config.poses.refine == PoseSwitch::Off {
+        if config.poses.refine != PoseSwitch::On {
             return Ok(None);
         }
         let (lens_of, views_of) = lenses(cameras);

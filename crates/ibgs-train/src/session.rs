@@ -15,6 +15,7 @@
 //! # }
 //! ```
 
+mod adjusting;
 mod builder;
 mod cameras;
 mod checkpoint_writer;

@@ -1,5 +1,6 @@
 //! Short trainings of a tiny scene: what must happen in every run, and what must not.
 
+mod adjusted;
 mod checkpoint;
 mod ensemble;
 mod events;

@@ -76,6 +76,7 @@ fn load_scene(
         extent: options.extent,
         backdrop: None,
         glossy: None,
+        loaded_checksum: None,
         notes: std::mem::take(&mut scene.notes),
     };
     dataset.notes.extend(notes::missing(&scene.missing, scene.frames.len()));

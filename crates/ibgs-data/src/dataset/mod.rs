@@ -165,6 +165,8 @@ pub struct Dataset {
     pub backdrop: Option<(Alpha, [u8; 3])>,
     /// Which pixels of a view, row by row, show something glossy or mirror-like: of a scene that was made and so is known.
     pub glossy: Option<fn(&Camera) -> Vec<bool>>,
+    /// The checksum of the scene as it was loaded, where its cameras were changed since.
+    pub loaded_checksum: Option<u32>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
     pub notes: Vec<String>,
 }
@@ -185,11 +187,20 @@ impl Dataset {
     pub fn reduced(&self, views: &[usize], longest: u32) -> Result<Self, DatasetError> {
         let reduced = |&view: &usize| photos::reduced(&self.views[view], longest);
         let some = views.par_iter().map(reduced).collect::<Result<Vec<_>, DatasetError>>()?;
-        Ok(Self { train: (0..some.len()).collect(), test: Vec::new(), views: some, ..self.clone() })
+        Ok(Self {
+            train: (0..some.len()).collect(),
+            test: Vec::new(),
+            views: some,
+            loaded_checksum: None,
+            ..self.clone()
+        })
     }
 
-    /// CRC-32 of what a training sees: names, cameras and photos of the training and the held-out views.
+    /// CRC-32 of what a training loads: names, cameras and photos of the training and the held-out views.
     pub fn checksum(&self) -> u32 {
+        if let Some(loaded) = self.loaded_checksum {
+            return loaded;
+        }
         let one = |view: &View| {
             let mut sum = crc32fast::Hasher::new();
             let Camera { width, height, focal, principal, view_from_world, translation } = view.camera;

@@ -11,7 +11,9 @@ pub enum PoseSwitch {
     /// Not at all.
     #[default]
     Off,
-    /// From `poses.from` on.
+    /// Before the training, to the observations of the scene's points, where it has some and cameras then fit them clearly better.
+    Auto,
+    /// The same, and with the Gaussians from `poses.from` on.
     On,
 }
 
@@ -19,8 +21,9 @@ pub enum PoseSwitch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct PoseConfig {
-    /// Whether the poses of the training photos are refined with the Gaussians, and the focal lengths of the lenses that they
-    /// share.
+    /// Whether the poses of the training photos are refined, and the focal lengths of the lenses that they share. `auto`: before the
+    /// training, to the observations of a COLMAP model, where cameras then fit them clearly better; `on`: the same, and with the
+    /// Gaussians.
     pub refine: PoseSwitch,
     /// Cameras learn after this iteration; unset: 500, scaled.
     pub from: Option<u32>,

@@ -7,6 +7,7 @@ mod start;
 pub use error::BuildError;
 use start::Start;
 
+use super::adjusting::adjust_cameras;
 use super::{CheckpointWriter, Event, Observer, Output, Preparation, Records, Session, StoppedTraining};
 use crate::densify::Strategy;
 use crate::loss::Loss;
@@ -188,6 +189,9 @@ impl Loaded {
         }
         config.adapt_to(&dataset);
         let known = dataset.notes.len();
+        if config.poses.refine != PoseSwitch::Off && config.source.is_some() {
+            adjust_cameras(&mut dataset, &config.load_options())?;
+        }
         find_points(gpu, &mut dataset, &config, observer.progress())?;
         dataset.notes[known..].iter().for_each(|note| observer.event(&Event::Note(note)));
         observer.event(&Event::Preparing);
@@ -223,7 +227,7 @@ impl Loaded {
             checkpoints: CheckpointWriter::new(folder.clone(), every),
             trainer,
             raster,
-            loaded_cameras: Session::refined_from(&dataset, config.poses.refine != PoseSwitch::Off),
+            loaded_cameras: Session::refined_from(&dataset, config.poses.refine == PoseSwitch::On),
             dataset,
             config,
             folder,

@@ -26,7 +26,7 @@ impl Session {
 
 /// The cameras of all views after a training has refined those of `train`. No other learns from its photo: it moves with the common
 /// frame, by the similarity that fits the refined cameras to the loaded ones, and has its lens where it is that of a training view.
-fn adopted(loaded: &[Camera], train: &[usize], refined: &[Camera]) -> Vec<Camera> {
+pub(super) fn adopted(loaded: &[Camera], train: &[usize], refined: &[Camera]) -> Vec<Camera> {
     let pairs: Vec<(Camera, Camera)> = train.iter().map(|&view| loaded[view]).zip(refined.iter().copied()).collect();
     let frame = Similarity::fit(&pairs);
     let moved = |camera: &Camera| {

@@ -83,6 +83,7 @@ fn wall() -> Dataset {
         extent: None,
         backdrop: None,
         glossy: None,
+        loaded_checksum: None,
         notes: Vec::new(),
     }
 }
