@@ -18,10 +18,12 @@ mod sog;
 mod sog_read;
 mod splat;
 mod spz;
+mod spz_read;
 #[cfg(test)]
 mod tests;
 
 pub(super) use finite::{Dropped, is_rotation, make_finite};
+pub use spz::{SpzVersion, write_spz};
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;
@@ -56,7 +58,7 @@ formats! {
     CompressedPly => compressed_ply::ROW,
     /// PLY of 32-bit floats, as 3DGS writes it.
     Ply => PLY,
-    /// Niantic's SPZ: written in version 3, read in versions 2 and 3.
+    /// Niantic's SPZ: written in version 4 ([`write_spz`] writes version 3 too), read in versions 2 to 4.
     Spz => spz::ROW,
     /// 32 bytes a Gaussian, as antimatter15's viewer reads it.
     Splat => splat::ROW,
@@ -223,13 +225,26 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Re
     let Some(writer) = format.row().writer else {
         return ply::write_ply(path, gaussians, PlyFlavor::Full);
     };
+    write_with(path, gaussians, format.row().axes, writer)
+}
+
+/// Writes Gaussians with the axes of a file in one atomic step.
+///
+/// # Errors
+/// As [`write_gaussians`].
+fn write_with(
+    path: &Path,
+    gaussians: &Gaussians,
+    axes: [f32; 3],
+    writer: impl FnOnce(&Gaussians) -> Writer<'_>,
+) -> Result<(), SceneError> {
     gaussians.validate()?;
     let refused = |reason| SceneError::CannotHold { path: path.to_owned(), reason };
     if gaussians.is_empty() {
         return Err(refused("the model has no Gaussians".to_owned()));
     }
     let place = LocalSpace::at(gaussians.file_offset().unwrap_or_default());
-    let gaussians = axes::turned(gaussians.in_space(place), format.row().axes);
+    let gaussians = axes::turned(gaussians.in_space(place), axes);
     let write = writer(&gaussians).map_err(refused)?;
     files::write_atomically(path, |out| write(out))?;
     Ok(())
