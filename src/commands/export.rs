@@ -27,7 +27,7 @@ fn output_help() -> String {
     format!(
         "File to write: `.ibgs` holds Gaussians, network, cameras and source photos; {} hold the Gaussians only, and for them \
          MODEL may be a file of Gaussians too",
-        Format::endings()
+        Format::written_endings()
     )
 }
 
@@ -146,7 +146,7 @@ fn file(args: &Args, output: &Path) -> Result<()> {
         return gaussians_alone(args, output, format);
     }
     if !is_bundle(output) {
-        bail!("{} must end in `.ibgs` or one of {}", output.display(), Format::endings());
+        bail!("{} must end in `.ibgs` or one of {}", output.display(), Format::written_endings());
     }
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");

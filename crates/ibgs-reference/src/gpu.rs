@@ -69,6 +69,7 @@ pub fn gaussians(p: &Params) -> Gaussians {
         sh_degree: p.sh_degree as u32,
         normals: vec![[0.0, 0.0, 1.0]; n],
         offsets: vec![0.0; n],
+        antialiased: false,
     }
 }
 

@@ -7,6 +7,7 @@ pub mod init;
 mod per_gaussian;
 pub mod ply;
 mod ply_rows;
+mod tags;
 
 pub use error::SceneError;
 pub use formats::packed;

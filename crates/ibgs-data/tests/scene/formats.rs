@@ -21,7 +21,7 @@ pub fn complaint(bytes: &[u8], name: &str) -> String {
 #[test]
 fn every_cut_is_told() {
     let g = random_gaussians(40, 2, 1);
-    for format in Format::ALL {
+    for format in Format::written() {
         let bytes = bytes_of(&g, format);
         let name = format!("a{}", format.ending());
         assert_eq!(read(&bytes, &name).unwrap().len(), 40);
@@ -108,7 +108,7 @@ fn sog_that_lies() {
     assert!(complaint(&meta("\"count\":40", "\"count\":400000000000"), "a.sog").contains("promises 400000000000"));
     assert!(complaint(&meta("\"count\":40", "\"count\":5000"), "a.sog").contains("pixels where 5000"));
     assert!(complaint(&meta("\"version\":2", "\"version\":3"), "a.sog").contains("version 3"));
-    assert!(complaint(&meta("\"version\":2", "\"version\":null"), "a.sog").contains("version 1"));
+    assert!(complaint(&meta("\"version\":2", "\"version\":null"), "a.sog").contains("`shape`"));
     assert!(complaint(&meta("\"bands\":1", "\"bands\":7"), "a.sog").contains("degree 7"));
     assert!(complaint(&meta("\"means_l.webp\"", "\"../a.webp\""), "a.sog").contains("../a.webp"));
     assert!(complaint(&meta("\"mins\":[", "\"mins\":[0,"), "a.sog").contains("meta.json"));

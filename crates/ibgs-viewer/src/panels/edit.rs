@@ -207,7 +207,7 @@ fn save(viewer: &mut Viewer, ui: &mut Ui) -> Option<Command> {
     let field = TextEdit::singleline(&mut edit.file).desired_width(f32::INFINITY);
     ui.add(field).on_hover_text(format!(
         "A name in `.ibgs` keeps network, cameras and source photos; one in {} the Gaussians alone",
-        Format::endings()
+        Format::written_endings()
     ));
     let mut command = None;
     ui.horizontal_wrapped(|ui| {

@@ -8,7 +8,7 @@
 
 use super::super::{Gaussians, SceneError};
 use super::quantise::{self, byte};
-use super::{Format, MAX_SH_DEGREE, Steps, Writer, axes, spz_read};
+use super::{Format, MAX_SH_DEGREE, Steps, Writer, Writing, axes, spz_read};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -25,8 +25,10 @@ pub(super) const ROW: super::Row = super::Row {
         rotation: FRAC_1_SQRT_2 / ROTATION_STEPS,
         sh: [1.0 / 255.0 / COLOR_SCALE, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 8.0],
     },
+    position_step: Some(|reach, _| 0.5_f64.powi(bits_behind_the_point(reach).unwrap_or_default() as i32)),
+    keeps_antialiased: true,
     place_of_offset: None,
-    writer: Some(|gaussians| writer(gaussians, write_4)),
+    writing: Writing::By(|gaussians| writer(gaussians, write_4)),
     read: Some(|bytes, _| spz_read::read(bytes)),
 };
 
@@ -56,6 +58,8 @@ pub(super) const MAGIC: &[u8; 4] = b"NGSP";
 pub(super) const HEADER_4: usize = 32;
 /// Bytes of a field in the table of version 4: compressed and plain length.
 pub(super) const TABLE_ROW: usize = 16;
+/// The flag of Gaussians that were trained with antialiasing.
+pub(super) const ANTIALIASED: u8 = 1;
 /// Most bits behind the point that are written: steps of a millionth.
 const MOST_FRACTIONAL_BITS: u32 = 20;
 /// Largest coordinate in steps.
@@ -77,11 +81,13 @@ fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
         return Err("an SPZ file holds up to 2,147,483,647 Gaussians".to_owned());
     }
     let far = gaussians.means.as_flattened().iter().fold(0.0, |far, v| f64::max(far, f64::from(v.abs())));
-    let fits = |&bits: &u32| (far * f64::from(1 << bits)).round() <= MOST_STEPS;
-    (0..=MOST_FRACTIONAL_BITS)
-        .rev()
-        .find(fits)
+    bits_behind_the_point(far)
         .ok_or_else(|| format!("an SPZ file holds coordinates up to {MOST_STEPS}, the model's reach {far}"))
+}
+
+/// Most bits behind the point with which a coordinate fits.
+fn bits_behind_the_point(far: f64) -> Option<u32> {
+    (0..=MOST_FRACTIONAL_BITS).rev().find(|&bits| (far * f64::from(1 << bits)).round() <= MOST_STEPS)
 }
 
 /// Writes fields with the bits behind the point of a coordinate.
@@ -97,7 +103,7 @@ fn header(g: &Gaussians, version: u32, fractional_bits: u32) -> Vec<u8> {
     let mut header = MAGIC.to_vec();
     header.extend(version.to_le_bytes());
     header.extend((g.len() as u32).to_le_bytes());
-    header.extend([g.sh_degree as u8, fractional_bits as u8, 0]);
+    header.extend([g.sh_degree as u8, fractional_bits as u8, if g.antialiased { ANTIALIASED } else { 0 }]);
     header
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::Gaussians;
 use super::super::gaussians::coefficients;
-use super::spz::{COLOR_SCALE, HEADER_4, MAGIC, ROTATION_STEPS, TABLE_ROW};
+use super::spz::{ANTIALIASED, COLOR_SCALE, HEADER_4, MAGIC, ROTATION_STEPS, TABLE_ROW};
 use super::{MAX_SH_DEGREE, quantise};
 use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
@@ -32,6 +32,7 @@ struct Header {
     count: usize,
     degree: u32,
     fractional_bits: u32,
+    antialiased: bool,
 }
 
 impl Header {
@@ -47,7 +48,8 @@ impl Header {
         if fractional_bits > 24 {
             return Err(format!("its coordinates have {fractional_bits} bits behind the point where 24 are all"));
         }
-        Ok(Self { version, count: count as usize, degree, fractional_bits })
+        let antialiased = bytes[14] & ANTIALIASED != 0;
+        Ok(Self { version, count: count as usize, degree, fractional_bits, antialiased })
     }
 
     fn rotation_bytes(&self) -> usize {
@@ -189,6 +191,7 @@ fn frame(stream: &[u8], length: usize) -> Result<Vec<u8>, String> {
 fn unpack(header: &Header, fields: [&[u8]; 6]) -> Gaussians {
     let [positions, opacities, colors, scales, rotations, harmonics] = fields;
     let mut g = Gaussians::with_capacity(header.count, header.degree);
+    g.antialiased = header.antialiased;
     let step = 1.0 / f64::from(1 << header.fractional_bits);
     // The three bytes stand above a fourth, so that the shift extends the sign.
     let fixed = |b: &[u8]| (f64::from(i32::from_le_bytes([0, b[0], b[1], b[2]]) >> 8) * step) as f32;
