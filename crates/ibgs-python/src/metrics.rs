@@ -30,10 +30,14 @@ pub fn to_uint8<'py>(py: Python<'py>, image: PyReadonlyArrayDyn<f32>) -> PyResul
 
 fn scored(py: Python<'_>, image: &PyReadonlyArrayDyn<f32>, photo: &PyReadonlyArrayDyn<u8>) -> PyResult<Score> {
     let (&[height, width, 3], &[photo_height, photo_width, channels @ (3 | 4)]) = (image.shape(), photo.shape()) else {
-        return Err(refused("an image has the shape [height, width, 3], a photo [height, width, 3] or [height, width, 4]"));
+        return Err(refused(
+            "an image has the shape [height, width, 3], a photo [height, width, 3] or [height, width, 4]",
+        ));
     };
     if (height, width) != (photo_height, photo_width) || height == 0 || width == 0 {
-        return Err(refused(format!("image and photo differ in size: {width} x {height}, {photo_width} x {photo_height}")));
+        return Err(refused(format!(
+            "image and photo differ in size: {width} x {height}, {photo_width} x {photo_height}"
+        )));
     }
     let rgb = image.as_array().iter().copied().collect();
     let values: Vec<u8> = photo.as_array().iter().copied().collect();

@@ -44,7 +44,10 @@ impl From<&TrainingProgress> for Progress {
 impl Progress {
     fn __repr__(&self) -> String {
         let psnr = self.psnr.map_or_else(String::new, |psnr| format!(", {psnr:.2} dB"));
-        format!("Progress({} of {}, {}{psnr}, {} Gaussians)", self.iteration, self.iterations, self.stage, self.gaussians)
+        format!(
+            "Progress({} of {}, {}{psnr}, {} Gaussians)",
+            self.iteration, self.iterations, self.stage, self.gaussians
+        )
     }
 }
 
@@ -117,7 +120,8 @@ impl Trainer {
         adapter: Option<String>,
         on_event: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let mut caller = Caller { event: on_event.as_ref().map(|function| function.clone_ref(py)), ..Caller::default() };
+        let mut caller =
+            Caller { event: on_event.as_ref().map(|function| function.clone_ref(py)), ..Caller::default() };
         let session = py.detach(|| {
             let mut loaded = builder.load(&mut caller).map_err(raised)?;
             let gpu = open_gpu(adapter, Use::Training)?;
@@ -165,7 +169,8 @@ impl Trainer {
         // How the scene was loaded is said there.
         let TrainConfig { source, data, demo_walkers, .. } = own.clone();
         (config.source, config.data, config.demo_walkers) = (source, data, demo_walkers);
-        let memory: MemoryBudget = gpu_memory.parse().map_err(|_| refused(format!("gpu_memory: `{gpu_memory}` is no size")))?;
+        let memory: MemoryBudget =
+            gpu_memory.parse().map_err(|_| refused(format!("gpu_memory: `{gpu_memory}` is no size")))?;
         let mut builder = Session::builder(config).dataset(dataset.clone()).gpu_memory(memory);
         if let Some(path) = output {
             let existing = if overwrite { Existing::Replace } else { Existing::Keep };
@@ -177,12 +182,7 @@ impl Trainer {
     /// Resumes a stopped training in its own folder.
     #[staticmethod]
     #[pyo3(signature = (path, *, adapter = None, on_event = None))]
-    fn resume(
-        py: Python<'_>,
-        path: PathBuf,
-        adapter: Option<String>,
-        on_event: Option<Py<PyAny>>,
-    ) -> PyResult<Self> {
+    fn resume(py: Python<'_>, path: PathBuf, adapter: Option<String>, on_event: Option<Py<PyAny>>) -> PyResult<Self> {
         let stopped = StoppedTraining::open(&path, &mut ()).map_err(raised)?;
         let builder = Session::builder(stopped.checkpoint().config.clone()).resumed_from(stopped);
         Self::prepared(py, builder, adapter, on_event)
