@@ -3,9 +3,6 @@
 //! Each view gathers the gradients by its pose, as the target of an iteration and as a source of others, and takes a step of Adam
 //! when it has been the target. Views of one lens gather those by its focal lengths and take a step together, once each has been the
 //! target. A step is taken some iterations after its gradients were made, always as many, so that nothing waits and runs repeat.
-//! After each round of steps, one for each view on average, what all cameras have moved by alike is taken back.
-
-mod levelling;
 
 use crate::readback::Readback;
 use glam::DVec2;
@@ -63,15 +60,6 @@ impl Moments {
 
     fn is_finite(&self) -> bool {
         [self.first, self.second, self.gathered].as_flattened().iter().all(|v| v.is_finite())
-    }
-}
-
-/// Takes the mean first moment back, which would move all cameras alike again.
-fn level_moments(poses: &mut [Moments]) {
-    let count = poses.len().max(1) as f64;
-    for i in 0..POSE {
-        let mean = poses.iter().map(|moments| moments.first[i]).sum::<f64>() / count;
-        poses.iter_mut().for_each(|moments| moments.first[i] -= mean);
     }
 }
 
@@ -236,10 +224,6 @@ impl Refining {
         let Some(&target) = arrived.views.first() else { return Ok(false) };
         self.step_pose(target, rate);
         self.step_lens(self.lens_of[target], rate);
-        if self.ends_round() {
-            levelling::level(&self.first, &mut self.cameras);
-            level_moments(&mut self.poses);
-        }
         Ok(true)
     }
 
@@ -267,12 +251,6 @@ impl Refining {
         for (camera, _) in self.cameras.iter_mut().zip(&self.lens_of).filter(|(_, of)| **of == lens) {
             camera.focal *= DVec2::new(x.exp(), y.exp());
         }
-    }
-
-    /// Whether as many steps have been taken as there are poses, or a multiple.
-    fn ends_round(&self) -> bool {
-        let steps: usize = self.poses.iter().map(|moments| moments.steps as usize).sum();
-        steps.is_multiple_of(self.poses.len())
     }
 
     /// The cameras as they are, in the scene's coordinates and in local ones.
@@ -311,29 +289,5 @@ impl Refining {
         self.poses.clone_from(&state.poses);
         self.lenses.clone_from(&state.lenses);
         self.flights = state.flights.iter().cloned().map(Flight::Here).collect();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn levelled_moments_have_no_mean_and_the_same_differences() {
-        let one = |i: i32| Moments {
-            first: [0.5 * f64::from(i), 2.0, -1.0, 0.0, 1.5, f64::from(i * i)],
-            ..Moments::default()
-        };
-        let given: Vec<Moments> = (0..4).map(one).collect();
-        let mut levelled = given.clone();
-        level_moments(&mut levelled);
-        for i in 0..POSE {
-            let sum: f64 = levelled.iter().map(|moments| moments.first[i]).sum();
-            assert!(sum.abs() < 1e-14, "{sum}");
-            let apart = |of: &[Moments]| of[3].first[i] - of[0].first[i];
-            assert!((apart(&levelled) - apart(&given)).abs() < 1e-14);
-        }
-        assert!(levelled[0].first[0] < -0.7 && levelled[3].first[0] > 0.7, "{levelled:?}");
-        level_moments(&mut []);
     }
 }

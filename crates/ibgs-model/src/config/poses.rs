@@ -45,6 +45,6 @@ impl PoseConfig {
 
 impl Default for PoseConfig {
     fn default() -> Self {
-        Self { refine: PoseSwitch::Off, from: None, learning_rate: 1e-3, final_learning_rate: 1e-5 }
+        Self { refine: PoseSwitch::Off, from: None, learning_rate: 5e-4, final_learning_rate: 1e-5 }
     }
 }
