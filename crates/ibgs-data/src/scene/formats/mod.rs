@@ -90,6 +90,9 @@ type Writer<'a> = Result<Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>, Str
 /// What was read, or what is wrong in a file.
 type Found = Result<Gaussians, String>;
 
+/// Reads the bytes of a whole file; the path is that of the file.
+type ReadWhole = fn(&[u8], &Path) -> Found;
+
 /// The steps in which files keep values: 0 where they keep floats, or numbers of codebooks or between bounds, whose steps
 /// follow the values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -132,7 +135,7 @@ struct Row {
     writing: Writing,
     /// Reads a whole file, whose path is for messages, with the axes of the files; none: [`ply::read_ply_from`], which tells
     /// both kinds of PLY apart.
-    read: Option<fn(&[u8], &Path) -> Found>,
+    read: Option<ReadWhole>,
 }
 
 const PLY: Row = Row {
@@ -374,7 +377,7 @@ fn read_whole<R: BufRead>(
     reader: &mut R,
     length: u64,
     path: &Path,
-    (format, read): (Format, fn(&[u8], &Path) -> Found),
+    (format, read): (Format, ReadWhole),
 ) -> Result<Gaussians, SceneError> {
     let mut bytes = Vec::new();
     reader.take(length).read_to_end(&mut bytes).map_err(|source| ply::read_error(path, source))?;
