@@ -6,6 +6,7 @@ use crate::errors::{raised, refused};
 use crate::gaussians::Gaussians;
 use crate::options::of_table;
 use ibgs::commands::train::demo_scene;
+use ibgs_core::camera::Camera;
 use ibgs_core::eval::scores::score_test_views;
 use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use};
 use ibgs_core::inspect::{Inspection, Verdict};
@@ -40,14 +41,13 @@ impl Model {
     }
 
     /// The images of a camera, read back; `outputs` are checked.
-    fn images(&self, pose: &Pose, outputs: &[String]) -> PyResult<Vec<Image>> {
-        let camera = pose.camera();
+    fn images(&self, camera: &Camera, outputs: &[String]) -> PyResult<Vec<Image>> {
         let mut state = self.state();
         let renderer = state.renderer(&self.gpu)?;
         if let Some(output) = outputs.iter().find(|output| needs_network(output) && renderer.part().is_none()) {
             return Err(refused(format!("the model has no residual network, so no `{output}`")));
         }
-        let frame = renderer.render(&camera).map_err(raised)?;
+        let frame = renderer.render(camera).map_err(raised)?;
         outputs.iter().map(|output| Image::of(&frame, output).map_err(raised)).collect()
     }
 }
@@ -189,6 +189,7 @@ impl Model {
     #[pyo3(signature = (camera, outputs = vec!["final".to_owned()]))]
     fn render<'py>(&self, py: Python<'py>, camera: Pose<'py>, outputs: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
         check(&outputs)?;
+        let camera = camera.camera();
         let images = py.detach(|| self.images(&camera, &outputs))?;
         named(py, &outputs, images)
     }

@@ -29,10 +29,10 @@ impl Scene {
     #[pyo3(signature = (path, **options))]
     fn load(py: Python<'_>, path: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let data = changed(&LoadOptions::default(), options)?;
-        let config = TrainConfig { source: Some(std::path::absolute(path)?), data, ..TrainConfig::default() };
+        let source = std::path::absolute(path)?;
+        let config = TrainConfig { source: Some(source.clone()), data, ..TrainConfig::default() };
         config.validate().map_err(raised)?;
-        let source = config.source.as_deref().unwrap_or_default();
-        let dataset = py.detach(|| load(source, &config.load_options(), &())).map_err(raised)?;
+        let dataset = py.detach(|| load(&source, &config.load_options())).map_err(raised)?;
         Ok(Self { dataset, config })
     }
 
