@@ -93,7 +93,7 @@ fn problem(camera: &camera::Camera) -> Option<&'static str> {
         Some("focal lengths must be positive, and the principal point finite")
     } else if !(turn * turn.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-4) || turn.determinant() < 0.0 {
         Some("`rotation` is no rotation")
-    } else if !(camera.center().abs().max_element() <= MAX_COORDINATE) {
+    } else if !camera.center().is_finite() || camera.center().abs().max_element() > MAX_COORDINATE {
         Some("`translation` is too large")
     } else {
         None

@@ -19,6 +19,8 @@ use pyo3::pymodule;
 /// The compiled part of the package; `ibgs` re-exports all of it.
 #[pymodule]
 mod _ibgs {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use super::camera::{Camera, View};
     #[pymodule_export]
@@ -38,6 +40,8 @@ mod _ibgs {
     #[pymodule_export]
     use super::trainer::{Progress, Trainer};
 
-    #[pymodule_export]
-    const __version__: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
 }
