@@ -7,7 +7,7 @@ import pytest
 
 import ibgs
 
-OPTIONS = {"iterations": 40, "densify": {"max_splats": 3000}, "residual": {"factor": 0.25}, "ensemble": 1}
+OPTIONS = {"iterations": 14, "densify": {"max_splats": 3000}, "residual": {"factor": 0.25}, "ensemble": 1}
 
 
 @pytest.fixture(scope="session")
@@ -22,8 +22,8 @@ def folder(scene, tmp_path_factory):
     said, seen = [], []
     trainer = ibgs.Trainer(scene, folder, on_event=said.append, **OPTIONS)
     end = trainer.run(lambda progress: seen.append(progress.iteration))
-    assert seen == list(range(1, 41)) and end.iteration == 40 and trainer.is_done
-    assert any("trained 40 iterations" in text for text in said), said
+    assert seen == list(range(1, 15)) and end.iteration == 14 and trainer.is_done
+    assert any("trained 14 iterations" in text for text in said), said
     assert trainer.evaluations[-1]["final"] > 10
     return folder
 
@@ -90,22 +90,22 @@ def test_gaussians_are_read_changed_and_written(folder, tmp_path):
 
 def test_a_training_is_stopped_and_resumed(scene, tmp_path):
     folder = tmp_path / "stopped"
-    trainer = ibgs.Trainer(scene, folder, **{**OPTIONS, "iterations": 12})
-    trainer.run(lambda progress: progress.iteration < 5)
-    assert trainer.progress.iteration == 5 and not trainer.is_done
+    trainer = ibgs.Trainer(scene, folder, **{**OPTIONS, "iterations": 6})
+    trainer.run(lambda progress: progress.iteration < 3)
+    assert trainer.progress.iteration == 3 and not trainer.is_done
     shown = trainer.render(scene.views[0], ["base"])["base"]
     assert np.isfinite(shown).all()
     del trainer
     resumed = ibgs.Trainer.resume(folder)
-    assert resumed.progress.iteration == 5
-    assert resumed.run().iteration == 12
+    assert resumed.progress.iteration == 3
+    assert resumed.run().iteration == 6
 
 
 def test_what_a_function_raises_comes_back(scene):
     def broken(progress):
         raise ValueError("of mine")
 
-    trainer = ibgs.Trainer(scene, **{**OPTIONS, "iterations": 5})
+    trainer = ibgs.Trainer(scene, **{**OPTIONS, "iterations": 3})
     with pytest.raises(ValueError, match="of mine"):
         trainer.run(broken)
 
