@@ -14,8 +14,5 @@ pub fn values(array: &PyReadonlyArrayDyn<f32>, shape: &[usize], name: &str) -> P
     if array.shape() != shape {
         return Err(refused(format!("`{name}` has the shape {:?}, not {shape:?}", array.shape())));
     }
-    Ok(match array.as_slice() {
-        Ok(values) => values.to_vec(),
-        Err(_) => array.as_array().iter().copied().collect(),
-    })
+    Ok(array.as_array().iter().copied().collect())
 }

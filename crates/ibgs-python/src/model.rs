@@ -5,7 +5,7 @@ use crate::camera::{Pose, View};
 use crate::errors::{raised, refused};
 use crate::gaussians::Gaussians;
 use crate::options::of_table;
-use ibgs::commands::train::demo_scene;
+use ibgs::commands::train::demo::MAKE_DEMO;
 use ibgs_core::camera::Camera;
 use ibgs_core::eval::scores::score_test_views;
 use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use};
@@ -43,21 +43,21 @@ impl Model {
     /// The images of a camera, read back; `outputs` are checked.
     fn images(&self, camera: &Camera, outputs: &[String]) -> PyResult<Vec<Image>> {
         let mut state = self.state();
-        let renderer = state.renderer(&self.gpu)?;
+        let needs_surface = outputs.iter().any(|output| ["depth", "normals"].contains(&output.as_str()));
+        let renderer = state.renderer(&self.gpu, needs_surface)?;
         if let Some(output) = outputs.iter().find(|output| needs_network(output) && renderer.part().is_none()) {
             return Err(refused(format!("the model has no residual network, so no `{output}`")));
         }
         let frame = renderer.render(camera).map_err(raised)?;
-        outputs.iter().map(|output| Image::of(&frame, output).map_err(raised)).collect()
+        read(&frame, outputs).map_err(raised)
     }
 }
 
 impl State {
-    fn renderer(&mut self, gpu: &Arc<Gpu>) -> PyResult<&Renderer> {
-        if self.renderer.is_none() {
-            self.renderer = Some(self.model.renderer(gpu).map_err(raised)?.showing_surface());
-        }
-        Ok(self.renderer.as_ref().expect("just made"))
+    /// `shows_surface`: for frames with depth and normals, which a model without a network finds for nothing else.
+    fn renderer(&mut self, gpu: &Arc<Gpu>, shows_surface: bool) -> PyResult<&Renderer> {
+        let made = self.renderer.take().map_or_else(|| self.model.renderer(gpu).map_err(raised), Ok)?;
+        Ok(self.renderer.insert(if shows_surface { made.showing_surface() } else { made }))
     }
 }
 
@@ -86,7 +86,7 @@ pub enum Image {
 
 impl Image {
     /// Reads an output; the final image of a model without a network is its base image.
-    pub fn of(frame: &Frame, output: &str) -> Result<Self, GpuError> {
+    fn of(frame: &Frame, output: &str) -> Result<Self, GpuError> {
         let [height, width] = [frame.camera().height, frame.camera().width].map(|size| size as usize);
         let color = |image: Rendered| Self::Floats(image.rgb, vec![height, width, 3]);
         Ok(match output {
@@ -116,6 +116,11 @@ fn final_image(frame: &Frame) -> Result<Rendered, GpuError> {
     frame.image()?.map_or_else(|| frame.base(), Ok)
 }
 
+/// Reads outputs of a frame.
+pub fn read(frame: &Frame, outputs: &[String]) -> Result<Vec<Image>, GpuError> {
+    outputs.iter().map(|output| Image::of(frame, output)).collect()
+}
+
 /// Images by the names of their outputs.
 pub fn named<'py>(py: Python<'py>, outputs: &[String], images: Vec<Image>) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
@@ -137,8 +142,7 @@ impl Model {
         source: Option<PathBuf>,
         adapter: Option<String>,
     ) -> PyResult<Self> {
-        let make_scene: model::MakeScene = |width, config, progress| Ok(demo_scene(width, config, progress)?);
-        let options = ModelOptions { iteration, source, make_scene: Some(make_scene), ..ModelOptions::default() };
+        let options = ModelOptions { iteration, source, make_scene: Some(MAKE_DEMO), ..ModelOptions::default() };
         py.detach(|| {
             let model = model::Model::open(&path, &options).map_err(raised)?;
             let gpu = open_gpu(adapter, Use::Rendering)?;
@@ -199,7 +203,7 @@ impl Model {
         let camera = camera.camera();
         let (found, names) = py.detach(|| {
             let mut state = self.state();
-            let frame = state.renderer(&self.gpu)?.render(&camera).map_err(raised)?;
+            let frame = state.renderer(&self.gpu, true)?.render(&camera).map_err(raised)?;
             let names = state.model.training_views().iter().map(|record| record.name.clone()).collect::<Vec<_>>();
             Ok::<_, PyErr>((frame.inspect(x, y).map_err(raised)?, names))
         })?;
@@ -210,7 +214,7 @@ impl Model {
     fn evaluate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let scores = py.detach(|| {
             let mut state = self.state();
-            state.renderer(&self.gpu)?;
+            state.renderer(&self.gpu, false)?;
             let State { model, renderer } = &mut *state;
             let renderer = renderer.as_ref().expect("just made");
             let config = model.config.clone();

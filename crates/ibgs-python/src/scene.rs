@@ -4,7 +4,7 @@ use crate::arrays::array;
 use crate::camera::View;
 use crate::errors::{raised, refused};
 use crate::options::changed;
-use ibgs::commands::train::demo_scene;
+use ibgs::commands::train::demo::demo_scene;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{Dataset, LoadOptions, load};
 use ibgs_core::output::cameras::records;

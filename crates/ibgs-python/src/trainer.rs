@@ -2,17 +2,16 @@
 
 use crate::camera::Pose;
 use crate::errors::{raised, refused};
-use crate::model::{Image, check, named, open_gpu};
+use crate::model::{check, named, open_gpu, read};
 use crate::options;
 use crate::scene::Scene;
 use ibgs::advice;
-use ibgs::commands::train::{DemoDefaults, demo_scene};
+use ibgs::commands::train::demo;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::gpu::Use;
 use ibgs_core::output::Existing;
 use ibgs_core::output::log::{Evaluation, TrainingProgress};
 use ibgs_core::sources::memory::MemoryBudget;
-use ibgs_demo::DemoOptions;
 use ibgs_train::Session;
 use ibgs_train::session::{Event, Observer, Output, SessionBuilder, StoppedTraining};
 use pyo3::prelude::*;
@@ -126,13 +125,10 @@ impl Trainer {
             let mut loaded = builder.load(&mut caller).map_err(raised)?;
             let gpu = open_gpu(adapter, Use::Training)?;
             // Without a folder it is the built-in one.
-            if loaded.config().source.is_none() {
-                loaded.adapt(|config| DemoDefaults::of(&gpu).fill(config));
-            }
             if !loaded.has_scene() {
-                let width = if gpu.is_software() { DemoOptions::small().width } else { DemoOptions::large().width };
-                let scene = demo_scene(width, loaded.config(), &()).map_err(raised)?;
-                loaded.set_dataset(scene);
+                demo::load(&mut loaded, &gpu, &mut caller).map_err(raised)?;
+            } else if loaded.config().source.is_none() {
+                demo::adapt(&mut loaded, &gpu);
             }
             loaded.build(&gpu, &mut caller).map_err(raised)
         });
@@ -260,7 +256,7 @@ impl Trainer {
         let camera = camera.camera();
         let images = py.detach(|| {
             let frame = self.session().renderer().map_err(raised)?.render(&camera).map_err(raised)?;
-            outputs.iter().map(|output| Image::of(&frame, output).map_err(raised)).collect::<PyResult<_>>()
+            read(&frame, &outputs).map_err(raised)
         })?;
         named(py, &outputs, images)
     }

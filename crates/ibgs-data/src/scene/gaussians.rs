@@ -171,6 +171,18 @@ impl Gaussians {
         self.offsets.extend(offsets);
     }
 
+    /// All parts of a file as one: in the space of the first, with the highest degree of any.
+    pub(super) fn joined(parts: Vec<Self>) -> Self {
+        let degree = parts.iter().map(|part| part.sh_degree).max().unwrap_or_default();
+        let mut all = Self::with_capacity(0, degree);
+        all.space = parts.first().map(|part| part.space).unwrap_or_default();
+        for part in parts {
+            let part = if part.sh_degree == degree { part } else { part.with_sh_degree(degree) };
+            all.append(part.into_space(all.space));
+        }
+        all
+    }
+
     /// Those with the given numbers, `count` of them, in that order.
     ///
     /// # Panics

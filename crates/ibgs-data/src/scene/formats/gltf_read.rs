@@ -128,22 +128,7 @@ pub(super) fn read_described(text: &[u8], binary: &[u8], path: &Path) -> Result<
         pose.apply(&mut part);
         parts.push(part);
     }
-    Ok(joined(parts))
-}
-
-/// All parts in the space of the first one, with the highest degree of any.
-fn joined(parts: Vec<Gaussians>) -> Gaussians {
-    let degree = parts.iter().map(|part| part.sh_degree).max().unwrap_or_default();
-    let mut all = Gaussians::with_capacity(0, degree);
-    for (at, part) in parts.into_iter().enumerate() {
-        if at == 0 {
-            all.space = part.space;
-        }
-        let part = if part.sh_degree == degree { part } else { part.with_sh_degree(degree) };
-        let space = all.space;
-        all.append(part.into_space(space));
-    }
-    all
+    Ok(Gaussians::joined(parts))
 }
 
 /// The Gaussians of an SPZ file, with the axes of glTF.

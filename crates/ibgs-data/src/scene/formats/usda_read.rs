@@ -34,19 +34,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, String> {
     };
     let mut found = Vec::new();
     gather(&layer.prims, up, &mut found)?;
-    let Some(degree) = found.iter().map(|part| part.sh_degree).max() else {
-        return Err(format!("it has no prim `{PRIM}`"));
-    };
-    let mut all = Gaussians::with_capacity(0, degree);
-    for (at, part) in found.into_iter().enumerate() {
-        if at == 0 {
-            all.space = part.space;
-        }
-        let space = all.space;
-        let part = if part.sh_degree == degree { part } else { part.with_sh_degree(degree) };
-        all.append(part.into_space(space));
+    match found.is_empty() {
+        true => Err(format!("it has no prim `{PRIM}`")),
+        false => Ok(Gaussians::joined(found)),
     }
-    Ok(all)
 }
 
 fn is_wanted(name: &str) -> bool {
