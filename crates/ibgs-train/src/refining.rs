@@ -48,17 +48,37 @@ impl Moments {
         self.targets += usize::from(is_target);
     }
 
-    /// The step by what has been gathered, in units of the numbers.
-    fn step(&mut self, rate: f64) -> [f64; POSE] {
+    /// The step by what has been gathered, in units of the numbers; times the agreement to the power of `strictness`.
+    fn step(&mut self, rate: f64, strictness: f64) -> [f64; POSE] {
         let gradient = std::mem::take(&mut self.gathered);
         self.targets = 0;
         self.steps += 1;
-        let [left1, left2] = BETA.map(|beta| 1.0 - beta.powi(self.steps));
-        std::array::from_fn(|i| {
-            self.first[i] = BETA[0] * self.first[i] + (1.0 - BETA[0]) * gradient[i];
-            self.second[i] = BETA[1] * self.second[i] + (1.0 - BETA[1]) * gradient[i].powi(2);
-            -rate * (self.first[i] / left1) / ((self.second[i] / left2).sqrt() + EPSILON)
-        })
+        for (i, v) in gradient.into_iter().enumerate() {
+            self.first[i] = BETA[0] * self.first[i] + (1.0 - BETA[0]) * v;
+            self.second[i] = BETA[1] * self.second[i] + (1.0 - BETA[1]) * v.powi(2);
+        }
+        let rate = rate * self.agreement().powf(strictness);
+        let [left1, left2] = self.unbiased();
+        std::array::from_fn(|i| -rate * (self.first[i] / left1) / ((self.second[i] / left2).sqrt() + EPSILON))
+    }
+
+    /// What Adam's moments are divided by.
+    fn unbiased(&self) -> [f64; 2] {
+        BETA.map(|beta| 1.0 - beta.powi(self.steps))
+    }
+
+    /// How far the gradients of the last visits agree, from 0 to 1: the length of their mean beside the root of their mean square, less
+    /// what it is by chance. One visit agrees with nothing.
+    fn agreement(&self) -> f64 {
+        let [left1, left2] = self.unbiased();
+        let mean: f64 = self.first.iter().map(|v| (v / left1).powi(2)).sum();
+        let square: f64 = self.second.iter().map(|v| v / left2).sum();
+        if self.steps < 2 || square <= 0.0 {
+            return 0.0;
+        }
+        // The mean square of the weighted mean of gradients that are all chance, as a part of theirs.
+        let chance = (1.0 - BETA[0]) / (1.0 + BETA[0]) * (2.0 - left1) / left1;
+        ((mean / square - chance) / (1.0 - chance)).clamp(0.0, 1.0).sqrt()
     }
 
     fn is_finite(&self) -> bool {
@@ -134,6 +154,8 @@ pub(super) struct Refining {
     views_of: Vec<usize>,
     poses: Vec<Moments>,
     lenses: Vec<Moments>,
+    /// Power of the agreement that steps are scaled by.
+    strictness: f64,
     flights: VecDeque<Flight>,
     free: Vec<wgpu::Buffer>,
 }
@@ -162,6 +184,7 @@ impl Refining {
             lenses: vec![Moments::default(); views_of.len()],
             lens_of,
             views_of,
+            strictness: config.poses.agreement,
             flights: VecDeque::new(),
             free: Vec::new(),
         }))
@@ -236,7 +259,7 @@ impl Refining {
     }
 
     fn step_pose(&mut self, view: usize, rate: f64) {
-        let [a, b, c, d, e, f] = self.poses[view].step(rate);
+        let [a, b, c, d, e, f] = self.poses[view].step(rate, self.strictness);
         let length = self.lengths[view];
         let change = CameraChange::from_array([a * length, b * length, c * length, d, e, f, 0.0, 0.0, 0.0, 0.0]);
         self.cameras[view] = self.cameras[view].changed(&change);
@@ -246,7 +269,7 @@ impl Refining {
         if self.lenses[lens].targets < self.views_of[lens] {
             return;
         }
-        let [x, y, ..] = self.lenses[lens].step(rate);
+        let [x, y, ..] = self.lenses[lens].step(rate, self.strictness);
         for (camera, _) in self.cameras.iter_mut().zip(&self.lens_of).filter(|(_, of)| **of == lens) {
             camera.focal *= DVec2::new(x.exp(), y.exp());
         }
@@ -300,6 +323,59 @@ impl Refining {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A camera's visits with these gradients; the last step of a rate of one.
+    fn stepped(gradients: impl Iterator<Item = [f64; POSE]>, strictness: f64) -> [f64; POSE] {
+        let mut moments = Moments::default();
+        let mut last = [0.0; POSE];
+        for gradient in gradients {
+            moments.gather(gradient, true);
+            last = moments.step(1.0, strictness);
+        }
+        last
+    }
+
+    #[test]
+    fn steps_are_as_long_as_gradients_agree() {
+        let same = |_| [3.0, -2.0, 0.0, 1.0, 0.5, -4.0];
+        let length = |step: [f64; POSE]| step.iter().map(|v| v * v).sum::<f64>().sqrt();
+        // Gradients that agree step as Adam does, from the second visit on.
+        let [plain, scaled] = [0.0, 1.0].map(|strictness| stepped((0..30).map(same), strictness));
+        assert!(plain.iter().zip(scaled).all(|(a, b)| (a - b).abs() < 1e-9), "{plain:?} {scaled:?}");
+        assert!((plain[0] + 1.0).abs() < 1e-9 && (plain[1] - 1.0).abs() < 1e-9, "{plain:?}");
+        assert_eq!(stepped((0..1).map(same), 1.0), [0.0; POSE]);
+        assert!((length(stepped((0..2).map(same), 1.0)) - 5_f64.sqrt()).abs() < 1e-9);
+        // Gradients of changing signs do not; the stricter, the less.
+        let other = |i: i32| if i % 2 == 0 { same(i) } else { same(i).map(|v| -v) };
+        let [plain, scaled] = [0.0, 1.0].map(|strictness| length(stepped((0..30).map(other), strictness)));
+        assert!(plain > 0.05 && scaled == 0.0, "{plain} {scaled}");
+        let mostly = |i: i32| if i % 4 == 0 { same(i).map(|v| -v) } else { same(i) };
+        let lengths = [0.0, 1.0, 2.0].map(|strictness| length(stepped((0..30).map(mostly), strictness)));
+        assert!(lengths[0] > 1.2 * lengths[1] && lengths[1] > 1.2 * lengths[2] && lengths[2] > 0.0, "{lengths:?}");
+        assert_eq!(stepped((0..9).map(|_| [0.0; POSE]), 1.0), [0.0; POSE]);
+    }
+
+    /// Over many series of pure chance what is left after what they have by chance is small.
+    #[test]
+    fn gradients_of_chance_agree_little() {
+        use rand::{Rng, SeedableRng};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        for visits in [2, 3, 10, 40] {
+            let mut square = 0.0;
+            for _ in 0..400 {
+                let mut moments = Moments::default();
+                for _ in 0..visits {
+                    moments.gather([0; POSE].map(|_| rng.random_range(-1.0..1.0)), true);
+                    moments.step(1.0, 1.0);
+                }
+                let [left1, left2] = moments.unbiased();
+                let mean: f64 = moments.first.iter().map(|v| (v / left1).powi(2)).sum();
+                square += mean / moments.second.iter().map(|v| v / left2).sum::<f64>() / 400.0;
+            }
+            let chance = [(2, 0.501), (3, 0.335), (10, 0.109), (40, 0.0542)].iter().find(|c| c.0 == visits).unwrap().1;
+            assert!((square / chance - 1.0).abs() < 0.15, "{visits} visits: {square}, of {chance}");
+        }
+    }
 
     #[test]
     fn levelled_moments_have_no_mean_and_the_same_differences() {

@@ -27,10 +27,14 @@ pub struct PoseConfig {
     pub refine: PoseSwitch,
     /// Cameras learn after this iteration; unset: 500, scaled.
     pub from: Option<u32>,
+    /// Cameras learn up to this iteration; unset: to the end.
+    pub until: Option<u32>,
     /// Learning rate at the start, in radians a visit of the photo; lengths are taken by the depth of what it shows.
     pub learning_rate: f64,
-    /// Learning rate at the end; it falls evenly in its logarithm.
+    /// Learning rate at the last iteration in which they learn; it falls evenly in its logarithm.
     pub final_learning_rate: f64,
+    /// Steps of a camera are scaled by this power of the part, 0 to 1, that the gradients of its last visits agree by; 0: not scaled.
+    pub agreement: f64,
 }
 
 impl PoseConfig {
@@ -41,6 +45,7 @@ impl PoseConfig {
             &[
                 ("learning-rate", self.learning_rate, Range::Positive),
                 ("final-learning-rate", self.final_learning_rate, Range::Positive),
+                ("agreement", self.agreement, Range::NotNegative),
             ],
         )
     }
@@ -48,6 +53,13 @@ impl PoseConfig {
 
 impl Default for PoseConfig {
     fn default() -> Self {
-        Self { refine: PoseSwitch::Off, from: None, learning_rate: 1e-3, final_learning_rate: 1e-5 }
+        Self {
+            refine: PoseSwitch::Off,
+            from: None,
+            until: None,
+            learning_rate: 1e-3,
+            final_learning_rate: 1e-5,
+            agreement: 1.0,
+        }
     }
 }

@@ -66,8 +66,8 @@ pub struct Schedule {
     pub exposure_start: u32,
     /// Learning rates of the exposures at the start and at the end.
     pub exposure_lr: [f64; 2],
-    /// Cameras learn after this iteration.
-    pub poses_start: u32,
+    /// Cameras learn after the first of these iterations, up to the last.
+    pub poses_between: [u32; 2],
     /// Learning rates of the cameras at the start and at the end.
     pub poses_lr: [f64; 2],
     /// Milestones of the image-based stages; none for plain splatting.
@@ -133,7 +133,10 @@ impl Schedule {
             save_iterations: reports(&config.save_iterations),
             exposure_start: exposure.from.unwrap_or_else(|| scaled(1_000)),
             exposure_lr: [exposure.learning_rate, exposure.final_learning_rate].map(|rate| factor * rate),
-            poses_start: config.poses.from.unwrap_or_else(|| scaled(500)),
+            poses_between: [
+                config.poses.from.unwrap_or_else(|| scaled(500)),
+                config.poses.until.unwrap_or(n_iterations).min(n_iterations),
+            ],
             poses_lr: [config.poses.learning_rate, config.poses.final_learning_rate],
             stages: Stages::new(config, n_iterations, scaled),
         }
@@ -170,12 +173,14 @@ impl Schedule {
 
     /// Whether the training photos' cameras learn in this iteration, where they do.
     pub fn poses_at(&self, iteration: u32) -> bool {
-        iteration > self.poses_start
+        let [after, until] = self.poses_between;
+        iteration > after && iteration <= until
     }
 
-    /// Learning rate of the cameras, in radians: log-linear from the first to the last.
+    /// Learning rate of the cameras, in radians: log-linear from the first, at the start of the run, to the last.
     pub fn poses_lr(&self, iteration: u32) -> f64 {
-        log_linear(self.poses_lr, self.progress(iteration))
+        let part = f64::from(iteration) / f64::from(self.poses_between[1].max(1));
+        log_linear(self.poses_lr, part.min(1.0))
     }
 
     /// Part of the run that is done, 0 to 1.
