@@ -3,9 +3,9 @@
 //! are trained, but only real exposures make photos that were left out better known.
 
 use crate::step::{TrainError, Trainer};
-use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, thinned};
-use ibgs_core::eval::EvalError;
+use crate::trial::Trial;
+use ibgs_core::config::{ExposureSwitch, TrainConfig};
+use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::scores::score_test_views;
 use ibgs_core::exposure::ExposureField;
 use ibgs_core::output::results::means;
@@ -14,21 +14,9 @@ use ibgs_core::render::Renderer;
 use std::fmt;
 use std::sync::Arc;
 
-/// Iterations of each of the two trainings.
-const ITERATIONS: u32 = 1_500;
-/// Shorter runs are not worth a trial.
-const SHORTEST_RUN: u32 = 2 * ITERATIONS;
-/// Longest side of the photos, in pixels.
-const LONGEST: u32 = 480;
 /// Every so many training photos one is left out, but not many more than enough.
 const EVERY: usize = 4;
 const ENOUGH_LEFT_OUT: usize = 24;
-/// Most points to begin with.
-const MOST_POINTS: usize = 30_000;
-/// Fewer training photos say nothing.
-const LEAST_PHOTOS: usize = 8;
-/// Most Gaussians.
-const MOST_SPLATS: u32 = 150_000;
 /// What corrected exposures must gain on the photos that were left out, in dB.
 const LEAST_GAIN: f64 = 0.1;
 /// Where exposures differ by more than this (root mean square of the log gains), they must only lose no more than two equal trainings
@@ -85,8 +73,7 @@ pub fn resolve(
         return Ok(None);
     }
     config.exposure.enabled = ExposureSwitch::Off;
-    let is_long = config.iterations() >= SHORTEST_RUN && !raster.gpu().is_software();
-    if !is_long || dataset.train.len() < LEAST_PHOTOS || config.init.is_some() {
+    if !Trial::is_worth_it(raster, dataset, config) {
         return Ok(None);
     }
     let evidence = trial(raster, dataset, config)?;
@@ -97,24 +84,13 @@ pub fn resolve(
 }
 
 fn trial(raster: &Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> Result<ExposureEvidence, TrainError> {
-    let mut small = dataset.reduced(&dataset.train, LONGEST).map_err(EvalError::from)?;
-    let every = EVERY.max(small.views.len() / ENOUGH_LEFT_OUT);
-    (small.test, small.train) = (0..small.views.len()).partition(|view| view % every == every / 2);
-    small.points = thinned(&small.points, MOST_POINTS);
+    let every = EVERY.max(dataset.train.len() / ENOUGH_LEFT_OUT);
+    let trial = Trial::new(raster, dataset, config, every)?;
     let psnr = |renderer: &Renderer, config: &TrainConfig| -> Result<f64, TrainError> {
-        let scores = score_test_views(renderer, &small, config, None, None, &mut |_, _| {})?;
+        let scores = score_test_views(renderer, &trial.small, config, None, None, &mut |_, _| {})?;
         Ok(means(&scores.base).psnr)
     };
-    let trained = |exposure: ExposureSwitch| -> Result<(Trainer, TrainConfig), TrainError> {
-        let mut config = short(config, dataset);
-        config.exposure.enabled = exposure;
-        config.adapt_to(&small);
-        let mut trainer = Trainer::new(raster.clone(), &small, &config)?;
-        for _ in 0..ITERATIONS {
-            trainer.step()?;
-        }
-        Ok((trainer, config))
-    };
+    let trained = |exposure: ExposureSwitch| trial.trained(|config| config.exposure.enabled = exposure);
     let without = {
         let (trainer, config) = trained(ExposureSwitch::Off)?;
         psnr(&trainer.renderer()?, &config)?
@@ -126,23 +102,6 @@ fn trial(raster: &Arc<Rasterizer>, dataset: &Dataset, config: &TrainConfig) -> R
     let levelled = field.map(ExposureField::levelled);
     let levelled = psnr(&trainer.renderer()?.with_exposure(levelled), &config)?;
     Ok(ExposureEvidence { predicted, levelled, without, spread })
-}
-
-/// The options of a trial.
-fn short(config: &TrainConfig, dataset: &Dataset) -> TrainConfig {
-    let mut short = TrainConfig {
-        method: Method::Gs3,
-        iterations: Some(ITERATIONS),
-        schedule_scaling: true,
-        seed: config.seed,
-        background: config.background,
-        data: config.data.clone(),
-        ..TrainConfig::default()
-    };
-    short.densify.max_splats = Some(MOST_SPLATS.min(config.densify.most()));
-    // The built-in scene alone has none.
-    short.source.get_or_insert_with(|| dataset.path.clone());
-    short
 }
 
 #[cfg(test)]

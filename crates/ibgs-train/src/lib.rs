@@ -22,6 +22,7 @@ pub mod lpips;
 pub mod memory;
 pub mod optim;
 pub mod parameters;
+mod pose_trial;
 mod readback;
 mod refining;
 pub mod session;
@@ -29,11 +30,13 @@ mod stages;
 mod step;
 mod telemetry;
 pub mod tensor;
+mod trial;
 
 /// The version of burn whose tensors are part of this crate's interface.
 pub use burn;
 pub use exposure_trial::{ExposureEvidence, resolve as resolve_exposure};
 pub use first_points::find_points;
+pub use pose_trial::{PoseEvidence, resolve as resolve_poses};
 pub use session::Session;
 pub use step::{TrainError, Trainer};
 pub use telemetry::Telemetry;

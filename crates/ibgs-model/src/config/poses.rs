@@ -11,9 +11,10 @@ pub enum PoseSwitch {
     /// Not at all.
     #[default]
     Off,
-    /// Before the training, to the observations of the scene's points, where it has some and cameras then fit them clearly better.
+    /// To the observations of the scene's points where it has some and cameras then fit them clearly better. Without observations as
+    /// `On` or `Off`, by a trial.
     Auto,
-    /// The same, and with the Gaussians from `poses.from` on.
+    /// To the observations as with `Auto`, and with the Gaussians from `poses.from` on.
     On,
 }
 
@@ -21,9 +22,9 @@ pub enum PoseSwitch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct PoseConfig {
-    /// Whether the poses of the training photos are refined, and the focal lengths of the lenses that they share. `auto`: before the
-    /// training, to the observations of a COLMAP model, where cameras then fit them clearly better; `on`: the same, and with the
-    /// Gaussians.
+    /// Whether the poses of the training photos are refined, and the focal lengths of the lenses that they share. `on`: before the
+    /// training to the observations of a COLMAP model, where cameras then fit them clearly better, and with the Gaussians; `auto`: to
+    /// the observations alone, and in a scene without any with the Gaussians where a trial says so.
     pub refine: PoseSwitch,
     /// Cameras learn after this iteration; unset: 500, scaled.
     pub from: Option<u32>,

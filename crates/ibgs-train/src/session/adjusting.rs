@@ -4,7 +4,8 @@ use super::cameras::adopted;
 use glam::DVec3;
 use ibgs_core::adjust::{Adjusted, Track, adjust};
 use ibgs_core::camera::{Camera, usable_extent};
-use ibgs_core::dataset::{Dataset, DatasetError, LoadOptions, median_depth};
+use ibgs_core::config::{PoseSwitch, TrainConfig};
+use ibgs_core::dataset::{Dataset, DatasetError, median_depth};
 use ibgs_core::similarity::Similarity;
 use std::collections::HashMap;
 
@@ -15,19 +16,33 @@ const NEGLIGIBLE: f64 = 0.1;
 /// Most photos that a sentence names.
 const NAMED: usize = 5;
 
-/// Adjusts the cameras to the scene's tracks where it has some and they then fit clearly better, with the points that the tracks
-/// have. Other views move with the common frame and have the lens of their photos. A note says what came of it; without tracks nothing
-/// is said.
+/// Whether observations say how good the cameras are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Decided {
+    /// The cameras fit them, as they are or adjusted.
+    ByObservations,
+    /// There are too few of them, or they are not asked.
+    No,
+}
+
+/// Adjusts the cameras to the scene's tracks where they are refined, it has some and they then fit clearly better, with the points that
+/// the tracks have. Other views move with the common frame and have the lens of their photos. A note says what came of it; without
+/// tracks nothing is said.
 ///
 /// # Errors
 /// A file of the scene is damaged, or no longer there.
-pub(super) fn adjust_cameras(dataset: &mut Dataset, options: &LoadOptions) -> Result<(), DatasetError> {
-    let tracks = dataset.tracks(options)?;
+pub(super) fn adjust_cameras(dataset: &mut Dataset, config: &TrainConfig) -> Result<Decided, DatasetError> {
+    if config.poses.refine == PoseSwitch::Off || config.source.is_none() {
+        return Ok(Decided::No);
+    }
+    let tracks = dataset.tracks(&config.load_options())?;
     if tracks.is_empty() {
-        return Ok(());
+        return Ok(Decided::No);
     }
     let given: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
-    let note = match adjust(&given, &tracks) {
+    let adjusted = adjust(&given, &tracks);
+    let decided = if adjusted.is_ok() { Decided::ByObservations } else { Decided::No };
+    let note = match adjusted {
         Err(why) => format!("cameras: not adjusted to the observations of the scene's points: {why}"),
         Ok(Adjusted { observations, errors: [before, after], .. }) if after > CLEAR * before || before < NEGLIGIBLE => {
             format!(
@@ -42,7 +57,7 @@ pub(super) fn adjust_cameras(dataset: &mut Dataset, options: &LoadOptions) -> Re
         }
     };
     dataset.notes.push(note);
-    Ok(())
+    Ok(decided)
 }
 
 /// Gives the views their cameras and the points their places.
