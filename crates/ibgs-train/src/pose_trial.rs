@@ -9,7 +9,6 @@ use ibgs_core::camera::Camera;
 use ibgs_core::config::{PoseSwitch, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::fitted::fitted_views;
-use ibgs_core::eval::score_view;
 use ibgs_core::raster::Rasterizer;
 use std::fmt;
 use std::sync::Arc;
@@ -86,9 +85,8 @@ fn evidence(trial: &Trial, change: impl FnOnce(&mut TrainConfig)) -> Result<Pose
     let (mut moved, mut gained) = (Vec::new(), Vec::new());
     for fitted in fitted_views(&renderer, small, &config, &mut |_| {})? {
         let Some(view) = small.views.iter().find(|view| view.name == fitted.name) else { continue };
-        let (_, given) = score_view(&renderer, view, None)?;
         moved.push(movement(&view.camera, &fitted.camera, &points));
-        gained.push(fitted.scores.base.psnr - given.base.psnr);
+        gained.push(fitted.gained);
     }
     let photos = moved.len();
     Ok(PoseEvidence { moved: median(moved), gained: median(gained), photos })

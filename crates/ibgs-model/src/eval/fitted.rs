@@ -34,6 +34,8 @@ pub struct FittedView {
     pub angle: f64,
     /// Distance between the two, as a part of that to what the view shows.
     pub distance: f64,
+    /// PSNR gained by the fit, in dB; 0 where the given pose is kept.
+    pub gained: f64,
 }
 
 impl FittedView {
@@ -72,10 +74,11 @@ pub fn fitted_views(
             let seen = View { camera, photo: photo.clone().into(), ..view.clone() };
             let (_, scores) = score_view(renderer, &seen, None)?;
             let (angle, distance) = Similarity::IDENTITY.residual(&view.camera, &camera);
-            Ok(FittedView { name: view.name.clone(), camera, scores, angle, distance: distance / length })
+            Ok(FittedView { name: view.name.clone(), camera, scores, angle, distance: distance / length, gained: 0.0 })
         };
         let (fitted, given) = (at(camera)?, at(view.camera)?);
-        all.push(if fitted.fitted().psnr > given.fitted().psnr { fitted } else { given });
+        let gained = fitted.fitted().psnr - given.fitted().psnr;
+        all.push(if gained > 0.0 { FittedView { gained, ..fitted } } else { given });
     }
     Ok(all)
 }
