@@ -6,6 +6,7 @@
 //! After each round of steps, one for each view on average, what all cameras have moved by alike is taken back.
 
 mod levelling;
+mod moments;
 
 use crate::readback::Readback;
 use glam::DVec2;
@@ -17,6 +18,7 @@ use ibgs_core::local_space::LocalSpace;
 use ibgs_core::raster::CameraGradients;
 use ibgs_core::similarity::Similarity;
 use ibgs_core::sources::MAX_SOURCES;
+use moments::Moments;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -25,76 +27,6 @@ use std::sync::Arc;
 const DELAY: usize = 3;
 /// Numbers of a camera's gradient on the device.
 const ROW: usize = 12;
-/// Adam's decays, and what is added to the root of the second moment.
-const BETA: [f64; 2] = [0.9, 0.99];
-const EPSILON: f64 = 1e-15;
-/// Numbers of a pose.
-const POSE: usize = 6;
-
-/// A step of Adam in the making, of a pose or of a lens, which has two numbers.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Moments {
-    first: [f64; POSE],
-    second: [f64; POSE],
-    steps: i32,
-    gathered: [f64; POSE],
-    /// Targets that have been gathered.
-    targets: usize,
-}
-
-impl Moments {
-    fn gather(&mut self, gradient: [f64; POSE], is_target: bool) {
-        self.gathered.iter_mut().zip(gradient).for_each(|(sum, v)| *sum += v);
-        self.targets += usize::from(is_target);
-    }
-
-    /// The step by what has been gathered, in units of the numbers; times the agreement to the power of `strictness`.
-    fn step(&mut self, rate: f64, strictness: f64) -> [f64; POSE] {
-        let gradient = std::mem::take(&mut self.gathered);
-        self.targets = 0;
-        self.steps += 1;
-        for (i, v) in gradient.into_iter().enumerate() {
-            self.first[i] = BETA[0] * self.first[i] + (1.0 - BETA[0]) * v;
-            self.second[i] = BETA[1] * self.second[i] + (1.0 - BETA[1]) * v.powi(2);
-        }
-        let rate = rate * self.agreement().powf(strictness);
-        let [left1, left2] = self.unbiased();
-        std::array::from_fn(|i| -rate * (self.first[i] / left1) / ((self.second[i] / left2).sqrt() + EPSILON))
-    }
-
-    /// What Adam's moments are divided by.
-    fn unbiased(&self) -> [f64; 2] {
-        BETA.map(|beta| 1.0 - beta.powi(self.steps))
-    }
-
-    /// How far the gradients of the last visits agree, from 0 to 1: the length of their mean beside the root of their mean square, less
-    /// what it is by chance. One visit agrees with nothing.
-    fn agreement(&self) -> f64 {
-        let [left1, left2] = self.unbiased();
-        let mean: f64 = self.first.iter().map(|v| (v / left1).powi(2)).sum();
-        let square: f64 = self.second.iter().map(|v| v / left2).sum();
-        if self.steps < 2 || square <= 0.0 {
-            return 0.0;
-        }
-        // The mean square of the weighted mean of gradients that are all chance, as a part of theirs.
-        let chance = (1.0 - BETA[0]) / (1.0 + BETA[0]) * (2.0 - left1) / left1;
-        ((mean / square - chance) / (1.0 - chance)).clamp(0.0, 1.0).sqrt()
-    }
-
-    fn is_finite(&self) -> bool {
-        [self.first, self.second, self.gathered].as_flattened().iter().all(|v| v.is_finite())
-    }
-}
-
-/// Takes the mean first moment back, which would move all cameras alike again.
-fn level_moments(poses: &mut [Moments]) {
-    let count = poses.len().max(1) as f64;
-    for i in 0..POSE {
-        let mean = poses.iter().map(|moments| moments.first[i]).sum::<f64>() / count;
-        poses.iter_mut().for_each(|moments| moments.first[i] -= mean);
-    }
-}
-
 /// Gradients on their way, of these views: the target first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Arrived {
@@ -244,7 +176,7 @@ impl Refining {
         self.step_lens(self.lens_of[target], rate);
         if self.ends_round() {
             levelling::level(&self.first, &mut self.cameras);
-            level_moments(&mut self.poses);
+            moments::level(&mut self.poses);
         }
         Ok(true)
     }
@@ -287,19 +219,16 @@ impl Refining {
         [scene, self.cameras.as_slice().into()]
     }
 
-    /// The mean angle and distance (as a part of the distance to what a view shows) that they have moved by, apart from what they
-    /// have moved by together.
-    pub fn moved(&self) -> [f64; 2] {
-        let count = self.cameras.len().max(1) as f64;
-        let mut sums = [0.0; 2];
+    /// The angle and the distance (as a part of the distance to what a view shows) that each has moved by, apart from what they have
+    /// moved by together.
+    pub fn moved(&self) -> Vec<[f64; 2]> {
         let pairs: Vec<_> = self.first.iter().copied().zip(self.cameras.iter().copied()).collect();
         let frame = Similarity::fit(&pairs);
-        for ((first, now), length) in pairs.iter().zip(&self.lengths) {
+        let own = |((first, now), length): (&(Camera, Camera), &f64)| {
             let (angle, distance) = frame.residual(first, now);
-            sums[0] += angle / count;
-            sums[1] += distance / length / count;
-        }
-        sums
+            [angle, distance / length]
+        };
+        pairs.iter().zip(&self.lengths).map(own).collect()
     }
 
     /// Everything on the host; waits for the GPU.
@@ -317,82 +246,5 @@ impl Refining {
         self.poses.clone_from(&state.poses);
         self.lenses.clone_from(&state.lenses);
         self.flights = state.flights.iter().cloned().map(Flight::Here).collect();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A camera's visits with these gradients; the last step of a rate of one.
-    fn stepped(gradients: impl Iterator<Item = [f64; POSE]>, strictness: f64) -> [f64; POSE] {
-        let mut moments = Moments::default();
-        let mut last = [0.0; POSE];
-        for gradient in gradients {
-            moments.gather(gradient, true);
-            last = moments.step(1.0, strictness);
-        }
-        last
-    }
-
-    #[test]
-    fn steps_are_as_long_as_gradients_agree() {
-        let same = |_| [3.0, -2.0, 0.0, 1.0, 0.5, -4.0];
-        let length = |step: [f64; POSE]| step.iter().map(|v| v * v).sum::<f64>().sqrt();
-        // Gradients that agree step as Adam does, from the second visit on.
-        let [plain, scaled] = [0.0, 1.0].map(|strictness| stepped((0..30).map(same), strictness));
-        assert!(plain.iter().zip(scaled).all(|(a, b)| (a - b).abs() < 1e-9), "{plain:?} {scaled:?}");
-        assert!((plain[0] + 1.0).abs() < 1e-9 && (plain[1] - 1.0).abs() < 1e-9, "{plain:?}");
-        assert_eq!(stepped((0..1).map(same), 1.0), [0.0; POSE]);
-        assert!((length(stepped((0..2).map(same), 1.0)) - 5_f64.sqrt()).abs() < 1e-9);
-        // Gradients of changing signs do not; the stricter, the less.
-        let other = |i: i32| if i % 2 == 0 { same(i) } else { same(i).map(|v| -v) };
-        let [plain, scaled] = [0.0, 1.0].map(|strictness| length(stepped((0..30).map(other), strictness)));
-        assert!(plain > 0.05 && scaled == 0.0, "{plain} {scaled}");
-        let mostly = |i: i32| if i % 4 == 0 { same(i).map(|v| -v) } else { same(i) };
-        let lengths = [0.0, 1.0, 2.0].map(|strictness| length(stepped((0..30).map(mostly), strictness)));
-        assert!(lengths[0] > 1.2 * lengths[1] && lengths[1] > 1.2 * lengths[2] && lengths[2] > 0.0, "{lengths:?}");
-        assert_eq!(stepped((0..9).map(|_| [0.0; POSE]), 1.0), [0.0; POSE]);
-    }
-
-    /// Over many series of pure chance what is left after what they have by chance is small.
-    #[test]
-    fn gradients_of_chance_agree_little() {
-        use rand::{Rng, SeedableRng};
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-        for visits in [2, 3, 10, 40] {
-            let mut square = 0.0;
-            for _ in 0..400 {
-                let mut moments = Moments::default();
-                for _ in 0..visits {
-                    moments.gather([0; POSE].map(|_| rng.random_range(-1.0..1.0)), true);
-                    moments.step(1.0, 1.0);
-                }
-                let [left1, left2] = moments.unbiased();
-                let mean: f64 = moments.first.iter().map(|v| (v / left1).powi(2)).sum();
-                square += mean / moments.second.iter().map(|v| v / left2).sum::<f64>() / 400.0;
-            }
-            let chance = [(2, 0.501), (3, 0.335), (10, 0.109), (40, 0.0542)].iter().find(|c| c.0 == visits).unwrap().1;
-            assert!((square / chance - 1.0).abs() < 0.15, "{visits} visits: {square}, of {chance}");
-        }
-    }
-
-    #[test]
-    fn levelled_moments_have_no_mean_and_the_same_differences() {
-        let one = |i: i32| Moments {
-            first: [0.5 * f64::from(i), 2.0, -1.0, 0.0, 1.5, f64::from(i * i)],
-            ..Moments::default()
-        };
-        let given: Vec<Moments> = (0..4).map(one).collect();
-        let mut levelled = given.clone();
-        level_moments(&mut levelled);
-        for i in 0..POSE {
-            let sum: f64 = levelled.iter().map(|moments| moments.first[i]).sum();
-            assert!(sum.abs() < 1e-14, "{sum}");
-            let apart = |of: &[Moments]| of[3].first[i] - of[0].first[i];
-            assert!((apart(&levelled) - apart(&given)).abs() < 1e-14);
-        }
-        assert!(levelled[0].first[0] < -0.7 && levelled[3].first[0] > 0.7, "{levelled:?}");
-        level_moments(&mut []);
     }
 }

@@ -29,6 +29,7 @@ mod stopped;
 mod watch;
 
 pub use builder::{BuildError, Loaded, SessionBuilder};
+pub use cameras::CameraSummary;
 pub use error::SessionError;
 pub use event::{Event, ExposureSummary, Observer, Summary};
 pub use json_lines::JsonLines;

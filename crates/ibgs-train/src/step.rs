@@ -171,9 +171,9 @@ impl Trainer {
         &self.scene_cameras
     }
 
-    /// The mean angle, in radians, and the mean distance, as a part of the distance to what a view shows, by which the training
-    /// views' cameras were moved; none where they are not refined.
-    pub fn moved_cameras(&self) -> Option<[f64; 2]> {
+    /// The angle, in radians, and the distance, as a part of the distance to what a view shows, by which the camera of each training
+    /// view was moved; none where they are not refined.
+    pub fn moved_cameras(&self) -> Option<Vec<[f64; 2]>> {
         self.refining.as_ref().map(Refining::moved)
     }
 

@@ -1,6 +1,6 @@
 //! Cameras that fit the observations of the scene's files: what a training with refined cameras begins with.
 
-use super::cameras::adopted;
+use super::cameras::{adopted, some};
 use glam::DVec3;
 use ibgs_core::adjust::{Adjusted, Track, adjust};
 use ibgs_core::camera::{Camera, usable_extent};
@@ -13,8 +13,6 @@ use std::collections::HashMap;
 const CLEAR: f64 = 0.8;
 /// Pixels; a median error below is not worth an adjustment.
 const NEGLIGIBLE: f64 = 0.1;
-/// Most photos that a sentence names.
-const NAMED: usize = 5;
 
 /// Whether observations say how good the cameras are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,9 +94,7 @@ fn sentence(dataset: &Dataset, given: &[Camera], adjusted: &Adjusted) -> String 
     );
     let astray: Vec<&str> = adjusted.astray.iter().map(|&i| &*dataset.views[dataset.train[i]].name).collect();
     if !astray.is_empty() {
-        let more = if astray.len() > NAMED { ", ..." } else { "" };
-        let names = astray.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
-        said += &format!("; {} fit no others and keep their poses: {names}{more}", astray.len());
+        said += &format!("; {} fit no others and keep their poses: {}", astray.len(), some(&astray));
     }
     said
 }

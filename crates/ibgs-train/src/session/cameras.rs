@@ -5,8 +5,61 @@ use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::output::OutputError;
 use ibgs_core::similarity::Similarity;
+use std::fmt;
+
+/// A camera that has moved by more than this, in radians and parts of the distance, and by as many times the median of all is named.
+const FAR: f64 = 0.01;
+const FAR_TIMES: f64 = 5.0;
+/// Most photos that a sentence names.
+const NAMED: usize = 5;
+
+/// How far refined cameras have moved, each apart from the common frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSummary {
+    /// The mean angle in radians, and the mean distance as a part of that to what a photo shows.
+    pub moved: [f64; 2],
+    /// Photos whose cameras have moved much farther than the others: they may fit nothing.
+    pub astray: Vec<String>,
+}
+
+impl CameraSummary {
+    fn new(moved: &[[f64; 2]], names: &[&str]) -> Self {
+        let count = moved.len().max(1) as f64;
+        let mean = moved.iter().fold([0.0; 2], |[a, b], [angle, distance]| [a + angle / count, b + distance / count]);
+        let lengths: Vec<f64> = moved.iter().map(|[angle, distance]| angle + distance).collect();
+        let mut sorted = lengths.clone();
+        sorted.sort_by(f64::total_cmp);
+        let least = sorted.get(sorted.len() / 2).map_or(FAR, |median| FAR.max(FAR_TIMES * median));
+        let far = lengths.iter().zip(names).filter(|(length, _)| **length > least);
+        Self { moved: mean, astray: far.map(|(_, name)| (*name).to_owned()).collect() }
+    }
+}
+
+impl fmt::Display for CameraSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (angle, distance) = (self.moved[0].to_degrees(), 100.0 * self.moved[1]);
+        write!(f, "cameras: refined by {angle:.3} degrees and {distance:.3} % of their distance, on average")?;
+        match &self.astray[..] {
+            [] => Ok(()),
+            astray => write!(f, "; {} moved much farther and may fit nothing: {}", astray.len(), some(astray)),
+        }
+    }
+}
+
+/// The first names: `a, b, ...`.
+pub(super) fn some(names: &[impl AsRef<str>]) -> String {
+    let more = if names.len() > NAMED { ", ..." } else { "" };
+    let first: Vec<&str> = names.iter().take(NAMED).map(AsRef::as_ref).collect();
+    first.join(", ") + more
+}
 
 impl Session {
+    /// What became of the cameras, where they were refined.
+    pub(super) fn camera_summary(&self) -> Option<CameraSummary> {
+        let names: Vec<&str> = self.dataset.train.iter().map(|&view| &*self.dataset.views[view].name).collect();
+        self.trainer.moved_cameras().map(|moved| CameraSummary::new(&moved, &names))
+    }
+
     /// The cameras of all views as they were loaded, where those of the training views are refined.
     pub(super) fn refined_from(dataset: &Dataset, refines: bool) -> Option<Vec<Camera>> {
         refines.then(|| dataset.views.iter().map(|view| view.camera).collect())
@@ -42,6 +95,23 @@ pub(super) fn adopted(loaded: &[Camera], train: &[usize], refined: &[Camera]) ->
 mod tests {
     use super::*;
     use glam::{DMat3, DVec2, DVec3};
+
+    #[test]
+    fn cameras_that_move_much_farther_than_the_others_are_named() {
+        let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
+        let mut moved = [[0.001, 0.003]; 8];
+        let said = CameraSummary::new(&moved, &names).to_string();
+        assert_eq!(said, "cameras: refined by 0.057 degrees and 0.300 % of their distance, on average");
+        moved[3] = [0.019, 0.0];
+        assert!(CameraSummary::new(&moved, &names).astray.is_empty(), "not five times the median");
+        (moved[3], moved[6]) = ([0.021, 0.0], [0.0, 0.5]);
+        let said = CameraSummary::new(&moved, &names).to_string();
+        assert!(said.ends_with("; 2 moved much farther and may fit nothing: d, g"), "{said}");
+        let near = [[1e-4, 0.0], [1e-4, 0.0], [9e-3, 0.0]];
+        assert!(CameraSummary::new(&near, &names[..3]).astray.is_empty(), "nearer than is worth a word");
+        assert!(CameraSummary::new(&[], &[]).astray.is_empty());
+        assert_eq!(some(&names), "a, b, c, d, e, ...");
+    }
 
     #[test]
     fn held_out_cameras_move_with_the_common_frame_and_have_the_lens_of_their_photos() {

@@ -1,6 +1,6 @@
 //! What a session reports, and to whom.
 
-use super::{Preparation, SessionError, TrainingProgress};
+use super::{CameraSummary, Preparation, SessionError, TrainingProgress};
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
 use crate::{ExposureEvidence, PoseEvidence};
@@ -144,9 +144,8 @@ pub struct Summary {
     pub stages: String,
     /// What became of the photos' exposures.
     pub exposure: ExposureSummary,
-    /// Where the photos' cameras were refined, by how much, the mean of all: angle in radians, distance as a part of that to what
-    /// they show.
-    pub moved_cameras: Option<[f64; 2]>,
+    /// What became of the photos' cameras, where they were refined.
+    pub cameras: Option<CameraSummary>,
     /// Where it can be resumed from; none after the last iteration or without a folder.
     pub resumable: Option<PathBuf>,
 }
@@ -199,9 +198,8 @@ impl fmt::Display for Summary {
         if self.exposure != ExposureSummary::Off {
             write!(f, "\n{}", self.exposure)?;
         }
-        if let Some([angle, distance]) = self.moved_cameras {
-            let (angle, distance) = (angle.to_degrees(), 100.0 * distance);
-            write!(f, "\ncameras: refined by {angle:.3} degrees and {distance:.3} % of their distance, on average")?;
+        if let Some(cameras) = &self.cameras {
+            write!(f, "\n{cameras}")?;
         }
         Ok(())
     }

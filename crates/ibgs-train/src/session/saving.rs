@@ -195,7 +195,7 @@ impl Session {
             gaussians: self.trainer.splats().len(),
             stages: self.records.watch.sentence(),
             exposure,
-            moved_cameras: self.trainer.moved_cameras(),
+            cameras: self.camera_summary(),
             resumable: resumable.map(|folder| folder.root().to_owned()),
         }));
         if is_whole { self.checkpoints.clear() } else { kept }
