@@ -2,7 +2,7 @@
 //! same photos out, one with exposures and one without. Shading that turns with the camera looks like exposure in the photos that
 //! are trained, but only real exposures make photos that were left out better known.
 
-use crate::step::{TrainError, Trainer};
+use crate::step::TrainError;
 use crate::trial::Trial;
 use ibgs_core::config::{ExposureSwitch, TrainConfig};
 use ibgs_core::dataset::Dataset;
