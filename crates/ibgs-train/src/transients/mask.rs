@@ -29,8 +29,12 @@ impl Grid {
         (0..mask.len()).map(|cell| self.around(cell).filter(|other| mask[*other]).count() >= least).collect()
     }
 
-    /// The next mask of a photo. `differences` are the cells' means of photo less render, not finite where there is none;
-    /// `scale` is what is usual over all photos; `supported` says where warped photos agree with this one.
+    /// The next mask of a photo. `differences` are lengths of the cells' mean differences of photo and render, not finite
+    /// where there is none; `scale` is what is usual over all photos; `supported` says where warped photos agree with this
+    /// one.
+    ///
+    /// # Panics
+    /// With another number of values than cells: a bug of ours.
     pub fn mask(self, differences: &[f32], scale: f32, supported: &[bool], before: &[bool]) -> Vec<bool> {
         let cells = self.width * self.height;
         let lengths = [differences.len(), supported.len(), before.len()];
@@ -59,7 +63,8 @@ mod tests {
     const GRID: Grid = Grid { width: 10, height: 8 };
 
     fn block(inside: f32, w: usize, h: usize) -> Vec<f32> {
-        (0..80).map(|i| if (2..2 + w).contains(&(i % 10)) && (2..2 + h).contains(&(i / 10)) { inside } else { 0.5 }).collect()
+        let is_inside = |i: usize| (2..2 + w).contains(&(i % 10)) && (2..2 + h).contains(&(i / 10));
+        (0..80).map(|i| if is_inside(i) { inside } else { 0.5 }).collect()
     }
 
     fn count(differences: &[f32], supported: bool, before: bool) -> usize {
