@@ -15,10 +15,6 @@ pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 pub const ALPHA_EMPTY: u32 = 1;
 /// Alpha, of 255, of a pixel that a learned mask hides: just under one half, which leaves it out of the losses.
 pub const ALPHA_HIDDEN: u32 = 127;
-
-/// Side, in pixels, of a cell of a learned mask.
-pub const CELL: u32 = 8;
-
 /// Largest alpha of a single Gaussian.
 pub const ALPHA_MAX: f32 = 0.99;
 /// Blending stops before the transmittance would fall under this.
@@ -77,7 +73,6 @@ pub(crate) fn whole_numbers() -> impl Iterator<Item = (&'static str, u32)> {
         ("TILE", TILE),
         ("ALPHA_EMPTY", ALPHA_EMPTY),
         ("ALPHA_HIDDEN", ALPHA_HIDDEN),
-        ("CELL", CELL),
         ("SORT_BLOCK", SORT_BLOCK),
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),

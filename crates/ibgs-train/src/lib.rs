@@ -29,6 +29,7 @@ mod stages;
 mod step;
 mod telemetry;
 pub mod tensor;
+mod transients;
 
 /// The version of burn whose tensors are part of this crate's interface.
 pub use burn;
@@ -37,3 +38,4 @@ pub use first_points::find_points;
 pub use session::Session;
 pub use step::{TrainError, Trainer};
 pub use telemetry::Telemetry;
+pub use transients::Oddity;

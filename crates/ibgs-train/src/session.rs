@@ -25,6 +25,7 @@ mod output;
 mod preparation;
 mod saving;
 mod stopped;
+mod transients;
 mod watch;
 
 pub use builder::{BuildError, Loaded, SessionBuilder};
@@ -34,6 +35,7 @@ pub use json_lines::JsonLines;
 pub use output::Output;
 pub use preparation::Preparation;
 pub use stopped::StoppedTraining;
+pub use transients::TransientSummary;
 
 use crate::{TrainError, Trainer};
 use checkpoint_writer::CheckpointWriter;

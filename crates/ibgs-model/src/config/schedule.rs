@@ -70,6 +70,8 @@ pub struct Schedule {
     pub poses_start: u32,
     /// Learning rates of the cameras at the start and at the end.
     pub poses_lr: [f64; 2],
+    /// Masks of what moves are learned after this iteration.
+    pub transients_start: u32,
     /// Milestones of the image-based stages; none for plain splatting.
     pub stages: Option<Stages>,
 }
@@ -135,6 +137,7 @@ impl Schedule {
             exposure_lr: [exposure.learning_rate, exposure.final_learning_rate].map(|rate| factor * rate),
             poses_start: config.poses.from.unwrap_or_else(|| scaled(500)),
             poses_lr: [config.poses.learning_rate, config.poses.final_learning_rate],
+            transients_start: config.transients.from.unwrap_or_else(|| scaled(1_500)),
             stages: Stages::new(config, n_iterations, scaled),
         }
     }
@@ -176,6 +179,16 @@ impl Schedule {
     /// Learning rate of the cameras, in radians: log-linear from the first to the last.
     pub fn poses_lr(&self, iteration: u32) -> f64 {
         log_linear(self.poses_lr, self.progress(iteration))
+    }
+
+    /// Whether the evidence of what moves is gathered in this iteration, where masks are learned.
+    pub fn transients_at(&self, iteration: u32) -> bool {
+        iteration > self.transients_start
+    }
+
+    /// Whether masks are made anew after this iteration, with so many training views: whenever each has been seen twice.
+    pub fn masks_at(&self, iteration: u32, views: usize) -> bool {
+        self.transients_at(iteration) && (iteration - self.transients_start).is_multiple_of(2 * views.max(1) as u32)
     }
 
     /// Part of the run that is done, 0 to 1.

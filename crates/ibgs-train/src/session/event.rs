@@ -1,6 +1,6 @@
 //! What a session reports, and to whom.
 
-use super::{Preparation, SessionError, TrainingProgress};
+use super::{Preparation, SessionError, TrainingProgress, TransientSummary};
 use crate::ExposureEvidence;
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
@@ -145,6 +145,8 @@ pub struct Summary {
     /// Where the photos' cameras were refined, by how much, the mean of all: angle in radians, distance as a part of that to what
     /// they show.
     pub moved_cameras: Option<[f64; 2]>,
+    /// What was found of what moves; none where no masks are learned.
+    pub transients: Option<TransientSummary>,
     /// Where it can be resumed from; none after the last iteration or without a folder.
     pub resumable: Option<PathBuf>,
 }
@@ -201,7 +203,10 @@ impl fmt::Display for Summary {
             let (angle, distance) = (angle.to_degrees(), 100.0 * distance);
             write!(f, "\ncameras: refined by {angle:.3} degrees and {distance:.3} % of their distance, on average")?;
         }
-        Ok(())
+        match &self.transients {
+            Some(transients) => write!(f, "\n{transients}"),
+            None => Ok(()),
+        }
     }
 }
 

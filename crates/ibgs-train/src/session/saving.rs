@@ -104,6 +104,9 @@ impl Session {
         let path = folder.point_cloud_path(iteration);
         // The Gaussians of the first last: a folder holds a model once it holds them, and never one without its network or exposures.
         let written = || -> Result<()> {
+            if let Some(masks) = self.trainer.masks() {
+                folder.write_transients(iteration, &self.dataset, masks.iter().map(|mask| &**mask))?;
+            }
             for (index, member) in members.iter().enumerate().rev() {
                 let number = index + 1;
                 let network = member.network.as_ref().filter(|_| residual);
@@ -192,6 +195,7 @@ impl Session {
             stages: self.records.watch.sentence(),
             exposure,
             moved_cameras: self.trainer.moved_cameras(),
+            transients: self.transient_summary(),
             resumable: resumable.map(|folder| folder.root().to_owned()),
         }));
         if is_whole { self.checkpoints.clear() } else { kept }

@@ -1,96 +1,133 @@
 //! The mask of what moves in a photo, by the evidence of its cells.
 
-/// Largest part of a photo that a mask covers: beyond it the photo is bad as a whole, and nothing is masked.
-const LIMIT: f32 = 0.4;
-/// Evidence, in units of the scale of all photos, from which a cell is masked, and from which it stays so.
-const BEGIN: f32 = 4.0;
-const STAY: f32 = 2.5;
-/// Cells among a cell and its eight neighbours that fill a hole, and that keep a cell from being an island.
-const FILL: usize = 6;
-const KEEP: usize = 4;
+/// Evidence, in units of the scale of all photos, from which a cell is surely of something that moves; the same where it was hidden
+/// before; and from which it belongs to one beside it that is.
+const SURE: f32 = 4.0;
+const SURE_AGAIN: f32 = 3.0;
+const LIKELY: f32 = 2.0;
+/// Least of what counts as likely, in parts of white: less than that is hardly seen.
+const LEAST: f32 = 0.02;
+/// Sure cells that something has, at least.
+const FEWEST: usize = 3;
+/// Largest part of a photo that is hidden: beyond it the photo is bad as a whole.
+pub const LIMIT: f32 = 0.4;
 
-/// Cells of a photo, row by row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Grid {
-    pub width: usize,
-    pub height: usize,
+/// A cell's evidence; what is not known is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// Mean difference of the photo from the render, by channel.
+    pub difference: Option<[f32; 3]>,
+    /// The same from the photos that are warped to it.
+    pub from_sources: Option<[f32; 3]>,
+    /// Mean absolute difference from the render, detail of the photo, detail of the render.
+    pub error: Option<[f32; 3]>,
 }
 
-impl Grid {
-    /// The cell and those around it.
-    fn around(self, cell: usize) -> impl Iterator<Item = usize> {
-        let (x, y) = (cell % self.width, cell / self.width);
-        let rows = y.saturating_sub(1)..(y + 2).min(self.height);
-        rows.flat_map(move |v| (x.saturating_sub(1)..(x + 2).min(self.width)).map(move |u| v * self.width + u))
-    }
+/// The value at this part of the list, 0 to 1; none of an empty list.
+pub fn quantile(mut values: Vec<f32>, part: f64) -> Option<f32> {
+    values.sort_unstable_by(f32::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some(values[(part * last as f64).round() as usize])
+}
 
-    /// Cells with at least so many set ones around them, themselves counted.
-    fn at_least(self, mask: &[bool], least: usize) -> Vec<bool> {
-        (0..mask.len()).map(|cell| self.around(cell).filter(|other| mask[*other]).count() >= least).collect()
-    }
+/// How far each cell is from what is usual in its photo: a photo's own brightness is no evidence.
+pub fn distances(values: &[Option<[f32; 3]>]) -> Vec<Option<f32>> {
+    let usual = [0, 1, 2].map(|c| quantile(values.iter().flatten().map(|v| v[c]).collect(), 0.5).unwrap_or(0.0));
+    let length = |v: &[f32; 3]| (0..3).map(|c| (v[c] - usual[c]).powi(2)).sum::<f32>().sqrt();
+    values.iter().map(|value| value.as_ref().map(length)).collect()
+}
 
-    /// The next mask of a photo. `differences` are lengths of the cells' mean differences of photo and render, not finite
-    /// where there is none; `scale` is what is usual over all photos; `supported` says where warped photos agree with this
-    /// one.
-    ///
-    /// # Panics
-    /// With another number of values than cells: a bug of ours.
-    pub fn mask(self, differences: &[f32], scale: f32, supported: &[bool], before: &[bool]) -> Vec<bool> {
-        let cells = self.width * self.height;
-        let lengths = [differences.len(), supported.len(), before.len()];
-        assert_eq!(lengths, [cells; 3], "one value a cell");
-        let found: Vec<bool> = (0..cells)
-            .map(|cell| {
-                let known = || self.around(cell).map(|n| differences[n]).filter(|v| v.is_finite());
-                let mean = known().sum::<f32>() / known().count() as f32;
-                let least = if before[cell] { STAY } else { BEGIN };
-                scale > 0.0 && !supported[cell] && mean > least * scale
-            })
-            .collect();
-        let filled = self.at_least(&found, FILL);
-        let closed: Vec<bool> = found.iter().zip(filled).map(|(found, filled)| *found || filled).collect();
-        let kept = self.at_least(&closed, KEEP);
-        let mask: Vec<bool> = closed.iter().zip(kept).map(|(closed, kept)| *closed && kept).collect();
-        let masked = mask.iter().filter(|set| **set).count();
-        if masked as f32 > LIMIT * cells as f32 { vec![false; cells] } else { mask }
+/// The next mask of a photo of so many cells in a row. `scale` is what is usual over all photos.
+pub fn hidden(cells: &[Cell], columns: usize, scale: f32, before: &[bool]) -> Vec<bool> {
+    let of = |value: fn(&Cell) -> Option<[f32; 3]>| distances(&cells.iter().map(value).collect::<Vec<_>>());
+    let by_render = of(|cell| cell.difference);
+    let by_sources = of(|cell| cell.from_sources);
+    // What the other photos show as well does not move, however badly it is rendered.
+    let evidence = |(render, sources): (&Option<f32>, &Option<f32>)| {
+        render.map_or(0.0, |render| render.min(sources.unwrap_or(f32::INFINITY))) / scale.max(LEAST / LIKELY)
+    };
+    let evidence: Vec<f32> = by_render.iter().zip(&by_sources).map(evidence).collect();
+    let sure: Vec<bool> =
+        evidence.iter().zip(before).map(|(v, before)| *v > if *before { SURE_AGAIN } else { SURE }).collect();
+    let mut mask = vec![false; cells.len()];
+    for part in parts(&evidence, columns) {
+        if part.iter().filter(|&&cell| sure[cell]).count() >= FEWEST {
+            part.into_iter().for_each(|cell| mask[cell] = true);
+        }
     }
+    mask
+}
+
+/// The connected parts of the cells that are likely.
+fn parts(evidence: &[f32], columns: usize) -> Vec<Vec<usize>> {
+    let mut open: Vec<bool> = evidence.iter().map(|v| *v > LIKELY).collect();
+    let mut parts = Vec::new();
+    for first in 0..open.len() {
+        if !std::mem::take(&mut open[first]) {
+            continue;
+        }
+        let (mut part, mut next) = (vec![first], 0);
+        while let Some(&cell) = part.get(next) {
+            next += 1;
+            let left = (cell % columns > 0).then(|| cell - 1);
+            let right = ((cell + 1) % columns > 0).then_some(cell + 1);
+            let beside = [left, right, cell.checked_sub(columns), Some(cell + columns)].into_iter().flatten();
+            part.extend(beside.filter(|&other| other < open.len() && std::mem::take(&mut open[other])));
+        }
+        parts.push(part);
+    }
+    parts
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const GRID: Grid = Grid { width: 10, height: 8 };
+    const COLUMNS: usize = 10;
 
-    fn block(inside: f32, w: usize, h: usize) -> Vec<f32> {
-        let is_inside = |i: usize| (2..2 + w).contains(&(i % 10)) && (2..2 + h).contains(&(i / 10));
-        (0..80).map(|i| if is_inside(i) { inside } else { 0.5 }).collect()
+    /// 8 rows of cells with a block of other ones in it.
+    fn block(inside: f32, [w, h]: [usize; 2]) -> Vec<Cell> {
+        let is_inside = |i: usize| (2..2 + w).contains(&(i % COLUMNS)) && (2..2 + h).contains(&(i / COLUMNS));
+        let value = |i: usize| if is_inside(i) { inside } else { 0.3 };
+        (0..80).map(|i| Cell { difference: Some([value(i), 0.3, 0.3]), ..Cell::default() }).collect()
     }
 
-    fn count(differences: &[f32], supported: bool, before: bool) -> usize {
-        GRID.mask(differences, 1.0, &[supported; 80], &[before; 80]).iter().filter(|set| **set).count()
-    }
-
-    #[test]
-    fn a_figure_is_masked_unless_other_photos_show_it() {
-        assert!(count(&block(20.0, 3, 4), false, false) >= 12);
-        assert_eq!(count(&block(20.0, 3, 4), true, false), 0);
-        assert_eq!(count(&block(1.5, 3, 4), false, false), 0);
+    fn count(cells: &[Cell], before: bool) -> usize {
+        hidden(cells, COLUMNS, 0.05, &[before; 80]).iter().filter(|set| **set).count()
     }
 
     #[test]
-    fn a_masked_cell_stays_longer() {
-        assert_eq!(count(&block(3.5, 4, 4), false, false), 0);
-        assert!(count(&block(3.5, 4, 4), false, true) > 0);
+    fn a_figure_is_hidden_unless_other_photos_show_it() {
+        let mut cells = block(0.9, [3, 4]);
+        assert_eq!(count(&cells, false), 12);
+        // A corner beside it that is likely, and one that is far away.
+        cells[5 + 2 * COLUMNS].difference = Some([0.43, 0.3, 0.3]);
+        cells[9 + 7 * COLUMNS].difference = Some([0.43, 0.3, 0.3]);
+        assert_eq!(count(&cells, false), 13);
+        cells.iter_mut().for_each(|cell| cell.from_sources = Some([0.1; 3]));
+        assert_eq!(count(&cells, false), 0);
+        assert_eq!(count(&block(0.35, [3, 4]), false), 0);
     }
 
     #[test]
-    fn a_photo_that_is_bad_as_a_whole_has_no_mask() {
-        assert_eq!(count(&[20.0; 80], false, false), 0);
+    fn little_things_are_no_figures_and_the_edge_does_not_join_rows() {
+        assert_eq!(count(&block(0.9, [2, 1]), false), 0);
+        let mut cells = block(0.3, [0, 0]);
+        for cell in [8 + COLUMNS, 9 + COLUMNS, 2 * COLUMNS, 1 + 2 * COLUMNS] {
+            cells[cell].difference = Some([0.9, 0.3, 0.3]);
+        }
+        assert_eq!(count(&cells, false), 0);
     }
 
     #[test]
-    fn what_is_not_finite_is_no_evidence() {
-        assert_eq!(count(&[f32::NAN; 80], false, false), 0);
+    fn a_hidden_cell_stays_longer() {
+        let cells = block(0.3 + 0.05 * 3.5, [4, 4]);
+        assert_eq!((count(&cells, false), count(&cells, true)), (0, 16));
+    }
+
+    #[test]
+    fn another_brightness_of_the_whole_photo_is_no_evidence() {
+        assert_eq!(count(&vec![Cell { difference: Some([0.9; 3]), ..Cell::default() }; 80], false), 0);
+        assert_eq!(count(&[Cell::default(); 80], false), 0);
     }
 }
