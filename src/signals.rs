@@ -53,10 +53,15 @@ pub fn is_stopped(code: Option<i32>) -> bool {
     known.into_iter().any(|signal| code == Some(i32::from(BASE + signal)))
 }
 
+/// Forgets the signals that came: the program goes on, and the next one is the first again.
+pub fn forget() {
+    FIRST.store(0, Ordering::SeqCst);
+}
+
 /// Calls `stop` at the first Ctrl-C, SIGTERM or closed terminal. A later one calls it again and ends the program at once.
 pub fn on_stop(stop: impl Fn() + Send + 'static) {
     let mut begun: Option<Instant> = None;
-    listen(move |signal| match begun {
+    listen(move |signal| match begun.filter(|_| FIRST.load(Ordering::SeqCst) != 0) {
         None => {
             begun = Some(Instant::now());
             FIRST.store(signal, Ordering::SeqCst);
@@ -138,6 +143,22 @@ pub fn terminate(child: &std::process::Child) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_forgotten_signal_is_followed_by_another_first_one() {
+        use signal_hook::consts::SIGTERM;
+        use std::sync::mpsc::channel;
+        let (told, stopped) = channel();
+        on_stop(move || told.send(()).unwrap());
+        for _ in 0..2 {
+            signal_hook::low_level::raise(SIGTERM).unwrap();
+            stopped.recv_timeout(Duration::from_secs(20)).expect("the signal stops the command");
+            assert!(exit_code().is_some());
+            forget();
+            assert!(exit_code().is_none());
+        }
+    }
 
     #[test]
     fn codes_of_signals_are_those_of_shells() {

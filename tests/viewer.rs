@@ -2,6 +2,7 @@
 
 mod edit;
 mod edit_ensemble;
+mod leave;
 mod look;
 mod open;
 mod pixel;

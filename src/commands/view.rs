@@ -5,7 +5,7 @@ use super::open_gpu;
 use super::train::{DemoDefaults, Failure, Watched, prepare, requested};
 use crate::advice::{self, resolution};
 use crate::progress::Bars;
-use crate::signals::on_stop;
+use crate::signals::{self, on_stop};
 use crate::stderr;
 use crate::stdout;
 use anyhow::{Context, Error, Result, bail};
@@ -159,10 +159,14 @@ pub fn look(run: impl FnOnce(&Failure) -> Watched) -> Result<()> {
     window(&gpu, opener, Some(Outcome::Opened(Box::new(trained(run)))))
 }
 
-/// Opens the window. A signal that stops the program closes it, so that a training in it is saved.
+/// Opens the window. A signal that stops the program closes it, so that a training in it is saved; where the user keeps
+/// unsaved edits and the window, the signal is forgotten.
 fn window(gpu: &Arc<Gpu>, opener: Opener, first: Option<Outcome>) -> Result<()> {
     let failure = opener.failure.clone();
-    ibgs_viewer::run(gpu, opener, first, |closer| on_stop(move || closer.close()))?;
+    ibgs_viewer::run(gpu, opener, first, |closer| {
+        on_stop(move || closer.close());
+        Box::new(signals::forget)
+    })?;
     failure.outcome()
 }
 

@@ -24,12 +24,16 @@ impl eframe::App for Viewer {
         Some(self)
     }
 
+    fn logic(&mut self, ctx: &egui::Context, _frame: &mut eframe::Frame) {
+        self.guard(ctx);
+    }
+
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.listen(ui.ctx());
         self.dropped(ui.ctx());
         panels::chosen(self);
         self.show_found(ui.ctx());
-        if !self.start.shown {
+        if !self.start.shown && self.leaving.is_none() {
             self.keys(ui);
         }
         panels::bar(self, ui);
@@ -37,6 +41,7 @@ impl eframe::App for Viewer {
             let shown = self.start.shown;
             egui::CentralPanel::default().show(ui, |ui| shown.then(|| panels::start(self, ui)));
             panels::status(self, ui.ctx());
+            panels::leaving(self, ui.ctx());
             return;
         }
         panels::around(self, ui);
@@ -46,6 +51,7 @@ impl eframe::App for Viewer {
             self.error.get_or_insert_with(|| error.to_string());
         }
         panels::status(self, ui.ctx());
+        panels::leaving(self, ui.ctx());
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {

@@ -66,8 +66,6 @@ pub struct Edit {
     pub revision: u32,
     /// Revision that was saved last.
     pub saved: u32,
-    /// The user knows that it is not saved.
-    warned: bool,
     /// Where the brush was last, as shares of the image.
     stroke: Option<DVec2>,
 }
@@ -124,11 +122,6 @@ impl Edit {
     /// Whether something was removed since the model was saved.
     pub fn is_unsaved(&self) -> bool {
         self.revision != self.saved && self.editor.as_ref().is_some_and(Editor::is_changed)
-    }
-
-    /// Whether another model may be opened. With unsaved deletions only when it is asked a second time.
-    pub fn may_leave(&mut self) -> bool {
-        !self.is_unsaved() || std::mem::replace(&mut self.warned, true)
     }
 
     /// Puts the box around what is selected, or around most of the model.

@@ -214,7 +214,7 @@ pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
 pub struct Closer(egui::Context);
 
 impl Closer {
-    /// Closes it as its user would: a training is saved.
+    /// Closes it as its user would: a training is saved, and unsaved edits are asked about.
     pub fn close(&self) {
         self.0.send_viewport_cmd(egui::ViewportCommand::Close);
         self.0.request_repaint();
@@ -241,7 +241,7 @@ pub async fn run_in(
 }
 
 /// Opens a window, on what `first` says or on an empty start page, and returns when it is closed. `handed` receives a
-/// [`Closer`] for it.
+/// [`Closer`] for it, and returns what is called where the user keeps the window open all the same.
 ///
 /// # Errors
 /// No display, or a device that cannot draw into windows.
@@ -250,7 +250,7 @@ pub fn run(
     gpu: &Arc<Gpu>,
     opener: impl Open,
     first: Option<Outcome>,
-    handed: impl FnOnce(Closer),
+    handed: impl FnOnce(Closer) -> Box<dyn Fn() + Send>,
 ) -> Result<(), eframe::Error> {
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
@@ -263,8 +263,10 @@ pub fn run(
     };
     let gpu = gpu.clone();
     let make = move |cc: &eframe::CreationContext| {
-        handed(Closer(cc.egui_ctx.clone()));
-        Viewer::new(cc, gpu, opener, first)
+        let kept_open = handed(Closer(cc.egui_ctx.clone()));
+        let mut viewer = Viewer::new(cc, gpu, opener, first)?;
+        viewer.when_kept_open(kept_open);
+        Ok::<_, ibgs_core::gpu::GpuError>(viewer)
     };
     eframe::run_native("ibgs", options, Box::new(move |cc| Ok(Box::new(make(cc)?))))
 }

@@ -1,12 +1,14 @@
 //! The state of the window: camera, what is open, and what stands around the canvas.
 
 mod framing;
+mod leaving;
 mod link;
 mod messages;
 mod outside;
 mod screenshot;
 
 pub(crate) use framing::fitted;
+pub(crate) use leaving::{Answer, Leaving, Next};
 
 use crate::canvas::{Canvas, SIDES};
 use crate::curves::Curves;
@@ -124,6 +126,12 @@ pub struct Viewer {
     screenshots: u32,
     /// Where to go once something is open.
     link: Option<String>,
+    /// The question what becomes of unsaved edits.
+    pub(crate) leaving: Option<Leaving>,
+    /// The window may close without a question.
+    closes: bool,
+    /// Called when the user decided to stay.
+    kept_open: Option<Box<dyn Fn() + Send>>,
 }
 
 impl Viewer {
@@ -181,6 +189,9 @@ impl Viewer {
             error: None,
             screenshots: 0,
             link: None,
+            leaving: None,
+            closes: false,
+            kept_open: None,
         })
     }
 
@@ -273,12 +284,15 @@ impl Viewer {
         self.moved.is_some_and(|at| at.elapsed() < REST)
     }
 
-    /// Opens something in place of what is open.
+    /// Opens something in place of what is open, after a question where that has unsaved edits.
     pub fn open(&mut self, wanted: OpenRequest) {
-        if !self.edit.may_leave() {
-            self.error = Some("the edited model is not saved; open the other one again to leave it so".to_owned());
-            return;
+        match self.edit.is_unsaved() {
+            true => self.ask(Next::Open(wanted)),
+            false => self.request(wanted),
         }
+    }
+
+    fn request(&mut self, wanted: OpenRequest) {
         (self.error, self.message, self.doing) = (None, None, Some("opening".to_owned()));
         self.send(Command::Open(wanted));
     }

@@ -204,22 +204,22 @@ fn save(viewer: &mut Viewer, ui: &mut Ui) -> Option<Command> {
             ui.weak("not saved yet");
         }
     });
-    let field = TextEdit::singleline(&mut edit.file).desired_width(f32::INFINITY);
-    ui.add(field).on_hover_text(format!(
-        "A name in `.ibgs` keeps network, cameras and source photos; one in {} the Gaussians alone",
-        Format::endings()
-    ));
-    let mut command = None;
-    ui.horizontal_wrapped(|ui| {
-        if ui.button("Save model").clicked() {
-            command = edit.save(scene);
-        }
-        ui.checkbox(&mut edit.replaces, "replace").on_hover_text("Replace a file of this name");
-    });
+    file(edit, ui);
+    let command = ui.button("Save model").clicked().then(|| edit.save(scene)).flatten();
     if command.is_some() {
         viewer.doing = Some("saving the model".to_owned());
     }
     command
+}
+
+/// The file that the model is saved as.
+pub fn file(edit: &mut Edit, ui: &mut Ui) {
+    let field = TextEdit::singleline(&mut edit.file).desired_width(f32::INFINITY);
+    ui.add(field).on_hover_text(format!(
+        "A name in `.ibgs` keeps network, cameras and source photos; one in {} the Gaussians alone",
+        Format::written_endings()
+    ));
+    ui.checkbox(&mut edit.replaces, "replace").on_hover_text("Replace a file of this name");
 }
 
 /// The editor's keys; each is taken, so that it does nothing else.

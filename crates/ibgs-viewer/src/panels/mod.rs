@@ -2,6 +2,7 @@
 
 mod bar;
 mod edit;
+mod leaving;
 mod path;
 mod pixel;
 mod start;
@@ -10,6 +11,7 @@ mod views;
 
 pub use bar::{bar, status};
 pub use edit::{draw as draw_edit, in_image as edit_in_image, keys as edit_keys};
+pub use leaving::leaving;
 pub use start::{chosen, start};
 
 use crate::mode::Mode;

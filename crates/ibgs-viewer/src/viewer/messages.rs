@@ -57,11 +57,13 @@ impl Viewer {
                     let said = self.edit.take(message, self.navigator.up);
                     self.message = said.or(self.message.take());
                     self.doing = None;
+                    self.saved_or_not(ctx);
                 }
                 Message::NoFrame => self.canvas.give_up(),
                 Message::Failed(sentence) => {
                     self.doing = None;
                     self.error = Some(sentence);
+                    self.saved_or_not(ctx);
                 }
             }
         }
