@@ -1,139 +1,209 @@
-#![allow(warnings)]
-use ibgs_core::config::{Method, TrainConfig, TransientSwitch};
+//! Measures learned masks against the true ones of the demo scene's walkers, and what they do for held-out photos.
+//!
+//! `measure_transients [NAME=VALUE ...]`, where NAME is one of [`Run`]'s fields or of [`MaskRules`]:
+//! `measure_transients scene=large walkers=15 mask=on iterations=7000 every=1000 sure=5`
+
+use ibgs_core::config::{ExposureSwitch, Method, TrainConfig, TransientSwitch};
+use ibgs_core::dataset::{CellMask, Photo};
 use ibgs_core::eval::scores::score_test_views;
-use ibgs_demo::{DemoOptions, WalkerOptions, WalkerPixel};
-use ibgs_reference::gpu::{gpu, rasterizer};
-use ibgs_train::Trainer;
-use std::io::Write;
+use ibgs_demo::{DemoOptions, Walked, WalkerOptions, WalkerPixel};
+use ibgs_reference::gpu::rasterizer;
+use ibgs_train::{MaskRules, Trainer};
+use std::error::Error;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::time::Instant;
 
-fn var(name: &str, default: &str) -> String {
-    std::env::var(name).unwrap_or_else(|_| default.to_owned())
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// What is measured.
+struct Run {
+    /// `small` or `large`.
+    scene: DemoOptions,
+    /// Percent of the training photos with a walker.
+    walkers: u32,
+    /// Photos that are spoiled, from the fourth in steps of seven: words of `blur`, `dark`, `other` with commas.
+    spoil: Vec<String>,
+    /// Folder for scenes that are traced; unset: the program's.
+    cache: Option<PathBuf>,
+    /// Iterations between two lines.
+    every: u32,
+    rules: MaskRules,
+    config: TrainConfig,
 }
 
-fn main() {
-    let percent: u32 = var("WALKERS", "15").parse().unwrap();
-    let iterations: u32 = var("ITERS", "1000").parse().unwrap();
-    let every: u32 = var("DUMP", "100000").parse().unwrap();
-    let seed: u64 = var("SEED", "0").parse().unwrap();
-    let out = var("OUT", "/tmp/tm/run");
-    let switch = match var("T", "on").as_str() {
-        "on" => TransientSwitch::On,
-        "auto" => TransientSwitch::Auto,
-        _ => TransientSwitch::Off,
-    };
-    let walked = ibgs_demo::walkers(
-        &WalkerOptions { scene: DemoOptions { seed: 0, ..DemoOptions::small() }, percent },
-        Some(std::path::Path::new("/tmp/tm/cache")),
-        &(),
+impl Default for Run {
+    fn default() -> Self {
+        let mut config = TrainConfig { method: Method::Gs3, iterations: Some(1_000), ..TrainConfig::default() };
+        config.ensemble = Some(1);
+        config.exposure.enabled = ExposureSwitch::Off;
+        config.transients.mask = TransientSwitch::On;
+        Self {
+            scene: DemoOptions::small(),
+            walkers: 15,
+            spoil: Vec::new(),
+            cache: None,
+            every: 250,
+            rules: MaskRules::default(),
+            config,
+        }
+    }
+}
+
+fn parsed<T: FromStr>(word: &str) -> Outcome<T>
+where
+    T::Err: Error + 'static,
+{
+    Ok(word.parse()?)
+}
+
+/// A word of an option, as files have it.
+fn worded<T: serde::de::DeserializeOwned>(word: &str) -> Outcome<T> {
+    Ok(serde_json::from_value(word.into())?)
+}
+
+impl Run {
+    /// Takes `NAME=VALUE`.
+    fn set(&mut self, argument: &str) -> Outcome<()> {
+        let (name, value) = argument.split_once('=').ok_or("every argument is NAME=VALUE")?;
+        let (config, rules) = (&mut self.config, &mut self.rules);
+        match name {
+            "scene" if value == "small" => self.scene = DemoOptions::small(),
+            "scene" if value == "large" => self.scene = DemoOptions::large(),
+            "walkers" => self.walkers = parsed(value)?,
+            "spoil" => self.spoil = value.split(',').map(str::to_owned).collect(),
+            "cache" => self.cache = Some(value.into()),
+            "every" => self.every = parsed::<u32>(value)?.max(1),
+            "method" => config.method = worded(value)?,
+            "mask" => config.transients.mask = worded(value)?,
+            "exposure" => config.exposure.enabled = worded(value)?,
+            "iterations" => config.iterations = Some(parsed(value)?),
+            "from" => config.transients.from = Some(parsed(value)?),
+            "seed" => config.seed = parsed(value)?,
+            "gaussians" => config.densify.max_splats = Some(parsed(value)?),
+            "factor" => config.residual.factor = Some(parsed(value)?),
+            "rate" => rules.rate = parsed(value)?,
+            "usual" => rules.usual = parsed(value)?,
+            "sure" => rules.sure = parsed(value)?,
+            "sure-again" => rules.sure_again = parsed(value)?,
+            "likely" => rules.likely = parsed(value)?,
+            "least" => rules.least = parsed(value)?,
+            "fewest" => rules.fewest = parsed(value)?,
+            "limit" => rules.limit = parsed(value)?,
+            "worth" => rules.worth = parsed(value)?,
+            "odd-weight" => rules.odd_weight = parsed(value)?,
+            "blurred" => rules.blurred = parsed(value)?,
+            "brightness" => rules.brightness = parsed(value)?,
+            "times" => rules.times = parsed(value)?,
+            _ => return Err("no such name or value".into()),
+        }
+        Ok(())
+    }
+}
+
+fn main() -> Outcome<()> {
+    let mut run = Run::default();
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    for argument in &arguments {
+        run.set(argument).map_err(|error| format!("{argument}: {error}"))?;
+    }
+    println!("{}", arguments.join(" "));
+    let scene = WalkerOptions { scene: run.scene.clone(), percent: run.walkers };
+    let mut walked = ibgs_demo::walkers(&scene, run.cache.as_deref(), &())?;
+    spoil(&mut walked, &run.spoil)?;
+    run.config.validate()?;
+    let start = Instant::now();
+    let mut training = Trainer::new(Arc::new(rasterizer()), &walked.dataset, &run.config)?;
+    training.set_mask_rules(run.rules);
+    let last = run.config.iterations();
+    while training.iteration() < last {
+        let next = (training.iteration() / run.every + 1) * run.every;
+        while training.iteration() < next.min(last) {
+            training.step()?;
+        }
+        if let Some(masks) = training.masks() {
+            println!("iteration {}: {}", training.iteration(), quality(&masks, &walked));
+        }
+    }
+    let odd = training.oddities().unwrap_or_default();
+    for (index, oddity) in odd.iter().enumerate() {
+        oddity.iter().for_each(|oddity| println!("training photo {index}: {oddity}"));
+    }
+    println!("{} Gaussians in {:.1} s", training.splats().len(), start.elapsed().as_secs_f64());
+    let renderer = training.renderer()?;
+    let scores = score_test_views(&renderer, &walked.dataset, &run.config, None, None, &mut |_, _| {})?;
+    println!("held-out photos: {}", scores.sentence());
+    Ok(())
+}
+
+/// How well masks hide what is to be hidden.
+fn quality(masks: &[Arc<CellMask>], walked: &Walked) -> String {
+    let (mut hidden, mut all) = ([0u32; 3], [0u32; 3]);
+    for (mask, &view) in masks.iter().zip(&walked.dataset.train) {
+        let [width, height] = mask.size();
+        for p in 0..width * height {
+            let truth = walked.masks[view].as_ref().map_or(WalkerPixel::Same, |truth| truth.pixels[p as usize]);
+            let kind = match truth {
+                WalkerPixel::Same => 0,
+                WalkerPixel::Shadow => 1,
+                WalkerPixel::Figure => 2,
+            };
+            all[kind] += 1;
+            hidden[kind] += u32::from(mask.hides(p % width, p / width));
+        }
+    }
+    let part = |of: u32, whole: u32| f64::from(of) / f64::from(whole.max(1));
+    let sum: u32 = hidden.iter().sum();
+    format!(
+        "hidden {:.2} % of all, precision {:.3} (walkers alone {:.3}), recall of walkers {:.3}, of shadows {:.3}, of the rest {:.5}",
+        100.0 * part(sum, all.iter().sum()),
+        part(hidden[1] + hidden[2], sum),
+        part(hidden[2], sum),
+        part(hidden[2], all[2]),
+        part(hidden[1], all[1]),
+        part(hidden[0], all[0]),
     )
-    .unwrap();
-    let mut dataset = walked.dataset;
-    let odd = var("ODD", "");
-    if !odd.is_empty() {
-        spoil(&mut dataset, &odd);
-    }
-    let method = if var("METHOD", "3dgs") == "ibgs" { Method::Ibgs } else { Method::Gs3 };
-    let mut config =
-        TrainConfig { method, iterations: Some(iterations), seed, deterministic: true, ..TrainConfig::default() };
-    config.densify.max_splats = Some(12_000);
-    config.transients.mask = switch;
-    config.ensemble = Some(1);
-    config.residual.factor = Some(0.25);
-    config.exposure.enabled = if var("EXPOSURE", "off") == "on" {
-        ibgs_core::config::ExposureSwitch::On
-    } else {
-        ibgs_core::config::ExposureSwitch::Off
-    };
-    let mut file = std::fs::File::create(format!("{out}.masks")).unwrap();
-    for &view in &dataset.train {
-        match &walked.masks[view] {
-            Some(mask) => file.write_all(&mask.pixels.iter().map(|p| *p as u8).collect::<Vec<u8>>()).unwrap(),
-            None => file.write_all(&vec![0; 160 * 120]).unwrap(),
-        }
-    }
-    config.validate().unwrap();
-    let mut t = Trainer::new(std::sync::Arc::new(rasterizer()), &dataset, &config).unwrap();
-    let start = std::time::Instant::now();
-    while t.iteration() < iterations {
-        let next = (t.iteration() + every).min(iterations);
-        while t.iteration() < next {
-            t.step().unwrap();
-        }
-        if switch != TransientSwitch::Off {
-            t.checkpoint(serde_json::Value::Null)
-                .unwrap()
-                .write(std::path::Path::new(&format!("{out}.{next}.ibgs")))
-                .unwrap();
-        }
-        if let Some(masks) = t.masks() {
-            let mut c = [[0u32; 2]; 3];
-            for (mask, &view) in masks.iter().zip(&dataset.train) {
-                for p in 0..160 * 120u32 {
-                    let kind = walked.masks[view].as_ref().map_or(WalkerPixel::Same, |m| m.pixels[p as usize]);
-                    let k = match kind {
-                        WalkerPixel::Same => 0,
-                        WalkerPixel::Shadow => 1,
-                        WalkerPixel::Figure => 2,
-                    };
-                    c[k][usize::from(mask.hides(p % 160, p / 160))] += 1;
-                }
-            }
-            let hid = (c[0][1] + c[1][1] + c[2][1]).max(1);
-            println!(
-                "it {next} hidden {:.4} precision {:.3} (figure {:.3}) recall figure {:.3} shadow {:.3}",
-                f64::from(hid) / (35.0 * 19200.0),
-                f64::from(c[1][1] + c[2][1]) / f64::from(hid),
-                f64::from(c[2][1]) / f64::from(hid),
-                f64::from(c[2][1]) / f64::from((c[2][0] + c[2][1]).max(1)),
-                f64::from(c[1][1]) / f64::from((c[1][0] + c[1][1]).max(1))
-            );
-        }
-    }
-    if let Some(o) = t.oddities() {
-        println!("odd {:?}", o.iter().enumerate().filter(|(_, o)| o.is_some()).collect::<Vec<_>>());
-    }
-    println!("train views {} seconds {:?} gaussians {}", dataset.train.len(), start.elapsed(), t.splats().len());
-    let scores = score_test_views(&t.renderer().unwrap(), &dataset, &config, None, None, &mut |_, _| {}).unwrap();
-    println!(
-        "{} walkers {percent} T {} seed {seed} iters {iterations}: {}",
-        var("METHOD", "3dgs"),
-        var("T", "on"),
-        scores.sentence()
-    );
 }
 
-fn spoil(dataset: &mut ibgs_core::dataset::Dataset, odd: &str) {
-    let names = ["blur", "dark", "other"];
-    for (k, what) in odd.split(',').enumerate() {
-        let view = dataset.train[3 + 7 * k];
-        let photo = dataset.views[view].photo.pixels().unwrap();
-        let (w, h) = (photo.width as i32, photo.height as i32);
-        let mut out = (*photo).clone();
-        match what {
-            "dark" => out.rgba.chunks_mut(4).for_each(|p| (0..3).for_each(|c| p[c] = (p[c] as f32 * 0.75) as u8)),
-            "other" => out.rgba.rotate_left(4 * 40 * 160),
-            _ => {
-                for y in 0..h {
-                    for x in 0..w {
-                        for c in 0..3 {
-                            let mut sum = 0u32;
-                            let mut n = 0;
-                            for dy in -2..=2 {
-                                for dx in -2..=2 {
-                                    let (u, v) = (x + dx, y + dy);
-                                    if u >= 0 && v >= 0 && u < w && v < h {
-                                        sum += photo.rgba[(4 * (v * w + u) + c) as usize] as u32;
-                                        n += 1;
-                                    }
-                                }
-                            }
-                            out.rgba[(4 * (y * w + x) + c) as usize] = (sum / n) as u8;
-                        }
-                    }
-                }
+fn spoil(walked: &mut Walked, words: &[String]) -> Outcome<()> {
+    for (number, word) in words.iter().enumerate() {
+        let index = 3 + 7 * number;
+        let &view = walked.dataset.train.get(index).ok_or("more words than photos that can be spoiled")?;
+        let view = &mut walked.dataset.views[view];
+        let photo = view.photo.pixels()?;
+        let spoiled = match word.as_str() {
+            "blur" => blurred(&photo, photo.width as i32 / 80),
+            "dark" => {
+                let darker = |(i, level): (usize, &u8)| if i % 4 == 3 { *level } else { (u32::from(*level) * 3 / 4) as u8 };
+                Photo { rgba: photo.rgba.iter().enumerate().map(darker).collect(), ..*photo }
             }
-        }
-        println!("spoiled {what}: {}", 3 + 7 * k);
-        dataset.views[view].photo = out.into();
+            "other" => {
+                let mut rgba = photo.rgba.clone();
+                rgba.rotate_left(4 * (photo.width * (photo.height / 3)) as usize);
+                Photo { rgba, ..*photo }
+            }
+            _ => return Err(format!("spoil: `{word}` is none of blur, dark, other").into()),
+        };
+        view.photo = spoiled.into();
+        println!("training photo {index} is spoiled: {word}");
     }
+    Ok(())
+}
+
+/// A photo with every pixel the mean of those up to `radius` away.
+fn blurred(photo: &Photo, radius: i32) -> Photo {
+    let (width, height) = (photo.width as i32, photo.height as i32);
+    let mut out = photo.clone();
+    for (p, pixel) in (0..).zip(out.rgba.as_chunks_mut::<4>().0) {
+        let around = |at: i32, end: i32| (at - radius).max(0)..(at + radius + 1).min(end);
+        let (xs, ys) = (around(p % width, width), around(p / width, height));
+        let count = (xs.len() * ys.len()) as u32;
+        for (c, level) in pixel[..3].iter_mut().enumerate() {
+            let at = |x: i32, y: i32| u32::from(photo.rgba[4 * (y * width + x) as usize + c]);
+            let sum: u32 = ys.clone().flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(x, y)).sum();
+            *level = (sum / count) as u8;
+        }
+    }
+    out
 }

@@ -38,4 +38,4 @@ pub use first_points::find_points;
 pub use session::Session;
 pub use step::{TrainError, Trainer};
 pub use telemetry::Telemetry;
-pub use transients::Oddity;
+pub use transients::{MaskRules, Oddity};

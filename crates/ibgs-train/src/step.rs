@@ -16,7 +16,7 @@ use super::optim::Optimizer;
 use super::refining::Refining;
 use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
-use super::transients::{Masking, Oddity};
+use super::transients::{MaskRules, Masking, Oddity};
 use crate::loss::{ImageLoss, Loss};
 use crate::parameters::Parameters;
 use crate::tensor;
@@ -183,6 +183,13 @@ impl Trainer {
     /// The learned masks of the training photos, in their order; none where none are learned.
     pub fn masks(&self) -> Option<Vec<Arc<CellMask>>> {
         self.masking.as_ref().map(Masking::masks)
+    }
+
+    /// Decides over the masks by other numbers from here on, to measure with. A checkpoint does not keep them.
+    pub fn set_mask_rules(&mut self, rules: MaskRules) {
+        if let Some(masking) = &mut self.masking {
+            masking.rules = rules;
+        }
     }
 
     /// How each training photo disagrees with the others as a whole, in their order; none where no masks are learned.

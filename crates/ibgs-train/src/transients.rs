@@ -3,8 +3,10 @@
 
 mod mask;
 mod oddity;
+mod rules;
 
 pub use oddity::Oddity;
+pub use rules::MaskRules;
 
 use crate::loss::WarpedSources;
 use crate::tensor::{bind, primitive};
@@ -20,19 +22,10 @@ use ibgs_shaders::types::TransientParams;
 use mask::Cell;
 use std::sync::Arc;
 
-/// Part of the evidence that a visit of a photo replaces.
-const RATE: f32 = 0.3;
 /// Rows of a cell on the device.
 const ROWS: usize = 3;
 /// Numbers of a cell in a checkpoint: its rows, and whether it is hidden.
 const NUMBERS: usize = 4 * ROWS + 1;
-/// Weight of the loss of a photo that disagrees as a whole.
-const ODD_WEIGHT: f32 = 0.3;
-/// The distance from the render that this part of all cells does not exceed is the scale of what is usual.
-const USUAL: f64 = 0.8;
-/// `auto` hides something where that is at least this part of all photos' cells.
-const WORTH: f64 = 0.003;
-
 /// A photo with its evidence.
 struct Gathered {
     size: [u32; 2],
@@ -62,6 +55,8 @@ impl Gathered {
 pub(super) struct Masking {
     gpu: Arc<Gpu>,
     switch: TransientSwitch,
+    /// What decides.
+    pub rules: MaskRules,
     photos: Vec<Gathered>,
     /// Stand in where nothing is warped.
     no_colors: Buffer<f32>,
@@ -95,6 +90,7 @@ impl Masking {
             no_seen: gpu.allocate("no visible sources", 4)?,
             gpu: gpu.clone(),
             switch,
+            rules: MaskRules::default(),
         }))
     }
 
@@ -121,14 +117,14 @@ impl Masking {
             TransientCellsBindings { photo: &target.texels, image: &image, warped, seen, evidence: &photo.evidence };
         let (size, side) = (photo.size, CellMask::side(photo.size));
         let cells = CellMask::grid(size);
-        let params = TransientParams { size, cells, side, visible, rate: RATE, ..TransientParams::default() };
+        let params = TransientParams { size, cells, side, visible, rate: self.rules.rate, ..TransientParams::default() };
         pass.relabel("what moves");
         pass.linear(&bindings, &params, photo.cells());
     }
 
     /// Weight of a photo's loss; none: 1.
     pub fn weight(&self, index: usize) -> Option<f32> {
-        self.photos[index].oddity.map(|_| ODD_WEIGHT)
+        self.photos[index].oddity.map(|_| self.rules.odd_weight)
     }
 
     /// Makes all masks anew, and hides their cells; waits for the GPU.
@@ -136,21 +132,21 @@ impl Masking {
         let cells = self.photos.iter().map(|photo| photo.read(&self.gpu)).collect::<Result<Vec<_>, _>>()?;
         let differences = |cells: &Vec<Cell>| mask::distances(&cells.iter().map(|c| c.difference).collect::<Vec<_>>());
         let all = cells.iter().flat_map(differences).flatten().collect();
-        let Some(scale) = mask::quantile(all, USUAL) else { return Ok(()) };
+        let Some(scale) = mask::quantile(all, self.rules.usual) else { return Ok(()) };
         let masks = self.photos.iter().zip(&cells).map(|(photo, cells)| {
             let columns = CellMask::grid(photo.size)[0] as usize;
-            let hidden = mask::hidden(cells, columns, scale, photo.mask.hidden());
+            let hidden = mask::hidden(cells, columns, photo.mask.hidden(), scale, &self.rules);
             let count = hidden.iter().filter(|hidden| **hidden).count();
             // Such a photo is bad as a whole.
-            if count as f32 > mask::LIMIT * cells.len() as f32 { vec![false; cells.len()] } else { hidden }
+            if count as f32 > self.rules.limit * cells.len() as f32 { vec![false; cells.len()] } else { hidden }
         });
         let mut masks: Vec<Vec<bool>> = masks.collect();
         let total: usize = cells.iter().map(Vec::len).sum();
         let found = masks.iter().flatten().filter(|hidden| **hidden).count();
-        if self.switch == TransientSwitch::Auto && (found as f64) < WORTH * total as f64 {
+        if self.switch == TransientSwitch::Auto && (found as f64) < self.rules.worth * total as f64 {
             masks.iter_mut().for_each(|mask| mask.fill(false));
         }
-        let oddities = oddity::oddities(&cells);
+        let oddities = oddity::oddities(&cells, &self.rules);
         self.photos.iter_mut().zip(oddities).for_each(|(photo, oddity)| photo.oddity = oddity);
         for (index, (photo, hidden)) in self.photos.iter_mut().zip(masks).enumerate() {
             photo.mask = Arc::new(CellMask::new(photo.size, hidden).expect("a value a cell"));

@@ -1,16 +1,6 @@
 //! The mask of what moves in a photo, by the evidence of its cells.
 
-/// Evidence, in units of the scale of all photos, from which a cell is surely of something that moves; the same where it was hidden
-/// before; and from which it belongs to one beside it that is.
-const SURE: f32 = 4.0;
-const SURE_AGAIN: f32 = 3.0;
-const LIKELY: f32 = 2.0;
-/// Least of what counts as likely, in parts of white: less than that is hardly seen.
-const LEAST: f32 = 0.02;
-/// Sure cells that something has, at least.
-const FEWEST: usize = 3;
-/// Largest part of a photo that is hidden: beyond it the photo is bad as a whole.
-pub const LIMIT: f32 = 0.4;
+use super::MaskRules;
 
 /// A cell's evidence; what is not known is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,20 +28,20 @@ pub fn distances(values: &[Option<[f32; 3]>]) -> Vec<Option<f32>> {
 }
 
 /// The next mask of a photo of so many cells in a row. `scale` is what is usual over all photos.
-pub fn hidden(cells: &[Cell], columns: usize, scale: f32, before: &[bool]) -> Vec<bool> {
+pub fn hidden(cells: &[Cell], columns: usize, before: &[bool], scale: f32, rules: &MaskRules) -> Vec<bool> {
     let of = |value: fn(&Cell) -> Option<[f32; 3]>| distances(&cells.iter().map(value).collect::<Vec<_>>());
     let by_render = of(|cell| cell.difference);
     let by_sources = of(|cell| cell.from_sources);
     // What the other photos show as well does not move, however badly it is rendered.
     let evidence = |(render, sources): (&Option<f32>, &Option<f32>)| {
-        render.map_or(0.0, |render| render.min(sources.unwrap_or(f32::INFINITY))) / scale.max(LEAST / LIKELY)
+        render.map_or(0.0, |render| render.min(sources.unwrap_or(f32::INFINITY))) / scale.max(rules.least / rules.likely)
     };
     let evidence: Vec<f32> = by_render.iter().zip(&by_sources).map(evidence).collect();
     let sure: Vec<bool> =
-        evidence.iter().zip(before).map(|(v, before)| *v > if *before { SURE_AGAIN } else { SURE }).collect();
+        evidence.iter().zip(before).map(|(v, before)| *v > if *before { rules.sure_again } else { rules.sure }).collect();
     let mut mask = vec![false; cells.len()];
-    for part in parts(&evidence, columns) {
-        if part.iter().filter(|&&cell| sure[cell]).count() >= FEWEST {
+    for part in parts(&evidence, columns, rules.likely) {
+        if part.iter().filter(|&&cell| sure[cell]).count() >= rules.fewest {
             part.into_iter().for_each(|cell| mask[cell] = true);
         }
     }
@@ -59,8 +49,8 @@ pub fn hidden(cells: &[Cell], columns: usize, scale: f32, before: &[bool]) -> Ve
 }
 
 /// The connected parts of the cells that are likely.
-fn parts(evidence: &[f32], columns: usize) -> Vec<Vec<usize>> {
-    let mut open: Vec<bool> = evidence.iter().map(|v| *v > LIKELY).collect();
+fn parts(evidence: &[f32], columns: usize, likely: f32) -> Vec<Vec<usize>> {
+    let mut open: Vec<bool> = evidence.iter().map(|v| *v > likely).collect();
     let mut parts = Vec::new();
     for first in 0..open.len() {
         if !std::mem::take(&mut open[first]) {
@@ -93,7 +83,7 @@ mod tests {
     }
 
     fn count(cells: &[Cell], before: bool) -> usize {
-        hidden(cells, COLUMNS, 0.05, &[before; 80]).iter().filter(|set| **set).count()
+        hidden(cells, COLUMNS, &[before; 80], 0.05, &MaskRules::default()).iter().filter(|set| **set).count()
     }
 
     #[test]

@@ -1,14 +1,8 @@
 //! Photos that disagree with the others as a whole: blurred ones, those of another brightness, those of something else.
 
+use super::MaskRules;
 use super::mask::{Cell, quantile};
 use std::fmt;
-
-/// A photo is blurred if it has less than this part of the usual detail, as a part of its render's.
-const BLURRED: f32 = 0.7;
-/// It has another brightness if its difference from the render has a median over this, in parts of white, ...
-const BRIGHTNESS: f32 = 0.04;
-/// ... and over this many times the usual one; it shows something else if its mean difference is so many times the usual one.
-const TIMES: f32 = 3.0;
 
 /// How a photo disagrees as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,16 +52,16 @@ fn figures(cells: &[Cell]) -> Option<Figures> {
 }
 
 /// How each photo disagrees as a whole, by its cells; none where it does not.
-pub(super) fn oddities(photos: &[Vec<Cell>]) -> Vec<Option<Oddity>> {
+pub(super) fn oddities(photos: &[Vec<Cell>], rules: &MaskRules) -> Vec<Option<Oddity>> {
     let all: Vec<Option<Figures>> = photos.iter().map(|cells| figures(cells)).collect();
     let usual = |of: fn(&Figures) -> f32| quantile(all.iter().flatten().map(of).collect(), 0.5).unwrap_or_default();
     let (offset, error, detail) = (usual(|f| f.offset), usual(|f| f.error), usual(|f| f.detail));
     let oddity = |found: &Figures| {
-        if found.offset > BRIGHTNESS.max(TIMES * offset) {
+        if found.offset > rules.brightness.max(rules.times * offset) {
             Some(Oddity::Brightness)
-        } else if found.error > TIMES * error {
+        } else if found.error > rules.times * error {
             Some(Oddity::Everywhere)
-        } else if found.detail < BLURRED * detail {
+        } else if found.detail < rules.blurred * detail {
             Some(Oddity::Blurred)
         } else {
             None
@@ -88,7 +82,7 @@ mod tests {
         };
         let mut photos = vec![photo(0.01, 0.02, 0.11); 8];
         photos.push(photo(difference, error, detail));
-        let found = oddities(&photos);
+        let found = oddities(&photos, &MaskRules::default());
         assert!(found[..8].iter().all(Option::is_none));
         found[8]
     }
@@ -99,6 +93,6 @@ mod tests {
         assert_eq!(with(-0.2, 0.2, 0.1), Some(Oddity::Brightness));
         assert_eq!(with(0.01, 0.09, 0.1), Some(Oddity::Everywhere));
         assert_eq!(with(0.01, 0.03, 0.05), Some(Oddity::Blurred));
-        assert_eq!(oddities(&[vec![Cell::default(); 3], Vec::new()]), [None, None]);
+        assert_eq!(oddities(&[vec![Cell::default(); 3], Vec::new()], &MaskRules::default()), [None, None]);
     }
 }
