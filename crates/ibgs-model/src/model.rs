@@ -213,7 +213,7 @@ impl Model {
             if [record.camera.width, record.camera.height] != photo.size() {
                 return Err(ModelError::PhotoSize { name: record.name.clone() });
             }
-            let mask = if own.is_some() { None } else { self.mask(record)? };
+            let mask = if own.is_some() { None } else { self.learned_mask(record)? };
             Ok(match mask {
                 Some(mask) => photo.clone().masked(Arc::new(mask)),
                 None => photo.clone(),
@@ -223,7 +223,10 @@ impl Model {
     }
 
     /// The learned mask of a training photo, where it has one. The photos of a bundle have it in their alpha.
-    fn mask(&self, record: &CameraRecord) -> Result<Option<CellMask>, ModelError> {
+    ///
+    /// # Errors
+    /// Its file is damaged or cannot be read.
+    pub fn learned_mask(&self, record: &CameraRecord) -> Result<Option<CellMask>, ModelError> {
         if self.config.transients.mask == TransientSwitch::Off {
             return Ok(None);
         }
