@@ -222,6 +222,11 @@ impl Model {
         training.into_iter().map(photo).collect()
     }
 
+    /// Whether it is the folder of a training that learned masks.
+    pub fn has_learned_masks(&self) -> bool {
+        self.config.transients.mask != TransientSwitch::Off && self.bundle_bytes.is_none()
+    }
+
     /// The learned mask of a training photo, where it has one. The photos of a bundle have it in their alpha.
     ///
     /// # Errors

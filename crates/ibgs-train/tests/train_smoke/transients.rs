@@ -5,6 +5,8 @@ use crate::small::{model, plain, run, staged, trainer};
 use ibgs_core::config::{TrainConfig, TransientSwitch};
 use ibgs_core::dataset::{CellMask, Dataset, Photo};
 use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::output::cameras::Split;
+use ibgs_core::output::pictures::Place;
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::progress::Progress;
 use ibgs_reference::gpu::{gpu, rasterizer};
@@ -114,6 +116,14 @@ fn masks_hide_blocks_and_are_a_part_of_the_model() {
     let [blocks, others] = hidden(&masks);
     println!("hidden: {blocks:.3} of the blocks, {others:.4} of all else");
     assert!(blocks > 0.9 && others < 0.02, "hidden: {blocks:.3} of the blocks, {others:.4} of all else");
+
+    let (index, _) = PAINTED[0];
+    let name = &painted.views[painted.train[index]].name;
+    let place = Place { folder: &saved, split: Split::Train, iteration: ITERATIONS, name };
+    place.write_mask(Some(&masks[index]), SIZE).unwrap();
+    let path = saved.picture_path(Split::Train, ITERATIONS, "masks", name);
+    let written = image::open(path).unwrap().into_luma8();
+    assert!(written.enumerate_pixels().all(|(x, y, level)| level.0[0] == if masks[index].hides(x, y) { 0 } else { 255 }));
 
     let options = ModelOptions { make_scene: Some(scene), ..ModelOptions::default() };
     let mut model = Model::open(folder.path(), &options).unwrap();
