@@ -194,11 +194,11 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
     };
     let records: Vec<_> = model.cameras.iter().filter(|record| wanted(record.split)).collect();
     let masks = outputs.iter().any(|output| output.needs_mask());
-    if masks && !records.is_empty() && records.iter().all(|record| record.split == Some(Split::Test)) {
-        bail!("held-out photos have no learned masks; use `--views train` or `--views all`");
-    }
     if records.is_empty() {
         bail!("{} has no such view; choose another `--views`", model.folder.root().display());
+    }
+    if masks && records.iter().all(|record| record.split == Some(Split::Test)) {
+        bail!("held-out photos have no learned masks; use `--views train` or `--views all`");
     }
     let set = match (args.views, any_test) {
         (Views::Test, true) => "held-out ",
