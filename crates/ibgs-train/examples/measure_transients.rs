@@ -6,8 +6,9 @@
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig, TransientSwitch};
 use ibgs_core::dataset::{CellMask, Photo};
 use ibgs_core::eval::scores::score_test_views;
+use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
+use ibgs_core::raster::Rasterizer;
 use ibgs_demo::{DemoOptions, Walked, WalkerOptions, WalkerPixel};
-use ibgs_reference::gpu::rasterizer;
 use ibgs_train::{MaskRules, Trainer};
 use std::error::Error;
 use std::path::PathBuf;
@@ -113,8 +114,10 @@ fn main() -> Outcome<()> {
     let mut walked = ibgs_demo::walkers(&scene, run.cache.as_deref(), &())?;
     spoil(&mut walked, &run.spoil)?;
     run.config.validate()?;
+    let gpu = Gpu::open(&AdapterChoice::Best, Use::Training)?;
+    println!("{}", gpu.describe());
     let start = Instant::now();
-    let mut training = Trainer::new(Arc::new(rasterizer()), &walked.dataset, &run.config)?;
+    let mut training = Trainer::new(Arc::new(Rasterizer::new(gpu)), &walked.dataset, &run.config)?;
     training.set_mask_rules(run.rules);
     let last = run.config.iterations();
     while training.iteration() < last {
