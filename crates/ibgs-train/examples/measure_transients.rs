@@ -178,7 +178,8 @@ fn spoil(walked: &mut Walked, words: &[String]) -> Outcome<()> {
         let spoiled = match word.as_str() {
             "blur" => blurred(&photo, photo.width as i32 / 80),
             "dark" => {
-                let darker = |(i, level): (usize, &u8)| if i % 4 == 3 { *level } else { (u32::from(*level) * 3 / 4) as u8 };
+                let darker =
+                    |(i, level): (usize, &u8)| if i % 4 == 3 { *level } else { (u32::from(*level) * 3 / 4) as u8 };
                 Photo { rgba: photo.rgba.iter().enumerate().map(darker).collect(), ..*photo }
             }
             "other" => {

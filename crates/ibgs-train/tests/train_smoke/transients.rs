@@ -123,7 +123,9 @@ fn masks_hide_blocks_and_are_a_part_of_the_model() {
     place.write_mask(Some(&masks[index]), SIZE).unwrap();
     let path = saved.picture_path(Split::Train, ITERATIONS, "masks", name);
     let written = image::open(path).unwrap().into_luma8();
-    assert!(written.enumerate_pixels().all(|(x, y, level)| level.0[0] == if masks[index].hides(x, y) { 0 } else { 255 }));
+    assert!(
+        written.enumerate_pixels().all(|(x, y, level)| level.0[0] == if masks[index].hides(x, y) { 0 } else { 255 })
+    );
 
     let options = ModelOptions { make_scene: Some(scene), ..ModelOptions::default() };
     let mut model = Model::open(folder.path(), &options).unwrap();
