@@ -105,7 +105,9 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(output) = outputs.iter().find(|output| output.needs_mask()) {
         let name = output.name();
         if args.exr || path.is_some() || args.turntable.is_some() {
-            bail!("`{name}` is a picture of a training photo, and neither of a camera path nor EXR; leave it out of `--outputs`");
+            bail!(
+                "`{name}` is a picture of a training photo, and neither of a camera path nor EXR; leave it out of `--outputs`"
+            );
         }
         if !model.has_learned_masks() {
             bail!(

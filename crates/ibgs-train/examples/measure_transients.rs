@@ -87,6 +87,8 @@ impl Run {
             "rate" => rules.rate = parsed(value)?,
             "usual" => rules.usual = parsed(value)?,
             "sure" => rules.sure = parsed(value)?,
+            "alone" => rules.alone = parsed(value)?,
+            "between" => rules.between = parsed(value)?,
             "sure-again" => rules.sure_again = parsed(value)?,
             "likely" => rules.likely = parsed(value)?,
             "least" => rules.least = parsed(value)?,

@@ -117,7 +117,8 @@ impl Masking {
             TransientCellsBindings { photo: &target.texels, image: &image, warped, seen, evidence: &photo.evidence };
         let (size, side) = (photo.size, CellMask::side(photo.size));
         let cells = CellMask::grid(size);
-        let params = TransientParams { size, cells, side, visible, rate: self.rules.rate, ..TransientParams::default() };
+        let params =
+            TransientParams { size, cells, side, visible, rate: self.rules.rate, ..TransientParams::default() };
         pass.relabel("what moves");
         pass.linear(&bindings, &params, photo.cells());
     }

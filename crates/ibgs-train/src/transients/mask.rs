@@ -20,25 +20,43 @@ pub fn quantile(mut values: Vec<f32>, part: f64) -> Option<f32> {
     Some(values[(part * last as f64).round() as usize])
 }
 
-/// How far each cell is from what is usual in its photo: a photo's own brightness is no evidence.
+/// What is usual in a photo, by channel: its own brightness is no evidence.
+fn usual(values: &[Option<[f32; 3]>]) -> [f32; 3] {
+    [0, 1, 2].map(|c| quantile(values.iter().flatten().map(|v| v[c]).collect(), 0.5).unwrap_or(0.0))
+}
+
+fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().sqrt()
+}
+
+/// How far each cell is from what is usual in its photo.
 pub fn distances(values: &[Option<[f32; 3]>]) -> Vec<Option<f32>> {
-    let usual = [0, 1, 2].map(|c| quantile(values.iter().flatten().map(|v| v[c]).collect(), 0.5).unwrap_or(0.0));
-    let length = |v: &[f32; 3]| (0..3).map(|c| (v[c] - usual[c]).powi(2)).sum::<f32>().sqrt();
-    values.iter().map(|value| value.as_ref().map(length)).collect()
+    let usual = usual(values);
+    values.iter().map(|value| value.map(|value| distance(value, usual))).collect()
 }
 
 /// The next mask of a photo of so many cells in a row. `scale` is what is usual over all photos.
 pub fn hidden(cells: &[Cell], columns: usize, before: &[bool], scale: f32, rules: &MaskRules) -> Vec<bool> {
-    let of = |value: fn(&Cell) -> Option<[f32; 3]>| distances(&cells.iter().map(value).collect::<Vec<_>>());
-    let by_render = of(|cell| cell.difference);
-    let by_sources = of(|cell| cell.from_sources);
-    // What the other photos show as well does not move, however badly it is rendered.
-    let evidence = |(render, sources): (&Option<f32>, &Option<f32>)| {
-        render.map_or(0.0, |render| render.min(sources.unwrap_or(f32::INFINITY))) / scale.max(rules.least / rules.likely)
+    let scale = scale.max(rules.least / rules.likely);
+    let of = |value: fn(&Cell) -> Option<[f32; 3]>| cells.iter().map(value).collect::<Vec<_>>();
+    let (by_render, by_sources) = (of(|cell| cell.difference), of(|cell| cell.from_sources));
+    let (render_usual, sources_usual) = (usual(&by_render), usual(&by_sources));
+    let evidence = |(render, sources): (&Option<[f32; 3]>, &Option<[f32; 3]>)| {
+        let Some(render) = render.map(|v| [0, 1, 2].map(|c| v[c] - render_usual[c])) else { return 0.0 };
+        let from_render = distance(render, [0.0; 3]);
+        let Some(sources) = sources.map(|v| [0, 1, 2].map(|c| v[c] - sources_usual[c])) else {
+            return from_render / (rules.alone * scale);
+        };
+        // What the other photos show as well does not move, however badly it is rendered.
+        let far = from_render.min(distance(sources, [0.0; 3]));
+        far / scale.max(rules.between * distance(render, sources))
     };
     let evidence: Vec<f32> = by_render.iter().zip(&by_sources).map(evidence).collect();
-    let sure: Vec<bool> =
-        evidence.iter().zip(before).map(|(v, before)| *v > if *before { rules.sure_again } else { rules.sure }).collect();
+    let sure: Vec<bool> = evidence
+        .iter()
+        .zip(before)
+        .map(|(v, before)| *v > if *before { rules.sure_again } else { rules.sure })
+        .collect();
     let mut mask = vec![false; cells.len()];
     for part in parts(&evidence, columns, rules.likely) {
         if part.iter().filter(|&&cell| sure[cell]).count() >= rules.fewest {
@@ -79,7 +97,9 @@ mod tests {
     fn block(inside: f32, [w, h]: [usize; 2]) -> Vec<Cell> {
         let is_inside = |i: usize| (2..2 + w).contains(&(i % COLUMNS)) && (2..2 + h).contains(&(i / COLUMNS));
         let value = |i: usize| if is_inside(i) { inside } else { 0.3 };
-        (0..80).map(|i| Cell { difference: Some([value(i), 0.3, 0.3]), ..Cell::default() }).collect()
+        let cell =
+            |value| Cell { difference: Some([value, 0.3, 0.3]), from_sources: Some([value, 0.3, 0.3]), error: None };
+        (0..80).map(|i| cell(value(i))).collect()
     }
 
     fn count(cells: &[Cell], before: bool) -> usize {
@@ -91,8 +111,9 @@ mod tests {
         let mut cells = block(0.9, [3, 4]);
         assert_eq!(count(&cells, false), 12);
         // A corner beside it that is likely, and one that is far away.
-        cells[5 + 2 * COLUMNS].difference = Some([0.43, 0.3, 0.3]);
-        cells[9 + 7 * COLUMNS].difference = Some([0.43, 0.3, 0.3]);
+        for cell in [5 + 2 * COLUMNS, 9 + 7 * COLUMNS] {
+            cells[cell] = block(0.43, [1, 1])[2 + 2 * COLUMNS];
+        }
         assert_eq!(count(&cells, false), 13);
         cells.iter_mut().for_each(|cell| cell.from_sources = Some([0.1; 3]));
         assert_eq!(count(&cells, false), 0);
@@ -104,9 +125,32 @@ mod tests {
         assert_eq!(count(&block(0.9, [2, 1]), false), 0);
         let mut cells = block(0.3, [0, 0]);
         for cell in [8 + COLUMNS, 9 + COLUMNS, 2 * COLUMNS, 1 + 2 * COLUMNS] {
-            cells[cell].difference = Some([0.9, 0.3, 0.3]);
+            cells[cell] = block(0.9, [1, 1])[2 + 2 * COLUMNS];
         }
         assert_eq!(count(&cells, false), 0);
+    }
+
+    #[test]
+    fn a_place_that_is_hard_to_render_is_no_figure() {
+        let mirror = |difference: f32, from_sources: f32| {
+            let mut cells = block(0.9, [3, 4]);
+            for cell in cells.iter_mut().filter(|cell| cell.difference != Some([0.3; 3])) {
+                cell.difference = Some([0.3 + difference, 0.3, 0.3]);
+                cell.from_sources = Some([0.3 + from_sources, 0.3, 0.3]);
+            }
+            count(&cells, false)
+        };
+        assert_eq!([mirror(0.6, 0.6), mirror(0.6, 0.75), mirror(0.6, 0.8)], [12, 12, 0]);
+    }
+
+    #[test]
+    fn without_other_photos_more_is_asked() {
+        let alone = |inside| {
+            let mut cells = block(inside, [3, 4]);
+            cells.iter_mut().for_each(|cell| cell.from_sources = None);
+            count(&cells, false)
+        };
+        assert_eq!([alone(0.3 + 0.05 * 11.5), alone(0.3 + 0.05 * 12.5)], [0, 12]);
     }
 
     #[test]

@@ -7,6 +7,11 @@ pub struct MaskRules {
     pub rate: f32,
     /// The distance from the render that this part of all cells does not exceed is the scale: what is usual.
     pub usual: f64,
+    /// Times the scale where no other photo says anything about a cell.
+    pub alone: f32,
+    /// Part of the distance between the render and the warped photos below which nothing is evidence: where they disagree, as on a
+    /// mirror, the place is hard to render, whatever moves.
+    pub between: f32,
     /// Evidence, in units of the scale, from which a cell is surely of something that moves.
     pub sure: f32,
     /// The same where it was hidden before.
@@ -36,7 +41,9 @@ impl Default for MaskRules {
     fn default() -> Self {
         Self {
             rate: 0.3,
-            usual: 0.8,
+            usual: 0.9,
+            alone: 3.0,
+            between: 1.0,
             sure: 4.0,
             sure_again: 3.0,
             likely: 2.0,
