@@ -1,6 +1,6 @@
 //! docs/config.md is what the options' types say. With IBGS_BLESS set it is written.
 
-use ibgs_core::config::{ExposureSwitch, Method, PoseSwitch, Strategy, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, Method, PoseSwitch, Strategy, TrainConfig, TransientSwitch};
 use ibgs_core::dataset::{Alpha, ColorSpace, InitialPoints, Masks, PrincipalPoint, Resampler};
 use ibgs_core::residual::{Aggregation, Output, Precision};
 use ibgs_core::sources::find::{Distances, Draw};
@@ -12,11 +12,12 @@ const TRAIN: &str = include_str!("../crates/ibgs-model/src/config.rs");
 const DENSIFY: &str = include_str!("../crates/ibgs-model/src/config/densify.rs");
 const POSES: &str = include_str!("../crates/ibgs-model/src/config/poses.rs");
 const STAGES: &str = include_str!("../crates/ibgs-model/src/config/stages.rs");
+const TRANSIENTS: &str = include_str!("../crates/ibgs-model/src/config/transients.rs");
 const DATA: &str = include_str!("../crates/ibgs-data/src/dataset/options.rs");
 const SOURCES: &str = include_str!("../crates/ibgs-render/src/sources/find.rs");
 
 /// Every table of an options file: its name, its type and the source of that.
-const TABLES: [(&str, &str, &str); 13] = [
+const TABLES: [(&str, &str, &str); 14] = [
     ("", "TrainConfig", TRAIN),
     ("data", "LoadOptions", DATA),
     ("learning-rates", "LearningRates", TRAIN),
@@ -30,6 +31,7 @@ const TABLES: [(&str, &str, &str); 13] = [
     ("residual", "ResidualConfig", STAGES),
     ("exposure", "ExposureConfig", STAGES),
     ("poses", "PoseConfig", POSES),
+    ("transients", "TransientConfig", TRANSIENTS),
 ];
 
 const HEAD: &str = "\
@@ -116,6 +118,7 @@ fn values(kind: &str) -> Option<String> {
         "Aggregation" => words::<Aggregation>(),
         "ExposureSwitch" => words::<ExposureSwitch>(),
         "PoseSwitch" => words::<PoseSwitch>(),
+        "TransientSwitch" => words::<TransientSwitch>(),
         table if TABLES.iter().any(|(_, name, _)| *name == table) => return None,
         other => panic!("what may a file hold for {other}?"),
     };

@@ -102,6 +102,20 @@ pub fn run(args: &Args) -> Result<()> {
             args.model.files.model.display()
         );
     }
+    if let Some(output) = outputs.iter().find(|output| output.needs_mask()) {
+        let name = output.name();
+        if args.exr || path.is_some() || args.turntable.is_some() {
+            bail!(
+                "`{name}` is a picture of a training photo, and neither of a camera path nor EXR; leave it out of `--outputs`"
+            );
+        }
+        if !model.has_learned_masks() {
+            bail!(
+                "{} has no learned masks, so no `{name}`; leave it out of `--outputs`",
+                args.model.files.model.display()
+            );
+        }
+    }
     if outputs.iter().any(|output| output.needs_surface()) {
         model = model.showing_surface();
     }
@@ -181,8 +195,12 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
         Views::Train => split != Some(Split::Test),
     };
     let records: Vec<_> = model.cameras.iter().filter(|record| wanted(record.split)).collect();
+    let masks = outputs.iter().any(|output| output.needs_mask());
     if records.is_empty() {
         bail!("{} has no such view; choose another `--views`", model.folder.root().display());
+    }
+    if masks && records.iter().all(|record| record.split == Some(Split::Test)) {
+        bail!("held-out photos have no learned masks; use `--views train` or `--views all`");
     }
     let set = match (args.views, any_test) {
         (Views::Test, true) => "held-out ",
@@ -201,6 +219,10 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
         match args.exr {
             true => write_exr(&frame, &record.camera, outputs, &place.exr_path())?,
             false => place.write_outputs(&frame, outputs)?,
+        }
+        if masks && split == Split::Train {
+            let size = [record.camera.width, record.camera.height];
+            place.write_mask(model.learned_mask(record)?.as_ref(), size)?;
         }
         bar.inc(1);
     }

@@ -280,7 +280,14 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (HashMap::new(), Vec::new())
         }
     };
-    let views = model.cameras.iter().map(|record| View::of(record, &photos)).collect();
+    let view = |record| -> Result<View> {
+        let view = View::of(record, &photos);
+        Ok(match (model.learned_mask(record)?, &view.photo) {
+            (Some(mask), Some(photo)) => View { photo: Some(photo.clone().masked(Arc::new(mask))), ..view },
+            _ => view,
+        })
+    };
+    let views = model.cameras.iter().map(view).collect::<Result<_>>()?;
     let (model, renderer) = model.into_parts();
     let gpu = renderer.gpu().clone();
     let content = Content::Model(Arc::new(renderer));

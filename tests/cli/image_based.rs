@@ -139,6 +139,7 @@ fn plain_splatting_has_no_network() {
         let fragments = ["model", "no residual network", &format!("`{output}`")];
         sandbox.fails(&format!("render model --outputs base,{output}"), &fragments);
     }
+    sandbox.fails("render model --views train --outputs base,mask", &["model", "no learned masks", "`mask`"]);
     // The base image needs no photo, and neither does the surface.
     fs::remove_dir_all(sandbox.path("scene")).unwrap();
     fs::remove_dir_all(sandbox.path("model/test/ours_12")).unwrap();

@@ -123,7 +123,7 @@ fn models_without_a_network_or_photos_offer_what_they_have() {
     let (needing, others): (Vec<Mode>, Vec<Mode>) =
         Mode::ALL.into_iter().partition(|mode| mode.needs_network() || mode.needs_photo());
     assert_eq!(offered, others);
-    for mode in [Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo] {
+    for mode in [Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo, Mode::Hidden] {
         assert!(needing.contains(&mode), "{mode:?}");
     }
     for mode in [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids] {

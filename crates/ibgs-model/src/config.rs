@@ -18,6 +18,7 @@ mod preset;
 mod removed;
 pub mod schedule;
 mod stages;
+mod transients;
 
 pub use crate::sources::find::SourceOptions;
 pub use adapt::LengthReason;
@@ -28,6 +29,7 @@ pub use error::ConfigError;
 pub use poses::{PoseConfig, PoseSwitch};
 pub use preset::Preset;
 pub use stages::{ExposureConfig, ExposureSwitch, ResidualConfig, SurfaceConfig};
+pub use transients::{TransientConfig, TransientSwitch};
 
 use crate::dataset::LoadOptions;
 use serde::{Deserialize, Serialize};
@@ -115,6 +117,8 @@ pub struct TrainConfig {
     pub exposure: ExposureConfig,
     /// Refinement of cameras.
     pub poses: PoseConfig,
+    /// Learned masks of what moves.
+    pub transients: TransientConfig,
 }
 
 /// Learning rates (method.md section 1).

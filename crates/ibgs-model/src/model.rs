@@ -12,8 +12,8 @@ pub use open::is_bundle;
 pub use scene::{MakeScene, load_scene};
 
 use crate::camera::Camera;
-use crate::config::{Background, TrainConfig};
-use crate::dataset::{Dataset, HostPhoto, Resolution};
+use crate::config::{Background, TrainConfig, TransientSwitch};
+use crate::dataset::{CellMask, Dataset, HostPhoto, Resolution};
 use crate::ensemble::Member;
 use crate::exposure::{Exposure, ExposureField};
 use crate::gpu::Gpu;
@@ -210,12 +210,33 @@ impl Model {
             let own = self.photos.as_ref().and_then(|photos| photos.get(&record.name));
             let found = own.or_else(|| by_name.get(record.name.as_str()).copied());
             let photo = found.ok_or_else(|| ModelError::NoPhoto { name: record.name.clone() })?;
-            match [record.camera.width, record.camera.height] == photo.size() {
-                true => Ok(photo.clone()),
-                false => Err(ModelError::PhotoSize { name: record.name.clone() }),
+            if [record.camera.width, record.camera.height] != photo.size() {
+                return Err(ModelError::PhotoSize { name: record.name.clone() });
             }
+            let mask = if own.is_some() { None } else { self.learned_mask(record)? };
+            Ok(match mask {
+                Some(mask) => photo.clone().masked(Arc::new(mask)),
+                None => photo.clone(),
+            })
         };
         training.into_iter().map(photo).collect()
+    }
+
+    /// Whether it is the folder of a training that learned masks.
+    pub fn has_learned_masks(&self) -> bool {
+        self.config.transients.mask != TransientSwitch::Off && self.bundle_bytes.is_none()
+    }
+
+    /// The learned mask of a training photo, where it has one. The photos of a bundle have it in their alpha.
+    ///
+    /// # Errors
+    /// Its file is damaged or cannot be read.
+    pub fn learned_mask(&self, record: &CameraRecord) -> Result<Option<CellMask>, ModelError> {
+        if self.config.transients.mask == TransientSwitch::Off {
+            return Ok(None);
+        }
+        let size = [record.camera.width, record.camera.height];
+        Ok(self.folder.read_transients(self.iteration, &record.name, size)?)
     }
 
     fn image_part(&self, gpu: &Arc<Gpu>, network: &[f32]) -> Result<ImagePart, ModelError> {

@@ -6,6 +6,7 @@
 //! point_cloud/iteration_N/point_cloud.ply
 //! point_cloud/iteration_N/residual_network.safetensors from the first iteration with a residual on
 //! point_cloud/iteration_N/exposure.json                where the photos' exposures were corrected
+//! point_cloud/iteration_N/transients/NAME.png          learned masks of what moves in the training photos
 //! point_cloud/iteration_N/member_M/                    the same of a further member of an ensemble, from 2
 //! {test,train}/ours_N/OUTPUT/NAME.png                  OUTPUT: gt, renders, renders_aggregate, predicted_residual,
 //!                                                      renders_depth, renders_normal, visibility
@@ -34,6 +35,7 @@ pub mod log;
 pub mod multi_view;
 pub mod pictures;
 pub mod results;
+mod transients;
 
 pub use error::OutputError;
 pub use existing::Existing;
@@ -179,18 +181,7 @@ impl OutputFolder {
         let mut path = self.root.join(split.folder());
         path.push(format!("ours_{iteration}"));
         path.push(output);
-        for component in Path::new(name).components() {
-            if let Component::Normal(part) = component {
-                path.push(part);
-            }
-        }
-        // `frame.0001` has no extension that could be replaced.
-        let photo = has_extension(&path, &PHOTO_EXTENSIONS) || has_extension(&path, &[NAMED_EXTENSION]);
-        if photo {
-            path.set_extension("");
-        }
-        path.as_mut_os_string().push(".png");
-        path
+        named_picture(path, name)
     }
 
     /// The largest N with a `point_cloud/iteration_N/point_cloud.ply`, or `None`.
@@ -325,6 +316,23 @@ impl OutputFolder {
         };
         list().map_err(|source| OutputError::Read { path: path.clone(), source })
     }
+}
+
+/// The picture of a photo of this name in a folder: with the name's sub-folders, and `.png` in place of its extension. Parts of the
+/// name that lead out of the folder are left out.
+fn named_picture(mut path: PathBuf, name: &str) -> PathBuf {
+    for component in Path::new(name).components() {
+        if let Component::Normal(part) = component {
+            path.push(part);
+        }
+    }
+    // `frame.0001` has no extension that could be replaced.
+    let photo = has_extension(&path, &PHOTO_EXTENSIONS) || has_extension(&path, &[NAMED_EXTENSION]);
+    if photo {
+        path.set_extension("");
+    }
+    path.as_mut_os_string().push(".png");
+    path
 }
 
 fn write_json(path: &Path, value: &serde_json::Value) -> Result<(), WriteError> {

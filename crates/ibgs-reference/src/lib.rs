@@ -29,6 +29,7 @@ pub mod raster;
 pub mod sh;
 pub mod sort;
 pub mod surface_scene;
+pub mod transients;
 pub mod unet;
 pub mod warp;
 pub mod whole_loss;

@@ -28,6 +28,8 @@ pub enum Shown<'a> {
     Difference(&'a DevicePhoto, f32),
     /// A photo of the frame's size.
     Photo(&'a DevicePhoto),
+    /// The same, dark and grey but for what masks hide.
+    Hidden(&'a DevicePhoto),
 }
 
 /// Puts frames into textures; owns the memory between.
@@ -157,5 +159,6 @@ fn inputs(frame: &Frame, shown: &Shown) -> Option<Inputs> {
             Inputs { words: photo(target), ..plain(Presented::Difference, image().unwrap_or_else(base)) }
         }
         Shown::Photo(target) => Inputs { words: photo(target), ..plain(Presented::Photo, base()) },
+        Shown::Hidden(target) => Inputs { words: photo(target), ..plain(Presented::Hidden, base()) },
     })
 }

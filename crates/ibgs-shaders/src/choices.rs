@@ -83,5 +83,7 @@ choices! {
         Difference = PRESENT_DIFFERENCE,
         /// The photo in the words.
         Photo = PRESENT_PHOTO,
+        /// The same, grey but for what masks hide.
+        Hidden = PRESENT_HIDDEN,
     }
 }

@@ -13,6 +13,8 @@ pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 /// Alpha, of 255, of a pixel where the photo of an object shows nothing; 0 is where there is no photo, outside of a lens for
 /// instance.
 pub const ALPHA_EMPTY: u32 = 1;
+/// Alpha, of 255, of a pixel that a learned mask hides: just under one half, which leaves it out of the losses.
+pub const ALPHA_HIDDEN: u32 = 127;
 /// Largest alpha of a single Gaussian.
 pub const ALPHA_MAX: f32 = 0.99;
 /// Blending stops before the transmittance would fall under this.
@@ -70,6 +72,7 @@ pub(crate) fn whole_numbers() -> impl Iterator<Item = (&'static str, u32)> {
     [
         ("TILE", TILE),
         ("ALPHA_EMPTY", ALPHA_EMPTY),
+        ("ALPHA_HIDDEN", ALPHA_HIDDEN),
         ("SORT_BLOCK", SORT_BLOCK),
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),

@@ -85,6 +85,14 @@ fn shown(i: u32) -> u32 {
         case PRESENT_PHOTO: {
             return words[i] | 0xff000000u;
         }
+        case PRESENT_HIDDEN: {
+            let texel = unpack4x8unorm(words[i]);
+            // Losses and warps read what has an alpha of one half or more.
+            if texel.a < 0.5 {
+                return rgb(texel.rgb);
+            }
+            return rgb(vec3((texel.r + texel.g + texel.b) / 6.0));
+        }
         default: {
             return rgb(color(i));
         }

@@ -30,6 +30,7 @@ mod stages;
 mod step;
 mod telemetry;
 pub mod tensor;
+mod transients;
 mod trial;
 
 /// The version of burn whose tensors are part of this crate's interface.
@@ -40,3 +41,4 @@ pub use pose_trial::{PoseEvidence, resolve as resolve_poses};
 pub use session::Session;
 pub use step::{TrainError, Trainer};
 pub use telemetry::Telemetry;
+pub use transients::{MaskRules, Oddity};

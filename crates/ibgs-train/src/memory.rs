@@ -18,6 +18,7 @@
 //! | network | {(912 + 76 + 2.25 + 16 + 16) p, 16 V p, 14 MB, 4 P, with exposures 32 V P} |
 //! | losses | 36 P {twice, and 36 V P} |
 //! | depth maps | {4 a pixel of all training photos, within `surface.depth-memory`} |
+//! | what moves | 48 a cell of all training photos, where masks are learned |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 
@@ -26,7 +27,8 @@ mod needs;
 pub use needs::{DoesNotFit, MemoryLimit, Need, Needs};
 
 use ibgs_core::camera::Camera;
-use ibgs_core::config::{ExposureSwitch, Method, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, Method, TrainConfig, TransientSwitch};
+use ibgs_core::dataset::CellMask;
 use ibgs_core::residual::Factor;
 use ibgs_core::residual::features::SUMS_BYTES;
 use ibgs_core::residual::layers::{HALF, INPUT, QUARTER, WEIGHTS};
@@ -150,6 +152,11 @@ impl Estimate {
         estimate.add("images", "base image and its gradient", 12 * sizes.pixels, 2);
         if demand.config.exposure.enabled != ExposureSwitch::Off {
             estimate.add("images", "base image in the photo's exposure and its gradient", 12 * sizes.pixels, 2);
+        }
+        if demand.config.transients.mask != TransientSwitch::Off {
+            let cells = |c: &Camera| CellMask::grid([c.width, c.height]).map(u64::from).iter().product::<u64>();
+            let most = demand.cameras.iter().map(cells).max().unwrap_or(0);
+            estimate.add("what moves", "evidence of what moves", 48 * most, demand.cameras.len() as u64);
         }
         estimate.add("losses", "SSIM moments", 36 * sizes.pixels, if image_based { 2 } else { 1 });
         for _ in 0..if image_based { demand.config.residual.networks } else { 0 } {

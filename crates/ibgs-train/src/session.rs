@@ -26,6 +26,7 @@ mod output;
 mod preparation;
 mod saving;
 mod stopped;
+mod transients;
 mod watch;
 
 pub use builder::{BuildError, Loaded, SessionBuilder};
@@ -36,6 +37,7 @@ pub use json_lines::JsonLines;
 pub use output::Output;
 pub use preparation::Preparation;
 pub use stopped::StoppedTraining;
+pub use transients::TransientSummary;
 
 use crate::{TrainError, Trainer};
 use checkpoint_writer::CheckpointWriter;

@@ -16,13 +16,14 @@ use super::optim::Optimizer;
 use super::refining::Refining;
 use super::stages::ImageStages;
 use super::telemetry::{Recorder, Telemetry};
+use super::transients::{MaskRules, Masking, Oddity};
 use crate::loss::{ImageLoss, Loss};
 use crate::parameters::Parameters;
 use crate::tensor;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::dataset::Dataset;
+use ibgs_core::dataset::{CellMask, Dataset};
 use ibgs_core::exposure::{Exposure, ExposureField, ExposureState};
 use ibgs_core::gpu::{Gpu, GpuError, Mark};
 use ibgs_core::raster::{Dropout, RasterView, Rasterizer};
@@ -53,6 +54,8 @@ pub struct Trainer {
     exposing: Option<Exposing>,
     /// The photos' cameras, where they learn.
     refining: Option<Refining>,
+    /// The photos' masks, where they are learned.
+    masking: Option<Masking>,
     recorder: Recorder,
     telemetry: Telemetry,
     /// Cameras of the training views, in local coordinates.
@@ -177,6 +180,23 @@ impl Trainer {
         self.refining.as_ref().map(Refining::moved)
     }
 
+    /// The learned masks of the training photos, in their order; none where none are learned.
+    pub fn masks(&self) -> Option<Vec<Arc<CellMask>>> {
+        self.masking.as_ref().map(Masking::masks)
+    }
+
+    /// Decides over the masks by other numbers from here on, to measure with. A checkpoint does not keep them.
+    pub fn set_mask_rules(&mut self, rules: MaskRules) {
+        if let Some(masking) = &mut self.masking {
+            masking.rules = rules;
+        }
+    }
+
+    /// How each training photo disagrees with the others as a whole, in their order; none where no masks are learned.
+    pub fn oddities(&self) -> Option<Vec<Option<Oddity>>> {
+        self.masking.as_ref().map(Masking::oddities)
+    }
+
     /// Takes the steps of the cameras that are due.
     fn refine(&mut self) -> Result<(), GpuError> {
         let rate = self.caution * self.schedule.poses_lr(self.iteration);
@@ -267,6 +287,11 @@ impl Trainer {
         }
         if self.schedule.reset_opacity_at(self.iteration) {
             self.optimizer.reset_opacity(&self.gpu, self.config.opacity_reset.max_opacity);
+        }
+        if self.schedule.masks_at(self.iteration, self.cameras.len())
+            && let Some(masking) = &mut self.masking
+        {
+            masking.make_masks(&self.photos)?;
         }
         Ok(())
     }

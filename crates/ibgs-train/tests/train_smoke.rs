@@ -12,6 +12,7 @@ mod memory;
 mod own;
 mod poses;
 mod start;
+mod transients;
 mod units;
 
 use crate::small::{plain, run, trainer};

@@ -30,6 +30,8 @@ pub enum Mode {
     Points,
     /// The Gaussians as ellipsoids.
     Ellipsoids,
+    /// What masks hide of the photo.
+    Hidden,
 }
 
 /// How modes are shown.
@@ -89,7 +91,7 @@ const fn row(mode: Mode, name: &'static str, word: &'static str, meaning: &'stat
 }
 
 /// The modes in their order.
-static TABLE: [Row; 10] = [
+static TABLE: [Row; 11] = [
     row(
         Mode::Final,
         "Final",
@@ -167,6 +169,16 @@ static TABLE: [Row; 10] = [
             "ellipsoids",
             "The Gaussians as opaque ellipsoids of 1.5 standard deviations, the nearest centre in front",
             |_, _| Shown::Base,
+        )
+    },
+    Row {
+        needs: Needs::Photo,
+        ..row(
+            Mode::Hidden,
+            "Hidden",
+            "hidden",
+            "What masks hide of the photo in its colours, the rest dark and grey, while the camera stands on a view",
+            |_, photo| photo.map_or(Shown::Final, Shown::Hidden),
         )
     },
 ];

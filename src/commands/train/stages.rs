@@ -4,7 +4,7 @@ use super::heading;
 use super::options::{set, set_some};
 use crate::commands::word;
 use clap::Args as ClapArgs;
-use ibgs_core::config::{ExposureSwitch, PoseSwitch, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, PoseSwitch, TrainConfig, TransientSwitch};
 use ibgs_core::residual::Precision;
 use ibgs_core::sources::find::Distances;
 use ibgs_core::sources::memory::MemoryBudget;
@@ -40,6 +40,10 @@ pub struct StageArgs {
     /// photos left out says so) or `off` [default: off].
     #[arg(long, value_parser = word::<PoseSwitch>(), help_heading = heading::SCENE)]
     refine_poses: Option<PoseSwitch>,
+    /// Hide what moves, people or cars: a mask is learned for each training photo, which no loss and no other photo's view reads.
+    /// `on`, `off` or `auto` (where it is much of the photos) [default: off].
+    #[arg(long, value_parser = word::<TransientSwitch>(), help_heading = heading::SCENE)]
+    transients: Option<TransientSwitch>,
     /// Neighbouring photos (sources) read for each view, 1 to 8 [default: 4].
     #[arg(long, help_heading = heading::IMAGE_BASED)]
     sources: Option<u32>,
@@ -97,6 +101,7 @@ impl StageArgs {
         set(&mut c.residual.precision, &self.precision);
         set(&mut c.exposure.enabled, &self.exposure);
         set(&mut c.poses.refine, &self.refine_poses);
+        set(&mut c.transients.mask, &self.transients);
     }
 }
 
@@ -126,13 +131,15 @@ mod tests {
         assert_eq!((s.used, s.visible, s.max_angle_deg, s.max_distance), (2, 1, 50.0, Some(4.5)));
         assert_eq!(s.memory, MemoryBudget::Bytes(2 << 30));
         let c = config(
-            "--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure on --refine-poses on",
+            "--source-distance absolute --intersections 8 --residual-factor 0.5 --exposure on --refine-poses on \
+             --transients auto",
         );
         assert_eq!((c.sources.distances, c.sources.max_distance), (Distances::Absolute, None));
         assert_eq!(
             (c.surface.intersections, c.residual.factor, c.exposure.enabled, c.poses.refine),
             (8, Some(0.5), ExposureSwitch::On, PoseSwitch::On)
         );
+        assert_eq!(c.transients.mask, TransientSwitch::Auto);
         for line in ["--source-distance far", "--source-distance -1", "--source-memory much"] {
             assert!(Line::try_parse_from(["ibgs"].into_iter().chain(line.split_whitespace())).is_err(), "{line}");
         }

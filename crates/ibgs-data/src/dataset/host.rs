@@ -1,6 +1,6 @@
 //! Photos on the host: decoded while there is room for them, decoded again from their files where there is none.
 
-use super::{DatasetError, Photo};
+use super::{CellMask, DatasetError, Photo};
 use crate::lru::Lru;
 use std::fmt;
 use std::path::PathBuf;
@@ -13,6 +13,8 @@ pub struct HostPhoto {
     /// CRC-32 of its pixels, where it was read from a file.
     checksum: Option<u32>,
     place: Place,
+    /// Hides cells of it.
+    mask: Option<Arc<CellMask>>,
 }
 
 #[derive(Clone, Debug)]
@@ -23,7 +25,7 @@ enum Place {
 
 impl From<Arc<Photo>> for HostPhoto {
     fn from(photo: Arc<Photo>) -> Self {
-        Self { size: [photo.width, photo.height], checksum: None, place: Place::Here(photo) }
+        Self { size: [photo.width, photo.height], checksum: None, place: Place::Here(photo), mask: None }
     }
 }
 
@@ -52,22 +54,40 @@ impl HostPhoto {
         matches!(self.place, Place::Here(_))
     }
 
+    /// The same photo with cells hidden.
+    ///
+    /// # Panics
+    /// When the mask is one of photos of another size: a bug of ours.
+    pub fn masked(self, mask: Arc<CellMask>) -> Self {
+        assert_eq!(mask.size(), self.size, "the mask of a photo has its size");
+        Self { mask: Some(mask), ..self }
+    }
+
     /// Its pixels; decoded, where they are not there.
     ///
     /// # Errors
     /// The file cannot be decoded any more, or has changed since it was loaded.
     pub fn pixels(&self) -> Result<Arc<Photo>, DatasetError> {
-        match &self.place {
-            Place::Here(photo) => Ok(photo.clone()),
-            Place::Cached { cache, index } => cache.get(*index),
-        }
+        let photo = match &self.place {
+            Place::Here(photo) => photo.clone(),
+            Place::Cached { cache, index } => cache.get(*index)?,
+        };
+        Ok(self.shown(photo))
     }
 
     /// Its pixels if they are there.
     pub fn pixels_if_there(&self) -> Option<Arc<Photo>> {
-        match &self.place {
-            Place::Here(photo) => Some(photo.clone()),
-            Place::Cached { cache, index } => cache.lock().find(*index),
+        let photo = match &self.place {
+            Place::Here(photo) => photo.clone(),
+            Place::Cached { cache, index } => cache.lock().find(*index)?,
+        };
+        Some(self.shown(photo))
+    }
+
+    fn shown(&self, photo: Arc<Photo>) -> Arc<Photo> {
+        match &self.mask {
+            Some(mask) => Arc::new(mask.applied(&photo)),
+            None => photo,
         }
     }
 
@@ -185,7 +205,7 @@ impl PhotoCache {
                 Some(photo) => Place::Here(photo),
                 None => Place::Cached { cache: cache.clone(), index },
             };
-            HostPhoto { size: slot.size, checksum: Some(slot.checksum), place }
+            HostPhoto { size: slot.size, checksum: Some(slot.checksum), place, mask: None }
         };
         slots.iter().enumerate().map(photo).collect()
     }

@@ -2,6 +2,7 @@
 
 mod archive;
 mod backdrop;
+mod cell_mask;
 mod colmap;
 mod decode;
 mod error;
@@ -30,6 +31,7 @@ mod tracks;
 mod undistort;
 
 pub use archive::is_archive;
+pub use cell_mask::CellMask;
 pub use colmap::text_model as colmap_text;
 pub(crate) use decode::srgb;
 pub use decode::{decode_photo, photo_size};

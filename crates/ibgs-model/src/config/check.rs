@@ -118,7 +118,8 @@ impl TrainConfig {
         self.surface.check(&check)?;
         self.residual.check(&check)?;
         self.exposure.check(&check)?;
-        self.poses.check(&check)
+        self.poses.check(&check)?;
+        self.transients.check(self, &check)
     }
 
     fn check_counts(&self, check: &Check<'_>) -> Result<(), ConfigError> {

@@ -5,7 +5,7 @@ use crate::dataset::LoadOptions;
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{
     AdamConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, PoseConfig, ResidualConfig,
-    SourceOptions, SurfaceConfig, TrainConfig, WARM_ITERATIONS,
+    SourceOptions, SurfaceConfig, TrainConfig, TransientConfig, WARM_ITERATIONS,
 };
 
 impl Default for TrainConfig {
@@ -40,6 +40,7 @@ impl Default for TrainConfig {
             residual: ResidualConfig::default(),
             exposure: ExposureConfig::default(),
             poses: PoseConfig::default(),
+            transients: TransientConfig::default(),
         }
     }
 }

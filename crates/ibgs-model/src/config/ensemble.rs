@@ -1,7 +1,7 @@
 //! Ensembles: several bases, whose mean is the base image.
 
 use super::check::Check;
-use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig};
+use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwitch};
 
 /// Most bases of an ensemble.
 const MOST: u32 = 8;
@@ -35,8 +35,9 @@ impl TrainConfig {
     pub fn of_member(&self, number: u32) -> Self {
         let seed = self.seed.wrapping_add(SEED_STEP * u64::from(number - 1)) & i64::MAX as u64;
         let mut like_the_first = Self { seed, ..self.single() };
-        // It has the cameras of the first.
+        // It has the cameras and the masks of the first.
         like_the_first.poses.refine = PoseSwitch::Off;
+        like_the_first.transients.mask = TransientSwitch::Off;
         let Some(plain) = number.checked_sub(self.residual.networks + 1) else { return like_the_first };
         let mut member = Self { method: Method::Gs3, schedule_scaling: true, ..like_the_first };
         member.learning_rates.factor = None;

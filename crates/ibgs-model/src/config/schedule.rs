@@ -70,6 +70,8 @@ pub struct Schedule {
     pub poses_between: [u32; 2],
     /// Learning rates of the cameras at the start and at the end.
     pub poses_lr: [f64; 2],
+    /// Masks of what moves are learned after this iteration.
+    pub transients_start: u32,
     /// Milestones of the image-based stages; none for plain splatting.
     pub stages: Option<Stages>,
 }
@@ -138,6 +140,7 @@ impl Schedule {
                 config.poses.until.unwrap_or(n_iterations).min(n_iterations),
             ],
             poses_lr: [config.poses.learning_rate, config.poses.final_learning_rate],
+            transients_start: config.transients.from.unwrap_or_else(|| scaled(1_500)),
             stages: Stages::new(config, n_iterations, scaled),
         }
     }
@@ -181,6 +184,16 @@ impl Schedule {
     pub fn poses_lr(&self, iteration: u32) -> f64 {
         let part = f64::from(iteration) / f64::from(self.poses_between[1].max(1));
         log_linear(self.poses_lr, part.min(1.0))
+    }
+
+    /// Whether the evidence of what moves is gathered in this iteration, where masks are learned.
+    pub fn transients_at(&self, iteration: u32) -> bool {
+        iteration > self.transients_start
+    }
+
+    /// Whether masks are made anew after this iteration, with so many training views: whenever each has been seen twice.
+    pub fn masks_at(&self, iteration: u32, views: usize) -> bool {
+        self.transients_at(iteration) && (iteration - self.transients_start).is_multiple_of(2 * views.max(1) as u32)
     }
 
     /// Part of the run that is done, 0 to 1.

@@ -3,7 +3,7 @@
 use super::OutputFolder;
 use super::cameras::Split;
 use crate::camera::Camera;
-use crate::dataset::Photo;
+use crate::dataset::{CellMask, Photo};
 use crate::files::WriteError;
 use crate::gpu::GpuError;
 use crate::picture::{Picture, exr};
@@ -36,6 +36,8 @@ pub enum Output {
     Normal,
     /// Number of photos used at each pixel.
     Visibility,
+    /// What the learned mask of a training photo hides, black.
+    Mask,
 }
 
 /// Folder of the photos beside the pictures.
@@ -49,6 +51,8 @@ enum Needs {
     Network,
     /// The surface.
     Surface,
+    /// A model with learned masks; a frame does not have it.
+    Mask,
 }
 
 /// All that is known of an output.
@@ -66,13 +70,14 @@ const fn row(output: Output, name: &'static str, about: &'static str, folder: &'
 }
 
 /// The outputs in their order.
-static TABLE: [Row; 6] = [
+static TABLE: [Row; 7] = [
     row(Output::Final, "final", "The final image", "renders_aggregate", Needs::Network),
     row(Output::Base, "base", "The base image", "renders", Needs::Nothing),
     row(Output::Residual, "residual", "Final minus base image, around grey", "predicted_residual", Needs::Network),
     row(Output::Depth, "depth", "Median depth, with a scale", "renders_depth", Needs::Surface),
     row(Output::Normal, "normal", "Normal map", "renders_normal", Needs::Surface),
     row(Output::Visibility, "visibility", "Number of photos used at each pixel", "visibility", Needs::Network),
+    row(Output::Mask, "mask", "What the learned mask of a training photo hides, black", "masks", Needs::Mask),
 ];
 
 impl Output {
@@ -110,6 +115,11 @@ impl Output {
     /// Whether only a model with a residual network has it.
     pub fn needs_network(self) -> bool {
         self.row().needs == Needs::Network
+    }
+
+    /// Whether only a training photo of a model with learned masks has it.
+    pub fn needs_mask(self) -> bool {
+        self.row().needs == Needs::Mask
     }
 
     /// Whether it shows the surface.
@@ -163,6 +173,7 @@ impl Shown {
             Output::Depth => self.depth.as_ref().map(|v| Picture::depth(w, h, v, None)),
             Output::Normal => self.normals.as_ref().map(|v| Picture::normals(w, h, v)),
             Output::Visibility => self.visibility.as_ref().map(|v| Picture::visibility(w, h, v, 4)),
+            Output::Mask => None,
         }
     }
 }
@@ -231,6 +242,17 @@ impl Place<'_> {
     /// The file cannot be written.
     pub fn write_photo(&self, photo: &Photo) -> Result<(), WriteError> {
         Picture::photo(photo).write(&self.path(PHOTO_FOLDER))
+    }
+
+    /// Writes what a learned mask hides of the view's photo of this width and height; none: nothing.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_mask(&self, mask: Option<&CellMask>, [width, height]: [u32; 2]) -> Result<(), WriteError> {
+        let hides = |x, y| mask.is_some_and(|mask| mask.hides(x, y));
+        let level = |x, y| [if hides(x, y) { 0 } else { u8::MAX }; 3];
+        let rgb = (0..height).flat_map(|y| (0..width).flat_map(move |x| level(x, y))).collect();
+        Picture { width, height, rgb }.write(&self.path(Output::Mask.folder()))
     }
 
     /// Path of the view's EXR file.

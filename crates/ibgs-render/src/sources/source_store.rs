@@ -1,9 +1,10 @@
 //! The training photos on the GPU, as packed 8-bit RGBA: all of them where they fit, otherwise those used last.
 
-use crate::dataset::{HostPhoto, Photo};
+use crate::dataset::{CellMask, HostPhoto, Photo};
 use crate::gpu::{Buffer, Gpu, GpuError, flush};
 use crate::lru::Lru;
 use crate::sources::DevicePhoto;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 /// Uploads beyond this are handed to the device before more follow: wgpu keeps a copy of each until then.
@@ -31,6 +32,8 @@ struct StoredPhotos {
     uploads: u64,
     /// Bytes uploaded since the last flush.
     pending: u64,
+    /// Learned masks of photos.
+    masks: BTreeMap<usize, Arc<CellMask>>,
 }
 
 /// Whether nobody but the store holds a photo.
@@ -75,7 +78,7 @@ impl SourceStore {
         }
         let all: u64 = photos.iter().map(bytes_of).sum();
         let decodes_again = photos.iter().any(|photo| !photo.is_kept());
-        let state = StoredPhotos { on_device: Lru::new(budget), uploads: 0, pending: 0 };
+        let state = StoredPhotos { on_device: Lru::new(budget), uploads: 0, pending: 0, masks: BTreeMap::new() };
         let store = Self { gpu, photos, decodes_again, state: Mutex::new(state) };
         if budget.is_none_or(|budget| all <= budget) {
             for index in 0..store.photos.len() {
@@ -117,12 +120,33 @@ impl SourceStore {
         if let Some(photo) = state.on_device.get(index) {
             return Ok(photo.clone());
         }
-        let photo = self.upload(&mut state, &self.photos[index])?;
+        let photo = self.upload(&mut state, index)?;
         state.on_device.insert(index, photo.clone(), photo.texels.bytes());
         Ok(photo)
     }
 
-    /// Photo `index` on the host.
+    /// Hides these cells of photo `index` from here on, and no others.
+    ///
+    /// # Errors
+    /// A photo that cannot be decoded again.
+    ///
+    /// # Panics
+    /// When the mask is one of photos of another size, or there is no such photo: bugs of ours.
+    pub fn set_mask(&self, index: usize, mask: Arc<CellMask>) -> Result<(), GpuError> {
+        assert_eq!(mask.size(), self.photos[index].size(), "the mask of a photo has its size");
+        let mut state = self.lock();
+        let before = state.masks.insert(index, mask.clone());
+        if before.is_none_or(|before| before != mask)
+            && let Some(photo) = state.on_device.get(index)
+        {
+            let texels = photo.texels.clone();
+            let photo = self.shown(&state, index)?;
+            self.write(&mut state, &photo, &texels);
+        }
+        Ok(())
+    }
+
+    /// Photo `index` on the host, without its learned mask.
     ///
     /// # Panics
     /// When there is no such photo: a bug of ours.
@@ -181,23 +205,34 @@ impl SourceStore {
         self.lock().uploads
     }
 
-    fn upload(&self, state: &mut StoredPhotos, photo: &HostPhoto) -> Result<DevicePhoto, GpuError> {
-        let bytes = bytes_of(photo);
-        let pixels = pixels(photo)?;
+    fn upload(&self, state: &mut StoredPhotos, index: usize) -> Result<DevicePhoto, GpuError> {
+        let photo = self.shown(state, index)?;
+        let bytes = bytes_of(&self.photos[index]);
         let texels = match state.make_room(bytes) {
             Some(buffer) => buffer,
             None => self.allocate(state, bytes)?,
         };
+        self.write(state, &photo, &texels);
+        state.uploads += 1;
+        Ok(DevicePhoto::new(texels, self.photos[index].size()))
+    }
+
+    /// The pixels of a photo, masked where it is.
+    fn shown(&self, state: &StoredPhotos, index: usize) -> Result<Arc<Photo>, GpuError> {
+        let photo = pixels(&self.photos[index])?;
+        Ok(state.masks.get(&index).map_or_else(|| photo.clone(), |mask| Arc::new(mask.applied(&photo))))
+    }
+
+    /// Writes a photo into its memory on the device.
+    fn write(&self, state: &mut StoredPhotos, photo: &Photo, texels: &Buffer<u32>) {
         // Ordered on the queue after every pass that reads what was there before.
         flush();
-        self.gpu.write(&texels.cast(), 0, &pixels.rgba);
-        state.uploads += 1;
-        state.pending += bytes;
+        self.gpu.write(&texels.cast(), 0, &photo.rgba);
+        state.pending += texels.bytes();
         if state.pending > FLUSH_EVERY {
             state.pending = 0;
             self.gpu.queue.submit([]);
         }
-        Ok(DevicePhoto::new(texels, photo.size()))
     }
 
     /// New memory; where the device has none left the budget shrinks to what it gave, and older photos leave.

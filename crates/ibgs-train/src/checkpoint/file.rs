@@ -31,11 +31,11 @@ impl Checkpoint {
     /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums show damage.
     ///
     /// ```text
-    /// checkpoint.json   {"format": 7, "version": "0.1.0", "scene": checksum of cameras, names and photos}
+    /// checkpoint.json   {"format": 8, "version": "0.1.0", "scene": checksum of cameras, names and photos}
     /// config.toml       the options
     /// state.json        iteration, random state, order of the views, exposures ...
     /// run.json          times, curves and measurements so far
-    /// tensors/NAME      float32, little endian: parameters, moments, statistics, network, depth maps
+    /// tensors/NAME      float32, little endian: parameters, moments, statistics, network, depth maps, what moves
     /// member_2/...      all of this but the first of a further member of an ensemble
     /// ```
     ///

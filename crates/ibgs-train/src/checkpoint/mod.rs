@@ -5,6 +5,7 @@ mod file;
 use super::optim::Moments;
 use super::refining::RefinementState;
 use super::telemetry::{RecorderState, Telemetry};
+use super::transients::Masking;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::exposure::{Exposure, ExposureState};
 use ibgs_core::files::WriteError;
@@ -22,7 +23,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-pub const FORMAT: u32 = 7;
+pub const FORMAT: u32 = 8;
 
 /// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
@@ -102,6 +103,8 @@ pub(super) struct TrainingState {
     pub caution: f64,
     pub exposure: Option<Vec<ExposureState>>,
     pub poses: Option<RefinementState>,
+    /// Numbers of what is known of what moves; none where no masks are learned.
+    pub transients: Option<usize>,
     /// Training views with their pixels, whose depth maps are here.
     pub depths: BTreeMap<usize, usize>,
     pub telemetry: Telemetry,
@@ -130,6 +133,8 @@ pub struct Checkpoint {
     /// Median depths of the training views when they were last trained; only with `deterministic`. Other runs render
     /// them again from the model, with slightly different values.
     pub(super) depths: BTreeMap<usize, Vec<f32>>,
+    /// What is known of what moves in the training photos, and their masks.
+    pub(super) transients: Option<Vec<f32>>,
     pub(super) state: TrainingState,
 }
 
@@ -168,6 +173,7 @@ impl Checkpoint {
                     .map(|(name, values)| (name.to_owned(), &values[..])),
             );
         }
+        all.extend(self.transients.iter().map(|values| ("transients".to_owned(), &values[..])));
         all.extend(self.depths.iter().map(|(view, depth)| (format!("depth.{view}"), &depth[..])));
         all
     }
@@ -199,14 +205,15 @@ impl Checkpoint {
             depths.insert(view, tensor(&format!("depth.{view}"), pixels)?);
         }
         let statistics = tensor("statistics", 4 * n)?;
+        let transients = state.transients.map(|count| tensor("transients", count)).transpose()?;
         let gaussians = Gaussians::from_values(state.space, state.sh_degree, values);
         let members = Vec::new();
-        Ok(Self { config, scene, gaussians, network, members, run, moments, statistics, depths, state })
+        Ok(Self { config, scene, gaussians, network, members, run, moments, statistics, depths, transients, state })
     }
 
-    /// Whether a training on this scene, in this space, with `pixels` of each view, can resume from it.
-    pub(super) fn check(&self, (scene, space): (u32, LocalSpace), pixels: &[usize]) -> Result<(), CheckpointError> {
-        let views = pixels.len();
+    /// Whether a training on this scene, in this space, with views of these widths and heights, can resume from it.
+    pub(super) fn check(&self, (scene, space): (u32, LocalSpace), sizes: &[[u32; 2]]) -> Result<(), CheckpointError> {
+        let views = sizes.len();
         let state = &self.state;
         let require = |holds: bool, what| if holds { Ok(()) } else { Err(CheckpointError::Nonsense(what)) };
         if self.scene != scene || self.gaussians.space != space {
@@ -219,12 +226,15 @@ impl Checkpoint {
         let possible = |steps: i32| u32::try_from(steps).is_ok_and(|steps| steps <= state.iteration);
         require(steps.into_iter().all(possible), "it took more steps than iterations")?;
         require(state.queue.iter().all(|&view| view < views), "the order of its views names one that is not there")?;
-        let fits = |(view, depth): (&usize, &Vec<f32>)| pixels.get(*view) == Some(&depth.len());
+        let pixels = |size: &[u32; 2]| size[0] as usize * size[1] as usize;
+        let fits = |(view, depth): (&usize, &Vec<f32>)| sizes.get(*view).map(pixels) == Some(depth.len());
         require(self.depths.iter().all(fits), "a depth map does not fit its view")?;
         let exposures = state.exposure.as_ref().is_none_or(|states| states.len() == views);
         require(exposures, "the number of exposures is not that of the views")?;
         let poses = state.poses.as_ref().is_none_or(|state| state.is_sound(views));
         require(poses, "its cameras are not those of the views")?;
+        let transients = state.transients.is_none_or(|count| count == Masking::numbers(sizes));
+        require(transients, "what moves is not that of the views' cells")?;
         require(state.recorder.is_sound(state.iteration), "its telemetry has a wrong length")?;
         let lengths = [state.extent, state.prune_length, state.caution];
         require(lengths.iter().all(|v| v.is_finite() && *v > 0.0), "its scene extent is not positive")?;
@@ -232,7 +242,7 @@ impl Checkpoint {
             self.members.len() + 1 == self.config.ensemble() as usize,
             "the number of its members is not that of the options",
         )?;
-        self.members.iter().try_for_each(|member| member.check((scene, space), pixels))?;
+        self.members.iter().try_for_each(|member| member.check((scene, space), sizes))?;
         require(self.is_finite(), "a number is not finite")
     }
 }

@@ -1,6 +1,6 @@
 //! What a session reports, and to whom.
 
-use super::{CameraSummary, Preparation, SessionError, TrainingProgress};
+use super::{CameraSummary, Preparation, SessionError, TrainingProgress, TransientSummary};
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
 use crate::{ExposureEvidence, PoseEvidence};
@@ -146,6 +146,8 @@ pub struct Summary {
     pub exposure: ExposureSummary,
     /// What became of the photos' cameras, where they were refined.
     pub cameras: Option<CameraSummary>,
+    /// What was found of what moves; none where no masks are learned.
+    pub transients: Option<TransientSummary>,
     /// Where it can be resumed from; none after the last iteration or without a folder.
     pub resumable: Option<PathBuf>,
 }
@@ -201,7 +203,10 @@ impl fmt::Display for Summary {
         if let Some(cameras) = &self.cameras {
             write!(f, "\n{cameras}")?;
         }
-        Ok(())
+        match &self.transients {
+            Some(transients) => write!(f, "\n{transients}"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -105,6 +105,9 @@ impl Session {
         let path = folder.point_cloud_path(iteration);
         // The Gaussians of the first last: a folder holds a model once it holds them, and never one without its network or exposures.
         let written = || -> Result<()> {
+            if let Some(masks) = self.trainer.masks() {
+                folder.write_transients(iteration, &self.dataset, masks.iter().map(|mask| &**mask))?;
+            }
             for (index, member) in members.iter().enumerate().rev() {
                 let number = index + 1;
                 let network = member.network.as_ref().filter(|_| residual);
@@ -196,6 +199,7 @@ impl Session {
             stages: self.records.watch.sentence(),
             exposure,
             cameras: self.camera_summary(),
+            transients: self.transient_summary(),
             resumable: resumable.map(|folder| folder.root().to_owned()),
         }));
         if is_whole { self.checkpoints.clear() } else { kept }

@@ -44,7 +44,11 @@ impl Trainer {
         let rendered = self.rendered(index)?;
         let total = self.total(&rendered)?;
         flush();
-        let mut all = total.loss().backward();
+        let loss = match self.masking.as_ref().and_then(|masking| masking.weight(index)) {
+            Some(weight) => total.loss() * weight,
+            None => total.loss(),
+        };
+        let mut all = loss.backward();
         let gradients = self.splat_gradients(&rendered.leaves, &mut all);
         let gpu = self.gpu.clone();
         let mut pass = Pass::new(&gpu, "end of iteration");
@@ -60,6 +64,9 @@ impl Trainer {
                 stages.record_step(&mut pass, network, &mut all, self.schedule.network_lr(self.iteration));
             }
             stages.keep_depth(&mut pass, index, &rendered.forward)?;
+        }
+        if let Some(masking) = self.masking.as_ref().filter(|_| self.schedule.transients_at(self.iteration)) {
+            masking.record(&mut pass, index, &rendered.target, &rendered.shown, total.warped.as_ref());
         }
         self.record_check(&mut pass);
         let learns = self.schedule.poses_at(self.iteration);

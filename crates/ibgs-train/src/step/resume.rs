@@ -9,6 +9,7 @@ use crate::parameters::Parameters;
 use crate::refining::Refining;
 use crate::stages::ImageStages;
 use crate::telemetry::Recorder;
+use crate::transients::Masking;
 use ibgs_core::config::schedule::Schedule;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::raster::Rasterizer;
@@ -21,9 +22,9 @@ impl Trainer {
     /// # Errors
     /// [`TrainError::Checkpoint`] when it does not belong to the scene or contradicts itself, not enough memory.
     pub fn resume(raster: Arc<Rasterizer>, dataset: &Dataset, checkpoint: &Checkpoint) -> Result<Self, TrainError> {
-        let pixels: Vec<usize> = dataset.train.iter().map(|&i| dataset.views[i].camera.pixels()).collect();
+        let sizes: Vec<[u32; 2]> = dataset.train.iter().map(|&i| dataset.views[i].photo.size()).collect();
         let scene = dataset.checksum();
-        checkpoint.check((scene, dataset.space()), &pixels)?;
+        checkpoint.check((scene, dataset.space()), &sizes)?;
         let (config, start) = (&checkpoint.config, &checkpoint.gaussians);
         let mut trainer = Self::with_default_room(raster, (dataset, scene), config, start)?;
         trainer.restore(checkpoint)?;
@@ -55,6 +56,9 @@ impl Trainer {
             refining.restore(state);
             let [scene, local] = refining.cameras();
             self.set_cameras(&scene, &local);
+        }
+        if let (Some(masking), Some(state)) = (&mut self.masking, &checkpoint.transients) {
+            masking.restore(state, &self.photos)?;
         }
         self.recorder = Recorder::from_state(&gpu, &state.recorder)?;
         self.telemetry = state.telemetry;
@@ -106,6 +110,7 @@ impl Trainer {
         let statistics = self.statistics.values(&gpu)?;
         let exposure = self.exposing.as_ref().map(Exposing::states).transpose()?;
         let poses = self.refining.as_mut().map(Refining::state).transpose()?;
+        let transients = self.masking.as_ref().map(Masking::state).transpose()?;
         let recorder = self.recorder.state(&gpu)?;
         // Data read from a lost device looks like any other result.
         gpu.check()?;
@@ -126,6 +131,7 @@ impl Trainer {
             caution: self.caution,
             exposure,
             poses,
+            transients: transients.as_ref().map(Vec::len),
             depths: depths.iter().map(|(&view, depth)| (view, depth.len())).collect(),
             telemetry: self.telemetry,
             recorder,
@@ -133,8 +139,19 @@ impl Trainer {
         let (config, scene) = (self.config.clone(), self.scene);
         let members = self.members.iter_mut().map(|member| member.checkpoint(serde_json::Value::Null));
         let members = members.collect::<Result<_, _>>()?;
-        let checkpoint =
-            Checkpoint { config, scene, gaussians, network, members, run, moments, statistics, depths, state };
+        let checkpoint = Checkpoint {
+            config,
+            scene,
+            gaussians,
+            network,
+            members,
+            run,
+            moments,
+            statistics,
+            depths,
+            transients,
+            state,
+        };
         if checkpoint.is_finite() { Ok(checkpoint) } else { Err(TrainError::NotFinite(self.iteration)) }
     }
 }

@@ -10,6 +10,7 @@ use crate::parameters::Parameters;
 use crate::refining::Refining;
 use crate::stages::ImageStages;
 use crate::telemetry::{Recorder, Telemetry};
+use crate::transients::Masking;
 use glam::Vec3;
 use ibgs_core::camera::{Camera, scene_extent, usable_extent};
 use ibgs_core::config::schedule::Schedule;
@@ -181,6 +182,7 @@ impl Trainer {
             statistics: Statistics::new(&gpu, splats.len())?,
             exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
             refining: Refining::new(&gpu, (&cameras, space), || lengths_of(&cameras, dataset, extent), config)?,
+            masking: Masking::new(&gpu, &cameras, &photos, config)?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),

@@ -2,7 +2,7 @@
 
 use super::Trainer;
 use super::iteration::Rendered;
-use crate::loss::{LossInputs, LossScratch};
+use crate::loss::{LossInputs, LossScratch, WarpedSources};
 use crate::stages::{FinalImage, FromSources, Work};
 use burn::tensor::Tensor;
 use ibgs_core::gpu::GpuError;
@@ -21,6 +21,8 @@ pub(super) struct Total {
     pub scratch: Arc<Lease<LossScratch>>,
     /// The network's weights as a leaf, where the loss depends on them.
     pub network: Option<Tensor<1>>,
+    /// The sources, where something read them.
+    pub warped: Option<WarpedSources>,
 }
 
 impl Total {
@@ -60,7 +62,7 @@ impl Trainer {
             final_image: final_image.as_ref().map(|made| &made.image),
         };
         let others = self.losses.iter().filter_map(|loss| loss.of(&inputs).transpose()).collect::<Result<_, _>>()?;
-        Ok(Total { base_loss, final_loss, others, scratch, network })
+        Ok(Total { base_loss, final_loss, others, scratch, network, warped })
     }
 
     /// What the sources give the iteration; nothing for a method without.

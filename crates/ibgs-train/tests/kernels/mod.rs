@@ -18,4 +18,5 @@ mod project;
 mod rasterize;
 mod rasterize_surface_image;
 mod residual;
+mod transient;
 mod warp;

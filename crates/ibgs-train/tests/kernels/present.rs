@@ -1,6 +1,7 @@
 //! What the screen shows against the pictures of the host.
 
 use crate::small::small_model;
+use ibgs_core::dataset::Photo;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::picture::Picture;
 use ibgs_core::present::{Presenter, Shown};
@@ -60,6 +61,12 @@ fn every_part_of_a_frame_looks_as_on_the_host() {
     let depth_picture = Picture::depth(w, h, &depth, Some(range)).rgb[..photo.len()].to_vec();
     let visibility = frame.visibility().unwrap().unwrap();
     let target = DevicePhoto::upload(&gpu, &view.photo.pixels().unwrap()).unwrap();
+    let mut masked = Photo::clone(&view.photo.pixels().unwrap());
+    masked.rgba.chunks_exact_mut(8).for_each(|pair| (pair[3], pair[7]) = (127, 128));
+    let grey = |p: &[u8]| ((f32::from(p[0]) + f32::from(p[1]) + f32::from(p[2])) / 6.0).round() as u8;
+    let hidden = |pair: &[u8]| [pair[0], pair[1], pair[2], grey(&pair[4..]), grey(&pair[4..]), grey(&pair[4..])];
+    let hidden: Vec<u8> = masked.rgba.chunks_exact(8).flat_map(hidden).collect();
+    let masked = DevicePhoto::upload(&gpu, &masked).unwrap();
     // With how much two roundings may differ: colours of the palette are between its 256.
     let cases = [
         ("final", Shown::Final, Picture::colors(w, h, &image).rgb, 1),
@@ -71,6 +78,7 @@ fn every_part_of_a_frame_looks_as_on_the_host() {
         ("visibility", Shown::Visibility(3), Picture::visibility(w, h, &visibility, 3).rgb, 1),
         ("difference", Shown::Difference(&target, 1.0), Picture::residual(w, h, &difference).rgb, 1),
         ("photo", Shown::Photo(&target), photo, 0),
+        ("hidden", Shown::Hidden(&masked), hidden, 1),
     ];
     let mut presenter = Presenter::new(gpu.clone()).unwrap();
     let texture = texture(&gpu, &frame);
