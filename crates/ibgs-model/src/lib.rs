@@ -19,5 +19,5 @@ mod score;
 pub mod video;
 
 // What the modules here build on, by its short name.
-use ibgs_data::{camera, dataset, files, image_io, local_space, picture, ply_offset, progress, stored_zip};
+use ibgs_data::{camera, dataset, files, image_io, local_space, picture, ply_offset, progress, similarity, stored_zip};
 use ibgs_render::{exposure, gpu, levels, raster, render, residual, scene, sources};

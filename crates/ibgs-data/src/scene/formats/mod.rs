@@ -22,6 +22,9 @@ mod spz;
 mod tests;
 
 pub(super) use finite::{Dropped, is_rotation, make_finite};
+#[cfg(test)]
+pub(super) use gltf_nodes::basis;
+pub(super) use gltf_nodes::turn_each;
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;
