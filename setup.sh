@@ -4,6 +4,8 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
 VULKAN_PACKAGES=(libvulkan1 mesa-vulkan-drivers)
+# What the Python package is installed and tested with.
+PYTHON_PACKAGES=(python3-venv python3-numpy python3-pytest)
 # Programs of `ibgs prepare`, each in the package of its name; none without --photos.
 PHOTO_PROGRAMS=()
 
@@ -11,7 +13,8 @@ usage() {
     cat <<'END'
 Usage: ./setup.sh [--photos]
 
-Prepares this machine for building, running and testing ibgs: C compiler, Vulkan loader, a software Vulkan driver.
+Prepares this machine for building, running and testing ibgs: C compiler, Vulkan loader, a software
+Vulkan driver, and what the Python package is installed and tested with.
 It changes nothing when everything is there; run it as often as you like.
 
   --photos    also install COLMAP and ffmpeg, with which `ibgs prepare` makes scenes of photos and videos
@@ -74,7 +77,7 @@ missing_packages() {
     for package in "${PHOTO_PROGRAMS[@]}"; do
         command -v "$package" >/dev/null || echo "$package"
     done
-    for package in "${VULKAN_PACKAGES[@]}"; do
+    for package in "${VULKAN_PACKAGES[@]}" "${PYTHON_PACKAGES[@]}"; do
         status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) || status=absent
         [[ $status == installed ]] || printf '%s\n' "$package"
     done

@@ -46,8 +46,14 @@ class Tools:
         run = subprocess.run(command, input=code, capture_output=True)
         return [(run.stderr + run.stdout).decode().strip() or "not valid"] if run.returncode else []
 
-    def hlsl_to_spirv(self, text, entry):
-        code, wrong = self.hlsl(text, entry, HIGHEST, "-spirv", "-fspv-target-env=vulkan1.3")
+    def hlsl_to_spirv(self, path, entry):
+        """Checks the SPIR-V and writes it beside its HLSL, into `FORM/KERNEL.spv`."""
+        code, wrong = self.hlsl(path.read_text(), entry, HIGHEST, "-spirv", "-fspv-target-env=vulkan1.3")
+        if code:
+            name, form, *_ = path.name.split(".")
+            out = path.parent / form / f"{name}.spv"
+            out.parent.mkdir(exist_ok=True)
+            out.write_bytes(code)
         return wrong or self.spirv(code)
 
     def kernel(self, folder, kernel):
@@ -61,7 +67,7 @@ class Tools:
             found["lowest DXIL"] = self.hlsl(text, kernel.entry, kernel.model)[1]
             seconds = time.process_time() - start
             found["highest DXIL"] = self.hlsl(text, kernel.entry, HIGHEST)[1]
-            found["SPIR-V"] = self.hlsl_to_spirv(text, kernel.entry)
+            found["SPIR-V"] = self.hlsl_to_spirv(path.with_suffix(path.suffix + ".vulkan.hlsl"), kernel.entry)
         elif not has_matrices:
             found["lowest DXIL"] = [kernel.hlsl]
         if kernel.msl != "written":
@@ -111,7 +117,7 @@ def summary(results):
     print("slowest:", ", ".join(f"{k.name} {k.form} {seconds:.1f} s" for seconds, k in times[:3]))
     matrices = sorted({kernel.name for kernel, _ in results if kernel.hlsl == NO_MATRICES})
     print(f"not checked, as HLSL has no matrices and no Metal device runs them: {', '.join(matrices)}")
-    print("not to be had here: Metal's compiler, FXC, DirectX 12 itself; nothing was run")
+    print("not to be had here: Metal's compiler, FXC, DirectX 12 itself")
     return wrong
 
 

@@ -10,7 +10,9 @@ use anyhow::{Result, bail};
 use clap::{ArgGroup, Args as ClapArgs};
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::model::{Model, is_bundle};
-use ibgs_core::scene::{Format, Gaussians, PlyFlavor, read_gaussians, write_gaussians, write_ply};
+use ibgs_core::scene::{
+    Format, Gaussians, PlyFlavor, SpzVersion, read_gaussians, write_gaussians, write_ply, write_spz,
+};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -25,7 +27,7 @@ fn output_help() -> String {
     format!(
         "File to write: `.ibgs` holds Gaussians, network, cameras and source photos; {} hold the Gaussians only, and for them \
          MODEL may be a file of Gaussians too",
-        Format::endings()
+        Format::written_endings()
     )
 }
 
@@ -57,6 +59,9 @@ pub struct Args {
     /// Leave out the field `nd` of a PLY, which other programs do not know.
     #[arg(long)]
     plain: bool,
+    /// For `.spz`: version of the format [default: 4]; programs from before 2026 read version 3.
+    #[arg(long, value_name = "VERSION", value_parser = spz_version, conflicts_with_all = ["web", "cameras"])]
+    spz: Option<SpzVersion>,
     /// Replace an existing file, or files of the same names in the folder.
     #[arg(long)]
     overwrite: bool,
@@ -79,6 +84,14 @@ fn packing(text: &str) -> Result<Packing, String> {
         Ok(photo_quality @ 1..=100) => Ok(Packing::Small { photo_quality }),
         _ if text == "lossless" => Ok(Packing::Lossless),
         _ => Err("it is neither a whole number from 1 to 100 nor `lossless`".to_owned()),
+    }
+}
+
+fn spz_version(text: &str) -> Result<SpzVersion, String> {
+    match text {
+        "3" => Ok(SpzVersion::V3),
+        "4" => Ok(SpzVersion::V4),
+        _ => Err("it is neither 3 nor 4".to_owned()),
     }
 }
 
@@ -120,7 +133,11 @@ fn file(args: &Args, output: &Path) -> Result<()> {
     if output.exists() && !args.overwrite {
         bail!("{} is there already; choose another name or allow `--overwrite`", output.display());
     }
-    if let Some(format) = Format::of_name(output) {
+    let format = Format::of_name(output);
+    if args.spz.is_some() && format != Some(Format::Spz) {
+        bail!("`--spz` is for files in `.spz`; leave it out");
+    }
+    if let Some(format) = format {
         if args.bundle.quality.is_some() || args.bundle.photo_size.is_some() || args.levels {
             bail!(
                 "`--quality`, `--photo-size` and `--levels` are for bundles; leave them out, or choose a name in `.ibgs`"
@@ -129,7 +146,7 @@ fn file(args: &Args, output: &Path) -> Result<()> {
         return gaussians_alone(args, output, format);
     }
     if !is_bundle(output) {
-        bail!("{} must end in `.ibgs` or one of {}", output.display(), Format::endings());
+        bail!("{} must end in `.ibgs` or one of {}", output.display(), Format::written_endings());
     }
     if args.plain {
         bail!("a bundle has no plain form; leave `--plain` out, or choose a name in `.ply`");
@@ -147,6 +164,7 @@ fn gaussians_alone(args: &Args, output: &Path, format: Format) -> Result<()> {
     let gaussians = gaussians(args)?;
     match format {
         Format::Ply if args.plain => write_ply(output, &gaussians, PlyFlavor::Plain)?,
+        Format::Spz => write_spz(output, &gaussians, args.spz.unwrap_or_default())?,
         _ => write_gaussians(output, &gaussians, format)?,
     }
     for loss in format.losses(&gaussians) {

@@ -1,6 +1,6 @@
 //! Opens a trained model as the command line describes it.
 
-use super::train::demo_scene;
+use super::train::demo::MAKE_DEMO;
 use super::{open_gpu, word};
 use crate::advice::resolution;
 use crate::progress::Bars;
@@ -82,7 +82,7 @@ impl FileArgs {
             source: self.source.clone(),
             iteration: self.iteration,
             resolution: self.resolution,
-            make_scene: Some(|width, config, progress| Ok(demo_scene(width, config, progress)?)),
+            make_scene: Some(MAKE_DEMO),
             ..others.clone()
         };
         Ok(Model::open(&self.model, &options)?)

@@ -1,7 +1,7 @@
 //! `ibgs train`
 
 pub mod block;
-mod demo;
+pub mod demo;
 mod json_log;
 mod options;
 mod pace;
@@ -11,7 +11,7 @@ mod start;
 mod terminal;
 mod window;
 
-pub use demo::{DemoDefaults, demo_scene};
+pub use demo::DemoDefaults;
 pub use start::{Reports, prepare, requested};
 pub use window::{Failure, Watched};
 

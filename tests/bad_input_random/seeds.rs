@@ -149,14 +149,15 @@ pub fn endings() -> Vec<&'static str> {
     std::iter::once(".gaussians").chain(Format::ALL.map(Format::ending)).collect()
 }
 
-/// Every format; its name has its ending only where its contents do not say what it is.
+/// Every format that is written; its name has its ending only where its contents do not say what it is.
 fn gaussians() -> Vec<Vec<u8>> {
     let model = scene::from_points(&points(), 1, 0.3).unwrap();
     let write = |(at, format): (usize, Format)| {
         let bytes = written("a.bin", |path| scene::write_gaussians(path, &model, format).unwrap());
         chosen(if Format::of_contents(&bytes).is_some() { 0 } else { at }, &bytes)
     };
-    (1..).zip(Format::ALL).map(write).collect()
+    let is_written = |&(_, format): &(usize, Format)| Format::written().any(|written| written == format);
+    (1..).zip(Format::ALL).filter(is_written).map(write).collect()
 }
 
 fn camera_paths() -> Vec<Vec<u8>> {

@@ -1,9 +1,11 @@
 //! Gaussians on the host: start from points, and their files.
 
 mod formats;
+mod gltf;
 mod odd_values;
 mod offset;
 mod ply_damage;
+mod sog_folder;
 mod start;
 
 use ibgs_data::local_space::LocalSpace;

@@ -110,6 +110,7 @@ mod tests {
             sh_degree: 1,
             normals: vec![[0.0, 0.0, 1.0]; 2],
             offsets: vec![0.25; 2],
+            antialiased: false,
         };
         let left = Core { max: [Some(0.0), None, None], ..Core::default() };
         let right = Core { min: [Some(0.0), None, None], ..Core::default() };

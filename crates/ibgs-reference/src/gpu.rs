@@ -11,6 +11,8 @@ use ibgs_render::gpu::{AdapterChoice, Buffer, Gpu, Use, device_descriptor};
 use ibgs_render::raster::{RasterView, Rasterizer, SurfaceOptions};
 use ibgs_render::scene::Splats;
 use ibgs_render::sources::{DevicePhoto, SourceView};
+use ibgs_shaders::{RENDER_KERNELS, TRAIN_KERNELS};
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 /// The GPU; a machine without any adapter fails the tests. `IBGS_TEST_ADAPTER` chooses one by name.
@@ -19,17 +21,105 @@ pub fn gpu() -> Arc<Gpu> {
     GPU.get_or_init(open_gpu).clone()
 }
 
-/// The same adapter once more, as a device that no other test uses.
+/// The same adapter once more, as a device that no other test uses. `IBGS_TEST_WITHOUT` lists what it is to do without;
+/// `IBGS_TEST_TRANSLATION` names the folder of `.ci/portable`, whose kernels in SPIR-V take the place of our own.
 pub fn open_gpu() -> Arc<Gpu> {
     let choice = std::env::var("IBGS_TEST_ADAPTER").map_or(AdapterChoice::Best, AdapterChoice::Named);
-    let gpu = Gpu::open(&choice, Use::Training).expect("the tests need a GPU adapter; a software one will do");
+    let usual = Gpu::open(&choice, Use::Training).expect("the tests need a GPU adapter; a software one will do");
+    let without = std::env::var("IBGS_TEST_WITHOUT").unwrap_or_default();
+    let mut without = without
+        .split(',')
+        .filter(|word| !word.is_empty())
+        .fold(wgpu::Features::empty(), |all, word| all | feature(word));
+    let gpu = match std::env::var_os("IBGS_TEST_TRANSLATION") {
+        None if without.is_empty() => usual,
+        None => device_without(&usual, without),
+        Some(folder) => {
+            let lanes = usual.subgroup_lanes.filter(|_| !without.contains(wgpu::Features::SUBGROUP));
+            without |= wgpu::Features::IMMEDIATES | wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;
+            let gpu = device_without(&usual, without);
+            translate(&gpu, Path::new(&folder), lanes);
+            gpu
+        }
+    };
     println!("adapter: {}", gpu.describe());
     gpu
 }
 
+/// What a word of `IBGS_TEST_WITHOUT` takes away.
+fn feature(word: &str) -> wgpu::Features {
+    match word {
+        "subgroups" => SUBGROUPS,
+        "f16" => wgpu::Features::SHADER_F16 | wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX,
+        "immediates" => wgpu::Features::IMMEDIATES | wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX,
+        "all" => wgpu::Features::all(),
+        _ => panic!("IBGS_TEST_WITHOUT: `{word}` is none of subgroups, f16, immediates, all"),
+    }
+}
+
+/// Subgroups and what needs them.
+const SUBGROUPS: wgpu::Features = wgpu::Features::SUBGROUP
+    .union(wgpu::Features::SUBGROUP_BARRIER)
+    .union(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX);
+
+/// Another device of the adapter, without these features; without all: with no higher limits than a training needs, and those of
+/// a browser's default else.
+fn device_without(usual: &Gpu, features: wgpu::Features) -> Arc<Gpu> {
+    let gpu = another(usual, |adapter| {
+        let mut descriptor = device_descriptor(adapter);
+        descriptor.required_features.remove(features);
+        if features.is_all() {
+            descriptor.required_limits = wgpu::Limits {
+                max_storage_buffers_per_shader_stage: 18,
+                max_compute_workgroup_storage_size: 31 << 10,
+                ..wgpu::Limits::default()
+            };
+        } else if features.contains(wgpu::Features::IMMEDIATES) {
+            descriptor.required_limits.max_immediate_size = 0;
+        }
+        descriptor
+    });
+    gpu.watch();
+    gpu
+}
+
+/// Replaces the kernels by those of a folder: of the form for subgroups of this many lanes where there is one, else plain. All
+/// have to be there, but for those for matrix units.
+fn translate(gpu: &Gpu, folder: &Path, lanes: Option<u32>) {
+    let mut of_subgroups = 0;
+    for &kernel in RENDER_KERNELS.iter().chain(TRAIN_KERNELS) {
+        let path = |form: &str| folder.join(form).join(format!("{}.spv", kernel.name));
+        let for_lanes = lanes.map(|lanes| path(&format!("subgroups{lanes}"))).filter(|path| path.exists());
+        of_subgroups += u32::from(for_lanes.is_some());
+        let file = for_lanes.unwrap_or_else(|| path("plain"));
+        let bytes = std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        gpu.replace_kernel(kernel, &spirv_module(gpu, kernel.name, &bytes));
+        gpu.check().unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    }
+    println!("translated kernels of {}, {of_subgroups} of them for subgroups", folder.display());
+}
+
+#[expect(unsafe_code, reason = "wgpu asks for it")]
+fn spirv_module(gpu: &Gpu, name: &str, bytes: &[u8]) -> wgpu::ShaderModule {
+    let words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    let descriptor = wgpu::ShaderModuleDescriptorPassthrough {
+        label: Some(name),
+        entry_points: [wgpu::PassthroughShaderEntryPoint { name: "main".into(), workgroup_size: (0, 0, 0) }]
+            .to_vec()
+            .into(),
+        spirv: Some(words),
+        ..Default::default()
+    };
+    // SAFETY: a translation of one of our kernels, with naga's checks of bounds, that the validator of SPIR-V accepts.
+    unsafe { gpu.device.create_shader_module_passthrough(descriptor) }
+}
+
 /// The tests' adapter as another device, as described.
 pub fn device_of(describe: impl FnOnce(&wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>) -> Arc<Gpu> {
-    let usual = gpu();
+    another(&gpu(), describe)
+}
+
+fn another(usual: &Gpu, describe: impl FnOnce(&wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>) -> Arc<Gpu> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let same = |adapter: &wgpu::Adapter| adapter.get_info().name == usual.info.name;
@@ -40,15 +130,7 @@ pub fn device_of(describe: impl FnOnce(&wgpu::Adapter) -> wgpu::DeviceDescriptor
 
 /// A device whose kernels do without subgroups, as in browsers.
 pub fn without_subgroups() -> Arc<Gpu> {
-    device_of(|adapter| {
-        let mut descriptor = device_descriptor(adapter);
-        descriptor.required_features.remove(
-            wgpu::Features::SUBGROUP
-                | wgpu::Features::SUBGROUP_BARRIER
-                | wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX,
-        );
-        descriptor
-    })
+    device_without(&gpu(), SUBGROUPS)
 }
 
 /// A fresh rasterizer on it.
@@ -69,6 +151,7 @@ pub fn gaussians(p: &Params) -> Gaussians {
         sh_degree: p.sh_degree as u32,
         normals: vec![[0.0, 0.0, 1.0]; n],
         offsets: vec![0.0; n],
+        antialiased: false,
     }
 }
 

@@ -7,7 +7,6 @@
 //! `project::project_backward`. `geometry::geometry` and `warp::warp` follow the former, and then
 //! `geometry_backward` takes the place of the latter. Each stage can be compared on its own.
 #![allow(missing_docs, clippy::print_stdout, clippy::len_without_is_empty, reason = "for tests alone")]
-#![forbid(unsafe_code)]
 
 pub mod adam;
 pub mod backward;

@@ -2,13 +2,14 @@
 
 use ibgs_data::scene::Gaussians;
 use ibgs_reference::gpu::view_of;
-use ibgs_reference::gpu::{gaussians, gpu, without_subgroups};
+use ibgs_reference::gpu::{gaussians, gpu, open_gpu, without_subgroups};
 use ibgs_reference::random_scene::{random_camera, random_params};
 use ibgs_reference::relative_error;
 use ibgs_reference::surface_scene::wall;
 use ibgs_render::gpu::{Buffer, Gpu};
 use ibgs_render::raster::{Keep, RasterGradients, RasterView, Rasterizer};
 use ibgs_render::scene::{PerGaussian, Splats};
+use ibgs_shaders::TILE_SORT;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -82,4 +83,22 @@ fn the_rasterizer_gives_the_same_with_subgroups_and_without() {
             assert!(error <= 1e-4, "case {case}, gradient {index}: {error:e}");
         }
     }
+}
+
+/// With a kernel for twice as many lanes, which stands for a wrong driver.
+#[test]
+fn wrong_subgroups_are_found() {
+    assert!(without_subgroups().sorts_right().unwrap());
+    let Some(lanes) = gpu().subgroup_lanes else {
+        return ibgs_testing::skipped("wrong_subgroups_are_found", "the adapter has no fixed number of lanes");
+    };
+    let gpu = open_gpu();
+    assert!(gpu.sorts_right().unwrap());
+    let source = TILE_SORT.wgsl_with_subgroups(2 * lanes);
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("for other subgroups"),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    gpu.replace_kernel(&TILE_SORT, &module);
+    assert!(!gpu.sorts_right().unwrap());
 }

@@ -1,9 +1,11 @@
 //! Writes every kernel in every form as HLSL, MSL and WGSL into a folder, with naga's options as wgpu sets them for our kernels, and
 //! `list.tsv`, a line for each: kernel, set, form, lowest shader model, entry point in HLSL, what became of HLSL and of MSL.
+//! `KERNEL.FORM.vulkan.hlsl` is the same HLSL but for what Vulkan has to find elsewhere: immediate data and the number of
+//! workgroups.
 //!
 //! `cargo run -p ibgs-shaders --features translate --example translate -- FOLDER`
 
-use ibgs_shaders::{Access, Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS};
+use ibgs_shaders::{Access, Kernel, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, TRAIN_KERNELS, with_uniform};
 use naga::back::{hlsl, msl};
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
@@ -58,28 +60,57 @@ fn bindings(kernel: &Kernel) -> impl Iterator<Item = (ResourceBinding, bool)> {
     (0..).zip(writes).map(|(binding, writes)| (ResourceBinding { group: 0, binding }, writes))
 }
 
-/// Text and name of the entry point: registers by kind in binding order, immediate data first, the number of workgroups last.
-fn hlsl(kernel: &Kernel, module: &Module, info: &ModuleInfo) -> Result<(String, String), String> {
+/// A register of HLSL.
+fn register(space: u8, register: u32) -> hlsl::BindTarget {
+    hlsl::BindTarget { space, register, ..Default::default() }
+}
+
+/// As wgpu sets them for DirectX 12: registers by kind in binding order, immediate data first, the number of workgroups last.
+fn options_of_wgpu(kernel: &Kernel) -> hlsl::Options {
     let mut registers = [0, 0];
-    let target = |register| hlsl::BindTarget { register, ..Default::default() };
     let mut next = |kind: usize| {
         registers[kind] += 1;
-        target(registers[kind] - 1)
+        register(0, registers[kind] - 1)
     };
-    let options = hlsl::Options {
+    hlsl::Options {
         shader_model: hlsl::ShaderModel::V6_0,
         binding_map: bindings(kernel).map(|(binding, writes)| (binding, next(usize::from(writes)))).collect(),
         fake_missing_bindings: false,
-        special_constants_binding: Some(hlsl::BindTarget { space: 1, ..target(u32::from(kernel.immediates > 0)) }),
-        immediates_target: (kernel.immediates > 0).then(|| target(0)),
+        special_constants_binding: Some(register(1, u32::from(kernel.immediates > 0))),
+        immediates_target: (kernel.immediates > 0).then(|| register(0, 0)),
         zero_initialize_workgroup_memory: false,
         restrict_indexing: true,
         force_loop_bounding: false,
         ..Default::default()
-    };
+    }
+}
+
+/// The same with registers that DXC makes our bindings of, where a uniform takes the place of immediate data.
+fn options_for_vulkan(kernel: &Kernel) -> hlsl::Options {
+    let uniform = ResourceBinding { group: 1, binding: 0 };
+    let own = bindings(kernel).map(|(binding, _)| (binding, register(0, binding.binding)));
+    hlsl::Options {
+        binding_map: own.chain([(uniform, register(1, 0))]).collect(),
+        special_constants_binding: Some(register(2, 0)),
+        immediates_target: None,
+        ..options_of_wgpu(kernel)
+    }
+}
+
+/// wgpu gives DirectX 12 the number of workgroups in a register; here it is Vulkan's own (built-in 24).
+fn with_number_of_workgroups(hlsl: &str) -> Result<String, String> {
+    let declared = "ConstantBuffer<NagaConstants> _NagaConstants: register(b0, space2);";
+    let read = "uint3(_NagaConstants.first_vertex, _NagaConstants.first_instance, _NagaConstants.other)";
+    let text = hlsl.replace(declared, "[[vk::ext_builtin_input(24)]] static const uint3 number_of_workgroups;");
+    let text = text.replace(read, "number_of_workgroups");
+    if text.contains("_NagaConstants") { Err("naga declares its constants in another way".into()) } else { Ok(text) }
+}
+
+/// Text and name of the entry point.
+fn hlsl(module: &Module, info: &ModuleInfo, options: &hlsl::Options) -> Result<(String, String), String> {
     let mut text = String::new();
     let pipeline = hlsl::PipelineOptions { entry_point: Some((ShaderStage::Compute, "main".into())) };
-    let written = hlsl::Writer::new(&mut text, &options, &pipeline).write(module, info, None);
+    let written = hlsl::Writer::new(&mut text, options, &pipeline).write(module, info, None);
     let mut names = written.map_err(|e| e.to_string())?.entry_point_names;
     let name = names.pop().ok_or("no entry point")?.map_err(|e| e.to_string())?;
     Ok((text, name))
@@ -124,6 +155,13 @@ fn caught<T>(write: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(write)).unwrap_or_else(|_| Err("naga panics".into()))
 }
 
+/// The text for Vulkan and the name of its entry point.
+fn vulkan_hlsl(form: &Form) -> Result<(String, String), String> {
+    let (module, info) = parse(&with_uniform(&form.source))?;
+    let (text, entry) = hlsl(&module, &info, &options_for_vulkan(form.kernel))?;
+    Ok((with_number_of_workgroups(&text)?, entry))
+}
+
 /// Writes the texts and gives the line of the list.
 fn translate(form: &Form, folder: &Path) -> Result<String, Box<dyn Error>> {
     let Form { kernel, name, source } = form;
@@ -132,9 +170,12 @@ fn translate(form: &Form, folder: &Path) -> Result<String, Box<dyn Error>> {
     let is_type = |wanted: fn(&TypeInner) -> bool| module.types.iter().any(|(_, ty)| wanted(&ty.inner));
     let halves = is_type(|ty| ty.scalar() == Some(Scalar::F16));
     let matrices = is_type(|ty| matches!(ty, TypeInner::CooperativeMatrix { .. }));
-    let (hlsl, entry) = match caught(|| hlsl(kernel, &module, &info)) {
+    let (hlsl, entry) = match caught(|| hlsl(&module, &info, &options_of_wgpu(kernel))) {
         Ok((text, entry)) => {
             std::fs::write(path("hlsl"), text)?;
+            let (text, same_entry) = vulkan_hlsl(form).map_err(|e| format!("{}, {name}: {e}", kernel.name))?;
+            assert_eq!(same_entry, entry);
+            std::fs::write(path("vulkan.hlsl"), text)?;
             ("written".to_string(), entry)
         }
         Err(_) if matrices => ("no matrices in HLSL".to_string(), String::new()),

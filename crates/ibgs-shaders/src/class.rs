@@ -105,4 +105,17 @@ impl KernelStage {
             Self::Adam | Self::Other => false,
         }
     }
+
+    /// Whether a training of the base alone may need it.
+    pub fn is_of_base(self) -> bool {
+        match self {
+            Self::Project | Self::Sort | Self::Blend | Self::ImageLoss | Self::Adam | Self::Other => true,
+            Self::ImageLossBackward | Self::BlendBackward | Self::ProjectBackward => true,
+            Self::DepthMaps | Self::Planes | Self::Warp | Self::NormalLoss | Self::PhotometricLoss => false,
+            Self::NormalLossBackward | Self::PhotometricLossBackward => false,
+            Self::WarpBackward | Self::PlanesBackward => false,
+            Self::Features | Self::UNet | Self::Compose => false,
+            Self::ComposeBackward | Self::UNetBackward | Self::UNetWeights | Self::FeaturesBackward => false,
+        }
+    }
 }

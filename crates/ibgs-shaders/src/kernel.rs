@@ -53,7 +53,7 @@ impl Kernel {
 
     /// The same for devices without immediate data, which is then a uniform at binding 0 of group 1.
     pub fn wgsl_with_uniform(&self) -> String {
-        self.wgsl().replace("var<immediate>", "@group(1) @binding(0) var<uniform>")
+        with_uniform(&self.wgsl())
     }
 
     /// Whether this is one of the [`MATRIX_KERNELS`](crate::MATRIX_KERNELS).
@@ -65,6 +65,11 @@ impl Kernel {
     pub fn wgsl_for(&self, units: MatrixUnits) -> String {
         Variant::Matrix(units).text(self.name, self.source, SHARED)
     }
+}
+
+/// The text of a kernel with its immediate data as a uniform at binding 0 of group 1.
+pub fn with_uniform(wgsl: &str) -> String {
+    wgsl.replace("var<immediate>", "@group(1) @binding(0) var<uniform>")
 }
 
 /// The host's buffer, whatever its rows are.

@@ -62,7 +62,7 @@ fn frames_are_the_same_bit_for_bit() {
 
 #[test]
 fn a_training_says_what_the_device_lacks() {
-    let error = limited().warm_up().unwrap_err();
+    let error = limited().warm_up(true).unwrap_err();
     assert!(matches!(&error, GpuError::Lacking { missing, .. } if missing.contains("storage buffers")), "{error}");
 }
 

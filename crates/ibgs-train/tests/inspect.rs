@@ -233,6 +233,7 @@ fn every_verdict_has_its_reason() {
         sh_degree: 0,
         normals: vec![[0.0, 0.0, -1.0]; 2],
         offsets: vec![0.0; 2],
+        antialiased: false,
     };
     // Where the sources stand, nearest first, and what comes of it. At 3.95 the wall is nearer than anything is drawn.
     let sources = [

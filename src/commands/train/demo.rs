@@ -1,14 +1,13 @@
 //! The built-in demo scene, which is trained on where no scene is given.
 
-use crate::progress::Bars;
-use crate::stderr;
 use anyhow::{Result, bail};
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{Dataset, LoadOptions};
 use ibgs_core::gpu::Gpu;
+use ibgs_core::model::MakeScene;
 use ibgs_core::progress::Progress;
 use ibgs_demo::{DemoError, DemoOptions, RunOptions};
-use ibgs_train::session::Loaded;
+use ibgs_train::session::{Event, Loaded, Observer};
 
 /// The demo scene's own defaults.
 pub struct DemoDefaults {
@@ -70,17 +69,23 @@ pub fn demo_scene(width: u32, config: &TrainConfig, progress: &dyn Progress) -> 
     ibgs_demo::of_run(&options, progress)
 }
 
-/// Gives a training the demo scene, and its defaults.
-pub fn load(training: &mut Loaded, gpu: &Gpu) -> Result<()> {
+/// The demo scene for a model that was trained on it.
+pub const MAKE_DEMO: MakeScene = |width, config, progress| Ok(demo_scene(width, config, progress)?);
+
+/// Gives a training on the demo scene its defaults.
+pub fn adapt(training: &mut Loaded, gpu: &Gpu) {
     training.adapt(|config| {
         DemoDefaults::of(gpu).fill(config);
         config.data.eval = true;
     });
+}
+
+/// Gives a training the demo scene, and its defaults.
+pub fn load(training: &mut Loaded, gpu: &Gpu, observer: &mut dyn Observer) -> Result<(), DemoError> {
+    adapt(training, gpu);
     let options = if gpu.is_software() { DemoOptions::small() } else { DemoOptions::large() };
-    let dataset = demo_scene(options.width, training.config(), &Bars::default())?;
-    for note in &dataset.notes {
-        stderr!("note: {note}");
-    }
+    let dataset = demo_scene(options.width, training.config(), observer.progress())?;
+    dataset.notes.iter().for_each(|note| observer.event(&Event::Note(note)));
     training.set_dataset(dataset);
     Ok(())
 }

@@ -90,7 +90,7 @@ pub fn prepare(
     let gpu = gpu()?;
     if is_demo {
         status("ray tracing the demo scene; this takes some minutes the first time");
-        demo::load(&mut loaded, &gpu)?;
+        demo::load(&mut loaded, &gpu, &mut reports)?;
     }
     Ok(loaded.build(&gpu, &mut reports)?)
 }

@@ -14,7 +14,7 @@ mod lens;
 mod llff;
 mod load;
 mod masks;
-mod names;
+pub(crate) mod names;
 mod nerf;
 mod neus;
 mod notes;

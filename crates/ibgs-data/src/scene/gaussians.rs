@@ -32,6 +32,9 @@ pub struct Gaussians {
     pub normals: Vec<[f32; 3]>,
     /// N offsets of the plane along its normal from the mean.
     pub offsets: Vec<f32>,
+    /// Whether a file says that they were trained with antialiasing (the 2D filter of Mip-Splatting), which is not how they are
+    /// rendered here. No training sets it.
+    pub antialiased: bool,
 }
 
 impl Gaussians {
@@ -47,6 +50,7 @@ impl Gaussians {
             sh_degree,
             normals: Vec::with_capacity(capacity),
             offsets: Vec::with_capacity(capacity),
+            antialiased: false,
         }
     }
 
@@ -63,6 +67,7 @@ impl Gaussians {
             sh_degree,
             normals: in_rows(normals),
             offsets,
+            antialiased: false,
         }
     }
 
@@ -144,7 +149,19 @@ impl Gaussians {
     pub fn append(&mut self, part: Self) {
         assert_eq!(self.sh_degree, part.sh_degree, "parts of one model have one degree");
         // Each field by name, so that none can be forgotten.
-        let Self { space: _, means, rotations, log_scales, opacity_logits, sh, sh_degree: _, normals, offsets } = part;
+        let Self {
+            space: _,
+            means,
+            rotations,
+            log_scales,
+            opacity_logits,
+            sh,
+            sh_degree: _,
+            normals,
+            offsets,
+            antialiased,
+        } = part;
+        self.antialiased |= antialiased;
         self.means.extend(means);
         self.rotations.extend(rotations);
         self.log_scales.extend(log_scales);
@@ -152,6 +169,18 @@ impl Gaussians {
         self.sh.extend(sh);
         self.normals.extend(normals);
         self.offsets.extend(offsets);
+    }
+
+    /// All parts of a file as one: in the space of the first, with the highest degree of any.
+    pub(super) fn joined(parts: Vec<Self>) -> Self {
+        let degree = parts.iter().map(|part| part.sh_degree).max().unwrap_or_default();
+        let mut all = Self::with_capacity(0, degree);
+        all.space = parts.first().map(|part| part.space).unwrap_or_default();
+        for part in parts {
+            let part = if part.sh_degree == degree { part } else { part.with_sh_degree(degree) };
+            all.append(part.into_space(all.space));
+        }
+        all
     }
 
     /// Those with the given numbers, `count` of them, in that order.
@@ -165,7 +194,7 @@ impl Gaussians {
             numbers.clone().for_each(|i| kept.extend_from_slice(&values[row * i..row * (i + 1)]));
             kept
         });
-        Self::from_values(self.space, self.sh_degree, values)
+        Self { antialiased: self.antialiased, ..Self::from_values(self.space, self.sh_degree, values) }
     }
 
     /// With spherical harmonics of another degree: coefficients that are new are zero, others are left out.

@@ -55,6 +55,7 @@ pub fn from_points(points: &[Point], sh_degree: u32, opacity: f64) -> Result<Gau
         sh_degree,
         normals: vec![[0.0, 0.0, 1.0]; n],
         offsets: vec![0.0; n],
+        antialiased: false,
     })
 }
 

@@ -8,10 +8,13 @@ mod moved;
 mod per_gaussian;
 pub mod ply;
 mod ply_rows;
+mod tags;
 
 pub use error::SceneError;
 pub use formats::packed;
-pub use formats::{Format, Loss, Steps, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians};
+pub use formats::{
+    Format, Loss, SpzVersion, Steps, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians, write_spz,
+};
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 pub use init::from_points;
 pub use per_gaussian::PerGaussian;

@@ -9,12 +9,11 @@
 use super::formats::compressed_ply;
 use super::gaussians::{Carry, coefficients};
 use super::ply_rows::{ElementSeed, Layout, RowSink, Rows};
-use super::{Gaussians, SceneError};
+use super::{Gaussians, SceneError, tags};
 use crate::dataset::Point;
 use crate::files;
 use crate::local_space::LocalSpace;
 use crate::ply_offset;
-use glam::DVec3;
 use serde::de::MapAccess;
 use serde_ply::{DeserializeError, ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 use std::fs::File;
@@ -45,7 +44,8 @@ pub fn write_ply_to(out: &mut dyn Write, gaussians: &Gaussians, flavor: PlyFlavo
     let fields = field_names(gaussians.sh_degree, flavor);
     let floats = fields.iter().map(|name| ("float", name.as_str()));
     let offset = gaussians.file_offset();
-    write_header(out, gaussians.len(), offset, floats)?;
+    let comments = format!("{}{}", ply_offset::line(offset), tags::line(gaussians.antialiased));
+    write_header(out, gaussians.len(), &comments, floats)?;
     let carry = Carry::new(gaussians.space, LocalSpace::at(offset.unwrap_or_default()));
     let mut row = Vec::with_capacity(4 * fields.len());
     for index in 0..gaussians.len() {
@@ -66,7 +66,7 @@ pub fn write_points_ply(path: &Path, points: &[Point], space: LocalSpace) -> Res
     let bytes = ["red", "green", "blue"].map(|name| ("uchar", name));
     let offset = space.file_offset();
     files::write_atomically(path, |out| {
-        write_header(out, points.len(), offset, floats.into_iter().chain(bytes))?;
+        write_header(out, points.len(), &ply_offset::line(offset), floats.into_iter().chain(bytes))?;
         for point in points {
             for v in (point.position - offset.unwrap_or_default()).as_vec3().to_array() {
                 out.write_all(&v.to_le_bytes())?;
@@ -82,11 +82,10 @@ pub fn write_points_ply(path: &Path, points: &[Point], space: LocalSpace) -> Res
 fn write_header<'a>(
     out: &mut dyn Write,
     rows: usize,
-    offset: Option<DVec3>,
+    comments: &str,
     fields: impl Iterator<Item = (&'a str, &'a str)>,
 ) -> io::Result<()> {
-    let offset = ply_offset::line(offset);
-    write!(out, "ply\nformat binary_little_endian 1.0\n{offset}element vertex {rows}\n")?;
+    write!(out, "ply\nformat binary_little_endian 1.0\n{comments}element vertex {rows}\n")?;
     for (kind, name) in fields {
         writeln!(out, "property {kind} {name}")?;
     }
@@ -192,7 +191,7 @@ pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path
     // The last number of a text file need not be followed by a line break; serde-ply wants one.
     let end = if header.format == PlyFormat::Ascii { &b"\n"[..] } else { &[] };
     let data = Read::chain(&mut *reader, end);
-    let gaussians = match &layout {
+    let mut gaussians = match &layout {
         None => compressed_ply::read(data, &header, offset, path)?,
         Some(layout) => {
             let mut rows = Rows::new(layout, last);
@@ -200,6 +199,7 @@ pub fn read_ply_from<R: BufRead + Seek>(reader: &mut R, length: u64, path: &Path
             rows.around(offset, path)?
         }
     };
+    gaussians.antialiased = tags::find(&text);
     if header.elem_defs.last().is_some_and(|element| element.name == last.name) {
         check_rest(reader, length, &header, path)?;
     }

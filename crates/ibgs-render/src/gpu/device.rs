@@ -9,6 +9,7 @@ use super::launch::flush;
 use super::matrix::matrix_units;
 use super::pipeline::Pipelines;
 use super::profile::Profiler;
+use super::subgroups::subgroup_lanes;
 use super::uniforms::Uniforms;
 use ibgs_shaders::MatrixUnits;
 use serde::{Deserialize, Serialize};
@@ -70,7 +71,8 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     /// Its matrix units for products of halves; none where the adapter has none that fit our kernels.
     pub matrix_units: Option<MatrixUnits>,
-    /// Lanes of a subgroup; none where their number is not fixed, or not one that fits our kernels.
+    /// Lanes of a subgroup; none where their number is not fixed or not one that fits our kernels, or where a test finds that the
+    /// driver gets them wrong.
     pub subgroup_lanes: Option<u32>,
     /// What a library that shares the device keeps with it.
     attached: OnceLock<Box<dyn Any + Send + Sync>>,
@@ -101,19 +103,12 @@ impl std::fmt::Debug for Gpu {
     }
 }
 
-/// Lanes of a device's subgroups, where they are always as many and our kernels have a form for them.
-fn subgroup_lanes(info: &wgpu::AdapterInfo, features: wgpu::Features) -> Option<u32> {
-    let lanes = info.subgroup_min_size;
-    let fits = lanes == info.subgroup_max_size && [8, 16, 32].contains(&lanes);
-    (fits && features.contains(wgpu::Features::SUBGROUP)).then_some(lanes)
-}
-
 impl Gpu {
     /// The device of another program, asked for by [`device_descriptor`](super::device_descriptor). Its callbacks stay. If
     /// they do not end the program, the next wait reports a lost device.
     ///
     /// # Errors
-    /// The device lacks a limit that rendering needs.
+    /// The device lacks a limit that rendering needs, or it failed.
     pub fn from_wgpu(
         instance: wgpu::Instance,
         adapter: wgpu::Adapter,
@@ -125,7 +120,7 @@ impl Gpu {
         require(&info, &limits, Use::Rendering)?;
         let experimental = features.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX);
         let immediates = features.contains(wgpu::Features::IMMEDIATES) && limits.max_immediate_size >= IMMEDIATES;
-        Ok(Arc::new(Gpu {
+        let mut gpu = Gpu {
             // Kernels for matrix units have immediate data.
             matrix_units: matrix_units(&adapter).filter(|_| experimental && immediates),
             subgroup_lanes: subgroup_lanes(&info, features).filter(|_| immediates),
@@ -144,7 +139,9 @@ impl Gpu {
             pipelines: Pipelines::default(),
             profiler: Mutex::default(),
             fault: Arc::default(),
-        }))
+        };
+        gpu.keep_right_subgroups()?;
+        Ok(Arc::new(gpu))
     }
 
     /// Sets the callbacks that record errors of the device, in place of those of another library.

@@ -15,6 +15,7 @@ mod pipeline;
 pub mod pool;
 pub mod profile;
 pub mod scan;
+mod subgroups;
 mod uniforms;
 
 pub use adapter::{Use, backends, device_descriptor, lacking};

@@ -7,7 +7,12 @@ use super::uniforms::Uniforms;
 use ibgs_shaders::{Kernel, KernelSet, MATRIX_KERNELS, RENDER_KERNELS, TRAIN_KERNELS};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
+use std::time::{Duration, Instant};
+
+/// How long compiling takes before it is worth a line.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A compiled kernel.
 #[derive(Clone)]
@@ -20,13 +25,14 @@ pub(super) struct Pipeline {
 pub(super) type Pipelines = Mutex<HashMap<&'static str, Arc<OnceLock<Pipeline>>>>;
 
 impl Gpu {
-    /// Compiles every kernel now, so that no step of a training waits for it later.
+    /// Compiles the kernels of a training now, so that no step of it waits for one later; `image_based`: also those that the base
+    /// alone does not need.
     ///
     /// # Errors
     /// The device can render, but lacks a limit that training needs.
-    pub fn warm_up(&self) -> Result<(), GpuError> {
+    pub fn warm_up(&self, image_based: bool) -> Result<(), GpuError> {
         require(&self.info, &self.limits, Use::Training)?;
-        self.compile_all(|_| true);
+        self.compile_all(|kernel| image_based || kernel.stage.is_of_base());
         Ok(())
     }
 
@@ -43,12 +49,20 @@ impl Gpu {
         }
     }
 
-    /// Compiles those that are wanted, several at once: a driver may take two seconds for one of them.
+    /// Compiles those that are wanted, several at once: a driver may take two seconds for one of them. Says so where all take longer
+    /// than one.
     fn compile_all(&self, wanted: impl Fn(&Kernel) -> bool) {
         let matrix = if self.matrix_units.is_some() { MATRIX_KERNELS } else { &[] };
         let mut kernels = [RENDER_KERNELS, TRAIN_KERNELS, matrix].concat();
         kernels.retain(|kernel| wanted(kernel));
-        kernels.into_par_iter().for_each(|kernel| drop(self.pipeline(kernel)));
+        let (start, said, done) = (Instant::now(), AtomicBool::new(false), AtomicUsize::new(0));
+        kernels.par_iter().for_each(|&kernel| {
+            self.pipeline(kernel);
+            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+            if start.elapsed() > PATIENCE && done < kernels.len() && !said.swap(true, Ordering::Relaxed) {
+                log::info!("compiling kernels for {}: {done} of {} so far", self.info.name, kernels.len());
+            }
+        });
     }
 
     /// The kernel, compiled at its first use.
@@ -70,13 +84,23 @@ impl Gpu {
         unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 
+    /// Takes a module in place of a kernel's own text, for tests of translations. It has the kernel's bindings, and its entry
+    /// point is `main`.
+    pub fn replace_kernel(&self, kernel: &'static Kernel, module: &wgpu::ShaderModule) {
+        let replaced = OnceLock::from(self.compile_module(kernel, module));
+        self.pipelines.lock().expect("pipeline cache").insert(kernel.name, Arc::new(replaced));
+    }
+
     fn compile(&self, kernel: &'static Kernel) -> Pipeline {
         let source = match self.matrix_units.filter(|_| kernel.needs_matrix_units()) {
             Some(units) => kernel.wgsl_for(units),
             None if self.uniforms.is_some() => kernel.wgsl_with_uniform(),
             None => self.subgroup_lanes.map_or_else(|| kernel.wgsl(), |lanes| kernel.wgsl_with_subgroups(lanes)),
         };
-        let module = self.module(kernel.name, &source);
+        self.compile_module(kernel, &self.module(kernel.name, &source))
+    }
+
+    fn compile_module(&self, kernel: &'static Kernel, module: &wgpu::ShaderModule) -> Pipeline {
         let entries: Vec<_> = (0u32..)
             .zip(kernel.bindings)
             .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
@@ -103,7 +127,7 @@ impl Gpu {
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(kernel.name),
             layout: Some(&pipeline_layout),
-            module: &module,
+            module,
             entry_point: Some("main"),
             compilation_options: wgpu::PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,

@@ -13,7 +13,7 @@ use crate::loss::Loss;
 use crate::memory::Needs;
 use crate::{Trainer, exposure_trial, find_points};
 use ibgs_core::camera::Camera;
-use ibgs_core::config::{ExposureSwitch, PoseSwitch, TrainConfig};
+use ibgs_core::config::{ExposureSwitch, Method, PoseSwitch, TrainConfig};
 use ibgs_core::dataset::{Dataset, shown_by_any};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::load_scene;
@@ -193,7 +193,7 @@ impl Loaded {
         observer.event(&Event::Preparing);
         let started = Instant::now();
         let raster = Arc::new(Rasterizer::new(gpu.clone()));
-        gpu.warm_up()?;
+        gpu.warm_up(config.method == Method::Ibgs)?;
         if start.as_ref().is_some_and(Start::has_exposures) && config.exposure.enabled == ExposureSwitch::Auto {
             config.exposure.enabled = ExposureSwitch::On;
         }

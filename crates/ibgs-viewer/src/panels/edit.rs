@@ -225,7 +225,7 @@ pub fn file(edit: &mut Edit, ui: &mut Ui) {
     let field = TextEdit::singleline(&mut edit.file).desired_width(f32::INFINITY);
     ui.add(field).on_hover_text(format!(
         "A name in `.ibgs` keeps network, cameras and source photos; one in {} the Gaussians alone",
-        Format::endings()
+        Format::written_endings()
     ));
     ui.checkbox(&mut edit.replaces, "replace").on_hover_text("Replace a file of this name");
 }

@@ -8,8 +8,8 @@
 use super::super::gaussians::degree_of;
 use super::super::ply::rows_error;
 use super::super::ply_rows::{ElementSeed, RowSink, scalar_columns};
-use super::super::{Gaussians, SceneError};
-use super::{MAX_SH_DEGREE, Steps, axes, finite, order, quantise, without_planes};
+use super::super::{Gaussians, SceneError, tags};
+use super::{MAX_SH_DEGREE, Steps, Writing, axes, finite, order, quantise, without_planes};
 use crate::local_space::LocalSpace;
 use crate::ply_offset;
 use glam::DVec3;
@@ -26,8 +26,10 @@ pub(super) const ROW: super::Row = super::Row {
     axes: axes::RDF,
     max_sh_degree: MAX_SH_DEGREE,
     steps: Steps { rotation: SQRT_2 / ROTATION_STEPS as f64, sh: [0.0, HARMONIC, HARMONIC, HARMONIC] },
+    position_step: None,
+    keeps_antialiased: true,
     place_of_offset: super::PLY.place_of_offset,
-    writer: Some(|g| Ok(Box::new(move |out| write(g, out)))),
+    writing: Writing::By(|g| Ok(Box::new(move |out| write(g, out)))),
     read: super::PLY.read,
 };
 
@@ -69,9 +71,9 @@ const MOST_LOGARITHMS: f32 = 20.0;
 /// Writes the Gaussians in an order in which neighbours share a chunk.
 fn write(g: &Gaussians, out: &mut dyn Write) -> io::Result<()> {
     let higher = 3 * (g.sh_coefficients() - 1);
-    let offset = ply_offset::line(g.space.file_offset());
+    let comments = format!("{}{}", ply_offset::line(g.space.file_offset()), tags::line(g.antialiased));
     let (chunks, count) = (g.len().div_ceil(CHUNK), g.len());
-    write!(out, "ply\nformat binary_little_endian 1.0\n{offset}element chunk {chunks}\n")?;
+    write!(out, "ply\nformat binary_little_endian 1.0\n{comments}element chunk {chunks}\n")?;
     BOUNDS.iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
     writeln!(out, "element vertex {count}")?;
     WORDS.iter().try_for_each(|name| writeln!(out, "property uint {name}"))?;

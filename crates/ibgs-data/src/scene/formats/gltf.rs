@@ -5,7 +5,7 @@
 //! Where the scene lies far from its origin, the node's translation says so.
 
 use super::super::Gaussians;
-use super::{MAX_SH_DEGREE, Writer, axes, gltf_read, quantise};
+use super::{MAX_SH_DEGREE, Writer, Writing, axes, gltf_read, quantise};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
@@ -18,9 +18,21 @@ pub(super) const ROW: super::Row = super::Row {
     axes: axes::LUF,
     max_sh_degree: MAX_SH_DEGREE,
     steps: super::PLY.steps,
+    position_step: None,
+    keeps_antialiased: false,
     place_of_offset: Some("the translation of its node"),
-    writer: Some(writer),
+    writing: Writing::By(writer),
     read: Some(gltf_read::read),
+};
+
+/// The same as text, with its buffers in it or beside it.
+pub(super) const TEXT: super::Row = super::Row {
+    name: "glTF 2.0 with `KHR_gaussian_splatting`, as text",
+    ending: ".gltf",
+    marks: &[],
+    writing: Writing::Never,
+    read: Some(|bytes, path| gltf_read::read_described(bytes, &[], path)),
+    ..ROW
 };
 
 /// Component type of floats.

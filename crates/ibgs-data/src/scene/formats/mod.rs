@@ -7,24 +7,34 @@ mod axes;
 pub(super) mod compressed_ply;
 mod finite;
 mod gltf;
+mod gltf_buffers;
 mod gltf_colors;
 mod gltf_nodes;
 mod gltf_read;
+mod ksplat;
 mod order;
 pub mod packed;
 mod palette;
 mod quantise;
 mod sog;
+mod sog_meta;
+mod sog_parts;
 mod sog_read;
 mod splat;
 mod spz;
+mod spz_read;
+mod strays;
 #[cfg(test)]
 mod tests;
+mod usda;
+mod usda_read;
+mod usda_text;
 
 pub(super) use finite::{Dropped, is_rotation, make_finite};
 #[cfg(test)]
 pub(super) use gltf_nodes::basis;
 pub(super) use gltf_nodes::turn_each;
+pub use spz::{SpzVersion, write_spz};
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;
@@ -59,14 +69,22 @@ formats! {
     CompressedPly => compressed_ply::ROW,
     /// PLY of 32-bit floats, as 3DGS writes it.
     Ply => PLY,
-    /// Niantic's SPZ: written in version 3, read in versions 2 and 3.
+    /// Niantic's SPZ: written in version 4 ([`write_spz`] writes version 3 too), read in versions 2 to 4.
     Spz => spz::ROW,
     /// 32 bytes a Gaussian, as antimatter15's viewer reads it.
     Splat => splat::ROW,
     /// Binary glTF with the extension `KHR_gaussian_splatting`.
     Gltf => gltf::ROW,
-    /// PlayCanvas' SOG, version 2: lossless WebP pictures in a ZIP archive.
+    /// glTF as text with the same extension; read only.
+    GltfText => gltf::TEXT,
+    /// PlayCanvas' SOG: lossless WebP pictures in a ZIP archive; written in version 2, read in versions 1 and 2.
     Sog => sog::ROW,
+    /// SOG as a `meta.json` with its pictures beside it; read only.
+    SogFolder => sog::FOLDER,
+    /// The format of GaussianSplats3D; read only.
+    Ksplat => ksplat::ROW,
+    /// OpenUSD's `ParticleField3DGaussianSplat` in a text layer.
+    Usda => usda::ROW,
 }
 
 /// What writes a file's bytes, or why a file cannot hold the model.
@@ -74,6 +92,9 @@ type Writer<'a> = Result<Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>, Str
 
 /// What was read, or what is wrong in a file.
 type Found = Result<Gaussians, String>;
+
+/// Reads the bytes of a whole file; the path is that of the file.
+type ReadWhole = fn(&[u8], &Path) -> Found;
 
 /// The steps in which files keep values: 0 where they keep floats, or numbers of codebooks or between bounds, whose steps
 /// follow the values.
@@ -83,6 +104,17 @@ pub struct Steps {
     pub rotation: f64,
     /// Of the coefficients of the spherical harmonics of each degree.
     pub sh: [f64; MAX_SH_DEGREE as usize + 1],
+}
+
+/// Who writes files of a format.
+#[derive(Clone, Copy)]
+enum Writing {
+    /// [`ply::write_ply`].
+    Ply,
+    /// What makes ready for writing, with the axes of the files.
+    By(fn(&Gaussians) -> Writer<'_>),
+    /// Nobody: it is read only.
+    Never,
 }
 
 /// All that is known of a format; each module states its own.
@@ -97,13 +129,16 @@ struct Row {
     axes: [f32; 3],
     max_sh_degree: u32,
     steps: Steps,
+    /// The step of positions where all of them share one range.
+    position_step: Option<strays::Step>,
+    /// Whether files say that Gaussians were trained with antialiasing ([`Gaussians::antialiased`]).
+    keeps_antialiased: bool,
     /// What of a file says where its coordinates lie in the scene ([`Gaussians::file_offset`]).
     place_of_offset: Option<&'static str>,
-    /// Makes ready for writing, with the axes of the files; none: [`ply::write_ply`].
-    writer: Option<fn(&Gaussians) -> Writer<'_>>,
+    writing: Writing,
     /// Reads a whole file, whose path is for messages, with the axes of the files; none: [`ply::read_ply_from`], which tells
     /// both kinds of PLY apart.
-    read: Option<fn(&[u8], &Path) -> Found>,
+    read: Option<ReadWhole>,
 }
 
 const PLY: Row = Row {
@@ -113,8 +148,10 @@ const PLY: Row = Row {
     axes: axes::RDF,
     max_sh_degree: MAX_SH_DEGREE,
     steps: Steps { rotation: 0.0, sh: [0.0; 4] },
+    position_step: None,
+    keeps_antialiased: true,
     place_of_offset: Some("the line `comment offset` of its header"),
-    writer: None,
+    writing: Writing::Ply,
     read: None,
 };
 
@@ -131,7 +168,17 @@ impl Format {
 
     /// The endings of all formats, for sentences.
     pub fn endings() -> String {
-        Self::ALL.map(|format| format!("`{}`", format.ending())).join(", ")
+        listed(Self::ALL.into_iter())
+    }
+
+    /// The endings of the formats that are written, for sentences.
+    pub fn written_endings() -> String {
+        listed(Self::written())
+    }
+
+    /// The formats that are written; the others are read only.
+    pub fn written() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|format| !matches!(format.row().writing, Writing::Never))
     }
 
     /// The format that the ending of a name asks for.
@@ -164,8 +211,14 @@ impl Format {
             Some(place) => Loss::SplitOff { offset, place },
             None => Loss::Offset(offset),
         });
-        harmonics.into_iter().chain(offset).collect()
+        let strays = self.row().position_step.and_then(|step| strays::find(gaussians, step));
+        let antialiased = (gaussians.antialiased && !self.row().keeps_antialiased).then_some(Loss::Antialiased);
+        harmonics.into_iter().chain(offset).chain(strays).chain(antialiased).collect()
     }
+}
+
+fn listed(formats: impl Iterator<Item = Format>) -> String {
+    formats.map(|format| format!("`{}`", format.ending())).collect::<Vec<_>>().join(", ")
 }
 
 /// Whether a file looks like one of Gaussians, by its first bytes or by its name.
@@ -194,6 +247,21 @@ pub enum Loss {
         /// What of the file says it.
         place: &'static str,
     },
+    /// That the Gaussians were trained with antialiasing.
+    Antialiased,
+    /// Precision, as some Gaussians lie far away from the others.
+    Strays {
+        /// How many.
+        count: usize,
+        /// The largest coordinate of any.
+        reach: f64,
+        /// The largest coordinate of 99.9 % of the Gaussians.
+        usual: f64,
+        /// The steps to which the file rounds positions of these.
+        coarse: f64,
+        /// The steps without the far ones.
+        fine: f64,
+    },
 }
 
 impl fmt::Display for Loss {
@@ -213,6 +281,15 @@ impl fmt::Display for Loss {
                 "the scene lies far from its origin, so the coordinates of the file are around {x} {y} {z}, as {place} says; \
                  a program that ignores it shows the scene at the origin"
             ),
+            Self::Antialiased => {
+                write!(f, "the format has no place for the tag that they were trained with antialiasing")
+            }
+            Self::Strays { count, reach, usual, coarse, fine } => write!(
+                f,
+                "{count} Gaussian{} up to {reach} from the origin, 99.9 % within {usual:.3}; for them the format rounds all \
+                 positions to steps of {coarse:.6}, not {fine:.6}; remove them before",
+                if *count == 1 { " lies" } else { "s lie" }
+            ),
         }
     }
 }
@@ -223,16 +300,34 @@ impl fmt::Display for Loss {
 /// Those of [`Gaussians::validate`], [`SceneError::CannotHold`] where the format has no place for the model (nothing is
 /// written then), and [`SceneError::Write`].
 pub fn write_gaussians(path: &Path, gaussians: &Gaussians, format: Format) -> Result<(), SceneError> {
-    let Some(writer) = format.row().writer else {
-        return ply::write_ply(path, gaussians, PlyFlavor::Full);
-    };
+    match format.row().writing {
+        Writing::Ply => ply::write_ply(path, gaussians, PlyFlavor::Full),
+        Writing::By(writer) => write_with(path, gaussians, format.row().axes, writer),
+        Writing::Never => {
+            let reason =
+                format!("files in `{}` are read only; choose one of {}", format.ending(), Format::written_endings());
+            Err(SceneError::CannotHold { path: path.to_owned(), reason })
+        }
+    }
+}
+
+/// Writes Gaussians with the axes of a file in one atomic step.
+///
+/// # Errors
+/// As [`write_gaussians`].
+fn write_with(
+    path: &Path,
+    gaussians: &Gaussians,
+    axes: [f32; 3],
+    writer: impl FnOnce(&Gaussians) -> Writer<'_>,
+) -> Result<(), SceneError> {
     gaussians.validate()?;
     let refused = |reason| SceneError::CannotHold { path: path.to_owned(), reason };
     if gaussians.is_empty() {
         return Err(refused("the model has no Gaussians".to_owned()));
     }
     let place = LocalSpace::at(gaussians.file_offset().unwrap_or_default());
-    let gaussians = axes::turned(gaussians.in_space(place), format.row().axes);
+    let gaussians = axes::turned(gaussians.in_space(place), axes);
     let write = writer(&gaussians).map_err(refused)?;
     files::write_atomically(path, |out| write(out))?;
     Ok(())
@@ -268,9 +363,27 @@ pub fn read_gaussians_from<R: BufRead + Seek>(
     let Some(format) = Format::of_contents(&start).or_else(by_name) else {
         return Err(SceneError::UnknownFormat { path: path.to_owned() });
     };
-    let Some(read) = format.row().read else { return ply::read_ply_from(reader, length, path) };
+    let gaussians = match format.row().read {
+        Some(read) => read_whole(reader, length, path, (format, read)),
+        None => ply::read_ply_from(reader, length, path),
+    }?;
+    if gaussians.antialiased {
+        log::warn!(
+            "{}: its Gaussians were trained with antialiasing, and are shown without: small ones look too large",
+            path.display()
+        );
+    }
+    Ok(gaussians)
+}
+
+fn read_whole<R: BufRead>(
+    reader: &mut R,
+    length: u64,
+    path: &Path,
+    (format, read): (Format, ReadWhole),
+) -> Result<Gaussians, SceneError> {
     let mut bytes = Vec::new();
-    reader.take(length).read_to_end(&mut bytes).map_err(io_error)?;
+    reader.take(length).read_to_end(&mut bytes).map_err(|source| ply::read_error(path, source))?;
     let bad = |reason| SceneError::BadFile { path: path.to_owned(), format: format.ending(), reason };
     let mut gaussians = read(&bytes, path).map_err(bad)?;
     axes::turn(&mut gaussians, format.row().axes);

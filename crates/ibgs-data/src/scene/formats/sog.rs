@@ -8,7 +8,7 @@
 
 use super::super::Gaussians;
 use super::palette::{Codebook, Palette};
-use super::{MAX_SH_DEGREE, Steps, Writer, axes, order, quantise, sog_read};
+use super::{MAX_SH_DEGREE, Steps, Writer, Writing, axes, order, quantise, sog_read};
 use crate::stored_zip;
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::{Value, json};
@@ -22,9 +22,21 @@ pub(super) const ROW: super::Row = super::Row {
     axes: axes::RDF,
     max_sh_degree: MAX_SH_DEGREE,
     steps: Steps { rotation: SQRT_2 / 255.0, sh: [0.0; 4] },
+    // Half of the range of sign(x) ln(1 + |x|) on either side.
+    position_step: Some(|reach, at| 2.0 * to_log(reach) / f64::from(MOST_POSITION) * (1.0 + at)),
+    keeps_antialiased: true,
     place_of_offset: None,
-    writer: Some(writer),
+    writing: Writing::By(writer),
     read: Some(|bytes, _| sog_read::read(bytes)),
+};
+/// The same without an archive.
+pub(super) const FOLDER: super::Row = super::Row {
+    name: "SOG (PlayCanvas) in a folder",
+    ending: "meta.json",
+    marks: &[],
+    writing: Writing::Never,
+    read: Some(sog_read::read_folder),
+    ..ROW
 };
 
 fn writer(gaussians: &Gaussians) -> Writer<'_> {
@@ -32,6 +44,8 @@ fn writer(gaussians: &Gaussians) -> Writer<'_> {
     Ok(Box::new(move |out| out.write_all(&bytes)))
 }
 
+/// The `model` of Gaussians that were trained with antialiasing.
+pub(super) const ANTIALIASED: &str = "antialiased";
 /// Largest side of a WebP picture.
 pub(super) const MOST_SIDE: usize = 16_384;
 /// Entries of the palette that lie side by side.
@@ -62,6 +76,9 @@ pub(super) fn encode(g: &Gaussians, order: Vec<usize>) -> Result<Vec<u8>, String
 fn archive(planes: &Planes) -> io::Result<Vec<u8>> {
     let mut files = Files::new();
     let mut meta = json!({"version": 2, "asset": {"generator": "ibgs"}, "count": planes.g.len()});
+    if planes.g.antialiased {
+        meta["model"] = json!(ANTIALIASED);
+    }
     planes.means(&mut meta, &mut files)?;
     planes.rotations(&mut meta, &mut files)?;
     planes.scales(&mut meta, &mut files)?;

@@ -5,7 +5,7 @@
 
 use super::super::{Gaussians, SH_C0};
 use super::quantise::{self, byte};
-use super::{Steps, axes};
+use super::{Steps, Writing, axes};
 use std::io::{self, Write};
 
 pub(super) const ROW: super::Row = super::Row {
@@ -15,8 +15,10 @@ pub(super) const ROW: super::Row = super::Row {
     axes: axes::RDF,
     max_sh_degree: 0,
     steps: Steps { rotation: 1.0 / 128.0, sh: [1.0 / 255.0 / SH_C0, 0.0, 0.0, 0.0] },
+    position_step: None,
+    keeps_antialiased: false,
     place_of_offset: None,
-    writer: Some(|g| Ok(Box::new(move |out| write(g, out)))),
+    writing: Writing::By(|g| Ok(Box::new(move |out| write(g, out)))),
     read: Some(|bytes, _| read(bytes)),
 };
 

@@ -1,49 +1,76 @@
-//! Niantic's SPZ (github.com/nianticlabs/spz): written in version 3, read in versions 2 and 3.
+//! Niantic's SPZ (github.com/nianticlabs/spz): written in version 4, on request in version 3; read in versions 2 to 4.
 //!
-//! One gzip stream: a header of 16 bytes, then all positions (24-bit fixed point), opacities (a byte), colours (a byte a
-//! channel of 0.15 dc + 0.5), scales (a byte in steps of 1/16 of the logarithm, from -10), rotations and spherical harmonics
-//! (a byte each over -1 to 1, with 5 significant bits in degree 1 and 4 above). Rotations are the smallest three components of the quaternion in
-//! 10 bits each; in version 2, x, y, z in a byte each.
+//! A header and six fields: positions (24-bit fixed point), opacities (a byte), colours (a byte a channel of 0.15 dc + 0.5),
+//! scales (a byte in steps of 1/16 of the logarithm, from -10), rotations and spherical harmonics (a byte each over -1 to 1,
+//! with 5 significant bits in degree 1 and 4 above). Rotations are the smallest three components of the quaternion in 10 bits
+//! each; in version 2, x, y, z in a byte each. Up to version 3 all of it is one gzip stream. In version 4 a header of 32 bytes
+//! and a table of the fields' lengths are plain, and each field is a Zstandard frame.
 
-use super::super::Gaussians;
-use super::super::gaussians::coefficients;
+use super::super::{Gaussians, SceneError};
 use super::quantise::{self, byte};
-use super::{MAX_SH_DEGREE, Steps, Writer, axes};
+use super::{Format, MAX_SH_DEGREE, Steps, Writer, Writing, axes, spz_read};
 use flate2::Compression;
-use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
+use std::path::Path;
 
 pub(super) const ROW: super::Row = super::Row {
     name: "SPZ (Niantic)",
     ending: ".spz",
-    marks: &[&[0x1f, 0x8b], b"NGSP"],
+    marks: &[&[0x1f, 0x8b], MAGIC],
     axes: axes::RUB,
     max_sh_degree: MAX_SH_DEGREE,
     steps: Steps {
         rotation: FRAC_1_SQRT_2 / ROTATION_STEPS,
         sh: [1.0 / 255.0 / COLOR_SCALE, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 8.0],
     },
+    position_step: Some(|reach, _| 0.5_f64.powi(bits_behind_the_point(reach).unwrap_or_default() as i32)),
+    keeps_antialiased: true,
     place_of_offset: None,
-    writer: Some(writer),
-    read: Some(|bytes, _| read(bytes)),
+    writing: Writing::By(|gaussians| writer(gaussians, write_4)),
+    read: Some(|bytes, _| spz_read::read(bytes)),
 };
 
-const MAGIC: [u8; 4] = *b"NGSP";
-const HEADER: usize = 16;
+/// A version of SPZ that is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SpzVersion {
+    /// One gzip stream, which programs from before 2026 read.
+    V3,
+    /// Zstandard, a frame for each field.
+    #[default]
+    V4,
+}
+
+/// Writes an SPZ file of a version, as [`write_gaussians`](super::write_gaussians) writes one of the default version.
+///
+/// # Errors
+/// As [`write_gaussians`](super::write_gaussians).
+pub fn write_spz(path: &Path, gaussians: &Gaussians, version: SpzVersion) -> Result<(), SceneError> {
+    super::write_with(path, gaussians, Format::Spz.row().axes, |gaussians| match version {
+        SpzVersion::V3 => writer(gaussians, write_3),
+        SpzVersion::V4 => writer(gaussians, write_4),
+    })
+}
+
+pub(super) const MAGIC: &[u8; 4] = b"NGSP";
+/// Bytes of the header of version 4.
+pub(super) const HEADER_4: usize = 32;
+/// Bytes of a field in the table of version 4: compressed and plain length.
+pub(super) const TABLE_ROW: usize = 16;
+/// The flag of Gaussians that were trained with antialiasing.
+pub(super) const ANTIALIASED: u8 = 1;
 /// Most bits behind the point that are written: steps of a millionth.
 const MOST_FRACTIONAL_BITS: u32 = 20;
 /// Largest coordinate in steps.
 const MOST_STEPS: f64 = 8_388_607.0;
 /// Colours are kept as `COLOR_SCALE` dc + 0.5: wider than their range.
-const COLOR_SCALE: f64 = 0.15;
+pub(super) const COLOR_SCALE: f64 = 0.15;
 /// Steps of a component of a rotation, beside its sign.
-const ROTATION_STEPS: f64 = 511.0;
-/// No scene compresses so well; beyond it a file is not unpacked.
-const MOST_RATIO: u64 = 200;
-/// Files of any length may hold so many bytes.
-const SMALL: u64 = 1 << 16;
+pub(super) const ROTATION_STEPS: f64 = 511.0;
+/// Level of Zstandard, as Niantic's library has it: more hardly makes files smaller.
+#[cfg(not(target_family = "wasm"))]
+const ZSTD_LEVEL: i32 = 12;
 
 /// Most bits behind the point with which all coordinates fit.
 ///
@@ -54,44 +81,94 @@ fn fractional_bits(gaussians: &Gaussians) -> Result<u32, String> {
         return Err("an SPZ file holds up to 2,147,483,647 Gaussians".to_owned());
     }
     let far = gaussians.means.as_flattened().iter().fold(0.0, |far, v| f64::max(far, f64::from(v.abs())));
-    let fits = |&bits: &u32| (far * f64::from(1 << bits)).round() <= MOST_STEPS;
-    (0..=MOST_FRACTIONAL_BITS)
-        .rev()
-        .find(fits)
+    bits_behind_the_point(far)
         .ok_or_else(|| format!("an SPZ file holds coordinates up to {MOST_STEPS}, the model's reach {far}"))
 }
 
-fn writer(gaussians: &Gaussians) -> Writer<'_> {
+/// Most bits behind the point with which a coordinate fits.
+fn bits_behind_the_point(far: f64) -> Option<u32> {
+    (0..=MOST_FRACTIONAL_BITS).rev().find(|&bits| (far * f64::from(1 << bits)).round() <= MOST_STEPS)
+}
+
+/// Writes fields with the bits behind the point of a coordinate.
+type WriteFields = fn(&Gaussians, u32, &mut dyn Write) -> io::Result<()>;
+
+fn writer(gaussians: &Gaussians, write: WriteFields) -> Writer<'_> {
     let bits = fractional_bits(gaussians)?;
     Ok(Box::new(move |out| write(gaussians, bits, out)))
 }
 
-/// Writes version 3.
-fn write(g: &Gaussians, fractional_bits: u32, out: &mut dyn Write) -> io::Result<()> {
+/// The first 15 bytes of the header of every version.
+fn header(g: &Gaussians, version: u32, fractional_bits: u32) -> Vec<u8> {
+    let mut header = MAGIC.to_vec();
+    header.extend(version.to_le_bytes());
+    header.extend((g.len() as u32).to_le_bytes());
+    header.extend([g.sh_degree as u8, fractional_bits as u8, if g.antialiased { ANTIALIASED } else { 0 }]);
+    header
+}
+
+fn write_3(g: &Gaussians, fractional_bits: u32, out: &mut dyn Write) -> io::Result<()> {
     let mut gzip = GzEncoder::new(out, Compression::default());
-    gzip.write_all(&MAGIC)?;
-    gzip.write_all(&3_u32.to_le_bytes())?;
-    gzip.write_all(&(g.len() as u32).to_le_bytes())?;
-    gzip.write_all(&[g.sh_degree as u8, fractional_bits as u8, 0, 0])?;
-    let steps = f64::from(1 << fractional_bits);
-    for &v in g.means.as_flattened() {
-        let fixed = (f64::from(v) * steps).round() as i32;
-        gzip.write_all(&fixed.to_le_bytes()[..3])?;
-    }
-    let bytes = |values: &mut dyn Iterator<Item = u8>| values.collect::<Vec<u8>>();
-    gzip.write_all(&bytes(&mut g.opacity_logits.iter().map(|&logit| quantise::opacity_byte(logit))))?;
-    let row = 3 * g.sh_coefficients();
-    let color = |dc: &f32| byte(255.0 * (COLOR_SCALE * f64::from(*dc) + 0.5));
-    gzip.write_all(&bytes(&mut g.sh.chunks_exact(row).flat_map(|sh| &sh[..3]).map(color)))?;
-    gzip.write_all(&bytes(&mut g.log_scales.as_flattened().iter().map(|&s| byte((f64::from(s) + 10.0) * 16.0))))?;
-    for &rotation in &g.rotations {
-        gzip.write_all(&pack_rotation(rotation).to_le_bytes())?;
-    }
-    for sh in g.sh.chunks_exact(row) {
-        gzip.write_all(&bytes(&mut sh.iter().enumerate().skip(3).map(|(at, &v)| pack_harmonic(at / 3, v))))?;
-    }
+    gzip.write_all(&header(g, 3, fractional_bits))?;
+    gzip.write_all(&[0])?;
+    fields(g, fractional_bits).iter().try_for_each(|field| gzip.write_all(field))?;
     gzip.finish()?;
     Ok(())
+}
+
+fn write_4(g: &Gaussians, fractional_bits: u32, out: &mut dyn Write) -> io::Result<()> {
+    let mut fields: Vec<Vec<u8>> = fields(g, fractional_bits).into();
+    // Colours that do not depend on the view have no sixth field.
+    fields.retain(|field| !field.is_empty());
+    let mut start = header(g, 4, fractional_bits);
+    start.push(fields.len() as u8);
+    start.extend((HEADER_4 as u32).to_le_bytes());
+    start.resize(HEADER_4, 0);
+    let mut streams = Vec::with_capacity(fields.len());
+    for field in fields {
+        let stream = compressed(&field)?;
+        start.extend((stream.len() as u64).to_le_bytes());
+        start.extend((field.len() as u64).to_le_bytes());
+        streams.push(stream);
+    }
+    out.write_all(&start)?;
+    streams.iter().try_for_each(|stream| out.write_all(stream))
+}
+
+/// A Zstandard frame with its checksum.
+#[cfg(not(target_family = "wasm"))]
+fn compressed(field: &[u8]) -> io::Result<Vec<u8>> {
+    let mut compressor = zstd::bulk::Compressor::new(ZSTD_LEVEL)?;
+    compressor.include_checksum(true)?;
+    compressor.compress(field)
+}
+
+/// A Zstandard frame with its checksum, in Rust alone: a third larger.
+#[cfg(target_family = "wasm")]
+fn compressed(field: &[u8]) -> io::Result<Vec<u8>> {
+    use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+    Ok(compress_to_vec(field, CompressionLevel::Fastest))
+}
+
+/// The fields in the order of the file.
+fn fields(g: &Gaussians, fractional_bits: u32) -> [Vec<u8>; 6] {
+    let steps = f64::from(1 << fractional_bits);
+    let fixed = |v: &f32| -> [u8; 3] {
+        let [low, middle, high, _] = ((f64::from(*v) * steps).round() as i32).to_le_bytes();
+        [low, middle, high]
+    };
+    let row = 3 * g.sh_coefficients();
+    let color = |dc: &f32| byte(255.0 * (COLOR_SCALE * f64::from(*dc) + 0.5));
+    let higher =
+        |sh: &[f32]| -> Vec<u8> { sh.iter().enumerate().skip(3).map(|(at, &v)| pack_harmonic(at / 3, v)).collect() };
+    [
+        g.means.as_flattened().iter().flat_map(fixed).collect(),
+        g.opacity_logits.iter().map(|&logit| quantise::opacity_byte(logit)).collect(),
+        g.sh.chunks_exact(row).flat_map(|sh| &sh[..3]).map(color).collect(),
+        g.log_scales.as_flattened().iter().map(|&s| byte((f64::from(s) + 10.0) * 16.0)).collect(),
+        g.rotations.iter().flat_map(|&rotation| pack_rotation(rotation).to_le_bytes()).collect(),
+        g.sh.chunks_exact(row).flat_map(higher).collect(),
+    ]
 }
 
 /// The index of the largest component in two bits, then sign and nine bits of the others.
@@ -103,130 +180,21 @@ fn pack_rotation(rotation: [f32; 4]) -> u32 {
     })
 }
 
-fn unpack_rotation(packed: u32) -> [f32; 4] {
-    let component = |shift: u32| {
-        let bits = packed >> shift & 0x3ff;
-        let magnitude = f64::from(bits & 0x1ff) / ROTATION_STEPS * FRAC_1_SQRT_2;
-        if bits >> 9 == 1 { -magnitude } else { magnitude }
-    };
-    let others = [component(20), component(10), component(0)];
-    quantise::scalar_first(quantise::from_smallest_three((packed >> 30) as usize, others))
-}
-
 /// Five significant bits in degree 1, four above: zeros behind them compress.
 fn pack_harmonic(coefficient: usize, value: f32) -> u8 {
     let bucket = if coefficient < 4 { 8.0 } else { 16.0 };
     byte(((f64::from(value) * 128.0 + 128.0) / bucket).round() * bucket)
 }
 
-/// What the header says.
-struct Header {
-    version: u32,
-    count: usize,
-    degree: u32,
-    fractional_bits: u32,
-}
-
-impl Header {
-    fn read(bytes: [u8; HEADER]) -> Result<Self, String> {
-        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
-        if bytes[..4] != MAGIC {
-            return Err("what its gzip stream holds does not begin with `NGSP`".to_owned());
-        }
-        let [version, count] = [word(4), word(8)];
-        if !(2..=3).contains(&version) {
-            return Err(format!("it has version {version} of the format; versions 2 and 3 are read"));
-        }
-        let [degree, fractional_bits] = [bytes[12], bytes[13]].map(u32::from);
-        if degree > MAX_SH_DEGREE {
-            return Err(format!("its spherical harmonics have degree {degree}; degrees 0 to {MAX_SH_DEGREE} are read"));
-        }
-        if fractional_bits > 24 {
-            return Err(format!("its coordinates have {fractional_bits} bits behind the point where 24 are all"));
-        }
-        Ok(Self { version, count: count as usize, degree, fractional_bits })
-    }
-
-    fn rotation_bytes(&self) -> usize {
-        if self.version == 2 { 3 } else { 4 }
-    }
-
-    /// Bytes of each Gaussian by field, in the order of the file.
-    fn row(&self) -> [usize; 6] {
-        [9, 1, 3, 3, self.rotation_bytes(), 3 * (coefficients(self.degree) - 1)]
-    }
-}
-
-/// Reads versions 2 and 3.
-///
-/// # Errors
-/// What is wrong.
-fn read(bytes: &[u8]) -> Result<Gaussians, String> {
-    if bytes.starts_with(&MAGIC) {
-        return Err("it has version 4 of the format; versions 2 and 3 are read".to_owned());
-    }
-    let damaged = |error: io::Error| format!("its gzip stream is damaged ({error})");
-    let mut gzip = GzDecoder::new(bytes);
-    let mut header = [0; HEADER];
-    gzip.read_exact(&mut header).map_err(damaged)?;
-    let header = Header::read(header)?;
-    let row: usize = header.row().iter().sum();
-    let needed = header.count as u64 * row as u64;
-    if needed > SMALL.max(MOST_RATIO * bytes.len() as u64) {
-        return Err(format!("it promises {} Gaussians, more than its {} bytes can hold", header.count, bytes.len()));
-    }
-    let mut data = Vec::new();
-    gzip.by_ref().take(needed).read_to_end(&mut data).map_err(damaged)?;
-    if (data.len() as u64) < needed {
-        return Err(format!("it is truncated: it promises {} Gaussians and ends before", header.count));
-    }
-    // Extensions may follow. The checksum behind them shows damage.
-    io::copy(&mut gzip.take(SMALL), &mut io::sink()).map_err(damaged)?;
-    Ok(unpack(&header, &data))
-}
-
-/// The Gaussians in data of the length that the header promises.
-fn unpack(header: &Header, data: &[u8]) -> Gaussians {
-    let mut rest = data;
-    let [positions, opacities, colors, scales, rotations, harmonics] = header.row().map(|row| {
-        let (field, behind) = rest.split_at(row * header.count);
-        rest = behind;
-        field
-    });
-    let mut g = Gaussians::with_capacity(header.count, header.degree);
-    let step = 1.0 / f64::from(1 << header.fractional_bits);
-    // The three bytes stand above a fourth, so that the shift extends the sign.
-    let fixed = |b: &[u8]| (f64::from(i32::from_le_bytes([0, b[0], b[1], b[2]]) >> 8) * step) as f32;
-    g.means.extend(positions.chunks_exact(9).map(|p| [fixed(&p[..3]), fixed(&p[3..6]), fixed(&p[6..])]));
-    g.opacity_logits.extend(opacities.iter().map(|&v| quantise::logit_of_byte(v)));
-    g.log_scales.extend(scales.chunks_exact(3).map(|s| [s[0], s[1], s[2]].map(|v| f32::from(v) / 16.0 - 10.0)));
-    g.rotations.extend(rotations.chunks_exact(header.rotation_bytes()).map(|r| match *r {
-        [x, y, z] => first_three([x, y, z]),
-        _ => unpack_rotation(u32::from_le_bytes([r[0], r[1], r[2], r[3]])),
-    }));
-    let higher = 3 * (coefficients(header.degree) - 1);
-    for (index, color) in colors.chunks_exact(3).enumerate() {
-        g.sh.extend(color.iter().map(|&v| ((f64::from(v) / 255.0 - 0.5) / COLOR_SCALE) as f32));
-        g.sh.extend(harmonics[higher * index..higher * (index + 1)].iter().map(|&v| (f32::from(v) - 128.0) / 128.0));
-    }
-    g
-}
-
-/// The quaternion of version 2: x, y, z, and a w that is not negative.
-fn first_three(bytes: [u8; 3]) -> [f32; 4] {
-    let [x, y, z] = bytes.map(|v| f64::from(v) / 127.5 - 1.0);
-    let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
-    [w, x, y, z].map(|v| v as f32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::formats::Format;
+    use crate::scene::formats::tests::read_named;
     use crate::scene::formats::tests::{LARGEST, OPACITY, in_order, random, rounding, written};
-    use crate::scene::{SH_C0, SceneError, read_gaussians_from, write_gaussians};
-    use std::io::Cursor;
-    use std::path::Path;
+    use crate::scene::{SH_C0, write_gaussians};
+    use flate2::read::GzDecoder;
+    use std::io::Read;
 
     #[test]
     fn errors_are_half_a_step() {
@@ -249,17 +217,105 @@ mod tests {
         }
     }
 
+    fn gzip(data: &[u8]) -> Vec<u8> {
+        let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+        gzip.write_all(data).unwrap();
+        gzip.finish().unwrap()
+    }
+
+    fn version_3_of(g: &Gaussians) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.spz");
+        write_spz(&path, g, SpzVersion::V3).unwrap();
+        std::fs::read(path).unwrap()
+    }
+
     /// y points up and z back.
     #[test]
     fn axes_are_those_of_the_format() {
         let mut g = random(1, 0, 50);
         g.means[0] = [0.5, 1.0, 2.0];
         let mut data = Vec::new();
-        GzDecoder::new(written(&g, Format::Spz).as_slice()).read_to_end(&mut data).unwrap();
+        GzDecoder::new(version_3_of(&g).as_slice()).read_to_end(&mut data).unwrap();
         // As many bits behind the point as there are.
         assert_eq!(data[..16], [b'N', b'G', b'S', b'P', 3, 0, 0, 0, 1, 0, 0, 0, 0, 20, 0, 0]);
         // 0.5, -1 and -2 in steps of 1/2^20.
         assert_eq!(data[16..25], [0, 0, 8, 0, 0, 0xf0, 0, 0, 0xe0]);
+    }
+
+    #[test]
+    fn versions_3_and_4_hold_the_same() {
+        for degree in 0..=3 {
+            let g = random(300, degree, 60);
+            let [three, four] = [version_3_of(&g), written(&g, Format::Spz)];
+            assert!(three.starts_with(&[0x1f, 0x8b]) && four.starts_with(b"NGSP\x04\0\0\0"));
+            assert_eq!(four[15], if degree == 0 { 5 } else { 6 }, "fields");
+            assert_eq!(read_named(&three, "a").unwrap(), read_named(&four, "b").unwrap());
+        }
+    }
+
+    /// A Zstandard frame of one block that is not compressed, without checksum.
+    fn frame(data: &[u8]) -> Vec<u8> {
+        let block = (data.len() as u32) << 3 | 1;
+        [&[0x28, 0xb5, 0x2f, 0xfd, 0x20, data.len() as u8], &block.to_le_bytes()[..3], data].concat()
+    }
+
+    /// A file of version 4 with one Gaussian, by hand; `fields` are frames, `extensions` stand before their table.
+    fn by_hand(fields: &[Vec<u8>], extensions: &[u8]) -> Vec<u8> {
+        let flags = if extensions.is_empty() { 0 } else { 2 };
+        let mut file = [b"NGSP\x04\0\0\0\x01\0\0\0\x00\x0c".as_slice(), &[flags, fields.len() as u8]].concat();
+        file.extend((32 + extensions.len() as u32).to_le_bytes());
+        file.resize(32, 0);
+        file.extend(extensions);
+        fields.iter().for_each(|field| file.extend([field.len() as u64, 0].map(u64::to_le_bytes).concat()));
+        [file, fields.concat()].concat()
+    }
+
+    fn one_gaussian() -> Vec<Vec<u8>> {
+        let turn = 3_u32 << 30;
+        let fields: [&[u8]; 5] =
+            [&[0, 16, 0, 0, 0, 0, 0, 0xf0, 0xff], &[128], &[128; 3], &[160, 160, 0], &turn.to_le_bytes()];
+        fields.map(frame).into()
+    }
+
+    #[test]
+    fn version_4() {
+        let unknown = [7, 0, 0, 0, 2, 0, 0, 0, 9, 9];
+        let usual_axes = [[3, 0, 0xbe, 0xad], [4, 0, 0, 0], [4, 0, 0, 0]].concat();
+        for extensions in [&[][..], &unknown, &usual_axes, &[unknown.as_slice(), &usual_axes].concat()] {
+            let g = read_named(&by_hand(&one_gaussian(), extensions), "a").unwrap();
+            assert_eq!((&g.means, &g.rotations), (&vec![[1.0, 0.0, 1.0]], &vec![[1.0, 0.0, 0.0, 0.0]]));
+            assert_eq!((&g.log_scales, g.sh_degree), (&vec![[0.0, 0.0, -10.0]], 0));
+        }
+        let refused = |file: &[u8]| read_named(file, "a.spz").unwrap_err().to_string();
+        let other_axes = [[3, 0, 0xbe, 0xad], [4, 0, 0, 0], [6, 0, 0, 0]].concat();
+        assert!(refused(&by_hand(&one_gaussian(), &other_axes)).contains("the axes 6"));
+        assert!(refused(&by_hand(&one_gaussian(), &[7, 0, 0, 0, 9, 0, 0, 0])).contains("behind their end"));
+        assert!(refused(&by_hand(&one_gaussian()[..4], &[])).contains("lacks the field of its rotations"));
+        let mut fields = one_gaussian();
+        fields[2] = frame(&[128; 2]);
+        assert!(refused(&by_hand(&fields, &[])).contains("colours holds 2 bytes where 3 are needed"));
+        fields[2] = frame(&[128; 4]);
+        assert!(refused(&by_hand(&fields, &[])).contains("colours holds more bytes where 3"));
+        fields[2] = frame(&[])[..3].to_vec();
+        assert!(refused(&by_hand(&fields, &[])).contains("colours is damaged"));
+        let mut inside = by_hand(&one_gaussian(), &[]);
+        inside[16] = 8;
+        assert!(refused(&inside).contains("begins at byte 8"));
+        inside[16..20].fill(0xff);
+        assert!(refused(&inside).contains("truncated"));
+        let mut lies = by_hand(&one_gaussian(), &[]);
+        lies[32..40].fill(0xff);
+        assert!(refused(&lies).contains("truncated"));
+    }
+
+    #[test]
+    fn checksums_show_damage() {
+        let mut file = written(&random(300, 1, 61), Format::Spz);
+        let last = file.len() - 1;
+        file[last] ^= 1;
+        let text = read_named(&file, "a").unwrap_err().to_string();
+        assert!(text.contains("harmonics is damaged (its checksum differs)"), "{text}");
     }
 
     /// A file of version 2, by hand: two Gaussians with x, y, z of their quaternions.
@@ -271,9 +327,7 @@ mod tests {
         data.extend([128; 6]);
         data.extend([160, 160, 160, 0, 0, 0]);
         data.extend([255, 128, 128, 128, 128, 128]);
-        let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
-        gzip.write_all(&data).unwrap();
-        let g = read_gaussians_from(&mut Cursor::new(gzip.finish().unwrap()), 1 << 20, Path::new("a")).unwrap();
+        let g = read_named(&gzip(&data), "a").unwrap();
         assert_eq!(g.means, [[1.0, 0.0, 1.0], [0.0; 3]]);
         assert_eq!(g.log_scales, [[0.0; 3], [-10.0; 3]]);
         assert!(g.rotations[0][1] > 0.999 && g.rotations[1][0] > 0.999, "{:?}", g.rotations);

@@ -162,7 +162,7 @@ fn turned_axes_show_the_same_thing() {
 fn far_scenes_keep_their_place_where_the_format_can() {
     let mut g = random(50, 1, 60);
     g.space = LocalSpace::at(DVec3::new(5e6, -4e6, 30.5));
-    for format in Format::ALL {
+    for format in Format::written() {
         let back = round_trip(&g, format).space;
         let offsets: Vec<Loss> =
             format.losses(&g).into_iter().filter(|loss| !matches!(loss, Loss::Harmonics { .. })).collect();
@@ -178,7 +178,7 @@ fn far_scenes_keep_their_place_where_the_format_can() {
 fn harmonics_stay_up_to_the_degree_of_the_format() {
     for degree in 0..=MAX_SH_DEGREE {
         let g = random(20, degree, 80);
-        for format in Format::ALL {
+        for format in Format::written() {
             let kept = degree.min(format.max_sh_degree());
             assert_eq!(round_trip(&g, format).sh_degree, kept, "{format:?}");
             let lost = (kept < degree).then_some(Loss::Harmonics { degree, kept });
@@ -192,7 +192,7 @@ fn models_that_no_format_can_hold() {
     let folder = tempfile::tempdir().unwrap();
     let mut spoiled = random(2, 0, 70);
     spoiled.means[1][2] = f32::NAN;
-    for format in Format::ALL {
+    for format in Format::written() {
         let name = format!("a{}", format.ending().to_ascii_uppercase());
         let path = folder.path().join(&name);
         let refused = |g: &Gaussians| {
@@ -202,11 +202,38 @@ fn models_that_no_format_can_hold() {
         };
         assert!(refused(&spoiled).contains("`means` of Gaussian 1"));
         // PLY has files without Gaussians.
-        if format.row().writer.is_some() {
+        if matches!(format.row().writing, Writing::By(_)) {
             let text = refused(&Gaussians::default());
             assert!(text.contains(&name) && text.contains("no Gaussians"), "{text}");
         }
     }
+}
+
+#[test]
+fn antialiasing_is_kept_or_said_to_be_lost() {
+    let mut g = random(30, 0, 72);
+    for format in Format::written() {
+        assert!(!round_trip(&g, format).antialiased, "{format:?}");
+    }
+    g.antialiased = true;
+    for format in Format::written() {
+        let lost = format.losses(&g) == [Loss::Antialiased];
+        assert_eq!(round_trip(&g, format).antialiased, !lost, "{format:?}");
+        assert_eq!(lost, [Format::Splat, Format::Gltf, Format::Usda].contains(&format));
+    }
+    assert!(g.rows(2, 1..3).antialiased && g.with_sh_degree(1).antialiased);
+}
+
+#[test]
+fn formats_that_are_read_only() {
+    let path = tempfile::tempdir().unwrap().path().join("a.ksplat");
+    let error = write_gaussians(&path, &random(2, 0, 71), Format::Ksplat).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        matches!(error, SceneError::CannotHold { .. }) && text.contains("read only") && text.contains("`.sog`"),
+        "{text}"
+    );
+    assert!(!path.exists() && !Format::written_endings().contains("ksplat") && Format::endings().contains("`.ksplat`"));
 }
 
 #[test]
@@ -239,7 +266,8 @@ fn table(first: &str) -> Vec<Vec<&'static str>> {
 #[test]
 fn the_documentation_has_every_format() {
     let [formats, most, figures] = ["| format | ending |", "| ending | position |", "| ending | bytes"].map(table);
-    let endings: Vec<String> = Format::ALL.map(|format| format!("`{}`", format.ending())).into();
+    let ending = |format: Format| format!("`{}`", format.ending());
+    let [all, written] = [Format::ALL.map(ending).to_vec(), Format::written().map(ending).collect()];
     for format in Format::ALL {
         let row = format.row();
         let ending = format!("`{}`", row.ending);
@@ -247,10 +275,12 @@ fn the_documentation_has_every_format() {
         let found = found.unwrap_or_else(|| panic!("docs/formats.md has no {ending}"));
         let degree = row.max_sh_degree.to_string();
         let offset = row.place_of_offset.unwrap_or("no place");
-        let [name, axes] = [row.name.to_owned(), words(row.axes)];
+        let read_only = if matches!(row.writing, Writing::Never) { ", read only" } else { "" };
+        let [name, axes] = [format!("{}{read_only}", row.name), words(row.axes)];
         assert_eq!([found[0], found[3], found[4], found[5]], [&name, &degree, &axes, offset]);
     }
-    for table in [formats.iter().map(|row| row[1]).collect::<Vec<_>>(), first(&most), first(&figures)] {
+    let tables = [formats.iter().map(|row| row[1]).collect::<Vec<_>>(), first(&most), first(&figures)];
+    for (table, endings) in tables.into_iter().zip([&all, &written, &written]) {
         let has = |ending: &String| table.contains(&ending.as_str());
         assert!(table.len() == endings.len() && endings.iter().all(has), "docs/formats.md has {table:?}");
     }
