@@ -31,9 +31,12 @@ pub enum Answer {
     NoDialog,
 }
 
-/// The dialog that is open, if any: what it returns, and after which time.
+/// What a dialog returned, and after which time.
+type Returned = (Option<PathBuf>, Duration);
+
+/// The dialog that is open, if any.
 #[derive(Default)]
-pub struct Dialog(Option<(Sought, Receiver<(Option<PathBuf>, Duration)>)>);
+pub struct Dialog(Option<(Sought, Receiver<Returned>)>);
 
 impl Dialog {
     /// Whether one is open.

@@ -28,10 +28,9 @@ impl Gaussians {
 
 #[cfg(test)]
 mod tests {
-    use super::super::formats::basis;
+    use super::super::formats::{basis, random};
     use super::*;
     use glam::DQuat;
-    use ibgs_testing::random_gaussians;
 
     fn axes(g: &Gaussians, i: usize) -> DMat3 {
         let [w, x, y, z] = g.rotations[i].map(f64::from);
@@ -51,7 +50,9 @@ mod tests {
             translation: DVec3::new(30.0, -1.0, 0.5),
         };
         let space = LocalSpace { origin: DVec3::new(4.0, 0.0, -2.0), scale: 0.5 };
-        let before = Gaussians { space, ..random_gaussians(20, 3, 1) };
+        let random = random(20, 3, 1);
+        let before =
+            Gaussians { space, normals: random.means.clone(), offsets: random.opacity_logits.clone(), ..random };
         let after = before.clone().moved(&by);
         after.validate().unwrap();
         for (i, (from, to)) in before.positions().zip(after.positions()).enumerate() {
@@ -71,8 +72,8 @@ mod tests {
 
     #[test]
     fn planes_of_a_format_without_them_stay_so() {
-        let mut plain = random_gaussians(3, 0, 1);
-        plain.normals = vec![[0.0, 0.0, 1.0]; 3];
+        let plain = random(3, 0, 1);
+        assert!(plain.lacks_planes());
         let turn = Similarity { rotation: DMat3::from_rotation_x(1.0), ..Similarity::IDENTITY };
         assert!(plain.clone().moved(&turn).lacks_planes());
         assert_eq!(plain.clone().moved(&Similarity::IDENTITY), plain);

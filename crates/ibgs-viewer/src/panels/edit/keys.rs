@@ -4,8 +4,11 @@ use crate::viewer::Viewer;
 use eframe::egui::{Context, InputState, Key, Modifiers};
 use ibgs_core::edit::{Combine, Editor};
 
+/// Modifiers, a key, and the step that they take.
+type Step = (Modifiers, Key, fn(&mut Editor));
+
 /// Keys that take a step of the editor. Those with more modifiers come first, as the others would take them too.
-const STEPS: [(Modifiers, Key, fn(&mut Editor)); 10] = [
+const STEPS: [Step; 10] = [
     (Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z, Editor::redo),
     (Modifiers::COMMAND, Key::Y, Editor::redo),
     (Modifiers::COMMAND, Key::Z, Editor::undo),

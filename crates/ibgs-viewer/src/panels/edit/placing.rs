@@ -62,7 +62,8 @@ fn numbers(edit: &mut Edit, extent: f64, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.label("scale");
         let range = f64::MIN_POSITIVE..=f64::INFINITY;
-        touched.push(ui.add(DragValue::new(&mut scale).range(range).speed(0.005 * scale).max_decimals(4)));
+        let speed = 0.005 * scale;
+        touched.push(ui.add(DragValue::new(&mut scale).range(range).speed(speed).max_decimals(4)));
     });
     // A drag is one step, and so is a number that was typed.
     let begins = touched.iter().any(Response::drag_started);
