@@ -2,6 +2,8 @@
 
 mod edit;
 mod edit_ensemble;
+mod edit_place;
+mod edit_tools;
 mod leave;
 mod look;
 mod open;

@@ -43,7 +43,7 @@ pub fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
     part(window, Vec2::new(0.3, 0.3), Vec2::new(0.6, 0.8))
 }
 
-fn bundle(path: &Path) {
+pub fn bundle(path: &Path) {
     write_bundle(path, from_points(&many_points().points, 0, 0.6).unwrap(), Vec::new());
 }
 
@@ -79,7 +79,7 @@ pub fn open(path: &Path) -> Opened {
     }
 }
 
-fn renderer(opened: &Opened) -> &Renderer {
+pub fn renderer(opened: &Opened) -> &Renderer {
     let Content::Model(renderer) = &opened.content else { panic!("a model is no training") };
     renderer
 }
@@ -159,7 +159,7 @@ fn a_brush_paints_what_is_in_front() {
 }
 
 #[test]
-fn handles_move_the_box_and_values_select() {
+fn handles_move_the_box() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = window_on(&gpu(), Some(untrained(folder.path())), Vec2::new(1280.0, 800.0));
     press(&mut window, Key::X);
@@ -172,14 +172,6 @@ fn handles_move_the_box_and_values_select() {
     assert_eq!((*window.state().navigator(), window.state().on_view()), (stood, Some(0)), "a handle moves no camera");
     let resized = (0..3).filter(|&axis| after.size[axis] != before.size[axis]).count();
     assert!(resized == 1 && after.center != before.center, "{before:?} {after:?}");
-    // All limits that are ticked have to be met.
-    pick(&mut window, "distance above");
-    pick(&mut window, "Select by values");
-    let far = counts(&window)[1];
-    assert!(far > 0 && far < 4_000, "{far}");
-    pick(&mut window, "opacity below");
-    pick(&mut window, "Select by values");
-    assert_eq!(counts(&window)[1], 0, "every opacity is 0.6");
     assert_eq!(window.state().error(), None);
 }
 

@@ -123,15 +123,15 @@ fn models_without_a_network_or_photos_offer_what_they_have() {
     let (needing, others): (Vec<Mode>, Vec<Mode>) =
         Mode::ALL.into_iter().partition(|mode| mode.needs_network() || mode.needs_photo());
     assert_eq!(offered, others);
-    for mode in [Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo, Mode::Hidden] {
+    for mode in [Mode::Final, Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo, Mode::Hidden] {
         assert!(needing.contains(&mode), "{mode:?}");
     }
-    for mode in [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids] {
+    for mode in [Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids] {
         assert!(others.contains(&mode), "{mode:?}");
     }
     for mode in needing {
         show(&mut window, mode);
-        assert_eq!(window.state().mode(), Mode::Final);
+        assert_eq!(window.state().mode(), Mode::Base);
     }
     window.state_mut().show_other(Some(Mode::Visibility));
     assert_eq!(window.state().other_mode(), None);

@@ -121,6 +121,8 @@ pub struct Viewer {
     pub(crate) doing: Option<String>,
     /// What was done last, in one sentence.
     pub(crate) message: Option<String>,
+    /// The message that is shown, and since when.
+    pub(crate) said: Option<(String, Instant)>,
     /// What went wrong last, in one sentence.
     pub(crate) error: Option<String>,
     screenshots: u32,
@@ -186,6 +188,7 @@ impl Viewer {
             moved: None,
             doing,
             message: None,
+            said: None,
             error: None,
             screenshots: 0,
             link: None,
@@ -195,10 +198,14 @@ impl Viewer {
         })
     }
 
-    /// Whether the model and the camera's place have what a mode shows.
+    /// Whether the model and the camera's place have what a mode shows. The network of a training comes later, and that of a
+    /// model is known once there is a frame of it: until then the final image is what there is.
     pub fn offers(&self, mode: Mode) -> bool {
         let has_photo = || self.view().is_some_and(|view| view.photo.is_some());
-        let has_network = || self.canvas.last().is_some_and(|last| last.facts.sources.is_some());
+        let has_network = || match self.canvas.last() {
+            Some(last) => last.facts.sources.is_some() || mode == Mode::Final && self.training.is_some(),
+            None => mode == Mode::Final,
+        };
         (!mode.needs_network() || has_network()) && (!mode.needs_photo() || has_photo())
     }
 
@@ -240,7 +247,7 @@ impl Viewer {
 
     fn leave_what_is_not_offered(&mut self) {
         if !self.offers(self.mode) {
-            self.mode = Mode::Final;
+            self.mode = if self.offers(Mode::Final) { Mode::Final } else { Mode::Base };
         }
         self.other = self.other.filter(|&mode| self.offers(mode));
     }

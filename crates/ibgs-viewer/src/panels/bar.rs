@@ -4,8 +4,13 @@ use crate::IN_BROWSER;
 use crate::mode::Mode;
 use crate::panels::start;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Align2, Area, Button, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
+use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
 use glam::DVec3;
+use std::time::Duration;
+use web_time::Instant;
+
+/// How long a message of success is shown.
+const READ: Duration = Duration::from_secs(8);
 
 /// Menus, modes and camera along the top.
 pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
@@ -24,6 +29,9 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
             let looks = viewer.scene.is_some() && !viewer.start.shown;
             if looks {
                 show(viewer, ui);
+                if !IN_BROWSER {
+                    edit(viewer, ui);
+                }
                 ui.separator();
                 modes(viewer, ui);
                 ui.separator();
@@ -73,14 +81,22 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
             return;
         }
         ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
-        let edits = ui.add_enabled(viewer.training.is_none(), Checkbox::new(&mut viewer.edit.shown, "Edit (X)"));
-        edits.on_hover_text("Select and delete Gaussians of the model, and save it");
         ui.separator();
         if ui.button("Screenshot (P)").on_hover_text("Write what the canvas shows as a PNG file").clicked() {
             viewer.screenshot();
             ui.close();
         }
     });
+}
+
+/// The button of the editor.
+fn edit(viewer: &mut Viewer, ui: &mut Ui) {
+    let button = ui.add_enabled(viewer.training.is_none(), Button::selectable(viewer.edit.shown, "Edit"));
+    let text = "Select Gaussians, hide and delete them, save the model. Key X.";
+    if button.on_hover_text(text).on_disabled_hover_text("A model in training cannot be edited").clicked() {
+        viewer.edit.lift();
+        viewer.show_editor(!viewer.edit.shown);
+    }
 }
 
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
@@ -143,8 +159,27 @@ fn camera(viewer: &mut Viewer, ui: &mut Ui) {
     }
 }
 
+/// Takes away what was done once it has been read; what went wrong stays until it is closed.
+fn fade(viewer: &mut Viewer, ctx: &Context) {
+    let Some(message) = &viewer.message else {
+        viewer.said = None;
+        return;
+    };
+    match &viewer.said {
+        Some((said, at)) if said == message => match READ.checked_sub(at.elapsed()) {
+            Some(rest) => ctx.request_repaint_after(rest),
+            None => viewer.message = None,
+        },
+        _ => {
+            viewer.said = Some((message.clone(), Instant::now()));
+            ctx.request_repaint_after(READ);
+        }
+    }
+}
+
 /// What is being done, was done, or went wrong: over the lower edge, so that the canvas keeps its size.
 pub fn status(viewer: &mut Viewer, ctx: &Context) {
+    fade(viewer, ctx);
     if viewer.doing.is_none() && viewer.error.is_none() && viewer.message.is_none() {
         return;
     }

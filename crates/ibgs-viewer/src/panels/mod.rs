@@ -113,10 +113,13 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
         let [near, far] = [near, far].map(|z| Length(z.into()));
         text += &format!("\ndepth {near} (bright) to {far} (dark)");
     }
+    if viewer.shows(|mode| mode == Mode::Visibility) {
+        text += &format!("\nvisible source photos: none (black), 1 (dark) to {} (bright)", last.facts.most_sources);
+    }
     label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, text);
 }
 
-const HELP: [(&str, &str); 17] = [
+const HELP: [(&str, &str); 22] = [
     ("Left drag", "orbit around the point in the middle"),
     ("Right drag", "look around"),
     ("Middle drag", "move sideways"),
@@ -130,9 +133,14 @@ const HELP: [(&str, &str); 17] = [
     ("C", "show the scene's cameras"),
     ("K, Space", "add a keyframe, play the camera path"),
     ("P", "write a screenshot"),
-    ("Escape", "leave the tool; close the pixel and the split view"),
-    ("X", "edit the model: select and delete Gaussians"),
+    ("Escape", "leave the tool; select nothing; close the pixel and the split view"),
+    ("X", "edit the model"),
+    ("Shift, Ctrl or Alt", "add to the selection, take away from it"),
+    ("Ctrl+A, Ctrl+I", "select all, select the others"),
     ("Delete", "delete the selected Gaussians"),
+    ("H, Shift+H", "hide the selected ones, show all"),
+    ("L, Shift+L", "lock the selected ones, unlock all"),
+    ("Enter", "end the polygon"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
 ];
 
