@@ -107,7 +107,7 @@ mod tests {
         let screen = Screen { camera: &camera, in_front_of: None };
         let at = |x: f64, y: f64| DVec2::new(50.0 + x, 40.0 + y);
         let box_of = |half: f64| [at(-half, -half), at(half, -half), at(half, half), at(-half, half)];
-        // A centre at depth d lies 100 / d pixels from its neighbour.
+        // A centre at depth d lies 100 / d pixels from its neighbour; none lies on these boxes' sides.
         let inside = |half: f64| {
             let seen = |i: &usize| {
                 let place = place(&gaussians, *i);
@@ -115,18 +115,18 @@ mod tests {
             };
             (0..gaussians.len()).filter(seen).count()
         };
-        for half in [1.0, 8.0, 25.0, 1000.0] {
+        for half in [1.0, 8.0, 26.0, 1000.0] {
             assert_eq!(screen.within(&gaussians, &box_of(half)).count(), inside(half), "{half}");
         }
         // Half of the box without its corner, either way round.
-        let corner = [at(-25.0, -25.0), at(25.0, -25.0), at(-25.0, 25.0)];
+        let corner = [at(-26.0, -26.0), at(26.0, -26.0), at(-26.0, 26.0)];
         let found = screen.within(&gaussians, &corner);
         let turned = screen.within(&gaussians, &[corner[2], corner[1], corner[0]]);
-        assert!(found == turned && found.count() > 0 && found.count() < inside(25.0));
+        assert!(found == turned && found.count() > 0 && found.count() < inside(26.0));
         assert!(found.iter().all(|i| place(&gaussians, i).x + place(&gaussians, i).y <= 0.0));
         // A frame with a hole: the inner box is walked through a second time.
-        let ring = [&box_of(25.0)[..], &[at(-25.0, -25.0)], &box_of(8.0), &[at(-8.0, -8.0)]].concat();
-        assert_eq!(screen.within(&gaussians, &ring).count(), inside(25.0) - inside(8.0));
+        let ring = [&box_of(26.0)[..], &[at(-26.0, -26.0)], &box_of(8.0), &[at(-8.0, -8.0)]].concat();
+        assert_eq!(screen.within(&gaussians, &ring).count(), inside(26.0) - inside(8.0));
         for none in [&[][..], &[at(0.0, 0.0)], &[at(0.0, 0.0), at(9.0, 0.0)]] {
             assert_eq!(screen.within(&gaussians, none).count(), 0);
         }
