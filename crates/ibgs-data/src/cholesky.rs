@@ -67,8 +67,7 @@ impl Symmetric {
             let (above, below) = self.values.split_at_mut((j + 1) * size);
             let row = &mut above[j * size..];
             let pivot = row[j] - dot(&row[..j], &row[..j]);
-            // Also false for NaN.
-            if !(pivot > row[j].abs() * 1e-15) {
+            if pivot.is_nan() || pivot <= row[j].abs() * 1e-15 {
                 return None;
             }
             row[j] = pivot.sqrt();

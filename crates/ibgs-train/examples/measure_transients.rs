@@ -3,6 +3,8 @@
 //! `measure_transients [NAME=VALUE ...]`, where NAME is one of [`Run`]'s fields or of [`MaskRules`]:
 //! `measure_transients scene=large walkers=15 mask=on iterations=7000 every=1000 sure=5`
 
+#![allow(clippy::print_stdout)]
+
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig, TransientSwitch};
 use ibgs_core::dataset::{CellMask, Photo};
 use ibgs_core::eval::scores::score_test_views;

@@ -13,7 +13,7 @@ fn scene(noise: f64, outliers: f64) -> (Vec<Camera>, Vec<Track>) {
         height: 480,
         focal: if i < 7 { DVec2::new(600.0, 610.0) } else { DVec2::splat(500.0) },
         principal: DVec2::new(322.0, 237.0),
-        view_from_world: DMat3::from_rotation_x(if i % 2 == 0 { 0.3 } else { -0.1 })
+        view_from_world: DMat3::from_rotation_x(if i.is_multiple_of(2) { 0.3 } else { -0.1 })
             * DMat3::from_rotation_y(0.4 * i as f64),
         translation: DVec3::new(0.0, 0.1, 4.0 + 0.3 * (i as f64).sin()),
     };

@@ -9,6 +9,9 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Numbers of points, and where in the photo they are.
+type Observations = Vec<(u64, DVec2)>;
+
 /// Where a model lies and in which format.
 pub(super) struct ModelFiles {
     pub folder: PathBuf,
@@ -44,7 +47,7 @@ impl ModelFiles {
     }
 
     /// The observations of each image in its file's order.
-    pub fn observations(&self) -> Result<Vec<(ImageRecord, Vec<(u64, DVec2)>)>, DatasetError> {
+    pub fn observations(&self) -> Result<Vec<(ImageRecord, Observations)>, DatasetError> {
         let path = self.path("images");
         let bytes = read_bytes(&path)?;
         if self.text {
