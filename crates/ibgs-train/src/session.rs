@@ -39,7 +39,7 @@ pub use preparation::Preparation;
 pub use stopped::StoppedTraining;
 pub use transients::TransientSummary;
 
-use crate::{TrainError, Trainer};
+use crate::{MaskRules, TrainError, Trainer};
 use checkpoint_writer::CheckpointWriter;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
@@ -127,6 +127,11 @@ impl Session {
     /// Where it writes; none: nowhere.
     pub fn folder(&self) -> Option<&OutputFolder> {
         self.folder.as_ref()
+    }
+
+    /// Decides over the masks of what moves by other numbers from here on ([`Trainer::set_mask_rules`]).
+    pub fn set_mask_rules(&mut self, rules: MaskRules) {
+        self.trainer.set_mask_rules(rules);
     }
 
     /// Whether all iterations are done.

@@ -68,6 +68,11 @@ fn trained(dataset: &Dataset, mask: TransientSwitch) -> Trainer {
     training
 }
 
+/// Rules for so short a training, which renders most of its few pixels badly.
+fn short() -> MaskRules {
+    MaskRules { usual: 0.8, alone: 1.0, between: 0.0, worth: 0.01, ..MaskRules::default() }
+}
+
 /// Parts of the blocks and of all else that masks hide.
 fn hidden(masks: &[Arc<CellMask>]) -> [f64; 2] {
     let (mut hidden, mut all) = ([0.0; 2], [0.0; 2]);
@@ -105,7 +110,9 @@ fn masks_hide_blocks_and_are_a_part_of_the_model() {
     let mut loaded = Session::builder(config(TransientSwitch::Auto)).output(output).load(&mut ()).unwrap();
     loaded.set_dataset(painted.clone());
     let mut words = Words::default();
-    loaded.build(&gpu(), &mut ()).unwrap().run(&mut words).unwrap();
+    let mut session = loaded.build(&gpu(), &mut ()).unwrap();
+    session.set_mask_rules(short());
+    session.run(&mut words).unwrap();
     assert!(words.0.contains("what moves: hidden in "), "{}", words.0);
 
     let names = painted.train.iter().map(|&view| &painted.views[view].name);
@@ -165,7 +172,10 @@ fn hidden_pixels_are_not_read() {
 fn where_nothing_moves_hardly_anything_is_hidden() {
     let clean = dataset();
     let [on, auto] = [TransientSwitch::On, TransientSwitch::Auto].map(|mask| {
-        let masks = trained(&clean, mask).masks().unwrap();
+        let mut training = trainer(&clean, &config(mask));
+        training.set_mask_rules(short());
+        run(&mut training, ITERATIONS);
+        let masks = training.masks().unwrap();
         let cells = || masks.iter().flat_map(|mask| mask.hidden());
         cells().filter(|hidden| **hidden).count() as f64 / cells().count() as f64
     });
@@ -210,8 +220,7 @@ fn photos_that_disagree_as_a_whole_are_named() {
 fn a_resumed_training_has_the_masks_of_the_uninterrupted_one() {
     let painted = painted();
     let config = TrainConfig { deterministic: true, ..masking(staged(60), TransientSwitch::On) };
-    // So short a training renders too badly for the usual rules.
-    let rules = MaskRules { alone: 1.0, between: 0.0, ..MaskRules::default() };
+    let rules = short();
     let mut whole = trainer(&painted, &config);
     whole.set_mask_rules(rules);
     run(&mut whole, 60);
