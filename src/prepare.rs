@@ -11,6 +11,7 @@ use anyhow::{Context, Result, bail};
 use colmap::{Cameras, Colmap, Matching, Origin, Quality, WORK};
 use ibgs_core::dataset::{self, has_extension, picture_extensions};
 use ibgs_core::files::is_same;
+use ibgs_core::first_of;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
 use photos::{left_out, photos_below, unread_note};
@@ -306,8 +307,7 @@ fn clear(scene: &Path, folders: &[&str]) -> Result<()> {
 
 /// The first names of a list.
 pub fn listed(names: &[String]) -> String {
-    let dots = if names.len() > NAMED { ", ..." } else { "" };
-    names[..names.len().min(NAMED)].join(", ") + dots
+    first_of(names, NAMED)
 }
 
 /// A folder name for the i-th of several inputs, different for each.

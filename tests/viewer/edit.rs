@@ -167,7 +167,7 @@ fn handles_move_the_box() {
     pick(&mut window, "Box");
     let (stood, before) = (*window.state().navigator(), *window.state().crop_box().unwrap());
     // Where the picture of the editor shows a handle.
-    drag(&mut window, PointerButton::Primary, Pos2::new(724.0, 141.0), Vec2::new(-30.0, 40.0));
+    drag(&mut window, PointerButton::Primary, Pos2::new(724.0, 152.0), Vec2::new(-30.0, 40.0));
     let after = *window.state().crop_box().unwrap();
     assert_eq!((*window.state().navigator(), window.state().on_view()), (stood, Some(0)), "a handle moves no camera");
     let resized = (0..3).filter(|&axis| after.size[axis] != before.size[axis]).count();

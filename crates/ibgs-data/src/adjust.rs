@@ -6,6 +6,7 @@ mod triangulate;
 
 use crate::camera::{Camera, lenses};
 use crate::camera_change::CameraChange;
+use crate::median;
 use crate::similarity::Similarity;
 use glam::{DVec2, DVec3};
 use normal::{Problem, State};
@@ -150,11 +151,6 @@ fn errors(state: &State, tracks: &[&[Seen]]) -> Vec<(usize, f64)> {
         (seen.view, error.map_or(reprojection::FAR, DVec2::length))
     })
     .collect()
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Views whose photos fit no points, or too few.

@@ -18,6 +18,7 @@ pub mod files;
 pub mod image_io;
 pub mod local_space;
 pub mod lru;
+mod median;
 pub mod memory;
 pub mod picture;
 mod ply_color;
@@ -29,4 +30,5 @@ pub mod similarity;
 pub mod stored_zip;
 pub mod words;
 
-pub use sentence::{sentence, sentence_with};
+pub use median::median;
+pub use sentence::{first_of, sentence, sentence_with};

@@ -5,6 +5,13 @@ use std::error::Error;
 /// Most characters of a sentence: names in a damaged file may be of any length.
 const MOST_CHARACTERS: usize = 2000;
 
+/// The first of some names: `a, b, ...`.
+pub fn first_of(names: &[impl AsRef<str>], most: usize) -> String {
+    let dots = if names.len() > most { ", ..." } else { "" };
+    let first: Vec<&str> = names.iter().take(most).map(AsRef::as_ref).collect();
+    first.join(", ") + dots
+}
+
 /// An error in one line, with the causes that its own text does not contain yet. Control characters are replaced: a
 /// name in a file may hold anything, even escape codes of a terminal.
 pub fn sentence(error: &(dyn Error + 'static)) -> String {

@@ -6,7 +6,7 @@ pub mod checkpoint_file;
 pub mod scene_files;
 
 use glam::DVec3;
-use ibgs_data::dataset::{self, LoadOptions, Point};
+use ibgs_data::dataset::{self, LoadOptions, Photo, Point};
 use ibgs_data::scene::{Format, Gaussians, SceneError, read_gaussians_from, write_gaussians};
 use ibgs_demo::DemoOptions;
 use rand::{Rng, SeedableRng};
@@ -29,6 +29,23 @@ pub fn shared(file: &str, test: &str) -> Option<PathBuf> {
 pub fn skipped(test: &str, why: &str) {
     let line = format!("SKIPPED {test}: {why}\n");
     let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// A photo with every pixel the mean of those up to `radius` away.
+pub fn blurred(photo: &Photo, radius: i32) -> Photo {
+    let (width, height) = (photo.width as i32, photo.height as i32);
+    let mut out = photo.clone();
+    for (p, pixel) in (0..).zip(out.rgba.as_chunks_mut::<4>().0) {
+        let around = |at: i32, end: i32| (at - radius).max(0)..(at + radius + 1).min(end);
+        let (xs, ys) = (around(p % width, width), around(p / width, height));
+        let count = (xs.len() * ys.len()) as u32;
+        for (c, level) in pixel[..3].iter_mut().enumerate() {
+            let at = |x: i32, y: i32| u32::from(photo.rgba[4 * (y * width + x) as usize + c]);
+            let sum: u32 = ys.clone().flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(x, y)).sum();
+            *level = (sum / count) as u8;
+        }
+    }
+    out
 }
 
 /// Width and height of the photos of [`tiny_demo`].

@@ -11,6 +11,7 @@ use ibgs_core::eval::scores::score_test_views;
 use ibgs_core::gpu::{AdapterChoice, Gpu, Use};
 use ibgs_core::raster::Rasterizer;
 use ibgs_demo::{DemoOptions, Walked, WalkerOptions, WalkerPixel};
+use ibgs_testing::blurred;
 use ibgs_train::{MaskRules, Trainer};
 use std::error::Error;
 use std::path::PathBuf;
@@ -197,21 +198,4 @@ fn spoil(walked: &mut Walked, words: &[String]) -> Outcome<()> {
         println!("training photo {index} is spoiled: {word}");
     }
     Ok(())
-}
-
-/// A photo with every pixel the mean of those up to `radius` away.
-fn blurred(photo: &Photo, radius: i32) -> Photo {
-    let (width, height) = (photo.width as i32, photo.height as i32);
-    let mut out = photo.clone();
-    for (p, pixel) in (0..).zip(out.rgba.as_chunks_mut::<4>().0) {
-        let around = |at: i32, end: i32| (at - radius).max(0)..(at + radius + 1).min(end);
-        let (xs, ys) = (around(p % width, width), around(p / width, height));
-        let count = (xs.len() * ys.len()) as u32;
-        for (c, level) in pixel[..3].iter_mut().enumerate() {
-            let at = |x: i32, y: i32| u32::from(photo.rgba[4 * (y * width + x) as usize + c]);
-            let sum: u32 = ys.clone().flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(x, y)).sum();
-            *level = (sum / count) as u8;
-        }
-    }
-    out
 }

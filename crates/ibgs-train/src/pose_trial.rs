@@ -9,6 +9,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::config::{PoseSwitch, TrainConfig};
 use ibgs_core::dataset::Dataset;
 use ibgs_core::eval::fitted::fitted_views;
+use ibgs_core::median;
 use ibgs_core::raster::Rasterizer;
 use std::fmt;
 use std::sync::Arc;
@@ -89,19 +90,18 @@ fn evidence(trial: &Trial, change: impl FnOnce(&mut TrainConfig)) -> Result<Pose
         gained.push(fitted.gained);
     }
     let photos = moved.len();
-    Ok(PoseEvidence { moved: median(moved), gained: median(gained), photos })
+    Ok(PoseEvidence { moved: middle(moved), gained: middle(gained), photos })
 }
 
 /// Pixels that the points move by in a camera's image, the median of those that it shows; 0 where it shows none.
 fn movement(from: &Camera, to: &Camera, points: &[DVec3]) -> f64 {
     let moved = |point: &DVec3| Some(from.seen(*point)?.0.distance(to.project(*point).0));
-    median(points.iter().filter_map(moved).collect())
+    middle(points.iter().filter_map(moved).collect())
 }
 
 /// 0 of nothing.
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+fn middle(values: Vec<f64>) -> f64 {
+    median(values).unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -116,7 +116,7 @@ mod tests {
         let favours = |moved, gained| PoseEvidence { moved, gained, photos: 8 }.favours_refinement();
         assert!(favours(2.6, 2.0));
         assert!(!favours(0.3, 2.0) && !favours(2.6, 0.1) && !favours(0.0, 0.0) && !favours(f64::NAN, f64::NAN));
-        assert_eq!((median(vec![]), median(vec![3.0, 1.0, 2.0])), (0.0, 2.0));
+        assert_eq!((middle(vec![]), middle(vec![3.0, 1.0, 2.0])), (0.0, 2.0));
     }
 
     /// The tiny demo with every camera turned, about another axis each.

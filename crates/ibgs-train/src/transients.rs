@@ -26,6 +26,7 @@ use std::sync::Arc;
 const ROWS: usize = 3;
 /// Numbers of a cell in a checkpoint: its rows, and whether it is hidden.
 const NUMBERS: usize = 4 * ROWS + 1;
+
 /// A photo with its evidence.
 struct Gathered {
     size: [u32; 2],
@@ -64,28 +65,22 @@ pub(super) struct Masking {
 }
 
 impl Masking {
-    /// None where none are learned. The photos of the store are those of the cameras.
-    pub fn new(
-        gpu: &Arc<Gpu>,
-        cameras: &[Camera],
-        store: &SourceStore,
-        config: &TrainConfig,
-    ) -> Result<Option<Self>, GpuError> {
+    /// None where none are learned.
+    pub fn new(gpu: &Arc<Gpu>, cameras: &[Camera], config: &TrainConfig) -> Result<Option<Self>, GpuError> {
         let switch = config.transients.mask;
         if switch == TransientSwitch::Off || config.data.shows_object() {
             return Ok(None);
         }
-        let gathered = |(index, camera): (usize, &Camera)| {
+        let gathered = |camera: &Camera| {
             let size = [camera.width, camera.height];
             let [columns, rows] = CellMask::grid(size).map(|n| n as usize);
             let mask = CellMask::new(size, vec![false; columns * rows]).expect("as many cells as the photo has");
             let (mask, oddity) = (Arc::new(mask), None);
-            store.set_mask(index, mask.clone())?;
             let evidence = gpu.upload("evidence of what moves", &vec![[0.0; 4]; ROWS * columns * rows])?;
             Ok(Gathered { size, evidence, mask, oddity })
         };
         Ok(Some(Self {
-            photos: cameras.iter().enumerate().map(gathered).collect::<Result<_, GpuError>>()?,
+            photos: cameras.iter().map(gathered).collect::<Result<_, GpuError>>()?,
             no_colors: gpu.allocate("no warped colours", 4)?,
             no_seen: gpu.allocate("no visible sources", 4)?,
             gpu: gpu.clone(),
@@ -131,8 +126,7 @@ impl Masking {
     /// Makes all masks anew, and hides their cells; waits for the GPU.
     pub fn make_masks(&mut self, store: &SourceStore) -> Result<(), GpuError> {
         let cells = self.photos.iter().map(|photo| photo.read(&self.gpu)).collect::<Result<Vec<_>, _>>()?;
-        let differences = |cells: &Vec<Cell>| mask::distances(&cells.iter().map(|c| c.difference).collect::<Vec<_>>());
-        let all = cells.iter().flat_map(differences).flatten().collect();
+        let all = cells.iter().flat_map(|cells| mask::distances(cells)).collect();
         let Some(scale) = mask::quantile(all, self.rules.usual) else { return Ok(()) };
         let masks = self.photos.iter().zip(&cells).map(|(photo, cells)| {
             let columns = CellMask::grid(photo.size)[0] as usize;

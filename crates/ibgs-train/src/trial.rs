@@ -8,7 +8,7 @@ use ibgs_core::raster::Rasterizer;
 use std::sync::Arc;
 
 /// Iterations of a training.
-pub const ITERATIONS: u32 = 1_500;
+const ITERATIONS: u32 = 1_500;
 /// Shorter runs are not worth a trial.
 const SHORTEST_RUN: u32 = 2 * ITERATIONS;
 /// Longest side of the photos, in pixels.

@@ -2,6 +2,7 @@
 
 use super::Keyframe;
 use crate::camera::Camera;
+use crate::median;
 use glam::{DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
@@ -35,8 +36,8 @@ impl Axis {
         let aside = |camera: &Camera| offset(camera) - self.up * height(camera);
         let first = cameras.clone().next()?;
         let side = aside(first).try_normalize()?;
-        let height = median(cameras.clone().map(height))?;
-        let distance = median(cameras.map(|camera| aside(camera).length()))?;
+        let height = median(cameras.clone().map(height).collect())?;
+        let distance = median(cameras.map(|camera| aside(camera).length()).collect())?;
         let from_center = side * distance + self.up * height;
         Some(Keyframe {
             position: self.center + from_center,
@@ -87,12 +88,6 @@ impl Axis {
 fn facing(forward: DVec3, up: DVec3) -> Option<DMat3> {
     let right = forward.cross(up).try_normalize()?;
     Some(DMat3::from_cols(right, forward.cross(right), forward))
-}
-
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// The up axis of a capture: photos are upright on average.

@@ -7,6 +7,7 @@ use super::names::{photos_below, photos_in};
 use super::photos::ListedPhoto;
 use super::split::{self, StatedSplit};
 use super::{DatasetError, LoadOptions, Loaders, Scene, SceneKind, masks, notes, points, root};
+use crate::first_of;
 use glam::DVec2;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -212,9 +213,7 @@ pub(crate) fn unposed<'a>(root: &Path, beside: &Beside, posed: impl Iterator<Ite
 
 /// The first few of some names.
 pub(crate) fn some_of(names: &[String]) -> String {
-    const NAMED: usize = 3;
-    let dots = if names.len() > NAMED { ", ..." } else { "" };
-    format!("{}{dots}", names[..names.len().min(NAMED)].join(", "))
+    first_of(names, 3)
 }
 
 /// What the headers of the photos say.

@@ -31,9 +31,7 @@ pub fn shown(camera: &Camera, points: &[DVec3]) -> Vec<(u32, u32)> {
 
 /// The median depth of the points that a camera shows; none where it shows none.
 pub fn median_depth(camera: &Camera, points: &[DVec3]) -> Option<f64> {
-    let mut depths: Vec<f64> = points.iter().filter_map(|point| Some(camera.seen(*point)?.1)).collect();
-    let middle = depths.len() / 2;
-    (!depths.is_empty()).then(|| *depths.select_nth_unstable_by(middle, f64::total_cmp).1)
+    crate::median(points.iter().filter_map(|point| Some(camera.seen(*point)?.1)).collect())
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::cholesky::Symmetric;
 use crate::dataset::Photo;
 use crate::gpu::GpuError;
 use crate::render::Renderer;
+use ibgs_data::median;
 
 /// Parts of the size, coarse to fine, and the shortest side in pixels that an image needs.
 const FACTORS: [u32; 2] = [4, 2];
@@ -154,10 +155,8 @@ impl Level<'_> {
     }
 
     fn scale(&self, render: &[f64], fit: &Fit) -> Option<f64> {
-        let mut squares: Vec<f64> = self.errors(render, fit).map(|(_, _, square)| square).collect();
-        let middle = squares.len() / 2;
-        let median = (!squares.is_empty()).then(|| *squares.select_nth_unstable_by(middle, f64::total_cmp).1)?;
-        Some((ROBUST * median.sqrt()).max(LEAST_SCALE))
+        let square = median(self.errors(render, fit).map(|(_, _, square)| square).collect())?;
+        Some((ROBUST * square.sqrt()).max(LEAST_SCALE))
     }
 
     /// Radians that move the image by as many pixels.

@@ -10,6 +10,7 @@ use crate::output::pictures::{Output, Place};
 use crate::output::results::{Protocol, Scored, ViewScore, means};
 use crate::output::{OutputError, OutputFolder};
 use crate::render::{Frame, Renderer};
+use ibgs_data::first_of;
 use std::sync::Arc;
 
 /// Most views that a sentence names.
@@ -139,14 +140,13 @@ impl Scores {
 
     /// `2 held-out views have no score, as their photos are masked as a whole: a.png, b.png`, where there are such.
     pub fn masked_sentence(&self) -> Option<String> {
-        let names = self.masked.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
-        let more = if self.masked.len() > NAMED { ", ..." } else { "" };
+        let names = first_of(&self.masked, NAMED);
         match self.masked.len() {
             0 => None,
             1 => Some(format!("a held-out view has no score, as its photo is masked as a whole: {names}")),
-            count => Some(format!(
-                "{count} held-out views have no score, as their photos are masked as a whole: {names}{more}"
-            )),
+            count => {
+                Some(format!("{count} held-out views have no score, as their photos are masked as a whole: {names}"))
+            }
         }
     }
 

@@ -136,9 +136,8 @@ impl SourceStore {
         assert_eq!(mask.size(), self.photos[index].size(), "the mask of a photo has its size");
         let mut state = self.lock();
         let before = state.masks.insert(index, mask.clone());
-        if before.is_none_or(|before| before != mask)
-            && let Some(photo) = state.on_device.get(index)
-        {
+        let is_new = before.map_or(!mask.is_empty(), |before| before != mask);
+        if is_new && let Some(photo) = state.on_device.get(index) {
             let texels = photo.texels.clone();
             let photo = self.shown(&state, index)?;
             self.write(&mut state, &photo, &texels);

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::Point;
+use ibgs_core::dataset::{Point, median_depth};
 use ibgs_core::local_space::LocalSpace;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -71,12 +71,7 @@ fn cube(place: Vec3, side: f32) -> [i32; 3] {
 
 /// None where the camera sees no point.
 fn radius(camera: &Camera, points: &[DVec3], part: f64) -> Option<f64> {
-    let mut depths: Vec<f64> = points.iter().filter_map(|&point| Some(camera.seen(point)?.1)).collect();
-    if depths.is_empty() {
-        return None;
-    }
-    let middle = depths.len() / 2;
-    let median = *depths.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let median = median_depth(camera, points)?;
     let mut squares: Vec<f64> = points.iter().map(|point| point.distance_squared(camera.center())).collect();
     let astray = ASTRAY.max(points.len() / 1_000).min(points.len() - 1);
     let nearest = squares.select_nth_unstable_by(astray, f64::total_cmp).1.sqrt();

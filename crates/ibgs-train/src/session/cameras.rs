@@ -5,6 +5,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::dataset::Dataset;
 use ibgs_core::output::OutputError;
 use ibgs_core::similarity::Similarity;
+use ibgs_core::{first_of, median};
 use std::fmt;
 
 /// A camera that has moved by more than this, in radians and parts of the distance, and by as many times the median of all is named.
@@ -27,9 +28,7 @@ impl CameraSummary {
         let count = moved.len().max(1) as f64;
         let mean = moved.iter().fold([0.0; 2], |[a, b], [angle, distance]| [a + angle / count, b + distance / count]);
         let lengths: Vec<f64> = moved.iter().map(|[angle, distance]| angle + distance).collect();
-        let mut sorted = lengths.clone();
-        sorted.sort_by(f64::total_cmp);
-        let least = sorted.get(sorted.len() / 2).map_or(FAR, |median| FAR.max(FAR_TIMES * median));
+        let least = median(lengths.clone()).map_or(FAR, |median| FAR.max(FAR_TIMES * median));
         let far = lengths.iter().zip(names).filter(|(length, _)| **length > least);
         Self { moved: mean, astray: far.map(|(_, name)| (*name).to_owned()).collect() }
     }
@@ -46,11 +45,9 @@ impl fmt::Display for CameraSummary {
     }
 }
 
-/// The first names: `a, b, ...`.
+/// The first names of photos.
 pub(super) fn some(names: &[impl AsRef<str>]) -> String {
-    let more = if names.len() > NAMED { ", ..." } else { "" };
-    let first: Vec<&str> = names.iter().take(NAMED).map(AsRef::as_ref).collect();
-    first.join(", ") + more
+    first_of(names, NAMED)
 }
 
 impl Session {

@@ -182,7 +182,7 @@ impl Trainer {
             statistics: Statistics::new(&gpu, splats.len())?,
             exposing: Exposing::new(&gpu, cameras.len(), &config.exposure)?,
             refining: Refining::new(&gpu, (&cameras, space), || lengths_of(&cameras, dataset, extent), config)?,
-            masking: Masking::new(&gpu, &cameras, &photos, config)?,
+            masking: Masking::new(&gpu, &cameras, config)?,
             recorder: Recorder::new(&gpu)?,
             telemetry: Telemetry::default(),
             queue: Vec::new(),

@@ -20,36 +20,33 @@ pub fn quantile(mut values: Vec<f32>, part: f64) -> Option<f32> {
     Some(values[(part * last as f64).round() as usize])
 }
 
-/// What is usual in a photo, by channel: its own brightness is no evidence.
-fn usual(values: &[Option<[f32; 3]>]) -> [f32; 3] {
-    [0, 1, 2].map(|c| quantile(values.iter().flatten().map(|v| v[c]).collect(), 0.5).unwrap_or(0.0))
+fn length(v: [f32; 3]) -> f32 {
+    v.iter().map(|v| v * v).sum::<f32>().sqrt()
 }
 
-fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().sqrt()
+/// What each cell has beyond what is usual in its photo, by channel: a photo's own brightness is no evidence.
+fn levelled(cells: &[Cell], value: fn(&Cell) -> Option<[f32; 3]>) -> Vec<Option<[f32; 3]>> {
+    let usual = [0, 1, 2].map(|c| quantile(cells.iter().filter_map(value).map(|v| v[c]).collect(), 0.5).unwrap_or(0.0));
+    cells.iter().map(|cell| value(cell).map(|v| [0, 1, 2].map(|c| v[c] - usual[c]))).collect()
 }
 
-/// How far each cell is from what is usual in its photo.
-pub fn distances(values: &[Option<[f32; 3]>]) -> Vec<Option<f32>> {
-    let usual = usual(values);
-    values.iter().map(|value| value.map(|value| distance(value, usual))).collect()
+/// How far the cells of a photo are from the render.
+pub fn distances(cells: &[Cell]) -> impl Iterator<Item = f32> {
+    levelled(cells, |cell| cell.difference).into_iter().flatten().map(length)
 }
 
 /// The next mask of a photo of so many cells in a row. `scale` is what is usual over all photos.
 pub fn hidden(cells: &[Cell], columns: usize, before: &[bool], scale: f32, rules: &MaskRules) -> Vec<bool> {
     let scale = scale.max(rules.least / rules.likely);
-    let of = |value: fn(&Cell) -> Option<[f32; 3]>| cells.iter().map(value).collect::<Vec<_>>();
-    let (by_render, by_sources) = (of(|cell| cell.difference), of(|cell| cell.from_sources));
-    let (render_usual, sources_usual) = (usual(&by_render), usual(&by_sources));
+    let by_render = levelled(cells, |cell| cell.difference);
+    let by_sources = levelled(cells, |cell| cell.from_sources);
     let evidence = |(render, sources): (&Option<[f32; 3]>, &Option<[f32; 3]>)| {
-        let Some(render) = render.map(|v| [0, 1, 2].map(|c| v[c] - render_usual[c])) else { return 0.0 };
-        let from_render = distance(render, [0.0; 3]);
-        let Some(sources) = sources.map(|v| [0, 1, 2].map(|c| v[c] - sources_usual[c])) else {
-            return from_render / (rules.alone * scale);
-        };
+        let Some(render) = *render else { return 0.0 };
+        let Some(sources) = *sources else { return length(render) / (rules.alone * scale) };
         // What the other photos show as well does not move, however badly it is rendered.
-        let far = from_render.min(distance(sources, [0.0; 3]));
-        far / scale.max(rules.between * distance(render, sources))
+        let far = length(render).min(length(sources));
+        let between = length([0, 1, 2].map(|c| render[c] - sources[c]));
+        far / scale.max(rules.between * between)
     };
     let evidence: Vec<f32> = by_render.iter().zip(&by_sources).map(evidence).collect();
     let sure: Vec<bool> = evidence

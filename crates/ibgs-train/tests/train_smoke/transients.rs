@@ -10,7 +10,7 @@ use ibgs_core::output::pictures::Place;
 use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::progress::Progress;
 use ibgs_reference::gpu::{gpu, rasterizer};
-use ibgs_testing::TINY as SIZE;
+use ibgs_testing::{TINY as SIZE, blurred};
 use ibgs_train::checkpoint::Checkpoint;
 use ibgs_train::session::{Event, Observer, Output};
 use ibgs_train::{MaskRules, Oddity, Session, Trainer};
@@ -181,23 +181,6 @@ fn where_nothing_moves_hardly_anything_is_hidden() {
     });
     println!("hidden: {on:.4}, {auto:.4} by auto");
     assert!(on < 0.01 && auto == 0.0, "{on}, {auto}");
-}
-
-/// A photo with every pixel the mean of those up to `radius` away.
-fn blurred(photo: &Photo, radius: i32) -> Photo {
-    let (width, height) = (photo.width as i32, photo.height as i32);
-    let mut out = photo.clone();
-    for (p, pixel) in (0..).zip(out.rgba.as_chunks_mut::<4>().0) {
-        let around = |at: i32, end: i32| (at - radius).max(0)..(at + radius + 1).min(end);
-        let (xs, ys) = (around(p % width, width), around(p / width, height));
-        let count = (xs.len() * ys.len()) as u32;
-        for (c, level) in pixel[..3].iter_mut().enumerate() {
-            let at = |x: i32, y: i32| u32::from(photo.rgba[4 * (y * width + x) as usize + c]);
-            let sum: u32 = ys.clone().flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(x, y)).sum();
-            *level = (sum / count) as u8;
-        }
-    }
-    out
 }
 
 #[test]
