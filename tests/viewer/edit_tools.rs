@@ -10,7 +10,7 @@ const STEP: Vec2 = Vec2::new(90.0, 60.0);
 
 fn editor() -> (tempfile::TempDir, Window) {
     let folder = tempfile::tempdir().unwrap();
-    let window = editing(untrained(folder.path()));
+    let window = editing(plain(folder.path()));
     (folder, window)
 }
 

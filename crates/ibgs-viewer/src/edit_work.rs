@@ -163,7 +163,6 @@ fn downloaded(renderer: &Renderer) -> Result<Bases> {
 /// for the first.
 fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Result<String> {
     let SaveEdited { path, model, placement, .. } = save;
-    let first = first.moved(placement);
     if path.as_os_str().is_empty() {
         bail!("give the file a name that ends in `.ply` or `.ibgs`");
     }
@@ -172,6 +171,7 @@ fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Re
     }
     let saved = |gaussians: usize| format!("saved: {}, {gaussians} Gaussians", path.display());
     if let Some(format) = Format::of_name(path) {
+        let first = first.moved(placement);
         write_gaussians(path, &first, format)?;
         let mut text = saved(first.len());
         if !further.is_empty() {
@@ -192,12 +192,9 @@ fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Re
     let mut model = Model::clone(model);
     (model.gaussians, model.levels) = (first, None);
     for (member, gaussians) in model.members.iter_mut().zip(further) {
-        member.gaussians = gaussians.moved(placement);
+        member.gaussians = gaussians;
     }
-    for record in &mut model.cameras {
-        record.camera = placement.camera(&record.camera);
-    }
-    model.config.data.extent = model.config.data.extent.map(|extent| placement.scale * extent);
+    model.place(placement);
     model.into_bundle(&())?.write(path, Packing::Lossless)?;
     Ok(text)
 }

@@ -7,7 +7,7 @@ mod messages;
 mod outside;
 mod screenshot;
 
-pub(crate) use framing::fitted;
+pub(crate) use framing::{fitted, widened};
 pub(crate) use leaving::{Answer, Leaving, Next};
 
 use crate::canvas::{Canvas, SIDES};
@@ -17,6 +17,7 @@ use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::path_editor::PathEditor;
 use crate::start_page::Start;
+use crate::theme;
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
 use crate::{Open, OpenRequest, Opened, Outcome, Scene};
@@ -59,6 +60,8 @@ pub(crate) struct Panels {
     pub hides_figures: bool,
     /// A resting camera's image has the full size, however long it takes.
     pub always_sharp: bool,
+    /// On a view, nothing around its photo.
+    pub only_frame: bool,
     /// The camera path's panel.
     pub shows_path: bool,
     /// Keys and pointer explained.
@@ -94,6 +97,8 @@ pub struct Viewer {
     /// What the canvas shows, and what right of the divider.
     pub(crate) mode: Mode,
     pub(crate) other: Option<Mode>,
+    /// The base is shown because the model has no network, or none yet.
+    lacks_final: bool,
     /// Share of the canvas left of the divider.
     pub(crate) divider: f32,
     pub(crate) divider_x: Option<f32>,
@@ -149,6 +154,7 @@ impl Viewer {
     ) -> Result<Self, GpuError> {
         let settings = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY)).unwrap_or_default();
         let canvas = Canvas::new(gpu.clone())?;
+        theme::apply(&cc.egui_ctx);
         let mut start = Start::new(opener.demo_iterations(&gpu));
         let opened = match first {
             Some(Outcome::Opened(opened)) => Some(*opened),
@@ -169,6 +175,7 @@ impl Viewer {
             canvas,
             mode: Mode::Final,
             other: None,
+            lacks_final: false,
             divider: 0.5,
             divider_x: None,
             on_view: None,
@@ -236,7 +243,7 @@ impl Viewer {
     /// Shows another part of the image, where there is one.
     pub fn show_mode(&mut self, mode: Mode) {
         if self.offers(mode) {
-            self.mode = mode;
+            (self.mode, self.lacks_final) = (mode, false);
         }
     }
 
@@ -246,8 +253,12 @@ impl Viewer {
     }
 
     fn leave_what_is_not_offered(&mut self) {
+        let offers_final = self.offers(Mode::Final);
         if !self.offers(self.mode) {
-            self.mode = if self.offers(Mode::Final) { Mode::Final } else { Mode::Base };
+            (self.mode, self.lacks_final) = if offers_final { (Mode::Final, false) } else { (Mode::Base, true) };
+        } else if self.lacks_final && offers_final {
+            // Its network has come.
+            (self.mode, self.lacks_final) = (Mode::Final, false);
         }
         self.other = self.other.filter(|&mode| self.offers(mode));
     }

@@ -1,12 +1,43 @@
 //! Placing a model: its size by a known length, its ground and up axis by three points.
 
+use crate::model::Model;
+use crate::residual::weights::turned;
 use crate::similarity::Similarity;
+use crate::sources::find::{Distances, PUBLISHED_DISTANCES};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Up in files: the axes of 3DGS are x to the right, y down, z forward.
 pub const UP: DVec3 = DVec3::NEG_Y;
 /// Least sine of the angle at the first of three points.
 const LEAST_SINE: f64 = 1e-3;
+
+impl Model {
+    /// Moves, turns and scales its Gaussians and cameras, and turns what its networks read in the scene's axes: its images stay
+    /// what they are, but for rounding. The identity changes nothing, to the last digit.
+    pub fn place(&mut self, by: &Similarity) {
+        if *by == Similarity::IDENTITY {
+            return;
+        }
+        // The median of turned positions is another one, so lengths would be measured by another extent.
+        self.config.data.extent = Some(by.scale * self.space().extent());
+        let members = self.members.iter_mut().map(|member| (&mut member.gaussians, &mut member.network));
+        for (gaussians, network) in std::iter::once((&mut self.gaussians, &mut self.network)).chain(members) {
+            *gaussians = std::mem::take(gaussians).moved(by);
+            *network = network.take().map(|weights| turned(&weights, by.rotation));
+        }
+        let sources = &mut self.config.sources;
+        if sources.distances == Distances::Absolute {
+            let usual = [&mut sources.min_distance, &mut sources.max_distance].into_iter().zip(PUBLISHED_DISTANCES);
+            usual.for_each(|(distance, usual)| *distance = Some(distance.unwrap_or(usual)));
+        }
+        for distance in [&mut sources.min_distance, &mut sources.max_distance] {
+            *distance = distance.map(|distance| by.scale * distance);
+        }
+        for record in &mut self.cameras {
+            record.camera = by.camera(&record.camera);
+        }
+    }
+}
 
 /// A placement in which a distance between two points of the scene has a length. None where they are one, or the length is not
 /// positive.

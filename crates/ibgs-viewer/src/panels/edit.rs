@@ -9,6 +9,7 @@ pub use image::{draw, in_image};
 pub use keys::keys;
 
 use crate::edit::{Edit, Tool};
+use crate::icons::{self, icon};
 use crate::viewer::Viewer;
 use crate::worker::Command;
 use eframe::egui::{Button, CollapsingHeader, DragValue, Grid, Slider, TextEdit, Ui};
@@ -130,7 +131,11 @@ fn tools(edit: &mut Edit, all: &[(Tool, &str, &str)], ui: &mut Ui) -> Option<Too
     ui.horizontal_wrapped(|ui| {
         for (tool, name, text) in all {
             let text = format!("{text} Escape puts the tool down.");
-            if ui.selectable_label(edit.tool == Some(*tool), *name).on_hover_text(text).clicked() {
+            if ui
+                .selectable_label(edit.tool == Some(*tool), (icon(icons::of(*tool)), *name))
+                .on_hover_text(text)
+                .clicked()
+            {
                 edit.take_up(*tool);
             }
         }

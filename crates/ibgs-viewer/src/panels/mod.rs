@@ -16,12 +16,15 @@ pub use start::{chosen, start};
 
 use crate::mode::Mode;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, Vec2};
+use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Slider, Stroke, Ui, Vec2};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
+use std::time::Duration;
 
 /// Windows that are narrower, in points, have below the image what others have beside it.
 const NARROW: f32 = 480.0;
+/// After this time without a new picture the old one says that it is old.
+const SLOW: Duration = Duration::from_millis(500);
 
 /// The panels left, right and below.
 pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
@@ -89,8 +92,36 @@ fn label(painter: &egui::Painter, at: egui::Pos2, align: Align2, text: String) {
     painter.galley(room.min, galley, Color32::WHITE);
 }
 
+/// The slider that amplifies differences, over the picture.
+pub fn strength(viewer: &mut Viewer, ui: &Ui, room: Rect) {
+    if !viewer.shows(Mode::has_gain) {
+        return;
+    }
+    let at = room.right_top() + Vec2::new(-12.0, 12.0);
+    egui::Area::new(ui.scope_id().with("strength")).fixed_pos(at).pivot(Align2::RIGHT_TOP).show(ui.ctx(), |ui| {
+        egui::Frame::popup(ui.style()).show(ui, |ui| {
+            let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
+            ui.add(slider).on_hover_text("Factor that amplifies differences");
+        });
+    });
+}
+
 /// Figures in the canvas' corner.
 pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
+    if let Some(rest) = viewer.canvas.waits().map(|waits| SLOW.checked_sub(waits)) {
+        match rest {
+            Some(rest) => ui.ctx().request_repaint_after(rest),
+            None => {
+                let at = room.center_bottom() - Vec2::new(0.0, 12.0);
+                label(
+                    &ui.painter_at(room),
+                    at,
+                    Align2::CENTER_BOTTOM,
+                    "rendering; this is the picture before".to_owned(),
+                );
+            }
+        }
+    }
     if viewer.panels.hides_figures {
         return;
     }

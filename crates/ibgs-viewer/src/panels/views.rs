@@ -2,6 +2,7 @@
 
 use crate::IN_BROWSER;
 use crate::marks;
+use crate::theme::as_text;
 use crate::viewer::Viewer;
 use eframe::egui::{self, Sense, Ui, Vec2};
 
@@ -59,6 +60,7 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
                 let name = view.name.rsplit('/').next().unwrap_or(&view.name);
                 painter.text(at - Vec2::new(0.0, 8.0), egui::Align2::LEFT_CENTER, name, font, text);
                 let (short, color) = if view.held_out { ("test", marks::HELD_OUT) } else { ("train", marks::TRAINED) };
+                let color = if selected { text } else { as_text(color, visuals) };
                 let small = egui::TextStyle::Small.resolve(ui.style());
                 painter.text(at + Vec2::new(0.0, 9.0), egui::Align2::LEFT_CENTER, short, small, color);
                 row.on_hover_text(format!("{}, {kind}", view.name));
