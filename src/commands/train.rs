@@ -63,8 +63,9 @@ pub struct Args {
     /// [default: ibgs].
     #[arg(long, value_parser = word::<Method>())]
     method: Option<Method>,
-    /// Options to begin with, which the others override: `default`; `fast` (6000 iterations with the network at half size,
-    /// about half a minute on a fast GPU); `published` (those of the published experiments) [default: default].
+    /// Options to begin with, which the others override: `default`; `best` (two networks and six bases, in about four times the
+    /// default's time); `fast` (6000 iterations with the network at half size, about half a minute on a fast GPU);
+    /// `published` (those of the published experiments) [default: default].
     #[arg(
         long,
         value_parser = word::<Preset>(),

@@ -16,7 +16,8 @@ use std::process::Command;
 
 /// A window with the editor open.
 pub fn editing(opened: Opened) -> Window {
-    let mut window = window_on(&gpu(), Some(opened), Vec2::new(1000.0, 800.0));
+    let first = Some(Outcome::Opened(Box::new(opened)));
+    let mut window = window_with(&gpu(), Opener::default(), first, Vec2::new(1000.0, 800.0), None, 0.5);
     window.state_mut().show_figures(false);
     press(&mut window, Key::X);
     until(&mut window, "edited", |viewer| viewer.edited().is_some());
@@ -38,12 +39,14 @@ pub fn command(window: &mut Window, modifiers: Modifiers, key: Key) {
     settle(window);
 }
 
-/// The canvas without the panels and the marks over it.
+/// The canvas without the panels, the marks over it and the pointer.
 pub fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
+    window.event(Event::PointerGone);
+    window.run_steps(2);
     part(window, Vec2::new(0.3, 0.3), Vec2::new(0.6, 0.8))
 }
 
-fn bundle(path: &Path) {
+pub fn bundle(path: &Path) {
     write_bundle(path, from_points(&many_points().points, 0, 0.6).unwrap(), Vec::new());
 }
 
@@ -79,7 +82,7 @@ pub fn open(path: &Path) -> Opened {
     }
 }
 
-fn renderer(opened: &Opened) -> &Renderer {
+pub fn renderer(opened: &Opened) -> &Renderer {
     let Content::Model(renderer) = &opened.content else { panic!("a model is no training") };
     renderer
 }
@@ -87,7 +90,7 @@ fn renderer(opened: &Opened) -> &Renderer {
 #[test]
 fn deleting_is_undone_and_redone() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = editing(untrained(folder.path()));
+    let mut window = editing(plain(folder.path()));
     press(&mut window, Key::Num2);
     let [whole, selected] = counts(&window);
     assert_eq!((whole, selected), (4_000, 0));
@@ -129,7 +132,7 @@ fn deleting_is_undone_and_redone() {
 #[test]
 fn a_brush_paints_what_is_in_front() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = editing(untrained(folder.path()));
+    let mut window = editing(plain(folder.path()));
     pick(&mut window, "Brush");
     let stood = *window.state().navigator();
     let at = Pos2::new(430.0, 430.0);
@@ -159,7 +162,7 @@ fn a_brush_paints_what_is_in_front() {
 }
 
 #[test]
-fn handles_move_the_box_and_values_select() {
+fn handles_move_the_box() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = window_on(&gpu(), Some(untrained(folder.path())), Vec2::new(1280.0, 800.0));
     press(&mut window, Key::X);
@@ -167,19 +170,11 @@ fn handles_move_the_box_and_values_select() {
     pick(&mut window, "Box");
     let (stood, before) = (*window.state().navigator(), *window.state().crop_box().unwrap());
     // Where the picture of the editor shows a handle.
-    drag(&mut window, PointerButton::Primary, Pos2::new(724.0, 152.0), Vec2::new(-30.0, 40.0));
+    drag(&mut window, PointerButton::Primary, Pos2::new(724.0, 141.0), Vec2::new(-30.0, 40.0));
     let after = *window.state().crop_box().unwrap();
     assert_eq!((*window.state().navigator(), window.state().on_view()), (stood, Some(0)), "a handle moves no camera");
     let resized = (0..3).filter(|&axis| after.size[axis] != before.size[axis]).count();
     assert!(resized == 1 && after.center != before.center, "{before:?} {after:?}");
-    // All limits that are ticked have to be met.
-    pick(&mut window, "distance above");
-    pick(&mut window, "Select by values");
-    let far = counts(&window)[1];
-    assert!(far > 0 && far < 4_000, "{far}");
-    pick(&mut window, "opacity below");
-    pick(&mut window, "Select by values");
-    assert_eq!(counts(&window)[1], 0, "every opacity is 0.6");
     assert_eq!(window.state().error(), None);
 }
 

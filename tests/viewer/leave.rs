@@ -59,7 +59,7 @@ fn answer(window: &mut Window, label: &str) -> bool {
 #[test]
 fn a_window_without_edits_closes() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = editing(untrained(folder.path()));
+    let mut window = editing(plain(folder.path()));
     pick(&mut window, "All");
     assert!(close(&mut window), "a selection is nothing to save");
     assert!(window.query_by_label(QUESTION).is_none());

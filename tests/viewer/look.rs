@@ -11,6 +11,10 @@ fn show(window: &mut Window, mode: Mode) {
     match mode.key() {
         Some(key) => press(window, key),
         None => {
+            // In the menu, which has the name of what is shown.
+            let shown = window.state().mode().name();
+            window.get_by_label(shown).click();
+            window.run_steps(3);
             window.get_by_label(mode.name()).click();
             settle(window);
         }
@@ -39,6 +43,8 @@ fn every_mode_shows_something_else() {
         seen.push(picture);
     }
     // By pointer as well; the photo is of the view, so moving leaves it.
+    window.get_by_label("Hidden").click();
+    window.run_steps(3);
     window.get_by_label("Depth").click();
     settle(&mut window);
     assert_eq!(window.state().mode(), Mode::Depth);
@@ -75,6 +81,42 @@ fn the_window_looks_as_it_should() {
     window.set_size(Vec2::new(360.0, 300.0));
     settle(&mut window);
     assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn the_picture_fills_the_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(plain(folder.path())));
+    window.state_mut().show_figures(false);
+    let ratio = |window: &Window| {
+        let [width, height] = window.state().image_size().unwrap();
+        f64::from(width) / f64::from(height)
+    };
+    let middle = |window: &mut Window| part(window, Vec2::new(0.5, 0.35), Vec2::new(0.8, 0.75));
+    let edge = |window: &mut Window| part(window, Vec2::new(0.978, 0.35), Vec2::new(0.995, 0.75));
+    assert!((ratio(&window) - 4.0 / 3.0).abs() < 0.01, "the shape of the photo");
+    let (alone, beyond) = (middle(&mut window), edge(&mut window));
+    assert!(beyond.iter().all(|pixel| *pixel == beyond[0]), "nothing beyond the photo");
+    window.state_mut().show_only_frame(false);
+    settle(&mut window);
+    assert!(ratio(&window) > 1.4, "{}", ratio(&window));
+    // The same picture, up to half a pixel, with more around it.
+    let filled = middle(&mut window);
+    let differences = alone.iter().zip(&filled).map(|(a, b)| f64::from(a[1].abs_diff(b[1])));
+    let mean = differences.sum::<f64>() / alone.len() as f64;
+    assert!(mean < 4.0, "{mean}");
+    let around = edge(&mut window);
+    assert!(around.iter().any(|pixel| *pixel != around[0]), "what lies beyond is rendered");
+    snapshot(&mut window, "filled", 300);
+    // A narrow window has its modes in a menu, which is named as what it shows.
+    window.set_size(Vec2::new(390.0, 620.0));
+    settle(&mut window);
+    window.get_by_label("Base").click();
+    window.run_steps(3);
+    window.get_by_label("Depth").click();
+    settle(&mut window);
+    assert_eq!(window.state().mode(), Mode::Depth);
+    snapshot(&mut window, "narrow", 300);
 }
 
 #[test]
@@ -123,15 +165,15 @@ fn models_without_a_network_or_photos_offer_what_they_have() {
     let (needing, others): (Vec<Mode>, Vec<Mode>) =
         Mode::ALL.into_iter().partition(|mode| mode.needs_network() || mode.needs_photo());
     assert_eq!(offered, others);
-    for mode in [Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo, Mode::Hidden] {
+    for mode in [Mode::Final, Mode::Residual, Mode::Visibility, Mode::Difference, Mode::Photo, Mode::Hidden] {
         assert!(needing.contains(&mode), "{mode:?}");
     }
-    for mode in [Mode::Final, Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids] {
+    for mode in [Mode::Base, Mode::Depth, Mode::Normal, Mode::Points, Mode::Ellipsoids] {
         assert!(others.contains(&mode), "{mode:?}");
     }
     for mode in needing {
         show(&mut window, mode);
-        assert_eq!(window.state().mode(), Mode::Final);
+        assert_eq!(window.state().mode(), Mode::Base);
     }
     window.state_mut().show_other(Some(Mode::Visibility));
     assert_eq!(window.state().other_mode(), None);
@@ -160,6 +202,8 @@ fn keys_and_pointer_move_the_camera() {
     press(&mut window, Key::ArrowLeft);
     let last = window.state().on_view();
     assert!(last > Some(1), "{last:?}");
+    window.get_by_label("Camera").click();
+    window.run_steps(3);
     window.get_by_label("Reset").click();
     settle(&mut window);
     assert_eq!(window.state().on_view(), Some(0));

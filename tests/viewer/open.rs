@@ -70,7 +70,7 @@ impl Open for Into {
 }
 
 fn asking(model: &Path, first: Option<Outcome>) -> Window {
-    window_with(&gpu(), Into(model.to_owned()), first, Vec2::new(1280.0, 800.0), None)
+    window_with(&gpu(), Into(model.to_owned()), first, Vec2::new(1280.0, 800.0), None, 1.0)
 }
 
 /// What the program stores from one start to the next.
@@ -95,7 +95,7 @@ impl Storage for Stored {
 
 /// The program started again with this in its storage.
 fn restarted(stored: Stored, size: Vec2) -> Window {
-    window_with(&gpu(), Opener::default(), None, size, Some(Box::leak(Box::new(stored))))
+    window_with(&gpu(), Opener::default(), None, size, Some(Box::leak(Box::new(stored))), 1.0)
 }
 
 #[test]

@@ -83,6 +83,23 @@ impl Similarity {
         self.scale * (self.rotation * point) + self.translation
     }
 
+    /// This one, then another.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        Self {
+            scale: next.scale * self.scale,
+            rotation: next.rotation * self.rotation,
+            translation: next.point(self.translation),
+        }
+    }
+
+    /// The way back.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let (scale, rotation) = (self.scale.recip(), self.rotation.transpose());
+        Self { scale, rotation, translation: -scale * (rotation * self.translation) }
+    }
+
     /// A camera of the first frame in the second.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let view_from_world = camera.view_from_world * self.rotation.transpose();
@@ -133,6 +150,20 @@ mod tests {
             assert!(found.rotation.abs_diff_eq(truth.rotation, tolerance), "{found:?}");
             assert!(found.translation.abs_diff_eq(truth.translation, 5.0 * tolerance), "{found:?}");
         }
+    }
+
+    #[test]
+    fn similarities_follow_each_other_and_are_undone() {
+        let first = Similarity {
+            scale: 1.7,
+            rotation: DMat3::from_rotation_z(2.5) * DMat3::from_rotation_x(0.4),
+            translation: DVec3::new(3.0, -1.0, 0.5),
+        };
+        let second = Similarity { scale: 0.3, rotation: DMat3::from_rotation_y(1.0), translation: DVec3::X };
+        let point = DVec3::new(0.3, -2.0, 7.0);
+        assert!(first.then(&second).point(point).abs_diff_eq(second.point(first.point(point)), 1e-12));
+        assert!(first.inverse().point(first.point(point)).abs_diff_eq(point, 1e-12));
+        assert!(first.point(first.inverse().point(point)).abs_diff_eq(point, 1e-12));
     }
 
     #[test]

@@ -1,16 +1,28 @@
-//! Selecting and removing Gaussians of a finished model: which ones ([`Mask`]), by what ([`CropBox`], [`Brush`], [`Filter`]), the
-//! steps that were taken ([`Editor`]), and what they leave of each base of an ensemble ([`Bases`]). Knows neither windows nor
-//! devices.
+//! Selecting, hiding, locking and removing Gaussians of a finished model: which ones ([`Mask`]), by what ([`CropBox`], [`Ball`],
+//! [`Screen`], [`Flood`], [`Floaters`], [`Value`]), the steps that were taken ([`Editor`]), and what they leave of each base of an
+//! ensemble ([`Bases`]). Knows neither windows nor devices.
 
 mod bases;
 mod choose;
+mod groups;
 mod mask;
+mod placing;
+mod screen;
+#[cfg(test)]
+mod tests;
+mod values;
 
 pub use bases::Bases;
-pub use choose::{Brush, CropBox, Filter, box_edges};
+pub use choose::{Ball, CropBox, box_edges};
+pub use groups::{Floaters, Flood, color, of_color};
 pub use mask::Mask;
+pub use placing::{UP, scaled, upright};
+pub use screen::{Screen, nearest};
+pub use values::{Histogram, Value, in_range};
 
 use crate::scene::Gaussians;
+use crate::similarity::Similarity;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Most memory of the steps that can be undone; at least [`LEAST_STEPS`] are kept.
@@ -28,32 +40,51 @@ pub enum Combine {
     Add,
     /// The one before without the new one.
     Remove,
+    /// What is in both.
+    Intersect,
 }
 
-/// Which Gaussians of a model are left, and which are selected. Steps that change only one of the two share the other.
+/// Where the centre of a Gaussian lies in the scene.
+fn place(gaussians: &Gaussians, index: usize) -> DVec3 {
+    gaussians.space.to_scene(DVec3::from(gaussians.means[index].map(f64::from)))
+}
+
+/// Which Gaussians of a model are left, and which of them are selected, hidden and locked. Steps share what they do not change.
 #[derive(Clone, Debug, PartialEq)]
 struct EditState {
     left: Arc<Mask>,
     selected: Arc<Mask>,
+    hidden: Arc<Mask>,
+    locked: Arc<Mask>,
+    placement: Similarity,
 }
 
-/// The selection on a model, what was removed of it, and the steps to here.
+/// The selection on a model, what was hidden, locked and removed, and the steps to here.
 #[derive(Clone, Debug)]
 pub struct Editor {
     gaussians: Arc<Gaussians>,
     now: EditState,
+    /// What is left and not hidden.
+    shown: Arc<Mask>,
     undo: Vec<EditState>,
     redo: Vec<EditState>,
-    /// Numbers that the panel shows, counted once a step.
-    counts: [usize; 2],
+    /// Numbers that the panel shows, counted once a step: left, selected, hidden, locked.
+    counts: [usize; 4],
 }
 
 impl Editor {
     /// Nothing is selected, nothing removed.
     pub fn new(gaussians: Arc<Gaussians>) -> Self {
         let count = gaussians.len();
-        let now = EditState { left: Arc::new(Mask::all(count)), selected: Arc::new(Mask::none(count)) };
-        Self { gaussians, now, undo: Vec::new(), redo: Vec::new(), counts: [count, 0] }
+        let (all, none) = (Arc::new(Mask::all(count)), Arc::new(Mask::none(count)));
+        let now = EditState {
+            left: all.clone(),
+            selected: none.clone(),
+            hidden: none.clone(),
+            locked: none,
+            placement: Similarity::IDENTITY,
+        };
+        Self { gaussians, now, shown: all, undo: Vec::new(), redo: Vec::new(), counts: [count, 0, 0, 0] }
     }
 
     /// The whole model, with what was removed.
@@ -66,9 +97,19 @@ impl Editor {
         &self.now.left
     }
 
+    /// What is left and not hidden.
+    pub fn shown(&self) -> &Arc<Mask> {
+        &self.shown
+    }
+
     /// The Gaussians among those that are selected.
-    pub fn selected(&self) -> &Mask {
+    pub fn selected(&self) -> &Arc<Mask> {
         &self.now.selected
+    }
+
+    /// What can be selected: what is shown and not locked.
+    pub fn selectable(&self) -> Mask {
+        self.shown.without(&self.now.locked)
     }
 
     /// Gaussians that are left.
@@ -81,9 +122,35 @@ impl Editor {
         self.counts[1]
     }
 
-    /// Whether something was removed.
-    pub fn is_changed(&self) -> bool {
-        self.left_count() < self.gaussians.len()
+    /// Gaussians that are hidden.
+    pub fn hidden_count(&self) -> usize {
+        self.counts[2]
+    }
+
+    /// Gaussians that are locked.
+    pub fn locked_count(&self) -> usize {
+        self.counts[3]
+    }
+
+    /// Where the model stands: what takes its coordinates to those that it is saved in.
+    pub fn placement(&self) -> &Similarity {
+        &self.now.placement
+    }
+
+    /// Places the model within a step, as a value does while it is dragged. Scales that are not positive, and numbers that are
+    /// none, change nothing.
+    pub fn change_placement(&mut self, placement: Similarity) {
+        let Similarity { scale, rotation, translation } = placement;
+        if scale > 0.0 && scale.is_finite() && rotation.is_finite() && translation.is_finite() {
+            self.set(EditState { placement, ..self.now.clone() });
+        }
+    }
+
+    /// Places the model in one step.
+    pub fn place(&mut self, placement: Similarity) {
+        self.begin();
+        self.change_placement(placement);
+        self.end();
     }
 
     /// Whether some are selected and some are not: a model keeps at least one Gaussian.
@@ -102,7 +169,8 @@ impl Editor {
     }
 
     fn set(&mut self, now: EditState) {
-        self.counts = [now.left.count(), now.selected.count()];
+        self.shown = Arc::new(now.left.without(&now.hidden));
+        self.counts = [&now.left, &now.selected, &now.hidden, &now.locked].map(|mask| mask.count());
         self.now = now;
     }
 
@@ -110,7 +178,7 @@ impl Editor {
     pub fn begin(&mut self) {
         self.redo.clear();
         self.undo.push(self.now.clone());
-        let bytes = 2 * self.now.left.bytes().max(1);
+        let bytes = 4 * self.now.left.bytes().max(1);
         let most = (MOST_BYTES / bytes).clamp(LEAST_STEPS, MOST_STEPS);
         let excess = self.undo.len().saturating_sub(most);
         self.undo.drain(..excess);
@@ -123,16 +191,25 @@ impl Editor {
         }
     }
 
-    /// Changes the selection within a step, as a brush does while it moves. What was removed is never selected.
+    /// A whole step.
+    fn step(&mut self, now: EditState) {
+        self.begin();
+        self.set(now);
+        self.end();
+    }
+
+    /// Changes the selection within a step, as a brush does while it moves. What was removed, is hidden or locked is never
+    /// selected.
     pub fn change(&mut self, found: &Mask, how: Combine) {
-        let (left, before) = (&self.now.left, &self.now.selected);
+        let before = &self.now.selected;
         let selected = match how {
-            Combine::Replace => found.and(left),
-            Combine::Add => before.or(&found.and(left)),
+            Combine::Replace => found.and(&self.selectable()),
+            Combine::Add => before.or(&found.and(&self.selectable())),
             Combine::Remove => before.without(found),
+            Combine::Intersect => before.and(found),
         };
         if selected != **before {
-            self.set(EditState { left: left.clone(), selected: Arc::new(selected) });
+            self.set(EditState { selected: Arc::new(selected), ..self.now.clone() });
         }
     }
 
@@ -143,166 +220,109 @@ impl Editor {
         self.end();
     }
 
-    /// Selects all that is left.
+    /// Selects all that can be selected.
     pub fn select_all(&mut self) {
-        let left = self.now.left.clone();
-        self.select(&left, Combine::Replace);
+        self.select(&self.selectable(), Combine::Replace);
     }
 
     /// Selects nothing.
     pub fn select_none(&mut self) {
-        self.select(&Mask::none(self.gaussians.len()), Combine::Replace);
+        self.select(&self.none(), Combine::Replace);
     }
 
-    /// Selects what is left and was not selected.
+    /// Selects what can be selected and was not.
     pub fn invert(&mut self) {
-        let others = self.now.left.without(&self.now.selected);
+        let others = self.selectable().without(&self.now.selected);
         self.select(&others, Combine::Replace);
+    }
+
+    fn none(&self) -> Mask {
+        Mask::none(self.gaussians.len())
+    }
+
+    /// Hides the selected Gaussians; they stay in the model. False if none or all that are seen are selected.
+    pub fn hide(&mut self) -> bool {
+        let hides = self.selected_count() > 0 && self.selected_count() < self.shown.count();
+        if hides {
+            let hidden = Arc::new(self.now.hidden.or(&self.now.selected));
+            self.step(EditState { hidden, selected: Arc::new(self.none()), ..self.now.clone() });
+        }
+        hides
+    }
+
+    /// Shows what is hidden. False if nothing is.
+    pub fn show_all(&mut self) -> bool {
+        let shows = self.hidden_count() > 0;
+        if shows {
+            self.step(EditState { hidden: Arc::new(self.none()), ..self.now.clone() });
+        }
+        shows
+    }
+
+    /// Locks the selected Gaussians: they are seen, but no tool selects or removes them. False if none are selected.
+    pub fn lock(&mut self) -> bool {
+        let locks = self.selected_count() > 0;
+        if locks {
+            let locked = Arc::new(self.now.locked.or(&self.now.selected));
+            self.step(EditState { locked, selected: Arc::new(self.none()), ..self.now.clone() });
+        }
+        locks
+    }
+
+    /// Unlocks what is locked. False if nothing is.
+    pub fn unlock_all(&mut self) -> bool {
+        let unlocks = self.locked_count() > 0;
+        if unlocks {
+            self.step(EditState { locked: Arc::new(self.none()), ..self.now.clone() });
+        }
+        unlocks
     }
 
     /// Removes the selected Gaussians. False if none or all are selected.
     pub fn delete(&mut self) -> bool {
-        self.leave(self.now.left.without(&self.now.selected))
+        self.remove(&self.now.selected.clone())
     }
 
-    /// Removes the Gaussians that are not selected. False if none or all are selected.
+    /// Removes what is not selected; what is hidden or locked stays. False if none or all are selected.
     pub fn keep(&mut self) -> bool {
-        self.leave(Mask::clone(&self.now.selected))
+        self.selected_count() > 0 && self.crop(&self.now.selected.clone())
     }
 
-    fn leave(&mut self, left: Mask) -> bool {
-        if !self.can_remove() {
-            return false;
+    /// Removes what is not in a mask; what is hidden or locked stays. False if that is nothing or all.
+    pub fn crop(&mut self, found: &Mask) -> bool {
+        self.remove(&self.selectable().without(found))
+    }
+
+    fn remove(&mut self, removed: &Mask) -> bool {
+        let left = self.now.left.without(removed);
+        let removes = (1..self.left_count()).contains(&left.count());
+        if removes {
+            let rest = |mask: &Mask| Arc::new(mask.and(&left));
+            let (hidden, locked) = (rest(&self.now.hidden), rest(&self.now.locked));
+            self.step(EditState {
+                selected: Arc::new(self.none()),
+                hidden,
+                locked,
+                left: Arc::new(left),
+                ..self.now.clone()
+            });
         }
-        self.begin();
-        self.set(EditState { selected: Arc::new(Mask::none(left.total())), left: Arc::new(left) });
-        true
+        removes
     }
 
-    /// Undoes the last step; true if that changes which Gaussians are left.
-    pub fn undo(&mut self) -> bool {
-        let Some(state) = self.undo.pop() else { return false };
-        self.redo.push(self.now.clone());
-        self.replace(state)
-    }
-
-    /// Redoes the step that was undone last; true if that changes which Gaussians are left.
-    pub fn redo(&mut self) -> bool {
-        let Some(state) = self.redo.pop() else { return false };
-        self.undo.push(self.now.clone());
-        self.replace(state)
-    }
-
-    fn replace(&mut self, state: EditState) -> bool {
-        let changes = state.left != self.now.left;
-        self.set(state);
-        changes
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A row of Gaussians along x that differ in every field.
-    fn row(count: usize) -> Arc<Gaussians> {
-        let at = |i: usize| i as f32;
-        let values = |of: fn(f32) -> f32| (0..count).map(move |i| of(at(i)));
-        Arc::new(Gaussians {
-            means: values(|x| x).map(|x| [x, 0.0, 0.0]).collect(),
-            rotations: values(|x| x + 1.0).map(|w| [w, 0.0, 0.0, 0.5]).collect(),
-            log_scales: values(|x| -x).map(|s| [s, s - 1.0, s - 2.0]).collect(),
-            opacity_logits: values(|x| x - 3.0).collect(),
-            sh: values(|x| x).flat_map(|x| (0..12).map(move |c| x * 100.0 + c as f32)).collect(),
-            sh_degree: 1,
-            normals: values(|x| x).map(|x| [0.0, x, 1.0]).collect(),
-            offsets: values(|x| x * 0.5).collect(),
-            ..Gaussians::default()
-        })
-    }
-
-    fn of(count: usize, chosen: &[usize]) -> Mask {
-        Mask::of(count, |i| chosen.contains(&i))
-    }
-
-    fn list(mask: &Mask) -> Vec<usize> {
-        mask.iter().collect()
-    }
-
-    #[test]
-    fn every_field_of_the_kept_gaussians_stays_as_it_is() {
-        let whole = row(70);
-        let kept = of(70, &[0, 3, 64, 69]).of_model(&whole);
-        kept.validate().unwrap();
-        assert_eq!(kept.len(), 4);
-        for (now, before) in [(0, 0), (1, 3), (2, 64), (3, 69)] {
-            assert_eq!(kept.row(now), whole.row(before));
+    /// Undoes the last step.
+    pub fn undo(&mut self) {
+        if let Some(state) = self.undo.pop() {
+            self.redo.push(self.now.clone());
+            self.set(state);
         }
-        assert_eq!(Mask::all(70).of_model(&whole), *whole);
     }
 
-    #[test]
-    fn selections_combine_and_forget_what_was_removed() {
-        let mut editor = Editor::new(row(6));
-        editor.select(&of(6, &[0, 1, 2]), Combine::Replace);
-        editor.select(&of(6, &[2, 3]), Combine::Add);
-        assert_eq!(list(editor.selected()), [0, 1, 2, 3]);
-        editor.select(&of(6, &[1, 5]), Combine::Remove);
-        assert_eq!((list(editor.selected()), editor.selected_count()), (vec![0, 2, 3], 3));
-        editor.invert();
-        assert_eq!(list(editor.selected()), [1, 4, 5]);
-        assert!(editor.delete());
-        assert_eq!((list(editor.left()), editor.left_count(), editor.selected_count()), (vec![0, 2, 3], 3, 0));
-        editor.select(&of(6, &[0, 1]), Combine::Replace);
-        assert_eq!(list(editor.selected()), [0], "1 was removed");
-        editor.select_all();
-        assert_eq!(list(editor.selected()), [0, 2, 3]);
-        assert!(!editor.delete() && !editor.keep(), "one Gaussian stays, and keeping all is no change");
-        editor.select_none();
-        assert!(!editor.delete() && !editor.keep());
-        editor.select(&of(6, &[3]), Combine::Replace);
-        assert!(editor.keep() && list(editor.left()) == [3]);
-    }
-
-    #[test]
-    fn steps_are_undone_and_redone() {
-        let mut editor = Editor::new(row(4));
-        assert!(!editor.can_undo() && !editor.undo() && !editor.redo());
-        editor.select(&of(4, &[1]), Combine::Replace);
-        editor.delete();
-        editor.select(&of(4, &[2]), Combine::Replace);
-        assert!(!editor.undo(), "the selection alone changes");
-        assert!(editor.undo(), "the deleted Gaussian is back");
-        assert_eq!((list(editor.left()), list(editor.selected())), (vec![0, 1, 2, 3], vec![1]));
-        assert!(editor.redo() && list(editor.left()) == [0, 2, 3] && editor.can_redo());
-        editor.select(&of(4, &[3]), Combine::Replace);
-        assert!(!editor.can_redo(), "a new step ends what could be redone");
-        // A step without a change is dropped, so a stroke beside the model needs no undo.
-        let steps = editor.undo.len();
-        editor.begin();
-        editor.change(&Mask::none(4), Combine::Add);
-        editor.end();
-        assert_eq!(editor.undo.len(), steps);
-        // A stroke is one step.
-        editor.begin();
-        editor.change(&of(4, &[0]), Combine::Add);
-        editor.change(&of(4, &[2]), Combine::Add);
-        editor.end();
-        assert_eq!(list(editor.selected()), [0, 2, 3]);
-        editor.undo();
-        assert_eq!(list(editor.selected()), [3]);
-    }
-
-    #[test]
-    fn the_memory_of_steps_is_bounded() {
-        let mut editor = Editor::new(row(3));
-        for step in 0..1000 {
-            editor.select(&of(3, &[step % 3]), Combine::Replace);
+    /// Redoes the step that was undone last.
+    pub fn redo(&mut self) {
+        if let Some(state) = self.redo.pop() {
+            self.undo.push(self.now.clone());
+            self.set(state);
         }
-        assert_eq!(editor.undo.len(), MOST_STEPS);
-        while editor.can_undo() {
-            editor.undo();
-        }
-        assert_eq!(editor.redo.len(), MOST_STEPS);
     }
 }

@@ -63,8 +63,8 @@ pub struct Canvas {
     spare: Option<Screen>,
     last: Option<Rendered>,
     arrived: Option<Instant>,
-    /// What was asked for and has not come yet, and its share of the full size.
-    awaited: Option<(Request, f32)>,
+    /// What was asked for and has not come yet, its share of the full size, and since when.
+    awaited: Option<(Request, f32, Instant)>,
     /// What could not be rendered.
     refused: Option<Request>,
     /// Seconds that a frame of the full size would take.
@@ -104,6 +104,11 @@ impl Canvas {
         self.last.as_ref()
     }
 
+    /// How long a frame has been awaited; until it comes the picture is the one before.
+    pub fn waits(&self) -> Option<Duration> {
+        self.awaited.map(|(_, _, since)| since.elapsed())
+    }
+
     /// Forgets all frames, for another model.
     pub fn clear(&mut self) {
         (self.last, self.arrived, self.awaited, self.refused) = (None, None, None, None);
@@ -113,12 +118,12 @@ impl Canvas {
 
     /// Gives up the requested frame: it will not arrive and is not requested again.
     pub fn give_up(&mut self) {
-        self.refused = self.awaited.take().map(|(request, _)| request);
+        self.refused = self.awaited.take().map(|(request, ..)| request);
     }
 
     /// Takes a finished frame.
     pub fn take(&mut self, rendered: Rendered) {
-        let Some((request, share)) = self.awaited else { return };
+        let Some((request, share, _)) = self.awaited else { return };
         if request.camera != *rendered.frame.camera() {
             // Of what was open before.
             return;
@@ -179,7 +184,7 @@ impl Canvas {
         let request = (!fits)
             .then_some(Request { camera, with_range, looks: wanted.looks })
             .filter(|wanted| self.refused != Some(*wanted));
-        self.awaited = request.map(|request| (request, share));
+        self.awaited = request.map(|request| (request, share, Instant::now()));
         let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);
         self.settled = fits && is_newest && !wanted.moving;
         request

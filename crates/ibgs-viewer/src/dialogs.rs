@@ -5,6 +5,8 @@ use eframe::egui::Context;
 use ibgs_core::scene::Format;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::Duration;
+use web_time::Instant;
 
 /// What is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,9 +19,24 @@ pub enum Sought {
     Scene,
 }
 
+/// Nobody cancels a dialog so soon after it was asked for: there was none.
+const UNSEEN: Duration = Duration::from_millis(250);
+
+/// How a dialog ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// This was chosen.
+    Chosen(Sought, PathBuf),
+    /// The system has no file dialog.
+    NoDialog,
+}
+
+/// What a dialog returned, and after which time.
+type Returned = (Option<PathBuf>, Duration);
+
 /// The dialog that is open, if any.
 #[derive(Default)]
-pub struct Dialog(Option<(Sought, Receiver<Option<PathBuf>>)>);
+pub struct Dialog(Option<(Sought, Receiver<Returned>)>);
 
 impl Dialog {
     /// Whether one is open.
@@ -41,21 +58,26 @@ impl Dialog {
         let window = window.clone();
         let started = std::thread::Builder::new().name("file dialog".to_owned()).spawn(move || {
             // The receiver is gone once the window is closed.
-            let _ = sender.send(pick(sought));
+            let begun = Instant::now();
+            let _ = sender.send((pick(sought), begun.elapsed()));
             window.request_repaint();
         });
         self.0 = started.ok().map(|_| (sought, answer));
     }
 
-    /// What was chosen, once; nothing where the dialog was cancelled.
-    pub fn answer(&mut self) -> Option<(Sought, PathBuf)> {
+    /// How it ended, once; nothing where the dialog was cancelled.
+    pub fn answer(&mut self) -> Option<Answer> {
         let (sought, answer) = self.0.as_ref()?;
         let (sought, answer) = (*sought, answer.try_recv());
         if answer == Err(TryRecvError::Empty) {
             return None;
         }
         self.0 = None;
-        Some((sought, answer.ok()??))
+        match answer {
+            Ok((Some(path), _)) => Some(Answer::Chosen(sought, path)),
+            Ok((None, after)) => (after < UNSEEN).then_some(Answer::NoDialog),
+            Err(_) => Some(Answer::NoDialog),
+        }
     }
 }
 
@@ -93,9 +115,8 @@ pub fn native(sought: Sought) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::{Duration, Instant};
 
-    fn answered(dialog: &mut Dialog) -> Option<(Sought, PathBuf)> {
+    fn answered(dialog: &mut Dialog) -> Option<Answer> {
         let start = Instant::now();
         loop {
             let answer = dialog.answer();
@@ -112,12 +133,23 @@ mod tests {
         let (mut dialog, window) = (Dialog::default(), Context::default());
         assert_eq!(dialog.answer(), None);
         dialog.ask(Sought::Scene, &window, |_| Some("scene".into()));
-        assert_eq!(answered(&mut dialog), Some((Sought::Scene, "scene".into())));
+        assert_eq!(answered(&mut dialog), Some(Answer::Chosen(Sought::Scene, "scene".into())));
         assert_eq!((dialog.answer(), dialog.is_open()), (None, false));
+        let cancelled = |_| {
+            std::thread::sleep(2 * UNSEEN);
+            None
+        };
+        dialog.ask(Sought::ModelFile, &window, cancelled);
+        assert_eq!((answered(&mut dialog), dialog.is_open()), (None, false));
+    }
+
+    #[test]
+    fn a_dialog_that_nobody_saw_is_said_to_be_none() {
+        let (mut dialog, window) = (Dialog::default(), Context::default());
         dialog.ask(Sought::ModelFile, &window, |_| None);
-        assert_eq!((answered(&mut dialog), dialog.is_open()), (None, false));
+        assert_eq!((answered(&mut dialog), dialog.is_open()), (Some(Answer::NoDialog), false));
         dialog.ask(Sought::ModelFolder, &window, |_| panic!("a dialog that fails"));
-        assert_eq!((answered(&mut dialog), dialog.is_open()), (None, false));
+        assert_eq!((answered(&mut dialog), dialog.is_open()), (Some(Answer::NoDialog), false));
     }
 
     #[test]
@@ -128,6 +160,6 @@ mod tests {
         dialog.ask(Sought::ModelFile, &window, |_| Some("second".into()));
         assert_eq!((dialog.answer(), dialog.is_open()), (None, true));
         go.send(()).unwrap();
-        assert_eq!(answered(&mut dialog), Some((Sought::Scene, "first".into())));
+        assert_eq!(answered(&mut dialog), Some(Answer::Chosen(Sought::Scene, "first".into())));
     }
 }

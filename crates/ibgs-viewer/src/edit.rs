@@ -1,40 +1,29 @@
-//! The editor's state: what is selected of a finished model, by which tool, and what was removed. Draws nothing.
+//! The editor's state: what is selected of a finished model, by which tool, and what was hidden and removed. Draws nothing.
 
-use crate::edit_work::{EditCommand, EditMessage, SaveEdited};
-use crate::worker::{Command, Rendered};
+mod placing;
+mod ranges;
+mod tools;
+
+pub use ranges::Ranges;
+pub use tools::{Picture, Tool};
+
+use crate::edit_work::{EditCommand, EditMessage, EditShown, SaveEdited};
+use crate::worker::Command;
 use crate::{Scene, Viewer};
 use glam::{DVec2, DVec3};
-use ibgs_core::camera::Camera;
-use ibgs_core::edit::{Brush, Combine, CropBox, Editor, Filter, Mask};
+use ibgs_core::edit::{Combine, CropBox, Editor, Floaters, Mask};
 use ibgs_core::scene::Gaussians;
+use ibgs_core::similarity::Similarity;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Part of the Gaussians that the first box leaves out at each of its faces.
 const OUTSIDE: f64 = 0.1;
-
-/// What the pointer does in the image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tool {
-    /// Drags the faces of a box.
-    Box,
-    /// Paints.
-    Brush,
-}
-
-/// A limit that can be switched on.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Limit {
-    /// It counts.
-    pub on: bool,
-    /// Its value.
-    pub value: f64,
-}
-
-impl Limit {
-    fn get(self) -> Option<f64> {
-        self.on.then_some(self.value)
-    }
-}
+/// Parts of the scene's extent: gaps that a flood crosses at first, and gaps that make a floater.
+const FLOOD_GAP: f64 = 0.02;
+const FLOATER_GAP: f64 = 0.05;
+/// Groups of fewer Gaussians are floaters at first.
+const FLOATER_SIZE: usize = 100;
 
 /// The editor of the model that is open.
 #[derive(Default)]
@@ -46,50 +35,98 @@ pub struct Edit {
     asked: bool,
     /// What the pointer does; none: it moves the camera.
     pub tool: Option<Tool>,
-    /// How a new selection and the one before become one.
+    /// How a new selection and the one before become one, where no key says so.
     pub how: Combine,
     /// The box, once the Gaussians are there.
     pub crop: Option<CropBox>,
     /// Radius of the brush in points of the window.
     pub radius: f32,
-    /// The brush leaves out what is hidden.
+    /// Brush and outlines leave out what is hidden behind the surface.
     pub in_front: bool,
-    /// Limits of opacity, size and distance.
-    pub limits: [Limit; 3],
+    /// Largest difference of colours that are taken for one.
+    pub tolerance: f64,
+    /// Largest gap that a flood crosses, in scene units.
+    pub gap: f64,
+    /// A flood stays within the tolerance of the first colour.
+    pub same_color: bool,
+    /// What floats.
+    pub floaters: Option<Floaters>,
+    /// Selection by a value.
+    pub ranges: Ranges,
     /// Where the distance is measured from: the middle of the cameras.
     pub middle: DVec3,
     /// Where the model is saved.
     pub file: String,
     /// An existing file is replaced.
     pub replaces: bool,
-    /// Revision of the Gaussians that the worker has to keep; each revision is another model.
+    /// Number of the state that the worker has to show.
     pub revision: u32,
-    /// Revision that was saved last.
-    pub saved: u32,
-    /// Where the brush was last, as shares of the image.
-    stroke: Option<DVec2>,
+    /// That state.
+    sent: Option<EditShown>,
+    /// What was saved last; none: the model as it was opened.
+    saved: Option<(Arc<Mask>, Similarity)>,
+    /// Where the pointer went since it was pressed, as shares of the image, and how its selection counts.
+    stroke: Vec<DVec2>,
+    stroke_how: Combine,
+    /// Corners of the polygon so far, as shares of the image.
+    pub polygon: Vec<DVec2>,
+    /// Points of the surface that were clicked to measure a length, or to set the ground.
+    pub points: Vec<DVec3>,
+    /// What the measured length is in truth.
+    pub true_length: f64,
 }
 
 impl Edit {
     /// The editor of what was opened.
     pub fn of(scene: &Scene, middle: DVec3, extent: f64) -> Self {
-        let limit = |value| Limit { on: false, value };
         Self {
             radius: 24.0,
-            in_front: true,
-            limits: [limit(0.1), limit(0.1 * extent), limit(2.0 * extent)],
+            tolerance: 0.15,
+            gap: FLOOD_GAP * extent,
+            floaters: Some(Floaters { gap: FLOATER_GAP * extent, least: FLOATER_SIZE }),
             middle,
             file: file_name(scene).display().to_string(),
             ..Self::default()
         }
     }
 
-    /// Asks the worker for the Gaussians, once.
-    pub fn begin(&mut self) -> Option<Command> {
+    /// What the worker has to do now: send the Gaussians, once, or show another state.
+    pub fn command(&mut self) -> Option<Command> {
         let asks = self.shown && !self.asked;
         // If no Gaussians came, closing and reopening the editor asks again.
         self.asked = self.shown || self.editor.is_some();
-        asks.then_some(Command::Edit(EditCommand::Begin))
+        if asks && self.editor.is_none() {
+            return Some(Command::Edit(EditCommand::Begin));
+        }
+        let editor = self.editor.as_ref()?;
+        let left = editor.shown().clone();
+        let marks = |edit: &Self| match edit.shown {
+            true => editor.selected().clone(),
+            false => Arc::new(Mask::none(left.total())),
+        };
+        let sent = self.sent.as_ref();
+        // While the pointer is down, marks show what is selected.
+        let tinted = match sent.filter(|_| !self.stroke.is_empty()) {
+            Some(sent) => sent.tinted.clone(),
+            None => marks(self),
+        };
+        let is_shown = match sent {
+            Some(sent) => sent.left == left && sent.tinted == tinted,
+            None => left.count() == left.total() && tinted.count() == 0,
+        };
+        if is_shown {
+            return None;
+        }
+        self.revision += 1;
+        let shown = EditShown { left, tinted, revision: self.revision };
+        self.sent = Some(shown.clone());
+        Some(Command::Edit(EditCommand::Show(shown)))
+    }
+
+    /// Whether a picture of this revision shows in colour what is selected.
+    pub fn is_tinted(&self, revision: u32) -> bool {
+        let selected = self.editor.as_ref().map(Editor::selected);
+        revision == self.revision && self.sent.as_ref().map(|sent| &sent.tinted) == selected
     }
 
     /// Handles a message of the worker; returns a sentence to show to the user, if any.
@@ -102,26 +139,20 @@ impl Edit {
                 }
                 None
             }
-            EditMessage::Saved(text, revision) => {
-                self.saved = revision;
+            EditMessage::Saved(text, left, placement) => {
+                self.saved = Some((left, placement));
                 Some(text)
             }
         }
     }
 
-    /// Whether the pointer's main button paints.
-    pub fn paints(&self) -> bool {
-        self.shown && self.editor.is_some() && self.tool == Some(Tool::Brush)
-    }
-
-    /// Whether the brush needs the depths of the image.
-    pub fn needs_depths(&self) -> bool {
-        self.paints() && self.in_front
-    }
-
-    /// Whether something was removed since the model was saved.
+    /// Whether the model differs from what was saved, or opened.
     pub fn is_unsaved(&self) -> bool {
-        self.revision != self.saved && self.editor.as_ref().is_some_and(Editor::is_changed)
+        let Some(editor) = &self.editor else { return false };
+        match &self.saved {
+            Some((left, placement)) => left != editor.left() || placement != editor.placement(),
+            None => editor.left_count() < editor.gaussians().len() || *editor.placement() != Similarity::IDENTITY,
+        }
     }
 
     /// Puts the box around what is selected, or around most of the model.
@@ -143,83 +174,34 @@ impl Edit {
         editor.select(&found, self.how);
     }
 
-    /// The limits that count.
-    pub fn filter(&self) -> Filter {
-        let [opacity, size, distance] = self.limits;
-        Filter {
-            opacity_below: opacity.get(),
-            scale_above: size.get(),
-            farther: distance.get().map(|limit| (self.middle, limit)),
+    /// Removes what lies beside the box.
+    pub fn crop(&mut self) {
+        let (Some(editor), Some(crop)) = (&mut self.editor, &self.crop) else { return };
+        editor.crop(&crop.found(editor.gaussians()));
+    }
+
+    /// Selects what floats, in place of what was selected.
+    pub fn select_floaters(&mut self) {
+        if let (Some(editor), Some(floaters)) = (&mut self.editor, &self.floaters) {
+            editor.select(&floaters.found(editor.gaussians(), &editor.selectable()), Combine::Replace);
         }
     }
 
-    /// Selects what meets the limits.
-    pub fn select_filter(&mut self) {
-        let filter = self.filter();
-        if let Some(editor) = &mut self.editor {
-            editor.select(&filter.found(editor.gaussians()), self.how);
-        }
-    }
-
-    /// The brush is pressed at a place of the image, 0 to 1 in both directions; `radius` in heights of the image.
-    pub fn paint(&mut self, at: DVec2, radius: f64, camera: &Camera, last: Option<&Rendered>) {
-        // The depths of the last frame show what is hidden, if it is of this camera.
-        let last = last.filter(|last| last.frame.camera().has_pose_of(camera));
-        let depths = last.and_then(|last| Some((last.depths.clone()?, *last.frame.camera())));
-        let (depths, camera) = match (self.in_front, depths) {
-            (false, _) => (None, *camera),
-            (true, Some((depths, camera))) => (Some(depths), camera),
-            (true, None) => return,
-        };
-        let Some(editor) = &mut self.editor else { return };
-        let pixels = |share: DVec2| share * DVec2::new(f64::from(camera.width), f64::from(camera.height));
-        let from = self.stroke.replace(at);
-        if from == Some(at) {
-            return;
-        }
-        if from.is_none() {
-            editor.begin();
-            if self.how == Combine::Replace {
-                editor.change(&Mask::none(editor.gaussians().len()), Combine::Replace);
-            }
-        }
-        let brush = Brush {
-            camera: &camera,
-            ends: [from.unwrap_or(at), at].map(pixels),
-            radius: radius * f64::from(camera.height),
-            in_front_of: depths.as_deref(),
-        };
-        let how = if self.how == Combine::Remove { Combine::Remove } else { Combine::Add };
-        editor.change(&brush.found(editor.gaussians()), how);
-    }
-
-    /// The brush is lifted.
-    pub fn lift(&mut self) {
-        if self.stroke.take().is_some()
-            && let Some(editor) = &mut self.editor
-        {
-            editor.end();
-        }
-    }
-
-    /// Applies a step that returns whether it changed the model; returns the command for the worker if it did.
-    pub fn step(&mut self, step: impl FnOnce(&mut Editor) -> bool) -> Option<Command> {
+    /// Takes a step of the editor.
+    pub fn step<T>(&mut self, step: impl FnOnce(&mut Editor) -> T) {
         self.lift();
-        let editor = self.editor.as_mut()?;
-        if !step(editor) {
-            return None;
+        if let Some(editor) = &mut self.editor {
+            step(editor);
         }
-        self.revision += 1;
-        Some(Command::Edit(EditCommand::Leave(editor.left().clone(), self.revision)))
     }
 
     /// Saves what is left.
     pub fn save(&self, scene: &Scene) -> Option<Command> {
-        let left = self.editor.as_ref()?.left().clone();
+        let editor = self.editor.as_ref()?;
+        let (left, placement) = (editor.left().clone(), *editor.placement());
         let path = PathBuf::from(self.file.trim());
         let (replaces, model) = (self.replaces, scene.model.clone());
-        let save = SaveEdited { path, replaces, left, model, revision: self.revision };
-        Some(Command::Edit(EditCommand::Save(Box::new(save))))
+        Some(Command::Edit(EditCommand::Save(Box::new(SaveEdited { path, replaces, left, placement, model }))))
     }
 }
 
@@ -234,9 +216,24 @@ impl Viewer {
         self.edit.editor.as_ref().map(|editor| [editor.left_count(), editor.selected_count()])
     }
 
+    /// Gaussians that are hidden and that are locked.
+    pub fn kept_from_edits(&self) -> Option<[usize; 2]> {
+        self.edit.editor.as_ref().map(|editor| [editor.hidden_count(), editor.locked_count()])
+    }
+
     /// Where an edited model is saved.
     pub fn set_model_file(&mut self, path: &Path) {
         self.edit.file = path.display().to_string();
+    }
+
+    /// Where the edited model stands, and the length that was measured there.
+    pub fn placement(&self) -> Option<(&Similarity, Option<f64>)> {
+        self.edit.editor.as_ref().map(|editor| (editor.placement(), self.edit.length()))
+    }
+
+    /// What the measured length is in truth, in the unit that the file is to have.
+    pub fn set_true_length(&mut self, length: f64) {
+        self.edit.true_length = length;
     }
 
     /// The editor's box.

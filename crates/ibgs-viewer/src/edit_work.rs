@@ -3,22 +3,46 @@
 
 use crate::Content;
 use anyhow::{Result, bail};
+use glam::DVec3;
 use ibgs_core::bundle::Packing;
 use ibgs_core::edit::{Bases, Mask};
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Format, Gaussians, Splats, write_gaussians};
+use ibgs_core::similarity::Similarity;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// Colour that the selected Gaussians are tinted with: red, green, blue.
+const SELECTED: DVec3 = DVec3::new(1.0, 0.47, 0.08);
 
 /// What the editor asks for.
 pub enum EditCommand {
     /// The Gaussians of the model that is open.
     Begin,
-    /// Keep only these Gaussians, as this revision of the model. Of several such commands only the last one counts.
-    Leave(Arc<Mask>, u32),
+    /// Show the model in another state. Of several such commands only the last one counts.
+    Show(EditShown),
     /// Save what is left.
     Save(Box<SaveEdited>),
+}
+
+/// What is seen of an edited model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EditShown {
+    /// These Gaussians alone.
+    pub left: Arc<Mask>,
+    /// Those of them that are tinted in the window; nowhere else.
+    pub tinted: Arc<Mask>,
+    /// Which state it is.
+    pub revision: u32,
+}
+
+/// The renderers of such a state.
+pub struct EditedRenderers {
+    /// Without tint; none where the Gaussians are those of the state before.
+    pub plain: Option<Renderer>,
+    /// For the window; none where nothing is tinted.
+    pub tinted: Option<Renderer>,
 }
 
 /// A file that is asked for.
@@ -29,18 +53,18 @@ pub struct SaveEdited {
     pub replaces: bool,
     /// The Gaussians that go into it.
     pub left: Arc<Mask>,
+    /// What takes the scene's coordinates to those of the file.
+    pub placement: Similarity,
     /// What else a bundle holds.
     pub model: Option<Arc<Model>>,
-    /// Which model it is.
-    pub revision: u32,
 }
 
 /// What the editor is sent.
 pub enum EditMessage {
     /// The Gaussians of the model, those of all its bases in one list.
     Gaussians(Arc<Gaussians>),
-    /// The model of a revision was saved: what was written.
-    Saved(String, u32),
+    /// A model was saved: what was written, which Gaussians it has and where it stands.
+    Saved(String, Arc<Mask>, Similarity),
 }
 
 /// What the worker keeps of a model that is edited.
@@ -48,8 +72,10 @@ pub enum EditMessage {
 pub struct EditWork {
     /// All of its Gaussians.
     whole: Option<Bases>,
-    left: Option<(Arc<Mask>, u32)>,
-    /// Which model it is now.
+    asked: Option<EditShown>,
+    /// What the renderers have now; none: all.
+    left: Option<Arc<Mask>>,
+    /// Which state it is now.
     pub revision: u32,
 }
 
@@ -67,8 +93,8 @@ impl EditWork {
         let Some(Content::Model(renderer)) = content else { return Ok(None) };
         match command {
             EditCommand::Begin => Ok(Some(EditMessage::Gaussians(self.whole(renderer)?.joined().clone()))),
-            EditCommand::Leave(left, revision) => {
-                self.left = Some((left, revision));
+            EditCommand::Show(shown) => {
+                self.asked = Some(shown);
                 Ok(None)
             }
             EditCommand::Save(save) => {
@@ -77,7 +103,8 @@ impl EditWork {
                 if whole.joined().len() != save.left.total() {
                     return Ok(None);
                 }
-                Ok(Some(EditMessage::Saved(write(&save, whole.left(&save.left))?, save.revision)))
+                let text = write(&save, whole.left(&save.left))?;
+                Ok(Some(EditMessage::Saved(text, save.left, save.placement)))
             }
         }
     }
@@ -90,24 +117,36 @@ impl EditWork {
         Ok(self.whole.insert(whole))
     }
 
-    /// A renderer of what is to be left, where that was asked for since the last time.
+    /// The renderers of the state that was asked for since the last time, if any.
     ///
     /// # Errors
     /// Not enough memory.
-    pub fn renderer(&mut self, content: Option<&Content>) -> Result<Option<Renderer>> {
-        let Some((left, revision)) = self.left.take() else { return Ok(None) };
+    pub fn renderers(&mut self, content: Option<&Content>) -> Result<Option<EditedRenderers>> {
+        let Some(EditShown { left, tinted, revision }) = self.asked.take() else { return Ok(None) };
         let whole = self.whole.as_ref().filter(|whole| whole.joined().len() == left.total());
         let (Some(Content::Model(renderer)), Some(whole)) = (content, whole) else { return Ok(None) };
         // Set even if the upload fails, as no newer command will follow.
         self.revision = revision;
-        let with = |renderer: &Renderer, gaussians| -> Result<Renderer> {
-            Ok(renderer.with_splats(Splats::upload(gaussians, renderer.gpu())?))
+        let is_new = match &self.left {
+            Some(before) => **before != *left,
+            None => left.count() < left.total(),
         };
-        let (first, further) = whole.left(&left);
-        let members = renderer.members().iter().zip(&further).map(|(member, left)| with(member, left));
-        let members = members.collect::<Result<_>>()?;
-        Ok(Some(with(renderer, &first)?.with_members(members, renderer.alike())))
+        let plain = is_new.then(|| uploaded(renderer, whole.left(&left))).transpose()?;
+        let is_tinted = tinted.count() > 0;
+        let tinted = is_tinted.then(|| uploaded(renderer, whole.tinted(&left, &tinted, SELECTED))).transpose()?;
+        self.left = Some(left);
+        Ok(Some(EditedRenderers { plain, tinted }))
     }
+}
+
+/// A renderer with other Gaussians: those of the first base and of the members.
+fn uploaded(renderer: &Renderer, (first, further): (Gaussians, Vec<Gaussians>)) -> Result<Renderer> {
+    let with = |renderer: &Renderer, gaussians| -> Result<Renderer> {
+        Ok(renderer.with_splats(Splats::upload(gaussians, renderer.gpu())?))
+    };
+    let members = renderer.members().iter().zip(&further).map(|(member, left)| with(member, left));
+    let members = members.collect::<Result<_>>()?;
+    Ok(with(renderer, &first)?.with_members(members, renderer.alike()))
 }
 
 /// The Gaussians of a model on the device.
@@ -123,7 +162,7 @@ fn downloaded(renderer: &Renderer) -> Result<Bases> {
 /// Writes a file and says what it is and what it leaves out. A bundle has every base; a format of Gaussians alone has room
 /// for the first.
 fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Result<String> {
-    let SaveEdited { path, model, .. } = save;
+    let SaveEdited { path, model, placement, .. } = save;
     if path.as_os_str().is_empty() {
         bail!("give the file a name that ends in `.ply` or `.ibgs`");
     }
@@ -132,6 +171,7 @@ fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Re
     }
     let saved = |gaussians: usize| format!("saved: {}, {gaussians} Gaussians", path.display());
     if let Some(format) = Format::of_name(path) {
+        let first = first.moved(placement);
         write_gaussians(path, &first, format)?;
         let mut text = saved(first.len());
         if !further.is_empty() {
@@ -154,6 +194,7 @@ fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Re
     for (member, gaussians) in model.members.iter_mut().zip(further) {
         member.gaussians = gaussians;
     }
+    model.place(placement);
     model.into_bundle(&())?.write(path, Packing::Lossless)?;
     Ok(text)
 }

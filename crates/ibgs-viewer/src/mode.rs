@@ -92,13 +92,16 @@ const fn row(mode: Mode, name: &'static str, word: &'static str, meaning: &'stat
 
 /// The modes in their order.
 static TABLE: [Row; 11] = [
-    row(
-        Mode::Final,
-        "Final",
-        "final",
-        "Base colour plus the residual that the network reads from neighbouring photos",
-        |_, _| Shown::Final,
-    ),
+    Row {
+        needs: Needs::Network,
+        ..row(
+            Mode::Final,
+            "Final",
+            "final",
+            "Base colour plus the residual that the network reads from neighbouring photos",
+            |_, _| Shown::Final,
+        )
+    },
     row(Mode::Base, "Base", "base", "Gaussian splatting alone: colours from spherical harmonics", |_, _| Shown::Base),
     Row {
         needs: Needs::Network,
@@ -238,6 +241,11 @@ impl Mode {
     /// Whether its colours stand for depths in a range, which has to be found and is said.
     pub fn has_range(self) -> bool {
         self.row().has_range
+    }
+
+    /// Whether it shows the Gaussians in their own colours.
+    pub fn has_colors(self) -> bool {
+        matches!(self, Mode::Final | Mode::Base | Mode::Points | Mode::Ellipsoids)
     }
 
     /// The look of the Gaussians that it shows; none: their own.

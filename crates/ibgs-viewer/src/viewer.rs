@@ -7,7 +7,7 @@ mod messages;
 mod outside;
 mod screenshot;
 
-pub(crate) use framing::fitted;
+pub(crate) use framing::{fitted, widened};
 pub(crate) use leaving::{Answer, Leaving, Next};
 
 use crate::canvas::{Canvas, SIDES};
@@ -17,6 +17,7 @@ use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::path_editor::PathEditor;
 use crate::start_page::Start;
+use crate::theme;
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
 use crate::{Open, OpenRequest, Opened, Outcome, Scene};
@@ -59,6 +60,8 @@ pub(crate) struct Panels {
     pub hides_figures: bool,
     /// A resting camera's image has the full size, however long it takes.
     pub always_sharp: bool,
+    /// On a view, nothing around its photo.
+    pub only_frame: bool,
     /// The camera path's panel.
     pub shows_path: bool,
     /// Keys and pointer explained.
@@ -94,6 +97,8 @@ pub struct Viewer {
     /// What the canvas shows, and what right of the divider.
     pub(crate) mode: Mode,
     pub(crate) other: Option<Mode>,
+    /// The base is shown because the model has no network, or none yet.
+    lacks_final: bool,
     /// Share of the canvas left of the divider.
     pub(crate) divider: f32,
     pub(crate) divider_x: Option<f32>,
@@ -121,6 +126,8 @@ pub struct Viewer {
     pub(crate) doing: Option<String>,
     /// What was done last, in one sentence.
     pub(crate) message: Option<String>,
+    /// The message that is shown, and since when.
+    pub(crate) said: Option<(String, Instant)>,
     /// What went wrong last, in one sentence.
     pub(crate) error: Option<String>,
     screenshots: u32,
@@ -147,6 +154,7 @@ impl Viewer {
     ) -> Result<Self, GpuError> {
         let settings = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY)).unwrap_or_default();
         let canvas = Canvas::new(gpu.clone())?;
+        theme::apply(&cc.egui_ctx);
         let mut start = Start::new(opener.demo_iterations(&gpu));
         let opened = match first {
             Some(Outcome::Opened(opened)) => Some(*opened),
@@ -167,6 +175,7 @@ impl Viewer {
             canvas,
             mode: Mode::Final,
             other: None,
+            lacks_final: false,
             divider: 0.5,
             divider_x: None,
             on_view: None,
@@ -186,6 +195,7 @@ impl Viewer {
             moved: None,
             doing,
             message: None,
+            said: None,
             error: None,
             screenshots: 0,
             link: None,
@@ -195,10 +205,14 @@ impl Viewer {
         })
     }
 
-    /// Whether the model and the camera's place have what a mode shows.
+    /// Whether the model and the camera's place have what a mode shows. The network of a training comes later, and that of a
+    /// model is known once there is a frame of it: until then the final image is what there is.
     pub fn offers(&self, mode: Mode) -> bool {
         let has_photo = || self.view().is_some_and(|view| view.photo.is_some());
-        let has_network = || self.canvas.last().is_some_and(|last| last.facts.sources.is_some());
+        let has_network = || match self.canvas.last() {
+            Some(last) => last.facts.sources.is_some() || mode == Mode::Final && self.training.is_some(),
+            None => mode == Mode::Final,
+        };
         (!mode.needs_network() || has_network()) && (!mode.needs_photo() || has_photo())
     }
 
@@ -229,7 +243,7 @@ impl Viewer {
     /// Shows another part of the image, where there is one.
     pub fn show_mode(&mut self, mode: Mode) {
         if self.offers(mode) {
-            self.mode = mode;
+            (self.mode, self.lacks_final) = (mode, false);
         }
     }
 
@@ -239,8 +253,12 @@ impl Viewer {
     }
 
     fn leave_what_is_not_offered(&mut self) {
+        let offers_final = self.offers(Mode::Final);
         if !self.offers(self.mode) {
-            self.mode = Mode::Final;
+            (self.mode, self.lacks_final) = if offers_final { (Mode::Final, false) } else { (Mode::Base, true) };
+        } else if self.lacks_final && offers_final {
+            // Its network has come.
+            (self.mode, self.lacks_final) = (Mode::Final, false);
         }
         self.other = self.other.filter(|&mode| self.offers(mode));
     }

@@ -7,7 +7,7 @@ mod training;
 
 pub use messages::{Command, Message, ModelFacts, Rendered, Request, Sheet};
 
-use crate::edit_work::EditWork;
+use crate::edit_work::{EditWork, EditedRenderers};
 use crate::film::Shoot;
 use crate::looks::Looks;
 use crate::{Content, Open, Opened, Outcome, Training};
@@ -87,6 +87,8 @@ struct Work {
     presenter: Option<Presenter>,
     looks: Looks,
     edit: EditWork,
+    /// The model with what is selected tinted, for the window alone.
+    tinted: Option<Arc<Renderer>>,
     film: Option<Shoot>,
     reported: Option<Instant>,
     memory: Option<(Instant, Option<u64>)>,
@@ -112,6 +114,14 @@ impl Work {
                 Some((Arc::new(training.renderer().ok()?), training.progress().iteration))
             }
             None => None,
+        }
+    }
+
+    /// The same as the window shows it.
+    fn shown(&self) -> Option<(Arc<Renderer>, u32)> {
+        match &self.tinted {
+            Some(tinted) => Some((tinted.clone(), self.edit.revision)),
+            None => self.renderer(),
         }
     }
 }
@@ -240,9 +250,10 @@ impl WorkerState {
 
     /// Puts what an edited model still has on the device.
     fn edited(&self, work: &mut Work) {
-        match work.edit.renderer(work.content.as_ref()) {
-            Ok(Some(renderer)) => {
-                (work.content, work.looks) = (Some(Content::Model(Arc::new(renderer))), Looks::default())
+        match work.edit.renderers(work.content.as_ref()) {
+            Ok(Some(EditedRenderers { plain, tinted })) => {
+                work.content = plain.map(|plain| Content::Model(Arc::new(plain))).or(work.content.take());
+                (work.tinted, work.looks) = (tinted.map(Arc::new), Looks::default());
             }
             Ok(None) => {}
             Err(error) => self.failed(&error),

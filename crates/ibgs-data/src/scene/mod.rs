@@ -4,6 +4,7 @@ pub mod error;
 pub mod formats;
 pub mod gaussians;
 pub mod init;
+mod moved;
 mod per_gaussian;
 pub mod ply;
 mod ply_rows;

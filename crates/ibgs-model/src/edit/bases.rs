@@ -1,8 +1,12 @@
 //! The bases of a model as one list of Gaussians to choose from.
 
 use super::Mask;
-use crate::scene::Gaussians;
+use crate::scene::{Gaussians, SH_C0};
+use glam::DVec3;
 use std::sync::Arc;
+
+/// Part of the tint in the colour of what is marked.
+const TINT: f32 = 0.6;
 
 /// The Gaussians of every base of a model; more than one where it is an ensemble.
 ///
@@ -36,12 +40,34 @@ impl Bases {
     /// # Panics
     /// When the mask is one of another number of Gaussians: a bug of ours.
     pub fn left(&self, mask: &Mask) -> (Gaussians, Vec<Gaussians>) {
+        self.cut(mask, |_, _| {})
+    }
+
+    /// The same with the colours of those of another mask mixed with `tint`, so that they stand out.
+    ///
+    /// # Panics
+    /// As [`Bases::left`].
+    pub fn tinted(&self, mask: &Mask, marked: &Mask, tint: DVec3) -> (Gaussians, Vec<Gaussians>) {
+        let dc = ((tint - 0.5) / SH_C0).as_vec3().to_array();
+        self.cut(mask, |i, sh| {
+            if marked.has(i) {
+                sh.iter_mut().for_each(|value| *value *= 1.0 - TINT);
+                sh.iter_mut().zip(dc).for_each(|(value, dc)| *value += TINT * dc);
+            }
+        })
+    }
+
+    /// What a mask leaves, after a change of the spherical harmonics by the number in the list.
+    fn cut(&self, mask: &Mask, change: impl Fn(usize, &mut [f32])) -> (Gaussians, Vec<Gaussians>) {
         assert_eq!(mask.total(), self.joined.len(), "the mask is of another model");
         let mut start = 0;
         let mut cut = |base: &Gaussians| {
             let own = Mask::of(base.len(), |i| mask.has(start + i));
+            let mut left = own.of_model(base);
+            let row = 3 * left.sh_coefficients();
+            own.iter().zip(left.sh.chunks_exact_mut(row)).for_each(|(i, sh)| change(start + i, sh));
             start += base.len();
-            own.of_model(base)
+            left
         };
         (cut(&self.first), self.further.iter().map(cut).collect())
     }
@@ -59,7 +85,6 @@ fn join(first: &Gaussians, further: &[Gaussians]) -> Gaussians {
 mod tests {
     use super::*;
     use crate::local_space::LocalSpace;
-    use glam::DVec3;
     use ibgs_testing::random_gaussians;
 
     #[test]
@@ -88,6 +113,23 @@ mod tests {
         let (first, further) = whole.left(&Mask::of(108, |i| i == 107));
         assert_eq!((first.len(), further[0].len()), (0, 0));
         assert_eq!(further[1], bases[2].rows(1, [4].into_iter()));
+    }
+
+    #[test]
+    fn what_is_marked_is_tinted_and_nothing_else() {
+        let [first, second] = [random_gaussians(4, 1, 1), random_gaussians(3, 0, 2)];
+        let bases = Bases::new(first.clone(), vec![second.clone()]);
+        let (all, tint) = (Mask::all(7), DVec3::new(1.0, 0.5, 0.0));
+        let marked = Mask::of(7, |i| i == 1 || i == 5);
+        assert_eq!(bases.tinted(&all, &Mask::none(7), tint), bases.left(&all));
+        let left = Mask::of(7, |i| i > 0);
+        let (one, two) = bases.tinted(&left, &marked, tint);
+        let (plain, others) = bases.left(&left);
+        assert_eq!((&one.means, &one.sh[12..], &two[0].sh[..3]), (&plain.means, &plain.sh[12..], &others[0].sh[..3]));
+        let mixed = |index: usize, of: &Gaussians| 0.4 * super::super::color(of, index) + 0.6 * tint;
+        assert!(super::super::color(&one, 0).abs_diff_eq(mixed(0, &plain), 1e-5));
+        assert!(super::super::color(&two[0], 1).abs_diff_eq(mixed(1, &others[0]), 1e-5));
+        assert!(one.sh[3..12].iter().zip(&plain.sh[3..12]).all(|(now, before)| (now - 0.4 * before).abs() < 1e-6));
     }
 
     fn none(base: &Gaussians) -> Gaussians {

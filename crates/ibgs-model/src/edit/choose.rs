@@ -1,12 +1,9 @@
-//! Ways to select Gaussians: a box in the scene, a brush on the screen, limits of their own values.
+//! Ways to select Gaussians by shapes in the scene: a box, a ball.
 
-use super::Mask;
-use crate::camera::Camera;
+use super::{Mask, place};
 use crate::scene::Gaussians;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 
-/// Part of the median depth by which the centre of a Gaussian of the surface may lie behind it.
-const BEHIND: f64 = 0.02;
 /// Number of a model's points to which a box around it is fitted.
 const SAMPLES: usize = 20_000;
 /// Least side of a box over its largest one.
@@ -104,120 +101,26 @@ pub fn box_edges() -> impl Iterator<Item = [usize; 2]> {
     (0..8).flat_map(move |corner| (0..3).filter_map(move |axis| edge(corner, axis)))
 }
 
-/// A disc that moves over a picture, from one place to another.
-#[derive(Clone, Copy, Debug)]
-pub struct Brush<'a> {
-    /// Camera of the picture, in the scene's coordinates.
-    pub camera: &'a Camera,
-    /// Where it begins and ends, in pixels.
-    pub ends: [DVec2; 2],
-    /// Its radius in pixels.
+/// A ball in the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    /// Its middle.
+    pub center: DVec3,
+    /// Its radius in scene units.
     pub radius: f64,
-    /// Median depths of the picture in scene units, of the camera's size: what lies behind them is not found.
-    pub in_front_of: Option<&'a [f32]>,
 }
 
-impl Brush<'_> {
-    /// The Gaussians whose centres project into it.
+impl Ball {
+    /// The Gaussians whose centres lie in it.
     pub fn found(&self, gaussians: &Gaussians) -> Mask {
-        let [from, to] = self.ends;
-        let way = to - from;
-        let length = way.length_squared();
-        Mask::of(gaussians.len(), |i| {
-            let (at, z) = self.camera.project(place(gaussians, i));
-            if z <= 0.0 {
-                return false;
-            }
-            let along = if length > 0.0 { ((at - from).dot(way) / length).clamp(0.0, 1.0) } else { 0.0 };
-            at.distance_squared(from + way * along) <= self.radius * self.radius && self.is_in_front(at, z)
-        })
+        Mask::of(gaussians.len(), |i| place(gaussians, i).distance(self.center) <= self.radius)
     }
-
-    fn is_in_front(&self, at: DVec2, z: f64) -> bool {
-        let Some(depths) = self.in_front_of else { return true };
-        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-        // Beyond the edge nothing is known to be in front.
-        if at.x < 0.0 || at.y < 0.0 || at.x >= width || at.y >= height {
-            return false;
-        }
-        let surface = depths.get(at.y as usize * self.camera.width as usize + at.x as usize);
-        // 0: the light meets no surface, so nothing hides.
-        surface.is_some_and(|&surface| surface <= 0.0 || z <= f64::from(surface) * (1.0 + BEHIND))
-    }
-}
-
-/// Limits of the Gaussians' own values. A Gaussian is found where it meets all that are set.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Filter {
-    /// The opacity is below this.
-    pub opacity_below: Option<f64>,
-    /// The largest standard deviation is above this, in scene units.
-    pub scale_above: Option<f64>,
-    /// The distance from this place is above this, in scene units.
-    pub farther: Option<(DVec3, f64)>,
-}
-
-impl Filter {
-    /// Whether no limit is set; then it finds nothing.
-    pub fn is_empty(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// The Gaussians that meet all limits.
-    pub fn found(&self, gaussians: &Gaussians) -> Mask {
-        if self.is_empty() {
-            return Mask::none(gaussians.len());
-        }
-        let below = |i: usize, limit: f64| 1.0 / (1.0 + (-f64::from(gaussians.opacity_logits[i])).exp()) < limit;
-        let above = |i: usize, limit: f64| {
-            let [x, y, z] = gaussians.log_scales[i].map(f64::from);
-            x.max(y).max(z).exp() * gaussians.space.scale > limit
-        };
-        let farther = |i: usize, (from, limit): (DVec3, f64)| place(gaussians, i).distance(from) > limit;
-        Mask::of(gaussians.len(), |i| {
-            self.opacity_below.is_none_or(|limit| below(i, limit))
-                && self.scale_above.is_none_or(|limit| above(i, limit))
-                && self.farther.is_none_or(|limit| farther(i, limit))
-        })
-    }
-}
-
-/// Where the centre of a Gaussian lies in the scene.
-fn place(gaussians: &Gaussians, index: usize) -> DVec3 {
-    gaussians.space.to_scene(DVec3::from(gaussians.means[index].map(f64::from)))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::grid;
     use super::*;
-    use crate::local_space::LocalSpace;
-
-    /// A grid of points with a distance of 1 around the origin of the scene, in local units of 2 around (5, 0, 0).
-    fn grid() -> Gaussians {
-        let space = LocalSpace { origin: DVec3::new(5.0, 0.0, 0.0), scale: 2.0 };
-        let side = || (-3..=3).map(f64::from);
-        let points = side().flat_map(|x| side().flat_map(move |y| side().map(move |z| DVec3::new(x, y, z))));
-        let means: Vec<[f32; 3]> = points.map(|point| space.to_local(point).as_vec3().to_array()).collect();
-        let count = means.len();
-        Gaussians {
-            space,
-            log_scales: (0..count).map(|i| [-9.0, (0.01 * (i + 1) as f32).ln(), -8.0]).collect(),
-            opacity_logits: (0..count).map(|i| (i as f32 - 171.0) * 0.05).collect(),
-            means,
-            ..Gaussians::default()
-        }
-    }
-
-    fn camera() -> Camera {
-        Camera {
-            width: 100,
-            height: 80,
-            focal: DVec2::splat(100.0),
-            principal: DVec2::new(50.0, 40.0),
-            view_from_world: DMat3::IDENTITY,
-            translation: DVec3::new(0.0, 0.0, 10.0),
-        }
-    }
 
     #[test]
     fn a_box_finds_what_lies_in_it() {
@@ -266,42 +169,13 @@ mod tests {
     }
 
     #[test]
-    fn a_brush_finds_what_it_passes_over() {
-        let (gaussians, camera) = (grid(), camera());
-        let middle = DVec2::new(50.0, 40.0);
-        let brush = Brush { camera: &camera, ends: [middle; 2], radius: 1.0, in_front_of: None };
-        assert_eq!(brush.found(&gaussians).count(), 7, "the points of the optical axis");
-        // Along x at the depth of the origin points are 10 pixels apart.
-        let stroke = Brush { ends: [middle, middle + DVec2::new(20.0, 0.0)], ..brush };
-        let found = stroke.found(&gaussians);
-        assert!(found.iter().all(|i| place(&gaussians, i).y == 0.0 && place(&gaussians, i).x >= 0.0));
-        assert_eq!(found.iter().filter(|&i| place(&gaussians, i).z == 0.0).count(), 3);
-        // The surface lies at the depth of z = -1: the points before it are those at -3, -2 and -1.
-        let mut depths = vec![9.0; 8000];
-        let seen = Brush { in_front_of: Some(&depths), ..brush };
-        assert_eq!(seen.found(&gaussians).count(), 3);
-        depths[40 * 100 + 50] = 0.0;
-        let open = Brush { in_front_of: Some(&depths), ..brush };
-        assert_eq!(open.found(&gaussians).count(), 7, "where nothing is met nothing hides");
-        // Behind the camera there is nothing to see.
-        let behind = Camera { translation: DVec3::new(0.0, 0.0, -10.0), ..camera };
-        assert_eq!(Brush { camera: &behind, radius: 1e9, ..brush }.found(&gaussians).count(), 0);
-    }
-
-    #[test]
-    fn filters_find_what_meets_all_limits() {
+    fn a_ball_finds_what_lies_in_it() {
         let gaussians = grid();
-        let all = gaussians.len();
-        let count = |filter: Filter| filter.found(&gaussians).count();
-        assert_eq!(count(Filter::default()), 0, "no limit finds nothing");
-        let faint = Filter { opacity_below: Some(0.5), ..Filter::default() };
-        assert_eq!(count(faint), 171);
-        assert_eq!(count(Filter { opacity_below: Some(1.1), ..faint }), all);
-        // In scene units every standard deviation is twice that of the file.
-        let large = Filter { scale_above: Some(2.0 * 0.01 * 300.5), ..Filter::default() };
-        assert_eq!(count(large), all - 300);
-        let far = Filter { farther: Some((DVec3::ZERO, 5.0)), ..Filter::default() };
-        assert_eq!(count(far), 8, "the corners");
-        assert_eq!(count(Filter { farther: far.farther, ..faint }), 4);
+        let ball = |center: DVec3, radius: f64| Ball { center, radius }.found(&gaussians).count();
+        assert_eq!(ball(DVec3::ZERO, 1.0), 7);
+        assert_eq!(ball(DVec3::ZERO, 1.5), 19);
+        assert_eq!(ball(DVec3::splat(3.0), 1.0), 4, "at a corner");
+        assert_eq!(ball(DVec3::splat(0.5), 0.1), 0);
+        assert_eq!(ball(DVec3::ZERO, 10.0), gaussians.len());
     }
 }

@@ -1,8 +1,10 @@
 //! The residual network's weights on the host: names and shapes of the published state dict, initial values, files.
 
 mod initial;
+mod turned;
 
 pub use initial::{initial, random};
+pub use turned::turned;
 
 use super::layers::{COLORS, CONFIDENCE, FINAL, LAYERS, Layer, MLP1, MLP2, OUTPUTS, WEIGHTS, WIDTHS};
 use super::pth::read_pth;

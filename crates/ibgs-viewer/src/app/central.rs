@@ -5,15 +5,17 @@ use crate::looks::Look;
 use crate::marks::{self, Onto};
 use crate::mode::Mode;
 use crate::panels;
-use crate::viewer::{Viewer, fitted};
+use crate::viewer::{Viewer, fitted, widened};
 use crate::worker::{Command, Rendered};
-use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui};
+use eframe::egui::emath::GuiRounding;
+use eframe::egui::{self, Color32, Painter, Pos2, Rect, Sense, Stroke, StrokeKind, Ui};
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::GpuError;
 use std::time::Duration;
 
 impl Viewer {
-    /// The camera of the canvas. That of a view keeps its ratio, and its size where the photo is compared with.
+    /// The camera of the canvas: it fills the room. That of a view keeps its image in the middle, and has its very size where the
+    /// photo is compared with.
     fn camera(&self) -> Camera {
         let [width, height] = self.room;
         let Some(view) = self.view() else { return self.navigator.camera(width, height) };
@@ -23,23 +25,26 @@ impl Viewer {
         let sides = |side: f64| (side.round() as u32).max(SIDES[0]);
         let (w, h) = (f64::from(view.camera.width), f64::from(view.camera.height));
         let scale = (f64::from(width) / w).min(f64::from(height) / h);
-        view.camera.resized(sides(w * scale), sides(h * scale))
+        let own = view.camera.resized(sides(w * scale), sides(h * scale));
+        if self.panels.only_frame { own } else { widened(&own, self.room) }
     }
 
     pub(super) fn central(&mut self, ui: &mut Ui, frame: &eframe::Frame) -> Result<(), GpuError> {
-        let room = ui.available_rect_before_wrap();
+        let scale = ui.ctx().pixels_per_point();
+        let room = ui.available_rect_before_wrap().round_to_pixels(scale);
+        let fitted = |ratio| fitted(room, ratio, scale);
         let response = ui.allocate_rect(room, Sense::click_and_drag());
         let response = response.on_hover_cursor(egui::CursorIcon::Crosshair);
-        let pixels = room.size() * ui.ctx().pixels_per_point();
+        let pixels = room.size() * scale;
         self.room = [pixels.x, pixels.y].map(|length| (length.round() as u32).clamp(SIDES[0], SIDES[1]));
         let camera = self.camera();
-        self.pointer(ui, &response, fitted(room, camera.width as f32 / camera.height as f32));
+        self.pointer(ui, &response, fitted(ratio(&camera)));
         if let Some(pose) = self.panels.path.pose(ui) {
             self.navigator.follow(&pose);
             self.has_moved();
         }
         let camera = self.camera();
-        let image = fitted(room, camera.width as f32 / camera.height as f32);
+        let image = fitted(ratio(&camera));
         let wanted = CanvasRequest {
             camera,
             moving: self.moving(),
@@ -59,17 +64,25 @@ impl Viewer {
             self.send(Command::Render(Box::new(request), sheet));
         }
         let painter = ui.painter_at(room);
-        painter.rect_filled(room, 0.0, Color32::BLACK);
+        painter.rect_filled(room, 0.0, ui.visuals().extreme_bg_color);
         let photo = self.photo()?;
         let split = if self.other.is_some() { self.divider } else { 1.0 };
+        // A picture of another shape keeps it until the awaited one comes.
+        let drawn = match self.canvas.last().map(|last| ratio(last.frame.camera())) {
+            Some(last) if (last / ratio(&camera) - 1.0).abs() > 0.02 => fitted(last),
+            _ => image,
+        };
         let sides = [Some((self.mode, 0.0, split)), self.other.map(|other| (other, split, 1.0))];
         for (number, (mode, from, to)) in sides.into_iter().enumerate().filter_map(|(i, side)| Some((i, side?))) {
             if let Some(texture) = self.canvas.texture(state, number, mode, photo.as_ref())? {
-                let at = |share: f32| image.left() + share * image.width();
-                let part = Rect::from_min_max(Pos2::new(at(from), image.top()), Pos2::new(at(to), image.bottom()));
+                let at = |share: f32| drawn.left() + share * drawn.width();
+                let part = Rect::from_min_max(Pos2::new(at(from), drawn.top()), Pos2::new(at(to), drawn.bottom()));
                 let whole = Rect::from_min_max(Pos2::new(from, 0.0), Pos2::new(to, 1.0));
                 painter.image(texture, part, whole, Color32::WHITE);
             }
+        }
+        if let Some(view) = self.view().filter(|_| !self.panels.only_frame) {
+            outline(&painter, fitted(ratio(&view.camera)));
         }
         let over = painter.with_clip_rect(image.intersect(painter.clip_rect()));
         let onto = Onto::new(&camera, image, self.extent);
@@ -79,11 +92,24 @@ impl Viewer {
         panels::divider(self, ui, image);
         panels::edit_in_image(self, ui, &response, image, &camera);
         panels::overlay(self, ui, room);
+        panels::strength(self, ui, room);
         let is_outdated = |last: &Rendered| last.iteration != wanted.iteration || last.facts.is_loading;
         let outdated = self.canvas.last().is_some_and(is_outdated);
         if self.moving() || outdated {
             ui.ctx().request_repaint_after(Duration::from_millis(20));
         }
         Ok(())
+    }
+}
+
+/// Width over height.
+fn ratio(camera: &Camera) -> f32 {
+    camera.width as f32 / camera.height as f32
+}
+
+/// A thin line around a photo's part of the picture, seen on any colour.
+fn outline(painter: &Painter, frame: Rect) {
+    for (more, color) in [(1.0, Color32::from_black_alpha(140)), (0.0, Color32::from_white_alpha(140))] {
+        painter.rect_stroke(frame.expand(more), 0.0, Stroke::new(1.0, color), StrokeKind::Outside);
     }
 }

@@ -74,7 +74,7 @@ impl Viewer {
     pub(super) fn pointer(&mut self, ui: &Ui, response: &egui::Response, image: Rect) {
         let delta = response.drag_delta() / image.height().max(1.0);
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
-        let paints = self.edit.paints();
+        let selects = self.edit.pointer().is_some();
         let touch = ui.input(|input| input.multi_touch());
         if let Some(touch) = touch.filter(|touch| response.rect.contains(touch.center_pos)) {
             // Two fingers pan and zoom.
@@ -84,7 +84,7 @@ impl Viewer {
             self.has_moved();
             return;
         }
-        if delta != Vec2::ZERO && !(paints && response.dragged_by(PointerButton::Primary)) {
+        if delta != Vec2::ZERO && !(selects && response.dragged_by(PointerButton::Primary)) {
             // Dragging moves the scene along with the pointer.
             if response.dragged_by(PointerButton::Primary) {
                 self.navigator.orbit(TURN * x, TURN * y);
@@ -101,8 +101,8 @@ impl Viewer {
             self.has_moved();
         }
         let pressed_f = || response.hovered() && ui.input(|input| input.key_pressed(Key::F));
-        let focus = response.double_clicked() && !paints || pressed_f();
-        if focus || response.clicked() && !paints {
+        let focus = response.double_clicked() && !selects || pressed_f();
+        if focus || response.clicked() && !selects {
             let at = response.interact_pointer_pos().or_else(|| ui.input(|input| input.pointer.latest_pos()));
             self.inspect(at.map(|at| (at - image.min) / image.size()), focus);
         }

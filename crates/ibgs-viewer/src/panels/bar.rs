@@ -1,11 +1,22 @@
 //! The bar along the top, and the line below it that says what is done and what went wrong.
 
 use crate::IN_BROWSER;
+use crate::icons::{self, icon};
 use crate::mode::Mode;
 use crate::panels::start;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Align2, Area, Button, Checkbox, Context, DragValue, Frame, Id, Slider, ThemePreference, Ui};
+use eframe::egui::containers::menu::MenuButton;
+use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, ThemePreference, Ui};
 use glam::DVec3;
+use std::time::Duration;
+use web_time::Instant;
+
+/// In narrower windows, in points, all modes are in a menu.
+const WIDE: f32 = 900.0;
+/// Modes that have buttons of their own.
+const BUTTONS: usize = 5;
+/// How long a message of success is shown.
+const READ: Duration = Duration::from_secs(8);
 
 /// Menus, modes and camera along the top.
 pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
@@ -13,7 +24,7 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
             if !IN_BROWSER {
-                ui.menu_button("Scene", |ui| {
+                ui.menu_button((icon(icons::FOLDER), "Scene"), |ui| {
                     start::menu(viewer, ui);
                     if let Some(scene) = &viewer.scene {
                         ui.separator();
@@ -24,12 +35,15 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
             let looks = viewer.scene.is_some() && !viewer.start.shown;
             if looks {
                 show(viewer, ui);
+                camera(viewer, ui);
+                if !IN_BROWSER {
+                    edit(viewer, ui);
+                }
                 ui.separator();
                 modes(viewer, ui);
+                split(viewer, ui);
                 ui.separator();
-                camera(viewer, ui);
             }
-            ui.separator();
             theme(ui);
             if looks && ui.button("?").on_hover_text("Keys and pointer").clicked() {
                 viewer.panels.shows_help = !viewer.panels.shows_help;
@@ -53,7 +67,7 @@ fn theme(ui: &mut Ui) {
 }
 
 fn show(viewer: &mut Viewer, ui: &mut Ui) {
-    ui.menu_button("Show", |ui| {
+    ui.menu_button((icon(icons::EYE), "Show"), |ui| {
         let panels = &mut viewer.panels;
         ui.checkbox(&mut panels.shows_cameras, "Cameras (C)").on_hover_text(
             "Where the photos were taken: trained on in blue, held out in orange, sources of the clicked pixel in green",
@@ -73,8 +87,6 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
             return;
         }
         ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
-        let edits = ui.add_enabled(viewer.training.is_none(), Checkbox::new(&mut viewer.edit.shown, "Edit (X)"));
-        edits.on_hover_text("Select and delete Gaussians of the model, and save it");
         ui.separator();
         if ui.button("Screenshot (P)").on_hover_text("Write what the canvas shows as a PNG file").clicked() {
             viewer.screenshot();
@@ -83,16 +95,50 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
     });
 }
 
+/// The button of the editor.
+fn edit(viewer: &mut Viewer, ui: &mut Ui) {
+    let button =
+        ui.add_enabled(viewer.training.is_none(), Button::selectable(viewer.edit.shown, (icon(icons::PENCIL), "Edit")));
+    let text = "Select Gaussians, hide and delete them, save the model. Key X.";
+    if button.on_hover_text(text).on_disabled_hover_text("A model in training cannot be edited").clicked() {
+        viewer.edit.lift();
+        viewer.show_editor(!viewer.edit.shown);
+    }
+}
+
+/// The modes: the usual ones as buttons, all others in a menu; in a narrow window every mode is in the menu, which bears the
+/// name of the one that is shown.
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
-    for mode in Mode::ALL {
-        let offered = viewer.offers(mode);
-        let key = mode.key().map_or(String::new(), |key| format!(" Key {}.", key.name()));
-        let text = format!("{}.{key}", mode.meaning());
-        let button = ui.add_enabled(offered, Button::selectable(viewer.mode == mode, mode.name()));
-        if button.on_hover_text(&text).on_disabled_hover_text(text).clicked() {
+    let buttons = if ui.ctx().content_rect().width() < WIDE { 0 } else { BUTTONS };
+    let (usual, others) = Mode::ALL.split_at(buttons);
+    for &mode in usual {
+        if mode_button(viewer, ui, viewer.mode, mode) {
             viewer.show_mode(mode);
         }
     }
+    let is_other = others.contains(&viewer.mode);
+    let name = if is_other { viewer.mode.name() } else { "More" };
+    let menu = MenuButton::from_button(Button::selectable(is_other, (name, icon(icons::DOWN))));
+    let (response, _) = menu.ui(ui, |ui| {
+        for &mode in others {
+            if mode_button(viewer, ui, viewer.mode, mode) {
+                viewer.show_mode(mode);
+                ui.close();
+            }
+        }
+    });
+    response.on_hover_text("What the picture shows");
+}
+
+/// A button of a mode; whether it was clicked.
+fn mode_button(viewer: &Viewer, ui: &mut Ui, shown: impl Into<Option<Mode>>, mode: Mode) -> bool {
+    let key = mode.key().map_or(String::new(), |key| format!(" Key {}.", key.name()));
+    let text = format!("{}.{key}", mode.meaning());
+    let button = ui.add_enabled(viewer.offers(mode), Button::selectable(shown.into() == Some(mode), mode.name()));
+    button.on_hover_text(&text).on_disabled_hover_text(text).clicked()
+}
+
+fn split(viewer: &mut Viewer, ui: &mut Ui) {
     let name = viewer.other.map_or("Split".to_owned(), |other| format!("Split: {}", other.name()));
     ui.menu_button(name, |ui| {
         if ui.selectable_label(viewer.other.is_none(), "No split").clicked() {
@@ -100,9 +146,7 @@ fn modes(viewer: &mut Viewer, ui: &mut Ui) {
             ui.close();
         }
         for mode in Mode::ALL {
-            let offered = viewer.offers(mode);
-            let label = ui.add_enabled_ui(offered, |ui| ui.selectable_label(viewer.other == Some(mode), mode.name()));
-            if label.inner.on_hover_text(mode.meaning()).clicked() {
+            if mode_button(viewer, ui, viewer.other, mode) {
                 viewer.show_other(Some(mode));
                 ui.close();
             }
@@ -110,41 +154,64 @@ fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     })
     .response
     .on_hover_text("Show another mode right of a line that you can drag");
-    if viewer.shows(Mode::has_gain) {
-        let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
-        ui.add(slider).on_hover_text("Factor that amplifies differences");
-    }
 }
 
 fn camera(viewer: &mut Viewer, ui: &mut Ui) {
-    let mut degrees = viewer.navigator.fov.to_degrees();
-    // Only what the user does may change it: a view's own angle is neither round nor always in the range.
-    let angle = DragValue::new(&mut degrees).range(10.0..=120.0).clamp_existing_to_range(false).speed(0.5);
-    let angle = angle.fixed_decimals(0).prefix("view angle ").suffix("°");
-    if ui.add(angle).on_hover_text("Vertical field of view; drag or click to change it").changed() {
-        viewer.navigator.fov = degrees.to_radians();
-        viewer.has_moved();
-    }
-    ui.menu_button("Up axis", |ui| {
-        let axes = [("X", DVec3::X), ("Y", DVec3::Y), ("Z", DVec3::Z)];
-        let signed =
-            axes.into_iter().flat_map(|(name, axis)| [(format!("+{name}"), axis), (format!("-{name}"), -axis)]);
-        for (name, up) in std::iter::once(("As in the photos".to_owned(), viewer.photos_up)).chain(signed) {
-            if ui.selectable_label(viewer.navigator.up == up, name).clicked() {
-                viewer.navigator.up = up;
-                ui.close();
+    ui.menu_button((icon(icons::CAMERA), "Camera"), |ui| {
+        ui.horizontal(|ui| {
+            let mut degrees = viewer.navigator.fov.to_degrees();
+            // Only what the user does may change it: a view's own angle is neither round nor always in the range.
+            let angle = DragValue::new(&mut degrees).range(10.0..=120.0).clamp_existing_to_range(false).speed(0.5);
+            let name = ui.label("View angle");
+            let angle = ui.add(angle.fixed_decimals(0).suffix("°")).labelled_by(name.id);
+            if angle.on_hover_text("Vertical field of view; drag or click to change it").changed() {
+                viewer.navigator.fov = degrees.to_radians();
+                viewer.has_moved();
             }
+        });
+        ui.menu_button("Up axis", |ui| up_axes(viewer, ui)).response.on_hover_text("The axis that orbits go around");
+        ui.checkbox(&mut viewer.panels.only_frame, "Nothing beyond the photo")
+            .on_hover_text("A view's own picture alone, without what lies around it");
+        ui.separator();
+        if ui.button("Reset").on_hover_text("Back to the first view. Key R.").clicked() {
+            viewer.reset();
+            ui.close();
         }
-    })
-    .response
-    .on_hover_text("The axis that orbits go around");
-    if ui.button("Reset").on_hover_text("Back to the first view. Key R.").clicked() {
-        viewer.reset();
+    });
+}
+
+fn up_axes(viewer: &mut Viewer, ui: &mut Ui) {
+    let axes = [("X", DVec3::X), ("Y", DVec3::Y), ("Z", DVec3::Z)];
+    let signed = axes.into_iter().flat_map(|(name, axis)| [(format!("+{name}"), axis), (format!("-{name}"), -axis)]);
+    for (name, up) in std::iter::once(("As in the photos".to_owned(), viewer.photos_up)).chain(signed) {
+        if ui.selectable_label(viewer.navigator.up == up, name).clicked() {
+            viewer.navigator.up = up;
+            ui.close();
+        }
+    }
+}
+
+/// Takes away what was done once it has been read; what went wrong stays until it is closed.
+fn fade(viewer: &mut Viewer, ctx: &Context) {
+    let Some(message) = &viewer.message else {
+        viewer.said = None;
+        return;
+    };
+    match &viewer.said {
+        Some((said, at)) if said == message => match READ.checked_sub(at.elapsed()) {
+            Some(rest) => ctx.request_repaint_after(rest),
+            None => viewer.message = None,
+        },
+        _ => {
+            viewer.said = Some((message.clone(), Instant::now()));
+            ctx.request_repaint_after(READ);
+        }
     }
 }
 
 /// What is being done, was done, or went wrong: over the lower edge, so that the canvas keeps its size.
 pub fn status(viewer: &mut Viewer, ctx: &Context) {
+    fade(viewer, ctx);
     if viewer.doing.is_none() && viewer.error.is_none() && viewer.message.is_none() {
         return;
     }

@@ -16,12 +16,15 @@ pub use start::{chosen, start};
 
 use crate::mode::Mode;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, Vec2};
+use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Slider, Stroke, Ui, Vec2};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
+use std::time::Duration;
 
 /// Windows that are narrower, in points, have below the image what others have beside it.
 const NARROW: f32 = 480.0;
+/// After this time without a new picture the old one says that it is old.
+const SLOW: Duration = Duration::from_millis(500);
 
 /// The panels left, right and below.
 pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
@@ -89,8 +92,36 @@ fn label(painter: &egui::Painter, at: egui::Pos2, align: Align2, text: String) {
     painter.galley(room.min, galley, Color32::WHITE);
 }
 
+/// The slider that amplifies differences, over the picture.
+pub fn strength(viewer: &mut Viewer, ui: &Ui, room: Rect) {
+    if !viewer.shows(Mode::has_gain) {
+        return;
+    }
+    let at = room.right_top() + Vec2::new(-12.0, 12.0);
+    egui::Area::new(ui.scope_id().with("strength")).fixed_pos(at).pivot(Align2::RIGHT_TOP).show(ui.ctx(), |ui| {
+        egui::Frame::popup(ui.style()).show(ui, |ui| {
+            let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
+            ui.add(slider).on_hover_text("Factor that amplifies differences");
+        });
+    });
+}
+
 /// Figures in the canvas' corner.
 pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
+    if let Some(rest) = viewer.canvas.waits().map(|waits| SLOW.checked_sub(waits)) {
+        match rest {
+            Some(rest) => ui.ctx().request_repaint_after(rest),
+            None => {
+                let at = room.center_bottom() - Vec2::new(0.0, 12.0);
+                label(
+                    &ui.painter_at(room),
+                    at,
+                    Align2::CENTER_BOTTOM,
+                    "rendering; this is the picture before".to_owned(),
+                );
+            }
+        }
+    }
     if viewer.panels.hides_figures {
         return;
     }
@@ -113,10 +144,13 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
         let [near, far] = [near, far].map(|z| Length(z.into()));
         text += &format!("\ndepth {near} (bright) to {far} (dark)");
     }
+    if viewer.shows(|mode| mode == Mode::Visibility) {
+        text += &format!("\nvisible source photos: none (black), 1 (dark) to {} (bright)", last.facts.most_sources);
+    }
     label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, text);
 }
 
-const HELP: [(&str, &str); 17] = [
+const HELP: [(&str, &str); 22] = [
     ("Left drag", "orbit around the point in the middle"),
     ("Right drag", "look around"),
     ("Middle drag", "move sideways"),
@@ -130,9 +164,14 @@ const HELP: [(&str, &str); 17] = [
     ("C", "show the scene's cameras"),
     ("K, Space", "add a keyframe, play the camera path"),
     ("P", "write a screenshot"),
-    ("Escape", "leave the tool; close the pixel and the split view"),
-    ("X", "edit the model: select and delete Gaussians"),
+    ("Escape", "leave the tool; select nothing; close the pixel and the split view"),
+    ("X", "edit the model"),
+    ("Shift, Ctrl or Alt", "add to the selection, take away from it"),
+    ("Ctrl+A, Ctrl+I", "select all, select the others"),
     ("Delete", "delete the selected Gaussians"),
+    ("H, Shift+H", "hide the selected ones, show all"),
+    ("L, Shift+L", "lock the selected ones, unlock all"),
+    ("Enter", "end the polygon"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
 ];
 

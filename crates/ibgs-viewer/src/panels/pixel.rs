@@ -1,6 +1,7 @@
 //! Why a pixel looks as it does.
 
 use crate::marks;
+use crate::theme::as_text;
 use crate::viewer::{Found, Viewer};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui, Vec2};
 use ibgs_core::inspect::{Inspection, SourceReading, Verdict};
@@ -154,7 +155,7 @@ fn sources_table(viewer: &Viewer, found: &Found, ui: &mut Ui) {
 fn source_cells(reading: &SourceReading, ui: &mut Ui) {
     let (word, text) = verdict(reading);
     match reading.verdict {
-        Verdict::Used { .. } => ui.colored_label(marks::SOURCE, word),
+        Verdict::Used { .. } => ui.colored_label(as_text(marks::SOURCE, ui.visuals()), word),
         _ => ui.weak(word),
     }
     .on_hover_text(text);

@@ -1,7 +1,7 @@
 //! The start page, and opening things.
 
 use crate::OpenRequest;
-use crate::dialogs::{Sought, native};
+use crate::dialogs::{Answer, Sought, native};
 use crate::recents::Recent;
 use crate::train_form::Asked;
 use crate::viewer::Viewer;
@@ -34,8 +34,11 @@ const STEPS: [(&str, &str); 3] = [
 /// Takes what was chosen in a file dialog.
 pub fn chosen(viewer: &mut Viewer) {
     match viewer.start.dialog.answer() {
-        Some((Sought::Scene, path)) => viewer.start.ask_about(path),
-        Some((Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(OpenRequest::Path(path)),
+        Some(Answer::Chosen(Sought::Scene, path)) => viewer.start.ask_about(path),
+        Some(Answer::Chosen(Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(OpenRequest::Path(path)),
+        Some(Answer::NoDialog) => {
+            viewer.error = Some("this system shows no file dialog; type the path on the start page".to_owned());
+        }
         None => {}
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::IN_BROWSER;
 use crate::marks;
+use crate::theme::as_text;
 use crate::viewer::Viewer;
 use eframe::egui::{self, Sense, Ui, Vec2};
 
@@ -18,9 +19,17 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
     }
     let (views, mut step, mut chosen) = (&scene.views, 0, None);
     let (on_view, thumbnails) = (viewer.on_view, &mut viewer.thumbnails);
-    egui::Panel::left("views").default_size(190.0).max_size((0.4 * ui.available_width()).max(80.0)).show(ui, |ui| {
+    // In a narrow window the photos alone.
+    let is_narrow = ui.ctx().content_rect().width() < super::NARROW;
+    let panel = match is_narrow {
+        true => egui::Panel::left("narrow views").exact_size(88.0),
+        false => egui::Panel::left("views").default_size(190.0).max_size((0.4 * ui.available_width()).max(80.0)),
+    };
+    panel.show(ui, |ui| {
         ui.horizontal(|ui| {
-            ui.heading("Views");
+            if !is_narrow {
+                ui.heading("Views");
+            }
             if ui.button("<").on_hover_text("The view before. Left arrow key.").clicked() {
                 step = -1;
             }
@@ -54,11 +63,16 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
                     let whole = egui::Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
                     painter.image(texture.id(), place, whole, egui::Color32::WHITE);
                 }
+                if is_narrow {
+                    row.on_hover_text(format!("{}, {kind}", view.name));
+                    continue;
+                }
                 let at = egui::pos2(room.right() + 8.0, rect.center().y);
                 let font = egui::TextStyle::Body.resolve(ui.style());
                 let name = view.name.rsplit('/').next().unwrap_or(&view.name);
                 painter.text(at - Vec2::new(0.0, 8.0), egui::Align2::LEFT_CENTER, name, font, text);
                 let (short, color) = if view.held_out { ("test", marks::HELD_OUT) } else { ("train", marks::TRAINED) };
+                let color = if selected { text } else { as_text(color, visuals) };
                 let small = egui::TextStyle::Small.resolve(ui.style());
                 painter.text(at + Vec2::new(0.0, 9.0), egui::Align2::LEFT_CENTER, short, small, color);
                 row.on_hover_text(format!("{}, {kind}", view.name));

@@ -1,16 +1,26 @@
 //! Where to look, and where the image goes.
 
+use eframe::egui::emath::GuiRounding;
 use eframe::egui::{Rect, Vec2};
-use glam::DVec3;
-use ibgs_core::camera::usable_extent;
+use glam::{DVec2, DVec3};
+use ibgs_core::camera::{Camera, usable_extent};
 
-/// The largest part of a room with this ratio of width and height, in its middle.
-pub fn fitted(room: Rect, ratio: f32) -> Rect {
+/// The largest part of a room with this ratio of width and height, in its middle and of whole pixels, so that a picture of that
+/// size stays sharp.
+pub fn fitted(room: Rect, ratio: f32, pixels_per_point: f32) -> Rect {
     let size = match room.width() / room.height().max(1.0) > ratio {
         true => Vec2::new(room.height() * ratio, room.height()),
         false => Vec2::new(room.width(), room.width() / ratio),
     };
-    Rect::from_center_size(room.center(), size)
+    let size = size.round_to_pixels(pixels_per_point);
+    Rect::from_min_size((room.center() - size / 2.0).round_to_pixels(pixels_per_point), size)
+}
+
+/// A camera that sees more around the image of another one, which lies in the middle.
+pub fn widened(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
+    let sides = |width: u32, height: u32| DVec2::new(width.into(), height.into());
+    let more = sides(width, height) - sides(camera.width, camera.height);
+    Camera { width, height, principal: camera.principal + more / 2.0, ..*camera }
 }
 
 /// Median place of some points, and their median distance from it.
@@ -34,11 +44,26 @@ mod tests {
     #[test]
     fn images_fit_into_any_room() {
         let room = Rect::from_min_size(Pos2::new(10.0, 20.0), Vec2::new(200.0, 100.0));
-        for ratio in [0.1, 1.0, 2.0, 5.0] {
-            let image = fitted(room, ratio);
-            assert!(room.expand(0.01).contains_rect(image) && image.center() == room.center());
-            assert!((image.width() / image.height() - ratio).abs() < 1e-3);
-            assert!((image.width() - 200.0).abs() < 1e-3 || (image.height() - 100.0).abs() < 1e-3);
+        for (ratio, pixels) in [(0.1, 1.0), (1.0, 1.0), (1.337, 1.0), (1.337, 1.5), (2.0, 2.0), (5.0, 1.0)] {
+            let image = fitted(room, ratio, pixels);
+            assert!(room.expand(0.51).contains_rect(image) && (image.center() - room.center()).length() < 0.8);
+            assert!((image.width() / image.height() - ratio).abs() < 0.02 * ratio, "{image:?}");
+            assert!((image.width() - 200.0).abs() < 0.51 || (image.height() - 100.0).abs() < 0.51);
+            let corners = [image.left(), image.top(), image.right(), image.bottom()].map(|place| place * pixels);
+            assert!(corners.iter().all(|place| (place - place.round()).abs() < 1e-3), "{corners:?}");
         }
+    }
+
+    #[test]
+    fn a_wider_camera_sees_the_same_in_its_middle() {
+        let camera = crate::navigator::Navigator::facing(DVec3::ZERO, 3.0).camera(40, 30);
+        let wide = widened(&camera, [100, 40]);
+        let point = DVec3::new(0.2, -0.1, 0.4);
+        let place = |camera: &Camera| {
+            let view = camera.to_view(point);
+            DVec2::new(view.x, view.y) / view.z * camera.focal + camera.principal
+        };
+        assert!(place(&wide).abs_diff_eq(place(&camera) + DVec2::new(30.0, 5.0), 1e-9));
+        assert_eq!((wide.width, wide.height, widened(&camera, [40, 30])), (100, 40, camera));
     }
 }

@@ -91,9 +91,11 @@ impl Viewer {
         self.start.shown = false;
         (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);
+        self.lacks_final = false;
         (self.coming, self.clicked) = (None, None);
         self.thumbnails = Thumbnails::default();
-        self.panels = Panels { always_sharp: self.panels.always_sharp, ..Panels::default() };
+        self.panels =
+            Panels { always_sharp: self.panels.always_sharp, only_frame: self.panels.only_frame, ..Panels::default() };
         self.canvas.clear();
         self.reset();
         if let Some(link) = self.link.take() {

@@ -59,6 +59,11 @@ impl Viewer {
         self.other.and(self.divider_x)
     }
 
+    /// On a view, shows nothing around its photo.
+    pub fn show_only_frame(&mut self, only: bool) {
+        self.panels.only_frame = only;
+    }
+
     /// Shows or hides time, size and memory of the image.
     pub fn show_figures(&mut self, shown: bool) {
         self.panels.hides_figures = !shown;

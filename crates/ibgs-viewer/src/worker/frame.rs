@@ -23,7 +23,7 @@ impl WorkerState {
             // Pending work of a training would count towards the frame's time.
             self.gpu.wait()?;
         }
-        let Some((renderer, iteration)) = work.renderer() else { return Ok(()) };
+        let Some((renderer, iteration)) = work.shown() else { return Ok(()) };
         let start = Instant::now();
         let presenter = match &mut work.presenter {
             Some(presenter) => presenter,

@@ -89,14 +89,19 @@ impl Pose {
         if self.turn == DMat3::IDENTITY {
             return;
         }
-        let turn = DQuat::from_mat3(&self.turn).normalize();
-        for q in &mut g.rotations {
-            let [w, x, y, z] = q.map(f64::from);
-            let turned = turn * DQuat::from_xyzw(x, y, z, w);
-            *q = [turned.w, turned.x, turned.y, turned.z].map(|v| v as f32);
-        }
-        turn_harmonics(g, self.turn);
+        turn_each(g, self.turn);
     }
+}
+
+/// Turns each Gaussian about its centre: its axes and its colours, not its plane.
+pub(in super::super) fn turn_each(g: &mut Gaussians, turn: DMat3) {
+    let quaternion = DQuat::from_mat3(&turn).normalize();
+    for q in &mut g.rotations {
+        let [w, x, y, z] = q.map(f64::from);
+        let turned = quaternion * DQuat::from_xyzw(x, y, z, w);
+        *q = [turned.w, turned.x, turned.y, turned.z].map(|v| v as f32);
+    }
+    turn_harmonics(g, turn);
 }
 
 /// The spherical harmonics after a turn: each degree mixes its own coefficients, c'_i = sum over j of c_j times the integral of
@@ -142,7 +147,7 @@ pub(super) fn directions() -> impl Iterator<Item = (DVec3, f64)> {
 }
 
 /// The basis functions of degree 0 to 3, as 3DGS and the extension have them.
-pub(super) fn basis(d: DVec3) -> [f64; 16] {
+pub(in super::super) fn basis(d: DVec3) -> [f64; 16] {
     let DVec3 { x, y, z } = d;
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let third = |k: f64| (k / PI).sqrt() / 4.0;

@@ -31,7 +31,10 @@ mod usda_read;
 mod usda_text;
 
 pub(super) use finite::{Dropped, is_rotation, make_finite};
+pub(super) use gltf_nodes::turn_each;
 pub use spz::{SpzVersion, write_spz};
+#[cfg(test)]
+pub(super) use {gltf_nodes::basis, tests::random};
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;

@@ -15,7 +15,7 @@ pub(super) fn rounding(size: f64) -> f64 {
 
 /// Gaussians within what every format can hold: opacities that a byte distinguishes from 0 and 1, coefficients within
 /// -0.9 to 0.9.
-pub(super) fn random(n: usize, sh_degree: u32, seed: u64) -> Gaussians {
+pub(in crate::scene) fn random(n: usize, sh_degree: u32, seed: u64) -> Gaussians {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut within = |low: f32, high: f32| rng.random_range(low..high);
     let mut g = Gaussians::with_capacity(n, sh_degree);

@@ -1,0 +1,51 @@
+//! Placing the model: by a known length, by points of the ground, and by numbers.
+
+use super::{Edit, Tool};
+use glam::{DMat3, DVec3};
+use ibgs_core::camera::Camera;
+use ibgs_core::edit::{scaled, upright};
+use ibgs_core::similarity::Similarity;
+
+impl Edit {
+    /// A point of the surface was clicked, from this camera.
+    pub(super) fn point(&mut self, point: DVec3, camera: &Camera) -> Result<(), &'static str> {
+        let most = if self.tool == Some(Tool::Ground) { 3 } else { 2 };
+        if self.points.len() >= most {
+            self.points.clear();
+        }
+        self.points.push(point);
+        if let (Some(Tool::Ground), &[a, b, c]) = (self.tool, &self.points[..]) {
+            self.points.clear();
+            let placement =
+                self.editor.as_ref().and_then(|editor| upright(editor.placement(), [a, b, c], camera.center()));
+            self.place(placement.ok_or("the three points are on a line; click them again")?);
+        }
+        self.true_length = self.length().unwrap_or(self.true_length);
+        Ok(())
+    }
+
+    /// The distance of the two points that were clicked, in the units of the file.
+    pub fn length(&self) -> Option<f64> {
+        let &[from, to] = &self.points[..] else { return None };
+        Some(self.editor.as_ref()?.placement().scale * from.distance(to))
+    }
+
+    /// Scales the model so that the measured length is what it is said to be.
+    pub fn set_length(&mut self) {
+        if let (&[from, to], Some(editor)) = (&self.points[..], &self.editor)
+            && let Some(placement) = scaled(editor.placement(), [from, to], self.true_length)
+        {
+            self.place(placement);
+        }
+    }
+
+    /// What turns the scene's axes to those of the file.
+    pub fn rotation(&self) -> DMat3 {
+        self.editor.as_ref().map_or(DMat3::IDENTITY, |editor| editor.placement().rotation)
+    }
+
+    /// Places the model.
+    pub fn place(&mut self, placement: Similarity) {
+        self.step(|editor| editor.place(placement));
+    }
+}

@@ -1,0 +1,108 @@
+//! Small drawings beside words, in lines of the text's colour.
+
+use crate::edit::Tool;
+use eframe::egui::{Atom, AtomKind, AtomPaintArgs, IntoSizedResult, Rect, Shape, SizedAtomKind, Stroke, Ui, Vec2};
+use std::sync::Arc;
+
+/// A drawing: lines through points of a square, from 0 at the left and the top to 16.
+pub type Icon = &'static [&'static [[f32; 2]]];
+
+const SIDE: f32 = 16.0;
+
+pub const FOLDER: Icon = &[&[[2., 13.], [2., 4.], [6., 4.], [8., 6.], [14., 6.], [14., 13.], [2., 13.]]];
+pub const EYE: Icon = &[
+    &[[1., 8.], [4., 5.], [8., 4.], [12., 5.], [15., 8.], [12., 11.], [8., 12.], [4., 11.], [1., 8.]],
+    &[[6., 8.], [7., 6.5], [9., 6.5], [10., 8.], [9., 9.5], [7., 9.5], [6., 8.]],
+];
+pub const CAMERA: Icon = &[
+    &[[2., 13.], [2., 5.], [5., 5.], [6., 3.], [10., 3.], [11., 5.], [14., 5.], [14., 13.], [2., 13.]],
+    &[[5.5, 9.], [6.5, 7.], [9.5, 7.], [10.5, 9.], [9.5, 11.], [6.5, 11.], [5.5, 9.]],
+];
+pub const PENCIL: Icon = &[&[[2., 14.], [3., 10.], [11., 2.], [14., 5.], [6., 13.], [2., 14.]], &[[9., 4.], [12., 7.]]];
+/// There is a menu below.
+pub const DOWN: Icon = &[&[[5., 6.5], [8., 9.5], [11., 6.5]]];
+const RECTANGLE: Icon = &[&[[2., 4.], [14., 4.], [14., 12.], [2., 12.], [2., 4.]]];
+const LASSO: Icon = &[&[
+    [5., 10.],
+    [2., 8.],
+    [2., 5.],
+    [5., 3.],
+    [11., 3.],
+    [14., 5.],
+    [14., 8.],
+    [11., 10.],
+    [6., 10.],
+    [5., 12.],
+    [3., 14.],
+]];
+const POLYGON: Icon = &[&[[3., 13.], [2., 6.], [9., 2.], [14., 8.], [9., 9.], [11., 14.], [3., 13.]]];
+const BRUSH: Icon =
+    &[&[[14., 2.], [7., 9.]], &[[7., 9.], [5., 9.], [4., 12.], [2., 14.], [6., 13.5], [8., 11.], [7., 9.]]];
+const SPHERE: Icon = &[
+    &[[8., 2.], [12., 4.], [14., 8.], [12., 12.], [8., 14.], [4., 12.], [2., 8.], [4., 4.], [8., 2.]],
+    &[[2., 8.], [5., 10.], [11., 10.], [14., 8.]],
+];
+const BOX: Icon = &[
+    &[[2., 5.], [8., 2.], [14., 5.], [14., 11.], [8., 14.], [2., 11.], [2., 5.], [8., 8.], [14., 5.]],
+    &[[8., 8.], [8., 14.]],
+];
+const DROP: Icon = &[&[[8., 2.], [12., 8.], [12., 11.], [10., 14.], [6., 14.], [4., 11.], [4., 8.], [8., 2.]]];
+const FLOOD: Icon = &[
+    &[[6., 2.], [13., 8.], [7., 14.], [2., 9.], [8., 4.]],
+    &[[2., 9.], [12., 9.]],
+    &[[14., 11.], [15., 13.], [13., 13.], [14., 11.]],
+];
+const RULER: Icon = &[
+    &[[1., 6.], [15., 6.], [15., 11.], [1., 11.], [1., 6.]],
+    &[[4., 6.], [4., 8.]],
+    &[[8., 6.], [8., 9.]],
+    &[[12., 6.], [12., 8.]],
+];
+const GROUND: Icon = &[&[[1., 12.], [15., 12.]], &[[8., 12.], [8., 3.]], &[[5., 6.], [8., 3.], [11., 6.]]];
+
+/// That of a tool.
+pub fn of(tool: Tool) -> Icon {
+    match tool {
+        Tool::Rectangle => RECTANGLE,
+        Tool::Lasso => LASSO,
+        Tool::Polygon => POLYGON,
+        Tool::Brush => BRUSH,
+        Tool::Sphere => SPHERE,
+        Tool::Box => BOX,
+        Tool::Color => DROP,
+        Tool::Flood => FLOOD,
+        Tool::Length => RULER,
+        Tool::Ground => GROUND,
+    }
+}
+
+/// A drawing in a button, of the size of a checkbox.
+pub fn icon(lines: Icon) -> Atom<'static> {
+    let kind = AtomKind::closure(move |ui, _| {
+        let size = Vec2::splat(ui.spacing().icon_width);
+        let paint = move |ui: &Ui, args: AtomPaintArgs| {
+            let room = Rect::from_center_size(args.rect.center(), size);
+            let at = |[x, y]: [f32; 2]| room.min + Vec2::new(x, y) / SIDE * size;
+            for line in lines {
+                let points = line.iter().copied().map(at).collect();
+                ui.painter().add(Shape::line(points, Stroke::new(1.2, args.fallback_text_color)));
+            }
+        };
+        IntoSizedResult { intrinsic_size: size, sized: SizedAtomKind::Paint { paint: Arc::new(paint), size } }
+    });
+    kind.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drawings_stay_in_their_square() {
+        let tools = Tool::SELECTING.iter().chain(&Tool::PLACING).map(|(tool, ..)| of(*tool));
+        for drawing in tools.chain([FOLDER, EYE, CAMERA, PENCIL, DOWN]) {
+            assert!(drawing.iter().all(|line| line.len() > 1));
+            assert!(drawing.iter().copied().flatten().flatten().all(|place| (0.0..=SIDE).contains(place)));
+        }
+    }
+}

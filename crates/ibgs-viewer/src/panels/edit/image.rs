@@ -1,0 +1,211 @@
+//! What the editor draws over the image, and what the pointer does there.
+
+use super::keys::how;
+use crate::edit::{Edit, Picture, Tool, places};
+use crate::marks::Onto;
+use crate::viewer::Viewer;
+use eframe::egui::{
+    Color32, CursorIcon, Key, Mesh, Modifiers, Painter, PointerButton, Pos2, Rect, Response, Sense, Shape, Stroke,
+    StrokeKind, Ui, Vec2,
+};
+use glam::{DVec2, DVec3};
+use ibgs_core::camera::Camera;
+use ibgs_core::edit::{CropBox, Editor, UP, box_edges};
+use ibgs_core::similarity::Similarity;
+
+/// Colour of what is selected and of the box.
+const SELECTED: Color32 = Color32::from_rgb(255, 120, 20);
+const BOX: Color32 = Color32::from_rgb(255, 220, 90);
+const AXES: [Color32; 3] =
+    [Color32::from_rgb(235, 70, 70), Color32::from_rgb(90, 200, 90), Color32::from_rgb(90, 140, 255)];
+/// Lines of the ground on each side of its middle.
+const GRID: f64 = 10.0;
+/// Most selected Gaussians that are marked.
+const MOST_MARKS: usize = 30_000;
+/// Radius of a handle in points, and of what can be grabbed around it.
+const HANDLE: f32 = 5.0;
+const GRIP: f32 = 9.0;
+
+/// What is selected, where the picture does not show it by itself, and the box.
+pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
+    let (true, Some(editor)) = (viewer.edit.shown, &viewer.edit.editor) else { return };
+    let revision = viewer.canvas.last().map(|last| last.iteration);
+    let is_tinted = revision.is_some_and(|revision| viewer.edit.is_tinted(revision));
+    if !is_tinted || !viewer.mode.has_colors() {
+        let mut mesh = Mesh::default();
+        let step = editor.selected_count().div_ceil(MOST_MARKS).max(1);
+        for place in places(editor.gaussians(), editor.selected(), step) {
+            if let Some(at) = onto.point(place).filter(|at| onto.image.contains(*at)) {
+                mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.5)), SELECTED);
+            }
+        }
+        painter.add(Shape::mesh(mesh));
+    }
+    let is_placing = matches!(viewer.edit.tool, Some(Tool::Length | Tool::Ground));
+    if is_placing || *editor.placement() != Similarity::IDENTITY {
+        draw_placing(&viewer.edit, editor, painter, onto, viewer.extent);
+    }
+    if let (Some(Tool::Box), Some(crop)) = (viewer.edit.tool, &viewer.edit.crop) {
+        let corners = crop.corners();
+        for stroke in outlined(BOX) {
+            for ends in box_edges() {
+                onto.line(painter, ends.map(|corner| corners[corner]), stroke);
+            }
+        }
+    }
+}
+
+/// The ground of the file and its axes: x red, y green, z blue; and the points that were clicked.
+fn draw_placing(edit: &Edit, editor: &Editor, painter: &Painter, onto: &Onto, extent: f64) {
+    let scene = editor.placement().inverse();
+    let unit = 10_f64.powf((extent * editor.placement().scale).log10().floor());
+    let middle = editor.placement().point(edit.middle);
+    let at = |x: f64, z: f64| scene.point(DVec3::new(x, 0.0, z));
+    let corner = (DVec2::new(middle.x, middle.z) / unit).round() * unit;
+    let half = GRID * unit;
+    for step in -(GRID as i32)..=GRID as i32 {
+        let along = f64::from(step) * unit;
+        let line = Stroke::new(1.0, Color32::from_white_alpha(70));
+        let (x, z) = (corner.x, corner.y);
+        onto.line(painter, [at(x + along, z - half), at(x + along, z + half)], line);
+        onto.line(painter, [at(x - half, z + along), at(x + half, z + along)], line);
+    }
+    for (axis, color) in DVec3::AXES.into_iter().zip(AXES) {
+        for stroke in outlined(color) {
+            onto.line(painter, [DVec3::ZERO, axis * unit].map(|end| scene.point(end)), stroke);
+        }
+    }
+    for ends in edit.points.windows(2) {
+        for stroke in outlined(BOX) {
+            onto.line(painter, [ends[0], ends[1]], stroke);
+        }
+    }
+    for at in edit.points.iter().filter_map(|&point| onto.point(point)) {
+        painter.circle(at, 0.8 * HANDLE, BOX, Stroke::new(1.5, Color32::from_black_alpha(200)));
+    }
+}
+
+/// A line that is seen on any colour: its rim, then itself.
+fn outlined(color: Color32) -> [Stroke; 2] {
+    [Stroke::new(3.5, Color32::from_black_alpha(120)), Stroke::new(1.5, color)]
+}
+
+/// What the pointer does in the image: it moves the box, or selects.
+pub fn in_image(viewer: &mut Viewer, ui: &mut Ui, response: &Response, image: Rect, camera: &Camera) {
+    let edits = viewer.edit.shown && viewer.edit.editor.is_some();
+    if edits
+        && viewer.edit.tool == Some(Tool::Box)
+        && let Some(crop) = &mut viewer.edit.crop
+    {
+        handles(crop, ui, &Onto::new(camera, image, viewer.extent));
+    }
+    match viewer.edit.pointer() {
+        Some(tool) => selects(viewer, tool, ui, response, image, camera),
+        None => viewer.edit.lift(),
+    }
+    if let Some(command) = viewer.edit.command() {
+        // What was found in the image before is of another model.
+        viewer.found = None;
+        viewer.send(command);
+    }
+}
+
+/// The tool's pointer.
+fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image: Rect, camera: &Camera) {
+    let Viewer { edit, canvas, error, navigator, .. } = viewer;
+    let rotation = edit.rotation();
+    let radius = f64::from(edit.radius / image.height().max(1.0));
+    let picture = Picture { camera, last: canvas.last(), radius };
+    let pointer = response.hover_pos().or_else(|| response.interact_pointer_pos());
+    let share = |at: Pos2| {
+        let share = (at - image.min) / image.size();
+        DVec2::new(share.x.into(), share.y.into())
+    };
+    let (how, down, origin) = ui.input(|input| {
+        let down = input.pointer.button_down(PointerButton::Primary) && response.is_pointer_button_down_on();
+        // A click may begin and end within a frame, and a quick drag has moved on since it began.
+        let clicked = edit.stroke().is_empty() && response.clicked();
+        (how(input, edit.how), down || clicked, input.pointer.press_origin())
+    });
+    if let Some(at) = pointer.filter(|_| down) {
+        if let Some(origin) = origin.filter(|_| edit.stroke().is_empty()) {
+            edit.press(share(origin), how, &picture);
+        }
+        edit.press(share(at), how, &picture);
+    }
+    let mut done = Ok(());
+    if !response.is_pointer_button_down_on() {
+        done = edit.release(&picture);
+    }
+    let ends = || ui.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Enter));
+    if tool == Tool::Polygon && edit.polygon.len() > 2 && ends() {
+        done = done.and_then(|()| edit.close_polygon(how, &picture));
+    }
+    // With the ground orbits turn about what is up now.
+    if edit.rotation() != rotation {
+        navigator.up = edit.rotation().transpose() * UP;
+    }
+    *error = done.err().map(str::to_owned).or(error.take());
+    shape(edit, tool, &ui.painter_at(image), pointer);
+}
+
+/// What the tool has drawn so far.
+fn shape(edit: &Edit, tool: Tool, painter: &Painter, pointer: Option<Pos2>) {
+    let image = painter.clip_rect();
+    let place = |share: &DVec2| image.min + Vec2::new(share.x as f32, share.y as f32) * image.size();
+    let stroke = edit.stroke();
+    let ends = stroke.first().zip(stroke.last()).map(|(first, last)| (place(first), place(last)));
+    for line in outlined(SELECTED) {
+        match (tool, ends, pointer) {
+            (Tool::Brush, _, Some(at)) => _ = painter.circle_stroke(at, edit.radius, line),
+            (Tool::Rectangle, Some((from, to)), _) => {
+                painter.rect_stroke(Rect::from_two_pos(from, to), 0.0, line, StrokeKind::Middle);
+            }
+            (Tool::Lasso, Some(_), _) => _ = painter.add(Shape::closed_line(stroke.iter().map(place).collect(), line)),
+            (Tool::Sphere, Some((from, to)), _) => _ = painter.circle_stroke(from, from.distance(to), line),
+            (Tool::Polygon, ..) => {
+                let corners: Vec<Pos2> = edit.polygon.iter().map(place).chain(pointer).collect();
+                if let (Some(first), false) = (corners.first(), edit.polygon.is_empty()) {
+                    painter.circle_stroke(*first, HANDLE, line);
+                    painter.line(corners, line);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Handles on the faces of the box, and one in its middle that moves it across the view.
+fn handles(crop: &mut CropBox, ui: &mut Ui, onto: &Onto) {
+    let painter = ui.painter_at(onto.image);
+    for face in 0..6 {
+        let (place, out) = crop.face(face);
+        let Some(moved) = grab(ui, &painter, onto, place, face) else { continue };
+        // The way of the handle on the screen for a short step out of the box.
+        let step = 1e-3 * crop.size.max_element();
+        let Some((from, to)) = onto.point(place).zip(onto.point(place + out * step)) else { continue };
+        let way = (to - from) / step as f32;
+        // A face that is seen head on has no way to go.
+        if way.length_sq() > 1e-6 {
+            crop.move_face(face, f64::from(moved.dot(way) / way.length_sq()));
+        }
+    }
+    if let Some(moved) = grab(ui, &painter, onto, crop.center, 6) {
+        let camera = onto.camera;
+        let pixels = moved / onto.image.size() * Vec2::new(camera.width as f32, camera.height as f32);
+        let depth = camera.to_view(crop.center).z;
+        let way = DVec2::new(pixels.x.into(), pixels.y.into()) / camera.focal * depth;
+        crop.center += camera.view_from_world.transpose() * way.extend(0.0);
+    }
+}
+
+/// Draws a handle; how far the pointer drags it.
+fn grab(ui: &Ui, painter: &Painter, onto: &Onto, place: DVec3, number: usize) -> Option<Vec2> {
+    let at: Pos2 = onto.point(place).filter(|at| onto.image.contains(*at))?;
+    let grip = Rect::from_center_size(at, Vec2::splat(2.0 * GRIP));
+    let response =
+        ui.interact(grip, ui.scope_id().with(("box", number)), Sense::drag()).on_hover_cursor(CursorIcon::Grab);
+    let fill = if response.hovered() || response.dragged() { Color32::WHITE } else { BOX };
+    painter.circle(at, HANDLE, fill, Stroke::new(1.5, Color32::from_black_alpha(200)));
+    response.dragged_by(PointerButton::Primary).then(|| response.drag_delta())
+}

@@ -1,0 +1,105 @@
+//! Placing a model: its size by a known length, its ground, and what is saved of it.
+
+use super::edit::{command, editing, open, pick, write_bundle};
+use super::*;
+use egui_kittest::kittest::Queryable;
+use glam::DVec3;
+use ibgs_core::camera::Camera;
+use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::similarity::Similarity;
+
+const AT: Pos2 = Pos2::new(430.0, 430.0);
+
+fn placing(opened: Opened) -> Window {
+    let mut window = editing(opened);
+    pick(&mut window, "Place and size");
+    for _ in 0..3 {
+        window.get_by_label("Measure").scroll_to_me();
+        window.run_steps(10);
+    }
+    window
+}
+
+fn placement(window: &Window) -> Similarity {
+    *window.state().placement().unwrap().0
+}
+
+fn length(window: &Window) -> Option<f64> {
+    window.state().placement().unwrap().1
+}
+
+fn click_on(window: &mut Window, at: Pos2) {
+    click(window, at);
+    settle(window);
+}
+
+#[test]
+fn a_measured_length_and_the_ground_place_the_saved_bundle() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, saved) = (folder.path().join("model.ibgs"), folder.path().join("model-edited.ibgs"));
+    // Planes of a trained model: they turn with it.
+    let mut gaussians = from_points(&many_points().points, 0, 0.6).unwrap();
+    let turned = |i: usize| DVec3::new((i as f64).sin(), (1.7 * i as f64).cos(), 0.5).normalize();
+    gaussians.normals = (0..gaussians.len()).map(|i| turned(i).as_vec3().to_array()).collect();
+    write_bundle(&path, gaussians, Vec::new());
+    let mut window = placing(open(&path));
+    pick(&mut window, "Measure");
+    click_on(&mut window, AT);
+    assert_eq!(length(&window), None, "one point has no length");
+    click_on(&mut window, AT + Vec2::new(80.0, 20.0));
+    let measured = length(&window).unwrap();
+    assert!(measured > 0.0);
+    window.state_mut().set_true_length(3.0 * measured);
+    pick(&mut window, "Set scale");
+    assert!((length(&window).unwrap() - 3.0 * measured).abs() < 1e-9 * measured);
+    assert!((placement(&window).scale - 3.0).abs() < 1e-9);
+    // Three points of the ground, and orbits about its up axis.
+    let up = window.state().navigator().up;
+    pick(&mut window, "Ground");
+    for way in [Vec2::ZERO, Vec2::new(90.0, 10.0), Vec2::new(20.0, 80.0)] {
+        click_on(&mut window, AT + way);
+    }
+    let placed = placement(&window);
+    assert!((placed.scale - 3.0).abs() < 1e-9 && placed.translation.length() > 0.0, "{placed:?}");
+    assert_ne!(window.state().navigator().up, up);
+    command(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(placement(&window), Similarity { scale: placed.scale, ..Similarity::IDENTITY });
+    command(&mut window, Modifiers::COMMAND, Key::Y);
+    assert_eq!((placement(&window), window.state().error()), (placed, None));
+    // What is saved stands there, with its cameras, and looks as before.
+    window.get_by_label("Save model").scroll_to_me();
+    window.run_steps(10);
+    pick(&mut window, "Save model");
+    assert!(window.state().message().unwrap().contains("model-edited.ibgs"), "{:?}", window.state().error());
+    let options = ModelOptions::default();
+    let [mut before, mut after] = [&path, &saved].map(|path| Model::open(path, &options).unwrap());
+    let own = before.cameras[0].camera;
+    let moved = placed.camera(&own);
+    assert!(after.cameras[0].camera.center().distance(moved.center()) < 1e-6 * moved.center().length().max(1.0));
+    // Beside the orbit, where no two photos are equally near: rounding would choose between them.
+    let camera = Camera { translation: own.translation + DVec3::new(0.1, 0.03, 0.0), ..own };
+    let moved = placed.camera(&camera);
+    let image =
+        |model: &mut Model, camera| model.renderer(&gpu()).unwrap().render(&camera).unwrap().image().unwrap().unwrap();
+    let [from, to] = [image(&mut before, camera).to_rgb8(), image(&mut after, moved).to_rgb8()];
+    let differ = from.iter().zip(&to).filter(|(a, b)| a.abs_diff(**b) > 3).count();
+    assert!(differ * 100 < from.len(), "{differ} of {} values differ", from.len());
+    assert!(from.iter().any(|&value| value > 30));
+}
+
+#[test]
+fn a_model_that_was_moved_is_unsaved_until_it_is_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = placing(plain(folder.path()));
+    pick(&mut window, "Measure");
+    click_on(&mut window, AT);
+    click_on(&mut window, AT + Vec2::new(80.0, 20.0));
+    window.state_mut().set_true_length(1.0);
+    pick(&mut window, "Set scale");
+    window.get_by_label("not saved yet");
+    window.get_by_label("As it was").scroll_to_me();
+    window.run_steps(10);
+    pick(&mut window, "As it was");
+    assert_eq!(placement(&window), Similarity::IDENTITY);
+    assert!(window.query_by_label("not saved yet").is_none());
+}

@@ -1,0 +1,257 @@
+//! Each tool of the editor, driven by pointer and keys.
+
+use super::edit::{canvas, command, counts, editing, pick};
+use super::*;
+use egui_kittest::kittest::Queryable;
+
+/// A place of the model in the image, and a step from there to another.
+const AT: Pos2 = Pos2::new(430.0, 430.0);
+const STEP: Vec2 = Vec2::new(90.0, 60.0);
+
+fn editor() -> (tempfile::TempDir, Window) {
+    let folder = tempfile::tempdir().unwrap();
+    let window = editing(plain(folder.path()));
+    (folder, window)
+}
+
+fn selected(window: &Window) -> usize {
+    counts(window)[1]
+}
+
+/// Drags while keys are held.
+fn drag_with(window: &mut Window, held: Modifiers, from: Pos2, by: Vec2) {
+    window.event(Event::ModifiersChanged(held));
+    drag(window, PointerButton::Primary, from, by);
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
+    window.step();
+}
+
+/// Clicks and waits.
+fn click_on(window: &mut Window, at: Pos2) {
+    click(window, at);
+    settle(window);
+}
+
+/// Drags over a way of several places.
+fn draw(window: &mut Window, places: &[Pos2]) {
+    button(window, places[0], PointerButton::Primary, true);
+    for place in &places[1..] {
+        window.event(Event::PointerMoved(*place));
+        window.step();
+    }
+    button(window, places[places.len() - 1], PointerButton::Primary, false);
+    settle(window);
+}
+
+#[test]
+fn a_rectangle_selects_and_keys_add_and_take_away() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Rectangle");
+    let stood = *window.state().navigator();
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    let first = selected(&window);
+    assert!(first > 0 && first < 4_000, "{first}");
+    // The other way round it is the same rectangle.
+    drag(&mut window, PointerButton::Primary, AT + STEP, -STEP);
+    assert_eq!(selected(&window), first);
+    let beside = AT + Vec2::new(-120.0, 0.0);
+    drag_with(&mut window, Modifiers::SHIFT, beside, STEP);
+    let both = selected(&window);
+    assert!(both > first);
+    for held in [Modifiers::CTRL, Modifiers::ALT] {
+        drag_with(&mut window, held, beside, STEP);
+        assert!(selected(&window) <= first, "{held:?}");
+        command(&mut window, Modifiers::COMMAND, Key::Z);
+        assert_eq!(selected(&window), both, "{held:?}");
+    }
+    drag_with(&mut window, Modifiers::SHIFT | Modifiers::CTRL, AT, STEP);
+    assert_eq!(selected(&window), first, "what both have in common");
+    // What is behind the surface can be left out.
+    pick(&mut window, "Only in front");
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    let front = selected(&window);
+    assert!(front > 0 && front < first, "{front} {first}");
+    assert_eq!(*window.state().navigator(), stood, "selecting moves no camera");
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn all_none_and_the_others_by_keys() {
+    let (_folder, mut window) = editor();
+    command(&mut window, Modifiers::COMMAND, Key::A);
+    assert_eq!(counts(&window), [4_000; 2]);
+    command(&mut window, Modifiers::COMMAND, Key::I);
+    assert_eq!(selected(&window), 0);
+    pick(&mut window, "Rectangle");
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    let some = selected(&window);
+    command(&mut window, Modifiers::COMMAND, Key::I);
+    assert_eq!(selected(&window), 4_000 - some);
+    // The tool goes first, then the selection.
+    press(&mut window, Key::Escape);
+    assert_eq!(selected(&window), 4_000 - some);
+    press(&mut window, Key::Escape);
+    assert_eq!(selected(&window), 0);
+    command(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(selected(&window), 4_000 - some);
+    command(&mut window, Modifiers::COMMAND, Key::Y);
+    assert_eq!(selected(&window), 0);
+}
+
+#[test]
+fn a_lasso_and_a_polygon_around_the_same_select_the_same() {
+    let (_folder, mut window) = editor();
+    let corners = [Vec2::ZERO, Vec2::new(120.0, 10.0), Vec2::new(60.0, 100.0)].map(|way| AT + way);
+    pick(&mut window, "Lasso");
+    draw(&mut window, &corners);
+    let inside = selected(&window);
+    assert!(inside > 0 && inside < 4_000, "{inside}");
+    press(&mut window, Key::Escape);
+    press(&mut window, Key::Escape);
+    // By Enter, by a click on the first corner, and by a second one on the last.
+    pick(&mut window, "Polygon");
+    corners.iter().for_each(|&corner| click_on(&mut window, corner));
+    assert_eq!(selected(&window), 0, "it is not closed yet");
+    press(&mut window, Key::Enter);
+    assert_eq!(selected(&window), inside);
+    pick(&mut window, "None");
+    corners.iter().for_each(|&corner| click_on(&mut window, corner));
+    click_on(&mut window, corners[0] + Vec2::new(2.0, 1.0));
+    assert_eq!(selected(&window), inside);
+    pick(&mut window, "None");
+    corners.iter().for_each(|&corner| click_on(&mut window, corner));
+    click_on(&mut window, corners[2]);
+    assert_eq!(selected(&window), inside, "a double click");
+    // Escape gives up an outline, and no more than that.
+    corners.iter().for_each(|&corner| click_on(&mut window, corner));
+    press(&mut window, Key::Escape);
+    press(&mut window, Key::Enter);
+    assert_eq!(selected(&window), inside);
+    assert!(window.state().inspection().is_none() && window.state().error().is_none());
+}
+
+#[test]
+fn a_sphere_grows_as_it_is_dragged() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Sphere");
+    let mut sizes = Vec::new();
+    for way in [20.0, 60.0, 160.0] {
+        drag(&mut window, PointerButton::Primary, AT, Vec2::new(way, 0.0));
+        sizes.push(selected(&window));
+    }
+    assert!(sizes[0] < sizes[1] && sizes[1] < sizes[2] && sizes[2] < 4_000, "{sizes:?}");
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn colour_and_flood_begin_where_one_clicks() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Colour");
+    click_on(&mut window, AT);
+    let alike = selected(&window);
+    assert!(alike > 0 && alike < 4_000, "{alike}");
+    pick(&mut window, "Flood");
+    click_on(&mut window, AT);
+    let connected = selected(&window);
+    assert!(connected > 0, "{connected}");
+    pick(&mut window, "Of one colour");
+    click_on(&mut window, AT);
+    assert!((1..=connected).contains(&selected(&window)));
+    assert!(window.state().inspection().is_none() && window.state().error().is_none());
+}
+
+#[test]
+fn what_is_selected_is_tinted_hidden_and_locked() {
+    let (_folder, mut window) = editor();
+    press(&mut window, Key::Num2);
+    let plain = canvas(&mut window);
+    command(&mut window, Modifiers::COMMAND, Key::A);
+    let tinted = canvas(&mut window);
+    let mean = |picture: &[[u8; 4]], channel: usize| {
+        picture.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / picture.len() as f64
+    };
+    // Orange: more red, less blue.
+    assert!(mean(&tinted, 0) > mean(&plain, 0) + 10.0, "{} {}", mean(&tinted, 0), mean(&plain, 0));
+    assert!(mean(&tinted, 2) < mean(&plain, 2) - 10.0, "{} {}", mean(&tinted, 2), mean(&plain, 2));
+    // No more than the editor shows it.
+    press(&mut window, Key::X);
+    press(&mut window, Key::X);
+    assert!(canvas(&mut window) == tinted);
+    command(&mut window, Modifiers::COMMAND, Key::I);
+    assert!(canvas(&mut window) == plain);
+    pick(&mut window, "Rectangle");
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    let some = selected(&window);
+    press(&mut window, Key::H);
+    assert_eq!((window.state().kept_from_edits(), counts(&window)), (Some([some, 0]), [4_000, 0]));
+    assert!(canvas(&mut window) != plain, "what is hidden is seen");
+    // Nor is it selected. Hiding is nothing to save.
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    assert_eq!(selected(&window), 0);
+    command(&mut window, Modifiers::SHIFT, Key::H);
+    assert!(canvas(&mut window) == plain);
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    press(&mut window, Key::L);
+    assert_eq!(window.state().kept_from_edits(), Some([0, some]));
+    command(&mut window, Modifiers::COMMAND, Key::A);
+    press(&mut window, Key::Delete);
+    assert_eq!(counts(&window), [some, 0], "what is locked stays");
+    command(&mut window, Modifiers::SHIFT, Key::L);
+    assert_eq!(window.state().kept_from_edits(), Some([0, 0]));
+}
+
+#[test]
+fn a_range_of_values_is_chosen_in_a_histogram() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "By values");
+    for (name, decides) in [("Distance", true), ("Size", true), ("Photos", true), ("Opacity", false)] {
+        pick(&mut window, name);
+        let start = Instant::now();
+        while window.query_by_label("Histogram").is_none() {
+            assert!(start.elapsed() < Duration::from_secs(60), "{name} has no histogram");
+            window.step();
+        }
+        window.get_by_label("Histogram").scroll_to_me();
+        window.run_steps(10);
+        pick(&mut window, "Select by values");
+        assert_eq!(selected(&window), 4_000, "{name}: the whole range is all");
+        let room = window.get_by_label("Histogram").rect();
+        drag(&mut window, PointerButton::Primary, room.center(), Vec2::new(room.width(), 0.0));
+        pick(&mut window, "Select by values");
+        let upper = selected(&window);
+        assert_eq!((1..4_000).contains(&upper), decides, "{name}: {upper}");
+    }
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn floaters_are_previewed_and_removed() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Floaters");
+    window.get_by_label("Preview").scroll_to_me();
+    window.run_steps(10);
+    pick(&mut window, "Preview");
+    let [left, floats] = counts(&window);
+    assert!(left == 4_000 && floats > 0 && floats < 4_000, "{floats}");
+    pick(&mut window, "Remove selected");
+    assert_eq!(counts(&window), [4_000 - floats, 0]);
+    command(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(counts(&window), [4_000, floats]);
+}
+
+#[test]
+fn the_box_crops() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Box");
+    pick(&mut window, "Inside");
+    let inside = selected(&window);
+    pick(&mut window, "None");
+    pick(&mut window, "Crop");
+    assert_eq!(counts(&window), [inside, 0]);
+    command(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(counts(&window)[0], 4_000);
+    // The button of the bar closes the editor as the key does.
+    window.get_by_label("Edit").click();
+    settle(&mut window);
+    assert!(window.query_by_label("Edit the model").is_none());
+}
