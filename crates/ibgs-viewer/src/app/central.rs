@@ -9,6 +9,7 @@ use crate::viewer::{Viewer, fitted, widened};
 use crate::worker::{Command, Rendered};
 use eframe::egui::emath::GuiRounding;
 use eframe::egui::{self, Color32, Painter, Pos2, Rect, Sense, Stroke, StrokeKind, Ui};
+use eframe::egui_wgpu::RenderState;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::GpuError;
 use std::time::Duration;
@@ -29,6 +30,35 @@ impl Viewer {
         if self.panels.only_frame { own } else { widened(&own, self.room) }
     }
 
+    fn wanted(&self, camera: Camera) -> CanvasRequest {
+        CanvasRequest {
+            camera,
+            moving: self.moving(),
+            exact: self.view().is_some() && self.shows(Mode::needs_photo),
+            always_sharp: self.panels.always_sharp,
+            with_range: self.shows(Mode::has_range) || self.edit.needs_depths(),
+            looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
+            iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
+            running: self.training.as_ref().is_some_and(|trained| trained.running),
+        }
+    }
+
+    /// Paints the last frame in the modes that are shown.
+    fn paint(&mut self, state: &RenderState, painter: &Painter, room: Rect) -> Result<(), GpuError> {
+        let photo = self.photo()?;
+        let split = if self.other.is_some() { self.divider } else { 1.0 };
+        let sides = [Some((self.mode, 0.0, split)), self.other.map(|other| (other, split, 1.0))];
+        for (number, (mode, from, to)) in sides.into_iter().enumerate().filter_map(|(i, side)| Some((i, side?))) {
+            if let Some(texture) = self.canvas.texture(state, number, mode, photo.as_ref())? {
+                let at = |share: f32| room.left() + share * room.width();
+                let part = Rect::from_min_max(Pos2::new(at(from), room.top()), Pos2::new(at(to), room.bottom()));
+                let whole = Rect::from_min_max(Pos2::new(from, 0.0), Pos2::new(to, 1.0));
+                painter.image(texture, part, whole, Color32::WHITE);
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn central(&mut self, ui: &mut Ui, frame: &eframe::Frame) -> Result<(), GpuError> {
         let scale = ui.ctx().pixels_per_point();
         let room = ui.available_rect_before_wrap().round_to_pixels(scale);
@@ -45,16 +75,7 @@ impl Viewer {
         }
         let camera = self.camera();
         let image = fitted(ratio(&camera));
-        let wanted = CanvasRequest {
-            camera,
-            moving: self.moving(),
-            exact: self.view().is_some() && self.shows(Mode::needs_photo),
-            always_sharp: self.panels.always_sharp,
-            with_range: self.shows(Mode::has_range) || self.edit.needs_depths(),
-            looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
-            iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
-            running: self.training.as_ref().is_some_and(|trained| trained.running),
-        };
+        let wanted = self.wanted(camera);
         let Some(state) = frame.wgpu_render_state() else { return Ok(()) };
         // A device that has failed once returns nothing.
         if self.gpu.check().is_ok()
@@ -65,22 +86,12 @@ impl Viewer {
         }
         let painter = ui.painter_at(room);
         painter.rect_filled(room, 0.0, ui.visuals().extreme_bg_color);
-        let photo = self.photo()?;
-        let split = if self.other.is_some() { self.divider } else { 1.0 };
         // A picture of another shape keeps it until the awaited one comes.
         let drawn = match self.canvas.last().map(|last| ratio(last.frame.camera())) {
             Some(last) if (last / ratio(&camera) - 1.0).abs() > 0.02 => fitted(last),
             _ => image,
         };
-        let sides = [Some((self.mode, 0.0, split)), self.other.map(|other| (other, split, 1.0))];
-        for (number, (mode, from, to)) in sides.into_iter().enumerate().filter_map(|(i, side)| Some((i, side?))) {
-            if let Some(texture) = self.canvas.texture(state, number, mode, photo.as_ref())? {
-                let at = |share: f32| drawn.left() + share * drawn.width();
-                let part = Rect::from_min_max(Pos2::new(at(from), drawn.top()), Pos2::new(at(to), drawn.bottom()));
-                let whole = Rect::from_min_max(Pos2::new(from, 0.0), Pos2::new(to, 1.0));
-                painter.image(texture, part, whole, Color32::WHITE);
-            }
-        }
+        self.paint(state, &painter, drawn)?;
         if let Some(view) = self.view().filter(|_| !self.panels.only_frame) {
             outline(&painter, fitted(ratio(&view.camera)));
         }

@@ -1,10 +1,10 @@
 //! The scene's views at the left.
 
-use crate::IN_BROWSER;
 use crate::marks;
 use crate::theme::as_text;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Sense, Ui, Vec2};
+use crate::{IN_BROWSER, View};
+use eframe::egui::{self, Align2, Color32, Pos2, Rect, Sense, TextStyle, TextureHandle, Ui, Vec2};
 
 /// Height of a row in points.
 const ROW: f32 = 56.0;
@@ -46,35 +46,9 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
                 if row.clicked() {
                     chosen = Some(index);
                 }
-                let (visuals, selected) = (ui.visuals(), on_view == Some(index));
-                let fill = match (selected, row.hovered() || row.has_focus()) {
-                    (true, _) => visuals.selection.bg_fill,
-                    (false, true) => visuals.widgets.hovered.bg_fill,
-                    (false, false) => egui::Color32::TRANSPARENT,
-                };
-                let text = if selected { visuals.selection.stroke.color } else { visuals.text_color() };
-                let painter = ui.painter_at(rect);
-                painter.rect_filled(rect.shrink(1.0), 3.0, fill);
-                let room = egui::Rect::from_min_size(rect.min + Vec2::splat(4.0), Vec2::new(72.0, ROW - 8.0));
-                if let Some(texture) = thumbnails.of(ui.ctx(), index, view) {
-                    let size = texture.size_vec2();
-                    let fitted = size * (room.width() / size.x).min(room.height() / size.y);
-                    let place = egui::Rect::from_center_size(room.center(), fitted);
-                    let whole = egui::Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
-                    painter.image(texture.id(), place, whole, egui::Color32::WHITE);
-                }
-                if is_narrow {
-                    row.on_hover_text(format!("{}, {kind}", view.name));
-                    continue;
-                }
-                let at = egui::pos2(room.right() + 8.0, rect.center().y);
-                let font = egui::TextStyle::Body.resolve(ui.style());
-                let name = view.name.rsplit('/').next().unwrap_or(&view.name);
-                painter.text(at - Vec2::new(0.0, 8.0), egui::Align2::LEFT_CENTER, name, font, text);
-                let (short, color) = if view.held_out { ("test", marks::HELD_OUT) } else { ("train", marks::TRAINED) };
-                let color = if selected { text } else { as_text(color, visuals) };
-                let small = egui::TextStyle::Small.resolve(ui.style());
-                painter.text(at + Vec2::new(0.0, 9.0), egui::Align2::LEFT_CENTER, short, small, color);
+                let texture = thumbnails.of(ui.ctx(), index, view);
+                let is_focused = row.hovered() || row.has_focus();
+                paint(ui, rect, view, texture.as_ref(), (on_view == Some(index), is_focused, is_narrow));
                 row.on_hover_text(format!("{}, {kind}", view.name));
             }
         });
@@ -85,4 +59,41 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
     if let Some(index) = chosen {
         viewer.stand_on(index);
     }
+}
+
+/// A view's photo, and its name where there is room.
+fn paint(
+    ui: &Ui,
+    rect: Rect,
+    view: &View,
+    texture: Option<&TextureHandle>,
+    (is_shown, is_focused, is_narrow): (bool, bool, bool),
+) {
+    let visuals = ui.visuals();
+    let fill = match (is_shown, is_focused) {
+        (true, _) => visuals.selection.bg_fill,
+        (false, true) => visuals.widgets.hovered.bg_fill,
+        (false, false) => Color32::TRANSPARENT,
+    };
+    let text = if is_shown { visuals.selection.stroke.color } else { visuals.text_color() };
+    let painter = ui.painter_at(rect);
+    painter.rect_filled(rect.shrink(1.0), 3.0, fill);
+    let room = Rect::from_min_size(rect.min + Vec2::splat(4.0), Vec2::new(72.0, ROW - 8.0));
+    if let Some(texture) = texture {
+        let size = texture.size_vec2();
+        let fitted = size * (room.width() / size.x).min(room.height() / size.y);
+        let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        painter.image(texture.id(), Rect::from_center_size(room.center(), fitted), whole, Color32::WHITE);
+    }
+    if is_narrow {
+        return;
+    }
+    let at = Pos2::new(room.right() + 8.0, rect.center().y);
+    let name = view.name.rsplit('/').next().unwrap_or(&view.name);
+    let font = TextStyle::Body.resolve(ui.style());
+    painter.text(at - Vec2::new(0.0, 8.0), Align2::LEFT_CENTER, name, font, text);
+    let (short, color) = if view.held_out { ("test", marks::HELD_OUT) } else { ("train", marks::TRAINED) };
+    let color = if is_shown { text } else { as_text(color, visuals) };
+    let font = TextStyle::Small.resolve(ui.style());
+    painter.text(at + Vec2::new(0.0, 9.0), Align2::LEFT_CENTER, short, font, color);
 }
