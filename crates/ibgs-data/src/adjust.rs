@@ -1,5 +1,6 @@
 //! Cameras and points are adjusted to what the photos have of the points: bundle adjustment (method.md section 11).
 
+mod anchor;
 mod normal;
 mod reprojection;
 mod triangulate;
@@ -8,6 +9,7 @@ use crate::camera::{Camera, lenses};
 use crate::camera_change::CameraChange;
 use crate::median;
 use crate::similarity::Similarity;
+use anchor::Anchor;
 use glam::{DVec2, DVec3};
 use normal::{Problem, State};
 use rayon::prelude::*;
@@ -17,13 +19,15 @@ use triangulate::{INLIER, is_seen, triangulate};
 /// A larger system of cameras takes too much memory and time.
 const MOST_CAMERAS: usize = 500;
 /// Observations of a photo from which on it needs no further tracks, and from which on it is adjusted.
-const ENOUGH: usize = 400;
+const ENOUGH: usize = 800;
 const FEWEST: usize = 12;
 /// Scale of the loss in pixels: the last one, and the first where the cameras are far off.
 const SCALE: f64 = 1.0;
 const FIRST_SCALE: f64 = 100.0;
 /// Steps at a scale, and at the last.
 const STEPS: [usize; 2] = [8, 40];
+/// Times that the cameras are anchored anew.
+const ROUNDS: usize = 5;
 
 /// A photo has a point at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,25 +91,10 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     let chosen = choose(given.len(), tracks);
     let seen: Vec<&[Seen]> = chosen.iter().map(|&track| tracks[track].seen.as_slice()).collect();
     let (lens_of, views_of) = lenses(given);
-    let mut scale = FIRST_SCALE;
-    let mut state = State { cameras: given.to_vec(), points: vec![None; seen.len()] };
-    renew(&mut state, &seen, scale);
-    let rough = median(errors(&state, &seen).into_iter().map(|(_, error)| error).collect());
-    scale = (1.5 * rough.ok_or(NotAdjusted::TooFew)?).clamp(SCALE, FIRST_SCALE);
-    renew(&mut state, &seen, scale);
-    let before = median(errors(&state, &seen).into_iter().map(|(_, error)| error).collect());
-    loop {
-        let problem = Problem { tracks: &seen, lens_of: &lens_of, lenses: views_of.len(), scale };
-        problem.descend(&mut state, STEPS[usize::from(scale <= SCALE)]);
-        if scale <= SCALE {
-            break;
-        }
-        scale = (0.5 * scale).max(SCALE);
-        renew(&mut state, &seen, scale);
-    }
+    let (mut state, before) = descended(given, &seen, (&lens_of, &views_of))?;
+    anchored(given, &mut state, &seen, (&lens_of, &views_of));
     let errors = errors(&state, &seen);
-    let after = median(errors.iter().map(|(_, error)| *error).collect());
-    let (Some(before), Some(after)) = (before, after) else { return Err(NotAdjusted::TooFew) };
+    let after = median(errors.iter().map(|(_, error)| *error).collect()).ok_or(NotAdjusted::TooFew)?;
     let astray = astray(given.len(), &errors);
     let mut points = vec![None; tracks.len()];
     chosen.iter().zip(&state.points).for_each(|(&track, point)| points[track] = *point);
@@ -115,6 +104,66 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     let (cameras, frame) = aligned(given, state.cameras, &astray);
     points.iter_mut().flatten().for_each(|point| *point = frame.point(*point));
     Ok(Adjusted { cameras, points, observations: errors.len(), errors: [before, after], astray })
+}
+
+/// Which tracks of a few cameras fit them at one point, once they are adjusted to all.
+pub(crate) fn fitting(given: &[Camera], tracks: &[Track]) -> Vec<bool> {
+    let seen: Vec<&[Seen]> = tracks.iter().map(|track| track.seen.as_slice()).collect();
+    let (lens_of, views_of) = lenses(given);
+    match descended(given, &seen, (&lens_of, &views_of)) {
+        Ok((state, _)) => seen.iter().map(|seen| triangulate(&state.cameras, seen, SCALE).is_some()).collect(),
+        Err(_) => vec![false; tracks.len()],
+    }
+}
+
+/// Cameras and points that fit the observations best, whatever the cameras move by; with the median error before.
+fn descended(
+    given: &[Camera],
+    seen: &[&[Seen]],
+    (lens_of, views_of): (&[usize], &[usize]),
+) -> Result<(State, f64), NotAdjusted> {
+    let mut scale = FIRST_SCALE;
+    let mut state = State { cameras: given.to_vec(), points: vec![None; seen.len()] };
+    renew(&mut state, seen, scale);
+    let middle = |state: &State| median(errors(state, seen).into_iter().map(|(_, error)| error).collect());
+    scale = (1.5 * middle(&state).ok_or(NotAdjusted::TooFew)?).clamp(SCALE, FIRST_SCALE);
+    renew(&mut state, seen, scale);
+    let before = middle(&state).ok_or(NotAdjusted::TooFew)?;
+    loop {
+        let problem = Problem { tracks: seen, lens_of, lenses: views_of.len(), scale, anchor: None };
+        problem.descend(&mut state, STEPS[usize::from(scale <= SCALE)]);
+        if scale <= SCALE {
+            return Ok((state, before));
+        }
+        scale = (0.5 * scale).max(SCALE);
+        renew(&mut state, seen, scale);
+    }
+}
+
+/// Descends further with the cameras held where they were given, as far as they prove to have been right.
+fn anchored(given: &[Camera], state: &mut State, tracks: &[&[Seen]], (lens_of, views_of): (&[usize], &[usize])) {
+    let pairs: Vec<_> = state.cameras.iter().copied().zip(given.iter().copied()).collect();
+    let frame = Similarity::fit(&pairs);
+    state.cameras.iter_mut().for_each(|camera| *camera = frame.camera(camera));
+    state.points.iter_mut().flatten().for_each(|point| *point = frame.point(*point));
+    let depths = depths(state, tracks);
+    for _ in 0..ROUNDS {
+        let noise = median(errors(state, tracks).into_iter().map(|(_, error)| error).collect()).unwrap_or(0.0);
+        let Some(anchor) = Anchor::new(given, (lens_of, views_of), (&state.cameras, &depths), noise) else { return };
+        let problem = Problem { tracks, lens_of, lenses: views_of.len(), scale: SCALE, anchor: Some(anchor) };
+        problem.descend(state, STEPS[1]);
+    }
+}
+
+/// The median depth of what each view shows; infinite where it shows nothing.
+fn depths(state: &State, tracks: &[&[Seen]]) -> Vec<f64> {
+    let mut depths = vec![Vec::new(); state.cameras.len()];
+    for (track, point) in tracks.iter().zip(&state.points) {
+        let Some(point) = point else { continue };
+        track.iter().for_each(|seen| depths[seen.view].push(state.cameras[seen.view].to_view(*point).z));
+    }
+    let middle = |depths| median(depths).filter(|depth| *depth > 0.0).unwrap_or(f64::INFINITY);
+    depths.into_iter().map(middle).collect()
 }
 
 /// The tracks that are compared, by number: long ones first, as long as they help a photo that has not enough.

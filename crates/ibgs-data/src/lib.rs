@@ -18,6 +18,7 @@ pub mod files;
 pub mod image_io;
 pub mod local_space;
 pub mod lru;
+pub mod matching;
 mod median;
 pub mod memory;
 pub mod picture;

@@ -8,4 +8,5 @@ mod bad_input_json;
 mod dataset;
 mod dataset_photos;
 mod dataset_real;
+mod matching;
 mod scene;

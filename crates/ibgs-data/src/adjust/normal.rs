@@ -1,5 +1,6 @@
 //! Steps of Levenberg and Marquardt: the points are eliminated (Schur), the cameras solved for.
 
+use super::anchor::Anchor;
 use super::reprojection::{FAR, NUMBERS, Reprojection, error};
 use super::{Seen, moved};
 use crate::camera::Camera;
@@ -29,6 +30,8 @@ pub(super) struct Problem<'a> {
     pub lens_of: &'a [usize],
     pub lenses: usize,
     pub scale: f64,
+    /// Holds the cameras.
+    pub anchor: Option<Anchor<'a>>,
 }
 
 /// One observation's part of the equations.
@@ -61,7 +64,7 @@ impl Problem<'_> {
             track.iter().map(loss).sum()
         };
         let costs: Vec<f64> = self.tracks.par_iter().zip(&state.points).map(one).collect();
-        costs.iter().sum()
+        costs.iter().sum::<f64>() + self.anchor.as_ref().map_or(0.0, |anchor| anchor.cost(&state.cameras))
     }
 
     /// Steps down from a state, at most as many.
@@ -135,6 +138,9 @@ impl Problem<'_> {
         let mut sums = sums.into_iter();
         let mut all = sums.next()?;
         sums.for_each(|other| all.add_all(&other));
+        if let Some(anchor) = &self.anchor {
+            anchor.add(&state.cameras, |view| self.places(view), &mut all);
+        }
         let step = all.solve(damping)?;
         let cameras = state.cameras.iter().enumerate();
         let cameras = cameras.map(|(view, camera)| moved(camera, self.places(view).map(|place| step[place]))).collect();
@@ -154,7 +160,7 @@ impl Problem<'_> {
 }
 
 /// The equations of the cameras.
-struct Sums {
+pub(super) struct Sums {
     matrix: Symmetric,
     /// Of the matrix before the points were eliminated.
     diagonal: Vec<f64>,
@@ -162,7 +168,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn zero(size: usize) -> Self {
+    pub fn zero(size: usize) -> Self {
         Self { matrix: Symmetric::zero(size), diagonal: vec![0.0; size], right: vec![0.0; size] }
     }
 
@@ -181,6 +187,19 @@ impl Sums {
                 }
             }
         }
+    }
+
+    /// Down the gradient.
+    #[cfg(test)]
+    pub fn right(&self) -> &[f64] {
+        &self.right
+    }
+
+    /// Adds a part that no other number has to do with.
+    pub fn add_own(&mut self, place: usize, square: f64, right: f64) {
+        self.diagonal[place] += square;
+        self.right[place] += right;
+        self.matrix.add(place, place, square);
     }
 
     fn add_all(&mut self, other: &Self) {

@@ -118,3 +118,71 @@ fn without_tracks_or_with_too_many_cameras_nothing_is_adjusted() {
     let many = vec![truth[0]; MOST_CAMERAS + 1];
     assert_eq!(adjust(&many, &tracks).unwrap_err(), NotAdjusted::TooMany(MOST_CAMERAS + 1));
 }
+
+/// Photos along a bent way, each point seen by four that follow each other: the whole can bend with hardly an error.
+fn chain(noise: f64) -> (Vec<Camera>, Vec<Track>) {
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let camera = |i: usize| {
+        let turn = DMat3::from_rotation_y(0.08 * i as f64);
+        let center = DVec3::new(0.5 * i as f64, 0.05 * (i as f64).sin(), 0.02 * (i * i) as f64);
+        Camera {
+            width: 640,
+            height: 480,
+            focal: DVec2::splat(600.0),
+            principal: DVec2::new(320.0, 240.0),
+            view_from_world: turn,
+            translation: -(turn * center),
+        }
+    };
+    let cameras: Vec<Camera> = (0..20).map(camera).collect();
+    let mut tracks = Vec::new();
+    while tracks.len() < 1500 {
+        let first = rng.random_range(0..17);
+        let pixel = DVec2::new(rng.random_range(60.0..580.0), rng.random_range(40.0..440.0));
+        let position = cameras[first + 1].unproject(pixel, rng.random_range(3.0..6.0));
+        let mut off = || noise * (0..12).map(|_| rng.random::<f64>() - 0.5).sum::<f64>();
+        let seen = (first..first + 4).filter_map(|view| Some((view, cameras[view].seen(position)?.0)));
+        let seen: Vec<Seen> = seen.map(|(view, at)| Seen { view, pixel: at + DVec2::new(off(), off()) }).collect();
+        tracks.push(Track { position: None, seen });
+    }
+    (cameras, tracks)
+}
+
+/// Mean angle in degrees, and mean distance.
+fn mean_missed(found: &[Camera], truth: &[Camera]) -> [f64; 2] {
+    let pairs: Vec<_> = found.iter().copied().zip(truth.iter().copied()).collect();
+    let frame = Similarity::fit(&pairs);
+    let each = pairs.iter().map(|(found, truth)| frame.residual(found, truth));
+    each.fold([0.0; 2], |[a, b], (angle, distance)| {
+        [a + angle.to_degrees() / pairs.len() as f64, b + distance / pairs.len() as f64]
+    })
+}
+
+#[test]
+fn cameras_that_are_right_stay_and_the_whole_does_not_bend() {
+    let (truth, tracks) = chain(0.4);
+    let seen: Vec<&[Seen]> = tracks.iter().map(|track| track.seen.as_slice()).collect();
+    let (lens_of, views_of) = lenses(&truth);
+    let (bent, _) = descended(&truth, &seen, (&lens_of, &views_of)).unwrap();
+    let [bent, kept] =
+        [bent.cameras, adjust(&truth, &tracks).unwrap().cameras].map(|found| mean_missed(&found, &truth));
+    println!("without and with an anchor {bent:.4?} {kept:.4?}");
+    assert!(bent[0] > 0.05 && kept[0] < 0.1 * bent[0] && kept[1] < 0.1 * bent[1], "{bent:?} {kept:?}");
+    // Errors of single cameras do not bend the whole, and are found.
+    let given = disturbed(&truth);
+    let given: Vec<Camera> = given.iter().map(|camera| Camera { focal: DVec2::splat(600.0), ..*camera }).collect();
+    let [before, free, held] = [
+        given.clone(),
+        descended(&given, &seen, (&lens_of, &views_of)).unwrap().0.cameras,
+        adjust(&given, &tracks).unwrap().cameras,
+    ]
+    .map(|found| mean_missed(&found, &truth));
+    println!("off {before:.4?}, without and with an anchor {free:.4?} {held:.4?}");
+    assert!(held[0] < 0.5 * free[0] && held[0] < 0.4 * before[0], "{before:?} {free:?} {held:?}");
+    // One that is far off comes back all the same.
+    let mut one = truth.clone();
+    one[9] = moved(&one[9], [0.2, -0.1, 0.1, 0.05, 0.02, -0.04, 0.0, 0.0]);
+    let back = adjust(&one, &tracks).unwrap().cameras[9];
+    let (angle, _) = Similarity::IDENTITY.residual(&back, &truth[9]);
+    assert!(angle.to_degrees() < 0.1, "{}", angle.to_degrees());
+}

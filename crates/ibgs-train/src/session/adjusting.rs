@@ -5,7 +5,9 @@ use glam::DVec3;
 use ibgs_core::adjust::{Adjusted, Track, adjust};
 use ibgs_core::camera::{Camera, usable_extent};
 use ibgs_core::config::{PoseSwitch, TrainConfig};
-use ibgs_core::dataset::{Dataset, DatasetError, median_depth};
+use ibgs_core::dataset::{Dataset, DatasetError, HostPhoto, median_depth};
+use ibgs_core::matching::adjust_to_photos;
+use ibgs_core::progress::Progress;
 use ibgs_core::similarity::Similarity;
 use std::collections::HashMap;
 
@@ -23,33 +25,41 @@ pub(super) enum Decided {
     No,
 }
 
-/// Adjusts the cameras to the scene's tracks where they are refined, it has some and they then fit clearly better, with the points that
-/// the tracks have. Other views move with the common frame and have the lens of their photos. A note says what came of it; without
-/// tracks nothing is said.
+/// Adjusts the cameras, where they are refined, to the scene's tracks, or to what the photos have in common where it has none, if they
+/// then fit clearly better; with the points that the tracks have. Other views move with the common frame and have the lens of their
+/// photos. A note says what came of it.
 ///
 /// # Errors
 /// A file of the scene is damaged, or no longer there.
-pub(super) fn adjust_cameras(dataset: &mut Dataset, config: &TrainConfig) -> Result<Decided, DatasetError> {
-    if config.poses.refine == PoseSwitch::Off || config.source.is_none() {
-        return Ok(Decided::No);
-    }
-    let tracks = dataset.tracks(&config.load_options())?;
-    if tracks.is_empty() {
+pub(super) fn adjust_cameras(
+    dataset: &mut Dataset,
+    config: &TrainConfig,
+    progress: &dyn Progress,
+) -> Result<Decided, DatasetError> {
+    if config.poses.refine == PoseSwitch::Off {
         return Ok(Decided::No);
     }
     let given: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
-    let adjusted = adjust(&given, &tracks);
+    let tracks = if config.source.is_some() { dataset.tracks(&config.load_options())? } else { Vec::new() };
+    let (what, adjusted) = if tracks.is_empty() {
+        let photos: Vec<&HostPhoto> = dataset.train.iter().map(|&view| &dataset.views[view].photo).collect();
+        ("places that photos have in common", adjust_to_photos(&given, &photos, progress)?)
+    } else {
+        ("observations of the scene's points", adjust(&given, &tracks).map(|adjusted| (adjusted, tracks)))
+    };
     let decided = if adjusted.is_ok() { Decided::ByObservations } else { Decided::No };
     let note = match adjusted {
-        Err(why) => format!("cameras: not adjusted to the observations of the scene's points: {why}"),
-        Ok(Adjusted { observations, errors: [before, after], .. }) if after > CLEAR * before || before < NEGLIGIBLE => {
+        Err(why) => format!("cameras: not adjusted to {what}: {why}"),
+        Ok((Adjusted { observations, errors: [before, after], .. }, _))
+            if after > CLEAR * before || before < NEGLIGIBLE =>
+        {
             format!(
-                "cameras: they fit the {observations} observations of the scene's points, with a median error of {before:.2} pixels, \
-             {after:.2} at best, and begin as they are"
+                "cameras: they fit {observations} {what}, with a median error of {before:.2} pixels, {after:.2} at best, and begin as \
+                 they are"
             )
         }
-        Ok(adjusted) => {
-            let note = sentence(dataset, &given, &adjusted);
+        Ok((adjusted, tracks)) => {
+            let note = sentence(dataset, &given, &adjusted, what);
             take(dataset, &tracks, &adjusted);
             note
         }
@@ -74,7 +84,7 @@ fn take(dataset: &mut Dataset, tracks: &[Track], adjusted: &Adjusted) {
 }
 
 /// What moved: `cameras: adjusted to 21000 observations of the scene's points, whose median error falls from 7.10 to 0.52 pixels ...`.
-fn sentence(dataset: &Dataset, given: &[Camera], adjusted: &Adjusted) -> String {
+fn sentence(dataset: &Dataset, given: &[Camera], adjusted: &Adjusted, what: &str) -> String {
     let points: Vec<DVec3> = dataset.points.iter().map(|point| point.position).collect();
     let extent = usable_extent(dataset.space().scale);
     let count = given.len().max(1) as f64;
@@ -88,7 +98,7 @@ fn sentence(dataset: &Dataset, given: &[Camera], adjusted: &Adjusted) -> String 
     let [angle, distance, lens] = moved.map(|sum| sum / count);
     let [before, after] = adjusted.errors;
     let mut said = format!(
-        "cameras: adjusted to {} observations of the scene's points, whose median error falls from {before:.2} to {after:.2} pixels; \
+        "cameras: adjusted to {} {what}, whose median error falls from {before:.2} to {after:.2} pixels; \
          they move by {angle:.3} degrees and {distance:.3} % of their distance, focal lengths by {lens:.3} %, on average",
         adjusted.observations
     );

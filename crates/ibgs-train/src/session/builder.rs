@@ -189,7 +189,7 @@ impl Loaded {
         }
         config.adapt_to(&dataset);
         let known = dataset.notes.len();
-        let decided = adjust_cameras(&mut dataset, &config)?;
+        let decided = adjust_cameras(&mut dataset, &config, observer.progress())?;
         find_points(gpu, &mut dataset, &config, observer.progress())?;
         dataset.notes[known..].iter().for_each(|note| observer.event(&Event::Note(note)));
         observer.event(&Event::Preparing);
