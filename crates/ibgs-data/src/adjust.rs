@@ -27,7 +27,7 @@ const FIRST_SCALE: f64 = 100.0;
 /// Steps at a scale, and at the last.
 const STEPS: [usize; 2] = [8, 40];
 /// Times that the cameras are anchored anew.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 2;
 
 /// A photo has a point at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,6 +96,9 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     let errors = errors(&state, &seen);
     let after = median(errors.iter().map(|(_, error)| *error).collect()).ok_or(NotAdjusted::TooFew)?;
     let astray = astray(given.len(), &errors);
+    if 2 * astray.len() > given.len() {
+        return Err(NotAdjusted::TooFew);
+    }
     let mut points = vec![None; tracks.len()];
     chosen.iter().zip(&state.points).for_each(|(&track, point)| points[track] = *point);
     points.par_iter_mut().zip(tracks).filter(|(point, _)| point.is_none()).for_each(|(point, track)| {

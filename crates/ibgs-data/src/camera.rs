@@ -128,6 +128,18 @@ pub fn lenses(cameras: &[Camera]) -> (Vec<usize>, Vec<usize>) {
     (lens_of, views_of)
 }
 
+/// The cameras next to one of them, at most as many, by where they look and where they stand; the nearest first.
+pub fn nearest(cameras: &[Camera], one: usize, most: usize) -> Vec<usize> {
+    let extent = usable_extent(scene_extent(cameras.iter()).1);
+    let far = |other: usize| {
+        let angle = cameras[one].forward().angle_between(cameras[other].forward());
+        angle + cameras[one].center().distance(cameras[other].center()) / extent
+    };
+    let mut others: Vec<(f64, usize)> = (0..cameras.len()).filter(|i| *i != one).map(|i| (far(i), i)).collect();
+    others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    others.into_iter().take(most).map(|(_, other)| other).collect()
+}
+
 /// The extent as a unit of length; 1 if all cameras stand at one place, so that their extent is 0.
 pub fn usable_extent(extent: f64) -> f64 {
     if extent > 0.0 { extent } else { 1.0 }

@@ -1,19 +1,21 @@
-//! Cameras are held where they were given, as far as they were mostly right: observations near each other hardly say how the whole
-//! bends, and errors of single cameras do not bend it.
+//! Cameras are held where they were given, as far as they prove to have been right: observations near each other hardly say how the
+//! whole bends, and errors of single cameras do not bend it. How far single ones are off is what they move by against their neighbours.
 
 use super::normal::Sums;
 use super::reprojection::NUMBERS;
-use crate::camera::Camera;
+use crate::camera::{Camera, nearest};
 use crate::median;
 use glam::{DQuat, DVec2, DVec3};
 
 /// Expected error of focal lengths, in their logarithm.
-const LENS: f64 = 0.01;
+const LENS: f64 = 0.02;
 /// The loss of a camera's pose grows slower from as many expected squares on.
 const FREEDOM: f64 = 6.0;
 /// The median length of a vector of three normal numbers.
 const MEDIAN: f64 = 1.54;
-/// How much more an anchor counts than if observations were off by chance alone: what neighbours have in common misleads all of them.
+/// Cameras next to one that it is compared with.
+const NEXT: usize = 2;
+/// How much more the anchor of a pose counts than if observations were off by chance alone: errors that neighbours share mislead all.
 const WEIGHT: f64 = 16.0;
 
 /// Where the cameras were given, and how far they are expected to be off.
@@ -25,8 +27,8 @@ pub(super) struct Anchor<'a> {
     /// The views' lenses by number, and the part of all views that has each.
     lens_of: &'a [usize],
     views_of: &'a [usize],
-    /// What an expected square weighs in squared pixels.
-    weight: f64,
+    /// What an expected square of a pose weighs in squared pixels, and of a lens for each of its views.
+    weights: [f64; 2],
 }
 
 /// What a pose has moved by in its own view space: turn, and shift of its centre.
@@ -37,8 +39,8 @@ fn movement(from: &Camera, to: &Camera) -> [DVec3; 2] {
 }
 
 impl<'a> Anchor<'a> {
-    /// Expects errors as large as what the cameras have moved by, at these depths; `noise` is the typical error of an observation in
-    /// pixels. None where they have not moved.
+    /// Expects errors as large as what the cameras, at these depths, have moved by against those next to them; `noise` is the typical
+    /// error of an observation in pixels. None where they have not moved.
     pub fn new(
         given: &'a [Camera],
         (lens_of, views_of): (&'a [usize], &'a [usize]),
@@ -46,16 +48,24 @@ impl<'a> Anchor<'a> {
         noise: f64,
     ) -> Option<Self> {
         let moved = given.iter().zip(cameras).zip(depths);
-        let moved: Vec<[f64; 2]> = moved
+        let moved: Vec<[DVec3; 2]> = moved
             .map(|((from, to), depth)| {
                 let [turn, shift] = movement(from, to);
-                [turn.length(), shift.length() / depth]
+                [turn, shift / *depth]
             })
             .collect();
-        let expected = [0, 1].map(|i| median(moved.iter().map(|moved| moved[i]).collect()).unwrap_or(0.0) / MEDIAN);
-        let weight = WEIGHT * noise * noise;
+        let next: Vec<Vec<usize>> = (0..given.len()).map(|view| nearest(given, view, NEXT)).collect();
+        let expected = [0, 1].map(|i| {
+            let against = next.iter().zip(&moved).filter(|(next, _)| !next.is_empty()).map(|(next, own)| {
+                let count = next.len() as f64;
+                let mean = next.iter().map(|view| moved[*view][i]).sum::<DVec3>() / count;
+                (own[i] - mean).length() / (1.0 + count.recip()).sqrt()
+            });
+            median(against.collect()).unwrap_or(0.0) / MEDIAN
+        });
+        let weights = [WEIGHT * noise * noise, noise * noise];
         let each = depths.iter().map(|depth| [expected[0], expected[1] * depth]).collect();
-        expected.iter().all(|e| *e > 0.0).then_some(Self { given, expected: each, lens_of, views_of, weight })
+        expected.iter().all(|e| *e > 0.0).then_some(Self { given, expected: each, lens_of, views_of, weights })
     }
 
     /// Turn and shift of a view in what is expected, and the length of both.
@@ -71,7 +81,7 @@ impl<'a> Anchor<'a> {
         let lens = |(lens, views): (usize, &usize)| {
             let view = first(lens)?;
             let ratio = cameras[view].focal / self.given[view].focal;
-            Some((view, ratio.map(f64::ln) / LENS, *views as f64 * self.weight))
+            Some((view, ratio.map(f64::ln) / LENS, *views as f64 * self.weights[1]))
         };
         self.views_of.iter().enumerate().filter_map(lens).collect()
     }
@@ -81,14 +91,14 @@ impl<'a> Anchor<'a> {
         let pose = |(view, camera): (usize, &Camera)| FREEDOM * (self.off(view, camera).1 / FREEDOM).ln_1p();
         let poses: f64 = cameras.iter().enumerate().map(pose).sum();
         let lenses: f64 = self.lenses(cameras).iter().map(|(_, off, weight)| weight * off.length_squared()).sum();
-        0.5 * (self.weight * poses + lenses)
+        0.5 * (self.weights[0] * poses + lenses)
     }
 
     /// Adds its part to the equations of a step; `places` are those of a view's numbers.
     pub fn add(&self, cameras: &[Camera], places: impl Fn(usize) -> [usize; NUMBERS], sums: &mut Sums) {
         for (view, camera) in cameras.iter().enumerate() {
             let ([turn, shift], square) = self.off(view, camera);
-            let weight = self.weight / (1.0 + square / FREEDOM);
+            let weight = self.weights[0] / (1.0 + square / FREEDOM);
             let [turns, shifts] = self.expected[view];
             // A step of the translation moves the centre the other way.
             let right = [shift.x, shift.y, shift.z, -turn.x, -turn.y, -turn.z];

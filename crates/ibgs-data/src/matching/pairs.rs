@@ -2,7 +2,7 @@
 
 use super::features::{Descriptor, Features};
 use crate::adjust::{Seen, Track, fitting};
-use crate::camera::{Camera, scene_extent, usable_extent};
+use crate::camera::{Camera, nearest};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeSet;
 
@@ -21,17 +21,8 @@ pub(super) struct Search {
 
 /// Pairs of views, each once.
 pub(super) fn chosen(cameras: &[Camera]) -> Vec<[usize; 2]> {
-    let extent = usable_extent(scene_extent(cameras.iter()).1);
-    let mut pairs = BTreeSet::new();
-    for (a, camera) in cameras.iter().enumerate() {
-        let far = |b: usize| {
-            let angle = camera.forward().angle_between(cameras[b].forward());
-            angle + camera.center().distance(cameras[b].center()) / extent
-        };
-        let mut others: Vec<(f64, usize)> = (0..cameras.len()).filter(|b| *b != a).map(|b| (far(b), b)).collect();
-        others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        pairs.extend(others.iter().take(NEAREST).map(|&(_, b)| [a.min(b), a.max(b)]));
-    }
+    let of = |a: usize| nearest(cameras, a, NEAREST).into_iter().map(move |b| [a.min(b), a.max(b)]);
+    let pairs: BTreeSet<[usize; 2]> = (0..cameras.len()).flat_map(of).collect();
     pairs.into_iter().collect()
 }
 
