@@ -49,7 +49,11 @@ fn conv(pass: &mut Pass, weights: &Buffer<f32>, inputs: &[&Map], output: &Map, s
         groups,
         ..params
     };
-    let grid = [output.size[0].div_ceil(CONV_TILE[0]), output.size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1];
+    let grid = match pass.gpu().subgroup_lanes {
+        // A subgroup's pixels are 8 x 4.
+        Some(8) => [(output.size[0].div_ceil(8) * output.size[1].div_ceil(4) * groups).div_ceil(16), 1, 1],
+        _ => [output.size[0].div_ceil(CONV_TILE[0]), output.size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1],
+    };
     let (input_a, input_b) = (a.planes(), b.unwrap_or(a).planes());
     let bindings = ResidualConvBindings { weights, input_a, input_b, output: output.planes() };
     pass.grid(&bindings, &params, grid);
