@@ -96,8 +96,9 @@ fn main(
         #repeat k 23
         lane_weights[$k] = select(0.0, weights[first_weight[$k] + select(0u, c * params.stride_in, is_weight[$k])], is_weight[$k]);
         #end
-        #repeat row 3
+        // In the order of the other form, so that both give the same bits.
         #repeat column 3
+        #repeat row 3
         {
             let x = vec4(
                 pixels[3 * $row + $column],
