@@ -30,6 +30,12 @@ pub fn pick(window: &mut Window, label: &str) {
     settle(window);
 }
 
+/// Clicks and waits.
+pub fn click_on(window: &mut Window, at: Pos2) {
+    click(window, at);
+    settle(window);
+}
+
 pub fn counts(window: &Window) -> [usize; 2] {
     window.state().edited().unwrap()
 }
@@ -46,7 +52,7 @@ pub fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
     part(window, Vec2::new(0.3, 0.3), Vec2::new(0.6, 0.8))
 }
 
-pub fn bundle(path: &Path) {
+fn bundle(path: &Path) {
     write_bundle(path, from_points(&many_points().points, 0, 0.6).unwrap(), Vec::new());
 }
 
@@ -82,7 +88,7 @@ pub fn open(path: &Path) -> Opened {
     }
 }
 
-pub fn renderer(opened: &Opened) -> &Renderer {
+fn renderer(opened: &Opened) -> &Renderer {
     let Content::Model(renderer) = &opened.content else { panic!("a model is no training") };
     renderer
 }

@@ -1,6 +1,6 @@
 //! Placing a model: its size by a known length, its ground, and what is saved of it.
 
-use super::edit::{command, editing, open, pick, write_bundle};
+use super::edit::{click_on, command, editing, open, pick, write_bundle};
 use super::*;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
@@ -26,11 +26,6 @@ fn placement(window: &Window) -> Similarity {
 
 fn length(window: &Window) -> Option<f64> {
     window.state().placement().unwrap().1
-}
-
-fn click_on(window: &mut Window, at: Pos2) {
-    click(window, at);
-    settle(window);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Each tool of the editor, driven by pointer and keys.
 
-use super::edit::{canvas, command, counts, editing, pick};
+use super::edit::{canvas, click_on, command, counts, editing, pick};
 use super::*;
 use egui_kittest::kittest::Queryable;
 
@@ -24,12 +24,6 @@ fn drag_with(window: &mut Window, held: Modifiers, from: Pos2, by: Vec2) {
     drag(window, PointerButton::Primary, from, by);
     window.event(Event::ModifiersChanged(Modifiers::NONE));
     window.step();
-}
-
-/// Clicks and waits.
-fn click_on(window: &mut Window, at: Pos2) {
-    click(window, at);
-    settle(window);
 }
 
 /// Drags over a way of several places.

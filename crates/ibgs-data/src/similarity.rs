@@ -1,6 +1,7 @@
 //! Similarities between the frames of two reconstructions of the same cameras.
 
 use crate::camera::Camera;
+use crate::median;
 use glam::{DMat3, DQuat, DVec3};
 
 /// Rounds of weighing down the cameras that a fit does not explain.
@@ -30,11 +31,7 @@ impl Similarity {
         for _ in 0..ROUNDS {
             best = Self::weighted(pairs, &weights);
             let moved: Vec<(f64, f64)> = pairs.iter().map(|(from, to)| best.residual(from, to)).collect();
-            let middle = |of: fn(&(f64, f64)) -> f64| {
-                let mut values: Vec<f64> = moved.iter().map(of).collect();
-                values.sort_by(f64::total_cmp);
-                values.get(values.len() / 2).copied().unwrap_or_default()
-            };
+            let middle = |of: fn(&(f64, f64)) -> f64| median(moved.iter().map(of).collect()).unwrap_or_default();
             let typical = (middle(|r| r.0), middle(|r| r.1));
             let part = |value: f64, typical: f64| if typical > 0.0 { (value / typical).powi(2) } else { 0.0 };
             for (weight, (angle, distance)) in weights.iter_mut().zip(&moved) {
@@ -130,13 +127,17 @@ mod tests {
         (0..21).map(camera).collect()
     }
 
-    #[test]
-    fn a_similarity_is_found_again_whatever_a_few_cameras_do() {
-        let truth = Similarity {
+    fn turned() -> Similarity {
+        Similarity {
             scale: 1.7,
             rotation: DMat3::from_rotation_z(2.5) * DMat3::from_rotation_x(0.4),
             translation: DVec3::new(3.0, -1.0, 0.5),
-        };
+        }
+    }
+
+    #[test]
+    fn a_similarity_is_found_again_whatever_a_few_cameras_do() {
+        let truth = turned();
         let astray = CameraChange::from_array([0.5, 0.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let pair = |(i, camera): (usize, Camera)| {
             let there = truth.camera(&camera);
@@ -154,11 +155,7 @@ mod tests {
 
     #[test]
     fn similarities_follow_each_other_and_are_undone() {
-        let first = Similarity {
-            scale: 1.7,
-            rotation: DMat3::from_rotation_z(2.5) * DMat3::from_rotation_x(0.4),
-            translation: DVec3::new(3.0, -1.0, 0.5),
-        };
+        let first = turned();
         let second = Similarity { scale: 0.3, rotation: DMat3::from_rotation_y(1.0), translation: DVec3::X };
         let point = DVec3::new(0.3, -2.0, 7.0);
         assert!(first.then(&second).point(point).abs_diff_eq(second.point(first.point(point)), 1e-12));

@@ -206,8 +206,9 @@ impl Edit {
 }
 
 impl Viewer {
-    /// Shows or hides the editor.
+    /// Shows or hides the editor. A stroke that was not ended is forgotten.
     pub fn show_editor(&mut self, shown: bool) {
+        self.edit.lift();
         self.edit.shown = shown && self.training.is_none();
     }
 

@@ -142,14 +142,17 @@ impl Edit {
         self.stroke.push(at);
     }
 
+    /// The camera to select by, and the depths where only what is in front counts; none where those are not there yet.
+    fn screen(&self, picture: &Picture) -> Option<(Camera, Option<Arc<[f32]>>)> {
+        match self.in_front {
+            true => picture.depths().map(|(camera, depths)| (camera, Some(depths))),
+            false => Some((*picture.camera, None)),
+        }
+    }
+
     /// Paints from one place to another. False where the depths that it needs are not there yet.
     fn paint(&mut self, ends: [DVec2; 2], picture: &Picture) -> bool {
-        let depths = picture.depths();
-        let (depths, camera) = match (self.in_front, depths) {
-            (false, _) => (None, *picture.camera),
-            (true, Some((camera, depths))) => (Some(depths), camera),
-            (true, None) => return false,
-        };
+        let Some((camera, depths)) = self.screen(picture) else { return false };
         let Some(editor) = &mut self.editor else { return false };
         if self.stroke.is_empty() {
             editor.begin();
@@ -223,12 +226,7 @@ impl Edit {
     }
 
     fn select_within(&mut self, corners: &[DVec2], how: Combine, picture: &Picture) -> Result<(), &'static str> {
-        let depths = picture.depths();
-        let (depths, camera) = match (self.in_front, depths) {
-            (false, _) => (None, *picture.camera),
-            (true, Some((camera, depths))) => (Some(depths), camera),
-            (true, None) => return Err(NO_DEPTHS),
-        };
+        let (camera, depths) = self.screen(picture).ok_or(NO_DEPTHS)?;
         let corners: Vec<DVec2> = corners.iter().map(|&corner| in_pixels(&camera, corner)).collect();
         let screen = Screen { camera: &camera, in_front_of: depths.as_deref() };
         self.select(|editor, _| screen.within(editor.gaussians(), &corners), how);

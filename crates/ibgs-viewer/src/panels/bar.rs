@@ -101,7 +101,6 @@ fn edit(viewer: &mut Viewer, ui: &mut Ui) {
         ui.add_enabled(viewer.training.is_none(), Button::selectable(viewer.edit.shown, (icon(icons::PENCIL), "Edit")));
     let text = "Select Gaussians, hide and delete them, save the model. Key X.";
     if button.on_hover_text(text).on_disabled_hover_text("A model in training cannot be edited").clicked() {
-        viewer.edit.lift();
         viewer.show_editor(!viewer.edit.shown);
     }
 }

@@ -4,6 +4,7 @@ use eframe::egui::emath::GuiRounding;
 use eframe::egui::{Rect, Vec2};
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::{Camera, usable_extent};
+use ibgs_core::median;
 
 /// The largest part of a room with this ratio of width and height, in its middle and of whole pixels, so that a picture of that
 /// size stays sharp.
@@ -25,14 +26,12 @@ pub fn widened(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
 
 /// Median place of some points, and their median distance from it.
 pub fn middle(points: impl Iterator<Item = DVec3> + Clone) -> (DVec3, f64) {
-    let median = |values: &mut dyn Iterator<Item = f64>| {
-        let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or_default()
+    let middle = |values: &mut dyn Iterator<Item = f64>| {
+        median(values.filter(|value| value.is_finite()).collect()).unwrap_or_default()
     };
-    let axis = |of: fn(DVec3) -> f64| median(&mut points.clone().map(of));
+    let axis = |of: fn(DVec3) -> f64| middle(&mut points.clone().map(of));
     let center = DVec3::new(axis(|p| p.x), axis(|p| p.y), axis(|p| p.z));
-    let extent = median(&mut points.map(|point| point.distance(center)));
+    let extent = middle(&mut points.map(|point| point.distance(center)));
     (center, usable_extent(extent))
 }
 
@@ -59,10 +58,7 @@ mod tests {
         let camera = crate::navigator::Navigator::facing(DVec3::ZERO, 3.0).camera(40, 30);
         let wide = widened(&camera, [100, 40]);
         let point = DVec3::new(0.2, -0.1, 0.4);
-        let place = |camera: &Camera| {
-            let view = camera.to_view(point);
-            DVec2::new(view.x, view.y) / view.z * camera.focal + camera.principal
-        };
+        let place = |camera: &Camera| camera.project(point).0;
         assert!(place(&wide).abs_diff_eq(place(&camera) + DVec2::new(30.0, 5.0), 1e-9));
         assert_eq!((wide.width, wide.height, widened(&camera, [40, 30])), (100, 40, camera));
     }

@@ -28,8 +28,7 @@ pub fn keys(viewer: &mut Viewer, ctx: &Context) {
     }
     let pressed = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
     if pressed(Modifiers::NONE, Key::X) {
-        viewer.edit.shown = !viewer.edit.shown;
-        viewer.edit.lift();
+        viewer.show_editor(!viewer.edit.shown);
     }
     if !viewer.edit.shown {
         return;
