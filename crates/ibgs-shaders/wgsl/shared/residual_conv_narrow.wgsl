@@ -1,8 +1,10 @@
 // For processors: a driver in software reads memory lane by lane, so what a thread reads is used as often as it can be, nothing
 // passes through workgroup memory, and no workgroup is larger than the image.
 //
-// A subgroup is 8 pixels of a row, a thread 4 pixels of a column times 20 output channels. The lanes read the 180 weights of an
-// input channel together, and each is broadcast.
+// A thread owns 4 pixels of a column times 20 output channels, a subgroup a block of 8 x 4 pixels. The lanes read the 180 weights
+// of an input channel together, and each is broadcast. Sums are those of the other form, bit for bit: one `fma` after the other, by
+// input channel, then column, then row of the taps, and the bias last.
+#import index
 #import residual_source
 
 // Pixels of a column, their sources with the halo, weights of an input channel, and the reads of a lane for them.
@@ -33,11 +35,12 @@ fn store(o: u32, x: u32, y: u32, sum: f32) {
 @compute @workgroup_size(128)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(subgroup_id) subgroup: u32,
     @builtin(subgroup_invocation_id) lane: u32,
 ) {
     let columns = (params.size.x + LANES - 1u) / LANES;
-    let task = wid.x * (128u / LANES) + subgroup;
+    let task = linear_workgroup(wid, groups) * (128u / LANES) + subgroup;
     let group = task % params.groups;
     let x = LANES * ((task / params.groups) % columns) + lane;
     let y = DEPTH * ((task / params.groups) / columns);
@@ -75,16 +78,17 @@ fn main(
     for (var c = 0u; c < params.channels_a + params.channels_b; c++) {
         let second = c >= params.channels_a;
         let first = i32(select(c, c - params.channels_a, second)) * plane;
-        #repeat p 18
-        pixels[$p] = -3.4e38;
-        #end
-        for (var step = 0u; step < steps; step++) {
-            let shift = first + i32((step / 2u) * params.source.x + step % 2u);
-            if second {
-                #repeat p 18
-                pixels[$p] = input_b[max(at[$p], 0) + shift];
-                #end
-            } else {
+        if second {
+            #repeat p 18
+            pixels[$p] = input_b[first + max(at[$p], 0)];
+            #end
+        } else {
+            #repeat p 18
+            pixels[$p] = input_a[first + max(at[$p], 0)];
+            #end
+            // The others of 2 x 2.
+            for (var step = 1u; step < steps; step++) {
+                let shift = first + i32((step / 2u) * params.source.x + step % 2u);
                 #repeat p 18
                 pixels[$p] = max(pixels[$p], input_a[max(at[$p], 0) + shift]);
                 #end
