@@ -37,8 +37,10 @@ pub fn open_gpu() -> Arc<Gpu> {
         Some(folder) => {
             let lanes = usual.subgroup_lanes.filter(|_| !without.contains(wgpu::Features::SUBGROUP));
             without |= wgpu::Features::IMMEDIATES | wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;
-            let gpu = device_without(&usual, without);
+            let mut gpu = device_without(&usual, without);
             translate(&gpu, Path::new(&folder), lanes);
+            // The host launches some forms in grids of their own.
+            Arc::get_mut(&mut gpu).expect("nothing else has it yet").subgroup_lanes = lanes;
             gpu
         }
     };

@@ -47,11 +47,8 @@ impl Variant {
         match self {
             Self::Plain => format!("{}{}", constants(), resolve(kernel, source, &[], shared)),
             Self::Subgroups(lanes) => {
-                format!(
-                    "const LANES: u32 = {lanes}u;\n{}{}",
-                    constants(),
-                    resolve(kernel, source, &["SUBGROUPS"], shared)
-                )
+                let defined: &[_] = if lanes == 8 { &["SUBGROUPS", "NARROW"] } else { &["SUBGROUPS"] };
+                format!("const LANES: u32 = {lanes}u;\n{}{}", constants(), resolve(kernel, source, defined, shared))
             }
             Self::Matrix(units) => {
                 let text = resolve(kernel, source, &[], shared);

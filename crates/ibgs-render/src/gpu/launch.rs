@@ -75,6 +75,11 @@ pub struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
+    /// Its device.
+    pub fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
     /// An empty pass; measurements distinguish kernels by its label too.
     pub fn new(gpu: &'a Gpu, label: &'static str) -> Self {
         let begun = || Recording {

@@ -13,7 +13,7 @@ use ibgs_core::residual::layers::{
 };
 use ibgs_core::residual::{Arithmetic, UNet};
 use ibgs_reference::finite::assert_gradient;
-use ibgs_reference::gpu::gpu;
+use ibgs_reference::gpu::{gpu, without_subgroups};
 use ibgs_reference::random_scene::exact;
 use ibgs_reference::relative_error;
 use ibgs_reference::unet::{Map, backward, forward};
@@ -66,6 +66,10 @@ pub(super) struct OnGpu {
     pub v_weights: Vec<f32>,
 }
 
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
 fn unet(gpu: &Gpu, x: &Map, keep: Keep, arithmetic: Arithmetic) -> UNet {
     let size = [x.width as u32, x.height as u32];
     let unet = UNet::new(gpu, size, keep, arithmetic).unwrap();
@@ -84,16 +88,19 @@ pub(super) fn forward_on_gpu(weights: &[f64], x: &Map, keep: Keep, arithmetic: A
     gpu.read(unet.residual(), x.width * x.height).unwrap().into_flattened()
 }
 
-/// Forward and backward, twice over: the second time must not see anything of the first.
 pub(super) fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Arithmetic) -> OnGpu {
-    let gpu = gpu();
+    on(&gpu(), weights, x, v_residual, arithmetic)
+}
+
+/// Forward and backward, twice over: the second time must not see anything of the first.
+fn on(gpu: &Gpu, weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Arithmetic) -> OnGpu {
     let n = x.width * x.height;
-    let unet = unet(&gpu, x, Keep::Gradients, arithmetic);
+    let unet = unet(gpu, x, Keep::Gradients, arithmetic);
     let weights = gpu.upload("weights", &single(weights)).unwrap();
     let v_residual = gpu.upload("v_residual", single(&interleaved(v_residual)).as_chunks().0).unwrap();
     let v_weights = gpu.upload("v_weights", &[UNTOUCHED; WEIGHTS]).unwrap();
     let run = || {
-        let mut pass = Pass::new(&gpu, "unet");
+        let mut pass = Pass::new(gpu, "unet");
         unet.forward(&mut pass, &weights);
         unet.backward(&mut pass, &weights, &v_residual, &v_weights);
         pass.submit();
@@ -104,7 +111,6 @@ pub(super) fn on_gpu(weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Ari
         }
     };
     let (first, second) = (run(), run());
-    let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&first.residual), bits(&second.residual), "the residual repeats bit for bit");
     assert_eq!(bits(&first.v_x), bits(&second.v_x), "v_x repeats bit for bit");
     assert_eq!(bits(&first.v_weights), bits(&second.v_weights), "v_weights repeat bit for bit");
@@ -161,6 +167,32 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
         let mut others = ours.v_weights[..ENC1.offset].iter().chain(&ours.v_weights[FINAL.end()..]);
         assert!(others.all(|v| *v == UNTOUCHED), "{what}: the parts of the MLP and of the confidence are left alone");
     }
+}
+
+/// The convolution has a form for subgroups of 8 lanes.
+#[test]
+fn subgroups_do_not_matter() {
+    let without = without_subgroups();
+    let weights = random_weights(14);
+    for &(width, height) in &SIZES[1..4] {
+        let (x, v_residual) = random_maps(width, height, 15);
+        let [a, b] = [&*gpu(), &*without].map(|gpu| on(gpu, &weights, &x, &v_residual, Arithmetic::Full));
+        assert!(bits(&a.residual) == bits(&b.residual), "{width} x {height}: residual");
+        assert!(bits(&a.v_x) == bits(&b.v_x), "{width} x {height}: v_x");
+    }
+}
+
+/// A training finds a NaN by its gradients.
+#[test]
+fn a_nan_goes_on_to_the_gradients() {
+    let weights = random_weights(16);
+    let (x, mut v_residual) = random_maps(37, 12, 17);
+    let at = 3 * x.width + 8;
+    v_residual.data[at] = f64::NAN;
+    let [a, b] = [gpu(), without_subgroups()].map(|gpu| on(&gpu, &weights, &x, &v_residual, Arithmetic::Full));
+    let nans = |values: &[f32]| -> Vec<bool> { values.iter().map(|v| v.is_nan()).collect() };
+    assert!(a.v_x[at].is_nan() && a.v_x.iter().any(|v| !v.is_nan()));
+    assert!(nans(&a.v_x) == nans(&b.v_x), "the same with subgroups and without");
 }
 
 /// Dark x and biases far below zero: nothing passes any ReLU, so only the last bias learns.

@@ -49,10 +49,16 @@ fn conv(pass: &mut Pass, weights: &Buffer<f32>, inputs: &[&Map], output: &Map, s
         groups,
         ..params
     };
-    let grid = [output.size[0].div_ceil(CONV_TILE[0]), output.size[1].div_ceil(CONV_TILE[1] * 4 / groups), 1];
     let (input_a, input_b) = (a.planes(), b.unwrap_or(a).planes());
     let bindings = ResidualConvBindings { weights, input_a, input_b, output: output.planes() };
-    pass.grid(&bindings, &params, grid);
+    let [width, height] = output.size;
+    if pass.gpu().subgroup_lanes == Some(8) {
+        // Blocks of 8 x 4 pixels, 16 to a workgroup.
+        let blocks = width.div_ceil(8) * height.div_ceil(4) * groups;
+        pass.groups(&bindings, &params, blocks.div_ceil(16) as usize);
+    } else {
+        pass.grid(&bindings, &params, [width.div_ceil(CONV_TILE[0]), height.div_ceil(CONV_TILE[1] * 4 / groups), 1]);
+    }
 }
 
 fn head_params(maps: &Activations) -> HeadParams {

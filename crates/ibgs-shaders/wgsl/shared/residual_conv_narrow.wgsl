@@ -1,0 +1,130 @@
+// For processors: a driver in software reads memory lane by lane, so what a thread reads is used as often as it can be, nothing
+// passes through workgroup memory, and no workgroup is larger than the image.
+//
+// A thread owns 4 pixels of a column times 20 output channels, a subgroup a block of 8 x 4 pixels. The lanes read the 180 weights
+// of an input channel together, and each is broadcast. Sums are those of the other form, bit for bit: one `fma` after the other, by
+// input channel, then column, then row of the taps, and the bias last.
+#import index
+#import residual_source
+
+// Pixels of a column, their sources with the halo, weights of an input channel, and the reads of a lane for them.
+const DEPTH: u32 = 4u;
+const WEIGHTS: u32 = 9u * CONV_OUTPUTS;
+const READS: u32 = (WEIGHTS + LANES - 1u) / LANES;
+
+var<private> sums: array<vec4<f32>, CONV_OUTPUTS>;
+// Three columns of six pixels.
+var<private> pixels: array<f32, 18>;
+var<private> lane_weights: array<f32, READS>;
+
+fn store(o: u32, x: u32, y: u32, sum: f32) {
+    if o >= params.outputs || x >= params.size.x || y >= params.size.y {
+        return;
+    }
+    let i = (o * params.size.y + y) * params.size.x + x;
+    var value = sum;
+    if params.store == STORE_RELU {
+        value = max(sum + weights[params.bias + o], 0.0);
+    } else if params.store != STORE_ASSIGN {
+        let there = output[i];
+        value = select(select(0.0, sum, there > 0.0), there + sum, params.store == STORE_ADD);
+    }
+    output[i] = value;
+}
+
+@compute @workgroup_size(128)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+) {
+    let columns = (params.size.x + LANES - 1u) / LANES;
+    let task = linear_workgroup(wid, groups) * (128u / LANES) + subgroup;
+    let group = task % params.groups;
+    let x = LANES * ((task / params.groups) % columns) + lane;
+    let y = DEPTH * ((task / params.groups) / columns);
+    if y >= params.size.y {
+        return;
+    }
+    // Places of the pixels in a plane of the source; -1 outside.
+    var at: array<i32, 18>;
+    #repeat row 6
+    #repeat column 3
+    {
+        let from_row = source_of(i32(y) + $row - 1, params.size.y, params.source.y, params.mode);
+        let from_column = source_of(i32(x) + $column - 1, params.size.x, params.source.x, params.mode);
+        at[3 * $row + $column] = select(from_row * i32(params.source.x) + from_column, -1, min(from_row, from_column) < 0);
+    }
+    #end
+    #end
+    // Places of a lane's weights, and whether they are there.
+    var first_weight: array<u32, READS>;
+    var is_weight: array<bool, READS>;
+    #repeat k 23
+    {
+        let number = $k * LANES + lane;
+        let o = group * CONV_OUTPUTS + number % CONV_OUTPUTS;
+        let tap = min(number / CONV_OUTPUTS, 8u);
+        is_weight[$k] = number < WEIGHTS && o < params.outputs;
+        first_weight[$k] = select(0u, params.weights + o * params.stride_out + select(tap, 8u - tap, params.turned == 1u), is_weight[$k]);
+    }
+    #end
+    #repeat o 20
+    sums[$o] = vec4(0.0);
+    #end
+    let plane = i32(params.source.x * params.source.y);
+    let steps = select(1u, 4u, params.mode == CONV_POOLED);
+    for (var c = 0u; c < params.channels_a + params.channels_b; c++) {
+        let second = c >= params.channels_a;
+        let first = i32(select(c, c - params.channels_a, second)) * plane;
+        if second {
+            #repeat p 18
+            pixels[$p] = input_b[first + max(at[$p], 0)];
+            #end
+        } else {
+            #repeat p 18
+            pixels[$p] = input_a[first + max(at[$p], 0)];
+            #end
+            // The others of 2 x 2.
+            for (var step = 1u; step < steps; step++) {
+                let shift = first + i32((step / 2u) * params.source.x + step % 2u);
+                #repeat p 18
+                pixels[$p] = max(pixels[$p], input_a[max(at[$p], 0) + shift]);
+                #end
+            }
+        }
+        #repeat p 18
+        pixels[$p] = select(pixels[$p], 0.0, at[$p] < 0);
+        #end
+        #repeat k 23
+        lane_weights[$k] = select(0.0, weights[first_weight[$k] + select(0u, c * params.stride_in, is_weight[$k])], is_weight[$k]);
+        #end
+        // In the order of the other form, so that both give the same bits.
+        #repeat column 3
+        #repeat row 3
+        {
+            let x = vec4(
+                pixels[3 * $row + $column],
+                pixels[3 * $row + $column + 3],
+                pixels[3 * $row + $column + 6],
+                pixels[3 * $row + $column + 9],
+            );
+            #repeat o 20
+            sums[$o] = fma(
+                vec4(subgroupBroadcast(lane_weights[(20 * (3 * $row + $column) + $o) / 8], (20u * (3u * $row + $column) + $o) % 8u)),
+                x,
+                sums[$o],
+            );
+            #end
+        }
+        #end
+        #end
+    }
+    #repeat o 20
+    store(group * CONV_OUTPUTS + $o, x, y, sums[$o].x);
+    store(group * CONV_OUTPUTS + $o, x, y + 1u, sums[$o].y);
+    store(group * CONV_OUTPUTS + $o, x, y + 2u, sums[$o].z);
+    store(group * CONV_OUTPUTS + $o, x, y + 3u, sums[$o].w);
+    #end
+}
