@@ -56,7 +56,7 @@ pub struct Adjusted {
     pub points: Vec<Option<DVec3>>,
     /// Observations that were compared.
     pub observations: usize,
-    /// Their median error in pixels, before and after.
+    /// Their median error in pixels, of the points as they are found: from the given cameras, and from the adjusted ones.
     pub errors: [f64; 2],
     /// Views that do not fit the others, or have too few observations: their cameras are as they were.
     pub astray: Vec<usize>,
@@ -91,7 +91,7 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     let chosen = choose(given.len(), tracks);
     let seen: Vec<&[Seen]> = chosen.iter().map(|&track| tracks[track].seen.as_slice()).collect();
     let (lens_of, views_of) = lenses(given);
-    let (mut state, before) = descended(given, &seen, (&lens_of, &views_of))?;
+    let mut state = descended(given, &seen, (&lens_of, &views_of))?;
     anchored(given, &mut state, &seen, (&lens_of, &views_of));
     let errors = errors(&state, &seen);
     let after = median(errors.iter().map(|(_, error)| *error).collect()).ok_or(NotAdjusted::TooFew)?;
@@ -106,6 +106,8 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     });
     let (cameras, frame) = aligned(given, state.cameras, &astray);
     points.iter_mut().flatten().for_each(|point| *point = frame.point(*point));
+    let state = State { cameras: given.to_vec(), points: chosen.iter().map(|&track| points[track]).collect() };
+    let before = middle(&state, &seen).ok_or(NotAdjusted::TooFew)?;
     Ok(Adjusted { cameras, points, observations: errors.len(), errors: [before, after], astray })
 }
 
@@ -114,29 +116,27 @@ pub(crate) fn fitting(given: &[Camera], tracks: &[Track]) -> Vec<bool> {
     let seen: Vec<&[Seen]> = tracks.iter().map(|track| track.seen.as_slice()).collect();
     let (lens_of, views_of) = lenses(given);
     match descended(given, &seen, (&lens_of, &views_of)) {
-        Ok((state, _)) => seen.iter().map(|seen| triangulate(&state.cameras, seen, SCALE).is_some()).collect(),
+        Ok(state) => seen.iter().map(|seen| triangulate(&state.cameras, seen, SCALE).is_some()).collect(),
         Err(_) => vec![false; tracks.len()],
     }
 }
 
-/// Cameras and points that fit the observations best, whatever the cameras move by; with the median error before.
+/// Cameras and points that fit the observations best, whatever the cameras move by.
 fn descended(
     given: &[Camera],
     seen: &[&[Seen]],
     (lens_of, views_of): (&[usize], &[usize]),
-) -> Result<(State, f64), NotAdjusted> {
+) -> Result<State, NotAdjusted> {
     let mut scale = FIRST_SCALE;
     let mut state = State { cameras: given.to_vec(), points: vec![None; seen.len()] };
     renew(&mut state, seen, scale);
-    let middle = |state: &State| median(errors(state, seen).into_iter().map(|(_, error)| error).collect());
-    scale = (1.5 * middle(&state).ok_or(NotAdjusted::TooFew)?).clamp(SCALE, FIRST_SCALE);
+    scale = (1.5 * middle(&state, seen).ok_or(NotAdjusted::TooFew)?).clamp(SCALE, FIRST_SCALE);
     renew(&mut state, seen, scale);
-    let before = middle(&state).ok_or(NotAdjusted::TooFew)?;
     loop {
         let problem = Problem { tracks: seen, lens_of, lenses: views_of.len(), scale, anchor: None };
         problem.descend(&mut state, STEPS[usize::from(scale <= SCALE)]);
         if scale <= SCALE {
-            return Ok((state, before));
+            return Ok(state);
         }
         scale = (0.5 * scale).max(SCALE);
         renew(&mut state, seen, scale);
@@ -151,7 +151,7 @@ fn anchored(given: &[Camera], state: &mut State, tracks: &[&[Seen]], (lens_of, v
     state.points.iter_mut().flatten().for_each(|point| *point = frame.point(*point));
     let depths = depths(state, tracks);
     for _ in 0..ROUNDS {
-        let noise = median(errors(state, tracks).into_iter().map(|(_, error)| error).collect()).unwrap_or(0.0);
+        let noise = middle(state, tracks).unwrap_or(0.0);
         let Some(anchor) = Anchor::new(given, (lens_of, views_of), (&state.cameras, &depths), noise) else { return };
         let problem = Problem { tracks, lens_of, lenses: views_of.len(), scale: SCALE, anchor: Some(anchor) };
         problem.descend(state, STEPS[1]);
@@ -203,6 +203,11 @@ fn errors(state: &State, tracks: &[&[Seen]]) -> Vec<(usize, f64)> {
         (seen.view, error.map_or(reprojection::FAR, DVec2::length))
     })
     .collect()
+}
+
+/// The median error in pixels.
+fn middle(state: &State, tracks: &[&[Seen]]) -> Option<f64> {
+    median(errors(state, tracks).into_iter().map(|(_, error)| error).collect())
 }
 
 /// Views whose photos fit no points, or too few.

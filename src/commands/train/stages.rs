@@ -35,9 +35,9 @@ pub struct StageArgs {
     /// Correct the exposure of the photos: `on`, `off` or `auto` (where they differ) [default: auto].
     #[arg(long, value_parser = word::<ExposureSwitch>(), help_heading = heading::SCENE)]
     exposure: Option<ExposureSwitch>,
-    /// Refine the cameras of the training photos, poses and focal lengths: `on` (before the training to the observations of a
-    /// COLMAP model, then with the Gaussians), `auto` (to the observations alone; without any with the Gaussians where a trial with
-    /// photos left out says so) or `off` [default: off].
+    /// Refine the cameras of the training photos, poses and focal lengths: `auto` (before the training, to the observations
+    /// of a COLMAP model or to places that photos are found to have in common), `on` (with the Gaussians too where photos have too
+    /// little in common) or `off` [default: off].
     #[arg(long, value_parser = word::<PoseSwitch>(), help_heading = heading::SCENE)]
     refine_poses: Option<PoseSwitch>,
     /// Hide what moves, people or cars: a mask is learned for each training photo, which no loss and no other photo's view reads.

@@ -8,16 +8,12 @@ use std::collections::BTreeSet;
 
 /// Photos that a photo is compared with: those whose cameras are nearest.
 const NEAREST: usize = 16;
+/// Part of the longer side by which a place may lie off the line where the cameras expect it.
+const OFF: f64 = 0.06;
+/// Its difference is at most this part of that of the next best place.
+const RATIO: f64 = 0.8;
 /// Two photos have at least as many places in common, or none.
 const FEWEST: usize = 15;
-
-/// Where a place is looked for, and when it is found.
-pub(super) struct Search {
-    /// Part of the longer side by which it may lie off the line where the cameras expect it.
-    pub off: f64,
-    /// The difference is at most this part of that of the next best place.
-    pub ratio: f64,
-}
 
 /// Pairs of views, each once.
 pub(super) fn chosen(cameras: &[Camera]) -> Vec<[usize; 2]> {
@@ -75,15 +71,15 @@ impl Best {
         }
     }
 
-    fn is_clear(&self, ratio: f64) -> bool {
-        self.place != usize::MAX && f64::from(self.first) < ratio * ratio * f64::from(self.second)
+    fn is_clear(&self) -> bool {
+        self.place != usize::MAX && f64::from(self.first) < RATIO * RATIO * f64::from(self.second)
     }
 }
 
 /// Places that look alike near where the cameras expect them, best of each other.
-fn alike(cameras: [&Camera; 2], [a, b]: [&Features; 2], search: &Search) -> Vec<[usize; 2]> {
+fn alike(cameras: [&Camera; 2], [a, b]: [&Features; 2]) -> Vec<[usize; 2]> {
     let epipolar = Epipolar::new(cameras[0], cameras[1]);
-    let off = search.off * f64::from(cameras[1].width.max(cameras[1].height));
+    let off = OFF * f64::from(cameras[1].width.max(cameras[1].height));
     let mut of_a = vec![Best::NONE; a.places.len()];
     let mut of_b = vec![Best::NONE; b.places.len()];
     for (place, descriptor) in &a.descriptors {
@@ -97,14 +93,14 @@ fn alike(cameras: [&Camera; 2], [a, b]: [&Features; 2], search: &Search) -> Vec<
         }
     }
     let both = |(place, best): (usize, &Best)| {
-        (best.is_clear(search.ratio) && of_b[best.place].place == place).then_some([place, best.place])
+        (best.is_clear() && of_b[best.place].place == place).then_some([place, best.place])
     };
     of_a.iter().enumerate().filter_map(both).collect()
 }
 
 /// Places that two photos have in common: which look alike and which the two cameras, adjusted to them, see at one point.
-pub(super) fn matches(cameras: [&Camera; 2], features: [&Features; 2], search: &Search) -> Vec<[usize; 2]> {
-    let mut alike = alike(cameras, features, search);
+pub(super) fn matches(cameras: [&Camera; 2], features: [&Features; 2]) -> Vec<[usize; 2]> {
+    let mut alike = alike(cameras, features);
     let track = |places: &[usize; 2]| Track {
         position: None,
         seen: (0..2).map(|view| Seen { view, pixel: features[view].places[places[view]] }).collect(),
@@ -154,15 +150,15 @@ mod tests {
     #[test]
     fn a_match_must_be_clear() {
         let mut best = Best::NONE;
-        assert!(!best.is_clear(0.8));
+        assert!(!best.is_clear());
         best.add(50, 3);
         // Another direction at the same place does not count against it.
         best.add(52, 3);
         best.add(100, 7);
-        assert!(best.is_clear(0.8) && best.place == 3);
+        assert!(best.is_clear() && best.place == 3);
         best.add(60, 9);
-        assert!(!best.is_clear(0.8));
+        assert!(!best.is_clear());
         best.add(20, 9);
-        assert!(best.is_clear(0.8) && best.place == 9);
+        assert!(best.is_clear() && best.place == 9);
     }
 }

@@ -11,10 +11,9 @@ pub enum PoseSwitch {
     /// Not at all.
     #[default]
     Off,
-    /// To the observations of the scene's points where it has some and cameras then fit them clearly better. Without observations as
-    /// `On` or `Off`, by a trial.
+    /// Before the training, to what photos have in common, where cameras then fit it clearly better.
     Auto,
-    /// To the observations as with `Auto`, and with the Gaussians from `poses.from` on.
+    /// As `Auto`, and with the Gaussians where photos have too little in common.
     On,
 }
 
@@ -22,9 +21,9 @@ pub enum PoseSwitch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct PoseConfig {
-    /// Whether the poses of the training photos are refined, and the focal lengths of the lenses that they share. `on`: before the
-    /// training to the observations of a COLMAP model, where cameras then fit them clearly better, and with the Gaussians; `auto`: to
-    /// the observations alone, and in a scene without any with the Gaussians where a trial says so.
+    /// Whether the poses of the training photos are refined, and the focal lengths of the lenses that they share. `auto`: before the
+    /// training, to the observations of a COLMAP model or to places that photos are found to have in common, where cameras then fit
+    /// them clearly better; `on`: with the Gaussians too where photos have too little in common.
     pub refine: PoseSwitch,
     /// Cameras learn after this iteration; unset: 500, scaled.
     pub from: Option<u32>,

@@ -16,28 +16,20 @@ const CLEAR: f64 = 0.8;
 /// Pixels; a median error below is not worth an adjustment.
 const NEGLIGIBLE: f64 = 0.1;
 
-/// Whether observations say how good the cameras are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Decided {
-    /// The cameras fit them, as they are or adjusted.
-    ByObservations,
-    /// There are too few of them, or they are not asked.
-    No,
-}
-
 /// Adjusts the cameras, where they are refined, to the scene's tracks, or to what the photos have in common where it has none, if they
 /// then fit clearly better; with the points that the tracks have. Other views move with the common frame and have the lens of their
-/// photos. A note says what came of it.
+/// photos. A note says what came of it. The options then say `auto`; where nothing could be compared `on` stays, which leaves it to
+/// the Gaussians, and `auto` becomes `off`.
 ///
 /// # Errors
 /// A file of the scene is damaged, or no longer there.
 pub(super) fn adjust_cameras(
     dataset: &mut Dataset,
-    config: &TrainConfig,
+    config: &mut TrainConfig,
     progress: &dyn Progress,
-) -> Result<Decided, DatasetError> {
+) -> Result<(), DatasetError> {
     if config.poses.refine == PoseSwitch::Off {
-        return Ok(Decided::No);
+        return Ok(());
     }
     let given: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
     let tracks = if config.source.is_some() { dataset.tracks(&config.load_options())? } else { Vec::new() };
@@ -47,7 +39,11 @@ pub(super) fn adjust_cameras(
     } else {
         ("observations of the scene's points", adjust(&given, &tracks).map(|adjusted| (adjusted, tracks)))
     };
-    let decided = if adjusted.is_ok() { Decided::ByObservations } else { Decided::No };
+    config.poses.refine = match (&adjusted, config.poses.refine) {
+        (Err(_), PoseSwitch::Auto) => PoseSwitch::Off,
+        (Err(_), given) => given,
+        (Ok(_), _) => PoseSwitch::Auto,
+    };
     let note = match adjusted {
         Err(why) => format!("cameras: not adjusted to {what}: {why}"),
         Ok((Adjusted { observations, errors: [before, after], .. }, _))
@@ -65,7 +61,7 @@ pub(super) fn adjust_cameras(
         }
     };
     dataset.notes.push(note);
-    Ok(decided)
+    Ok(())
 }
 
 /// Gives the views their cameras and the points their places.

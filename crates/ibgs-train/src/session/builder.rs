@@ -7,12 +7,12 @@ mod start;
 pub use error::BuildError;
 use start::Start;
 
-use super::adjusting::{Decided, adjust_cameras};
+use super::adjusting::adjust_cameras;
 use super::{CheckpointWriter, Event, Observer, Output, Preparation, Records, Session, StoppedTraining};
 use crate::densify::Strategy;
 use crate::loss::Loss;
 use crate::memory::Needs;
-use crate::{Trainer, exposure_trial, find_points, pose_trial};
+use crate::{Trainer, exposure_trial, find_points};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, PoseSwitch, TrainConfig};
 use ibgs_core::dataset::{Dataset, shown_by_any};
@@ -189,7 +189,7 @@ impl Loaded {
         }
         config.adapt_to(&dataset);
         let known = dataset.notes.len();
-        let decided = adjust_cameras(&mut dataset, &config, observer.progress())?;
+        adjust_cameras(&mut dataset, &mut config, observer.progress())?;
         find_points(gpu, &mut dataset, &config, observer.progress())?;
         dataset.notes[known..].iter().for_each(|note| observer.event(&Event::Note(note)));
         observer.event(&Event::Preparing);
@@ -199,8 +199,10 @@ impl Loaded {
         if start.as_ref().is_some_and(Start::has_exposures) && config.exposure.enabled == ExposureSwitch::Auto {
             config.exposure.enabled = ExposureSwitch::On;
         }
-        if builder.stopped.is_none() {
-            resolve(&raster, (&dataset, decided), &mut config, observer)?;
+        if builder.stopped.is_none()
+            && let Some(evidence) = exposure_trial::resolve(&raster, &dataset, &mut config)?
+        {
+            observer.event(&Event::ExposureTried(&evidence));
         }
         let mut trainer = builder.trainer(&raster, &dataset, &mut config, start.as_ref())?;
         builder.losses.drain(..).for_each(|loss| trainer.add_loss(loss));
@@ -235,24 +237,6 @@ impl Loaded {
         };
         builder.with_records(session)
     }
-}
-
-/// Decides the options that say `auto` by trials.
-fn resolve(
-    raster: &Arc<Rasterizer>,
-    (dataset, cameras): (&Dataset, Decided),
-    config: &mut TrainConfig,
-    observer: &mut dyn Observer,
-) -> Result<()> {
-    if let Some(evidence) = exposure_trial::resolve(raster, dataset, config)? {
-        observer.event(&Event::ExposureTried(&evidence));
-    }
-    if cameras == Decided::No
-        && let Some(evidence) = pose_trial::resolve(raster, dataset, config)?
-    {
-        observer.event(&Event::PosesTried(&evidence));
-    }
-    Ok(())
 }
 
 impl SessionBuilder {

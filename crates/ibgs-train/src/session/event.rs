@@ -1,9 +1,9 @@
 //! What a session reports, and to whom.
 
 use super::{CameraSummary, Preparation, SessionError, TrainingProgress, TransientSummary};
+use crate::ExposureEvidence;
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
-use crate::{ExposureEvidence, PoseEvidence};
 use ibgs_core::config::LengthReason;
 use ibgs_core::eval::scores::Scores;
 use ibgs_core::progress::Progress;
@@ -69,8 +69,6 @@ pub enum Event<'a> {
     Preparing,
     /// It was tried whether exposures are worth correcting.
     ExposureTried(&'a ExposureEvidence),
-    /// It was tried whether cameras are worth refining.
-    PosesTried(&'a PoseEvidence),
     /// Not all Gaussians that the options allow fit into the device's memory.
     Limited(&'a MemoryLimit),
     /// A stopped training will be resumed.
@@ -225,7 +223,6 @@ impl Event<'_> {
             Self::Note(note) => write!(f, "note: {note}"),
             Self::Preparing => f.write_str("preparing the training"),
             Self::ExposureTried(evidence) => fmt::Display::fmt(evidence, f),
-            Self::PosesTried(evidence) => fmt::Display::fmt(evidence, f),
             Self::Limited(limit) => write!(f, "warning: {limit}"),
             Self::Resuming { iteration, iterations } => {
                 write!(f, "resuming from iteration {iteration} of {iterations}")
