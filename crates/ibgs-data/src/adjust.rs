@@ -19,7 +19,7 @@ use triangulate::{INLIER, is_seen, triangulate};
 /// A larger system of cameras takes too much memory and time.
 const MOST_CAMERAS: usize = 500;
 /// Observations of a photo from which on it needs no further tracks, and from which on it is adjusted.
-const ENOUGH: usize = 800;
+const ENOUGH: usize = 2000;
 const FEWEST: usize = 12;
 /// Scale of the loss in pixels: the last one, and the first where the cameras are far off.
 const SCALE: f64 = 1.0;

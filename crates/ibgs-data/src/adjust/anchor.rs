@@ -8,7 +8,7 @@ use crate::median;
 use glam::{DQuat, DVec2, DVec3};
 
 /// Expected error of focal lengths, in their logarithm.
-const LENS: f64 = 0.02;
+const LENS: f64 = 0.01;
 /// The loss of a camera's pose grows slower from as many expected squares on.
 const FREEDOM: f64 = 6.0;
 /// The median length of a vector of three normal numbers.

@@ -80,11 +80,13 @@ fn exact_observations_give_the_cameras_back() {
 #[test]
 fn noise_and_wrong_observations_do_little_harm() {
     let (truth, tracks) = scene(0.5, 0.1);
-    let adjusted = adjust(&disturbed(&truth), &tracks).unwrap();
+    // Of their own lenses: on one ring around a few points, a wrong lens is hardly told from other points.
+    let mut given = disturbed(&truth);
+    given.iter_mut().zip(&truth).for_each(|(camera, truth)| camera.focal = truth.focal);
+    let adjusted = adjust(&given, &tracks).unwrap();
     let missed = missed(&adjusted.cameras, &truth);
-    // An eighth of the disturbance and a sixth of that of the lenses, which are held where they were given and here hardly seen to be
-    // off: all cameras stand on one ring, around points that can be stretched as well. An angle of half a pixel is 0.05 degrees.
-    assert!(missed[0] < 0.13 && missed[1] < 0.008 && missed[2] < 0.0035, "{missed:?}");
+    // A tenth of the disturbance: an angle of half a pixel is 0.05 degrees.
+    assert!(missed[0] < 0.1 && missed[1] < 0.008 && missed[2] < 0.002, "{missed:?}");
     assert!((0.3..0.9).contains(&adjusted.errors[1]), "{:?}", adjusted.errors);
     assert!(adjusted.astray.is_empty());
 }
@@ -180,6 +182,10 @@ fn cameras_that_are_right_stay_and_the_whole_does_not_bend() {
     .map(|found| mean_missed(&found, &truth));
     println!("off {before:.4?}, without and with an anchor {free:.4?} {held:.4?}");
     assert!(held[0] < 0.5 * free[0] && held[0] < 0.4 * before[0], "{before:?} {free:?} {held:?}");
+    // A lens that is off comes back by more than half, as far as depths differ.
+    let long: Vec<Camera> = truth.iter().map(|camera| Camera { focal: camera.focal * 1.02, ..*camera }).collect();
+    let lens = adjust(&long, &tracks).unwrap().cameras[0].focal / truth[0].focal;
+    assert!((lens - 1.0).abs().max_element() < 0.4 * 0.02, "{lens}");
     // One that is far off comes back all the same.
     let mut one = truth.clone();
     one[9] = moved(&one[9], [0.2, -0.1, 0.1, 0.05, 0.02, -0.04, 0.0, 0.0]);

@@ -12,7 +12,7 @@ use ibgs_core::similarity::Similarity;
 use std::collections::HashMap;
 
 /// The median error must fall to this part, or the cameras are left as they were loaded: they fit already.
-const CLEAR: f64 = 0.8;
+const CLEAR: f64 = 0.6;
 /// Pixels; a median error below is not worth an adjustment.
 const NEGLIGIBLE: f64 = 0.1;
 
