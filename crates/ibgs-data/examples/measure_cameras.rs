@@ -62,13 +62,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let long = tracks.iter().filter(|track| track.seen.len() > 2).count();
     println!(
-        "{}: {} tracks ({long} of three or more), {} observations, median error {:.2} to {:.2} px, {} astray; degrees, % of the depth, % of \
+        "{}: {} tracks ({long} of three or more), {} observations, median error {:.2} to {:.2} px, {:.5} radians alone, {} astray; degrees, % of the depth, % of \
          the focal length {:.4?} to {:.4?}; {seconds:.1} s",
         path.display(),
         tracks.len(),
         adjusted.observations,
         adjusted.errors[0],
         adjusted.errors[1],
+        adjusted.alone,
         adjusted.astray.len(),
         missed(&given),
         missed(&adjusted.cameras),

@@ -9,7 +9,7 @@ use crate::camera::{Camera, lenses};
 use crate::camera_change::CameraChange;
 use crate::median;
 use crate::similarity::Similarity;
-use anchor::Anchor;
+use anchor::{Anchor, against_next};
 use glam::{DVec2, DVec3};
 use normal::{Problem, State};
 use rayon::prelude::*;
@@ -58,6 +58,8 @@ pub struct Adjusted {
     pub observations: usize,
     /// Their median error in pixels, of the points as they are found: from the given cameras, and from the adjusted ones.
     pub errors: [f64; 2],
+    /// What a camera has moved by against those next to it, along an axis: radians, a shift counting by the depth.
+    pub alone: f64,
     /// Views that do not fit the others, or have too few observations: their cameras are as they were.
     pub astray: Vec<usize>,
 }
@@ -108,7 +110,9 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     points.iter_mut().flatten().for_each(|point| *point = frame.point(*point));
     let state = State { cameras: given.to_vec(), points: chosen.iter().map(|&track| points[track]).collect() };
     let before = middle(&state, &seen).ok_or(NotAdjusted::TooFew)?;
-    Ok(Adjusted { cameras, points, observations: errors.len(), errors: [before, after], astray })
+    let [turn, shift] = against_next(given, &cameras, &depths(&state, &seen));
+    let alone = turn.hypot(shift);
+    Ok(Adjusted { cameras, points, observations: errors.len(), errors: [before, after], alone, astray })
 }
 
 /// Which tracks of a few cameras fit them at one point, once they are adjusted to all.

@@ -38,6 +38,26 @@ fn movement(from: &Camera, to: &Camera) -> [DVec3; 2] {
     [turn.to_scaled_axis(), to.view_from_world * (to.center() - from.center())]
 }
 
+/// What cameras, at these depths, have moved by against those next to them, along an axis: radians, and parts of the depth.
+pub(super) fn against_next(given: &[Camera], cameras: &[Camera], depths: &[f64]) -> [f64; 2] {
+    let moved = given.iter().zip(cameras).zip(depths);
+    let moved: Vec<[DVec3; 2]> = moved
+        .map(|((from, to), depth)| {
+            let [turn, shift] = movement(from, to);
+            [turn, shift / *depth]
+        })
+        .collect();
+    let next: Vec<Vec<usize>> = (0..given.len()).map(|view| nearest(given, view, NEXT)).collect();
+    [0, 1].map(|i| {
+        let against = next.iter().zip(&moved).filter(|(next, _)| !next.is_empty()).map(|(next, own)| {
+            let count = next.len() as f64;
+            let mean = next.iter().map(|view| moved[*view][i]).sum::<DVec3>() / count;
+            (own[i] - mean).length() / (1.0 + count.recip()).sqrt()
+        });
+        median(against.collect()).unwrap_or(0.0) / MEDIAN
+    })
+}
+
 impl<'a> Anchor<'a> {
     /// Expects errors as large as what the cameras, at these depths, have moved by against those next to them; `noise` is the typical
     /// error of an observation in pixels. None where they have not moved.
@@ -47,22 +67,7 @@ impl<'a> Anchor<'a> {
         (cameras, depths): (&[Camera], &[f64]),
         noise: f64,
     ) -> Option<Self> {
-        let moved = given.iter().zip(cameras).zip(depths);
-        let moved: Vec<[DVec3; 2]> = moved
-            .map(|((from, to), depth)| {
-                let [turn, shift] = movement(from, to);
-                [turn, shift / *depth]
-            })
-            .collect();
-        let next: Vec<Vec<usize>> = (0..given.len()).map(|view| nearest(given, view, NEXT)).collect();
-        let expected = [0, 1].map(|i| {
-            let against = next.iter().zip(&moved).filter(|(next, _)| !next.is_empty()).map(|(next, own)| {
-                let count = next.len() as f64;
-                let mean = next.iter().map(|view| moved[*view][i]).sum::<DVec3>() / count;
-                (own[i] - mean).length() / (1.0 + count.recip()).sqrt()
-            });
-            median(against.collect()).unwrap_or(0.0) / MEDIAN
-        });
+        let expected = against_next(given, cameras, depths);
         let weights = [WEIGHT * noise * noise, noise * noise];
         let each = depths.iter().map(|depth| [expected[0], expected[1] * depth]).collect();
         expected.iter().all(|e| *e > 0.0).then_some(Self { given, expected: each, lens_of, views_of, weights })

@@ -15,6 +15,10 @@ use std::collections::HashMap;
 const CLEAR: f64 = 0.6;
 /// Pixels; a median error below is not worth an adjustment.
 const NEGLIGIBLE: f64 = 0.1;
+/// Radians that cameras must move by against those next to them, or else the logarithm that a focal length must change by: what
+/// cameras that are right seem to be off by is less.
+const ALONE: f64 = 8e-4;
+const LENS: f64 = 6e-3;
 
 /// Adjusts the cameras, where they are refined, to the scene's tracks, or to what the photos have in common where it has none, if they
 /// then fit clearly better; with the points that the tracks have. Other views move with the common frame and have the lens of their
@@ -46,9 +50,8 @@ pub(super) fn adjust_cameras(
     };
     let note = match adjusted {
         Err(why) => format!("cameras: not adjusted to {what}: {why}"),
-        Ok((Adjusted { observations, errors: [before, after], .. }, _))
-            if after > CLEAR * before || before < NEGLIGIBLE =>
-        {
+        Ok((ref adjusted, _)) if !is_clear(&given, adjusted) => {
+            let Adjusted { observations, errors: [before, after], .. } = adjusted;
             format!(
                 "cameras: they fit {observations} {what}, with a median error of {before:.2} pixels, {after:.2} at best, and begin as \
                  they are"
@@ -62,6 +65,14 @@ pub(super) fn adjust_cameras(
     };
     dataset.notes.push(note);
     Ok(())
+}
+
+/// Whether the adjusted cameras are clearly better.
+fn is_clear(given: &[Camera], adjusted: &Adjusted) -> bool {
+    let [before, after] = adjusted.errors;
+    let lenses = given.iter().zip(&adjusted.cameras).map(|(from, to)| (to.focal / from.focal).map(f64::ln));
+    let lens = lenses.map(|lens| lens.abs().max_element()).fold(0.0, f64::max);
+    before >= NEGLIGIBLE && after <= CLEAR * before && (adjusted.alone > ALONE || lens > LENS)
 }
 
 /// Gives the views their cameras and the points their places.

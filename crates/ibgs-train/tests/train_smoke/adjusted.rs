@@ -107,5 +107,5 @@ fn cameras_that_fit_begin_as_they_are() {
     write_scene(&demo, folder.path(), |camera, _| *camera);
     let [loaded, auto] = [PoseSwitch::Off, PoseSwitch::Auto].map(|refine| session(folder.path(), refine));
     assert_eq!(training_cameras(auto.dataset()), training_cameras(loaded.dataset()));
-    assert!(auto.dataset().notes.iter().any(|note| note.starts_with("cameras: they fit the ")));
+    assert!(auto.dataset().notes.iter().any(|note| note.starts_with("cameras: they fit ")));
 }
