@@ -87,9 +87,7 @@ fn moved(camera: &Camera, [a, b, c, d, e, f, x, y]: [f64; reprojection::NUMBERS]
 /// # Errors
 /// Too few observations, or too many cameras.
 pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjusted> {
-    if given.len() > MOST_CAMERAS {
-        return Err(NotAdjusted::TooMany(given.len()));
-    }
+    check_count(given.len())?;
     let chosen = choose(given.len(), tracks);
     let seen: Vec<&[Seen]> = chosen.iter().map(|&track| tracks[track].seen.as_slice()).collect();
     let (lens_of, views_of) = lenses(given);
@@ -113,6 +111,11 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     let [turn, shift] = against_next(given, &cameras, &depths(&state, &seen));
     let alone = turn.hypot(shift);
     Ok(Adjusted { cameras, points, observations: errors.len(), errors: [before, after], alone, astray })
+}
+
+/// Refuses more cameras than are adjusted at a time.
+pub(crate) fn check_count(cameras: usize) -> Result<(), NotAdjusted> {
+    if cameras > MOST_CAMERAS { Err(NotAdjusted::TooMany(cameras)) } else { Ok(()) }
 }
 
 /// Which tracks of a few cameras fit them at one point, once they are adjusted to all.

@@ -64,10 +64,15 @@ impl Camera {
         (depth > 0.0 && within).then_some((at, depth))
     }
 
-    /// Rows of `[R | t]` that take the view space of another camera to this one's, in single precision.
-    pub fn rows_from(&self, other: &Camera) -> [[f32; 4]; 3] {
+    /// Rotation and translation that take the view space of another camera to this one's.
+    pub fn view_from(&self, other: &Camera) -> (DMat3, DVec3) {
         let rotation = self.view_from_world * other.view_from_world.transpose();
-        let translation = self.translation - rotation * other.translation;
+        (rotation, self.translation - rotation * other.translation)
+    }
+
+    /// Rows of `[R | t]` of [`Camera::view_from`], in single precision.
+    pub fn rows_from(&self, other: &Camera) -> [[f32; 4]; 3] {
+        let (rotation, translation) = self.view_from(other);
         [0, 1, 2].map(|r| rotation.row(r).extend(translation[r]).as_vec4().to_array())
     }
 

@@ -55,6 +55,14 @@ impl Add for CameraChange {
 }
 
 impl Camera {
+    /// What the pose has moved by from another one, in this camera's view space: turn, as a rotation vector, and shift of the centre.
+    pub fn movement_from(&self, from: &Camera) -> [DVec3; 2] {
+        let turn = DQuat::from_mat3(&(self.view_from_world * from.view_from_world.transpose()));
+        // The shorter way round.
+        let turn = if turn.w < 0.0 { -turn } else { turn };
+        [turn.to_scaled_axis(), self.view_from_world * (self.center() - from.center())]
+    }
+
     /// The camera after a change.
     pub fn changed(&self, by: &CameraChange) -> Camera {
         let turn = DQuat::from_scaled_axis(by.rotation);

@@ -5,7 +5,7 @@ mod chains;
 mod features;
 mod pairs;
 
-use crate::adjust::{Adjusted, NotAdjusted, Track, adjust};
+use crate::adjust::{Adjusted, NotAdjusted, Track, adjust, check_count};
 use crate::camera::Camera;
 use crate::dataset::{DatasetError, HostPhoto};
 use crate::progress::Progress;
@@ -21,6 +21,9 @@ pub fn adjust_to_photos(
     photos: &[&HostPhoto],
     progress: &dyn Progress,
 ) -> Result<Result<(Adjusted, Vec<Track>), NotAdjusted>, DatasetError> {
+    if let Err(too_many) = check_count(given.len()) {
+        return Ok(Err(too_many));
+    }
     progress.begin("finding features", photos.len());
     let found: Result<Vec<Features>, DatasetError> = photos
         .par_iter()

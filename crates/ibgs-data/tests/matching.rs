@@ -107,4 +107,7 @@ fn cameras_fit_what_their_photos_have_in_common() {
     // Photos that show nothing.
     let plain = HostPhoto::from(Photo { width: 180, height: 136, rgba: vec![128; 180 * 136 * 4] });
     assert_eq!(adjust_to_photos(&truth, &[&plain; 10], &()).unwrap().unwrap_err(), NotAdjusted::TooFew);
+    // Too many: nothing is looked for.
+    let many = adjust_to_photos(&[truth[0]; 501], &[photos[0]; 501], &());
+    assert_eq!(many.unwrap().unwrap_err(), NotAdjusted::TooMany(501));
 }

@@ -12,7 +12,7 @@ const ITERATIONS: u32 = 1_500;
 /// Shorter runs are not worth a trial.
 const SHORTEST_RUN: u32 = 2 * ITERATIONS;
 /// Longest side of the photos, in pixels.
-pub const LONGEST: u32 = 480;
+const LONGEST: u32 = 480;
 /// Most points to begin with.
 const MOST_POINTS: usize = 30_000;
 /// Fewer training photos say nothing.

@@ -5,7 +5,7 @@ use super::normal::Sums;
 use super::reprojection::NUMBERS;
 use crate::camera::{Camera, nearest};
 use crate::median;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 /// Expected error of focal lengths, in their logarithm.
 const LENS: f64 = 0.01;
@@ -31,19 +31,12 @@ pub(super) struct Anchor<'a> {
     weights: [f64; 2],
 }
 
-/// What a pose has moved by in its own view space: turn, and shift of its centre.
-fn movement(from: &Camera, to: &Camera) -> [DVec3; 2] {
-    let turn = DQuat::from_mat3(&(to.view_from_world * from.view_from_world.transpose()));
-    let turn = if turn.w < 0.0 { -turn } else { turn };
-    [turn.to_scaled_axis(), to.view_from_world * (to.center() - from.center())]
-}
-
 /// What cameras, at these depths, have moved by against those next to them, along an axis: radians, and parts of the depth.
 pub(super) fn against_next(given: &[Camera], cameras: &[Camera], depths: &[f64]) -> [f64; 2] {
     let moved = given.iter().zip(cameras).zip(depths);
     let moved: Vec<[DVec3; 2]> = moved
         .map(|((from, to), depth)| {
-            let [turn, shift] = movement(from, to);
+            let [turn, shift] = to.movement_from(from);
             [turn, shift / *depth]
         })
         .collect();
@@ -75,7 +68,7 @@ impl<'a> Anchor<'a> {
 
     /// Turn and shift of a view in what is expected, and the length of both.
     fn off(&self, view: usize, camera: &Camera) -> ([DVec3; 2], f64) {
-        let [turn, shift] = movement(&self.given[view], camera);
+        let [turn, shift] = camera.movement_from(&self.given[view]);
         let [turn, shift] = [turn / self.expected[view][0], shift / self.expected[view][1]];
         ([turn, shift], turn.length_squared() + shift.length_squared())
     }

@@ -31,8 +31,7 @@ struct Epipolar {
 
 impl Epipolar {
     fn new(from: &Camera, to: &Camera) -> Self {
-        let turn = to.view_from_world * from.view_from_world.transpose();
-        let t = to.translation - turn * from.translation;
+        let (turn, t) = to.view_from(from);
         let cross =
             DMat3::from_cols(DVec3::new(0.0, t.z, -t.y), DVec3::new(-t.z, 0.0, t.x), DVec3::new(t.y, -t.x, 0.0));
         Self { from: *from, to: *to, essential: cross * turn }

@@ -5,16 +5,10 @@
 use glam::{DMat3, DQuat, DVec3};
 use ibgs_core::camera::Camera;
 
-/// Rotation vector in radians and shift of the centre by which a camera has moved, both in the view space that it has now.
-fn movement(first: &Camera, now: &Camera) -> [DVec3; 2] {
-    let turn = DQuat::from_mat3(&(now.view_from_world * first.view_from_world.transpose()));
-    [turn.to_scaled_axis(), now.view_from_world * (now.center() - first.center())]
-}
-
 /// The mean movement of all: rotation vector in radians, shift in units of the cameras.
 fn common(first: &[Camera], now: &[Camera]) -> [DVec3; 2] {
     let count = now.len().max(1) as f64;
-    let movements = first.iter().zip(now).map(|(first, now)| movement(first, now));
+    let movements = first.iter().zip(now).map(|(first, now)| now.movement_from(first));
     movements.fold([DVec3::ZERO; 2], |[turns, shifts], [turn, shift]| [turns + turn / count, shifts + shift / count])
 }
 
@@ -57,7 +51,7 @@ mod tests {
 
     fn farthest(a: &[Camera], b: &[Camera]) -> f64 {
         let apart = a.iter().zip(b).map(|(a, b)| {
-            let [turn, shift] = movement(a, b);
+            let [turn, shift] = b.movement_from(a);
             turn.length().max(shift.length())
         });
         apart.fold(0.0, f64::max)
