@@ -24,7 +24,7 @@ mod mesh;
 mod photos;
 #[cfg(unix)]
 mod poses;
-mod prepare;
+pub(crate) mod prepare;
 mod report;
 mod resume;
 mod round;
@@ -49,7 +49,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// A folder of its own that the program runs in, so that relative paths and default folders end up there.
-struct Sandbox {
+pub(crate) struct Sandbox {
     work: tempfile::TempDir,
     /// Cache and runtime folder of the program; no part of what a test compares.
     home: tempfile::TempDir,
@@ -60,7 +60,7 @@ impl Sandbox {
         Sandbox { work: tempfile::tempdir().unwrap(), home: tempfile::tempdir().unwrap() }
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.work.path().join(name)
     }
 
@@ -171,7 +171,7 @@ impl Sandbox {
         serde_json::from_str(&self.text(name)).unwrap()
     }
 
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         write_file(&self.path(name), bytes);
     }
 }

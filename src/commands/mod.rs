@@ -58,17 +58,3 @@ fn strategy() -> impl TypedValueParser<Value = Strategy> {
     let strategies = words::<Strategy>().iter().zip(Strategy::ALL);
     word_of(PossibleValuesParser::new(strategies.map(|(word, own)| PossibleValue::new(*word).help(own.meaning()))))
 }
-
-/// A number such as `5000`, `100k` or `1.5M`; none for other text.
-fn number(text: &str) -> Option<f64> {
-    let lower = text.trim().to_ascii_lowercase();
-    let (number, factor) = match (lower.strip_suffix('k'), lower.strip_suffix('m')) {
-        (Some(number), _) => (number, 1e3),
-        (_, Some(number)) => (number, 1e6),
-        _ => (lower.as_str(), 1.0),
-    };
-    let value = number.parse::<f64>().ok()? * factor;
-    // 4.1 times a million is a little less than 4,100,000.
-    let whole = value.round();
-    ((value - whole).abs() <= 1e-9 * whole).then_some(whole)
-}

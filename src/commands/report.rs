@@ -15,6 +15,7 @@ use ibgs_core::output::figures::{Figures, Scores, Speed, Time};
 use ibgs_core::output::pictures::Output;
 use ibgs_core::output::results::Protocol;
 use ibgs_core::picture::{Picture, read_picture};
+use ibgs_core::progress::duration;
 use page::{Cell, Layer, number};
 use plot::{Plot, Series};
 use std::path::Path;
@@ -241,16 +242,6 @@ fn training(figures: &Figures) -> String {
 /// A size on disk in units of 10^6 bytes, as in papers.
 pub fn megabytes(bytes: u64) -> String {
     format!("{:.2} MB", bytes as f64 * 1e-6)
-}
-
-/// Seconds in readable form, `7 min 47 s`.
-pub fn duration(seconds: f64) -> String {
-    let whole = seconds.round() as u64;
-    match whole {
-        0..60 => format!("{seconds:.1} s"),
-        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
-        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
-    }
 }
 
 /// Speed, memory, storage and training as names and values.

@@ -2,8 +2,10 @@
 
 use super::model::{FileArgs, ModelArgs};
 use super::open_gpu;
+use super::prepare::{Programs, scene_in_window};
 use super::train::{DemoDefaults, Failure, Watched, prepare, requested};
 use crate::advice::{self, resolution};
+use crate::prepare::{inputs_in, is_video};
 use crate::progress::Bars;
 use crate::signals::{self, on_stop};
 use crate::stderr;
@@ -11,7 +13,7 @@ use crate::stdout;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
-use ibgs_core::dataset::{self, Point, Resolution};
+use ibgs_core::dataset::{self, DatasetError, Point, Resolution};
 use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::levels::Loading;
 use ibgs_core::local_space::LocalSpace;
@@ -22,7 +24,9 @@ use ibgs_core::render::Renderer;
 use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::session::SessionBuilder;
-use ibgs_viewer::{Content, Open, OpenRequest, Opened, Outcome, Scene, Training, TrainingRequest, View};
+use ibgs_viewer::{
+    Content, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, Training, TrainingRequest, View, Watch,
+};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -54,7 +58,8 @@ struct Memory {
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Model folder, `.ibgs` bundle or file of Gaussians (`.ply` and others); a scene folder or a .zip of one opens the start
-    /// page, which asks how to train on it [default: the start page].
+    /// page, which asks how to train on it, and so do photos without poses and a video, of which it makes a scene [default: the
+    /// start page].
     model: Option<PathBuf>,
     /// Train in the window at once, on a scene folder or else on the built-in demo scene; `ibgs train --with-viewer` has
     /// all options of a training.
@@ -71,6 +76,8 @@ pub struct Args {
     resolution: Option<Resolution>,
     #[command(flatten)]
     memory: Memory,
+    #[command(flatten)]
+    programs: Programs,
     /// Open no window; print how much longer its frames take than the renderer alone.
     #[arg(long, requires = "model")]
     measure: bool,
@@ -91,12 +98,15 @@ pub fn run(args: &Args) -> Result<()> {
         return look(|failure| Watched::new(session, failure));
     }
     let gpu = || open(Use::Rendering);
+    let opener = || Opener { memory: args.memory, programs: args.programs.clone(), ..Opener::default() };
     let (gpu, first) = match &args.model {
         None => (gpu()?, None),
-        Some(path) if args.fits_a_scene() && is_scene(path) && dataset::inspect(path).is_ok() => {
-            (gpu()?, Some(Outcome::Scene(path.clone())))
-        }
         Some(path) => {
+            if args.fits_a_scene()
+                && let Some(Ok(outcome)) = beginning(path)
+            {
+                return window(&gpu()?, opener(), Some(outcome));
+            }
             let files = FileArgs {
                 model: path.clone(),
                 source: args.source.clone(),
@@ -111,7 +121,7 @@ pub fn run(args: &Args) -> Result<()> {
             (gpu, Some(Outcome::Opened(Box::new(opened))))
         }
     };
-    window(&gpu, Opener { memory: args.memory, ..Opener::default() }, first)
+    window(&gpu, opener(), first)
 }
 
 impl Args {
@@ -125,6 +135,24 @@ impl Args {
 fn is_scene(path: &Path) -> bool {
     let is_model = || path.join("point_cloud").is_dir() || path.join("cameras.json").is_file();
     dataset::is_archive(path) || path.is_dir() && !is_model()
+}
+
+/// What a path leads to that is no model: a scene, or photos without poses.
+///
+/// # Errors
+/// It is neither.
+fn beginning(path: &Path) -> Option<Result<Outcome>> {
+    if is_video(path) {
+        return Some(Ok(Outcome::Photos(path.to_owned())));
+    }
+    if !is_scene(path) {
+        return None;
+    }
+    Some(match dataset::inspect(path) {
+        Ok(_) => Ok(Outcome::Scene(path.to_owned())),
+        Err(error @ DatasetError::NotAScene { .. }) => inputs_in(path).map(Outcome::Photos).ok_or(error.into()),
+        Err(error) => Err(error.into()),
+    })
 }
 
 /// Times frames that move from view to view.
@@ -189,6 +217,7 @@ pub struct Opener {
     failure: Failure,
     /// Of the command line.
     memory: Memory,
+    programs: Programs,
 }
 
 /// The same with frames that do not wait for chunks.
@@ -197,6 +226,11 @@ fn flying(wanted: ModelArgs, Memory { gpu_memory, host_memory }: Memory) -> Mode
 }
 
 impl Opener {
+    /// The same with these programs for photos without poses.
+    pub fn with_programs(self, programs: Programs) -> Self {
+        Self { programs, ..self }
+    }
+
     /// Begins a training.
     ///
     /// # Errors
@@ -224,6 +258,10 @@ impl Open for Opener {
         DemoDefaults::of(gpu).iterations
     }
 
+    fn prepare(&self, wanted: &PhotosRequest, watch: &Watch) -> Result<PathBuf> {
+        scene_in_window(wanted, &self.programs, watch)
+    }
+
     fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {
         let opened = match wanted {
             OpenRequest::Train(request) => {
@@ -232,10 +270,8 @@ impl Open for Opener {
             }
             OpenRequest::Path(path) => {
                 check_path(path)?;
-                if is_scene(path) {
-                    status("reading the scene");
-                    dataset::inspect(path)?;
-                    return Ok(Outcome::Scene(path.clone()));
+                if let Some(outcome) = beginning(path) {
+                    return outcome;
                 }
                 status("opening the model");
                 let files = FileArgs { model: path.clone(), ..FileArgs::default() };

@@ -8,7 +8,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
 /// A program that does as COLMAP 3.8 does: two models, the second of which has more photos. The file `broken` makes its mapper fail.
-pub(super) const COLMAP: &str = r#"#!/bin/sh
+pub(crate) const COLMAP: &str = r#"#!/bin/sh
 here=$(dirname "$0")
 echo "$@" >> "$here/calls"
 case "$1 $2" in
@@ -33,12 +33,12 @@ fn write_models(sandbox: &Sandbox, first: &[&str], second: &[&str]) {
     }
 }
 
-pub(super) fn make_program(sandbox: &Sandbox, name: &str, script: &str) {
+pub(crate) fn make_program(sandbox: &Sandbox, name: &str, script: &str) {
     sandbox.write(name, script);
     fs::set_permissions(sandbox.path(name), fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-pub(super) fn sandbox() -> Sandbox {
+pub(crate) fn sandbox() -> Sandbox {
     let sandbox = Sandbox::new();
     for name in ["photos/b.jpg", "photos/a.PNG", "photos/c.jpeg", "photos/notes.txt"] {
         sandbox.write(name, "not looked at");

@@ -84,7 +84,7 @@ pub fn open(path: &Path) -> Opened {
     let wanted = OpenRequest::Path(path.to_owned());
     match Opener::default().open(&wanted, &gpu(), &|_| {}).unwrap() {
         Outcome::Opened(opened) => *opened,
-        Outcome::Scene(path) => panic!("{} is a model", path.display()),
+        Outcome::Scene(path) | Outcome::Photos(path) => panic!("{} is a model", path.display()),
     }
 }
 

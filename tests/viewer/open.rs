@@ -6,6 +6,7 @@ use eframe::{APP_KEY, App};
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::requested;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch, Method, Preset};
+use ibgs_core::dataset::{Masks, Resolution};
 use ibgs_core::scene::{PlyFlavor, write_ply};
 use ibgs_testing::scene_files::{Model, write_file};
 use ibgs_train::session::Output;
@@ -26,7 +27,7 @@ impl DroppedFile for Dropped {
     }
 }
 
-fn drop_into(window: &mut Window, path: &Path) {
+pub(super) fn drop_into(window: &mut Window, path: &Path) {
     window.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
     settle(window);
 }
@@ -171,6 +172,16 @@ fn a_scene_is_asked_about_and_trained_as_chosen() {
     type_into(&mut window, "Iterations", "many");
     pick(&mut window, "Train");
     window.get_by_label_contains("`many` is not a number of iterations");
+    for (field, wrong, said) in
+        [("Gaussians", "few", "no number of Gaussians"), ("Photo size", "-3", "no size of photos")]
+    {
+        type_into(&mut window, "Iterations", "12");
+        type_into(&mut window, field, wrong);
+        pick(&mut window, "Train");
+        window.get_by_label_contains(said);
+        type_into(&mut window, field, if field == "Gaussians" { "2k" } else { "2" });
+    }
+    window.get_by_label("every 8th photo").click();
     assert!(window.state().scene().is_none());
     type_into(&mut window, "Iterations", "12");
     pick(&mut window, "Train");
@@ -180,6 +191,10 @@ fn a_scene_is_asked_about_and_trained_as_chosen() {
     let config = TrainConfig::load(&model.join("config.toml")).unwrap();
     assert_eq!((config.iterations(), config.method, config.exposure.enabled), (12, Method::Gs3, ExposureSwitch::Off));
     assert_eq!(config.source.as_deref(), Some(scene.path()));
+    assert_eq!(
+        (config.densify.max_splats, config.data.resolution, config.data.eval),
+        (Some(2_000), Resolution::Factor(2), true)
+    );
 }
 
 #[test]
@@ -226,12 +241,18 @@ fn a_wish_becomes_the_options_of_a_training() {
         method: Method::Gs3,
         iterations: Some(77),
         exposure: ExposureSwitch::On,
+        eval: true,
+        resolution: Resolution::Factor(2),
+        max_splats: Some(5_000),
+        masks: Masks::Object,
+        model: Some("some/model".into()),
     };
     let training = requested(&request).unwrap();
     let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
     expected.source = Some(std::path::absolute("some/scene").unwrap());
-    expected.data.eval = true;
+    (expected.data.eval, expected.data.resolution, expected.data.masks) = (true, Resolution::Factor(2), Masks::Object);
+    expected.densify.max_splats = Some(5_000);
     assert_eq!(*training.config(), expected);
     assert!(requested(&TrainingRequest { scene: Some(PathBuf::new()), ..request }).is_err());
 }

@@ -9,6 +9,25 @@ pub fn words<T: DeserializeOwned>() -> &'static [&'static str] {
     T::deserialize(Asked).err().map_or(&[], |Words(words)| words)
 }
 
+/// A number such as `5000`, `100k` or `1.5M`; none for other text.
+pub fn number(text: &str) -> Option<f64> {
+    let lower = text.trim().to_ascii_lowercase();
+    let (number, factor) = match (lower.strip_suffix('k'), lower.strip_suffix('m')) {
+        (Some(number), _) => (number, 1e3),
+        (_, Some(number)) => (number, 1e6),
+        _ => (lower.as_str(), 1.0),
+    };
+    let value = number.parse::<f64>().ok()? * factor;
+    // 4.1 times a million is a little less than 4,100,000.
+    let whole = value.round();
+    ((value - whole).abs() <= 1e-9 * whole).then_some(whole)
+}
+
+/// The same as a count from 1.
+pub fn count(text: &str) -> Option<u32> {
+    number(text).filter(|count| (1.0..=f64::from(u32::MAX)).contains(count)).map(|count| count as u32)
+}
+
 /// Writes enums as their words.
 macro_rules! display_words {
     ($($name:ty),+) => {

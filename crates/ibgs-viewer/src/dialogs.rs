@@ -17,6 +17,10 @@ pub enum Sought {
     ModelFile,
     /// A scene to train on.
     Scene,
+    /// A folder of photos without poses.
+    Photos,
+    /// A video.
+    Video,
 }
 
 /// Nobody cancels a dialog so soon after it was asked for: there was none.
@@ -109,6 +113,8 @@ pub fn native(sought: Sought) -> Option<PathBuf> {
             .add_filter("All files", &["*"])
             .pick_file(),
         Sought::Scene => dialog.set_title("Choose a scene folder").pick_folder(),
+        Sought::Photos => dialog.set_title("Choose a folder of photos").pick_folder(),
+        Sought::Video => dialog.set_title("Choose a video").pick_file(),
     }
 }
 

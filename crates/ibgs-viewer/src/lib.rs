@@ -20,6 +20,8 @@ pub mod mode;
 pub mod navigator;
 mod panels;
 mod path_editor;
+mod photos_form;
+mod preparing;
 mod recents;
 mod start_page;
 mod theme;
@@ -29,17 +31,18 @@ mod viewer;
 pub mod worker;
 
 pub use mode::Mode;
+pub use preparing::{PhotosRequest, Watch};
 pub use viewer::Viewer;
 
 #[cfg(target_arch = "wasm32")]
 pub use eframe::WebRunner;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, Preset, TrainConfig};
-use ibgs_core::dataset::{self, Dataset, HostPhoto, Point};
+use ibgs_core::dataset::{self, Dataset, HostPhoto, Masks, Point, Resolution};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::Model;
 use ibgs_core::output::cameras::{CameraRecord, Split};
@@ -142,6 +145,16 @@ pub struct TrainingRequest {
     pub iterations: Option<u32>,
     /// Whether the photos' exposures are corrected.
     pub exposure: ExposureSwitch,
+    /// Whether every 8th photo of a scene is held out, to measure on.
+    pub eval: bool,
+    /// Size of the photos.
+    pub resolution: Resolution,
+    /// Largest number of Gaussians; none: by the photos.
+    pub max_splats: Option<u32>,
+    /// What masked pixels mean.
+    pub masks: Masks,
+    /// The model folder to write; none: a new one in `output`.
+    pub model: Option<PathBuf>,
 }
 
 /// What a request leads to.
@@ -150,15 +163,26 @@ pub enum Outcome {
     Opened(Box<Opened>),
     /// A scene: the start page asks how to train on it.
     Scene(PathBuf),
+    /// Photos or a video without poses: the start page asks how to make a scene of them.
+    Photos(PathBuf),
 }
 
-/// Opens what a user asks for; called on the viewer's own thread.
-pub trait Open: Send + 'static {
+/// Opens what a user asks for; called on the viewer's own threads.
+pub trait Open: Send + Sync + 'static {
     /// Opens it on this GPU. `status` is called with what is being done.
     ///
     /// # Errors
     /// A sentence that names the file and what to do.
     fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
+
+    /// Makes a scene of photos or a video and returns its folder; other things may be opened meanwhile. It ends early, with an
+    /// error, once [`Watch::stop`] is true.
+    ///
+    /// # Errors
+    /// A sentence that names what is missing and what to do.
+    fn prepare(&self, _wanted: &PhotosRequest, _watch: &Watch) -> Result<PathBuf> {
+        bail!("this window makes no scenes of photos");
+    }
 
     /// Default number of iterations of the demo scene on this GPU.
     fn demo_iterations(&self, _gpu: &Gpu) -> u32 {

@@ -1,6 +1,8 @@
 //! What the start page holds.
 
 use crate::dialogs::Dialog;
+use crate::photos_form::PhotosForm;
+use crate::preparing::Preparing;
 use crate::recents::Recents;
 use crate::train_form::{PathField, TrainForm};
 use eframe::egui::{ColorImage, Context, TextureHandle, TextureOptions};
@@ -15,8 +17,11 @@ pub struct Start {
     pub shown: bool,
     /// A path that is being typed.
     pub address: PathField,
+    pub photos: PhotosForm,
+    pub preparing: Preparing,
     pub form: TrainForm,
-    /// The form is brought into sight.
+    /// The form for photos, or that for a training, is brought into sight.
+    pub finds_photos: bool,
     pub finds_form: bool,
     pub dialog: Dialog,
     pub recents: Recents,
@@ -29,7 +34,10 @@ impl Start {
         Self {
             shown: true,
             address: PathField::default(),
+            photos: PhotosForm::default(),
+            preparing: Preparing::default(),
             form: TrainForm::new(demo_iterations),
+            finds_photos: false,
             finds_form: false,
             dialog: Dialog::default(),
             recents: Recents::default(),
@@ -41,6 +49,13 @@ impl Start {
     pub fn show(&mut self) {
         self.shown = true;
         self.recents.forget();
+    }
+
+    /// Shows the page with a form for these photos.
+    pub fn ask_about_photos(&mut self, photos: PathBuf) {
+        self.photos.set_input(photos);
+        self.show();
+        self.finds_photos = true;
     }
 
     /// Shows the page with a form for a training on this scene.

@@ -3,6 +3,8 @@
 use crate::{OpenRequest, TrainingRequest};
 use eframe::egui::{Grid, TextEdit, Ui};
 use ibgs_core::config::{ExposureSwitch, Method, Preset, TrainConfig};
+use ibgs_core::dataset::{Masks, Resolution};
+use ibgs_core::words::count;
 use std::path::PathBuf;
 
 const METHODS: [(Method, &str, &str); 2] = [
@@ -22,6 +24,16 @@ const EXPOSURES: [(ExposureSwitch, &str, &str); 3] = [
     (ExposureSwitch::On, "on", "Correct the photos' exposures in the whole training"),
     (ExposureSwitch::Off, "off", "Take the photos as they are"),
 ];
+
+const MASKS: [(Masks, &str, &str); 2] = [
+    (Masks::Ignore, "left out", "What lies outside of the masks does not count"),
+    (Masks::Object, "empty", "What lies outside of the masks is empty space around an object"),
+];
+
+/// What an empty number means.
+const BY_PHOTOS: &str = "by the photos";
+/// Width of a number in points.
+const NUMBER: f32 = 120.0;
 
 /// A text that stands for a path; what was chosen keeps names that are no text.
 #[derive(Clone, Debug, Default)]
@@ -64,6 +76,13 @@ pub struct TrainForm {
     /// As typed; empty: as usual.
     iterations: String,
     exposure: ExposureSwitch,
+    /// As typed; empty: as they are.
+    resolution: String,
+    /// As typed; empty: by the photos.
+    max_splats: String,
+    masks: Masks,
+    eval: bool,
+    model: PathField,
     /// Default number of the demo scene.
     demo_iterations: u32,
     /// Why it cannot be used, in one sentence.
@@ -80,6 +99,11 @@ impl TrainForm {
             method: Method::default(),
             iterations: String::new(),
             exposure: ExposureSwitch::default(),
+            resolution: String::new(),
+            max_splats: String::new(),
+            masks: Masks::default(),
+            eval: false,
+            model: PathField::default(),
             demo_iterations,
             error: None,
         }
@@ -103,54 +127,44 @@ impl TrainForm {
             Ok(iterations) if iterations > 0 => Some(iterations),
             _ => return Err(format!("the length `{text}` is not a number of iterations; give a whole number from 1")),
         };
-        let Self { preset, method, exposure, .. } = *self;
-        Ok(TrainingRequest { scene, preset, method, iterations, exposure })
+        let text = self.max_splats.trim();
+        let max_splats = match count(text) {
+            None if !text.is_empty() => {
+                return Err(format!("`{text}` is no number of Gaussians; write it as 5000, 100k or 1.5M"));
+            }
+            count => count,
+        };
+        let Self { preset, method, exposure, masks, eval, .. } = *self;
+        let usual = TrainingRequest { preset, method, iterations, exposure, max_splats, ..TrainingRequest::default() };
+        let model = self.model.path();
+        if self.is_demo {
+            return Ok(TrainingRequest { model, ..usual });
+        }
+        Ok(TrainingRequest { scene, model, resolution: self.resolution()?, masks, eval, ..usual })
+    }
+
+    /// Size of the photos.
+    fn resolution(&self) -> Result<Resolution, String> {
+        match self.resolution.trim() {
+            "" => Ok(Resolution::default()),
+            text => text.parse().map_err(|_| {
+                format!("`{text}` is no size of photos; 1, 2, 4 or 8 divide it, a larger number is the width in pixels")
+            }),
+        }
     }
 
     /// Shows the form; returns what was asked for.
     pub fn show(&mut self, ui: &mut Ui) -> Option<Asked> {
-        let (room, mut browses) = ((ui.available_width() - 180.0).clamp(80.0, 260.0), false);
+        let (room, mut browses) = ((ui.available_width() - 190.0).clamp(80.0, 260.0), false);
         Grid::new("training form").num_columns(2).spacing([12.0, 8.0]).show(ui, |ui| {
-            ui.label("Photos");
-            ui.horizontal(|ui| {
-                ui.radio_value(&mut self.is_demo, false, "my scene");
-                ui.radio_value(&mut self.is_demo, true, "demo scene")
-                    .on_hover_text("A furnished room with a mirror ball, built in");
-            });
-            ui.end_row();
-            let label = ui.label("Scene folder").id;
-            ui.add_enabled_ui(!self.is_demo, |ui| {
-                ui.horizontal(|ui| {
-                    let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
-                    ui.add(field.desired_width(room))
-                        .labelled_by(label)
-                        .on_hover_text("Photos with their poses, of COLMAP, transforms.json or another program");
-                    browses = ui.button("Browse...").clicked();
-                });
-            });
-            ui.end_row();
-            let before = self.preset;
-            choices(ui, "Preset", &PRESETS, &mut self.preset);
-            if self.preset != before {
-                self.exposure = TrainConfig::preset(self.preset).exposure.enabled;
-            }
-            choices(ui, "Method", &METHODS, &mut self.method);
-            let label = ui.label("Iterations").id;
-            let usual = match TrainConfig::preset(self.preset).iterations {
-                Some(iterations) => iterations.to_string(),
-                None if self.is_demo => format!("{} (default)", self.demo_iterations),
-                None => "by the photos".to_owned(),
-            };
-            let field = TextEdit::singleline(&mut self.iterations).hint_text(usual);
-            ui.add(field.desired_width(120.0))
-                .labelled_by(label)
-                .on_hover_text("Length of the training; 7000 is a short one");
-            ui.end_row();
-            choices(ui, "Exposure", &EXPOSURES, &mut self.exposure);
+            browses = self.source(room, ui);
+            self.method(ui);
+            self.photos(ui);
+            let hint = "a new one in `output`";
+            row(ui, "Model folder", &mut self.model.text, (hint, room), "What is written; it must be new or empty");
         });
         ui.add_space(4.0);
-        let clicked =
-            ui.button("Train").on_hover_text("Begin; the model is written to a new folder in `output`").clicked();
+        let clicked = ui.button("Train").on_hover_text("Begin; you can watch it in this window").clicked();
         let wanted = clicked.then(|| self.request());
         if let Some(wanted) = &wanted {
             self.error = wanted.as_ref().err().cloned();
@@ -166,6 +180,71 @@ impl TrainForm {
             None => browses.then_some(Asked::Browse),
         }
     }
+
+    /// What is trained on; whether a file dialog is asked for.
+    fn source(&mut self, room: f32, ui: &mut Ui) -> bool {
+        ui.label("Photos");
+        ui.horizontal(|ui| {
+            ui.radio_value(&mut self.is_demo, false, "my scene");
+            ui.radio_value(&mut self.is_demo, true, "demo scene")
+                .on_hover_text("A furnished room with a mirror ball, built in");
+        });
+        ui.end_row();
+        let label = ui.label("Scene folder").id;
+        let browses = ui.add_enabled_ui(!self.is_demo, |ui| {
+            ui.horizontal(|ui| {
+                let field = TextEdit::singleline(&mut self.scene.text).hint_text("folder or .zip");
+                ui.add(field.desired_width(room))
+                    .labelled_by(label)
+                    .on_hover_text("Photos with their poses, of COLMAP, transforms.json or another program");
+                ui.button("Browse...").clicked()
+            })
+        });
+        ui.end_row();
+        browses.inner.inner
+    }
+
+    /// How it is trained.
+    fn method(&mut self, ui: &mut Ui) {
+        let before = self.preset;
+        choices(ui, "Preset", &PRESETS, &mut self.preset);
+        if self.preset != before {
+            self.exposure = TrainConfig::preset(self.preset).exposure.enabled;
+        }
+        choices(ui, "Method", &METHODS, &mut self.method);
+        let usual = match TrainConfig::preset(self.preset).iterations {
+            Some(iterations) => iterations.to_string(),
+            None if self.is_demo => format!("{} (default)", self.demo_iterations),
+            None => BY_PHOTOS.to_owned(),
+        };
+        row(ui, "Iterations", &mut self.iterations, (&usual, NUMBER), "Length of the training; 7000 is a short one");
+        let hint = if self.is_demo { "as usual" } else { BY_PHOTOS };
+        let text = "Most Gaussians, such as 500k or 1.5M: fewer take less memory and time, and show less";
+        row(ui, "Gaussians", &mut self.max_splats, (hint, NUMBER), text);
+    }
+
+    /// How the photos are taken.
+    fn photos(&mut self, ui: &mut Ui) {
+        choices(ui, "Exposure", &EXPOSURES, &mut self.exposure);
+        if self.is_demo {
+            return;
+        }
+        let text = "Divided by 1, 2, 4 or 8; a larger number is the width in pixels";
+        row(ui, "Photo size", &mut self.resolution, ("as they are", NUMBER), text);
+        choices(ui, "Beyond masks", &MASKS, &mut self.masks);
+        ui.label("Held out");
+        ui.checkbox(&mut self.eval, "every 8th photo")
+            .on_hover_text("Keep these photos out of the training, and measure the model on them");
+        ui.end_row();
+    }
+}
+
+/// A row with a text: its name, its hint and width, and what it means.
+fn row(ui: &mut Ui, name: &str, text: &mut String, (hint, width): (&str, f32), meaning: &str) {
+    let label = ui.label(name).id;
+    let field = TextEdit::singleline(text).hint_text(hint);
+    ui.add(field.desired_width(width)).labelled_by(label).on_hover_text(meaning);
+    ui.end_row();
 }
 
 /// A row with one of several values.

@@ -20,7 +20,7 @@ use crate::start_page::Start;
 use crate::theme;
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
-use crate::{Open, OpenRequest, Opened, Outcome, Scene};
+use crate::{Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene};
 use glam::DVec3;
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::gpu::{Gpu, GpuError};
@@ -160,6 +160,10 @@ impl Viewer {
             Some(Outcome::Opened(opened)) => Some(*opened),
             Some(Outcome::Scene(path)) => {
                 start.ask_about(path);
+                None
+            }
+            Some(Outcome::Photos(path)) => {
+                start.ask_about_photos(path);
                 None
             }
             None => None,
@@ -308,6 +312,20 @@ impl Viewer {
             true => self.ask(Next::Open(wanted)),
             false => self.request(wanted),
         }
+    }
+
+    /// Makes a scene of photos; what is open stays.
+    pub(crate) fn prepare(&mut self, wanted: PhotosRequest) {
+        (self.error, self.message) = (None, None);
+        self.start.preparing.begin();
+        self.worker.stop_preparing(false);
+        self.send(Command::Prepare(Box::new(wanted)));
+    }
+
+    /// Stops that; what is done of it is kept.
+    pub(crate) fn stop_preparing(&mut self) {
+        self.start.preparing.stops = true;
+        self.worker.stop_preparing(true);
     }
 
     fn request(&mut self, wanted: OpenRequest) {

@@ -10,14 +10,16 @@ pub use messages::{Command, Message, ModelFacts, Rendered, Request, Sheet};
 use crate::edit_work::{EditWork, EditedRenderers};
 use crate::film::Shoot;
 use crate::looks::Looks;
-use crate::{Content, Open, Opened, Outcome, Training};
+use crate::preparing::{Sign, Watch};
+use crate::{Content, Open, Opened, Outcome, PhotosRequest, Training};
 use eframe::egui;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::present::Presenter;
 use ibgs_core::render::Renderer;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-#[cfg(not(target_arch = "wasm32"))]
+use std::sync::{Mutex, PoisonError};
 use std::thread::JoinHandle;
 use web_time::Instant;
 
@@ -26,6 +28,8 @@ pub struct Worker {
     commands: async_channel::Sender<Command>,
     /// Messages from the worker.
     pub messages: Receiver<Message>,
+    /// A preparation is to stop.
+    stop: Arc<AtomicBool>,
     #[cfg(not(target_arch = "wasm32"))]
     thread: Option<JoinHandle<()>>,
 }
@@ -35,17 +39,19 @@ impl Worker {
     pub fn start(gpu: Arc<Gpu>, opener: impl Open, opened: Option<Opened>, window: egui::Context) -> Self {
         let (commands, received) = async_channel::unbounded();
         let (sender, messages) = channel();
-        let state = WorkerState { gpu, opener: Box::new(opener), messages: sender, window };
+        let stop = Arc::new(AtomicBool::new(false));
+        let (opener, preparing) = (Arc::new(opener), Mutex::default());
+        let state = WorkerState { gpu, opener, messages: sender, window, stop: stop.clone(), preparing };
         #[cfg(target_arch = "wasm32")]
         {
             wasm_bindgen_futures::spawn_local(state.work(received, opened));
-            Self { commands, messages }
+            Self { commands, messages, stop }
         }
         #[cfg(not(target_arch = "wasm32"))]
         {
             let thread = std::thread::Builder::new().name("viewer worker".to_owned());
             let thread = thread.spawn(move || pollster::block_on(state.work(received, opened)));
-            Self { commands, messages, thread: Some(thread.expect("a thread can be started")) }
+            Self { commands, messages, stop, thread: Some(thread.expect("a thread can be started")) }
         }
     }
 
@@ -53,11 +59,17 @@ impl Worker {
     pub fn send(&self, command: Command) -> bool {
         self.commands.try_send(command).is_ok()
     }
+
+    /// Stops a preparation, or allows the next one.
+    pub fn stop_preparing(&self, stop: bool) {
+        self.stop.store(stop, Ordering::Relaxed);
+    }
 }
 
 impl Drop for Worker {
-    /// Waits until a training is saved.
+    /// Waits until a training is saved; a preparation stops.
     fn drop(&mut self) {
+        self.stop_preparing(true);
         self.commands.close();
         #[cfg(not(target_arch = "wasm32"))]
         if let Some(thread) = self.thread.take() {
@@ -69,9 +81,12 @@ impl Drop for Worker {
 /// What the worker owns as long as it runs.
 struct WorkerState {
     gpu: Arc<Gpu>,
-    opener: Box<dyn Open>,
+    opener: Arc<dyn Open>,
     messages: Sender<Message>,
     window: egui::Context,
+    stop: Arc<AtomicBool>,
+    /// The thread that makes a scene of photos.
+    preparing: Mutex<Option<JoinHandle<()>>>,
 }
 
 #[derive(Default)]
@@ -181,6 +196,9 @@ impl WorkerState {
             }
         }
         self.end(&mut work);
+        if let Some(preparing) = self.preparing.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            let _ = preparing.join();
+        }
     }
 
     fn take(&self, work: &mut Work, opened: Opened) {
@@ -203,9 +221,11 @@ impl WorkerState {
                         self.take(work, *opened);
                     }
                     Ok(Outcome::Scene(path)) => self.send(Message::Scene(path)),
+                    Ok(Outcome::Photos(path)) => self.send(Message::Photos(path)),
                     Err(error) => self.failed(&error),
                 }
             }
+            Command::Prepare(wanted) => self.prepare(*wanted),
             Command::Replace(opened, revision) => {
                 let edit = EditWork::of_revision(revision);
                 *work = Work { content: Some(opened.content), edit, request: work.request.take(), ..Work::default() };
@@ -245,6 +265,23 @@ impl WorkerState {
                 Ok(None) => {}
                 Err(error) => self.failed(&error),
             },
+        }
+    }
+
+    /// Makes a scene of photos, on a thread of its own.
+    fn prepare(&self, wanted: PhotosRequest) {
+        let watch = Watch::new(self.messages.clone(), self.window.clone(), self.stop.clone());
+        let opener = self.opener.clone();
+        let work = move || {
+            watch.send(match opener.prepare(&wanted, &watch) {
+                Ok(scene) => Sign::Made(scene),
+                Err(_) if watch.is_stopped() => Sign::Stopped,
+                Err(error) => Sign::Failed(opener.sentence(&error)),
+            });
+        };
+        match std::thread::Builder::new().name("photos to poses".to_owned()).spawn(work) {
+            Ok(thread) => *self.preparing.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread),
+            Err(error) => self.send(Message::Preparing(Sign::Failed(format!("no thread can be started: {error}")))),
         }
     }
 

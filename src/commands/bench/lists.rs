@@ -1,7 +1,7 @@
 //! Lists of counts and image sizes on the command line.
 
-use crate::commands::number;
 use anyhow::{Result, bail};
+use ibgs_core::words::number;
 
 /// Largest image side in pixels.
 const MAX_SIDE: u32 = 16_384;

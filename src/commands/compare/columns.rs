@@ -1,7 +1,7 @@
 //! The columns in which models are compared.
 
-use crate::commands::report::duration;
 use ibgs_core::output::figures::{Figures, Means};
+use ibgs_core::progress::duration;
 
 /// One figure of a model.
 pub struct Column {

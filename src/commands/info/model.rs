@@ -1,6 +1,6 @@
 //! What `ibgs info` says of a model folder or a bundle.
 
-use crate::commands::report::{duration, megabytes};
+use crate::commands::report::megabytes;
 use crate::commands::train::DemoDefaults;
 use crate::stdout;
 use anyhow::Result;
@@ -12,6 +12,7 @@ use ibgs_core::local_space::Length;
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::figures::{Figures, Means};
+use ibgs_core::progress::duration;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -200,6 +201,7 @@ fn by_photos(config: &TrainConfig, photos: usize, pixels: u64) -> TrainConfig {
     let adapted = |iterations: Option<u32>| {
         let mut config = TrainConfig { iterations, ..config.clone() };
         (config.densify.max_splats, config.learning_rates.factor) = (None, None);
+        (config.residual.start, config.residual.burn_in, config.residual.halve_at) = (None, None, None);
         config.adapt_to_photos(photos, pixels);
         config
     };
@@ -208,6 +210,9 @@ fn by_photos(config: &TrainConfig, photos: usize, pixels: u64) -> TrainConfig {
     let mut usual = TrainConfig { ensemble, iterations: by_photos.iterations, ..TrainConfig::default() };
     usual.densify.max_splats = by_photos.densify.max_splats;
     usual.learning_rates.factor = by_length.learning_rates.factor;
+    let residual = by_length.residual;
+    (usual.residual.start, usual.residual.burn_in) = (residual.start, residual.burn_in);
+    usual.residual.halve_at = residual.halve_at;
     usual
 }
 

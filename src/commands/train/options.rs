@@ -2,11 +2,11 @@
 
 use super::Args;
 use super::start::{Reports, output};
-use crate::commands::number;
 use anyhow::{Result, bail};
 use clap::Parser;
 use ibgs_core::config::{Background, ConfigError, PoseSwitch, TrainConfig};
 use ibgs_core::output::Existing;
+use ibgs_core::words::count;
 use ibgs_train::Session;
 use ibgs_train::session::{Output, SessionBuilder, StoppedTraining};
 use std::ffi::OsString;
@@ -23,10 +23,7 @@ struct Line {
 
 /// Parses a number of Gaussians.
 pub fn splats(text: &str) -> Result<u32, String> {
-    match number(text) {
-        Some(count) if (1.0..=f64::from(u32::MAX)).contains(&count) => Ok(count as u32),
-        _ => Err("write it as 5000, 100k or 1.5M".to_owned()),
-    }
+    count(text).ok_or_else(|| "write it as 5000, 100k or 1.5M".to_owned())
 }
 
 /// Parses a number of minutes, up to a year.

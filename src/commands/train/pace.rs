@@ -1,7 +1,7 @@
 //! Lines about a training that no bar shows, for log files: each after half a minute or a twentieth of the iterations.
 
-use crate::commands::report::duration;
 use ibgs_core::output::log::TrainingProgress;
+use ibgs_core::progress::duration;
 use std::time::{Duration, Instant};
 
 /// Longest time between two lines.

@@ -61,13 +61,13 @@ fn free(name: &str) -> Output {
 pub fn requested(request: &TrainingRequest) -> Result<SessionBuilder> {
     let mut config = TrainConfig::preset(request.preset);
     config.method = request.method;
-    // Held-out photos let the window measure the training.
-    config.data.eval = request.scene.is_some();
+    (config.data.eval, config.data.resolution, config.data.masks) = (request.eval, request.resolution, request.masks);
+    config.densify.max_splats = request.max_splats.or(config.densify.max_splats);
     // Absolute: the model may be opened from another working directory.
     config.source = request.scene.as_ref().map(std::path::absolute).transpose()?;
     config.iterations = request.iterations.or(config.iterations);
     config.exposure.enabled = request.exposure;
-    let output = output(None, Existing::Keep, &config);
+    let output = output(request.model.as_deref(), Existing::Keep, &config);
     Ok(Session::builder(config).output(output))
 }
 

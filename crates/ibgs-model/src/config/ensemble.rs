@@ -7,7 +7,8 @@ use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwi
 const MOST: u32 = 8;
 /// Bases where none are asked for.
 const USUAL: u32 = 2;
-/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done.
+/// Iterations of a further member at most, unless it is a chain of MCMC beside several others: its image needs no surface, and a
+/// base alone is about done.
 const MEMBER_ITERATIONS: u32 = 7_000;
 /// What the seeds of two members differ by.
 const SEED_STEP: u64 = 0x9e37_79b9;
@@ -24,14 +25,15 @@ impl TrainConfig {
         count as usize
     }
 
-    /// Number of bases where none is given. What is an object's is hardly chance, and its residual fits its own base best.
+    /// Number of bases where none is given.
     pub fn usual_ensemble(&self) -> u32 {
         let is_usual = self.method == Method::Ibgs && self.densify.strategy == Strategy::Default;
-        if is_usual && self.init.is_none() && !self.data.shows_object() { USUAL } else { 1 }
+        if is_usual && self.init.is_none() { USUAL } else { 1 }
     }
 
     /// The options of a further member of an ensemble, counted from 2, with random numbers of its own: a training like the first,
-    /// or plain splatting by the same strategy and by MCMC in turn.
+    /// or plain splatting by the same strategy and by MCMC in turn; of an object by MCMC first, as what the strategy gets wrong on
+    /// one is hardly chance.
     pub fn of_member(&self, number: u32) -> Self {
         let seed = self.seed.wrapping_add(SEED_STEP * u64::from(number - 1)) & i64::MAX as u64;
         let mut like_the_first = Self { seed, ..self.single() };
@@ -41,13 +43,13 @@ impl TrainConfig {
         let Some(plain) = number.checked_sub(self.residual.networks + 1) else { return like_the_first };
         let mut member = Self { method: Method::Gs3, schedule_scaling: true, ..like_the_first };
         member.learning_rates.factor = None;
-        let mut iterations = self.iterations();
-        if plain % 2 == 1 {
+        let is_chain = (plain % 2 == 1) != self.data.shows_object();
+        if is_chain {
             member.densify.strategy = Strategy::Mcmc;
-        } else {
-            iterations = iterations.min(MEMBER_ITERATIONS);
         }
-        member.iterations = Some(iterations);
+        let is_short = !is_chain || self.ensemble() == USUAL;
+        let iterations = self.iterations();
+        member.iterations = Some(if is_short { iterations.min(MEMBER_ITERATIONS) } else { iterations });
         member
     }
 
@@ -104,6 +106,25 @@ mod tests {
     }
 
     #[test]
+    fn an_object_has_a_chain_first() {
+        let of_object = |count, networks| {
+            let mut config = ensemble(count, networks);
+            config.data.masks = crate::dataset::Masks::Object;
+            config
+        };
+        let kind = |config: &TrainConfig, number| {
+            let member = config.of_member(number);
+            (member.densify.strategy, member.iterations())
+        };
+        assert_eq!(kind(&of_object(2, 1), 2), (Strategy::Mcmc, MEMBER_ITERATIONS));
+        assert_eq!(kind(&ensemble(2, 1), 2), (Strategy::Default, MEMBER_ITERATIONS));
+        let best = of_object(6, 2);
+        let kinds = [3, 4, 5, 6].map(|number| kind(&best, number));
+        let (chain, plain) = ((Strategy::Mcmc, 9_000), (Strategy::Default, MEMBER_ITERATIONS));
+        assert_eq!(kinds, [chain, plain, chain, plain]);
+    }
+
+    #[test]
     fn an_ensemble_has_bounds() {
         let message = |config: TrainConfig| config.validate().unwrap_err().to_string();
         assert!(message(ensemble(0, 1)).contains("between 1 and 8"));
@@ -126,7 +147,7 @@ mod tests {
         object.data.masks = crate::dataset::Masks::Object;
         let plain = TrainConfig { method: Method::Gs3, ..TrainConfig::default() };
         let warm = TrainConfig { init: Some("a.ply".into()), ..TrainConfig::default() };
-        assert_eq!([chain, object, plain, warm, ensemble(1, 1)].map(count), [1; 5]);
-        assert_eq!([TrainConfig::default(), ensemble(6, 2)].map(count), [2, 6]);
+        assert_eq!([chain, plain, warm, ensemble(1, 1)].map(count), [1; 4]);
+        assert_eq!([TrainConfig::default(), object, ensemble(6, 2)].map(count), [2, 2, 6]);
     }
 }

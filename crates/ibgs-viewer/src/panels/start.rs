@@ -2,6 +2,7 @@
 
 use crate::OpenRequest;
 use crate::dialogs::{Answer, Sought, native};
+use crate::photos_form;
 use crate::recents::Recent;
 use crate::train_form::Asked;
 use crate::viewer::Viewer;
@@ -21,7 +22,8 @@ const TILE_PICTURE: Vec2 = Vec2::new(120.0, 80.0);
 const STEPS: [(&str, &str); 3] = [
     (
         "1. Photos to poses",
-        "Run `ibgs prepare PHOTOS -o SCENE` in a terminal. It finds out where each photo was taken, and makes a scene folder.",
+        "Drop a folder of photos or a video into this window, or choose it in the form. COLMAP finds out where each photo was \
+         taken, and a scene folder is made. `ibgs prepare` does the same in a terminal.",
     ),
     ("2. Train", "Choose the scene folder and press Train. You can watch, pause and save the training in this window."),
     (
@@ -35,6 +37,7 @@ const STEPS: [(&str, &str); 3] = [
 pub fn chosen(viewer: &mut Viewer) {
     match viewer.start.dialog.answer() {
         Some(Answer::Chosen(Sought::Scene, path)) => viewer.start.ask_about(path),
+        Some(Answer::Chosen(Sought::Photos | Sought::Video, path)) => viewer.start.ask_about_photos(path),
         Some(Answer::Chosen(Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(OpenRequest::Path(path)),
         Some(Answer::NoDialog) => {
             viewer.error = Some("this system shows no file dialog; type the path on the start page".to_owned());
@@ -204,9 +207,35 @@ fn welcome(viewer: &mut Viewer, ui: &mut Ui) {
     ui.add_space(8.0);
     ui.horizontal_wrapped(|ui| dialogs(viewer, ui));
     address(viewer, ui);
-    ui.weak("Or drop a model folder, an .ibgs bundle, a PLY file or a scene folder into this window.");
+    ui.weak("Or drop a model folder, an .ibgs bundle, a PLY file, a scene folder, photos or a video into this window.");
     ui.add_space(8.0);
     recents(viewer, ui);
+}
+
+/// The form for photos, and how far their preparation is.
+fn photos(viewer: &mut Viewer, ui: &mut Ui) {
+    let shown = ui.group(|ui| {
+        ui.heading("Find poses of photos");
+        let start = &mut viewer.start;
+        start.photos.show(&start.preparing, ui)
+    });
+    if std::mem::take(&mut viewer.start.finds_photos) {
+        shown.response.scroll_to_me(None);
+    }
+    match shown.inner {
+        Some(photos_form::Asked::BrowsePhotos) => viewer.start.dialog.ask(Sought::Photos, ui.ctx(), native),
+        Some(photos_form::Asked::BrowseVideo) => viewer.start.dialog.ask(Sought::Video, ui.ctx(), native),
+        Some(photos_form::Asked::Prepare(wanted)) => viewer.prepare(wanted),
+        Some(photos_form::Asked::Stop) => viewer.stop_preparing(),
+        None => {}
+    }
+}
+
+/// Both forms.
+fn forms(viewer: &mut Viewer, ui: &mut Ui) {
+    photos(viewer, ui);
+    ui.add_space(8.0);
+    form(viewer, ui);
 }
 
 fn form(viewer: &mut Viewer, ui: &mut Ui) {
@@ -244,11 +273,11 @@ pub fn start(viewer: &mut Viewer, ui: &mut Ui) {
             welcome(viewer, ui);
             if !is_wide {
                 ui.add_space(8.0);
-                form(viewer, ui);
+                forms(viewer, ui);
             }
         });
         if is_wide {
-            ui.scope_builder(column(rest + gap, FORM), |ui| form(viewer, ui));
+            ui.scope_builder(column(rest + gap, FORM), |ui| forms(viewer, ui));
         }
     });
 }

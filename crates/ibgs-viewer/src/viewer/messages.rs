@@ -6,6 +6,7 @@ use crate::Scene;
 use crate::curves::Curves;
 use crate::edit::Edit;
 use crate::mode::Mode;
+use crate::preparing::Sign;
 use crate::thumbnails::Thumbnails;
 use crate::worker::Message;
 use eframe::egui::{self, ViewportCommand};
@@ -35,6 +36,11 @@ impl Viewer {
                     self.doing = None;
                     self.start.ask_about(path);
                 }
+                Message::Photos(path) => {
+                    self.doing = None;
+                    self.start.ask_about_photos(path);
+                }
+                Message::Preparing(sign) => self.prepared(sign),
                 Message::Rendered(rendered) => {
                     self.canvas.take(*rendered);
                     self.leave_what_is_not_offered();
@@ -100,6 +106,20 @@ impl Viewer {
         self.reset();
         if let Some(link) = self.link.take() {
             self.follow_link(&link);
+        }
+    }
+
+    /// Takes how a preparation goes. Where something else is looked at when it ends, that stays.
+    fn prepared(&mut self, sign: Sign) {
+        self.start.preparing.take(&sign);
+        match sign {
+            Sign::Made(scene) if self.start.shown => self.start.ask_about(scene),
+            Sign::Made(scene) => {
+                self.message = Some(format!("{} is ready: the start page trains on it", scene.display()));
+                self.start.form.set_scene(scene);
+            }
+            Sign::Failed(sentence) => self.error = Some(sentence),
+            _ => {}
         }
     }
 

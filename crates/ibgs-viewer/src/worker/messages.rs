@@ -4,7 +4,8 @@ use crate::edit_work::{EditCommand, EditMessage};
 use crate::film::Film;
 use crate::looks::Look;
 use crate::mode::{Mode, Style};
-use crate::{OpenRequest, Opened, Scene};
+use crate::preparing::Sign;
+use crate::{OpenRequest, Opened, PhotosRequest, Scene};
 use ibgs_core::camera::Camera;
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
@@ -39,6 +40,8 @@ pub struct Sheet {
 pub enum Command {
     /// Open something in place of what is open.
     Open(OpenRequest),
+    /// Make a scene of photos.
+    Prepare(Box<PhotosRequest>),
     /// Show another model of the same scene, as this revision.
     Replace(Box<Opened>, u32),
     /// Render a view; of several the last one counts.
@@ -109,6 +112,10 @@ pub enum Message {
     Replaced(Box<Scene>, u32),
     /// What was to be opened is a scene.
     Scene(PathBuf),
+    /// What was to be opened are photos without poses, or a video.
+    Photos(PathBuf),
+    /// How a preparation goes.
+    Preparing(Sign),
     /// A finished frame.
     Rendered(Box<Rendered>),
     /// Why a pixel looks as it does.
