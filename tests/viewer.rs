@@ -9,6 +9,7 @@ mod look;
 mod open;
 mod photos;
 mod pixel;
+mod share;
 mod train;
 
 use crate::small::{image_part, small_model};

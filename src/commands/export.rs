@@ -7,12 +7,14 @@ use super::model::FileArgs;
 use crate::progress::Bars;
 use crate::stderr;
 use anyhow::{Result, bail};
-use clap::{ArgGroup, Args as ClapArgs};
+use clap::{ArgGroup, Args as ClapArgs, FromArgMatches};
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::scene::{
     Format, Gaussians, PlyFlavor, SpzVersion, read_gaussians, write_gaussians, write_ply, write_spz,
 };
+use ibgs_viewer::{ShareKind, ShareRequest};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -112,11 +114,30 @@ impl BundleArgs {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    write(args)?.iter().for_each(|line| stderr!("{line}"));
+    Ok(())
+}
+
+/// Writes what is asked for; returns what to tell of it, a line each.
+fn write(args: &Args) -> Result<Vec<String>> {
     match (&args.web, &args.cameras) {
-        (Some(folder), _) => web::write(args, folder),
-        (_, Some(folder)) => cameras::write(args, folder),
+        (Some(folder), _) => Ok(vec![web::write(args, folder)?]),
+        (_, Some(folder)) => Ok(vec![cameras::write(args, folder)?]),
         _ => file(args, args.output.as_ref().expect("one of the three is required")),
     }
+}
+
+/// The same as the window asks for it.
+pub fn shared(request: &ShareRequest) -> Result<Vec<String>> {
+    let target = if request.kind == ShareKind::Page { "--web=" } else { "--output=" };
+    let mut target = OsString::from(target);
+    target.push(&request.target);
+    let mut words = vec!["export".into(), target];
+    words.extend(request.replaces.then(|| "--overwrite".into()));
+    words.extend((request.kind == ShareKind::Bundle && request.is_small).then(|| "--quality=90".into()));
+    words.extend(["--".into(), request.model.clone().into_os_string()]);
+    let command = Args::augment_args(clap::Command::new("export"));
+    write(&Args::from_arg_matches(&command.try_get_matches_from(words)?)?)
 }
 
 /// Refuses a folder in which there is something.
@@ -129,7 +150,7 @@ fn refuse_taken(folder: &Path, overwrite: bool) -> Result<()> {
 }
 
 /// Writes the model as one file.
-fn file(args: &Args, output: &Path) -> Result<()> {
+fn file(args: &Args, output: &Path) -> Result<Vec<String>> {
     if output.exists() && !args.overwrite {
         bail!("{} is there already; choose another name or allow `--overwrite`", output.display());
     }
@@ -153,11 +174,11 @@ fn file(args: &Args, output: &Path) -> Result<()> {
     }
     let usual = if args.levels { Packing::Levels } else { Packing::Lossless };
     args.bundle.of(args.model.read()?)?.write(output, args.bundle.packing(usual))?;
-    said(output)
+    Ok(vec![said(output)?])
 }
 
 /// Writes the Gaussians of a model, or of a file of them, and says what the format leaves out.
-fn gaussians_alone(args: &Args, output: &Path, format: Format) -> Result<()> {
+fn gaussians_alone(args: &Args, output: &Path, format: Format) -> Result<Vec<String>> {
     if args.plain && format != Format::Ply {
         bail!("`--plain` is for files in `.ply`; leave it out");
     }
@@ -167,16 +188,13 @@ fn gaussians_alone(args: &Args, output: &Path, format: Format) -> Result<()> {
         Format::Spz => write_spz(output, &gaussians, args.spz.unwrap_or_default())?,
         _ => write_gaussians(output, &gaussians, format)?,
     }
-    for loss in format.losses(&gaussians) {
-        stderr!("note: {}: {loss}", output.display());
-    }
-    said(output)
+    let notes = format.losses(&gaussians).into_iter().map(|loss| format!("note: {}: {loss}", output.display()));
+    notes.map(Ok).chain(std::iter::once_with(|| said(output))).collect()
 }
 
 /// Says that the file is there, and its size.
-fn said(output: &Path) -> Result<()> {
-    stderr!("{} written, {:.1} MB", output.display(), output.metadata()?.len() as f64 * 1e-6);
-    Ok(())
+fn said(output: &Path) -> Result<String> {
+    Ok(format!("{} written, {:.1} MB", output.display(), output.metadata()?.len() as f64 * 1e-6))
 }
 
 fn gaussians(args: &Args) -> Result<Gaussians> {

@@ -101,7 +101,7 @@ pub struct Args {
     #[arg(long)]
     seed: Option<u64>,
     /// Number of bases, trained side by side, whose mean is the base image: more true to the scene, at more time and memory
-    /// [default: 2, and 1 with `--init`, `--method 3dgs`, another `--densify`, or a software adapter].
+    /// [default: 2, and 1 with `--init`, `--method 3dgs`, another `--densify`, photos with alpha, or a software adapter].
     #[arg(long, value_name = "N")]
     ensemble: Option<u32>,
     /// Repeat bit for bit on the same adapter and build, resumed or not; checkpoints are larger.
@@ -173,7 +173,7 @@ pub struct Args {
     log_json: Option<PathBuf>,
 
     /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: with two bases 130 for
-    /// each training photo, 5000 to 11000, otherwise and for objects 200, 7000 to 30000; with another `--densify` or without
+    /// each training photo, 5000 to 11000, otherwise, and for photos with alpha, 200, 7000 to 30000; with another `--densify` or without
     /// scaling 30000; with `--init` 3000; demo scene 10000, on a software adapter 200].
     #[arg(long, alias = "total-train-iters", help_heading = heading::LENGTH)]
     iterations: Option<u32>,

@@ -1,5 +1,6 @@
 //! `ibgs view`
 
+use super::export::shared;
 use super::model::{FileArgs, ModelArgs};
 use super::open_gpu;
 use super::prepare::{Programs, scene_in_window};
@@ -25,7 +26,8 @@ use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::session::SessionBuilder;
 use ibgs_viewer::{
-    Content, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, Training, TrainingRequest, View, Watch,
+    Content, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, ShareRequest, Training, TrainingRequest, View,
+    Watch,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -256,6 +258,10 @@ impl Open for Opener {
 
     fn demo_iterations(&self, gpu: &Gpu) -> u32 {
         DemoDefaults::of(gpu).iterations
+    }
+
+    fn share(&self, wanted: &ShareRequest) -> Result<Vec<String>> {
+        shared(wanted)
     }
 
     fn prepare(&self, wanted: &PhotosRequest, watch: &Watch) -> Result<PathBuf> {

@@ -53,8 +53,8 @@ pub enum Method {
 pub struct TrainConfig {
     /// What is trained.
     pub method: Method,
-    /// Number of iterations, counted from 1; unset: 130 for each training photo, 5000 to 11000, with two bases, otherwise and for
-    /// objects 200, 7000 to 30000; with another strategy than `default` or without scaling 30000; with `init` 3000.
+    /// Number of iterations, counted from 1; unset: 130 for each training photo, 5000 to 11000, with two bases, otherwise, and
+    /// for photos with alpha, 200, 7000 to 30000; with another strategy than `default` or without scaling 30000; with `init` 3000.
     pub iterations: Option<u32>,
     /// Milestones follow `iterations / 30000`; otherwise they keep their absolute values.
     pub schedule_scaling: bool,
@@ -66,7 +66,7 @@ pub struct TrainConfig {
     /// Number of bases, 1 to 8, trained side by side, each on its own: the base image is their mean, which keeps less of what is
     /// chance in each. Those beyond `residual.networks` are plain splatting, by this strategy (at most 7000 iterations) and by
     /// `mcmc` in turn, of an object by `mcmc` first, and have half of the weight together; unset: 2 in runs of the image-based
-    /// method with the strategy `default`, 1 with `init` and on a software adapter. A departure from method.md.
+    /// method with the strategy `default`, 1 with `init`, for photos with alpha and on a software adapter. A departure from method.md.
     pub ensemble: Option<u32>,
     /// The run repeats bit for bit on the same adapter and build, even when it is resumed: it computes in float32 only,
     /// and checkpoints hold the depth maps of the training views.

@@ -23,6 +23,7 @@ mod path_editor;
 mod photos_form;
 mod preparing;
 mod recents;
+mod share;
 mod start_page;
 mod theme;
 mod thumbnails;
@@ -32,6 +33,7 @@ pub mod worker;
 
 pub use mode::Mode;
 pub use preparing::{PhotosRequest, Watch};
+pub use share::{ShareKind, ShareRequest};
 pub use viewer::Viewer;
 
 #[cfg(target_arch = "wasm32")]
@@ -182,6 +184,14 @@ pub trait Open: Send + Sync + 'static {
     /// A sentence that names what is missing and what to do.
     fn prepare(&self, _wanted: &PhotosRequest, _watch: &Watch) -> Result<PathBuf> {
         bail!("this window makes no scenes of photos");
+    }
+
+    /// Writes a model for others; returns what to tell of it, a line each. Other things may be opened meanwhile.
+    ///
+    /// # Errors
+    /// A sentence that names the file and what to do.
+    fn share(&self, _wanted: &ShareRequest) -> Result<Vec<String>> {
+        bail!("this window writes no files");
     }
 
     /// Default number of iterations of the demo scene on this GPU.

@@ -6,6 +6,7 @@ mod link;
 mod messages;
 mod outside;
 mod screenshot;
+mod sharing;
 
 pub(crate) use framing::{fitted, widened};
 pub(crate) use leaving::{Answer, Leaving, Next};
@@ -16,6 +17,7 @@ use crate::edit::Edit;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::path_editor::PathEditor;
+use crate::share::Share;
 use crate::start_page::Start;
 use crate::theme;
 use crate::thumbnails::Thumbnails;
@@ -111,6 +113,7 @@ pub struct Viewer {
     pub(crate) panels: Panels,
     pub(crate) start: Start,
     pub(crate) edit: Edit,
+    pub(crate) share: Share,
     pub(crate) thumbnails: Thumbnails,
     pub(crate) settings: Settings,
     photo: Option<(usize, DevicePhoto)>,
@@ -189,6 +192,7 @@ impl Viewer {
             panels: Panels::default(),
             start,
             edit: Edit::default(),
+            share: Share::default(),
             thumbnails: Thumbnails::default(),
             settings,
             photo: None,

@@ -11,7 +11,7 @@ use crate::edit_work::{EditWork, EditedRenderers};
 use crate::film::Shoot;
 use crate::looks::Looks;
 use crate::preparing::{Sign, Watch};
-use crate::{Content, Open, Opened, Outcome, PhotosRequest, Training};
+use crate::{Content, Open, Opened, Outcome, PhotosRequest, ShareRequest, Training};
 use eframe::egui;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::present::Presenter;
@@ -40,8 +40,8 @@ impl Worker {
         let (commands, received) = async_channel::unbounded();
         let (sender, messages) = channel();
         let stop = Arc::new(AtomicBool::new(false));
-        let (opener, preparing) = (Arc::new(opener), Mutex::default());
-        let state = WorkerState { gpu, opener, messages: sender, window, stop: stop.clone(), preparing };
+        let (opener, aside) = (Arc::new(opener), Mutex::default());
+        let state = WorkerState { gpu, opener, messages: sender, window, stop: stop.clone(), aside };
         #[cfg(target_arch = "wasm32")]
         {
             wasm_bindgen_futures::spawn_local(state.work(received, opened));
@@ -85,8 +85,8 @@ struct WorkerState {
     messages: Sender<Message>,
     window: egui::Context,
     stop: Arc<AtomicBool>,
-    /// The thread that makes a scene of photos.
-    preparing: Mutex<Option<JoinHandle<()>>>,
+    /// Threads that make scenes of photos and write models for others.
+    aside: Mutex<Vec<JoinHandle<()>>>,
 }
 
 #[derive(Default)]
@@ -196,8 +196,8 @@ impl WorkerState {
             }
         }
         self.end(&mut work);
-        if let Some(preparing) = self.preparing.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            let _ = preparing.join();
+        for thread in self.aside.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+            let _ = thread.join();
         }
     }
 
@@ -226,6 +226,7 @@ impl WorkerState {
                 }
             }
             Command::Prepare(wanted) => self.prepare(*wanted),
+            Command::Share(wanted) => self.share(*wanted),
             Command::Replace(opened, revision) => {
                 let edit = EditWork::of_revision(revision);
                 *work = Work { content: Some(opened.content), edit, request: work.request.take(), ..Work::default() };
@@ -272,16 +273,31 @@ impl WorkerState {
     fn prepare(&self, wanted: PhotosRequest) {
         let watch = Watch::new(self.messages.clone(), self.window.clone(), self.stop.clone());
         let opener = self.opener.clone();
-        let work = move || {
-            watch.send(match opener.prepare(&wanted, &watch) {
+        self.beside(move || {
+            Message::Preparing(match opener.prepare(&wanted, &watch) {
                 Ok(scene) => Sign::Made(scene),
                 Err(_) if watch.is_stopped() => Sign::Stopped,
                 Err(error) => Sign::Failed(opener.sentence(&error)),
-            });
+            })
+        });
+    }
+
+    /// Writes a model for others, on a thread of its own.
+    fn share(&self, wanted: ShareRequest) {
+        let opener = self.opener.clone();
+        self.beside(move || Message::Shared(opener.share(&wanted).map_err(|error| opener.sentence(&error))));
+    }
+
+    /// Does work on a thread of its own, which the end of the window waits for, and sends its message.
+    fn beside(&self, work: impl FnOnce() -> Message + Send + 'static) {
+        let (messages, window) = (self.messages.clone(), self.window.clone());
+        let work = move || {
+            let _ = messages.send(work());
+            window.request_repaint();
         };
-        match std::thread::Builder::new().name("photos to poses".to_owned()).spawn(work) {
-            Ok(thread) => *self.preparing.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread),
-            Err(error) => self.send(Message::Preparing(Sign::Failed(format!("no thread can be started: {error}")))),
+        match std::thread::Builder::new().name("beside the window".to_owned()).spawn(work) {
+            Ok(thread) => self.aside.lock().unwrap_or_else(PoisonError::into_inner).push(thread),
+            Err(error) => self.send(Message::Failed(format!("no thread can be started: {error}"))),
         }
     }
 

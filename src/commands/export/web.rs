@@ -2,7 +2,6 @@
 
 use super::{Args, refuse_taken};
 use crate::commands::report::page::escape;
-use crate::stderr;
 use anyhow::{Context, Result, bail};
 use ibgs_core::bundle::Packing;
 use ibgs_core::dataset::Photo;
@@ -29,8 +28,8 @@ const POSTER: &str = "poster.jpg";
 const POSTER_SIDE: u32 = 1280;
 const POSTER_QUALITY: u8 = 80;
 
-/// Writes page, module, model and poster.
-pub fn write(args: &Args, folder: &Path) -> Result<()> {
+/// Writes page, module, model and poster, and says how large they are.
+pub fn write(args: &Args, folder: &Path) -> Result<String> {
     refuse_taken(folder, args.overwrite)?;
     let module = module(args)?;
     let model = args.model.read()?;
@@ -62,14 +61,13 @@ pub fn write(args: &Args, folder: &Path) -> Result<()> {
     write_atomically(&folder.join("ibgs-viewer.js"), |out| out.write_all(ELEMENT.as_bytes()))?;
     write_atomically(&folder.join("index.html"), |out| out.write_all(page.as_bytes()))?;
     let size = |path: PathBuf| path.metadata().map(|metadata| metadata.len() as f64 * 1e-6);
-    stderr!(
+    Ok(format!(
         "{} written: model {:.1} MB, module {:.1} MB; `ibgs serve {}` shows it",
         folder.display(),
         size(folder.join(BUNDLE))?,
         size(folder.join(MODULE_FOLDER).join(MODULE[1]))?,
         folder.display()
-    );
-    Ok(())
+    ))
 }
 
 /// Folder of the viewer's module.

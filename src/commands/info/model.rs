@@ -201,7 +201,6 @@ fn by_photos(config: &TrainConfig, photos: usize, pixels: u64) -> TrainConfig {
     let adapted = |iterations: Option<u32>| {
         let mut config = TrainConfig { iterations, ..config.clone() };
         (config.densify.max_splats, config.learning_rates.factor) = (None, None);
-        (config.residual.start, config.residual.burn_in, config.residual.halve_at) = (None, None, None);
         config.adapt_to_photos(photos, pixels);
         config
     };
@@ -210,9 +209,6 @@ fn by_photos(config: &TrainConfig, photos: usize, pixels: u64) -> TrainConfig {
     let mut usual = TrainConfig { ensemble, iterations: by_photos.iterations, ..TrainConfig::default() };
     usual.densify.max_splats = by_photos.densify.max_splats;
     usual.learning_rates.factor = by_length.learning_rates.factor;
-    let residual = by_length.residual;
-    (usual.residual.start, usual.residual.burn_in) = (residual.start, residual.burn_in);
-    usual.residual.halve_at = residual.halve_at;
     usual
 }
 

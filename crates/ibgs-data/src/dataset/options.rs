@@ -223,6 +223,11 @@ impl LoadOptions {
         self.masks == Masks::Object || self.alpha.is_some_and(Alpha::is_cover)
     }
 
+    /// Whether the photos' alpha says how much of each pixel an object covers.
+    pub fn has_alpha(&self) -> bool {
+        self.alpha == Some(Alpha::Composite)
+    }
+
     /// Refuses values that no scene can be loaded with.
     pub(crate) fn check(&self) -> Result<(), DatasetError> {
         let refuse = |option, value: String, allowed| Err(DatasetError::Option { option, value, allowed });

@@ -1,7 +1,7 @@
 //! Options that follow from the training photos.
 
 use super::schedule::REFERENCE_ITERATIONS;
-use super::{Background, DensifyConfig, Method, TrainConfig};
+use super::{Background, DensifyConfig, TrainConfig};
 use crate::dataset::Dataset;
 use std::fmt;
 
@@ -20,10 +20,7 @@ struct Length {
 
 /// That of most runs.
 const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
-/// Visits of each photo with the residual at most: a network learns few photos by heart.
-const RESIDUAL_VISITS: u64 = 250;
-
-/// That of two bases, but for objects: what the first one has in fewer iterations, the mean makes good in half of the time.
+/// That of two bases, but for photos with alpha: what the first one has in fewer iterations, the mean makes good in half of the time.
 const LENGTH_OF_TWO: Length = Length { visits: 130, least: 5_000, most: 11_000 };
 
 /// Why a training has its number of iterations, where nobody asked for it.
@@ -88,24 +85,6 @@ impl TrainConfig {
             let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
             self.learning_rates.factor = Some((full / f64::from(self.iterations())).min(1.0));
         }
-        self.delay_residual(photos);
-    }
-
-    /// Lets the residual of a long run begin late, with milestones in proportion, unless it is given when.
-    fn delay_residual(&mut self, photos: usize) {
-        let (iterations, most) = (u64::from(self.iterations()), (photos as u64).saturating_mul(RESIDUAL_VISITS));
-        // Two thirds of a run are the usual part.
-        let is_long = 2 * iterations > most.saturating_mul(3);
-        let follows = self.method == Method::Ibgs && self.length_follows_photos() && self.schedule_scaling;
-        if !(is_long && follows) || self.residual.start.is_some() {
-            return;
-        }
-        let start = iterations - most;
-        let after = |share: f64| (start as f64 + share * most as f64).round() as u32;
-        let residual = &mut self.residual;
-        residual.start = Some(after(0.0));
-        residual.burn_in.get_or_insert(after(0.15) - after(0.0));
-        residual.halve_at.get_or_insert_with(|| vec![after(0.4), after(0.75)]);
     }
 
     fn length_follows_photos(&self) -> bool {
@@ -114,7 +93,7 @@ impl TrainConfig {
 
     /// Iterations of a run of so many photos where none are given, once the number of bases is known.
     fn usual_length(&self, photos: usize) -> (u32, LengthReason) {
-        let is_of_two = self.ensemble() == 2 && !self.data.shows_object();
+        let is_of_two = self.ensemble() == 2 && !self.data.has_alpha();
         let Length { visits, least, most } = if is_of_two { LENGTH_OF_TWO } else { USUAL_LENGTH };
         // Milestones that are not scaled need the whole length.
         if !(self.length_follows_photos() && self.schedule_scaling) {
@@ -140,7 +119,6 @@ impl TrainConfig {
 mod tests {
     use super::*;
     use crate::config::Strategy;
-    use crate::config::schedule::Schedule;
 
     #[test]
     fn the_cap_follows_the_photos() {
@@ -169,9 +147,9 @@ mod tests {
         assert_eq!(lengths, [7_000, 8_600, 14_000, 30_000, 30_000]);
         let lengths = [1, 43, 70, 150, usize::MAX].map(|photos| length(photos, TrainConfig::default()));
         assert_eq!(lengths, [5_000, 5_590, 9_100, 11_000, 11_000]);
-        let mut object = TrainConfig::default();
-        object.data.masks = crate::dataset::Masks::Object;
-        assert_eq!([43, 70].map(|photos| length(photos, object.clone())), [8_600, 14_000]);
+        let mut with_alpha = TrainConfig { ensemble: Some(2), ..TrainConfig::default() };
+        with_alpha.data.alpha = Some(crate::dataset::Alpha::Composite);
+        assert_eq!([43, 100].map(|photos| length(photos, with_alpha.clone())), [8_600, 20_000]);
         let reason = |photos| {
             let mut config = single();
             config.adapt_to_photos(photos, 1);
@@ -189,33 +167,6 @@ mod tests {
         let unscaled = TrainConfig { schedule_scaling: false, ..TrainConfig::default() };
         let lengths = [given, warm, published, unscaled].map(|config| length(43, config));
         assert_eq!(lengths, [5, 3_000, 30_000, 30_000]);
-    }
-
-    #[test]
-    fn the_residual_of_a_long_run_begins_late() {
-        let stages = |iterations, photos, config: TrainConfig| {
-            let mut config = TrainConfig { iterations: Some(iterations), ..config };
-            config.adapt_to_photos(photos, 1);
-            let stages = Schedule::new(&config, iterations).stages.unwrap();
-            (stages.residual_start, stages.burn_in, stages.halve_at)
-        };
-        // 250 visits of 20 photos, in the proportions of method.md.
-        assert_eq!(stages(30_000, 20, TrainConfig::default()), (25_000, 750, vec![27_000, 28_750]));
-        let usual = (10_000, 3_000, vec![18_000, 25_000]);
-        assert_eq!(stages(30_000, 80, TrainConfig::default()), usual);
-        assert_eq!(stages(30_000, 79, TrainConfig::default()).0, 10_250);
-        let mut given = TrainConfig::default();
-        given.residual.start = Some(9_000);
-        assert_eq!(stages(30_000, 20, given).0, 9_000);
-        let mut published = TrainConfig::preset(crate::config::Preset::Published);
-        published.data.eval = true;
-        assert_eq!(stages(30_000, 20, published), usual);
-        // No default run is so long.
-        for photos in [1, 17, 43, 70, 500] {
-            let mut config = TrainConfig::default();
-            config.adapt_to_photos(photos, 1);
-            assert!(photos == 1 || config.residual.start.is_none(), "{photos}");
-        }
     }
 
     #[test]

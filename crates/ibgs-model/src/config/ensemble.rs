@@ -7,8 +7,7 @@ use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwi
 const MOST: u32 = 8;
 /// Bases where none are asked for.
 const USUAL: u32 = 2;
-/// Iterations of a further member at most, unless it is a chain of MCMC beside several others: its image needs no surface, and a
-/// base alone is about done.
+/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done.
 const MEMBER_ITERATIONS: u32 = 7_000;
 /// What the seeds of two members differ by.
 const SEED_STEP: u64 = 0x9e37_79b9;
@@ -25,10 +24,11 @@ impl TrainConfig {
         count as usize
     }
 
-    /// Number of bases where none is given.
+    /// Number of bases where none is given. Photos with alpha are mostly rendered: hardly anything in them is chance, and a longer
+    /// run gains more.
     pub fn usual_ensemble(&self) -> u32 {
         let is_usual = self.method == Method::Ibgs && self.densify.strategy == Strategy::Default;
-        if is_usual && self.init.is_none() { USUAL } else { 1 }
+        if is_usual && self.init.is_none() && !self.data.has_alpha() { USUAL } else { 1 }
     }
 
     /// The options of a further member of an ensemble, counted from 2, with random numbers of its own: a training like the first,
@@ -47,9 +47,8 @@ impl TrainConfig {
         if is_chain {
             member.densify.strategy = Strategy::Mcmc;
         }
-        let is_short = !is_chain || self.ensemble() == USUAL;
         let iterations = self.iterations();
-        member.iterations = Some(if is_short { iterations.min(MEMBER_ITERATIONS) } else { iterations });
+        member.iterations = Some(if is_chain { iterations } else { iterations.min(MEMBER_ITERATIONS) });
         member
     }
 
@@ -116,7 +115,7 @@ mod tests {
             let member = config.of_member(number);
             (member.densify.strategy, member.iterations())
         };
-        assert_eq!(kind(&of_object(2, 1), 2), (Strategy::Mcmc, MEMBER_ITERATIONS));
+        assert_eq!(kind(&of_object(2, 1), 2), (Strategy::Mcmc, 9_000));
         assert_eq!(kind(&ensemble(2, 1), 2), (Strategy::Default, MEMBER_ITERATIONS));
         let best = of_object(6, 2);
         let kinds = [3, 4, 5, 6].map(|number| kind(&best, number));
@@ -145,9 +144,11 @@ mod tests {
         chain.densify.strategy = Strategy::Mcmc;
         let mut object = TrainConfig::default();
         object.data.masks = crate::dataset::Masks::Object;
+        let mut with_alpha = TrainConfig::default();
+        with_alpha.data.alpha = Some(crate::dataset::Alpha::Composite);
         let plain = TrainConfig { method: Method::Gs3, ..TrainConfig::default() };
         let warm = TrainConfig { init: Some("a.ply".into()), ..TrainConfig::default() };
-        assert_eq!([chain, plain, warm, ensemble(1, 1)].map(count), [1; 4]);
+        assert_eq!([chain, with_alpha, plain, warm, ensemble(1, 1)].map(count), [1; 5]);
         assert_eq!([TrainConfig::default(), object, ensemble(6, 2)].map(count), [2, 2, 6]);
     }
 }

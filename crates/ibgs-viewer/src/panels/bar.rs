@@ -38,6 +38,7 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
                 camera(viewer, ui);
                 if !IN_BROWSER {
                     edit(viewer, ui);
+                    share(viewer, ui);
                 }
                 ui.separator();
                 modes(viewer, ui);
@@ -102,6 +103,20 @@ fn edit(viewer: &mut Viewer, ui: &mut Ui) {
     let text = "Select Gaussians, hide and delete them, save the model. Key X.";
     if button.on_hover_text(text).on_disabled_hover_text("A model in training cannot be edited").clicked() {
         viewer.show_editor(!viewer.edit.shown);
+    }
+}
+
+/// The button of what is written for others.
+fn share(viewer: &mut Viewer, ui: &mut Ui) {
+    let model = viewer.shared_model();
+    let shown = viewer.share.shown;
+    let button = ui.add_enabled(model.is_some(), Button::selectable(shown, (icon(icons::SHARE), "Share")));
+    let text = "Write a page for browsers, a bundle, or Gaussians for other programs";
+    if button.on_hover_text(text).on_disabled_hover_text("Once the training has ended").clicked() {
+        viewer.share.shown = !shown;
+        if let Some(model) = model.filter(|_| !shown && !viewer.share.runs) {
+            viewer.share.propose(&model);
+        }
     }
 }
 

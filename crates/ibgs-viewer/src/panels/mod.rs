@@ -5,6 +5,7 @@ mod edit;
 mod leaving;
 mod path;
 mod pixel;
+mod share;
 mod start;
 mod training;
 mod views;
@@ -59,6 +60,7 @@ pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
     if shows_pixel {
         pixel::strip(viewer, ui);
     }
+    share::share(viewer, ui.ctx());
     help(viewer, ui);
 }
 

@@ -41,6 +41,7 @@ impl Viewer {
                     self.start.ask_about_photos(path);
                 }
                 Message::Preparing(sign) => self.prepared(sign),
+                Message::Shared(outcome) => self.shared(outcome),
                 Message::Rendered(rendered) => {
                     self.canvas.take(*rendered);
                     self.leave_what_is_not_offered();
@@ -99,7 +100,7 @@ impl Viewer {
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);
         self.lacks_final = false;
         (self.coming, self.clicked) = (None, None);
-        self.thumbnails = Thumbnails::default();
+        (self.share.shown, self.thumbnails) = (false, Thumbnails::default());
         self.panels =
             Panels { always_sharp: self.panels.always_sharp, only_frame: self.panels.only_frame, ..Panels::default() };
         self.canvas.clear();

@@ -100,6 +100,6 @@ impl Viewer {
             true => self.start.is_complete(),
             false => self.scene.is_none() || self.canvas.is_settled(),
         };
-        self.doing.is_none() && !self.start.preparing.runs && !self.moving() && has_all
+        self.doing.is_none() && !self.start.preparing.runs && !self.share.runs && !self.moving() && has_all
     }
 }

@@ -5,7 +5,7 @@ use crate::film::Film;
 use crate::looks::Look;
 use crate::mode::{Mode, Style};
 use crate::preparing::Sign;
-use crate::{OpenRequest, Opened, PhotosRequest, Scene};
+use crate::{OpenRequest, Opened, PhotosRequest, Scene, ShareRequest};
 use ibgs_core::camera::Camera;
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
@@ -42,6 +42,8 @@ pub enum Command {
     Open(OpenRequest),
     /// Make a scene of photos.
     Prepare(Box<PhotosRequest>),
+    /// Write a model for others.
+    Share(Box<ShareRequest>),
     /// Show another model of the same scene, as this revision.
     Replace(Box<Opened>, u32),
     /// Render a view; of several the last one counts.
@@ -116,6 +118,8 @@ pub enum Message {
     Photos(PathBuf),
     /// How a preparation goes.
     Preparing(Sign),
+    /// A model was written for others: what to tell of it, or why it was not.
+    Shared(Result<Vec<String>, String>),
     /// A finished frame.
     Rendered(Box<Rendered>),
     /// Why a pixel looks as it does.

@@ -1,0 +1,29 @@
+//! Writing the model for others.
+
+use super::Viewer;
+use crate::share::ShareRequest;
+use crate::worker::Command;
+use std::path::PathBuf;
+
+impl Viewer {
+    /// The model that can be shared: one that is on disk, and whose training has ended.
+    pub(crate) fn shared_model(&self) -> Option<PathBuf> {
+        let trains = self.training.as_ref().is_some_and(|t| t.progress.iteration < t.progress.iterations);
+        self.scene.as_ref().filter(|_| !trains)?.path.clone()
+    }
+
+    pub(crate) fn write_shared(&mut self, wanted: ShareRequest) {
+        (self.error, self.message) = (None, None);
+        (self.share.runs, self.share.said) = (true, Vec::new());
+        self.send(Command::Share(Box::new(wanted)));
+    }
+
+    /// Takes what was said of it.
+    pub(super) fn shared(&mut self, outcome: Result<Vec<String>, String>) {
+        self.share.runs = false;
+        match outcome {
+            Ok(said) => self.share.said = said,
+            Err(error) => self.error = Some(error),
+        }
+    }
+}
