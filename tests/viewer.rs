@@ -7,6 +7,7 @@ mod edit_tools;
 mod leave;
 mod look;
 mod open;
+mod path;
 mod photos;
 mod pixel;
 mod share;

@@ -149,7 +149,7 @@ fn turntable(model: &OpenModel, seconds: f64) -> Result<CameraPath> {
     };
     let keyframes = axis.turn(&start, cameras());
     let (width, height, fps) = (first.width, first.height, TURNTABLE_FPS);
-    let path = KeyframePath { keyframes, width, height, fps, seconds, cycle: true };
+    let path = KeyframePath { keyframes, width, height, fps, seconds, cycle: true, eased: false };
     Ok(CameraPath { cameras: path.frames(), fps })
 }
 
@@ -181,7 +181,7 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
             _ => outputs.iter().map(|output| folder.join(output.folder())).collect(),
         };
         for folder in folders {
-            stderr!("video: {}", video::encode(&folder, cameras.len(), path.fps)?.display());
+            stderr!("video: {}", video::encode(&folder, cameras.len(), path.fps, None)?.display());
         }
     }
     Ok(())

@@ -52,10 +52,12 @@ fn a_scene_in_map_coordinates_goes_the_whole_way() {
     assert!(info.contains("kept around the offset [5000"), "{info}");
 
     let view = &dataset.views[dataset.test[0]].camera;
-    let keyframe = |position| Keyframe { position, world_from_view: view.view_from_world.transpose(), fov: 0.9 };
+    let keyframe =
+        |position| Keyframe { position, world_from_view: view.view_from_world.transpose(), fov: 0.9, way: 1.0 };
     for (name, position) in [("here", view.center()), ("there", moved(view.center().to_array()))] {
         let keyframes = vec![keyframe(position)];
-        let path = KeyframePath { keyframes, width: 48, height: 36, fps: 1.0, seconds: 1.0, cycle: false };
+        let path =
+            KeyframePath { keyframes, width: 48, height: 36, fps: 1.0, seconds: 1.0, cycle: false, eased: false };
         path.save(&sandbox.path(&format!("{name}.json"))).unwrap();
     }
     sandbox.succeeds("render model --camera-path here.json --outputs base -o here");

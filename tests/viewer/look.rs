@@ -3,7 +3,6 @@
 use super::*;
 use eframe::egui::{MouseWheelSource, MouseWheelUnit, Theme, TouchPhase};
 use egui_kittest::kittest::Queryable;
-use ibgs_core::camera_path::KeyframePath;
 use ibgs_viewer::Mode;
 
 /// Shows a mode by its key, one that has none by its button.
@@ -238,87 +237,6 @@ fn keys_and_pointer_move_the_camera() {
     let zoomed = *window.state().navigator();
     assert!(zoomed.distance < panned.distance && zoomed.pivot().abs_diff_eq(panned.pivot(), 1e-6));
     assert_eq!(window.state().error(), None);
-}
-
-#[test]
-fn a_camera_path_is_made_played_kept_and_filmed() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(untrained(folder.path())));
-    window.state_mut().show_path(true);
-    window.state_mut().show_figures(false);
-    for view in [0, 5, 9] {
-        window.state_mut().stand_on(view);
-        settle(&mut window);
-        press(&mut window, Key::K);
-    }
-    assert_eq!(window.state().keyframes(), 3);
-    window.get_by_label("Add keyframe").click();
-    settle(&mut window);
-    assert_eq!(window.state().keyframes(), 4);
-    window.run_steps(20);
-    snapshot(&mut window, "camera path", 300);
-    // Play moves the camera along.
-    let before = window.state().navigator().position;
-    window.key_press(Key::Space);
-    until(&mut window, "moved", |viewer| viewer.navigator().position.distance(before) > 1e-3);
-    window.key_press(Key::Space);
-    settle(&mut window);
-
-    let file = folder.path().join("path.json");
-    window.state_mut().set_path_file(&file);
-    window.run_steps(2);
-    window.get_by_label("Save").click();
-    window.run_steps(2);
-    assert!(window.state().message().unwrap().contains("path.json"), "{:?}", window.state().error());
-    let saved = KeyframePath::load(&file).unwrap();
-    assert_eq!(saved.keyframes.len(), 4);
-    window.get_by_label("Clear").click();
-    window.run_steps(2);
-    assert_eq!(window.state().keyframes(), 0);
-    // A turn in one click, around what the camera orbits.
-    let orbited = window.state().navigator().pivot();
-    window.get_by_label("Turntable").click();
-    settle(&mut window);
-    assert_eq!(window.state().keyframes(), 16);
-    let start = *window.state().navigator();
-    window.get_by_label("5").click();
-    settle(&mut window);
-    let aside = *window.state().navigator();
-    assert!(aside.pivot().distance(orbited) < 1e-6 * start.distance, "it looks at {}", aside.pivot());
-    // The demo's photos stand on one side, so the turn goes to and fro and never looks from the other one.
-    let ahead = [start, aside].map(|navigator| navigator.world_from_view.z_axis.reject_from(start.up).normalize());
-    let turned = ahead[0].dot(ahead[1]);
-    assert!((0.1..0.95).contains(&turned), "a quarter of the path later it has turned: {turned}");
-    window.get_by_label("Clear").click();
-    window.run_steps(2);
-    std::fs::write(&file, serde_json::to_string(&shortened(&file)).unwrap()).unwrap();
-    window.get_by_label("Load").click();
-    settle(&mut window);
-    assert_eq!(window.state().keyframes(), 4, "{:?}", window.state().error());
-
-    window.get_by_label("Render film").click();
-    until(&mut window, "filmed", |viewer| viewer.message().is_some_and(|text| text.contains("frames in")));
-    for (index, there) in [(0, true), (2, true), (3, false)] {
-        let path = folder.path().join(format!("film-1/{index:05}.png"));
-        assert_eq!(path.exists(), there, "{}", path.display());
-    }
-    let frame = image::open(folder.path().join("film-1/00001.png")).unwrap();
-    assert_eq!((frame.width(), frame.height()), (64, 48));
-    // A path that is none changes nothing.
-    std::fs::write(&file, "{}").unwrap();
-    window.get_by_label("Load").click();
-    window.run_steps(2);
-    assert!(window.state().error().unwrap().contains("path.json"));
-    assert_eq!(window.state().keyframes(), 4);
-}
-
-/// The saved path with three small frames.
-fn shortened(file: &Path) -> serde_json::Value {
-    let mut path: serde_json::Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
-    for (field, value) in [("render_width", 64.0), ("render_height", 48.0), ("fps", 3.0), ("seconds", 1.0)] {
-        path[field] = if field.starts_with("render") { (value as u32).into() } else { value.into() };
-    }
-    path
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! Camera paths as nerfstudio's viewer keeps them: keyframes, the smooth way through them, and the frames of a film.
 
+mod keyframes;
 mod motion;
 mod read;
 pub mod turntable;
 mod write;
+
+pub use keyframes::KeyframePath;
 
 use crate::camera::{Camera, MAX_COORDINATE};
 use crate::files::WriteError;
@@ -84,6 +87,8 @@ pub struct Keyframe {
     pub world_from_view: DMat3,
     /// Vertical field of view in radians.
     pub fov: f64,
+    /// How long the way to it takes, relative to the other ways; usually 1.
+    pub way: f64,
 }
 
 impl Keyframe {
@@ -108,9 +113,12 @@ impl Keyframe {
         if rotation(self.world_from_view).is_none() {
             return Err("`world_from_view` is no rotation".to_owned());
         }
-        match self.fov > 0.0 && self.fov < PI {
+        if !(self.fov > 0.0 && self.fov < PI) {
+            return Err(format!("`fov` is {} degrees; it must lie between 0 and 180", self.fov.to_degrees()));
+        }
+        match self.way > 0.0 && self.way.is_finite() {
             true => Ok(()),
-            false => Err(format!("`fov` is {} degrees; it must lie between 0 and 180", self.fov.to_degrees())),
+            false => Err(format!("the way to it takes {}; it must take a time above 0", self.way)),
         }
     }
 }
@@ -120,133 +128,6 @@ fn rotation(matrix: DMat3) -> Option<DMat3> {
     let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(DVec3::normalize_or_zero);
     let matrix = DMat3::from_cols(axes[0], axes[1], axes[2]);
     ((matrix.determinant() - 1.0).abs() <= 1e-3).then_some(matrix)
-}
-
-/// Keyframes, evenly spaced in time, and the film along them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeyframePath {
-    /// In the order in which they are passed.
-    pub keyframes: Vec<Keyframe>,
-    /// Width of a frame in pixels.
-    pub width: u32,
-    /// Height of a frame in pixels.
-    pub height: u32,
-    /// Frames a second.
-    pub fps: f64,
-    /// Duration of the whole film.
-    pub seconds: f64,
-    /// Whether the path continues from its last keyframe to its first one.
-    pub cycle: bool,
-}
-
-impl KeyframePath {
-    /// Ways between neighbouring keyframes.
-    fn segments(&self) -> usize {
-        let count = self.keyframes.len();
-        if self.cycle { count } else { count.saturating_sub(1) }
-    }
-
-    /// When a keyframe is passed, in seconds from the start.
-    pub fn time_of(&self, keyframe: usize) -> f64 {
-        self.seconds * keyframe as f64 / self.segments().max(1) as f64
-    }
-
-    /// The camera at a time in seconds after the start, or none without keyframes. Before the start and after the end the
-    /// camera stands still; a cycle repeats in both directions.
-    pub fn camera_at(&self, seconds: f64) -> Option<Camera> {
-        Some(self.at(seconds)?.camera(self.width, self.height))
-    }
-
-    /// Where the camera is at a time in seconds after the start, as in [`KeyframePath::camera_at`].
-    pub fn at(&self, seconds: f64) -> Option<Keyframe> {
-        let (keys, segments) = (&self.keyframes, self.segments());
-        if segments == 0 {
-            return keys.first().copied();
-        }
-        let progress = seconds / self.seconds * segments as f64;
-        let progress = match self.cycle {
-            true => progress.rem_euclid(segments as f64),
-            false => progress.clamp(0.0, segments as f64),
-        };
-        // NaN, and any time of a path without duration, shows the start.
-        let progress = if progress.is_finite() { progress } else { 0.0 };
-        let index = (progress as usize).min(segments - 1);
-        let key = |index: usize| if self.cycle { keys.get(index % keys.len()) } else { keys.get(index) };
-        let before = if self.cycle { key(index + keys.len() - 1) } else { index.checked_sub(1).and_then(key) };
-        Some(motion::between(before, key(index)?, key(index + 1)?, key(index + 2), progress - index as f64))
-    }
-
-    /// Number of frames of the film: its duration times its rate, at least one and at most [`MAX_FRAMES`]; none
-    /// without keyframes.
-    pub fn frame_count(&self) -> u32 {
-        match self.keyframes.is_empty() {
-            true => 0,
-            // A cast turns NaN into 0.
-            false => ((self.fps * self.seconds).round() as u32).clamp(1, MAX_FRAMES),
-        }
-    }
-
-    /// Cameras of the film's frames. The first one is the first keyframe's. The last one is the last keyframe's, but
-    /// in a cycle it is a frame short of the first keyframe, so that the film can be repeated.
-    pub fn frames(&self) -> Vec<Camera> {
-        self.film().map(|frame| frame.camera(self.width, self.height)).collect()
-    }
-
-    fn film(&self) -> impl Iterator<Item = Keyframe> {
-        let count = self.frame_count();
-        let intervals = if self.cycle { count } else { count.saturating_sub(1).max(1) };
-        (0..count).filter_map(move |i| self.at(self.seconds * f64::from(i) / f64::from(intervals)))
-    }
-
-    /// Refuses what a film cannot be made of, naming the field as in the file.
-    fn check(&self) -> Result<(), String> {
-        check_side("render_width", f64::from(self.width))?;
-        check_side("render_height", f64::from(self.height))?;
-        for (name, value) in [("fps", self.fps), ("seconds", self.seconds)] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(format!("`{name}` is {value}; it must be a number above 0"));
-            }
-        }
-        let frames = (self.fps * self.seconds).round();
-        if frames > f64::from(MAX_FRAMES) {
-            return Err(format!("`fps` x `seconds` makes {frames} frames; it must be at most {MAX_FRAMES}"));
-        }
-        match self.keyframes.len() {
-            0 => return Err("it has no keyframes; add one".to_owned()),
-            count if count > MAX_FRAMES as usize => {
-                return Err(format!("it has {count} keyframes; there must be at most {MAX_FRAMES}"));
-            }
-            _ => {}
-        }
-        let mut checks = self.keyframes.iter().enumerate();
-        checks.try_for_each(|(i, key)| key.check().map_err(|what| format!("keyframes[{i}]: {what}")))
-    }
-
-    /// Reads the keyframes of a camera path. In a file without any, as other programs write it, every frame becomes
-    /// one. Keyframes are taken as evenly spaced: nerfstudio's durations of single transitions are not kept.
-    ///
-    /// # Errors
-    /// [`CameraPathError`] naming file and field.
-    pub fn load(path: &Path) -> Result<Self, CameraPathError> {
-        read::load(path, Self::parse)
-    }
-
-    /// [`KeyframePath::load`] from a file's text.
-    ///
-    /// # Errors
-    /// Field and what is wrong with it.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        read::parse_keyframes(text)
-    }
-
-    /// Writes keyframes and frames, as [`CameraPath::load`] and nerfstudio read them. A file that is there is
-    /// replaced: where the user may not expect it, ask before.
-    ///
-    /// # Errors
-    /// [`CameraPathError::Unsuitable`] for values that [`load`](Self::load) would refuse; [`CameraPathError::Write`].
-    pub fn save(&self, path: &Path) -> Result<(), CameraPathError> {
-        write::save(self, path)
-    }
 }
 
 /// Checks a frame side, which nerfstudio writes as `1080.0` too.
@@ -264,7 +145,7 @@ mod tests {
 
     pub fn keyframe(position: [f64; 3], turns: [f64; 3], fov: f64) -> Keyframe {
         let world_from_view = DMat3::from_euler(EulerRot::YXZ, turns[0], turns[1], turns[2]);
-        Keyframe { position: DVec3::from(position), world_from_view, fov }
+        Keyframe { position: DVec3::from(position), world_from_view, fov, way: 1.0 }
     }
 
     /// Uneven spacing, turns of more than 90 degrees, changing field of view.
@@ -276,7 +157,7 @@ mod tests {
             keyframe([-2.0, 5.1, -3.0], [0.3, 1.2, 3.0], 1.4),
             keyframe([-2.0, 0.0, 1.0], [-3.0, -1.2, 0.0], 0.7),
         ];
-        KeyframePath { keyframes, width: 64, height: 48, fps: 24.0, seconds: 7.0, cycle }
+        KeyframePath { keyframes, width: 64, height: 48, fps: 24.0, seconds: 7.0, cycle, eased: false }
     }
 
     /// Largest difference of two cameras in any number, fields of view by their focal lengths.
@@ -341,8 +222,54 @@ mod tests {
             assert_eq!(path.frames().len(), 1);
             path.keyframes.clear();
             assert_eq!((path.camera_at(0.0), path.frames().len()), (None, 0));
-            assert_eq!(path.time_of(3), 3.0 * path.seconds);
+            assert_eq!(path.time_of(3), 0.0);
         }
+    }
+
+    #[test]
+    fn a_way_may_take_longer_than_others() {
+        for cycle in [false, true] {
+            let mut path = path(cycle);
+            let usual = path.way_to(1).unwrap();
+            assert!((usual - 7.0 / if cycle { 5.0 } else { 4.0 }).abs() < 1e-12);
+            path.change(|path| path.keyframes[2].way = usual + 3.0);
+            assert!((path.seconds - 10.0).abs() < 1e-12);
+            for (i, key) in path.keyframes.iter().enumerate() {
+                let found = path.camera_at(path.time_of(i)).unwrap();
+                assert!(difference(&found, &key.camera(64, 48)) < 1e-9, "keyframe {i}, cycle {cycle}");
+                let expected = if i < 2 { i as f64 * usual } else { i as f64 * usual + 3.0 };
+                assert!((path.time_of(i) - expected).abs() < 1e-9, "{}", path.time_of(i));
+            }
+            // No jump of the speed where a slow way meets a quick one.
+            let speed = |from: f64| {
+                let place = |time: f64| path.at(time).unwrap().position;
+                (place(from + 1e-6) - place(from)) / 1e-6
+            };
+            for i in [1, 2, 3] {
+                let at = path.time_of(i);
+                assert!(speed(at - 1e-6).distance(speed(at)) < 1e-3 * speed(at).length(), "keyframe {i}");
+            }
+            assert_eq!(path.way_to(0).is_some(), cycle);
+            // A new keyframe adds its way.
+            path.change(|path| path.keyframes.push(Keyframe { way: 2.0, ..path.keyframes[1] }));
+            assert!((path.seconds - 12.0).abs() < 1e-9);
+            let file = write::text(&path).unwrap();
+            let read = KeyframePath::parse(&file).unwrap();
+            assert!((0..6).all(|i| (read.time_of(i) - path.time_of(i)).abs() < 1e-9), "as the file has it");
+        }
+    }
+
+    #[test]
+    fn an_eased_path_begins_and_ends_at_rest() {
+        let mut path = path(false);
+        let speed = |path: &KeyframePath, from: f64| {
+            path.at(from + 1e-4).unwrap().position.distance(path.at(from).unwrap().position) / 1e-4
+        };
+        let ends = [0.0, 7.0 - 1e-4];
+        assert!(ends.iter().all(|&end| speed(&path, end) > 0.05));
+        path.eased = true;
+        assert!(ends.iter().all(|&end| speed(&path, end) < 1e-2), "{:?}", ends.map(|end| speed(&path, end)));
+        assert_eq!(path.along(3).count(), 3);
     }
 
     #[test]

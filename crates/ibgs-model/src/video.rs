@@ -25,18 +25,21 @@ pub fn frame_name(index: usize) -> String {
 }
 
 /// Makes `film.mp4` (H.264, even sides) of the first `frames` of the pictures `00000.png`, `00001.png` ... in a folder, in place
-/// of an older one. More pictures may be left there from a longer film.
+/// of an older one. More pictures may be left there from a longer film. `rate_factor` is that of H.264 (0 to 51, less is better); none: the
+/// encoder's own.
 ///
 /// # Errors
 /// [`VideoError`]; the frames stay as they are.
-pub fn encode(folder: &Path, frames: usize, fps: f64) -> Result<PathBuf, VideoError> {
+pub fn encode(folder: &Path, frames: usize, fps: f64, rate_factor: Option<u32>) -> Result<PathBuf, VideoError> {
     let path = folder.join("film.mp4");
     let failed = |reason: String| VideoError::Failed { path: path.clone(), reason };
     let rate = fps.to_string();
+    let quality = rate_factor.map(|factor| ["-crf".to_owned(), factor.to_string()]);
     let output = Command::new("ffmpeg")
         .args(["-hide_banner", "-loglevel", "error", "-y", "-framerate", &rate, "-i"])
         .arg(folder.join("%05d.png"))
         .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-frames:v", &frames.to_string()])
+        .args(quality.iter().flatten())
         .arg(&path)
         .stdin(Stdio::null())
         .output();

@@ -1,6 +1,7 @@
 //! Rendering a camera path to frames and a video.
 
 use crate::mode::{Mode, Style};
+use crate::path_editor::FilmQuality;
 use anyhow::{Result, bail};
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::Gpu;
@@ -22,8 +23,29 @@ pub struct Film {
     pub mode: Mode,
     /// How it is shown.
     pub style: Style,
-    /// An empty or missing folder for the frames.
-    pub folder: PathBuf,
+    /// How much its video is compressed.
+    pub quality: FilmQuality,
+    /// Where it goes.
+    pub target: FilmTarget,
+}
+
+/// Where a film goes.
+#[derive(Clone, Debug)]
+pub enum FilmTarget {
+    /// Frames and video in an empty or missing folder.
+    Frames(PathBuf),
+    /// Its only frame in a file.
+    Still(PathBuf),
+}
+
+impl FilmTarget {
+    /// Where a frame goes.
+    fn frame(&self, index: usize) -> PathBuf {
+        match self {
+            Self::Frames(folder) => folder.join(video::frame_name(index)),
+            Self::Still(path) => path.clone(),
+        }
+    }
 }
 
 /// A film in work.
@@ -39,8 +61,10 @@ impl Shoot {
     /// # Errors
     /// A folder that already holds something, or not enough memory.
     pub fn begin(gpu: &Arc<Gpu>, film: Film) -> Result<Self> {
-        if film.folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
-            bail!("{} is not empty; choose another folder for the film", film.folder.display());
+        if let FilmTarget::Frames(folder) = &film.target
+            && folder.read_dir().is_ok_and(|mut entries| entries.next().is_some())
+        {
+            bail!("{} is not empty; choose another folder for the film", folder.display());
         }
         Ok(Self { presenter: Presenter::new(gpu.clone())?, film, done: 0 })
     }
@@ -65,15 +89,18 @@ impl Shoot {
             let look = self.film.mode.look().map(|look| look.of(renderer)).transpose()?;
             let frame = look.as_ref().unwrap_or(renderer).render(camera)?;
             let rgb = self.presenter.picture(&frame, &self.film.mode.shown(&self.film.style, None))?;
-            let path = self.film.folder.join(video::frame_name(self.done));
-            write_png(&path, camera.width, camera.height, &rgb)?;
+            write_png(&self.film.target.frame(self.done), camera.width, camera.height, &rgb)?;
             self.done += 1;
         }
         if self.done < self.count() {
             return Ok(None);
         }
-        let frames = format!("{} frames in {}", self.count(), self.film.folder.display());
-        Ok(Some(match video::encode(&self.film.folder, self.count(), self.film.fps) {
+        let folder = match &self.film.target {
+            FilmTarget::Frames(folder) => folder,
+            FilmTarget::Still(path) => return Ok(Some(format!("still: {}", path.display()))),
+        };
+        let frames = format!("{} frames in {}", self.count(), folder.display());
+        Ok(Some(match video::encode(folder, self.count(), self.film.fps, self.film.quality.rate_factor()) {
             Ok(path) => format!("{frames}; video: {}", path.display()),
             Err(error) => format!("{frames}; {error}"),
         }))
@@ -81,6 +108,7 @@ impl Shoot {
 
     /// What there is of a film that was cancelled.
     pub fn cancelled(&self) -> String {
-        format!("cancelled after {} of {} frames in {}", self.done, self.count(), self.film.folder.display())
+        let (FilmTarget::Frames(place) | FilmTarget::Still(place)) = &self.film.target;
+        format!("cancelled after {} of {} frames in {}", self.done, self.count(), place.display())
     }
 }

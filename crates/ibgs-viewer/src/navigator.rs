@@ -75,7 +75,7 @@ impl Navigator {
 
     /// Where it stands, as a keyframe.
     pub fn keyframe(&self) -> Keyframe {
-        Keyframe { position: self.position, world_from_view: self.world_from_view, fov: self.fov }
+        Keyframe { position: self.position, world_from_view: self.world_from_view, fov: self.fov, way: 1.0 }
     }
 
     /// Stands where a keyframe does; the pivot stays as far ahead.

@@ -1,42 +1,90 @@
 //! The camera path in work, and its preview.
 
 use crate::View;
+use crate::mode::Mode;
 use crate::navigator::Navigator;
-use eframe::egui::{Color32, Stroke, Ui};
+use eframe::egui::{Color32, Stroke, TextureHandle, Ui};
 use glam::DVec3;
 use ibgs_core::camera_path::turntable::Axis;
 use ibgs_core::camera_path::{Keyframe, KeyframePath};
 
-/// Seconds from one keyframe to the next, when they are set.
+/// Seconds of the way to a new keyframe.
 const APART: f64 = 2.0;
 /// Seconds of a whole turn.
 const TURN: f64 = 12.0;
-/// Lines that the path is drawn with between two keyframes.
+/// Lines that the path is drawn with between two keyframes, and in all.
 const PIECES: usize = 16;
+const MOST_PIECES: usize = 4_000;
+
+/// How much a film's video is compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FilmQuality {
+    Small,
+    #[default]
+    Usual,
+    High,
+}
+
+impl FilmQuality {
+    pub const ALL: [Self; 3] = [Self::Small, Self::Usual, Self::High];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Small => "small file",
+            Self::Usual => "usual quality",
+            Self::High => "high quality",
+        }
+    }
+
+    /// The constant rate factor of its video; none: the encoder's own.
+    pub fn rate_factor(self) -> Option<u32> {
+        match self {
+            Self::Small => Some(30),
+            Self::Usual => None,
+            Self::High => Some(16),
+        }
+    }
+}
 
 /// The path in work.
 pub struct PathEditor {
-    /// What is edited.
+    /// What is edited; its ways are in seconds.
     pub path: KeyframePath,
+    /// What the keyframes show, once the camera has stood there.
+    pub pictures: Vec<Option<TextureHandle>>,
+    /// The keyframe that is dragged along the timeline.
+    pub dragged: Option<usize>,
     /// Where the preview stands, in seconds.
     pub at: f64,
     pub playing: bool,
     /// The preview has moved: the camera follows.
     pub moved: bool,
-    /// The whole duration was set by the user: new keyframes do not change it.
-    pub timed: bool,
     /// Where it is saved and loaded.
     pub file: String,
+    /// What the film shows; none: what the window shows.
+    pub mode: Option<Mode>,
+    pub quality: FilmQuality,
     /// Frames of the film that are done, and their number.
     pub filming: Option<(usize, usize)>,
 }
 
 impl Default for PathEditor {
     fn default() -> Self {
-        let path =
-            KeyframePath { keyframes: Vec::new(), width: 1280, height: 720, fps: 30.0, seconds: APART, cycle: false };
-        let file = "camera_path.json".to_owned();
-        Self { path, at: 0.0, playing: false, moved: false, timed: false, file, filming: None }
+        let (width, height, fps, seconds) = (1280, 720, 30.0, APART);
+        let path = KeyframePath { keyframes: Vec::new(), width, height, fps, seconds, cycle: false, eased: false };
+        Self {
+            path,
+            pictures: Vec::new(),
+            dragged: None,
+            at: 0.0,
+            playing: false,
+            moved: false,
+            file: "camera_path.json".to_owned(),
+            mode: None,
+            quality: FilmQuality::default(),
+            filming: None,
+        }
     }
 }
 
@@ -51,28 +99,81 @@ impl PathEditor {
         self.file = path.display().to_string();
     }
 
-    /// Sets the whole duration by the keyframes, where the user has not.
-    pub fn retime(&mut self) {
-        if !self.timed {
-            let gaps = (self.keyframes() + usize::from(self.path.cycle)).saturating_sub(1);
-            self.path.seconds = APART * gaps.max(1) as f64;
-        }
-        self.at = self.at.min(self.path.seconds);
+    /// Takes another path.
+    pub fn load(&mut self, path: KeyframePath) {
+        (self.path, self.at, self.moved, self.playing) = (path, 0.0, true, false);
+        self.pictures = vec![None; self.keyframes()];
+    }
+
+    /// Forgets the keyframes.
+    pub fn clear(&mut self) {
+        self.path.keyframes.clear();
+        self.path.seconds = APART;
+        (self.pictures, self.at, self.playing) = (Vec::new(), 0.0, false);
     }
 
     /// Adds a keyframe where the camera is.
     pub fn add(&mut self, navigator: &Navigator) {
-        self.path.keyframes.push(navigator.keyframe());
-        self.retime();
-        self.at = self.path.seconds;
+        let key = Keyframe { way: APART, ..navigator.keyframe() };
+        self.path.change(|path| path.keyframes.push(key));
+        self.pictures.push(None);
+        self.at = self.path.time_of(self.keyframes() - 1);
+    }
+
+    /// Moves a keyframe to where the camera is.
+    pub fn set(&mut self, index: usize, navigator: &Navigator) {
+        let key = &mut self.path.keyframes[index];
+        *key = Keyframe { way: key.way, ..navigator.keyframe() };
+        self.pictures[index] = None;
+    }
+
+    /// Removes a keyframe.
+    pub fn remove(&mut self, index: usize) {
+        self.path.change(|path| _ = path.keyframes.remove(index));
+        self.pictures.remove(index);
+        self.at = self.at.min(self.path.seconds);
+        self.playing &= self.keyframes() > 1;
+    }
+
+    /// Moves a keyframe to another place in the order.
+    pub fn reorder(&mut self, from: usize, to: usize) {
+        self.path.change(|path| {
+            let key = path.keyframes.remove(from);
+            path.keyframes.insert(to, key);
+        });
+        let picture = self.pictures.remove(from);
+        self.pictures.insert(to, picture);
+        self.go_to(to);
+    }
+
+    /// Lets the way to a keyframe take so many seconds.
+    pub fn set_way(&mut self, index: usize, seconds: f64) {
+        self.path.change(|path| path.keyframes[index].way = seconds);
+        self.at = self.at.min(self.path.seconds);
+    }
+
+    /// Closes the path, or opens it.
+    pub fn set_cycle(&mut self, cycle: bool) {
+        self.path.change(|path| path.cycle = cycle);
+        self.at = self.at.min(self.path.seconds);
+    }
+
+    /// Stands at a keyframe.
+    pub fn go_to(&mut self, index: usize) {
+        (self.at, self.moved, self.playing) = (self.path.time_of(index), true, false);
+    }
+
+    /// The keyframe that the preview stands at.
+    pub fn current(&self) -> Option<usize> {
+        (0..self.keyframes()).find(|&index| (self.path.time_of(index) - self.at).abs() < 1e-6)
     }
 
     /// Makes the path a turn around what the camera orbits, from where it is, on the sides that the views show.
     pub fn turn(&mut self, navigator: &Navigator, views: &[View]) {
         let axis = Axis { center: navigator.pivot(), up: navigator.up };
-        self.path.keyframes = axis.turn(&navigator.keyframe(), views.iter().map(|view| &view.camera));
-        (self.path.cycle, self.path.seconds) = (true, TURN);
-        (self.timed, self.at, self.playing) = (true, 0.0, false);
+        let keyframes = axis.turn(&navigator.keyframe(), views.iter().map(|view| &view.camera));
+        self.load(KeyframePath { keyframes, cycle: true, seconds: TURN, ..self.path.clone() });
+        self.moved = false;
     }
 
     /// Plays or stops.
@@ -104,10 +205,8 @@ impl PathEditor {
 
     /// Draws the path by lines in world space.
     pub fn draw(&self, line: impl Fn([DVec3; 2], Stroke)) {
-        let count = PIECES * self.keyframes();
-        let places: Vec<DVec3> = (0..=count)
-            .filter_map(|i| Some(self.path.at(self.path.seconds * i as f64 / count.max(1) as f64)?.position))
-            .collect();
+        let count = (PIECES * self.keyframes()).min(MOST_PIECES) + 1;
+        let places: Vec<DVec3> = self.path.along(count).map(|key| key.position).collect();
         for ends in places.windows(2) {
             line([ends[0], ends[1]], Stroke::new(2.0, Color32::from_rgb(255, 90, 200)));
         }

@@ -64,8 +64,9 @@ pub(crate) struct Panels {
     pub always_sharp: bool,
     /// On a view, nothing around its photo.
     pub only_frame: bool,
-    /// The camera path's panel.
+    /// The camera path's panel and its timeline, and how high that is in points.
     pub shows_path: bool,
+    pub timeline_height: f32,
     /// Keys and pointer explained.
     pub shows_help: bool,
     /// The camera path.

@@ -25,12 +25,20 @@ impl Step {
         Self { shift: to.position - from.position, turn: turn.to_scaled_axis(), zoom: zoom(to) - zoom(from) }
     }
 
-    /// Speed at the keyframe between two steps: Catmull and Rom's. The zoom turns back at a keyframe or nowhere
-    /// (Fritsch and Butland), so it never leaves the range of its keyframes.
-    fn speed(self, next: Self) -> Self {
+    /// Speed at the keyframe between two steps that take these times: Catmull and Rom's, for steps of different times that of
+    /// the parabola through the three. The zoom turns back at a keyframe or nowhere (Fritsch and Butland), so it never leaves
+    /// the range of its keyframes.
+    fn speed(self, next: Self, [own, its]: [f64; 2]) -> Self {
+        let whole = own + its;
+        let [first, second] = [its / (own * whole), own / (its * whole)];
         let turning = self.zoom * next.zoom <= 0.0;
-        let zoom = if turning { 0.0 } else { 2.0 / (1.0 / self.zoom + 1.0 / next.zoom) };
-        Self { shift: (self.shift + next.shift) / 2.0, turn: (self.turn + next.turn) / 2.0, zoom }
+        let slopes = [(own + 2.0 * its) * own / self.zoom, (2.0 * own + its) * its / next.zoom];
+        let zoom = if turning { 0.0 } else { 3.0 * whole / (slopes[0] + slopes[1]) };
+        Self { shift: self.shift * first + next.shift * second, turn: self.turn * first + next.turn * second, zoom }
+    }
+
+    fn times(self, factor: f64) -> Self {
+        Self { shift: self.shift * factor, turn: self.turn * factor, zoom: self.zoom * factor }
     }
 }
 
@@ -44,17 +52,13 @@ fn zoom(key: &Keyframe) -> f64 {
 }
 
 /// The keyframe at `t` of the way, 0 at `from` and 1 at `to`, where the path comes from `before` and continues to
-/// `after`.
-pub fn between(
-    before: Option<&Keyframe>,
-    from: &Keyframe,
-    to: &Keyframe,
-    after: Option<&Keyframe>,
-    t: f64,
-) -> Keyframe {
+/// `after`; where it does not, it is at rest if it is eased. None without the two in the middle.
+pub fn between([before, from, to, after]: [Option<&Keyframe>; 4], eased: bool, t: f64) -> Option<Keyframe> {
+    let (from, to) = (from?, to?);
     let step = Step::new(from, to);
-    let start = before.map_or(step, |before| Step::new(before, from).speed(step));
-    let end = after.map_or(step, |after| step.speed(Step::new(to, after)));
+    let alone = step.times(if eased { 0.0 } else { 1.0 });
+    let start = before.map_or(alone, |before| Step::new(before, from).speed(step, [from.way, to.way]).times(to.way));
+    let end = after.map_or(alone, |after| step.speed(Step::new(to, after), [to.way, after.way]).times(to.way));
     // Sums of Bernstein polynomials: the share of each step that is done at `t`.
     let done = [1.0 - (1.0 - t).powi(3), t * t * (3.0 - 2.0 * t), t * t * t];
 
@@ -68,11 +72,12 @@ pub fn between(
     let orientation = (orientation(from) * first * middle * last).normalize();
     let shift: DVec3 = (0..3).map(|i| shifts[i] * done[i]).sum();
     let change: f64 = (0..3).map(|i| zooms[i] * done[i]).sum();
-    Keyframe {
+    Some(Keyframe {
         position: from.position + shift,
         world_from_view: DMat3::from_quat(orientation),
         fov: 2.0 * (-(zoom(from) + change)).exp().atan(),
-    }
+        way: 1.0,
+    })
 }
 
 #[cfg(test)]

@@ -56,6 +56,8 @@ struct Plan {
     fps: Option<f64>,
     seconds: Option<f64>,
     is_cycle: Option<bool>,
+    is_eased: Option<bool>,
+    default_transition_sec: Option<f64>,
 }
 
 /// Reads a file with one of the parsers below.
@@ -90,8 +92,14 @@ pub fn parse_keyframes(text: &str) -> Result<KeyframePath, String> {
         let keyframes = records.iter().enumerate();
         let keyframes =
             keyframes.map(|(i, key)| keyframe(key, &head).map_err(|what| format!("keyframes[{i}]: {what}")));
-        let segments = if cycle { records.len() } else { records.len() - 1 };
-        (keyframes.collect::<Result<Vec<_>, _>>()?, USUAL_TRANSITION * segments.max(1) as f64)
+        let usual = plan.default_transition_sec.unwrap_or(USUAL_TRANSITION);
+        let mut keyframes = keyframes.collect::<Result<Vec<_>, _>>()?;
+        for (key, record) in keyframes.iter_mut().zip(&records) {
+            let is_own = record["override_transition_enabled"] == true;
+            key.way = record["override_transition_sec"].as_f64().filter(|_| is_own).unwrap_or(usual);
+        }
+        let ways = keyframes.iter().skip(usize::from(!cycle)).map(|key| key.way).sum();
+        (keyframes, if ways > 0.0 { ways } else { USUAL_TRANSITION })
     } else {
         let frames = frames(text, &head)?;
         let seconds = frames.len() as f64 / fps;
@@ -101,7 +109,8 @@ pub fn parse_keyframes(text: &str) -> Result<KeyframePath, String> {
         key.world_from_view = DMat3::from_quat(DQuat::from_mat3(&key.world_from_view).normalize());
     }
     let seconds = plan.seconds.unwrap_or(usual_seconds);
-    let path = KeyframePath { keyframes, width, height, fps, seconds, cycle };
+    let eased = plan.is_eased.unwrap_or(false);
+    let path = KeyframePath { keyframes, width, height, fps, seconds, cycle, eased };
     path.check().map(|()| path)
 }
 
@@ -200,7 +209,7 @@ fn pose(name: &str, matrix: &DMat4, fov: f64) -> Result<Keyframe, String> {
     let [right, up, back] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(DVec4::truncate);
     let world_from_view = rotation(DMat3::from_cols(right, -up, -back));
     let world_from_view = world_from_view.ok_or_else(|| format!("`{name}` is no rotation"))?;
-    let keyframe = Keyframe { position: matrix.w_axis.truncate(), world_from_view, fov: fov.to_radians() };
+    let keyframe = Keyframe { position: matrix.w_axis.truncate(), world_from_view, fov: fov.to_radians(), way: 1.0 };
     keyframe.check().map(|()| keyframe)
 }
 
@@ -258,6 +267,8 @@ mod tests {
             file.as_object_mut().unwrap().remove(name);
         }
         let times = |file: &Value| parse_keyframes(&file.to_string()).map(|path| (path.fps, path.seconds, path.cycle));
+        assert_eq!(times(&file), Ok((30.0, 7.0, false)), "four transitions of the file's own time");
+        file.as_object_mut().unwrap().remove("default_transition_sec");
         assert_eq!(times(&file), Ok((30.0, 8.0, false)));
         file["is_cycle"] = json!(true);
         assert_eq!(times(&file), Ok((30.0, 10.0, true)));

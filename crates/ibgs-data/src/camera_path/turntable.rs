@@ -43,6 +43,7 @@ impl Axis {
             position: self.center + from_center,
             world_from_view: facing((-from_center).try_normalize()?, self.up)?,
             fov: first.vertical_fov(),
+            way: 1.0,
         })
     }
 
@@ -127,7 +128,7 @@ mod tests {
         let axis = Axis { center, up: DVec3::NEG_Y };
         let position = center + DVec3::new(0.0, -height, -radius);
         let world_from_view = facing((center - position).normalize(), axis.up).unwrap();
-        let first = Keyframe { position, world_from_view, fov: 0.8 };
+        let first = Keyframe { position, world_from_view, fov: 0.8, way: 1.0 };
         axis.turn(&first, [].iter()).iter().map(|key| key.camera(64, 48)).collect()
     }
 
@@ -142,7 +143,7 @@ mod tests {
         // Cameras that face forward side by side meet nowhere; neither does one alone.
         let row = (0..4).map(|i| {
             let position = DVec3::new(f64::from(i), 0.0, 0.0);
-            Keyframe { position, world_from_view: DMat3::IDENTITY, fov: 0.8 }.camera(64, 48)
+            Keyframe { position, world_from_view: DMat3::IDENTITY, fov: 0.8, way: 1.0 }.camera(64, 48)
         });
         let row: Vec<Camera> = row.collect();
         assert_eq!(looked_at(row.iter()), None);
@@ -159,7 +160,8 @@ mod tests {
         let start = axis.start(cameras.iter()).unwrap();
         assert!((start.fov - 0.8).abs() < 1e-9);
         let keyframes = axis.turn(&start, cameras.iter());
-        let path = KeyframePath { keyframes, width: 64, height: 48, fps: 30.0, seconds: 10.0, cycle: true };
+        let path =
+            KeyframePath { keyframes, width: 64, height: 48, fps: 30.0, seconds: 10.0, cycle: true, eased: false };
         let frames = path.frames();
         assert_eq!(frames.len(), 300);
         for camera in &frames {
@@ -204,6 +206,7 @@ mod tests {
                 position: all[(begin + 10) % 16].center(),
                 world_from_view: all[(begin + 10) % 16].view_from_world.transpose(),
                 fov: 0.8,
+                way: 1.0,
             };
             let ends = [some[0].center(), some[4].center()];
             let first = axis.turn(&far, some.iter())[0].position;
@@ -219,7 +222,8 @@ mod tests {
     fn cameras_above_the_middle_have_no_side_to_start_from() {
         let axis = Axis { center: DVec3::ZERO, up: DVec3::NEG_Y };
         let down = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
-        let above = Keyframe { position: DVec3::new(0.0, -2.0, 0.0), world_from_view: down, fov: 0.8 }.camera(64, 48);
+        let above =
+            Keyframe { position: DVec3::new(0.0, -2.0, 0.0), world_from_view: down, fov: 0.8, way: 1.0 }.camera(64, 48);
         assert_eq!(axis.start([above].iter()), None);
         assert_eq!(axis.start([].iter()), None);
     }

@@ -16,6 +16,8 @@ struct Film {
     seconds: f64,
     is_cycle: bool,
     smoothness_value: f64,
+    /// Not of nerfstudio: the path begins and ends at rest.
+    is_eased: bool,
     /// The viewer takes the duration from here.
     default_transition_sec: f64,
     keyframes: Vec<FilmKey>,
@@ -40,14 +42,24 @@ struct FilmFrame {
 
 /// Writes keyframes and frames.
 pub fn save(film: &KeyframePath, path: &Path) -> Result<(), CameraPathError> {
-    film.check().map_err(|reason| CameraPathError::Unsuitable { path: path.to_owned(), reason })?;
+    let text = text(film).map_err(|reason| CameraPathError::Unsuitable { path: path.to_owned(), reason })?;
+    Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+}
+
+/// The file's text, or why there can be none.
+pub fn text(film: &KeyframePath) -> Result<String, String> {
+    film.check()?;
     let aspect = f64::from(film.width) / f64::from(film.height);
-    let key = |key: &Keyframe| FilmKey {
-        matrix: rows(key),
-        fov: key.fov.to_degrees(),
-        aspect,
-        override_transition_enabled: false,
-        override_transition_sec: None,
+    let usual = film.seconds / film.segments().max(1) as f64;
+    let key = |(index, key): (usize, &Keyframe)| {
+        let own = film.way_to(index).filter(|way| (way - usual).abs() > 1e-9 * usual);
+        FilmKey {
+            matrix: rows(key),
+            fov: key.fov.to_degrees(),
+            aspect,
+            override_transition_enabled: own.is_some(),
+            override_transition_sec: own,
+        }
     };
     let frame = |key: Keyframe| FilmFrame { camera_to_world: rows(&key), fov: key.fov.to_degrees(), aspect };
     let file = Film {
@@ -58,11 +70,12 @@ pub fn save(film: &KeyframePath, path: &Path) -> Result<(), CameraPathError> {
         seconds: film.seconds,
         is_cycle: film.cycle,
         smoothness_value: 0.0,
-        default_transition_sec: film.time_of(1),
-        keyframes: film.keyframes.iter().map(key).collect(),
+        is_eased: film.eased,
+        default_transition_sec: usual,
+        keyframes: film.keyframes.iter().enumerate().map(key).collect(),
         camera_path: film.film().map(frame).collect(),
     };
-    Ok(write_atomically(path, |out| serde_json::to_writer(out, &file).map_err(Into::into))?)
+    serde_json::to_string(&file).map_err(|error| error.to_string())
 }
 
 /// The pose row by row, OpenGL axes: right, up, back.

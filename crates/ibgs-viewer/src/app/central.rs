@@ -104,6 +104,7 @@ impl Viewer {
         panels::edit_in_image(self, ui, &response, image, &camera);
         panels::overlay(self, ui, room);
         panels::strength(self, ui, room);
+        self.picture_keyframe(ui.ctx())?;
         let is_outdated = |last: &Rendered| last.iteration != wanted.iteration || last.facts.is_loading;
         let outdated = self.canvas.last().is_some_and(is_outdated);
         if self.moving() || outdated {

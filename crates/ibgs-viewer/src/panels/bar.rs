@@ -230,7 +230,9 @@ pub fn status(viewer: &mut Viewer, ctx: &Context) {
         return;
     }
     let most = (ctx.content_rect().width() - 48.0).min(900.0);
-    Area::new(Id::unique("status")).anchor(Align2::CENTER_BOTTOM, [0.0, -16.0]).show(ctx, |ui| {
+    // What is below can still be clicked.
+    let above = 16.0 + viewer.panels.timeline_height;
+    Area::new(Id::unique("status")).anchor(Align2::CENTER_BOTTOM, [0.0, -above]).show(ctx, |ui| {
         Frame::popup(ui.style()).show(ui, |ui| {
             ui.set_max_width(most);
             if let Some(doing) = &viewer.doing {

@@ -7,6 +7,7 @@ mod path;
 mod pixel;
 mod share;
 mod start;
+mod timeline;
 mod training;
 mod views;
 
@@ -30,6 +31,8 @@ const SLOW: Duration = Duration::from_millis(500);
 /// The panels left, right and below.
 pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
     viewer.thumbnails.begin();
+    // First, so that it has the whole width.
+    timeline::timeline(viewer, ui);
     views::views(viewer, ui);
     let shows_pixel = viewer.panels.shows_pixel && viewer.found.is_some();
     if viewer.training.is_some() || shows_pixel || viewer.panels.shows_path || viewer.edit.shown {

@@ -1,17 +1,15 @@
-//! The camera path's panel: keyframes, preview, files, film.
+//! The camera path's panel: duration, files, films and stills. Its keyframes are in the timeline.
 
 use crate::View;
-use crate::film::Film;
+use crate::film::{Film, FilmTarget};
+use crate::mode::Mode;
 use crate::navigator::Navigator;
-use crate::path_editor::PathEditor;
+use crate::path_editor::{FilmQuality, PathEditor};
 use crate::viewer::Viewer;
 use crate::worker::Command;
-use eframe::egui::{self, DragValue, ProgressBar, Slider, TextEdit, Ui};
+use eframe::egui::{self, ComboBox, DragValue, ProgressBar, TextEdit, Ui};
 use ibgs_core::camera_path::{CameraPathError, KeyframePath};
-use std::path::PathBuf;
-
-/// Height of the list of keyframes in points; a longer list scrolls.
-const KEYFRAMES_HEIGHT: f32 = 150.0;
+use std::path::{Path, PathBuf};
 
 /// The panel at the right.
 pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
@@ -20,24 +18,16 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
     let editor = &mut viewer.panels.path;
     ui.heading("Camera path");
     ui.horizontal_wrapped(|ui| buttons(editor, &navigator, views, ui));
-    // Those of a turn are many: the film's button has to stay in sight.
-    egui::ScrollArea::vertical()
-        .id_salt("keyframes")
-        .max_height(KEYFRAMES_HEIGHT)
-        .auto_shrink([false, true])
-        .show(ui, |ui| keyframes(editor, &navigator, ui));
-    let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
-    let slider = Slider::new(&mut editor.at, 0.0..=seconds).suffix(" s").fixed_decimals(2);
-    if ui.add_enabled(any, slider).on_hover_text("Move along the path").changed() {
-        (editor.moved, editor.playing) = (true, false);
-    }
     ui.horizontal_wrapped(|ui| timing(editor, ui));
-    ui.horizontal_wrapped(|ui| frame_size(editor, ui));
     match ui.horizontal_wrapped(|ui| file(editor, ui)).inner {
         Some(Ok(message)) => viewer.message = Some(message),
         Some(Err(error)) => viewer.error = Some(error.to_string()),
         None => {}
     }
+    ui.separator();
+    ui.heading("Film and still");
+    ui.horizontal_wrapped(|ui| frame_size(&mut viewer.panels.path, ui));
+    ui.horizontal_wrapped(|ui| look(viewer, ui));
     film(viewer, ui);
     ui.separator();
 }
@@ -52,58 +42,28 @@ fn buttons(editor: &mut PathEditor, navigator: &Navigator, views: &[View], ui: &
     if ui.button("Turntable").on_hover_text(text).clicked() {
         editor.turn(navigator, views);
     }
-    let name = if editor.playing { "Stop" } else { "Play" };
-    let play = ui.add_enabled(editor.keyframes() > 1, egui::Button::new(name));
-    if play.on_hover_text("Key Space").clicked() {
-        editor.toggle();
-    }
     if ui.add_enabled(editor.keyframes() > 0, egui::Button::new("Clear")).clicked() {
-        *editor = PathEditor { file: std::mem::take(&mut editor.file), ..PathEditor::default() };
+        editor.clear();
     }
 }
 
-fn keyframes(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
-    let (mut removed, mut shown) = (None, None);
-    for index in 0..editor.keyframes() {
-        let time = editor.path.time_of(index);
-        ui.horizontal(|ui| {
-            if ui.button(format!("{}", index + 1)).on_hover_text("Go there").clicked() {
-                shown = Some(time);
-            }
-            ui.label(format!("{time:.1} s"));
-            if ui.small_button("Set").on_hover_text("Move it to where the camera is now").clicked() {
-                editor.path.keyframes[index] = navigator.keyframe();
-            }
-            if ui.small_button("Remove").clicked() {
-                removed = Some(index);
-            }
-        });
-    }
-    if let Some(time) = shown {
-        (editor.at, editor.moved, editor.playing) = (time, true, false);
-    }
-    if let Some(index) = removed {
-        editor.path.keyframes.remove(index);
-        editor.retime();
-        editor.playing &= editor.keyframes() > 1;
-    }
-}
-
-/// Duration, frame rate, and whether the path is closed.
+/// Duration, and how the path begins and ends.
 fn timing(editor: &mut PathEditor, ui: &mut Ui) {
     let duration = DragValue::new(&mut editor.path.seconds).range(0.1..=3600.0).speed(0.1).suffix(" s");
-    editor.timed |= ui.add(duration).on_hover_text("Whole duration").changed();
-    ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).suffix(" FPS")).on_hover_text("Frames a second");
-    if ui.checkbox(&mut editor.path.cycle, "round").on_hover_text("Back to the first keyframe at the end").changed() {
-        editor.retime();
+    ui.add(duration).on_hover_text("Whole duration; all ways take part in it");
+    let mut cycle = editor.path.cycle;
+    if ui.checkbox(&mut cycle, "round").on_hover_text("Back to the first keyframe at the end").changed() {
+        editor.set_cycle(cycle);
     }
+    ui.add_enabled(!cycle, egui::Checkbox::new(&mut editor.path.eased, "ease")).on_hover_text("Begin and end at rest");
 }
 
 fn frame_size(editor: &mut PathEditor, ui: &mut Ui) {
     ui.add(DragValue::new(&mut editor.path.width).range(16..=8192));
     ui.label("x");
     ui.add(DragValue::new(&mut editor.path.height).range(16..=8192));
-    ui.label("pixels").on_hover_text("Size of the film's frames");
+    ui.label("pixels").on_hover_text("Size of the frames");
+    ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).suffix(" FPS")).on_hover_text("Frames a second");
 }
 
 /// Saves and loads the path; returns what to tell the user of it.
@@ -118,23 +78,55 @@ fn file(editor: &mut PathEditor, ui: &mut Ui) -> Option<Result<String, CameraPat
     if ui.button("Load").clicked() {
         let loaded = KeyframePath::load(&file);
         result = Some(loaded.map(|path| {
-            (editor.path, editor.timed, editor.at, editor.moved) = (path, true, 0.0, true);
+            editor.load(path);
             format!("{} keyframes from {}", editor.keyframes(), file.display())
         }));
     }
     result
 }
 
-/// The film of the path, in a folder that is free.
-fn film_of(viewer: &Viewer) -> Option<Film> {
-    let pictures = &viewer.scene.as_ref()?.pictures;
-    let folder = (1..).map(|n| pictures.join(format!("film-{n}"))).find(|folder| !folder.exists())?;
-    let path = &viewer.panels.path.path;
-    let style = viewer.canvas.style;
-    Some(Film { cameras: path.frames(), fps: path.fps, mode: viewer.mode, style, folder })
+/// What is shown, and how much the video is compressed.
+fn look(viewer: &mut Viewer, ui: &mut Ui) {
+    let offered: Vec<Mode> = Mode::ALL.into_iter().filter(|mode| !mode.needs_photo() && viewer.offers(*mode)).collect();
+    let editor = &mut viewer.panels.path;
+    editor.mode = editor.mode.filter(|mode| offered.contains(mode));
+    let name = editor.mode.map_or("as shown", Mode::name);
+    ComboBox::from_id_salt("film mode").selected_text(name).show_ui(ui, |ui| {
+        ui.selectable_value(&mut editor.mode, None, "as shown");
+        for mode in offered {
+            ui.selectable_value(&mut editor.mode, Some(mode), mode.name());
+        }
+    });
+    ComboBox::from_id_salt("film quality").selected_text(editor.quality.name()).show_ui(ui, |ui| {
+        for quality in FilmQuality::ALL {
+            ui.selectable_value(&mut editor.quality, quality, quality.name());
+        }
+    });
 }
 
-/// The film's button, or how far the film is.
+/// A name that is free.
+fn free(folder: &Path, name: impl Fn(u32) -> String) -> Option<PathBuf> {
+    (1..).map(|n| folder.join(name(n))).find(|path| !path.exists())
+}
+
+/// The film of the path, or a picture from where the camera is, under a name that is free.
+fn film_of(viewer: &Viewer, is_still: bool) -> Option<Film> {
+    let pictures = &viewer.scene.as_ref()?.pictures;
+    let editor = &viewer.panels.path;
+    let (path, style) = (&editor.path, viewer.canvas.style);
+    let target = match is_still {
+        true => FilmTarget::Still(free(pictures, |n| format!("still-{n}.png"))?),
+        false => FilmTarget::Frames(free(pictures, |n| format!("film-{n}"))?),
+    };
+    let cameras = match is_still {
+        true => vec![viewer.navigator.keyframe().camera(path.width, path.height)],
+        false => path.frames(),
+    };
+    let mode = editor.mode.unwrap_or(viewer.mode);
+    Some(Film { cameras, fps: path.fps, mode, style, quality: editor.quality, target })
+}
+
+/// The buttons, or how far the film is.
 fn film(viewer: &mut Viewer, ui: &mut Ui) {
     if let Some((done, count)) = viewer.panels.path.filming {
         ui.add(ProgressBar::new(done as f32 / count.max(1) as f32).text(format!("{done} of {count}")));
@@ -144,11 +136,15 @@ fn film(viewer: &mut Viewer, ui: &mut Ui) {
         return;
     }
     let ready = viewer.panels.path.keyframes() > 0;
-    let button = ui.add_enabled(ready, egui::Button::new("Render film"));
-    let text = "Write every frame as PNG, in the mode that is shown, and a video where ffmpeg is on this machine";
-    if button.on_hover_text(text).clicked()
-        && let Some(film) = film_of(viewer)
-    {
+    let asked = ui.horizontal_wrapped(|ui| {
+        let film = ui.add_enabled(ready, egui::Button::new("Render film"));
+        let film =
+            film.on_hover_text("Write every frame as PNG, and a video where ffmpeg is on this machine").clicked();
+        let still =
+            ui.button("Render still").on_hover_text("Write a PNG of this size from where the camera is").clicked();
+        (film || still).then_some(still)
+    });
+    if let Some(film) = asked.inner.and_then(|is_still| film_of(viewer, is_still)) {
         viewer.panels.path.filming = Some((0, film.cameras.len()));
         viewer.send(Command::Film(Box::new(film)));
     }

@@ -255,7 +255,8 @@ fn form(viewer: &mut Viewer, ui: &mut Ui) {
 
 /// The page.
 pub fn start(viewer: &mut Viewer, ui: &mut Ui) {
-    if viewer.doing.is_some() {
+    // What a training says of itself, such as that it saves, hinders nothing here.
+    if viewer.doing.is_some() && viewer.training.is_none() {
         ui.disable();
     }
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {

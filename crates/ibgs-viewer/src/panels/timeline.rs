@@ -1,0 +1,148 @@
+//! The camera path's keyframes as pictures in a row, with the time of each way between them.
+
+use crate::navigator::Navigator;
+use crate::path_editor::PathEditor;
+use crate::viewer::Viewer;
+use eframe::egui::{
+    self, Align2, Button, Color32, DragValue, Id, Rect, Role, ScrollArea, Sense, Slider, Stroke, TextStyle, Ui, Vec2,
+    WidgetInfo,
+};
+
+/// Size of a keyframe's picture in points, and of the line below it.
+const PICTURE: Vec2 = Vec2::new(96.0, 54.0);
+const LINE: f32 = 18.0;
+/// Width of the time between two pictures.
+const WAY: f32 = 48.0;
+
+/// The panel below the canvas.
+pub fn timeline(viewer: &mut Viewer, ui: &mut Ui) {
+    viewer.panels.timeline_height = 0.0;
+    if !viewer.panels.shows_path {
+        return;
+    }
+    let navigator = viewer.navigator;
+    let editor = &mut viewer.panels.path;
+    let shown = egui::Panel::bottom("timeline").show(ui, |ui| {
+        ui.horizontal_wrapped(|ui| controls(editor, &navigator, ui));
+        ScrollArea::horizontal().auto_shrink([false, true]).show(ui, |ui| row(editor, ui));
+    });
+    viewer.panels.timeline_height = shown.response.rect.height();
+}
+
+/// Preview, and what is done with the keyframe that it stands at.
+fn controls(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
+    let name = if editor.playing { "Stop" } else { "Play" };
+    let play = ui.add_enabled(editor.keyframes() > 1, Button::new(name));
+    if play.on_hover_text("Key Space").clicked() {
+        editor.toggle();
+    }
+    let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
+    let slider = Slider::new(&mut editor.at, 0.0..=seconds).suffix(" s").fixed_decimals(2);
+    if ui.add_enabled(any, slider).on_hover_text("Move along the path").changed() {
+        (editor.moved, editor.playing) = (true, false);
+    }
+    let Some(current) = editor.current() else {
+        if !any {
+            ui.label("Key K adds a keyframe where the camera is.");
+        }
+        return;
+    };
+    ui.label(format!("keyframe {}:", current + 1));
+    if ui.button("Set").on_hover_text("Move it to where the camera is now").clicked() {
+        editor.set(current, navigator);
+    }
+    if ui.button("Remove").clicked() {
+        editor.remove(current);
+    }
+}
+
+/// The keyframes; each can be dragged to another place.
+fn row(editor: &mut PathEditor, ui: &mut Ui) {
+    let (mut middles, mut shown, mut released) = (Vec::new(), None, None);
+    let pointer = ui.input(|input| input.pointer.latest_pos());
+    let response = ui.horizontal(|ui| {
+        for index in 0..editor.keyframes() {
+            if index > 0 {
+                way(editor, index, ui);
+            }
+            let tile = tile(editor, index, ui);
+            middles.push(tile.rect.center().x);
+            if tile.drag_started() {
+                editor.dragged = Some(index);
+            }
+            if tile.clicked() {
+                shown = Some(index);
+            }
+            if tile.drag_stopped() {
+                released = editor.dragged.take();
+            }
+        }
+        if editor.path.cycle && editor.keyframes() > 1 {
+            way(editor, 0, ui);
+            ui.label("to 1").on_hover_text("Back to the first keyframe");
+        }
+    });
+    // The place among the others that the pointer is at.
+    let place = |from: usize| {
+        let x = pointer?.x;
+        Some(middles.iter().enumerate().filter(|&(i, &middle)| i != from && middle < x).count())
+    };
+    if let Some((from, to)) = editor.dragged.and_then(|from| Some((from, place(from)?))) {
+        let edge = if to <= from { to } else { to + 1 };
+        let half = 0.5 * PICTURE.x + 4.0;
+        let x = middles.get(edge).map_or_else(|| middles[middles.len() - 1] + half, |middle| middle - half);
+        ui.painter().vline(x, response.response.rect.y_range(), Stroke::new(3.0, ui.visuals().selection.bg_fill));
+    }
+    if let Some((from, to)) = released.and_then(|from| Some((from, place(from)?))).filter(|(from, to)| from != to) {
+        editor.reorder(from, to);
+    }
+    if let Some(index) = shown {
+        editor.go_to(index);
+    }
+}
+
+/// The time of the way to a keyframe.
+fn way(editor: &mut PathEditor, index: usize, ui: &mut Ui) {
+    let Some(mut seconds) = editor.path.way_to(index) else { return };
+    ui.vertical(|ui| {
+        ui.add_space(0.5 * (PICTURE.y - LINE));
+        let value = DragValue::new(&mut seconds).range(0.1..=600.0).speed(0.05).fixed_decimals(1).suffix(" s");
+        let text = format!("Time of the way to keyframe {}", index + 1);
+        if ui.add_sized([WAY, LINE], value).on_hover_text(text).changed() {
+            editor.set_way(index, seconds);
+        }
+    });
+}
+
+/// A keyframe: what is seen from there, its number and its time.
+fn tile(editor: &PathEditor, index: usize, ui: &mut Ui) -> egui::Response {
+    let (rect, _) = ui.allocate_exact_size(PICTURE + Vec2::new(0.0, LINE), Sense::hover());
+    let response = ui.interact(rect, Id::unique(("keyframe", index)), Sense::click_and_drag());
+    let number = (index + 1).to_string();
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &number));
+    let (visuals, painter) = (ui.visuals(), ui.painter_at(rect.expand(2.0)));
+    let room = Rect::from_min_size(rect.min, PICTURE);
+    painter.rect_filled(room, 3.0, visuals.extreme_bg_color);
+    match &editor.pictures[index] {
+        Some(picture) => {
+            let size = picture.size_vec2();
+            let place = Rect::from_center_size(room.center(), size * (room.size() / size).min_elem());
+            let whole = Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
+            painter.image(picture.id(), place, whole, Color32::WHITE);
+        }
+        None => {
+            let font = TextStyle::Heading.resolve(ui.style());
+            painter.text(room.center(), Align2::CENTER_CENTER, &number, font, visuals.weak_text_color());
+        }
+    }
+    let is_current = editor.current() == Some(index);
+    let stroke = match is_current || response.hovered() || response.has_focus() {
+        true => Stroke::new(2.0, visuals.selection.bg_fill),
+        false => visuals.widgets.noninteractive.bg_stroke,
+    };
+    painter.rect_stroke(room, 3.0, stroke, egui::StrokeKind::Inside);
+    let text = format!("{number}   {:.1} s", editor.path.time_of(index));
+    let at = egui::pos2(room.center().x, room.bottom() + 2.0);
+    painter.text(at, Align2::CENTER_TOP, text, TextStyle::Small.resolve(ui.style()), visuals.text_color());
+    response.on_hover_text("Click: go there. Drag: another place in the order.")
+}
