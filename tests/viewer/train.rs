@@ -76,6 +76,30 @@ fn a_training_can_be_watched_paused_stepped_and_saved() {
     assert_eq!(window.state().error(), None);
 }
 
+#[test]
+fn a_training_can_be_stopped_and_its_model_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut opened = training(&gpu(), folder.path(), 10_000);
+    let model = folder.path().join("model");
+    opened.scene.path = Some(model.clone());
+    let mut window = window_on(&gpu(), Some(opened), Vec2::new(1000.0, 640.0));
+    until(&mut window, "on its way", |viewer| iteration(viewer) >= 3);
+    assert!(window.query_by_label("Open the model").is_none());
+    window.get_by_label("Stop").click();
+    until(&mut window, "stopped", |viewer| viewer.progress().is_some_and(|(_, running)| !running));
+    while window.query_by_label("Open the model").is_none() {
+        window.step();
+    }
+    assert_eq!(window.state().error(), None);
+    let output = OutputFolder::open(&model).unwrap();
+    assert_eq!(output.latest_iteration().unwrap(), Some(iteration(window.state())));
+    window.get_by_label_contains("--resume");
+    window.get_by_label("Open the model").click();
+    until(&mut window, "opened", |viewer| viewer.progress().is_none());
+    settle(&mut window);
+    assert_eq!(window.state().error(), None);
+}
+
 /// Closing the window ends the training as Ctrl-C does: saved and measured.
 #[test]
 fn a_closed_window_leaves_a_saved_model() {

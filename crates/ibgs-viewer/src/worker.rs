@@ -243,6 +243,7 @@ impl WorkerState {
                 self.report(work, true);
             }
             Command::Step => (work.running, work.single) = (false, work.unfinished),
+            Command::End => self.finish(work),
             Command::Save => {
                 if let Some(training) = work.training() {
                     match training.save() {

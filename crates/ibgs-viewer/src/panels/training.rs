@@ -1,11 +1,14 @@
 //! How the training goes.
 
+use crate::OpenRequest;
 use crate::curves::Curves;
 use crate::viewer::{Trained, Viewer};
 use crate::worker::Command;
 use eframe::egui::{self, ProgressBar, Ui};
 use egui_plot::{Line, Plot, PlotPoints};
 use ibgs_core::output::log::TrainingProgress;
+use ibgs_core::progress::duration;
+use std::path::Path;
 
 /// Buttons, curves and measurements of the training.
 pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
@@ -16,7 +19,8 @@ pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
     let bar = ProgressBar::new(share).text(format!("{} of {}", progress.iteration, progress.iterations));
     ui.add(bar).on_hover_text("Iterations");
     let command = ui.horizontal_wrapped(|ui| buttons(trained, ui)).inner;
-    ui.horizontal_wrapped(|ui| state(progress, ui));
+    ui.horizontal_wrapped(|ui| state(trained, ui));
+    let opens = trained.ended && ended(viewer.scene.as_ref().and_then(|scene| scene.path.as_deref()), progress, ui);
     match (progress.loss, progress.psnr) {
         (Some(loss), Some(psnr)) => ui
             .label(format!("loss {loss:.4}   PSNR {psnr:.2} dB"))
@@ -33,12 +37,27 @@ pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
     if let Some(command) = command {
         viewer.send(command);
     }
+    if let Some(path) = viewer.scene.as_ref().and_then(|scene| scene.path.clone()).filter(|_| opens) {
+        viewer.open(OpenRequest::Path(path));
+    }
+}
+
+/// What comes after the training; whether its model is to be opened.
+fn ended(model: Option<&Path>, progress: &TrainingProgress, ui: &mut Ui) -> bool {
+    let early = progress.iteration < progress.iterations;
+    ui.strong(if early { "Stopped, and saved." } else { "Finished." });
+    let Some(model) = model else { return false };
+    ui.label(format!("The model is in {}. It can be shared now; opened, it can be edited too.", model.display()));
+    if early {
+        ui.weak(format!("`ibgs train --resume -m {}` goes on.", model.display()));
+    }
+    ui.button("Open the model").clicked()
 }
 
 /// The command whose button was clicked.
 fn buttons(trained: &Trained, ui: &mut Ui) -> Option<Command> {
     let (progress, running) = (&trained.progress, trained.running);
-    let ended = progress.iteration >= progress.iterations;
+    let ended = trained.ended || progress.iteration >= progress.iterations;
     let mut command = None;
     let (name, text) = if running { ("Pause", "Stop until you go on") } else { ("Go on", "Train further") };
     if ui.add_enabled(!ended, egui::Button::new(name)).on_hover_text(text).clicked() {
@@ -51,11 +70,16 @@ fn buttons(trained: &Trained, ui: &mut Ui) -> Option<Command> {
     if ui.button("Save").on_hover_text("Write the model as it is now").clicked() {
         command = Some(Command::Save);
     }
+    let stop = ui.add_enabled(!ended, egui::Button::new("Stop"));
+    if stop.on_hover_text("End here: the model is saved and measured, and can be continued later").clicked() {
+        command = Some(Command::End);
+    }
     command
 }
 
 /// Stage, size of the model, time.
-fn state(progress: &TrainingProgress, ui: &mut Ui) {
+fn state(trained: &Trained, ui: &mut Ui) {
+    let progress = &trained.progress;
     let stage = match progress.stage {
         "base" => "the Gaussians alone, as in 3D Gaussian splatting",
         "surface" => "losses on depth and normals shape the surface",
@@ -63,7 +87,11 @@ fn state(progress: &TrainingProgress, ui: &mut Ui) {
     };
     ui.label(format!("stage: {}", progress.stage)).on_hover_text(stage);
     ui.label(format!("{} Gaussians", progress.gaussians));
-    ui.label(format!("{:.0} s", progress.seconds)).on_hover_text("Time spent in iterations");
+    ui.label(duration(progress.seconds)).on_hover_text("Time spent in iterations");
+    if let Some(left) = trained.left.filter(|_| trained.running) {
+        let least = if progress.is_slower_later { "at least " } else { "" };
+        ui.label(format!("{least}{} left", duration(left))).on_hover_text("At the speed of late");
+    }
 }
 
 fn curves(curves: &Curves, ui: &mut Ui) {

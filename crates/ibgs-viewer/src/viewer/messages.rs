@@ -3,7 +3,6 @@
 use super::framing::middle;
 use super::{Found, Panels, Trained, Viewer};
 use crate::Scene;
-use crate::curves::Curves;
 use crate::edit::Edit;
 use crate::mode::Mode;
 use crate::preparing::Sign;
@@ -50,8 +49,12 @@ impl Viewer {
                 Message::Progress(progress, running) => {
                     self.doing = None;
                     if let Some(trained) = &mut self.training {
-                        trained.curves.add(&progress);
-                        (trained.progress, trained.running) = (*progress, running);
+                        trained.take(*progress, running);
+                    }
+                }
+                Message::Ended => {
+                    if let Some(trained) = &mut self.training {
+                        (trained.ended, trained.running) = (true, false);
                     }
                 }
                 Message::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
@@ -94,7 +97,7 @@ impl Viewer {
         self.navigator.up = self.photos_up;
         let middle = if scene.views.is_empty() { self.center } else { mean };
         self.edit = Edit::of(&scene, middle, self.extent);
-        self.training = progress.map(|progress| Trained { progress, running: true, curves: Curves::default() });
+        self.training = progress.map(Trained::new);
         self.start.shown = false;
         (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 impl Viewer {
     /// The model that can be shared: one that is on disk, and whose training has ended.
     pub(crate) fn shared_model(&self) -> Option<PathBuf> {
-        let trains = self.training.as_ref().is_some_and(|t| t.progress.iteration < t.progress.iterations);
+        let trains = self.training.as_ref().is_some_and(|trained| !trained.ended);
         self.scene.as_ref().filter(|_| !trains)?.path.clone()
     }
 

@@ -61,6 +61,8 @@ pub enum Command {
     Run(bool),
     /// One iteration, then pause.
     Step,
+    /// End the training before its time, and save its results.
+    End,
     /// Save the model now.
     Save,
     /// Render a film.
@@ -131,6 +133,8 @@ pub enum Message {
     },
     /// How far the training is; with whether it continues.
     Progress(Box<TrainingProgress>, bool),
+    /// The training has ended, and its results are saved.
+    Ended,
     /// The model was saved.
     Saved(PathBuf),
     /// Frames of the film that are done, and their number.

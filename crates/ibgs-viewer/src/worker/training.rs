@@ -16,14 +16,7 @@ impl WorkerState {
         let stepped = training.step(&|what| self.status(what));
         let progress = training.progress();
         match stepped {
-            Ok(()) if progress.iteration >= progress.iterations => {
-                let finished = training.finish();
-                (work.running, work.unfinished) = (false, false);
-                match finished {
-                    Ok(()) => self.report(work, true),
-                    Err(error) => self.failed(&error),
-                }
-            }
+            Ok(()) if progress.iteration >= progress.iterations => self.finish(work),
             Ok(()) => self.report(work, !work.running),
             Err(error) => {
                 // The training cannot continue. Its model has been saved if that was possible.
@@ -31,6 +24,23 @@ impl WorkerState {
                 self.report(work, true);
                 self.failed(&error);
             }
+        }
+    }
+
+    /// Saves the results of the training, which ends here.
+    pub(super) fn finish(&self, work: &mut Work) {
+        if !std::mem::take(&mut work.unfinished) {
+            return;
+        }
+        (work.running, work.single) = (false, false);
+        let Some(training) = work.training() else { return };
+        self.status("saving and measuring");
+        match training.finish() {
+            Ok(()) => {
+                self.report(work, true);
+                self.send(Message::Ended);
+            }
+            Err(error) => self.failed(&error),
         }
     }
 
