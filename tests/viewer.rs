@@ -131,6 +131,12 @@ fn window(opened: Option<Opened>) -> Window {
     window_on(&gpu(), opened, Vec2::new(760.0, 420.0))
 }
 
+/// The same with half a pixel for a point, where no picture is kept.
+fn coarse(opened: Opened) -> Window {
+    let first = Some(Outcome::Opened(Box::new(opened)));
+    window_with(&gpu(), Opener::default(), first, Vec2::new(760.0, 420.0), None, 0.5)
+}
+
 /// Runs the window until something is so.
 fn until(window: &mut Window, what: &str, mut is_so: impl FnMut(&Viewer) -> bool) {
     let start = Instant::now();

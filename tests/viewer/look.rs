@@ -121,7 +121,7 @@ fn the_picture_fills_the_window() {
 #[test]
 fn a_split_shows_two_modes() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(small(folder.path())));
+    let mut window = coarse(small(folder.path()));
     let left = |window: &mut Window| part(window, Vec2::new(0.45, 0.4), Vec2::new(0.55, 0.6));
     let right = |window: &mut Window| part(window, Vec2::new(0.7, 0.4), Vec2::new(0.8, 0.6));
     let whole = (left(&mut window), right(&mut window));
@@ -183,7 +183,7 @@ fn a_scene_without_views_can_be_looked_at() {
     let (renderer, dataset) = small_model();
     let scene = Scene { points: dataset.points, ..Scene::default() };
     let content = Content::Model(Arc::new(renderer.showing_surface()));
-    let mut window = window(Some(Opened { scene, content }));
+    let mut window = coarse(Opened { scene, content });
     press(&mut window, Key::ArrowRight);
     press(&mut window, Key::R);
     assert_eq!((window.state().on_view(), window.state().error()), (None, None));
@@ -194,7 +194,7 @@ fn a_scene_without_views_can_be_looked_at() {
 #[test]
 fn keys_and_pointer_move_the_camera() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(small(folder.path())));
+    let mut window = coarse(small(folder.path()));
     press(&mut window, Key::ArrowRight);
     assert_eq!(window.state().on_view(), Some(1));
     press(&mut window, Key::ArrowLeft);
@@ -242,7 +242,7 @@ fn keys_and_pointer_move_the_camera() {
 #[test]
 fn a_link_leads_to_a_place_and_a_mode() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(small(folder.path())));
+    let mut window = coarse(small(folder.path()));
     assert_eq!(window.state().link().as_deref(), Some("mode=final&view=0"));
     window.state_mut().follow_link("mode=depth&view=2");
     settle(&mut window);

@@ -87,7 +87,7 @@ fn shortened(file: &Path) -> serde_json::Value {
 
 /// A window with keyframes at three views, each with its picture.
 fn with_keyframes(folder: &Path) -> Window {
-    let mut window = window(Some(plain(folder)));
+    let mut window = coarse(plain(folder));
     window.state_mut().show_path(true);
     window.state_mut().show_figures(false);
     for view in [0, 5, 9] {

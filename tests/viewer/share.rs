@@ -9,7 +9,7 @@ use ibgs_core::scene::{Format, read_gaussians};
 fn sharing(folder: &Path) -> Window {
     let path = folder.join("room.ibgs");
     write_bundle(&path, from_points(&many_points().points, 0, 0.6).unwrap(), Vec::new());
-    let mut window = window(Some(open(&path)));
+    let mut window = coarse(open(&path));
     window.get_by_label("Share").click();
     window.run_steps(3);
     window

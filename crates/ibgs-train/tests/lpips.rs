@@ -67,19 +67,17 @@ fn bands_give_the_distance_of_the_whole() {
     let path = folder.path().join("lpips.safetensors");
     write_network(&path);
     let weights = load(&[path]);
-    let (width, height) = (16, 265);
+    let (width, height) = (16, 393);
     let (a, b) = (photo(4, width, height), photo(5, width, height));
     let with = |rows: u64| {
         let bytes = rows * 4 * 64 * u64::from(width);
         Lpips::new(gpu(), &weights, InputRange::Signed, bytes).unwrap().distance(&rendered(&a), &b)
     };
-    let whole = with(265).unwrap();
-    // Five bands of 48 rows and one of 25; four of 64 and one of 9, too few for a feature of the last block.
-    for rows in [2 * 96 + 48, 2 * 96 + 64 + 5] {
-        let banded = with(rows).unwrap();
-        println!("whole {whole}, in bands {banded}");
-        assert!((banded / whole - 1.0).abs() < 1e-5, "{banded} against {whole}");
-    }
+    let whole = with(393).unwrap();
+    // Two bands of 192 rows and one of 9, too few for a feature of the last block; a few rows more make no larger band.
+    let banded = with(2 * 96 + 192 + 5).unwrap();
+    println!("whole {whole}, in bands {banded}");
+    assert!((banded / whole - 1.0).abs() < 1e-5, "{banded} against {whole}");
     let Err(LpipsError::TooWide { bytes, .. }) = with(2 * 96) else { panic!("208 rows do not fit into 192") };
     assert_eq!(bytes, 208 * 4 * 64 * 16);
 }
