@@ -9,6 +9,7 @@ use crate::stderr;
 use anyhow::{Result, bail};
 use clap::{ArgGroup, Args as ClapArgs, FromArgMatches};
 use ibgs_core::bundle::{Bundle, Packing};
+use ibgs_core::files::is_same;
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::scene::{
     Format, Gaussians, PlyFlavor, SpzVersion, read_gaussians, write_gaussians, write_ply, write_spz,
@@ -127,8 +128,26 @@ fn write(args: &Args) -> Result<Vec<String>> {
     }
 }
 
-/// The same as the window asks for it.
-pub fn shared(request: &ShareRequest) -> Result<Vec<String>> {
+/// The same as the window asks for it, of a model that was opened as `files` say.
+///
+/// # Errors
+/// A name that does not fit, something that is there already, and those of the command.
+pub fn shared(request: &ShareRequest, files: FileArgs) -> Result<Vec<String>> {
+    let path = request.target.display();
+    if is_same(&request.target, &request.model) {
+        bail!("{path} is the model itself; choose another name");
+    }
+    let fits = match request.kind {
+        ShareKind::Page => true,
+        ShareKind::Bundle => is_bundle(&request.target),
+        ShareKind::Gaussians(format) => Format::of_name(&request.target) == Some(format),
+    };
+    if !fits {
+        bail!("the name of {path} must end in `{}`", request.kind.ending());
+    }
+    if !request.replaces && refuse_taken(&request.target, false).is_err() {
+        bail!("{path} is there already; choose another name, or allow to replace it");
+    }
     let target = if request.kind == ShareKind::Page { "--web=" } else { "--output=" };
     let mut target = OsString::from(target);
     target.push(&request.target);
@@ -137,7 +156,8 @@ pub fn shared(request: &ShareRequest) -> Result<Vec<String>> {
     words.extend((request.kind == ShareKind::Bundle && request.is_small).then(|| "--quality=90".into()));
     words.extend(["--".into(), request.model.clone().into_os_string()]);
     let command = Args::augment_args(clap::Command::new("export"));
-    write(&Args::from_arg_matches(&command.try_get_matches_from(words)?)?)
+    let args = Args::from_arg_matches(&command.try_get_matches_from(words)?)?;
+    write(&Args { model: files, ..args })
 }
 
 /// Refuses a folder in which there is something.

@@ -111,7 +111,8 @@ pub fn scene_in_window(request: &PhotosRequest, programs: &Programs, watch: &Wat
     (args.output, args.overwrite, args.programs) = (request.scene.clone(), request.anew, programs.clone());
     args.frames = request.frames.unwrap_or(args.frames);
     let scene = args.scene()?;
-    match args.is_made(&scene)?.filter(|_| !request.anew) {
+    // Other frames make another scene.
+    match args.is_made(&scene)?.filter(|_| !request.anew && request.frames.is_none()) {
         Some(note) => watch.note(note),
         None => {
             let note = |sentence| watch.note(sentence);

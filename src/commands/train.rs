@@ -283,7 +283,7 @@ fn run_whole(args: &Args, before: Before) -> Result<()> {
     let mut session = start(training, args.adapter.as_ref())?;
     let log = args.log_json.as_deref().map(|path| log(&session, path, before)).transpose()?;
     match args.with_viewer {
-        true => view::look(|failure| Watched::new(session, failure).with_log(log)),
+        true => view::look(view::Opener::default(), |failure| Watched::new(session, failure).with_log(log)),
         false => {
             terminal::train(&mut session, log)?;
             if let Some(folder) = session.folder().filter(|_| session.is_done()) {

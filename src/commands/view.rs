@@ -94,13 +94,18 @@ pub fn run(args: &Args) -> Result<()> {
         check_display()?;
     }
     let open = |wanted| open_gpu(args.adapter.as_ref(), wanted);
+    let opener = || Opener {
+        memory: args.memory,
+        programs: args.programs.clone(),
+        files: args.model.as_ref().map(|path| args.files(path)).unwrap_or_default(),
+        ..Opener::default()
+    };
     if let Some(scene) = &args.train {
         let request = TrainingRequest { scene: scene.clone(), ..TrainingRequest::default() };
         let session = prepare(requested(&request)?, || open(Use::Training), &|_| {})?;
-        return look(|failure| Watched::new(session, failure));
+        return look(opener(), |failure| Watched::new(session, failure));
     }
     let gpu = || open(Use::Rendering);
-    let opener = || Opener { memory: args.memory, programs: args.programs.clone(), ..Opener::default() };
     let (gpu, first) = match &args.model {
         None => (gpu()?, None),
         Some(path) => {
@@ -109,12 +114,7 @@ pub fn run(args: &Args) -> Result<()> {
             {
                 return window(&gpu()?, opener(), Some(outcome));
             }
-            let files = FileArgs {
-                model: path.clone(),
-                source: args.source.clone(),
-                iteration: args.iteration,
-                resolution: args.resolution,
-            };
+            let files = args.files(path);
             let wanted = ModelArgs { adapter: args.adapter.clone(), ..flying(ModelArgs::of(files), args.memory) };
             let (gpu, opened) = model(&wanted, gpu)?;
             if args.measure {
@@ -127,6 +127,12 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 impl Args {
+    /// A model with the options that say which.
+    fn files(&self, path: &Path) -> FileArgs {
+        let (source, iteration, resolution) = (self.source.clone(), self.iteration, self.resolution);
+        FileArgs { model: path.to_owned(), source, iteration, resolution }
+    }
+
     /// No option asks for a model.
     fn fits_a_scene(&self) -> bool {
         !self.measure && self.source.is_none() && self.iteration.is_none() && self.resolution.is_none()
@@ -182,8 +188,7 @@ fn measure(gpu: &Gpu, opened: Opened) -> Result<()> {
 ///
 /// # Errors
 /// No window can be opened, or what a training in it failed with.
-pub fn look(run: impl FnOnce(&Failure) -> Watched) -> Result<()> {
-    let opener = Opener::default();
+pub fn look(opener: Opener, run: impl FnOnce(&Failure) -> Watched) -> Result<()> {
     let run = run(&opener.failure);
     let gpu = run.session().gpu().clone();
     window(&gpu, opener, Some(Outcome::Opened(Box::new(trained(run)))))
@@ -220,6 +225,7 @@ pub struct Opener {
     /// Of the command line.
     memory: Memory,
     programs: Programs,
+    files: FileArgs,
 }
 
 /// The same with frames that do not wait for chunks.
@@ -261,7 +267,10 @@ impl Open for Opener {
     }
 
     fn share(&self, wanted: &ShareRequest) -> Result<Vec<String>> {
-        shared(wanted)
+        let opened = self.files.model == wanted.model;
+        let files =
+            if opened { self.files.clone() } else { FileArgs { model: wanted.model.clone(), ..FileArgs::default() } };
+        shared(wanted, files)
     }
 
     fn prepare(&self, wanted: &PhotosRequest, watch: &Watch) -> Result<PathBuf> {

@@ -4,17 +4,22 @@ use super::*;
 use egui_kittest::kittest::Queryable;
 use ibgs_core::camera_path::KeyframePath;
 
-#[test]
-fn a_camera_path_is_made_played_kept_and_filmed() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut window = window(Some(untrained(folder.path())));
+/// Opens the panel and adds keyframes at three views.
+fn add_keyframes(window: &mut Window) {
     window.state_mut().show_path(true);
     window.state_mut().show_figures(false);
     for view in [0, 5, 9] {
         window.state_mut().stand_on(view);
-        settle(&mut window);
-        press(&mut window, Key::K);
+        settle(window);
+        press(window, Key::K);
     }
+}
+
+#[test]
+fn a_camera_path_is_made_played_kept_and_filmed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = window(Some(untrained(folder.path())));
+    add_keyframes(&mut window);
     assert_eq!(window.state().keyframes(), 3);
     window.get_by_label("Add keyframe").click();
     settle(&mut window);
@@ -88,13 +93,7 @@ fn shortened(file: &Path) -> serde_json::Value {
 /// A window with keyframes at three views, each with its picture.
 fn with_keyframes(folder: &Path) -> Window {
     let mut window = coarse(plain(folder));
-    window.state_mut().show_path(true);
-    window.state_mut().show_figures(false);
-    for view in [0, 5, 9] {
-        window.state_mut().stand_on(view);
-        settle(&mut window);
-        press(&mut window, Key::K);
-    }
+    add_keyframes(&mut window);
     window.run_steps(20);
     window
 }
@@ -134,6 +133,30 @@ fn keyframes_are_dragged_to_another_place_in_the_timeline() {
     let rest = saved(&mut window, folder.path());
     assert!(places(&rest).iter().zip([b, a]).all(|(found, place)| found.abs_diff_eq(place, 1e-9)));
     assert_eq!((rest.seconds, window.state().error()), (2.0, None));
+}
+
+#[test]
+fn a_path_is_played_to_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = with_keyframes(folder.path());
+    // Times between the slider's own steps stay as they are, and so do ways that are shorter than can be typed.
+    let saved_path = KeyframePath { seconds: 0.1 / 3.0, ..saved(&mut window, folder.path()) };
+    saved_path.save(&folder.path().join("path.json")).unwrap();
+    window.get_by_label("Load").click();
+    settle(&mut window);
+    assert!((saved(&mut window, folder.path()).seconds - 0.1 / 3.0).abs() < 1e-12);
+    window.get_by_label("2").click();
+    settle(&mut window);
+    window.get_by_label("keyframe 2:");
+    let path = KeyframePath { seconds: 2.0, ..saved_path };
+    path.save(&folder.path().join("path.json")).unwrap();
+    window.get_by_label("Load").click();
+    settle(&mut window);
+    window.get_by_label("Play").click();
+    let end = path.keyframes[2].position;
+    until(&mut window, "at its end", |viewer| viewer.navigator().position.abs_diff_eq(end, 1e-9));
+    settle(&mut window);
+    window.get_by_label("Play");
 }
 
 #[test]

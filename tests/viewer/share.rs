@@ -51,8 +51,8 @@ fn a_model_is_written_for_other_programs() {
     window.get_by_label("small").click();
     window.run_steps(2);
     write(&mut window);
-    window.get_by_label_contains("room.ibgs written");
-    let Content::Model(renderer) = open(&folder.path().join("room.ibgs")).content else { panic!("a model") };
+    window.get_by_label_contains("room-shared.ibgs written");
+    let Content::Model(renderer) = open(&folder.path().join("room-shared.ibgs")).content else { panic!("a model") };
     assert!(renderer.part().is_some());
     window.state_mut().show_figures(false);
     window.run_steps(20);

@@ -260,6 +260,15 @@ mod tests {
     }
 
     #[test]
+    fn a_slow_way_after_a_quick_one_does_not_overshoot() {
+        let keyframes = [0.0, 1.0, 2.0].map(|x| keyframe([x, 0.0, 0.0], [x, 0.0, 0.0], 0.9)).to_vec();
+        let mut path = KeyframePath { keyframes, seconds: 4.0, ..path(false) };
+        path.change(|path| path.keyframes[2].way = 60.0);
+        let places: Vec<f64> = path.along(1_000).map(|key| key.position.x).collect();
+        assert!(places.windows(2).all(|pair| pair[0] <= pair[1] + 1e-9), "it never turns back");
+    }
+
+    #[test]
     fn an_eased_path_begins_and_ends_at_rest() {
         let mut path = path(false);
         let speed = |path: &KeyframePath, from: f64| {

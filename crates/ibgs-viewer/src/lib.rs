@@ -128,7 +128,7 @@ pub struct Opened {
 /// What a user may ask to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum OpenRequest {
-    /// A model folder, a bundle, a PLY file, or a scene.
+    /// A model folder, a bundle, a file of Gaussians, a scene, or photos without poses.
     Path(PathBuf),
     /// A training, which begins at once.
     Train(TrainingRequest),
@@ -225,7 +225,7 @@ pub trait Training: Send {
     /// The device failed, or a file cannot be written.
     fn save(&mut self) -> Result<Option<PathBuf>>;
 
-    /// Saves the results of the training. Called once: after the last iteration, or when the window is closed before
+    /// Saves the results of the training. Called once: after the last iteration, when the user stops it, or when the window is closed before
     /// that. A closed window cannot show an error, so the implementation has to keep it.
     ///
     /// # Errors

@@ -49,7 +49,7 @@ impl FilmQuality {
 
 /// The path in work.
 pub struct PathEditor {
-    /// What is edited; its ways are in seconds.
+    /// What is edited.
     pub path: KeyframePath,
     /// What the keyframes show, once the camera has stood there.
     pub pictures: Vec<Option<TextureHandle>>,
@@ -102,14 +102,14 @@ impl PathEditor {
     /// Takes another path.
     pub fn load(&mut self, path: KeyframePath) {
         (self.path, self.at, self.moved, self.playing) = (path, 0.0, true, false);
-        self.pictures = vec![None; self.keyframes()];
+        (self.pictures, self.dragged) = (vec![None; self.keyframes()], None);
     }
 
     /// Forgets the keyframes.
     pub fn clear(&mut self) {
         self.path.keyframes.clear();
         self.path.seconds = APART;
-        (self.pictures, self.at, self.playing) = (Vec::new(), 0.0, false);
+        (self.pictures, self.dragged, self.at, self.playing) = (Vec::new(), None, 0.0, false);
     }
 
     /// Adds a keyframe where the camera is.
@@ -131,6 +131,7 @@ impl PathEditor {
     pub fn remove(&mut self, index: usize) {
         self.path.change(|path| _ = path.keyframes.remove(index));
         self.pictures.remove(index);
+        self.dragged = None;
         self.at = self.at.min(self.path.seconds);
         self.playing &= self.keyframes() > 1;
     }
@@ -163,9 +164,9 @@ impl PathEditor {
         (self.at, self.moved, self.playing) = (self.path.time_of(index), true, false);
     }
 
-    /// The keyframe that the preview stands at.
-    pub fn current(&self) -> Option<usize> {
-        (0..self.keyframes()).find(|&index| (self.path.time_of(index) - self.at).abs() < 1e-6)
+    /// The keyframe that the preview stands at, of those that are passed at these times.
+    pub fn current(&self, times: &[f64]) -> Option<usize> {
+        times.iter().take(self.keyframes()).position(|time| (time - self.at).abs() < 1e-6)
     }
 
     /// Makes the path a turn around what the camera orbits, from where it is, on the sides that the views show.

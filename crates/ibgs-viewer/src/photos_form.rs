@@ -38,8 +38,8 @@ pub struct PhotosForm {
 impl PhotosForm {
     /// Asks for a scene of these photos.
     pub fn set_input(&mut self, path: PathBuf) {
-        *self = Self::default();
         self.input.set(path);
+        self.error = None;
     }
 
     /// The scene that it describes, or a sentence that says what is missing.
@@ -102,6 +102,8 @@ impl PhotosForm {
         .inner
         .and_then(|wanted| {
             self.error = wanted.as_ref().err().cloned();
+            // What this one does is to be gone on with.
+            self.anew &= wanted.is_err();
             wanted.ok().map(Asked::Prepare)
         })
         .or_else(|| {

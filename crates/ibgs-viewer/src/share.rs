@@ -1,6 +1,7 @@
 //! What a model is shared as: a page, a bundle, or Gaussians for other programs.
 
 use crate::train_form::PathField;
+use ibgs_core::model::is_bundle;
 use ibgs_core::scene::Format;
 use std::path::{Path, PathBuf};
 
@@ -51,8 +52,14 @@ impl ShareKind {
         }
     }
 
+    /// Those that a model can be written as: a file of Gaussians as such files alone.
+    pub fn of(model: &Path) -> impl Iterator<Item = Self> + use<> {
+        let is_whole = model.is_dir() || is_bundle(model);
+        Self::all().filter(move |kind| is_whole || matches!(kind, Self::Gaussians(_)))
+    }
+
     /// How names of it end.
-    fn ending(self) -> &'static str {
+    pub fn ending(self) -> &'static str {
         match self {
             Self::Page => "-page",
             Self::Bundle => ".ibgs",
@@ -80,6 +87,8 @@ pub struct ShareRequest {
 #[derive(Default)]
 pub(crate) struct Share {
     pub shown: bool,
+    /// The model that the name was proposed for.
+    pub model: Option<PathBuf>,
     pub kind: ShareKind,
     pub target: PathField,
     pub is_small: bool,
@@ -93,13 +102,23 @@ pub(crate) struct Share {
 impl Share {
     /// Proposes a name beside the model.
     pub fn propose(&mut self, model: &Path) {
+        if !ShareKind::of(model).any(|kind| kind == self.kind) {
+            self.kind = ShareKind::Gaussians(Format::Spz);
+        }
         let stem = match model.is_dir() {
             true => model.file_name(),
             false => model.file_stem(),
         };
-        let mut name = stem.unwrap_or_else(|| "model".as_ref()).to_owned();
-        name.push(self.kind.ending());
-        self.target.set(model.with_file_name(name));
+        let stem = stem.unwrap_or_else(|| "model".as_ref());
+        let named = |addition: &str| {
+            let mut name = stem.to_owned();
+            name.push(addition);
+            name.push(self.kind.ending());
+            model.with_file_name(name)
+        };
+        let usual = named("");
+        self.target.set(if usual == model { named("-shared") } else { usual });
+        (self.model, self.replaces) = (Some(model.to_owned()), false);
         self.said.clear();
     }
 
@@ -123,8 +142,9 @@ mod tests {
             share.request(model.as_ref()).unwrap().target
         };
         assert_eq!(proposed(ShareKind::Page, "output/room.ibgs"), Path::new("output/room-page"));
-        assert_eq!(proposed(ShareKind::Bundle, "output/room"), Path::new("output/room.ibgs"));
+        assert_eq!(proposed(ShareKind::Bundle, "output/room.ibgs"), Path::new("output/room-shared.ibgs"), "not itself");
         assert_eq!(proposed(ShareKind::Gaussians(Format::Spz), "a/b.ply"), Path::new("a/b.spz"));
+        assert_eq!(proposed(ShareKind::Page, "a/b.ply"), Path::new("a/b.spz"), "a page shows a whole model");
         share.target = PathField::default();
         assert_eq!(share.request("a".as_ref()), None);
     }

@@ -1,7 +1,7 @@
 //! Small pictures of the scene's photos, made when they are first seen.
 
 use crate::View;
-use eframe::egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use eframe::egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, pos2};
 use ibgs_core::dataset::Photo;
 use image::imageops::thumbnail;
 use image::{Rgba, RgbaImage};
@@ -36,6 +36,14 @@ pub fn small(whole: &RgbaImage) -> ColorImage {
     small.pixels_mut().for_each(|Rgba([_, _, _, a])| *a = 255);
     let size = [small.width() as usize, small.height() as usize];
     ColorImage::from_rgba_unmultiplied(size, &small)
+}
+
+/// Paints a picture as large as it fits into the middle of a room.
+pub fn paint(painter: &Painter, picture: &TextureHandle, room: Rect) {
+    let size = picture.size_vec2();
+    let place = Rect::from_center_size(room.center(), size * (room.size() / size).min_elem());
+    let whole = Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0));
+    painter.image(picture.id(), place, whole, Color32::WHITE);
 }
 
 impl Thumbnails {

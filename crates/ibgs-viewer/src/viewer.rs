@@ -84,12 +84,21 @@ pub(crate) struct Found {
     pub views: Vec<Option<usize>>,
 }
 
+/// How a training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// Its results are saved.
+    Saved,
+    /// By an error.
+    Failed,
+}
+
 /// A training as the window knows it.
 pub(crate) struct Trained {
     pub progress: TrainingProgress,
     pub running: bool,
-    /// Its results are saved, and it does not go on.
-    pub ended: bool,
+    /// How it ended; none while it can go on.
+    pub end: Option<End>,
     pub curves: Curves,
     /// Seconds that are left at the speed of late; none before that is known.
     pub left: Option<f64>,
@@ -101,7 +110,7 @@ impl Trained {
     /// One that begins.
     pub fn new(progress: TrainingProgress) -> Self {
         let since = (progress.iteration, progress.seconds);
-        Self { progress, running: true, ended: false, curves: Curves::default(), left: None, since }
+        Self { progress, running: true, end: None, curves: Curves::default(), left: None, since }
     }
 
     /// Takes how far it is now.
@@ -159,6 +168,8 @@ pub struct Viewer {
     /// The photos' mean up axis.
     pub(crate) photos_up: DVec3,
     moved: Option<Instant>,
+    /// Something is being opened.
+    pub(crate) opening: bool,
     /// What the worker is doing, when it is no frame.
     pub(crate) doing: Option<String>,
     /// What was done last, in one sentence.
@@ -235,6 +246,7 @@ impl Viewer {
             room: SIDES,
             photos_up: DVec3::NEG_Y,
             moved: None,
+            opening: false,
             doing,
             message: None,
             said: None,
@@ -368,6 +380,7 @@ impl Viewer {
 
     fn request(&mut self, wanted: OpenRequest) {
         (self.error, self.message, self.doing) = (None, None, Some("opening".to_owned()));
+        self.opening = true;
         self.send(Command::Open(wanted));
     }
 
@@ -379,7 +392,7 @@ impl Viewer {
     /// Asks the worker for something.
     pub(crate) fn send(&mut self, command: Command) {
         if !self.worker.send(command) {
-            self.doing = None;
+            (self.doing, self.opening) = (None, false);
             self.error = Some("the part that renders has stopped; close the window and start again".to_owned());
         }
     }

@@ -16,6 +16,7 @@ use eframe::egui;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::present::Presenter;
 use ibgs_core::render::Renderer;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -229,7 +230,8 @@ impl WorkerState {
             Command::Share(wanted) => self.share(*wanted),
             Command::Replace(opened, revision) => {
                 let edit = EditWork::of_revision(revision);
-                *work = Work { content: Some(opened.content), edit, request: work.request.take(), ..Work::default() };
+                let (request, film) = (work.request.take(), work.film.take());
+                *work = Work { content: Some(opened.content), edit, request, film, ..Work::default() };
                 self.send(Message::Replaced(Box::new(opened.scene), revision));
             }
             Command::Render(request, sheet) => work.request = Some((request, sheet)),
@@ -255,7 +257,10 @@ impl WorkerState {
             }
             Command::Film(film) => match Shoot::begin(&self.gpu, *film) {
                 Ok(shoot) => work.film = Some(shoot),
-                Err(error) => self.failed(&error),
+                Err(error) => {
+                    self.send(Message::FilmDone(None));
+                    self.failed(&error);
+                }
             },
             Command::CancelFilm => {
                 if let Some(shoot) = work.film.take() {
@@ -274,7 +279,8 @@ impl WorkerState {
     fn prepare(&self, wanted: PhotosRequest) {
         let watch = Watch::new(self.messages.clone(), self.window.clone(), self.stop.clone());
         let opener = self.opener.clone();
-        self.beside(move || {
+        let failed = |sentence| Message::Preparing(Sign::Failed(sentence));
+        self.beside(failed, move || {
             Message::Preparing(match opener.prepare(&wanted, &watch) {
                 Ok(scene) => Sign::Made(scene),
                 Err(_) if watch.is_stopped() => Sign::Stopped,
@@ -286,19 +292,21 @@ impl WorkerState {
     /// Writes a model for others, on a thread of its own.
     fn share(&self, wanted: ShareRequest) {
         let opener = self.opener.clone();
-        self.beside(move || Message::Shared(opener.share(&wanted).map_err(|error| opener.sentence(&error))));
+        let failed = |sentence| Message::Shared(Err(sentence));
+        self.beside(failed, move || Message::Shared(opener.share(&wanted).map_err(|error| opener.sentence(&error))));
     }
 
-    /// Does work on a thread of its own, which the end of the window waits for, and sends its message.
-    fn beside(&self, work: impl FnOnce() -> Message + Send + 'static) {
+    /// Does work on a thread of its own, which the end of the window waits for, and sends its message, or that it `failed`.
+    fn beside(&self, failed: fn(String) -> Message, work: impl FnOnce() -> Message + Send + 'static) {
         let (messages, window) = (self.messages.clone(), self.window.clone());
         let work = move || {
-            let _ = messages.send(work());
+            let done = catch_unwind(AssertUnwindSafe(work));
+            let _ = messages.send(done.unwrap_or_else(|_| failed("it failed by a mistake of this program".to_owned())));
             window.request_repaint();
         };
         match std::thread::Builder::new().name("beside the window".to_owned()).spawn(work) {
             Ok(thread) => self.aside.lock().unwrap_or_else(PoisonError::into_inner).push(thread),
-            Err(error) => self.send(Message::Failed(format!("no thread can be started: {error}"))),
+            Err(error) => self.send(failed(format!("no thread can be started: {error}"))),
         }
     }
 
@@ -327,7 +335,7 @@ impl WorkerState {
                 self.send(Message::FilmDone(None));
                 self.failed(&error);
             }
-            None => {}
+            None => self.send(Message::FilmDone(None)),
         }
     }
 }

@@ -73,11 +73,15 @@ impl KeyframePath {
         Timed { path: self, ends: ends.collect() }
     }
 
-    /// When a keyframe is passed, in seconds from the start; in a cycle the first one again after the last.
+    /// When the keyframes are passed, in seconds from the start; in a cycle the first one again after the last.
+    pub fn times(&self) -> Vec<f64> {
+        let first = (!self.keyframes.is_empty()).then_some(0.0);
+        first.into_iter().chain(self.timed().ends).map(|part| self.seconds * part).collect()
+    }
+
+    /// When one of them is passed; 0 where there is none.
     pub fn time_of(&self, keyframe: usize) -> f64 {
-        let ends = self.timed().ends;
-        let part = keyframe.checked_sub(1).map_or(0.0, |way| ends.get(way).or(ends.last()).copied().unwrap_or(0.0));
-        self.seconds * part
+        self.times().get(keyframe).copied().unwrap_or(0.0)
     }
 
     /// How long all ways take, in the unit of the keyframes.

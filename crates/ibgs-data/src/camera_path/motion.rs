@@ -25,16 +25,15 @@ impl Step {
         Self { shift: to.position - from.position, turn: turn.to_scaled_axis(), zoom: zoom(to) - zoom(from) }
     }
 
-    /// Speed at the keyframe between two steps that take these times: Catmull and Rom's, for steps of different times that of
-    /// the parabola through the three. The zoom turns back at a keyframe or nowhere (Fritsch and Butland), so it never leaves
+    /// Speed at the keyframe between two steps that take these times: Catmull and Rom's, that of the straight way from the
+    /// keyframe before to the one after. The zoom turns back at a keyframe or nowhere (Fritsch and Butland), so it never leaves
     /// the range of its keyframes.
     fn speed(self, next: Self, [own, its]: [f64; 2]) -> Self {
         let whole = own + its;
-        let [first, second] = [its / (own * whole), own / (its * whole)];
         let turning = self.zoom * next.zoom <= 0.0;
         let slopes = [(own + 2.0 * its) * own / self.zoom, (2.0 * own + its) * its / next.zoom];
         let zoom = if turning { 0.0 } else { 3.0 * whole / (slopes[0] + slopes[1]) };
-        Self { shift: self.shift * first + next.shift * second, turn: self.turn * first + next.turn * second, zoom }
+        Self { shift: (self.shift + next.shift) / whole, turn: (self.turn + next.turn) / whole, zoom }
     }
 
     fn times(self, factor: f64) -> Self {

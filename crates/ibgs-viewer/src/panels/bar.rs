@@ -114,9 +114,6 @@ fn share(viewer: &mut Viewer, ui: &mut Ui) {
     let text = "Write a page for browsers, a bundle, or Gaussians for other programs";
     if button.on_hover_text(text).on_disabled_hover_text("Once the training has ended").clicked() {
         viewer.share.shown = !shown;
-        if let Some(model) = model.filter(|_| !shown && !viewer.share.runs) {
-            viewer.share.propose(&model);
-        }
     }
 }
 

@@ -49,7 +49,11 @@ fn buttons(editor: &mut PathEditor, navigator: &Navigator, views: &[View], ui: &
 
 /// Duration, and how the path begins and ends.
 fn timing(editor: &mut PathEditor, ui: &mut Ui) {
-    let duration = DragValue::new(&mut editor.path.seconds).range(0.1..=3600.0).speed(0.1).suffix(" s");
+    let duration = DragValue::new(&mut editor.path.seconds)
+        .range(0.1..=3600.0)
+        .clamp_existing_to_range(false)
+        .speed(0.1)
+        .suffix(" s");
     ui.add(duration).on_hover_text("Whole duration; all ways take part in it");
     let mut cycle = editor.path.cycle;
     if ui.checkbox(&mut cycle, "round").on_hover_text("Back to the first keyframe at the end").changed() {
@@ -59,11 +63,12 @@ fn timing(editor: &mut PathEditor, ui: &mut Ui) {
 }
 
 fn frame_size(editor: &mut PathEditor, ui: &mut Ui) {
-    ui.add(DragValue::new(&mut editor.path.width).range(16..=8192));
+    ui.add(DragValue::new(&mut editor.path.width).range(16..=8192).clamp_existing_to_range(false));
     ui.label("x");
-    ui.add(DragValue::new(&mut editor.path.height).range(16..=8192));
+    ui.add(DragValue::new(&mut editor.path.height).range(16..=8192).clamp_existing_to_range(false));
     ui.label("pixels").on_hover_text("Size of the frames");
-    ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).suffix(" FPS")).on_hover_text("Frames a second");
+    ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).clamp_existing_to_range(false).suffix(" FPS"))
+        .on_hover_text("Frames a second");
 }
 
 /// Saves and loads the path; returns what to tell the user of it.

@@ -16,6 +16,9 @@ pub fn share(viewer: &mut Viewer, ctx: &Context) {
         viewer.share.shown = false;
         return;
     };
+    if viewer.share.model.as_ref() != Some(&model) && !viewer.share.runs {
+        viewer.share.propose(&model);
+    }
     let (mut open, mut writes) = (viewer.share.shown, false);
     let width = WIDTH.min(ctx.content_rect().width() - 48.0);
     let window = Window::new("Share").open(&mut open).collapsible(false).resizable(false);
@@ -27,7 +30,7 @@ pub fn share(viewer: &mut Viewer, ctx: &Context) {
         ui.add_enabled_ui(!share.runs, |ui| {
             let before = share.kind;
             ComboBox::from_label("Write as").selected_text(share.kind.name()).show_ui(ui, |ui| {
-                for kind in ShareKind::all() {
+                for kind in ShareKind::of(&model) {
                     ui.selectable_value(&mut share.kind, kind, kind.name());
                 }
             });

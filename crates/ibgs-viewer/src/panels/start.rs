@@ -4,11 +4,10 @@ use crate::OpenRequest;
 use crate::dialogs::{Answer, Sought, native};
 use crate::photos_form;
 use crate::recents::Recent;
+use crate::thumbnails::paint;
 use crate::train_form::Asked;
 use crate::viewer::Viewer;
-use eframe::egui::{
-    self, Align2, Color32, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle, Ui, UiBuilder, Vec2,
-};
+use eframe::egui::{self, Align2, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle, Ui, UiBuilder, Vec2};
 
 /// Windows of this width in points have the form beside the rest.
 const WIDE: f32 = 900.0;
@@ -28,8 +27,8 @@ const STEPS: [(&str, &str); 3] = [
     ("2. Train", "Choose the scene folder and press Train. You can watch, pause and save the training in this window."),
     (
         "3. Look, edit, export",
-        "Move through the model, delete what should not be in it, render films. `ibgs export` and `ibgs mesh` write other \
-         formats.",
+        "Move through the model, delete what should not be in it, render films, share it. `ibgs export` and `ibgs mesh` \
+         write more formats.",
     ),
 ];
 
@@ -93,7 +92,7 @@ fn address(viewer: &mut Viewer, ui: &mut Ui) {
         let width = (ui.available_width() - 60.0).clamp(60.0, 300.0);
         let field = TextEdit::singleline(&mut address.text).hint_text("folder or file").desired_width(width);
         let field = ui.add(field).labelled_by(label).on_hover_text(
-            "A model folder, an .ibgs bundle or a PLY file to look at; a scene folder (COLMAP or transforms.json) to train on",
+            "A model folder, an .ibgs bundle or a PLY file to look at; a scene folder (COLMAP or transforms.json) to train on; photos or a video to find poses of",
         );
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let path = address.path();
@@ -140,12 +139,7 @@ fn tile(ui: &mut Ui, recent: &Recent) -> bool {
     let text = if enabled { visuals.text_color() } else { visuals.weak_text_color() };
     let small = TextStyle::Small.resolve(ui.style());
     match &recent.picture {
-        Some(picture) => {
-            let size = picture.size_vec2();
-            let place = Rect::from_center_size(room.center(), size * (room.size() / size).min_elem());
-            let whole = Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
-            painter.image(picture.id(), place, whole, Color32::WHITE);
-        }
+        Some(picture) => paint(&painter, picture, room),
         None => {
             let kind = recent.path.extension().map(|extension| extension.to_string_lossy().to_uppercase());
             let kind = if recent.is_missing { "not found".to_owned() } else { kind.unwrap_or_default() };
@@ -256,7 +250,7 @@ fn form(viewer: &mut Viewer, ui: &mut Ui) {
 /// The page.
 pub fn start(viewer: &mut Viewer, ui: &mut Ui) {
     // What a training says of itself, such as that it saves, hinders nothing here.
-    if viewer.doing.is_some() && viewer.training.is_none() {
+    if viewer.opening {
         ui.disable();
     }
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {

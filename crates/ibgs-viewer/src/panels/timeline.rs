@@ -2,10 +2,11 @@
 
 use crate::navigator::Navigator;
 use crate::path_editor::PathEditor;
+use crate::thumbnails::paint;
 use crate::viewer::Viewer;
 use eframe::egui::{
-    self, Align2, Button, Color32, DragValue, Id, Rect, Role, ScrollArea, Sense, Slider, Stroke, TextStyle, Ui, Vec2,
-    WidgetInfo,
+    self, Align2, Button, DragValue, Id, Rect, Role, ScrollArea, Sense, Slider, SliderClamping, Stroke, TextStyle, Ui,
+    Vec2, WidgetInfo,
 };
 
 /// Size of a keyframe's picture in points, and of the line below it.
@@ -37,11 +38,13 @@ fn controls(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
         editor.toggle();
     }
     let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
-    let slider = Slider::new(&mut editor.at, 0.0..=seconds).suffix(" s").fixed_decimals(2);
-    if ui.add_enabled(any, slider).on_hover_text("Move along the path").changed() {
+    editor.at = editor.at.min(seconds);
+    // It may stand between two of its own steps.
+    let slider = Slider::new(&mut editor.at, 0.0..=seconds).clamping(SliderClamping::Edits);
+    if ui.add_enabled(any, slider.suffix(" s").fixed_decimals(2)).on_hover_text("Move along the path").changed() {
         (editor.moved, editor.playing) = (true, false);
     }
-    let Some(current) = editor.current() else {
+    let Some(current) = editor.current(&editor.path.times()) else {
         if !any {
             ui.label("Key K adds a keyframe where the camera is.");
         }
@@ -58,14 +61,16 @@ fn controls(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
 
 /// The keyframes; each can be dragged to another place.
 fn row(editor: &mut PathEditor, ui: &mut Ui) {
+    let times = editor.path.times();
+    let current = editor.current(&times);
     let (mut middles, mut shown, mut released) = (Vec::new(), None, None);
-    let pointer = ui.input(|input| input.pointer.latest_pos());
+    let (pointer, is_down) = ui.input(|input| (input.pointer.latest_pos(), input.pointer.any_down()));
     let response = ui.horizontal(|ui| {
-        for index in 0..editor.keyframes() {
+        for (index, &time) in times.iter().enumerate().take(editor.keyframes()) {
             if index > 0 {
-                way(editor, index, ui);
+                way(editor, index, time - times[index - 1], ui);
             }
-            let tile = tile(editor, index, ui);
+            let tile = tile(editor, (index, time), current == Some(index), ui);
             middles.push(tile.rect.center().x);
             if tile.drag_started() {
                 editor.dragged = Some(index);
@@ -77,20 +82,27 @@ fn row(editor: &mut PathEditor, ui: &mut Ui) {
                 released = editor.dragged.take();
             }
         }
-        if editor.path.cycle && editor.keyframes() > 1 {
-            way(editor, 0, ui);
+        if let [.., last, end] = times[..]
+            && editor.path.cycle
+        {
+            way(editor, 0, end - last, ui);
             ui.label("to 1").on_hover_text("Back to the first keyframe");
         }
     });
+    if !is_down {
+        editor.dragged = None;
+    }
     // The place among the others that the pointer is at.
     let place = |from: usize| {
         let x = pointer?.x;
         Some(middles.iter().enumerate().filter(|&(i, &middle)| i != from && middle < x).count())
     };
-    if let Some((from, to)) = editor.dragged.and_then(|from| Some((from, place(from)?))) {
+    if let Some((from, to)) = editor.dragged.and_then(|from| Some((from, place(from)?)))
+        && let Some(last) = middles.last()
+    {
         let edge = if to <= from { to } else { to + 1 };
         let half = 0.5 * PICTURE.x + 4.0;
-        let x = middles.get(edge).map_or_else(|| middles[middles.len() - 1] + half, |middle| middle - half);
+        let x = middles.get(edge).map_or(last + half, |middle| middle - half);
         ui.painter().vline(x, response.response.rect.y_range(), Stroke::new(3.0, ui.visuals().selection.bg_fill));
     }
     if let Some((from, to)) = released.and_then(|from| Some((from, place(from)?))).filter(|(from, to)| from != to) {
@@ -102,46 +114,44 @@ fn row(editor: &mut PathEditor, ui: &mut Ui) {
 }
 
 /// The time of the way to a keyframe.
-fn way(editor: &mut PathEditor, index: usize, ui: &mut Ui) {
-    let Some(mut seconds) = editor.path.way_to(index) else { return };
-    ui.vertical(|ui| {
-        ui.add_space(0.5 * (PICTURE.y - LINE));
-        let value = DragValue::new(&mut seconds).range(0.1..=600.0).speed(0.05).fixed_decimals(1).suffix(" s");
-        let text = format!("Time of the way to keyframe {}", index + 1);
-        if ui.add_sized([WAY, LINE], value).on_hover_text(text).changed() {
-            editor.set_way(index, seconds);
-        }
-    });
+fn way(editor: &mut PathEditor, index: usize, mut seconds: f64, ui: &mut Ui) {
+    let (room, _) = ui.allocate_exact_size(Vec2::new(WAY, PICTURE.y + LINE), Sense::hover());
+    if !ui.is_rect_visible(room) {
+        return;
+    }
+    let field = Rect::from_center_size(room.center_top() + Vec2::new(0.0, 0.5 * PICTURE.y), Vec2::new(WAY, LINE));
+    let value = DragValue::new(&mut seconds).range(0.1..=600.0).clamp_existing_to_range(false);
+    let value = value.speed(0.05).fixed_decimals(1).suffix(" s");
+    if ui.put(field, value).on_hover_text(format!("Time of the way to keyframe {}", index + 1)).changed() {
+        editor.set_way(index, seconds);
+    }
 }
 
 /// A keyframe: what is seen from there, its number and its time.
-fn tile(editor: &PathEditor, index: usize, ui: &mut Ui) -> egui::Response {
+fn tile(editor: &PathEditor, (index, time): (usize, f64), is_current: bool, ui: &mut Ui) -> egui::Response {
     let (rect, _) = ui.allocate_exact_size(PICTURE + Vec2::new(0.0, LINE), Sense::hover());
     let response = ui.interact(rect, Id::unique(("keyframe", index)), Sense::click_and_drag());
     let number = (index + 1).to_string();
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &number));
+    if !ui.is_rect_visible(rect) {
+        return response;
+    }
     let (visuals, painter) = (ui.visuals(), ui.painter_at(rect.expand(2.0)));
     let room = Rect::from_min_size(rect.min, PICTURE);
     painter.rect_filled(room, 3.0, visuals.extreme_bg_color);
     match &editor.pictures[index] {
-        Some(picture) => {
-            let size = picture.size_vec2();
-            let place = Rect::from_center_size(room.center(), size * (room.size() / size).min_elem());
-            let whole = Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
-            painter.image(picture.id(), place, whole, Color32::WHITE);
-        }
+        Some(picture) => paint(&painter, picture, room),
         None => {
             let font = TextStyle::Heading.resolve(ui.style());
             painter.text(room.center(), Align2::CENTER_CENTER, &number, font, visuals.weak_text_color());
         }
     }
-    let is_current = editor.current() == Some(index);
     let stroke = match is_current || response.hovered() || response.has_focus() {
         true => Stroke::new(2.0, visuals.selection.bg_fill),
         false => visuals.widgets.noninteractive.bg_stroke,
     };
     painter.rect_stroke(room, 3.0, stroke, egui::StrokeKind::Inside);
-    let text = format!("{number}   {:.1} s", editor.path.time_of(index));
+    let text = format!("{number}   {:.1} s", time);
     let at = egui::pos2(room.center().x, room.bottom() + 2.0);
     painter.text(at, Align2::CENTER_TOP, text, TextStyle::Small.resolve(ui.style()), visuals.text_color());
     response.on_hover_text("Click: go there. Drag: another place in the order.")

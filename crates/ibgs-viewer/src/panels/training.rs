@@ -2,7 +2,7 @@
 
 use crate::OpenRequest;
 use crate::curves::Curves;
-use crate::viewer::{Trained, Viewer};
+use crate::viewer::{End, Trained, Viewer};
 use crate::worker::Command;
 use eframe::egui::{self, ProgressBar, Ui};
 use egui_plot::{Line, Plot, PlotPoints};
@@ -20,7 +20,8 @@ pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
     ui.add(bar).on_hover_text("Iterations");
     let command = ui.horizontal_wrapped(|ui| buttons(trained, ui)).inner;
     ui.horizontal_wrapped(|ui| state(trained, ui));
-    let opens = trained.ended && ended(viewer.scene.as_ref().and_then(|scene| scene.path.as_deref()), progress, ui);
+    let model = viewer.scene.as_ref().and_then(|scene| scene.path.as_deref());
+    let opens = trained.end.is_some_and(|end| ended(end, model, progress, ui));
     match (progress.loss, progress.psnr) {
         (Some(loss), Some(psnr)) => ui
             .label(format!("loss {loss:.4}   PSNR {psnr:.2} dB"))
@@ -43,11 +44,16 @@ pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
 }
 
 /// What comes after the training; whether its model is to be opened.
-fn ended(model: Option<&Path>, progress: &TrainingProgress, ui: &mut Ui) -> bool {
+fn ended(end: End, model: Option<&Path>, progress: &TrainingProgress, ui: &mut Ui) -> bool {
     let early = progress.iteration < progress.iterations;
-    ui.strong(if early { "Stopped, and saved." } else { "Finished." });
+    ui.strong(match end {
+        End::Failed => "Ended by an error.",
+        End::Saved if early => "Stopped, and saved.",
+        End::Saved => "Finished.",
+    });
     let Some(model) = model else { return false };
-    ui.label(format!("The model is in {}. It can be shared now; opened, it can be edited too.", model.display()));
+    let model_is = if end == End::Failed { "What was saved is" } else { "The model is" };
+    ui.label(format!("{model_is} in {}. It can be shared now; opened, it can be edited too.", model.display()));
     if early {
         ui.weak(format!("`ibgs train --resume -m {}` goes on.", model.display()));
     }
@@ -57,7 +63,7 @@ fn ended(model: Option<&Path>, progress: &TrainingProgress, ui: &mut Ui) -> bool
 /// The command whose button was clicked.
 fn buttons(trained: &Trained, ui: &mut Ui) -> Option<Command> {
     let (progress, running) = (&trained.progress, trained.running);
-    let ended = trained.ended || progress.iteration >= progress.iterations;
+    let ended = trained.end.is_some() || progress.iteration >= progress.iterations;
     let mut command = None;
     let (name, text) = if running { ("Pause", "Stop until you go on") } else { ("Go on", "Train further") };
     if ui.add_enabled(!ended, egui::Button::new(name)).on_hover_text(text).clicked() {

@@ -1,7 +1,7 @@
 //! Messages from the worker.
 
 use super::framing::middle;
-use super::{Found, Panels, Trained, Viewer};
+use super::{End, Found, Panels, Trained, Viewer};
 use crate::Scene;
 use crate::edit::Edit;
 use crate::mode::Mode;
@@ -32,11 +32,11 @@ impl Viewer {
                     self.scene = Some(*scene);
                 }
                 Message::Scene(path) => {
-                    self.doing = None;
+                    (self.doing, self.opening) = (None, false);
                     self.start.ask_about(path);
                 }
                 Message::Photos(path) => {
-                    self.doing = None;
+                    (self.doing, self.opening) = (None, false);
                     self.start.ask_about_photos(path);
                 }
                 Message::Preparing(sign) => self.prepared(sign),
@@ -52,9 +52,9 @@ impl Viewer {
                         trained.take(*progress, running);
                     }
                 }
-                Message::Ended => {
+                Message::Ended { saved } => {
                     if let Some(trained) = &mut self.training {
-                        (trained.ended, trained.running) = (true, false);
+                        (trained.end, trained.running) = (Some(if saved { End::Saved } else { End::Failed }), false);
                     }
                 }
                 Message::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
@@ -71,7 +71,7 @@ impl Viewer {
                 }
                 Message::NoFrame => self.canvas.give_up(),
                 Message::Failed(sentence) => {
-                    self.doing = None;
+                    (self.doing, self.opening) = (None, false);
                     self.error = Some(sentence);
                     self.saved_or_not(ctx);
                 }
@@ -97,7 +97,7 @@ impl Viewer {
         self.navigator.up = self.photos_up;
         let middle = if scene.views.is_empty() { self.center } else { mean };
         self.edit = Edit::of(&scene, middle, self.extent);
-        self.training = progress.map(Trained::new);
+        (self.training, self.opening) = (progress.map(Trained::new), false);
         self.start.shown = false;
         (self.scene, self.doing, self.found, self.photo) = (Some(scene), None, None, None);
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 impl Viewer {
     /// The model that can be shared: one that is on disk, and whose training has ended.
     pub(crate) fn shared_model(&self) -> Option<PathBuf> {
-        let trains = self.training.as_ref().is_some_and(|trained| !trained.ended);
+        let trains = self.training.as_ref().is_some_and(|trained| trained.end.is_none());
         self.scene.as_ref().filter(|_| !trains)?.path.clone()
     }
 
@@ -22,7 +22,13 @@ impl Viewer {
     pub(super) fn shared(&mut self, outcome: Result<Vec<String>, String>) {
         self.share.runs = false;
         match outcome {
-            Ok(said) => self.share.said = said,
+            Ok(said) => {
+                // The panel says it, where it is open.
+                if !self.share.shown {
+                    self.message = said.last().cloned();
+                }
+                self.share.said = said;
+            }
             Err(error) => self.error = Some(error),
         }
     }

@@ -133,8 +133,11 @@ pub enum Message {
     },
     /// How far the training is; with whether it continues.
     Progress(Box<TrainingProgress>, bool),
-    /// The training has ended, and its results are saved.
-    Ended,
+    /// The training has ended.
+    Ended {
+        /// Its results are saved; otherwise it failed.
+        saved: bool,
+    },
     /// The model was saved.
     Saved(PathBuf),
     /// Frames of the film that are done, and their number.

@@ -21,8 +21,7 @@ impl WorkerState {
             Err(error) => {
                 // The training cannot continue. Its model has been saved if that was possible.
                 (work.running, work.unfinished) = (false, false);
-                self.report(work, true);
-                self.failed(&error);
+                self.ended(work, Some(error));
             }
         }
     }
@@ -35,12 +34,16 @@ impl WorkerState {
         (work.running, work.single) = (false, false);
         let Some(training) = work.training() else { return };
         self.status("saving and measuring");
-        match training.finish() {
-            Ok(()) => {
-                self.report(work, true);
-                self.send(Message::Ended);
-            }
-            Err(error) => self.failed(&error),
+        let finished = training.finish();
+        self.ended(work, finished.err());
+    }
+
+    /// Tells that the training does not go on, and why where it failed.
+    fn ended(&self, work: &mut Work, error: Option<anyhow::Error>) {
+        self.report(work, true);
+        self.send(Message::Ended { saved: error.is_none() });
+        if let Some(error) = error {
+            self.failed(&error);
         }
     }
 
