@@ -257,10 +257,7 @@ impl WorkerState {
             }
             Command::Film(film) => match Shoot::begin(&self.gpu, *film) {
                 Ok(shoot) => work.film = Some(shoot),
-                Err(error) => {
-                    self.send(Message::FilmDone(None));
-                    self.failed(&error);
-                }
+                Err(error) => self.film_failed(&error),
             },
             Command::CancelFilm => {
                 if let Some(shoot) = work.film.take() {
@@ -322,6 +319,11 @@ impl WorkerState {
         }
     }
 
+    fn film_failed(&self, error: &anyhow::Error) {
+        self.send(Message::FilmDone(None));
+        self.failed(error);
+    }
+
     /// The next frame of a film.
     fn shoot(&self, work: &mut Work) {
         let Some(mut shoot) = work.film.take() else { return };
@@ -331,10 +333,7 @@ impl WorkerState {
                 work.film = Some(shoot);
             }
             Some(Ok(written)) => self.send(Message::FilmDone(written)),
-            Some(Err(error)) => {
-                self.send(Message::FilmDone(None));
-                self.failed(&error);
-            }
+            Some(Err(error)) => self.film_failed(&error),
             None => self.send(Message::FilmDone(None)),
         }
     }
