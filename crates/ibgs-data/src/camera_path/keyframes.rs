@@ -190,7 +190,7 @@ impl KeyframePath {
         read::parse_keyframes(text)
     }
 
-    /// Writes keyframes and frames, as [`CameraPath::load`] and nerfstudio read them. A file that is there is
+    /// Writes keyframes and frames, as [`CameraPath::load`](super::CameraPath::load) and nerfstudio read them. A file that is there is
     /// replaced: where the user may not expect it, ask before.
     ///
     /// # Errors
