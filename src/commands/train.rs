@@ -173,8 +173,8 @@ pub struct Args {
     log_json: Option<PathBuf>,
 
     /// Number of iterations; defaults marked `scaled` are for 30000 and follow it in proportion [default: with two bases 130 for
-    /// each training photo, 5000 to 11000, otherwise, and for photos with alpha, 200, 7000 to 30000; with another `--densify` or without
-    /// scaling 30000; with `--init` 3000; demo scene 10000, on a software adapter 200].
+    /// each training photo, 5000 to 11000, otherwise, and for photos with alpha, 200, 7000 to 30000; with another `--densify` or
+    /// without scaling 30000; with `--init` 3000; demo scene 10000, on a software adapter 200].
     #[arg(long, alias = "total-train-iters", help_heading = heading::LENGTH)]
     iterations: Option<u32>,
     /// Do not scale: keep the milestones of a run of 30000 iterations.

@@ -54,8 +54,6 @@ fn a_model_is_written_for_other_programs() {
     window.get_by_label_contains("room-shared.ibgs written");
     let Content::Model(renderer) = open(&folder.path().join("room-shared.ibgs")).content else { panic!("a model") };
     assert!(renderer.part().is_some());
-    window.state_mut().show_figures(false);
-    window.run_steps(20);
 }
 
 #[test]

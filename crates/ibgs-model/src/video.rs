@@ -25,8 +25,8 @@ pub fn frame_name(index: usize) -> String {
 }
 
 /// Makes `film.mp4` (H.264, even sides) of the first `frames` of the pictures `00000.png`, `00001.png` ... in a folder, in place
-/// of an older one. More pictures may be left there from a longer film. `rate_factor` is that of H.264 (0 to 51, less is better); none: the
-/// encoder's own.
+/// of an older one. More pictures may be left there from a longer film. `rate_factor` is that of H.264 (0 to 51, less is
+/// better); none: the encoder's own.
 ///
 /// # Errors
 /// [`VideoError`]; the frames stay as they are.

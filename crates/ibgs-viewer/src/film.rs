@@ -1,7 +1,6 @@
 //! Rendering a camera path to frames and a video.
 
 use crate::mode::{Mode, Style};
-use crate::path_editor::FilmQuality;
 use anyhow::{Result, bail};
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::Gpu;
@@ -11,6 +10,37 @@ use ibgs_core::render::Renderer;
 use ibgs_core::video;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// How much a film's video is compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FilmQuality {
+    Small,
+    #[default]
+    Usual,
+    High,
+}
+
+impl FilmQuality {
+    pub const ALL: [Self; 3] = [Self::Small, Self::Usual, Self::High];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Small => "small file",
+            Self::Usual => "usual quality",
+            Self::High => "high quality",
+        }
+    }
+
+    /// The constant rate factor of its video; none: the encoder's own.
+    pub fn rate_factor(self) -> Option<u32> {
+        match self {
+            Self::Small => Some(30),
+            Self::Usual => None,
+            Self::High => Some(16),
+        }
+    }
+}
 
 /// A film that is asked for.
 #[derive(Clone, Debug)]

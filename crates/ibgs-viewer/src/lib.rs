@@ -225,8 +225,8 @@ pub trait Training: Send {
     /// The device failed, or a file cannot be written.
     fn save(&mut self) -> Result<Option<PathBuf>>;
 
-    /// Saves the results of the training. Called once: after the last iteration, when the user stops it, or when the window is closed before
-    /// that. A closed window cannot show an error, so the implementation has to keep it.
+    /// Saves the results of the training. Called once: after the last iteration, or when the user stops it or closes the window
+    /// before that. A closed window cannot show an error, so the implementation has to keep it.
     ///
     /// # Errors
     /// The device failed, or a file cannot be written.

@@ -1,6 +1,7 @@
 //! The camera path in work, and its preview.
 
 use crate::View;
+use crate::film::FilmQuality;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use eframe::egui::{Color32, Stroke, TextureHandle, Ui};
@@ -15,37 +16,6 @@ const TURN: f64 = 12.0;
 /// Lines that the path is drawn with between two keyframes, and in all.
 const PIECES: usize = 16;
 const MOST_PIECES: usize = 4_000;
-
-/// How much a film's video is compressed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FilmQuality {
-    Small,
-    #[default]
-    Usual,
-    High,
-}
-
-impl FilmQuality {
-    pub const ALL: [Self; 3] = [Self::Small, Self::Usual, Self::High];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Small => "small file",
-            Self::Usual => "usual quality",
-            Self::High => "high quality",
-        }
-    }
-
-    /// The constant rate factor of its video; none: the encoder's own.
-    pub fn rate_factor(self) -> Option<u32> {
-        match self {
-            Self::Small => Some(30),
-            Self::Usual => None,
-            Self::High => Some(16),
-        }
-    }
-}
 
 /// The path in work.
 pub struct PathEditor {
@@ -132,7 +102,6 @@ impl PathEditor {
         self.path.change(|path| _ = path.keyframes.remove(index));
         self.pictures.remove(index);
         self.dragged = None;
-        self.at = self.at.min(self.path.seconds);
         self.playing &= self.keyframes() > 1;
     }
 
@@ -150,13 +119,11 @@ impl PathEditor {
     /// Lets the way to a keyframe take so many seconds.
     pub fn set_way(&mut self, index: usize, seconds: f64) {
         self.path.change(|path| path.keyframes[index].way = seconds);
-        self.at = self.at.min(self.path.seconds);
     }
 
     /// Closes the path, or opens it.
     pub fn set_cycle(&mut self, cycle: bool) {
         self.path.change(|path| path.cycle = cycle);
-        self.at = self.at.min(self.path.seconds);
     }
 
     /// Stands at a keyframe.

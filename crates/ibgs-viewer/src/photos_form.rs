@@ -1,7 +1,7 @@
 //! The form for photos without poses, and how far their preparation is.
 
 use crate::preparing::{PhotosRequest, Preparing};
-use crate::train_form::PathField;
+use crate::train_form::{PathField, row};
 use eframe::egui::{Button, Grid, ProgressBar, ScrollArea, TextEdit, Ui};
 use ibgs_core::progress::duration;
 use std::path::PathBuf;
@@ -79,18 +79,10 @@ impl PhotosForm {
                 });
             });
             ui.end_row();
-            let label = ui.label("Make scene").id;
-            let field = TextEdit::singleline(&mut self.scene.text).hint_text("beside it");
-            ui.add(field.desired_width(room)).labelled_by(label).on_hover_text(
-                "The folder that gets the photos and their poses; by default beside them, as NAME-scene",
-            );
-            ui.end_row();
-            let label = ui.label("Frames of a video").id;
-            let field = TextEdit::singleline(&mut self.frames).hint_text("150");
-            ui.add(field.desired_width(80.0))
-                .labelled_by(label)
-                .on_hover_text("At most so many, the sharpest, spread by how much the camera moves");
-            ui.end_row();
+            let text = "The folder that gets the photos and their poses; by default beside them, as NAME-scene";
+            row(ui, "Make scene", &mut self.scene.text, ("beside it", room), text);
+            let text = "At most so many, the sharpest, spread by how much the camera moves";
+            row(ui, "Frames of a video", &mut self.frames, ("150", 80.0), text);
         });
         ui.add_space(4.0);
         ui.horizontal(|ui| {

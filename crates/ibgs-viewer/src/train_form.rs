@@ -240,7 +240,7 @@ impl TrainForm {
 }
 
 /// A row with a text: its name, its hint and width, and what it means.
-fn row(ui: &mut Ui, name: &str, text: &mut String, (hint, width): (&str, f32), meaning: &str) {
+pub fn row(ui: &mut Ui, name: &str, text: &mut String, (hint, width): (&str, f32), meaning: &str) {
     let label = ui.label(name).id;
     let field = TextEdit::singleline(text).hint_text(hint);
     ui.add(field.desired_width(width)).labelled_by(label).on_hover_text(meaning);

@@ -40,14 +40,9 @@ impl Pace {
         if let (Some(loss), Some(psnr)) = (loss, psnr) {
             line += &format!("loss {loss:.4}, PSNR {psnr:.2} dB on training photos, ");
         }
-        let least = at_least(progress);
+        let least = progress.at_least();
         Some(line + &format!("{gaussians} Gaussians, {least}{} left", duration(left)))
     }
-}
-
-/// What stands before the time that is left: it is counted at the speed of the present stage.
-pub fn at_least(progress: &TrainingProgress) -> &'static str {
-    if progress.is_slower_later { "at least " } else { "" }
 }
 
 #[cfg(test)]

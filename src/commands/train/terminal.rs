@@ -1,6 +1,6 @@
 //! A training on the terminal.
 
-use super::pace::{Pace, at_least};
+use super::pace::Pace;
 use crate::advice;
 use crate::signals::on_stop;
 use crate::stderr;
@@ -43,7 +43,7 @@ impl Observer for Terminal {
     fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
         let TrainingProgress { iteration, loss, psnr, gaussians, .. } = *progress;
         self.bar.set_position(u64::from(iteration));
-        self.bar.set_prefix(at_least(progress));
+        self.bar.set_prefix(progress.at_least());
         if let (true, Some(loss), Some(psnr)) = (iteration.is_multiple_of(REPORT), loss, psnr) {
             self.bar.set_message(format!("loss {loss:.4}  PSNR {psnr:5.2}  {gaussians} Gaussians"));
         }

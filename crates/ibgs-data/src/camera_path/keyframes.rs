@@ -89,10 +89,18 @@ impl KeyframePath {
         (0..self.segments()).map(|segment| self.goal(segment).way).sum()
     }
 
-    /// How many seconds the way to a keyframe takes; none to the first one, unless the path is a cycle.
+    /// How many seconds the way to each keyframe takes; none to the first one, unless the path is a cycle.
+    pub(super) fn ways(&self) -> Vec<Option<f64>> {
+        let whole = self.whole();
+        let way = |(index, key): (usize, &Keyframe)| {
+            ((self.cycle || index > 0) && whole > 0.0).then(|| self.seconds * key.way / whole)
+        };
+        self.keyframes.iter().enumerate().map(way).collect()
+    }
+
+    /// How many seconds the way to one of them takes.
     pub fn way_to(&self, keyframe: usize) -> Option<f64> {
-        let (whole, key) = (self.whole(), self.keyframes.get(keyframe)?);
-        ((self.cycle || keyframe > 0) && whole > 0.0).then(|| self.seconds * key.way / whole)
+        self.ways().get(keyframe).copied().flatten()
     }
 
     /// Changes keyframes or whether the path is a cycle. All ways are in seconds then: those that stay take as long as before, and

@@ -51,8 +51,8 @@ pub fn text(film: &KeyframePath) -> Result<String, String> {
     film.check()?;
     let aspect = f64::from(film.width) / f64::from(film.height);
     let usual = film.seconds / film.segments().max(1) as f64;
-    let key = |(index, key): (usize, &Keyframe)| {
-        let own = film.way_to(index).filter(|way| (way - usual).abs() > 1e-9 * usual);
+    let key = |(key, way): (&Keyframe, Option<f64>)| {
+        let own = way.filter(|way| (way - usual).abs() > 1e-9 * usual);
         FilmKey {
             matrix: rows(key),
             fov: key.fov.to_degrees(),
@@ -72,7 +72,7 @@ pub fn text(film: &KeyframePath) -> Result<String, String> {
         smoothness_value: 0.0,
         is_eased: film.eased,
         default_transition_sec: usual,
-        keyframes: film.keyframes.iter().enumerate().map(key).collect(),
+        keyframes: film.keyframes.iter().zip(film.ways()).map(key).collect(),
         camera_path: film.film().map(frame).collect(),
     };
     serde_json::to_string(&file).map_err(|error| error.to_string())

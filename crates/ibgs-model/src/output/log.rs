@@ -48,6 +48,13 @@ pub struct TrainingProgress {
     pub evaluations: Vec<Evaluation>,
 }
 
+impl TrainingProgress {
+    /// What stands before the time that is left: it is counted at the speed of the present stage.
+    pub fn at_least(&self) -> &'static str {
+        if self.is_slower_later { "at least " } else { "" }
+    }
+}
+
 /// A measurement on the held-out views.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Evaluation {

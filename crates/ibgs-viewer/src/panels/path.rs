@@ -1,10 +1,10 @@
 //! The camera path's panel: duration, files, films and stills. Its keyframes are in the timeline.
 
 use crate::View;
-use crate::film::{Film, FilmTarget};
+use crate::film::{Film, FilmQuality, FilmTarget};
 use crate::mode::Mode;
 use crate::navigator::Navigator;
-use crate::path_editor::{FilmQuality, PathEditor};
+use crate::path_editor::PathEditor;
 use crate::viewer::Viewer;
 use crate::worker::Command;
 use eframe::egui::{self, ComboBox, DragValue, ProgressBar, TextEdit, Ui};

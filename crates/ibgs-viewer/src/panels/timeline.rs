@@ -38,6 +38,7 @@ fn controls(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
         editor.toggle();
     }
     let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
+    // The path may have become shorter.
     editor.at = editor.at.min(seconds);
     // It may stand between two of its own steps.
     let slider = Slider::new(&mut editor.at, 0.0..=seconds).clamping(SliderClamping::Edits);
@@ -151,7 +152,7 @@ fn tile(editor: &PathEditor, (index, time): (usize, f64), is_current: bool, ui: 
         false => visuals.widgets.noninteractive.bg_stroke,
     };
     painter.rect_stroke(room, 3.0, stroke, egui::StrokeKind::Inside);
-    let text = format!("{number}   {:.1} s", time);
+    let text = format!("{number}   {time:.1} s");
     let at = egui::pos2(room.center().x, room.bottom() + 2.0);
     painter.text(at, Align2::CENTER_TOP, text, TextStyle::Small.resolve(ui.style()), visuals.text_color());
     response.on_hover_text("Click: go there. Drag: another place in the order.")

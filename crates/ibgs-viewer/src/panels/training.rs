@@ -95,8 +95,7 @@ fn state(trained: &Trained, ui: &mut Ui) {
     ui.label(format!("{} Gaussians", progress.gaussians));
     ui.label(duration(progress.seconds)).on_hover_text("Time spent in iterations");
     if let Some(left) = trained.left.filter(|_| trained.running) {
-        let least = if progress.is_slower_later { "at least " } else { "" };
-        ui.label(format!("{least}{} left", duration(left))).on_hover_text("At the speed of late");
+        ui.label(format!("{}{} left", progress.at_least(), duration(left))).on_hover_text("At the speed of late");
     }
 }
 
