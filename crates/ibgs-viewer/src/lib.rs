@@ -109,6 +109,14 @@ pub struct Scene {
     pub model: Option<Arc<Model>>,
 }
 
+impl Scene {
+    /// The first view with a photo. Without any, as in a bundle that still loads, the first one that the model was trained on.
+    fn first_view(&self) -> Option<usize> {
+        let first = |wanted: fn(&View) -> bool| self.views.iter().position(wanted);
+        first(|view| view.photo.is_some()).or_else(|| first(|view| !view.held_out)).or_else(|| first(|_| true))
+    }
+}
+
 /// What is looked at.
 pub enum Content {
     /// A finished model; it finds the surface of every frame.
@@ -305,4 +313,25 @@ pub fn run(
         Ok::<_, ibgs_core::gpu::GpuError>(viewer)
     };
     eframe::run_native("ibgs", options, Box::new(move |cc| Ok(Box::new(make(cc)?))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::navigator::Navigator;
+    use glam::DVec3;
+    use ibgs_core::dataset::Photo;
+
+    #[test]
+    fn a_scene_begins_with_a_photo() {
+        let camera = Navigator::facing(DVec3::ZERO, 1.0).camera(2, 1);
+        let photo = || HostPhoto::from(Photo { width: 2, height: 1, rgba: vec![255; 8] });
+        let view =
+            |held_out, has_photo: bool| View { name: String::new(), camera, held_out, photo: has_photo.then(photo) };
+        let first = |views| Scene { views, ..Scene::default() }.first_view();
+        assert_eq!(first(vec![view(true, false), view(false, false), view(false, true)]), Some(2));
+        assert_eq!(first(vec![view(true, false), view(false, false)]), Some(1));
+        assert_eq!(first(vec![view(true, false)]), Some(0));
+        assert_eq!(first(vec![]), None);
+    }
 }

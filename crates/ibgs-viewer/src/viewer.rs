@@ -334,14 +334,14 @@ impl Viewer {
         }
     }
 
-    /// Back to the first view.
+    /// Back to the first view, where some have no photo to the first one that has.
     pub fn reset(&mut self) {
-        match self.scene.as_ref().is_none_or(|scene| scene.views.is_empty()) {
-            true => {
+        match self.scene.as_ref().and_then(Scene::first_view) {
+            Some(index) => self.stand_on(index),
+            None => {
                 self.navigator = Navigator::facing(self.center, 2.5 * self.extent);
                 self.has_moved();
             }
-            false => self.stand_on(0),
         }
     }
 

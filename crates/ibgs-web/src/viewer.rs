@@ -65,7 +65,13 @@ impl Viewer {
         Ok(())
     }
 
-    /// Camera and mode as text for a link; `undefined` before the first picture.
+    /// Whether a picture of the scene has been rendered.
+    #[wasm_bindgen(js_name = hasPicture)]
+    pub fn has_picture(&self) -> bool {
+        self.runner.app_mut::<ibgs_viewer::Viewer>().is_some_and(|viewer| viewer.has_picture())
+    }
+
+    /// Camera and mode as text for a link; `undefined` while nothing is open.
     pub fn link(&self) -> Option<String> {
         self.runner.app_mut::<ibgs_viewer::Viewer>()?.link()
     }

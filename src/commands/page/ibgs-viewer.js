@@ -130,6 +130,8 @@ class IbgsViewer extends HTMLElement {
     await new Promise(resolve => setTimeout(resolve, 50));
     if (showsBase) this.viewer.complete(bytes);
     else await this.show(bytes, false);
+    text.textContent = "compiling for this GPU";
+    await this.picture();
     this.line.hidden = true;
   }
 
@@ -139,10 +141,17 @@ class IbgsViewer extends HTMLElement {
     if (!viewer) return false;
     this.viewer = viewer;
     if (this.place) this.viewer.followLink(this.place);
-    if (this.poster) this.poster.remove();
-    if (isStart) this.setAttribute("state", "base");
     this.pulse ??= setInterval(() => this.look(), PULSE);
+    if (isStart) this.picture().then(() => this.getAttribute("state") === "loading" && this.setAttribute("state", "base"));
     return true;
+  }
+
+  /** Waits for the first picture, up to which the poster stays. */
+  async picture() {
+    while (this.viewer && !this.viewer.isLost() && !this.viewer.hasPicture()) {
+      await new Promise(resolve => setTimeout(resolve, 50));
+    }
+    if (this.poster) this.poster.remove();
   }
 
   /** Keeps the page's address, and starts again after the device was lost. */

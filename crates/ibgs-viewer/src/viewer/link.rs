@@ -9,6 +9,11 @@ use crate::navigator::Navigator;
 use glam::{DMat3, DQuat, DVec3};
 
 impl Viewer {
+    /// Whether a picture of what is open has been rendered.
+    pub fn has_picture(&self) -> bool {
+        self.canvas.last().is_some()
+    }
+
     /// Mode and camera as text; none while nothing is open.
     pub fn link(&self) -> Option<String> {
         self.scene.as_ref()?;
