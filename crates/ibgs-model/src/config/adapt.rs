@@ -1,7 +1,7 @@
 //! Options that follow from the training photos.
 
 use super::schedule::REFERENCE_ITERATIONS;
-use super::{Background, DensifyConfig, TrainConfig};
+use super::{Background, DensifyConfig, Method, TrainConfig};
 use crate::dataset::Dataset;
 use std::fmt;
 
@@ -9,6 +9,9 @@ use std::fmt;
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
 /// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
 const VISITS_AT_FULL_RATES: f64 = 163.0;
+
+/// Most visits of each photo with the residual: a network that sees each photo more often learns them by heart.
+const VISITS_WITH_RESIDUAL: u32 = 250;
 
 /// Length of a run of the default strategy.
 struct Length {
@@ -84,6 +87,27 @@ impl TrainConfig {
         if self.length_follows_photos() && self.learning_rates.factor.is_none() {
             let full = ITERATIONS_AT_FULL_RATES.max(VISITS_AT_FULL_RATES * photos as f64);
             self.learning_rates.factor = Some((full / f64::from(self.iterations())).min(1.0));
+        }
+        self.delay_residual(photos);
+    }
+
+    /// Lets the residual of a long run on few photos begin later, unless its milestones are given. What belongs to it keeps its
+    /// place in what is left: the burn-in takes 15 %, the network's rate is halved after 40 and 75 %.
+    fn delay_residual(&mut self, photos: usize) {
+        let residual = &self.residual;
+        let is_given = residual.start.is_some() || residual.burn_in.is_some() || residual.halve_at.is_some();
+        let has_usual_stages = self.method == Method::Ibgs && self.schedule_scaling && residual.init.is_none();
+        if is_given || !has_usual_stages || !self.length_follows_photos() {
+            return;
+        }
+        let iterations = self.iterations();
+        let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(VISITS_WITH_RESIDUAL);
+        let start = iterations.saturating_sub(most);
+        if most > 0 && start > iterations / 3 {
+            let after = |percent: u32| (u64::from(most) * u64::from(percent) / 100) as u32;
+            self.residual.start = Some(start);
+            self.residual.burn_in = Some(after(15));
+            self.residual.halve_at = Some(vec![start + after(40), start + after(75)]);
         }
     }
 
@@ -167,6 +191,31 @@ mod tests {
         let unscaled = TrainConfig { schedule_scaling: false, ..TrainConfig::default() };
         let lengths = [given, warm, published, unscaled].map(|config| length(43, config));
         assert_eq!(lengths, [5, 3_000, 30_000, 30_000]);
+    }
+
+    #[test]
+    fn the_residual_of_a_long_run_on_few_photos_begins_late() {
+        let start = |iterations, photos, mut config: TrainConfig| {
+            config.iterations = Some(iterations);
+            config.adapt_to_photos(photos, 1);
+            config.residual
+        };
+        let default = TrainConfig::default;
+        for (iterations, photos) in [(5_000, 17), (9_100, 70), (30_000, 100), (7_000, 0)] {
+            assert_eq!(start(iterations, photos, default()), default().residual, "{iterations} of {photos}");
+        }
+        let late = start(30_000, 17, default());
+        assert_eq!((late.start, late.burn_in), (Some(25_750), Some(637)));
+        assert_eq!(late.halve_at, Some(vec![27_450, 28_937]));
+        let mut given = default();
+        given.residual.burn_in = Some(5);
+        let warm = TrainConfig { init: Some("scene.ply".into()), ..default() };
+        let unscaled = TrainConfig { schedule_scaling: false, ..default() };
+        let mut published = default();
+        published.densify.strategy = Strategy::Published;
+        for config in [given, warm, unscaled, published] {
+            assert_eq!(start(30_000, 17, config.clone()), config.residual);
+        }
     }
 
     #[test]

@@ -9,6 +9,9 @@ const MOST: u32 = 8;
 const USUAL: u32 = 2;
 /// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done.
 const MEMBER_ITERATIONS: u32 = 7_000;
+/// Length of a chain of MCMC, at most, in iterations of the run at full rates: 200 visits of each photo where those are 163. Its
+/// rates do not fall in a longer run.
+const CHAIN_LENGTH: f64 = 200.0 / 163.0;
 /// What the seeds of two members differ by.
 const SEED_STEP: u64 = 0x9e37_79b9;
 
@@ -47,8 +50,12 @@ impl TrainConfig {
         if is_chain {
             member.densify.strategy = Strategy::Mcmc;
         }
-        let iterations = self.iterations();
-        member.iterations = Some(if is_chain { iterations } else { iterations.min(MEMBER_ITERATIONS) });
+        let most = match self.learning_rates.factor.filter(|_| is_chain) {
+            Some(factor) => (CHAIN_LENGTH * factor * f64::from(self.iterations())).round() as u32,
+            None if is_chain => u32::MAX,
+            None => MEMBER_ITERATIONS,
+        };
+        member.iterations = Some(self.iterations().min(most));
         member
     }
 
@@ -121,6 +128,20 @@ mod tests {
         let kinds = [3, 4, 5, 6].map(|number| kind(&best, number));
         let (chain, plain) = ((Strategy::Mcmc, 9_000), (Strategy::Default, MEMBER_ITERATIONS));
         assert_eq!(kinds, [chain, plain, chain, plain]);
+    }
+
+    #[test]
+    fn a_chain_ends_after_200_visits_of_each_photo() {
+        let length = |iterations, photos| {
+            let mut config = TrainConfig { iterations: Some(iterations), ..ensemble(6, 2) };
+            config.adapt_to_photos(photos, 1);
+            [config.of_member(4), config.of_member(2)].map(|member| member.iterations())
+        };
+        assert_eq!(length(7_410, 57), [7_410; 2]);
+        assert_eq!(length(11_400, 57), [11_400; 2]);
+        assert_eq!(length(30_000, 57), [11_400, 30_000]);
+        assert_eq!(length(30_000, 17), [8_589, 30_000]);
+        assert_eq!(length(30_000, 1_000), [30_000; 2]);
     }
 
     #[test]

@@ -35,7 +35,8 @@ pub struct ResidualConfig {
     /// File of a trained network to begin with, such as `residual_network.safetensors` of a model with the same `output`; unset:
     /// one that has learned nothing.
     pub init: Option<PathBuf>,
-    /// The residual begins after this iteration; unset: 10000, scaled.
+    /// The residual begins after this iteration; unset: 10000, scaled, and with the strategy `default` not before it has 250 visits
+    /// of each photo or fewer left, with `burn-in` and `halve-at` in proportion.
     pub start: Option<u32>,
     /// Number of iterations in which only the network learns from the final image; unset: 3000, scaled, and with `init` 0; 0: none.
     pub burn_in: Option<u32>,
