@@ -1,5 +1,6 @@
 //! `ibgs bench`
 
+mod compare;
 mod lists;
 mod tables;
 
@@ -56,6 +57,9 @@ pub struct Args {
     /// Also write all figures to a JSON file.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Also print the times of an earlier run, from its file of `--json`, beside those of this one.
+    #[arg(long, value_name = "FILE")]
+    compare: Option<PathBuf>,
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     adapter: Option<String>,
@@ -87,6 +91,7 @@ pub fn run(args: &Args) -> Result<()> {
     for change in &changes {
         change.apply(&mut TrainConfig::default()).validate()?;
     }
+    let before = args.compare.as_ref().map(|path| Ok::<_, anyhow::Error>((path, compare::read(path)?))).transpose()?;
     let gpu = open_gpu(args.adapter.as_ref(), Use::Training)?;
     let rates = Rates::measure(&gpu)?;
     tables::print_rates(&rates);
@@ -123,6 +128,10 @@ pub fn run(args: &Args) -> Result<()> {
     }
     if let Some(path) = &args.json {
         ibgs_core::files::write_atomically(path, |out| serde_json::to_writer_pretty(out, &report).map_err(Into::into))?;
+    }
+    if let Some((path, before)) = before {
+        compare::check(&before, &report, path)?;
+        compare::print(&before, &report);
     }
     Ok(())
 }

@@ -53,3 +53,24 @@ fn a_growth_table_of_a_tiny_scene() {
     let base = report.configurations[0].timing(Work::BaseIteration).unwrap();
     assert!(base.stages.iter().all(|timing| timing.stage != "warp"), "{base:?}");
 }
+
+#[test]
+fn a_run_is_compared_with_an_earlier_one() {
+    let sandbox = Sandbox::new();
+    let bench = "bench --size 20x12 --sources 2 --intersections 2 --iterations 5";
+    sandbox.succeeds(&format!("{bench} --gaussians 200 --json before.json"));
+    let outcome = sandbox.succeeds(&format!("{bench} --gaussians 200,300 --compare before.json"));
+    let compared = outcome.stdout.split("before ms").nth(1).unwrap();
+    for work in Work::ALL {
+        let line = compared.lines().find(|line| line.starts_with(work.title())).unwrap();
+        let numbers: Vec<f64> = line[50..].split_whitespace().map(|number| number.parse().unwrap()).collect();
+        assert!(matches!(numbers[..], [before, now, ratio] if (now / before - ratio).abs() < 0.02), "{line}");
+    }
+    assert!(compared.contains("300 Gaussians, 20 x 12, 2 sources, K = 2: not measured before"), "{outcome}");
+
+    sandbox.write("other.json", "{\"version\": 3}");
+    for (file, reason) in [("nowhere.json", "cannot read"), ("other.json", "no file of `ibgs bench --json`")] {
+        sandbox.fails(&format!("{bench} --compare {file}"), &[file, reason]);
+    }
+    sandbox.fails(&format!("{bench} --gaussians 400 --compare before.json"), &["no configuration in common"]);
+}
