@@ -163,6 +163,11 @@ impl Model {
         self.config.source.is_none() && !self.foreign
     }
 
+    /// Whether another program wrote it, which does not say the size of its photos.
+    pub fn is_foreign(&self) -> bool {
+        self.foreign
+    }
+
     /// The exposures of its photos, where they were corrected.
     ///
     /// # Errors

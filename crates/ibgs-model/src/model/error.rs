@@ -7,6 +7,7 @@ use crate::gpu::GpuError;
 use crate::output::OutputError;
 use crate::residual::NetworkError;
 use crate::scene::SceneError;
+use ibgs_data::first_of;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -34,6 +35,18 @@ pub enum ModelError {
     SceneGone {
         /// Where it was.
         path: PathBuf,
+    },
+    /// Photos that the model was trained or measured on are not in its scene any more.
+    #[error(
+        "{} of the {count} photos of the model are not in its scene {} any more: {}", names.len(), path.display(), first_of(names, 3)
+    )]
+    PhotosGone {
+        /// The scene.
+        path: PathBuf,
+        /// Their names.
+        names: Vec<String>,
+        /// Photos of the model.
+        count: usize,
     },
     /// The scene that the program makes.
     #[error(transparent)]

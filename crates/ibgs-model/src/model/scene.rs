@@ -6,7 +6,7 @@ use crate::config::{PoseSwitch, TrainConfig};
 use crate::dataset::{self, Dataset};
 use crate::output::cameras::{self, Split};
 use crate::progress::Progress;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::error::Error;
 use std::path::Path;
 
@@ -61,20 +61,54 @@ impl Model {
             None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
             None => self.made_scene(progress)?,
         };
+        let places: HashMap<&str, usize> = dataset.views.iter().enumerate().map(|(i, view)| (&*view.name, i)).collect();
+        self.check_names(&dataset.path, |name| places.contains_key(name))?;
         let split = |wanted: Split| {
-            let named = self.cameras.iter().filter(|r| r.split == Some(wanted)).map(|r| &r.name);
-            let found = named.map(|name| {
-                let position = dataset.views.iter().position(|view| view.name == *name);
-                position.ok_or_else(|| ModelError::NoPhoto { name: name.clone() })
-            });
-            found.collect::<Result<Vec<_>, _>>()
+            let named = self.cameras.iter().filter(|record| record.split == Some(wanted));
+            named.filter_map(|record| places.get(&*record.name).copied()).collect()
         };
-        let (train, test) = (split(Split::Train)?, split(Split::Test)?);
+        let (train, test) = (split(Split::Train), split(Split::Test));
         (dataset.train, dataset.test) = (train, test);
         if config.poses.refine != PoseSwitch::Off {
             self.give_cameras(&mut dataset);
         }
         Ok(dataset)
+    }
+
+    /// Looks for the photos that the model was trained and measured on among those of a scene.
+    fn check_names(&self, scene: &Path, is_there: impl Fn(&str) -> bool) -> Result<(), ModelError> {
+        let used = || self.cameras.iter().filter(|record| record.split.is_some()).map(|record| &record.name);
+        let names: Vec<String> = used().filter(|name| !is_there(name)).cloned().collect();
+        match names.is_empty() {
+            true => Ok(()),
+            false => Err(ModelError::PhotosGone { path: scene.to_owned(), names, count: used().count() }),
+        }
+    }
+
+    /// Looks for the photos on the disk that the model was trained and measured on, without decoding one. One that brings its
+    /// photos, or was trained on a scene that the program made, needs none.
+    ///
+    /// # Errors
+    /// [`ModelError::SceneGone`], [`ModelError::PhotosGone`]. The scene is not known or cannot be read.
+    pub fn check_photos(&self) -> Result<(), ModelError> {
+        if self.photos.is_some() || self.has_made_scene() {
+            return Ok(());
+        }
+        let Some(path) = self.source.as_ref().or(self.config.source.as_ref()) else {
+            return Err(ModelError::NoScene { path: self.path.clone() });
+        };
+        if !path.exists() {
+            return Err(ModelError::SceneGone { path: path.clone() });
+        }
+        let scene = dataset::load_poses(path, &self.config.load_options())?;
+        let names: HashSet<&str> = scene.views.iter().map(|(name, _)| &**name).collect();
+        self.check_names(path, |name| names.contains(name))
+    }
+
+    /// Leaves the residual out: the base image alone is rendered, which needs no photo.
+    pub fn without_residual(&mut self) {
+        self.network = None;
+        self.members.iter_mut().for_each(|member| member.network = None);
     }
 
     /// Gives the views of the scene the cameras that the training has refined.
