@@ -1,10 +1,12 @@
 //! Errors in the words of the command line. The libraries say what is wrong and where, and know no flags; what the user can do
 //! about it with the flags of this program is added here.
 
+mod folders;
 mod passed_on;
 mod photos;
 mod start;
 
+pub use folders::{quoted, resume};
 use ibgs_core::blocks::PlanError;
 use ibgs_core::config::ConfigError;
 use ibgs_core::dataset::{DatasetError, Resolution};
@@ -12,7 +14,6 @@ use ibgs_core::gpu::GpuError;
 use ibgs_core::local_space::Length;
 use ibgs_core::mesh::MeshError;
 use ibgs_core::model::ModelError;
-use ibgs_core::output::OutputError;
 use ibgs_core::residual::NetworkError;
 use ibgs_core::scene::SceneError;
 use ibgs_core::sentence_with;
@@ -131,15 +132,16 @@ fn dataset(error: &DatasetError) -> Option<String> {
 
 fn session(error: &SessionError) -> Option<String> {
     match error {
-        SessionError::Stopped { saved: Some(path), checkpoint: Some(_), .. } => Some(format!(
-            "training stopped; the model so far is in {}, and `--resume` continues from there",
-            path.display()
+        SessionError::Stopped { saved: Some(path), checkpoint: Some(_), folder, .. } => Some(format!(
+            "training stopped; the model so far is in {}, and {} continues from there",
+            path.display(),
+            resume(folder)
         )),
-        SessionError::Stopped { saved: None, checkpoint: Some(iteration), .. } => {
-            Some(format!("training stopped; `--resume` continues from iteration {iteration}"))
+        SessionError::Stopped { saved: None, checkpoint: Some(iteration), folder, .. } => {
+            Some(format!("training stopped; {} continues from iteration {iteration}", resume(folder)))
         }
-        SessionError::OnlyCheckpoint { .. } => {
-            Some("`--resume` continues from here, but not everything was saved and measured".to_owned())
+        SessionError::OnlyCheckpoint { folder: Some(folder), .. } => {
+            Some(format!("{} continues from here, but not everything was saved and measured", resume(folder)))
         }
         _ => None,
     }
@@ -148,7 +150,6 @@ fn session(error: &SessionError) -> Option<String> {
 /// What to do about an error, where the error itself does not say it.
 fn advice(error: AnyError) -> Option<String> {
     None.or_else(|| model(error.downcast_ref()?))
-        .or_else(|| output(error.downcast_ref()?))
         .or_else(|| scene(error.downcast_ref()?))
         .or_else(|| gpu(error.downcast_ref()?))
         .or_else(|| match error.downcast_ref()? {
@@ -171,6 +172,7 @@ fn advice(error: AnyError) -> Option<String> {
         })
         .map(str::to_owned)
         .or_else(|| mesh(error.downcast_ref()?))
+        .or_else(|| folders::advice(error.downcast_ref()?))
         .or_else(|| photos::advice(error.downcast_ref()?))
         .or_else(|| start::advice(error.downcast_ref()?))
 }
@@ -183,18 +185,9 @@ fn model(error: &ModelError) -> Option<&'static str> {
         ModelError::OtherScene { .. } | ModelError::OtherPoses { .. } => {
             Some("give the scene that it was trained on with `--source`")
         }
-        ModelError::SceneGone { .. } => Some("say where it is with `--source`"),
-        _ => None,
-    }
-}
-
-fn output(error: &OutputError) -> Option<&'static str> {
-    match error {
-        OutputError::HoldsModel { .. } => Some("choose another folder, or allow overwriting it (`--overwrite`)"),
-        OutputError::HoldsTraining { .. } => {
-            Some("resume it (`--resume`), choose another folder, or allow overwriting it (`--overwrite`)")
+        ModelError::SceneGone { .. } | ModelError::PhotosGone { .. } => {
+            Some("if the scene has moved, say where it is (`-s SCENE`)")
         }
-        OutputError::Foreign { .. } => Some("choose another output folder, or allow overwriting it (`--overwrite`)"),
         _ => None,
     }
 }
@@ -247,6 +240,7 @@ mod tests {
     use super::*;
     use ibgs_core::dataset::{Alpha, LoadOptions, Masks};
     use ibgs_core::eval::EvalError;
+    use ibgs_core::output::OutputError;
     use ibgs_train::TrainError;
     use ibgs_train::session::Event;
     use std::path::PathBuf;
@@ -285,13 +279,15 @@ mod tests {
         says(ModelError::Network(NetworkError::Gpu(gpu())), &format!("the residual network: {advised}"));
         let stopped = |saved: Option<PathBuf>, checkpoint| SessionError::Stopped {
             source: Box::new(SessionError::Train(TrainError::Gpu(gpu()))),
+            folder: "my out".into(),
             saved,
             checkpoint,
         };
-        says(stopped(None, Some(7)), &format!("training stopped; `--resume` continues from iteration 7: {advised}"));
+        let resume = "`ibgs train --resume -m 'my out'`";
+        says(stopped(None, Some(7)), &format!("training stopped; {resume} continues from iteration 7: {advised}"));
         says(
             stopped(Some("out".into()), Some(7)),
-            &format!("training stopped; the model so far is in out, and `--resume` continues from there: {advised}"),
+            &format!("training stopped; the model so far is in out, and {resume} continues from there: {advised}"),
         );
         let wide = LpipsError::TooWide { width: 5, bytes: 9, limit: 8 };
         says(
@@ -314,6 +310,7 @@ mod tests {
         let large = |what| GpuError::TooLarge { what, bytes: 9, limit: 8 };
         let only_checkpoint = SessionError::OnlyCheckpoint {
             iteration: 7,
+            folder: Some(path()),
             source: Box::new(GpuError::OutOfMemory { what: "planes", bytes: 9 }.into()),
         };
         let cases: [(anyhow::Error, &[&str]); 16] = [
@@ -339,9 +336,15 @@ mod tests {
             (large("image").into(), &["use smaller images (`--resolution` or `--max-resolution`)"]),
             (large("means").into(), &["use fewer Gaussians (`--max-splats`)"]),
             (CheckpointError::Version { path: path(), found: "0.0.1".into() }.into(), &["ibgs 0.0.1", "with `--init`"]),
-            (only_checkpoint.into(), &["`--resume` continues from here", "was saved and measured", "no memory left"]),
+            (
+                only_checkpoint.into(),
+                &["`ibgs train --resume -m model` continues from here", "was saved and measured", "no memory left"],
+            ),
             (OutputError::HoldsModel { path: path(), iteration: 7 }.into(), &["7 iterations", "(`--overwrite`)"]),
-            (OutputError::HoldsTraining { path: path(), iteration: 7 }.into(), &["`--resume`", "(`--overwrite`)"]),
+            (
+                OutputError::HoldsTraining { path: path(), iteration: 7 }.into(),
+                &["(`ibgs train --resume -m model`)", "(`--overwrite`)"],
+            ),
             (OutputError::Foreign { path: path(), file: "split.json" }.into(), &["split.json", "(`--overwrite`)"]),
             (DatasetError::NoPhotos { path: path(), count: 3, first: path() }.into(), &["with `--images`"]),
             (MeshError::DepthMaps { views: 3, needed: 9, limit: 8 }.into(), &["`--width`", "`--memory`"]),

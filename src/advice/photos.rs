@@ -1,5 +1,6 @@
 //! Photos or a video in place of a scene.
 
+use super::quoted;
 use crate::prepare;
 use ibgs_core::dataset::DatasetError;
 
@@ -15,8 +16,7 @@ pub fn rephrased(error: &DatasetError) -> Option<String> {
 pub fn advice(error: &DatasetError) -> Option<String> {
     let DatasetError::NotAScene { path, .. } = error else { return None };
     prepare::inputs_in(path)?;
-    let path = path.to_string_lossy();
-    let quoted = shlex::try_quote(&path).unwrap_or_else(|_| path.clone());
+    let quoted = quoted(path);
     Some(format!("`ibgs train {quoted} --prepare` estimates them and trains (`ibgs prepare` has options for that)"))
 }
 

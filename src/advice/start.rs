@@ -57,6 +57,9 @@ pub fn event(event: &Event) -> Option<String> {
             Bytes(limit.budget),
             limit.fits
         )),
+        Event::Slow { .. } => Some(format!(
+            "{event}; `--preset fast`, smaller photos (`-r 4`, `-r 8`) and fewer iterations (`--iterations 500`) shorten it"
+        )),
         // It ends with the most Gaussians.
         Event::Prepared(preparation) if preparation.at_most.is_some() => {
             Some(format!("{preparation} (`--max-splats`)"))
@@ -134,6 +137,7 @@ mod tests {
             test_views: 2,
             points: 500,
             shown: 400,
+            init: None,
             iterations: 60,
             folder: Some("output/a".into()),
             at_start: NEED,
@@ -145,6 +149,19 @@ mod tests {
         assert_eq!(said, format!("{views}, 6 MiB at 900 (`--max-splats`)"));
         preparation.at_most = None;
         assert_eq!(crate::advice::event(&Event::Prepared(&preparation)), views);
+        preparation.init = Some("a.ply".into());
+        let said = crate::advice::event(&Event::Prepared(&preparation));
+        assert!(
+            said.starts_with("9 training views, 2 test views, 500 Gaussians of a.ply to begin with, 60 it"),
+            "{said}"
+        );
+        for (seconds, words) in [(700.0, "12 minutes"), (8_000.0, "2 hours"), (400_000.0, "5 days")] {
+            let said = crate::advice::event(&Event::Slow { adapter: "llvmpipe", seconds });
+            let begins = format!(
+                "note: llvmpipe is no GPU but computes on the processor: this training will take about {words};"
+            );
+            assert!(said.starts_with(&begins) && said.contains("`--iterations 500`"), "{said}");
+        }
         let resuming = Event::Resuming { iteration: 7, iterations: 60 };
         assert_eq!(crate::advice::event(&resuming), "resuming from iteration 7 of 60");
     }

@@ -81,7 +81,7 @@ fn a_killed_training_goes_on_to_the_same_model() {
     sandbox.fails("train --resume -m nowhere", &["nowhere holds no checkpoint"]);
     sandbox
         .fails("train --resume -m whole", &["the training in whole has ended", "60 iterations", "nothing to resume"]);
-    let words = ["model holds a training that stopped after iteration", "`--resume`"];
+    let words = ["model holds a training that stopped after iteration", "`ibgs train --resume -m model`"];
     sandbox.fails(&format!("{OPTIONS} -m model"), &words);
     sandbox.run("train --resume -m model --overwrite").assert_failure(2, &["--overwrite"]);
     let keeps = "a resumed run keeps its options";
@@ -166,7 +166,9 @@ fn what_goes_away_while_training() {
     let Some(_disk) = super::bad_machine::Disk::mount(&path, "20m", test) else { return };
     let remount = |how: &str| {
         let options = format!("remount,{how}");
-        assert!(Command::new("mount").args(["-o", &options]).arg(&path).status().unwrap().success());
+        // The disk is busy while a checkpoint is being written.
+        let is_done = || Command::new("mount").args(["-o", &options]).arg(&path).status().unwrap().success();
+        assert!(wait_for(PATIENCE, || is_done().then_some(())).is_some());
     };
     sandbox.write("run.toml", options(60));
     let arguments = format!("{OPTIONS} -m model --checkpoint-every 0.000001");

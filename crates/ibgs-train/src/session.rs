@@ -21,6 +21,7 @@ mod cameras;
 mod checkpoint_writer;
 mod error;
 mod event;
+mod forecast;
 mod json_lines;
 mod output;
 mod preparation;
@@ -41,6 +42,7 @@ pub use transients::TransientSummary;
 
 use crate::{MaskRules, TrainError, Trainer};
 use checkpoint_writer::CheckpointWriter;
+use forecast::Forecast;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::Dataset;
@@ -81,6 +83,8 @@ struct Due {
     keep: bool,
     /// And then written.
     write: bool,
+    /// Nothing comes after it: what cannot be written then is an error.
+    ends: bool,
 }
 
 /// A training run.
@@ -93,6 +97,7 @@ pub struct Session {
     config: TrainConfig,
     folder: Option<OutputFolder>,
     records: Records,
+    forecast: Forecast,
     checkpoints: CheckpointWriter,
     started: Instant,
     /// Time of the iterations before a resumed run.
@@ -189,14 +194,17 @@ impl Session {
         let (keep, write) = self.checkpoints.due();
         // Keep a state before a new stage: its first iteration needs more memory, and the allocation may fail. After
         // the last iteration nothing remains to be resumed.
-        let keep = (keep || watch::stage_ends(schedule, iteration)) && iteration < self.config.iterations();
-        let due = Due { save, evaluate, keep, write: keep && write };
+        let ends = iteration >= self.config.iterations();
+        let keep = (keep || watch::stage_ends(schedule, iteration)) && !ends;
+        let due = Due { save, evaluate, keep, write: keep && write, ends };
         // Wait, so that pending work counts as time of the iterations and not of what follows. The last iteration is
         // always saved.
         if save || evaluate || keep {
             self.raster.gpu().wait()?;
         }
-        self.records.watch.spent(start.elapsed());
+        let time = start.elapsed();
+        self.records.watch.spent(time);
+        self.forecast.count(iteration, time);
         self.note();
         Ok(due)
     }
@@ -250,16 +258,14 @@ impl Session {
 
     /// How far it is.
     pub fn progress(&self) -> TrainingProgress {
-        let telemetry = self.trainer.telemetry();
+        let (iteration, telemetry) = (self.trainer.iteration(), self.trainer.telemetry());
         // Until something has come back from the GPU both are zero.
         let known = telemetry.stats.loss != 0.0;
-        let stage_at = |iteration: u32| watch::stage(self.trainer.schedule(), iteration.max(1));
-        let stage = stage_at(self.trainer.iteration());
         TrainingProgress {
-            iteration: self.trainer.iteration(),
+            iteration,
             iterations: self.config.iterations(),
-            stage,
-            is_slower_later: stage != stage_at(self.config.iterations()),
+            stage: watch::stage(self.trainer.schedule(), iteration.max(1)),
+            seconds_left: self.forecast.left(iteration),
             loss: known.then_some(telemetry.stats.loss),
             l1: known.then_some(telemetry.stats.l1),
             ssim: known.then_some(telemetry.stats.ssim),

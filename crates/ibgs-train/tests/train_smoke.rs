@@ -14,6 +14,7 @@ mod poses;
 mod start;
 mod transients;
 mod units;
+mod unwritten;
 
 use crate::small::{plain, run, trainer};
 use ibgs_core::config::{Strategy, TrainConfig};

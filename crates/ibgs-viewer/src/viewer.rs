@@ -39,9 +39,6 @@ use web_time::Instant;
 /// Time that the camera rests before the picture is rendered sharp.
 const REST: Duration = Duration::from_millis(150);
 
-/// Seconds of a training that its speed is taken over.
-const PACE: f64 = 5.0;
-
 /// What is kept from one start of the program to the next.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -100,32 +97,17 @@ pub(crate) struct Trained {
     /// How it ended; none while it can go on.
     pub end: Option<End>,
     pub curves: Curves,
-    /// Seconds that are left at the speed of late; none before that is known.
-    pub left: Option<f64>,
-    /// Iteration and seconds that this speed is taken from.
-    since: (u32, f64),
 }
 
 impl Trained {
     /// One that begins.
     pub fn new(progress: TrainingProgress) -> Self {
-        let since = (progress.iteration, progress.seconds);
-        Self { progress, running: true, end: None, curves: Curves::default(), left: None, since }
+        Self { progress, running: true, end: None, curves: Curves::default() }
     }
 
     /// Takes how far it is now.
     pub fn take(&mut self, progress: TrainingProgress, running: bool) {
         self.curves.add(&progress);
-        let (now, seconds) = (progress.iteration, progress.seconds);
-        if now < self.since.0 {
-            // It has gone back to an earlier state.
-            (self.since, self.left) = ((now, seconds), None);
-        }
-        let (done, time) = (now - self.since.0, seconds - self.since.1);
-        if done > 0 && time >= PACE {
-            self.left = Some(time / f64::from(done) * f64::from(progress.iterations.saturating_sub(now)));
-            self.since = (now, seconds);
-        }
         (self.progress, self.running) = (progress, running);
     }
 }

@@ -1,7 +1,6 @@
 //! Lines about a training that no bar shows, for log files: each after half a minute or a twentieth of the iterations.
 
 use ibgs_core::output::log::TrainingProgress;
-use ibgs_core::progress::duration;
 use std::time::{Duration, Instant};
 
 /// Longest time between two lines.
@@ -34,14 +33,13 @@ impl Pace {
             return None;
         }
         *self = Self::new(iteration, now);
-        let left = time.as_secs_f64() / f64::from(done) * f64::from(iterations - iteration);
         let percent = 100 * u64::from(iteration) / u64::from(iterations);
         let mut line = format!("iteration {iteration} of {iterations} ({percent} %): ");
         if let (Some(loss), Some(psnr)) = (loss, psnr) {
             line += &format!("loss {loss:.4}, PSNR {psnr:.2} dB on training photos, ");
         }
-        let least = progress.at_least();
-        Some(line + &format!("{gaussians} Gaussians, {least}{} left", duration(left)))
+        let left = progress.time_left().map_or_else(String::new, |left| format!(", {left}"));
+        Some(line + &format!("{gaussians} Gaussians{left}"))
     }
 }
 
@@ -60,16 +58,13 @@ mod tests {
         let mut pace = Pace::new(0, start);
         assert_eq!(pace.line(&at(49, 1000), after(10)), None);
         let line = pace.line(&at(50, 1000), after(10)).unwrap();
-        assert_eq!(line, "iteration 50 of 1000 (5 %): 300 Gaussians, 3 min 10 s left");
-        let early = TrainingProgress { is_slower_later: true, ..at(50, 1000) };
-        let line = Pace::new(0, start).line(&early, after(10)).unwrap();
-        assert_eq!(line, "iteration 50 of 1000 (5 %): 300 Gaussians, at least 3 min 10 s left");
+        assert_eq!(line, "iteration 50 of 1000 (5 %): 300 Gaussians");
         // Slower now: the time counts, from the line before.
         assert_eq!(pace.line(&at(59, 1000), after(39)), None);
-        let known = TrainingProgress { loss: Some(0.25), psnr: Some(20.0), ..at(60, 1000) };
+        let known = TrainingProgress { loss: Some(0.25), psnr: Some(20.0), seconds_left: Some(2820.0), ..at(60, 1000) };
         assert_eq!(
             pace.line(&known, after(40)).unwrap(),
-            "iteration 60 of 1000 (6 %): loss 0.2500, PSNR 20.00 dB on training photos, 300 Gaussians, 47 min 00 s left"
+            "iteration 60 of 1000 (6 %): loss 0.2500, PSNR 20.00 dB on training photos, 300 Gaussians, about 47 min 00 s left"
         );
         // Back to an earlier state: counted from there.
         assert_eq!(pace.line(&at(30, 1000), after(41)), None);

@@ -43,7 +43,7 @@ impl Observer for Terminal {
     fn iteration(&mut self, progress: &TrainingProgress) -> ControlFlow<()> {
         let TrainingProgress { iteration, loss, psnr, gaussians, .. } = *progress;
         self.bar.set_position(u64::from(iteration));
-        self.bar.set_prefix(progress.at_least());
+        self.bar.set_prefix(progress.time_left().unwrap_or_default());
         if let (true, Some(loss), Some(psnr)) = (iteration.is_multiple_of(REPORT), loss, psnr) {
             self.bar.set_message(format!("loss {loss:.4}  PSNR {psnr:5.2}  {gaussians} Gaussians"));
         }
@@ -77,13 +77,13 @@ pub fn print(event: &Event) {
         stderr!("{}", advice::event(event));
     }
     if let Event::Finished(Summary { resumable: Some(folder), .. }) = event {
-        stderr!("`ibgs train --resume -m {}` continues from here", folder.display());
+        stderr!("{} continues from here", advice::resume(folder));
     }
 }
 
 fn bar(progress: &TrainingProgress) -> ProgressBar {
     let bar = ProgressBar::new(u64::from(progress.iterations));
-    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec} {prefix}{eta} left";
+    let style = "{bar:28} {pos}/{len}  {msg}  {per_sec}  {prefix}";
     bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar
 }

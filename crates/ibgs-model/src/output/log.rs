@@ -1,5 +1,6 @@
 //! `training_log.json`: loss, PSNR and Gaussians over a training, for its curves.
 
+use crate::progress::duration;
 use crate::score::Score;
 use serde::{Deserialize, Serialize};
 
@@ -30,8 +31,8 @@ pub struct TrainingProgress {
     pub iterations: u32,
     /// Stage of the schedule.
     pub stage: &'static str,
-    /// Whether another stage is to come, whose iterations take longer.
-    pub is_slower_later: bool,
+    /// What the iterations to come will take, an estimate with the stages to come; none before the speed is known.
+    pub seconds_left: Option<f64>,
     /// Mean loss of recent iterations; none where nothing has come back from the GPU yet.
     pub loss: Option<f32>,
     /// The mean absolute error in it, of values in 0 to 1.
@@ -49,9 +50,9 @@ pub struct TrainingProgress {
 }
 
 impl TrainingProgress {
-    /// What stands before the time that is left: it is counted at the speed of the present stage.
-    pub fn at_least(&self) -> &'static str {
-        if self.is_slower_later { "at least " } else { "" }
+    /// The time that is left, in words.
+    pub fn time_left(&self) -> Option<String> {
+        self.seconds_left.map(|seconds| format!("about {} left", duration(seconds)))
     }
 }
 

@@ -8,7 +8,8 @@ pub use error::BuildError;
 use start::Start;
 
 use super::adjusting::adjust_cameras;
-use super::{CheckpointWriter, Event, Observer, Output, Preparation, Records, Session, StoppedTraining};
+use super::forecast::Device;
+use super::{CheckpointWriter, Event, Forecast, Observer, Output, Preparation, Records, Session, StoppedTraining};
 use crate::densify::Strategy;
 use crate::loss::Loss;
 use crate::memory::Needs;
@@ -28,6 +29,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 type Result<T> = std::result::Result<T, BuildError>;
+
+/// Seconds of a training on a software adapter that are worth a word before it begins.
+const LONG: f64 = 600.0;
 
 /// Describes a session; [`SessionBuilder::build`] prepares it.
 #[derive(Debug)]
@@ -219,9 +223,15 @@ impl Loaded {
             trainer.limit_splats(limit.fits);
         }
         let (folder, lock) = builder.open_folder(&config, &dataset, observer)?.unzip();
-        observer.event(&Event::Prepared(&preparation(&dataset, &config, folder.as_ref(), &needs)));
+        let forecast = Forecast::new(&config, if gpu.is_software() { Device::Processor } else { Device::Gpu });
+        let done = builder.stopped.as_ref().map_or(0, |stopped| stopped.checkpoint().iteration());
+        warn_of_time(&forecast, done, gpu, &dataset, observer);
+        let init = config.init.clone().filter(|_| start.is_some());
+        let prepared = Preparation { init, ..preparation(&dataset, &config, folder.as_ref(), &needs) };
+        observer.event(&Event::Prepared(&prepared));
         let every = builder.checkpoint_every.filter(|_| folder.is_some());
         let session = Session {
+            forecast,
             checkpoints: CheckpointWriter::new(folder.clone(), every),
             trainer,
             raster,
@@ -295,6 +305,16 @@ impl SessionBuilder {
     }
 }
 
+/// Says so where a software adapter will take long.
+fn warn_of_time(forecast: &Forecast, done: u32, gpu: &Gpu, dataset: &Dataset, observer: &mut dyn Observer) {
+    let pixels: usize = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels()).sum();
+    let cores = std::thread::available_parallelism().map_or(1, Into::into);
+    let seconds = forecast.on_software(done, pixels as f64 / dataset.train.len().max(1) as f64, cores);
+    if gpu.is_software() && seconds >= LONG {
+        observer.event(&Event::Slow { adapter: &gpu.info.name, seconds });
+    }
+}
+
 fn preparation(dataset: &Dataset, config: &TrainConfig, folder: Option<&OutputFolder>, needs: &Needs) -> Preparation {
     let cameras: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
     Preparation {
@@ -302,6 +322,7 @@ fn preparation(dataset: &Dataset, config: &TrainConfig, folder: Option<&OutputFo
         test_views: dataset.test.len(),
         points: dataset.points.len(),
         shown: shown_by_any(&cameras, dataset.points.par_iter().map(|point| point.position)),
+        init: None,
         iterations: config.iterations(),
         folder: folder.map(|folder| folder.root().to_owned()),
         at_start: needs.at_start(),

@@ -46,6 +46,8 @@ pub enum SessionError {
     Stopped {
         /// Why.
         source: Box<SessionError>,
+        /// The model folder.
+        folder: PathBuf,
         /// Where the model so far is, where it could be saved.
         saved: Option<PathBuf>,
         /// Iteration of the checkpoint to resume from, where there is one.
@@ -56,9 +58,25 @@ pub enum SessionError {
     OnlyCheckpoint {
         /// Iteration of the checkpoint.
         iteration: u32,
+        /// The model folder; none: nothing is written.
+        folder: Option<PathBuf>,
         /// What failed.
         source: Box<SessionError>,
     },
+}
+
+impl SessionError {
+    /// Whether a file could not be written, and the training itself is sound.
+    pub(super) fn is_unwritten(&self) -> bool {
+        matches!(
+            self,
+            Self::Write(_)
+                | Self::Output(OutputError::Write(_))
+                | Self::Eval(EvalError::Write(_))
+                | Self::Gaussians(SceneError::Write(_))
+                | Self::Network(NetworkError::Write(_))
+        )
+    }
 }
 
 fn there(saved: Option<&std::path::Path>, checkpoint: Option<u32>) -> String {

@@ -71,6 +71,13 @@ pub enum Event<'a> {
     ExposureTried(&'a ExposureEvidence),
     /// Not all Gaussians that the options allow fit into the device's memory.
     Limited(&'a MemoryLimit),
+    /// The training runs on a software adapter, and will take long.
+    Slow {
+        /// Name of the adapter.
+        adapter: &'a str,
+        /// What it will roughly take.
+        seconds: f64,
+    },
     /// A stopped training will be resumed.
     Resuming {
         /// Iterations done.
@@ -103,6 +110,11 @@ pub enum Event<'a> {
         iteration: u32,
         /// Factor on the learning rates from now on.
         rates: f64,
+    },
+    /// A file of a save or of a measurement cannot be written; the training continues without.
+    NotSaved {
+        /// Why.
+        error: &'a SessionError,
     },
     /// A checkpoint cannot be written; the training continues without.
     NoCheckpoint {
@@ -208,6 +220,16 @@ impl fmt::Display for Summary {
     }
 }
 
+/// A long time in words, without a precision that an estimate does not have.
+fn roughly(seconds: f64) -> String {
+    let hours = seconds / 3600.0;
+    match hours {
+        ..1.5 => format!("{:.0} minutes", 60.0 * hours),
+        ..36.0 => format!("{hours:.0} hours"),
+        _ => format!("{:.0} days", hours / 24.0),
+    }
+}
+
 impl Event<'_> {
     /// The event as text. `words` formats an error, because a program can say more about it than this library.
     pub fn with_errors<'e>(&'e self, words: &'e dyn Fn(&(dyn Error + 'static)) -> String) -> impl fmt::Display + 'e {
@@ -224,6 +246,11 @@ impl Event<'_> {
             Self::Preparing => f.write_str("preparing the training"),
             Self::ExposureTried(evidence) => fmt::Display::fmt(evidence, f),
             Self::Limited(limit) => write!(f, "warning: {limit}"),
+            Self::Slow { adapter, seconds } => write!(
+                f,
+                "note: {adapter} is no GPU but computes on the processor: this training will take about {}",
+                roughly(*seconds)
+            ),
             Self::Resuming { iteration, iterations } => {
                 write!(f, "resuming from iteration {iteration} of {iterations}")
             }
@@ -247,6 +274,9 @@ impl Event<'_> {
                     "warning: {}; going back to iteration {iteration}, once, with {rates} times the learning rates",
                     words(*error)
                 )
+            }
+            Self::NotSaved { error } => {
+                write!(f, "warning: {}; the training continues, and saves again later", words(*error))
             }
             Self::NoCheckpoint { error } => {
                 write!(f, "warning: {}; the training continues without this checkpoint", words(*error))

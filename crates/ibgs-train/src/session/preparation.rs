@@ -16,6 +16,8 @@ pub struct Preparation {
     pub points: usize,
     /// Of these, how many a training view shows.
     pub shown: usize,
+    /// The file or model whose Gaussians it begins with, in place of the points.
+    pub init: Option<PathBuf>,
     /// Iterations of the whole run.
     pub iterations: u32,
     /// Where it writes; none: nowhere.
@@ -28,12 +30,13 @@ pub struct Preparation {
 
 impl fmt::Display for Preparation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { training_views, test_views, points, shown, iterations, folder, at_start, at_most } = self;
-        write!(
-            f,
-            "{training_views} training views, {test_views} test views, {points} initial points ({shown} within the training \
-             views), {iterations} iterations; "
-        )?;
+        let Self { training_views, test_views, points, shown, init, iterations, folder, at_start, at_most } = self;
+        write!(f, "{training_views} training views, {test_views} test views, ")?;
+        match init {
+            Some(init) => write!(f, "{} Gaussians of {} to begin with, ", at_start.gaussians, init.display())?,
+            None => write!(f, "{points} initial points ({shown} within the training views), ")?,
+        }
+        write!(f, "{iterations} iterations; ")?;
         match folder {
             Some(folder) => write!(f, "writing to {}", folder.display())?,
             None => f.write_str("writing nothing")?,

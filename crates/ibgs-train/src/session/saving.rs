@@ -43,22 +43,30 @@ impl Member {
 }
 
 impl Session {
-    /// Saves and measures.
+    /// Saves and measures. What cannot be written is a warning while the training goes on: it is sound, and the next time may be
+    /// another.
     pub(super) fn do_due(&mut self, due: Due, observer: &mut dyn Observer) -> Result<()> {
+        let settle = |result: Result<()>, observer: &mut dyn Observer| match result {
+            Err(error) if !due.ends && error.is_unwritten() => {
+                observer.event(&Event::NotSaved { error: &error });
+                Ok(())
+            }
+            result => result,
+        };
         if due.save || due.evaluate {
-            self.adopt_cameras()?;
+            settle(self.adopt_cameras().map_err(SessionError::from), observer)?;
         }
         if due.save {
             // Wait for a checkpoint that is being written: on a small disk its temporary file could take the space
             // needed here.
             self.checkpoints.wait(observer);
-            self.save()?;
+            settle(self.save().map(drop), observer)?;
         }
         if due.evaluate {
-            self.evaluate(observer)?;
+            settle(self.evaluate(observer), observer)?;
         }
         match &self.folder {
-            Some(folder) => Ok(folder.write_log(&self.records.log)?),
+            Some(folder) => settle(folder.write_log(&self.records.log).map_err(SessionError::from), observer),
             None => Ok(()),
         }
     }
@@ -83,7 +91,8 @@ impl Session {
             return error;
         }
         let checkpoint = resumed.ok().map(|()| checkpoint.iteration());
-        SessionError::Stopped { source: Box::new(error), saved: saved.ok(), checkpoint }
+        let folder = folder.root().to_owned();
+        SessionError::Stopped { source: Box::new(error), folder, saved: saved.ok(), checkpoint }
     }
 
     /// Writes the model as it is now into the model folder; returns where. None without a folder.
@@ -174,10 +183,11 @@ impl Session {
         // One that was stopped in between, or before it was saved.
         let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
-        let done = self.do_due(Due { save, evaluate, ..Due::default() }, observer);
+        let done = self.do_due(Due { save, evaluate, ends: true, ..Due::default() }, observer);
         match &kept {
             Ok(()) if !is_whole => {
-                done.map_err(|error| SessionError::OnlyCheckpoint { iteration, source: Box::new(error) })?
+                let folder = self.folder.as_ref().map(|folder| folder.root().to_owned());
+                done.map_err(|error| SessionError::OnlyCheckpoint { iteration, folder, source: Box::new(error) })?
             }
             _ => done?,
         }

@@ -94,8 +94,8 @@ fn state(trained: &Trained, ui: &mut Ui) {
     ui.label(format!("stage: {}", progress.stage)).on_hover_text(stage);
     ui.label(format!("{} Gaussians", progress.gaussians));
     ui.label(duration(progress.seconds)).on_hover_text("Time spent in iterations");
-    if let Some(left) = trained.left.filter(|_| trained.running) {
-        ui.label(format!("{}{} left", progress.at_least(), duration(left))).on_hover_text("At the speed of late");
+    if let Some(left) = progress.time_left().filter(|_| trained.running) {
+        ui.label(left).on_hover_text("At the speed of late, with the stages to come; measuring and saving come on top");
     }
 }
 
