@@ -39,7 +39,7 @@ type Window = Harness<'static, Viewer>;
 fn surroundings(dataset: &Dataset, pictures: &Path) -> Scene {
     let views = View::all(dataset);
     let (title, points) = ("small".to_owned(), dataset.points.clone());
-    Scene { title, views, points, pictures: pictures.to_owned(), path: None, model: None }
+    Scene { title, views, points, pictures: pictures.to_owned(), path: None, model: None, note: None }
 }
 
 /// A model that was trained for a moment.

@@ -4,13 +4,14 @@ use super::train::demo::MAKE_DEMO;
 use super::{open_gpu, word};
 use crate::advice::resolution;
 use crate::progress::Bars;
+use crate::stderr;
 use anyhow::Result;
 use clap::Args as ClapArgs;
 use ibgs_core::config::Background;
 use ibgs_core::dataset::Resolution;
 use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::levels::Loading;
-use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::model::{Model, ModelError, ModelOptions};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Precision;
 use ibgs_core::scene::{Gaussians, Harmonics};
@@ -33,6 +34,18 @@ pub struct FileArgs {
     /// For a model folder of the published code: factor or width of the photos it was trained on [default: 1].
     #[arg(short, long, value_parser = resolution, allow_negative_numbers = true)]
     pub resolution: Option<Resolution>,
+}
+
+/// What a command does about the photos that a final image needs.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub enum Photos {
+    /// It fails without them.
+    #[default]
+    Needed,
+    /// It renders the base image alone where the scene that the model names, or a photo of it, is not there any more.
+    IfThere,
+    /// It renders the base image alone.
+    Unused,
 }
 
 /// Options of every command that opens a model on a GPU.
@@ -60,6 +73,9 @@ pub struct ModelArgs {
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     pub adapter: Option<String>,
+    /// What is done about the photos.
+    #[arg(skip)]
+    pub photos: Photos,
     /// When frames of such a bundle are rendered.
     #[arg(skip)]
     pub loading: Loading,
@@ -85,7 +101,15 @@ impl FileArgs {
             make_scene: Some(MAKE_DEMO),
             ..others.clone()
         };
-        Ok(Model::open(&self.model, &options)?)
+        let model = Model::open(&self.model, &options)?;
+        if model.is_foreign() && self.source.is_some() && self.resolution.is_none() {
+            stderr!(
+                "note: {} does not say at which size it saw its photos; they are taken as they are (`--resolution N` if it was \
+                 trained on reduced ones)",
+                self.model.display()
+            );
+        }
+        Ok(model)
     }
 }
 
@@ -100,6 +124,7 @@ impl ModelArgs {
             gpu_memory: MemoryBudget::Auto,
             adapter: None,
             background: None,
+            photos: Photos::default(),
             loading: Loading::default(),
             harmonics: Harmonics::default(),
         }
@@ -122,7 +147,17 @@ impl ModelArgs {
             harmonics: self.harmonics,
             ..ModelOptions::default()
         })?;
-        model.load_photos(&Bars::default())?;
+        if self.photos == Photos::Unused {
+            model.without_residual();
+        }
+        match model.load_photos(&Bars::default()) {
+            Err(ModelError::SceneGone { .. } | ModelError::PhotosGone { .. } | ModelError::Scene(_))
+                if self.photos == Photos::IfThere && self.files.source.is_none() =>
+            {
+                model.without_residual();
+            }
+            loaded => loaded?,
+        }
         let renderer = model.renderer(&gpu()?)?;
         // The renderer has them on the device.
         model.gaussians = Gaussians::default();

@@ -1,14 +1,15 @@
 //! `ibgs render`
 
-use super::model::{ModelArgs, OpenModel};
+use super::model::{ModelArgs, OpenModel, Photos};
 use crate::progress::bar;
 use crate::stderr;
-use anyhow::{Result, bail};
+use anyhow::{Error, Result, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use ibgs_core::camera_path::turntable::Axis;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
 use ibgs_core::files::is_same;
+use ibgs_core::model::ModelError;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::pictures::{Output, Place, write_exr, write_pictures};
@@ -93,7 +94,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
     // EXR files have the exact values.
     let harmonics = if args.exr { Harmonics::Full } else { args.model.precision.of_colors() };
-    let mut model = ModelArgs { harmonics, ..args.model.clone() }.open()?;
+    let base_alone = !args.outputs.is_empty() && !args.outputs.iter().any(|output| output.needs_network());
+    let photos = if base_alone { Photos::Unused } else { Photos::Needed };
+    let mut model = ModelArgs { harmonics, photos, ..args.model.clone() }.open().map_err(with_way_out)?;
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
         let name = output.name();
@@ -123,6 +126,16 @@ pub fn run(args: &Args) -> Result<()> {
         (Some(path), _) => render_path(&model, &path, args, &outputs),
         (None, Some(seconds)) => render_path(&model, &turntable(&model, seconds)?, args, &outputs),
         (None, None) => render_views(&model, args, &outputs),
+    }
+}
+
+/// Where photos are missing, what can be rendered without them.
+fn with_way_out(error: Error) -> Error {
+    match error.downcast_ref() {
+        Some(ModelError::SceneGone { .. } | ModelError::PhotosGone { .. } | ModelError::Scene(_)) => {
+            error.context("the final image needs the photos of the training (`--outputs base` renders without them)")
+        }
+        _ => error,
     }
 }
 

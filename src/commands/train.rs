@@ -274,7 +274,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn run_whole(args: &Args, before: Before) -> Result<()> {
     if args.with_viewer {
-        view::check_display()?;
+        view::check_display(None)?;
     }
     if let Some(path) = &args.log_json {
         json_log::check(path, before)?;

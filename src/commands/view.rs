@@ -1,7 +1,7 @@
 //! `ibgs view`
 
 use super::export::shared;
-use super::model::{FileArgs, ModelArgs};
+use super::model::{FileArgs, ModelArgs, Photos};
 use super::open_gpu;
 use super::prepare::{Programs, scene_in_window};
 use super::train::{DemoDefaults, Failure, Watched, prepare, requested};
@@ -14,6 +14,7 @@ use crate::stdout;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::camera::Camera;
+use ibgs_core::config::Method;
 use ibgs_core::dataset::{self, DatasetError, Point, Resolution};
 use ibgs_core::gpu::{Gpu, Use};
 use ibgs_core::levels::Loading;
@@ -26,8 +27,8 @@ use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::session::SessionBuilder;
 use ibgs_viewer::{
-    Content, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, ShareRequest, Training, TrainingRequest, View,
-    Watch,
+    Content, NEXT_OF_PHOTOS, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, ShareRequest, Training,
+    TrainingRequest, View, Watch,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -40,8 +41,9 @@ const MOST_POINTS: usize = 50_000;
 const MEASURED: usize = 300;
 
 const EXAMPLES: &str = "\
-Example:
-  ibgs view output/my-scene";
+Examples:
+  ibgs view output/my-scene
+  ibgs view photos                               # from photos to a model, step by step";
 
 /// Limits of memory.
 #[derive(ClapArgs, Clone, Copy, Default)]
@@ -91,7 +93,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     if !args.measure {
-        check_display()?;
+        check_display(args.model.as_deref())?;
     }
     let open = |wanted| open_gpu(args.adapter.as_ref(), wanted);
     let opener = || Opener {
@@ -112,6 +114,9 @@ pub fn run(args: &Args) -> Result<()> {
             if args.fits_a_scene()
                 && let Some(Ok(outcome)) = beginning(path)
             {
+                if let Outcome::Photos(_) = &outcome {
+                    stderr!("next: {NEXT_OF_PHOTOS}");
+                }
                 return window(&gpu()?, opener(), Some(outcome));
             }
             let files = args.files(path);
@@ -205,14 +210,18 @@ fn window(gpu: &Arc<Gpu>, opener: Opener, first: Option<Outcome>) -> Result<()> 
     failure.outcome()
 }
 
-/// Fails early if there is no display for a window.
-pub fn check_display() -> Result<()> {
+/// Fails early if there is no display for a window, and says what does without one for what was to be shown.
+pub fn check_display(shown: Option<&Path>) -> Result<()> {
     let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_unix = cfg!(all(unix, not(target_os = "macos")));
     if is_unix && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
-        bail!(
-            "there is no display for a window (neither DISPLAY nor WAYLAND_DISPLAY is set); use `ibgs train` and `ibgs render` without one"
-        );
+        let without = match shown.map(|path| (path, beginning(path))) {
+            Some((path, Some(Ok(Outcome::Photos(_))))) => {
+                format!("`ibgs train {} --prepare` finds the poses and trains without one", advice::quoted(path))
+            }
+            _ => "use `ibgs train` and `ibgs render` without one".to_owned(),
+        };
+        bail!("there is no display for a window (neither DISPLAY nor WAYLAND_DISPLAY is set); {without}");
     }
     Ok(())
 }
@@ -228,9 +237,9 @@ pub struct Opener {
     files: FileArgs,
 }
 
-/// The same with frames that do not wait for chunks.
+/// The same with frames that do not wait for chunks, also of a model whose photos are gone.
 fn flying(wanted: ModelArgs, Memory { gpu_memory, host_memory }: Memory) -> ModelArgs {
-    ModelArgs { gpu_memory, host_memory, loading: Loading::FLYING, ..wanted }
+    ModelArgs { gpu_memory, host_memory, loading: Loading::FLYING, photos: Photos::IfThere, ..wanted }
 }
 
 impl Opener {
@@ -307,6 +316,7 @@ fn trained(run: Watched) -> Opened {
         points: dataset.points.clone(),
         pictures: folder.map(Path::to_owned).unwrap_or_default(),
         model: None,
+        note: None,
     };
     Opened { scene, content: Content::Training(Box::new(run) as Box<dyn Training>) }
 }
@@ -321,13 +331,17 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
     let mut model = args.open_on(gpu)?.showing_surface();
     let pictures = model.folder.root().to_owned();
     // A model can be viewed without the photos of its scene.
+    let mut note = None;
     let (photos, points) = match model.dataset(&Bars::default()) {
         Ok(dataset) => {
             let photo = |view: &ibgs_core::dataset::View| (view.name.clone(), view.photo.clone());
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
         }
         Err(error) => {
-            stderr!("note: without photos of the views: {}", advice::sentence(&error.into()));
+            let shown = if model.config.method == Method::Ibgs { "the base image is shown" } else { "it is shown" };
+            let said = format!("{shown} without photos of the views: {}", advice::sentence(&error.into()));
+            stderr!("note: {said}");
+            note = Some(said);
             (HashMap::new(), Vec::new())
         }
     };
@@ -342,7 +356,7 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
     let (model, renderer) = model.into_parts();
     let gpu = renderer.gpu().clone();
     let content = Content::Model(Arc::new(renderer));
-    let scene = Scene { title, path: Some(path.clone()), views, points, pictures, model: Some(Arc::new(model)) };
+    let scene = Scene { title, path: Some(path.clone()), views, points, pictures, model: Some(Arc::new(model)), note };
     Ok((gpu, Opened { scene, content }))
 }
 
@@ -357,7 +371,7 @@ fn plain(path: &Path, title: String, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> 
     let renderer = Renderer::new(Arc::new(Rasterizer::new(gpu.clone())), splats, [0.0; 3], None).showing_surface();
     let pictures = path.parent().context("a file has a folder")?.join("pictures");
     let (views, points) = (Vec::new(), points(&gaussians));
-    let scene = Scene { title, path: Some(path.to_owned()), views, points, pictures, model: None };
+    let scene = Scene { title, path: Some(path.to_owned()), views, points, pictures, model: None, note: None };
     Ok((gpu, Opened { scene, content: Content::Model(Arc::new(renderer)) }))
 }
 

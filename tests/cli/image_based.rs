@@ -102,6 +102,8 @@ fn a_finished_model_is_trained_on() {
     let start = format!("{LAST}/point_cloud.ply");
     let outcome = sandbox.succeeds(&format!("train scene --init {start} --iterations 7 --eval -m warm"));
     assert!(outcome.stderr.contains("iteration 7: test final PSNR "), "{outcome}");
+    let begins = format!("Gaussians of {} to begin with, 7 iterations", sandbox.path(&start).display());
+    assert!(outcome.stderr.contains(&begins), "{begins}\n{outcome}");
     let folder = sandbox.path("warm/point_cloud/iteration_7");
     assert!(folder.join("residual_network.safetensors").is_file());
     let count = |path: &str| {
@@ -179,15 +181,46 @@ fn networks_and_photos_that_cannot_be_used() {
     assert!(!sandbox.succeeds("render model --outputs base").stderr.contains("missing"));
 
     let photo = "scene/images/view_003.png";
-    let small = image::RgbImage::new(24, 18);
-    let bytes = fs::read(sandbox.path(photo)).unwrap();
-    fs::remove_file(sandbox.path(photo)).unwrap();
-    all_fail(&["view_003.png"]);
-    small.save(sandbox.path(photo)).unwrap();
-    all_fail(&["view_003.png", "size"]);
-    sandbox.write(photo, bytes);
-    fs::remove_dir_all(sandbox.path("scene")).unwrap();
-    all_fail(&["scene"]);
+    image::RgbImage::new(24, 18).save(sandbox.path(photo)).unwrap();
+    for command in ["render model", "eval model", "export model -o a.ibgs"] {
+        sandbox.fails(command, &["view_003.png", "size"]);
+    }
+}
+
+/// Without its photos a model has its base image left.
+#[test]
+fn photos_that_are_gone() {
+    let (sandbox, _) = Sandbox::with_trained();
+    let base = |folder: &str| fs::read(sandbox.path(folder).join("test/ours_30/renders/images/view_000.png")).unwrap();
+    sandbox.succeeds("render model -o whole");
+    assert!(sandbox.succeeds("info model").stdout.contains("those of the 8 training views are in the scene"));
+    let lacks = |what: &[&str]| {
+        let ways = ["final image needs the photos", "`--outputs base`", "`-s SCENE`"];
+        sandbox.fails("render model", &[&ways, what].concat());
+        sandbox.fails("render model --outputs base,residual", &[&ways, what].concat());
+        for command in ["eval model", "export model -o a.ibgs"] {
+            sandbox.fails(command, &[&["`-s SCENE`"], what].concat());
+        }
+        sandbox.succeeds("render model --outputs base,depth -o alone");
+        assert!(base("alone") == base("whole"), "the base image needs no photo");
+        fs::remove_dir_all(sandbox.path("alone")).unwrap();
+        let info = sandbox.succeeds("info model").stdout;
+        let viewed = sandbox.succeeds("view model --measure").stderr;
+        for what in what {
+            assert!(info.contains(what), "{what}\n{info}");
+            assert!(viewed.contains(what), "{what}\n{viewed}");
+        }
+        assert!(viewed.contains("note: the base image is shown") && viewed.contains("`-s SCENE`"), "{viewed}");
+    };
+    for photo in ["view_003.png", "view_008.png"] {
+        fs::remove_file(sandbox.path("scene/images").join(photo)).unwrap();
+    }
+    lacks(&["2 of the 10 photos of the model", "images/view_003.png, images/view_008.png"]);
+    fs::rename(sandbox.path("scene"), sandbox.path("moved")).unwrap();
+    lacks(&["scene", "is not there any more"]);
+    // A scene that is named wrongly is an error, not a way to do without.
+    sandbox.fails("view model --measure -s moved", &["moved", "view_003.png"]);
+    sandbox.fails("render model -s nowhere", &["nowhere"]);
 }
 
 /// Folders of the published code name neither their options nor their scene.
@@ -200,7 +233,9 @@ fn folders_of_the_published_code() {
     fs::copy(sandbox.path("model/cameras.json"), sandbox.path("published/cameras.json")).unwrap();
     sandbox.fails("eval published", &["published", "config.toml", "--source"]);
     fs::remove_file(sandbox.path("published/cameras.json")).unwrap();
-    sandbox.succeeds("eval published --source scene");
+    let told = sandbox.succeeds("eval published --source scene").stderr;
+    assert!(told.contains("note: published does not say at which size it saw its photos"), "{told}");
+    assert!(!sandbox.succeeds("eval published --source scene -r 1").stderr.contains("does not say"));
     let base = sandbox.json("published/results_renders.json");
     assert_eq!(base["ours_30"]["views"], 2, "{base}");
     assert!(!sandbox.path("published/results_renders_aggregate.json").exists());

@@ -92,6 +92,12 @@ fn what_cannot_be_prepared_is_said_first() {
     };
     without("train photos --prepare", &["colmap was not found", "./setup.sh --photos", "apt install colmap"]);
     without("train walk.mp4 --prepare", &["colmap was not found"]);
+    // Without a display the way goes through the terminal.
+    let mut look = sandbox.command("view photos");
+    for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+        look.env_remove(name);
+    }
+    sandbox.fails_as(&mut look, "view photos", 1, &["no display", "`ibgs train photos --prepare` finds the poses"]);
     // A scene of the same name that is another's.
     Model::small(3).write_binary_to(&sandbox.path("photos-scene/sparse/0"));
     let outcome = run(&sandbox, "train photos --prepare");

@@ -157,9 +157,11 @@ fn models_without_a_network_or_photos_offer_what_they_have() {
     let (raster, splats) = (ibgs_reference::gpu::rasterizer(), renderer.splats().clone());
     let renderer = ibgs_core::render::Renderer::new(Arc::new(raster), splats, [0.0; 3], None);
     let view = View { name: "one".to_owned(), camera: dataset.views[0].camera, held_out: false, photo: None };
-    let scene = Scene { views: vec![view], ..Scene::default() };
+    let note = Some("the photos are gone".to_owned());
+    let scene = Scene { views: vec![view], note: note.clone(), ..Scene::default() };
     let content = Content::Model(Arc::new(renderer.showing_surface()));
     let mut window = window(Some(Opened { scene, content }));
+    assert_eq!(window.state().message(), note.as_deref());
     let offered: Vec<Mode> = Mode::ALL.into_iter().filter(|mode| window.state().offers(*mode)).collect();
     let (needing, others): (Vec<Mode>, Vec<Mode>) =
         Mode::ALL.into_iter().partition(|mode| mode.needs_network() || mode.needs_photo());

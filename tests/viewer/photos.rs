@@ -34,6 +34,7 @@ fn dropped_photos_become_a_scene_to_train_on() {
     drop_into(&mut window, &photos);
     assert!(holds(&window, &photos));
     assert_eq!(window.state().error(), None);
+    window.get_by_label_contains(ibgs_viewer::NEXT_OF_PHOTOS);
     assert!(!sandbox.path("photos-scene").exists(), "nothing begins before it is asked for");
     window.get_by_label("Find poses").click();
     settle(&mut window);

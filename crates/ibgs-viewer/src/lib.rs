@@ -32,6 +32,7 @@ mod viewer;
 pub mod worker;
 
 pub use mode::Mode;
+pub use photos_form::NEXT as NEXT_OF_PHOTOS;
 pub use preparing::{PhotosRequest, Watch};
 pub use share::{ShareKind, ShareRequest};
 pub use viewer::Viewer;
@@ -107,6 +108,8 @@ pub struct Scene {
     pub pictures: PathBuf,
     /// The model without its Gaussians, which a bundle needs; none where there is no more than Gaussians.
     pub model: Option<Arc<Model>>,
+    /// What the user should know of it.
+    pub note: Option<String>,
 }
 
 impl Scene {

@@ -6,6 +6,10 @@ use eframe::egui::{Button, Grid, ProgressBar, ScrollArea, TextEdit, Ui};
 use ibgs_core::progress::duration;
 use std::path::PathBuf;
 
+/// What comes next where photos have no poses, in the window and from the command line.
+pub const NEXT: &str =
+    "\"Find poses\" estimates where the photos were taken, as `ibgs prepare` does; then \"Train\" trains on the scene";
+
 /// Height of the list of what was said, in points.
 const NOTES: f32 = 110.0;
 /// Fewest frames of a video.
@@ -56,6 +60,9 @@ impl PhotosForm {
 
     /// Shows the form, and a preparation; returns what was asked for.
     pub fn show(&mut self, preparing: &Preparing, ui: &mut Ui) -> Option<Asked> {
+        if !self.input.text.is_empty() {
+            ui.weak(format!("Next: {NEXT}."));
+        }
         let asked = ui.add_enabled_ui(!preparing.runs, |ui| self.fields(ui)).inner;
         asked.or(follow(preparing, ui))
     }

@@ -1,5 +1,6 @@
 //! What `ibgs info` says of a model folder or a bundle.
 
+use crate::advice;
 use crate::commands::report::megabytes;
 use crate::commands::train::DemoDefaults;
 use crate::stdout;
@@ -9,7 +10,7 @@ use ibgs_core::config::{Method, TrainConfig};
 use ibgs_core::ensemble::Member;
 use ibgs_core::levels::Levels;
 use ibgs_core::local_space::Length;
-use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::model::{Model, ModelError, ModelOptions};
 use ibgs_core::output::cameras::Split;
 use ibgs_core::output::figures::{Figures, Means};
 use ibgs_core::progress::duration;
@@ -50,7 +51,10 @@ fn contents(model: &Model) -> Result<Rows> {
     let scene = match (&config.source, model.has_made_scene()) {
         (Some(path), _) => path.display().to_string(),
         (None, true) => "the built-in demo scene".to_owned(),
-        (None, false) => "not named; other programs' models need `--source`".to_owned(),
+        (None, false) => {
+            "not named; other programs' models need `--source`, and `--resolution` if their photos were reduced"
+                .to_owned()
+        }
     };
     rows.push(("scene", scene));
     let held_out = model.cameras.iter().filter(|record| record.split == Some(Split::Test)).count();
@@ -60,8 +64,17 @@ fn contents(model: &Model) -> Result<Rows> {
         None => String::new(),
     };
     rows.push(("views", format!("{all}: {training} for training, {held_out} held out{size}")));
-    let place = if model.bundle_bytes.is_some() { "in the bundle" } else { "in the scene" };
-    rows.push(("photos", format!("those of the {training} training views are {place}")));
+    rows.push((
+        "photos",
+        match model.check_photos() {
+            Err(ModelError::NoScene { .. }) => format!("those of the {training} training views are in its scene"),
+            Err(error) => format!("{}; the base image needs none", advice::of(&error)),
+            Ok(()) if model.bundle_bytes.is_some() => {
+                format!("those of the {training} training views are in the bundle")
+            }
+            Ok(()) => format!("those of the {training} training views are in the scene"),
+        },
+    ));
     let gaussians = &model.gaussians;
     let count = model.levels.as_ref().map_or(gaussians.len(), |levels| levels.len());
     rows.push(("Gaussians", format!("{count}, spherical harmonics of degree {}", gaussians.sh_degree)));
@@ -72,19 +85,7 @@ fn contents(model: &Model) -> Result<Rows> {
     }
     let chunks = |levels: &Arc<Levels>| format!("levels of detail in {} chunks", levels.nodes.len());
     rows.extend(model.levels.as_ref().map(|levels| ("chunks", chunks(levels))));
-    let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
-    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) = match &model.levels {
-        Some(levels) => {
-            let corners = [levels.nodes[0].low, levels.nodes[0].high].map(|p| levels.space.to_scene(p.as_dvec3()));
-            corners.into_iter().fold(none, fold)
-        }
-        None => gaussians.positions().fold(none, fold),
-    };
-    let axis = |(i, name): (usize, &str)| format!("{name} {} to {}", Length(low[i]), Length(high[i]));
-    if !gaussians.is_empty() {
-        rows.push(("place", ["x", "y", "z"].into_iter().enumerate().map(axis).collect::<Vec<_>>().join(", ")));
-    }
+    rows.extend(place(model).map(|place| ("place", place)));
     let further = model.members.iter().filter(|member| member.network.is_some()).count();
     let weights = |network: &Vec<f32>| match further {
         0 => format!("{} weights", network.len()),
@@ -97,6 +98,22 @@ fn contents(model: &Model) -> Result<Rows> {
     };
     rows.push(("exposure", exposure));
     Ok(rows)
+}
+
+/// Where the Gaussians are; none where there are none.
+fn place(model: &Model) -> Option<String> {
+    let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = match &model.levels {
+        Some(levels) => {
+            let corners = [levels.nodes[0].low, levels.nodes[0].high].map(|p| levels.space.to_scene(p.as_dvec3()));
+            corners.into_iter().fold(none, fold)
+        }
+        None => model.gaussians.positions().fold(none, fold),
+    };
+    let axis = |(i, name): (usize, &str)| format!("{name} {} to {}", Length(low[i]), Length(high[i]));
+    let axes = || ["x", "y", "z"].into_iter().enumerate().map(axis).collect::<Vec<_>>().join(", ");
+    (!model.gaussians.is_empty()).then(axes)
 }
 
 /// Scores, speed and time, as far as they are known.
@@ -147,7 +164,7 @@ fn files(model: &Model) -> Result<Rows> {
     parts.push(format!("whole folder {}", megabytes(folder_bytes(folder.root()))));
     rows.push(("files", parts.join(", ")));
     if let Some((iteration, _)) = folder.checkpoints()?.first() {
-        let command = format!("`ibgs train --resume -m {}`", folder.root().display());
+        let command = advice::resume(folder.root());
         rows.push(("stopped", format!("there is a checkpoint of iteration {iteration}; {command} continues from it")));
     }
     Ok(rows)

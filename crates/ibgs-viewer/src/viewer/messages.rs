@@ -93,6 +93,7 @@ impl Viewer {
         if scene.views.is_empty() && !scene.points.is_empty() {
             (self.center, self.extent) = middle(scene.points.iter().map(|point| point.position));
         }
+        self.message = scene.note.clone().or(self.message.take());
         self.photos_up = up_axis(cameras());
         self.navigator.up = self.photos_up;
         let middle = if scene.views.is_empty() { self.center } else { mean };
