@@ -21,13 +21,17 @@ use std::path::{Path, PathBuf};
 /// Default number of Gaussians of the synthetic scene, and its image size.
 const USUAL: (usize, [u32; 2]) = (100_000, [960, 540]);
 
-const LISTS: &str = "\
+const EXAMPLES: &str = "\
 Options that take several values, separated by commas, make a table with one row per configuration: the first values \
-together, then each other value of one option with the first values of the others.";
+together, then each other value of one option with the first values of the others.
+
+Examples:
+  ibgs bench output/my-scene
+  ibgs bench --gaussians 100k,1M --size 540p,1080p --json bench.json";
 
 /// Options of `ibgs bench`.
 #[derive(ClapArgs)]
-#[command(after_help = LISTS)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Model folders or `.ibgs` bundles [default: a synthetic scene].
     models: Vec<PathBuf>,

@@ -17,8 +17,13 @@ use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs compare output/a output/b -o compare.html";
+
 /// Options of `ibgs compare`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Two or more model folders, as `ibgs train` writes them.
     #[arg(required = true, num_args = 2.., value_name = "MODEL")]
@@ -153,28 +158,38 @@ fn best(runs: &[Run], column: &Column) -> Option<f64> {
     Some(if column.more_is_better { high } else { low })
 }
 
-/// For every run the text of each column, and whether it is the best.
-fn cells(runs: &[Run]) -> Vec<Vec<(String, bool)>> {
-    let best: Vec<Option<f64>> = COLUMNS.iter().map(|column| best(runs, column)).collect();
+/// The figures of all runs.
+struct Table {
+    /// Those that some run has a value for.
+    columns: Vec<&'static Column>,
+    /// For every run the text of each column, and whether it is the best.
+    rows: Vec<Vec<(String, bool)>>,
+}
+
+fn table(runs: &[Run]) -> Table {
+    let has_values = |column: &&Column| runs.iter().any(|run| (column.value)(&run.figures).is_some());
+    let columns: Vec<&Column> = COLUMNS.iter().filter(has_values).collect();
+    let best: Vec<Option<f64>> = columns.iter().map(|column| best(runs, column)).collect();
     let row = |run: &Run| {
-        let cell = |(column, best): (&Column, &Option<f64>)| match (column.value)(&run.figures) {
+        let cell = |(column, best): (&&Column, &Option<f64>)| match (column.value)(&run.figures) {
             None => ("-".to_owned(), false),
             Some(value) => ((column.text)(value), Some(value) == *best),
         };
-        COLUMNS.iter().zip(&best).map(cell).collect()
+        columns.iter().zip(&best).map(cell).collect()
     };
-    runs.iter().map(row).collect()
+    let rows = runs.iter().map(row).collect();
+    Table { columns, rows }
 }
 
 /// Prints the table: one line per model, a star at the best value of each column.
 fn print_table(runs: &[Run]) {
-    let rows = cells(runs);
+    let Table { columns, rows } = table(runs);
     let name_width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max("model".len());
     let texts: Vec<Vec<String>> = rows
         .iter()
         .map(|row| row.iter().map(|(text, best)| format!("{text}{}", if *best { "*" } else { " " })).collect())
         .collect();
-    let head = COLUMNS.iter().map(|column| format!("{} ", column.title)).collect::<Vec<_>>();
+    let head = columns.iter().map(|column| format!("{} ", column.title)).collect::<Vec<_>>();
     let width = |c: usize| texts.iter().map(|row| row[c].chars().count()).max().unwrap_or(0).max(head[c].len());
     let line = |name: &str, cells: &[String]| {
         let cells: String =

@@ -5,8 +5,13 @@ use anyhow::Result;
 use clap::{Args as ClapArgs, Command};
 use clap_complete::Shell;
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs completions bash > ~/.local/share/bash-completion/completions/ibgs";
+
 /// Options of `ibgs completions`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Shell to print completions for.
     shell: Shell,

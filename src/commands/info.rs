@@ -15,8 +15,14 @@ use ibgs_core::model::is_bundle;
 use ibgs_core::scene::{Gaussians, is_gaussians, read_gaussians};
 use std::path::{Path, PathBuf};
 
+const EXAMPLES: &str = "\
+Examples:
+  ibgs info my-scene
+  ibgs info                                      # the adapters of this machine";
+
 /// Options of `ibgs info`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Scene folder, model folder, `.ibgs` bundle, file of Gaussians (`.ply` and others) or plan of `ibgs split` [default: list
     /// the adapters of this machine].
@@ -114,7 +120,7 @@ fn scene(path: &Path) -> Result<()> {
             camera.images,
             match (camera.focal, camera.distorted) {
                 (None, _) => ", not supported",
-                (Some(_), true) => ", undistorted on load",
+                (Some(_), true) => ", undistorted on load (blank edges do not count)",
                 (Some(_), false) => "",
             }
         );

@@ -7,8 +7,13 @@ use clap_mangen::Man;
 use ibgs_core::files::write_atomically;
 use std::path::{Path, PathBuf};
 
+const EXAMPLES: &str = "\
+Example:
+  ibgs man ~/.local/share/man/man1";
+
 /// Options of `ibgs man`.
 #[derive(ClapArgs)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Folder for the pages of the program and of every command [default: print the program's page].
     folder: Option<PathBuf>,

@@ -39,8 +39,14 @@ fn shard(text: &str) -> Result<Shard, String> {
     }
 }
 
+const EXAMPLES: &str = "\
+Examples:
+  ibgs suite configs/benchmarks/mip-nerf-360.toml --data scenes --adapters 0,1
+  ibgs suite plan                                # the blocks of `ibgs split`";
+
 /// Options of `ibgs suite`.
 #[derive(ClapArgs, Clone)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Configuration (TOML) of scenes, options, runs and published figures; `configs/` has the usual benchmarks. Or the folder of
     /// a plan of `ibgs split`: its blocks are trained, merged and measured.

@@ -44,6 +44,9 @@ fn models_stand_beside_each_other() {
     ] {
         assert!(outcome.stderr.contains(text), "`{text}` is missing\n{outcome}");
     }
+    // No column is empty: nothing has measured LPIPS, frames or storage.
+    let head = outcome.stdout.lines().next().unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_eq!(head, "model final PSNR SSIM base PSNR SSIM training", "{outcome}");
     assert!(!outcome.stderr.contains("resolution") && !outcome.stderr.contains("same views"), "{outcome}");
 
     let speed = |gaussians: u64, fps: f64| json!({ KEY: { "FPS_warm": fps, "FPS_cold": 1.0, "gaussians": gaussians, "storage_bytes": { "gaussians": 1_500_000, "photos": null } } });
@@ -75,6 +78,8 @@ fn models_stand_beside_each_other() {
     assert_eq!(json["warnings"].as_array().unwrap().len(), 2, "{json}");
 
     let html = sandbox.text("page/c.html");
+    let has_column = |title: &str| html.contains(&format!("<th scope=\"col\">{title}</th>"));
+    assert!(has_column("FPS warm") && !has_column("LPIPS"), "a column without a value");
     assert_self_contained(&html);
     // Two views: the photo and a picture of each model.
     assert_eq!(sources(&html).len(), 2 * 3);

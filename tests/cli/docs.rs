@@ -1,6 +1,6 @@
 //! docs/cli.md against the command line.
 
-use clap::{Command, CommandFactory};
+use clap::{Command, CommandFactory, Parser};
 use ibgs::Cli;
 use std::collections::BTreeSet;
 
@@ -56,4 +56,29 @@ fn no_option_is_documented_that_is_not_there() {
         .extend(["--photos", "--release", "--path", "--locked", "--offline", "--help", "--version"].map(str::to_owned));
     let unknown: Vec<String> = named(TEXT).into_iter().filter(|option| !known.contains(option)).collect();
     assert!(unknown.is_empty(), "docs/cli.md names {unknown:?}");
+}
+
+/// Help ends in examples, which the command line takes as they stand.
+#[test]
+fn every_command_has_examples_that_parse() {
+    let mut program = Cli::command();
+    program.build();
+    for command in program.get_subcommands().filter(|command| command.get_name() != "help") {
+        let name = command.get_name();
+        let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let (_, examples) = help.split_once("Example").unwrap_or_else(|| panic!("{name} has no example"));
+        let mut own = 0;
+        for example in examples.lines().filter_map(|line| line.strip_prefix("  ")) {
+            // What follows a command of a shell, and the redirection of its output.
+            for call in example.split(" && ").filter_map(|call| call.split(" > ").next()) {
+                // A remark goes with the comment that it is.
+                let words = shlex::split(call).unwrap_or_else(|| panic!("{name}: {call}"));
+                if words.first().is_some_and(|program| program == "ibgs") {
+                    assert!(Cli::try_parse_from(&words).is_ok(), "{name}: {call}");
+                    own += usize::from(words[1] == name);
+                }
+            }
+        }
+        assert!(own > 0, "{name} has no example of its own");
+    }
 }

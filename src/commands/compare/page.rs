@@ -1,6 +1,6 @@
 //! The comparison as a page.
 
-use super::{COLUMNS, Run, cells, protocol_line};
+use super::{Run, Table, protocol_line, table};
 use crate::commands::report::PICTURE_SIDE;
 use crate::commands::report::page::{self, Cell, escape};
 use crate::commands::report::plot::{self, Plot, Series};
@@ -18,7 +18,7 @@ pub fn write(path: &Path, runs: &[Run], warnings: &[String], notes: &[String]) -
     for text in warnings.iter().chain(notes) {
         body += &format!("<p class=\"note\">{}</p>\n", escape(text));
     }
-    body += &page::section("Figures", &table(runs));
+    body += &page::section("Figures", &figures(runs));
     body += &page::section("Training", &curves(runs));
     body += &page::section("Pictures", &pictures(runs)?);
     let protocols = runs.iter().filter_map(|run| Some((run.name.clone(), protocol_line(run)?))).collect::<Vec<_>>();
@@ -29,14 +29,15 @@ pub fn write(path: &Path, runs: &[Run], warnings: &[String], notes: &[String]) -
     Ok(write_atomically(path, |out| out.write_all(html.as_bytes()))?)
 }
 
-fn table(runs: &[Run]) -> String {
-    let titles = COLUMNS.iter().map(|column| column.title);
+fn figures(runs: &[Run]) -> String {
+    let Table { columns, rows } = table(runs);
+    let titles = columns.iter().map(|column| column.title);
     let head: Vec<&str> = ["Model", "iteration"].into_iter().chain(titles).collect();
     let row = |(run, cells): (&Run, Vec<(String, bool)>)| {
         let first = [run.name.clone(), run.figures.iteration.to_string()].map(Cell::from);
         first.into_iter().chain(cells.into_iter().map(|(text, best)| Cell { text, best })).collect()
     };
-    let rows: Vec<Vec<Cell>> = runs.iter().zip(cells(runs)).map(row).collect();
+    let rows: Vec<Vec<Cell>> = runs.iter().zip(rows).map(row).collect();
     page::table(&head, &rows)
 }
 
