@@ -135,7 +135,7 @@ fn notes(model: &OpenModel, dataset: &Dataset, scores: &Scores, protocol: &Proto
         notes.push(format!("masks: {}", protocol.masks));
     } else if masked > 0 {
         let all = dataset.test.len();
-        notes.push(format!("masks: masked pixels do not count; {masked} of {all} photos have some"));
+        notes.push(format!("masks: masked pixels and blank edges of undistorted photos do not count; {masked} of {all} photos have some"));
     }
     notes.extend(scores.masked_sentence());
     notes.extend(scores.fitted_sentence());

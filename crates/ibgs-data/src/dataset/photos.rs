@@ -335,8 +335,8 @@ fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
     if !undistorted.is_empty() {
         let worst = undistorted.iter().fold(0.0_f64, |worst, blank| worst.max(*blank));
         notes.push(format!(
-            "{} undistorted to a pinhole of the same focal length and size; at most {:.1} % of the pixels of a photo \
-             are blank (alpha 0)",
+            "{} undistorted to a pinhole of the same focal length and size; blank edges, which do not count, are at most \
+             {:.1} % of a photo",
             photos(undistorted.len()),
             worst * 100.0
         ));
