@@ -301,9 +301,9 @@ fn evaluate(sandbox: &Sandbox) {
     let report = sandbox.json("model/result_fps_mem.json");
     assert!(report["ours_7"]["FPS_warm"].is_f64() && report["ours_30"]["FPS_warm"].is_f64(), "{report}");
     fs::rename(sandbox.path("scene"), sandbox.path("moved")).unwrap();
-    sandbox.fails("eval model", &["scene", "where it is with `--source`"]);
+    sandbox.fails("eval model", &["scene", "say where it is (`-s SCENE`)"]);
     // The sources are photos.
-    sandbox.fails("render model", &["scene", "where it is with `--source`"]);
+    sandbox.fails("render model", &["scene", "say where it is (`-s SCENE`)"]);
     sandbox.succeeds("eval model --source moved");
     fs::rename(sandbox.path("moved"), sandbox.path("scene")).unwrap();
 }
