@@ -88,8 +88,10 @@ fn describe(name: &str, file: &str, source: &str, shared: &[(&str, &str)]) -> De
     };
     for variant in others {
         let mut other = shape(variant);
-        if matches!(variant, Variant::Matrix(_)) && 4 * other.workgroup[0] == usual.workgroup[0] {
-            other.workgroup = usual.workgroup;
+        // The host counts workgroups of these.
+        let lanes_of_8 = matches!(variant, Variant::Subgroups(8) | Variant::Matrix(MatrixUnits { lanes: 8, .. }));
+        if lanes_of_8 && usual.workgroup[0].is_multiple_of(other.workgroup[0]) {
+            other.workgroup[0] = usual.workgroup[0];
         }
         assert!(other == usual, "kernel {name}: its form {variant:?} has other bindings, parameters or workgroups");
     }

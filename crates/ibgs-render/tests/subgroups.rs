@@ -7,7 +7,7 @@ use ibgs_reference::random_scene::{random_camera, random_params};
 use ibgs_reference::relative_error;
 use ibgs_reference::surface_scene::wall;
 use ibgs_render::gpu::{Buffer, Gpu};
-use ibgs_render::raster::{Keep, RasterGradients, RasterView, Rasterizer};
+use ibgs_render::raster::{Keep, RasterGradients, RasterView, Rasterizer, Room};
 use ibgs_render::scene::{PerGaussian, Splats};
 use ibgs_shaders::TILE_SORT;
 use rand::{Rng, SeedableRng};
@@ -40,6 +40,10 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
     random(&v_image, 3 * pixels);
     if let Some(surface) = forward.surface() {
         let medians = 2 * surface.options.intersections as usize * pixels;
+        outputs.push(read(&raster.depth_map(&splats, view, Room::Checked).unwrap(), pixels));
+        let frame = raster.surface(&splats, view).unwrap();
+        outputs.push(read(&frame.image, 3 * pixels));
+        outputs.push(read(&frame.surface().unwrap().intersections.cast(), medians));
         outputs.push(read(&surface.normal_map, 3 * pixels));
         outputs.push(read(&surface.median_depth, pixels));
         outputs.push(read(&surface.intersections.cast(), medians));

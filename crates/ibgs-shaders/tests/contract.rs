@@ -9,15 +9,16 @@ use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFl
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use std::marker::PhantomData;
 
-/// Every kernel's module as a GPU gets it, without subgroups and with; those for matrix units as an H100 and as a software
-/// adapter have them.
-fn modules() -> Vec<(&'static Kernel, Module)> {
+/// Every kernel's module as a GPU gets it, without subgroups and with, and the lanes that it is for; those for matrix units as an
+/// H100 and as a software adapter have them.
+fn modules() -> Vec<(&'static Kernel, Option<u32>, Module)> {
     let units = [MatrixUnits { side: 16, lanes: 32 }, MatrixUnits { side: 8, lanes: 8 }];
-    let half = MATRIX_KERNELS.iter().flat_map(|&kernel| units.map(|u| (kernel, kernel.wgsl_for(u))));
+    let half = MATRIX_KERNELS.iter().flat_map(|&kernel| units.map(|u| (kernel, Some(u.lanes), kernel.wgsl_for(u))));
     let usual = || RENDER_KERNELS.iter().chain(TRAIN_KERNELS);
-    let subgroups = usual().flat_map(|&kernel| [8, 16, 32].map(|lanes| (kernel, kernel.wgsl_with_subgroups(lanes))));
-    let all = usual().map(|&kernel| (kernel, kernel.wgsl())).chain(subgroups).chain(half);
-    all.map(|(kernel, source)| (kernel, parse(kernel, &source))).collect()
+    let subgroups =
+        usual().flat_map(|&kernel| [8, 16, 32].map(|lanes| (kernel, Some(lanes), kernel.wgsl_with_subgroups(lanes))));
+    let all = usual().map(|&kernel| (kernel, None, kernel.wgsl())).chain(subgroups).chain(half);
+    all.map(|(kernel, lanes, source)| (kernel, lanes, parse(kernel, &source))).collect()
 }
 
 fn validator() -> Validator {
@@ -40,12 +41,14 @@ fn parse(kernel: &Kernel, source: &str) -> Module {
 
 #[test]
 fn all_forms_have_the_bindings_and_workgroups_of_the_table() {
-    for (kernel, module) in modules() {
+    for (kernel, lanes, module) in modules() {
         let [entry] = &module.entry_points[..] else { panic!("{}: one entry point", kernel.name) };
         assert_eq!(entry.name, "main", "{}", kernel.name);
-        // Those for matrix units have a fixed number of subgroups; the table says what 32 lanes make.
-        let lanes_of_8 = kernel.needs_matrix_units() && 4 * entry.workgroup_size[0] == kernel.workgroup[0];
-        assert!(lanes_of_8 || entry.workgroup_size == kernel.workgroup, "{}: {:?}", kernel.name, entry.workgroup_size);
+        let mut workgroup = entry.workgroup_size;
+        if lanes == Some(8) && kernel.workgroup[0].is_multiple_of(workgroup[0]) {
+            workgroup[0] = kernel.workgroup[0];
+        }
+        assert_eq!(workgroup, kernel.workgroup, "{}", kernel.name);
         let mut found = 0;
         for (_, variable) in module.global_variables.iter() {
             let Some(binding) = variable.binding else { continue };
@@ -98,7 +101,7 @@ fn every_kernel_has_a_module_of_tests() {
 
 #[test]
 fn every_declared_binding_is_used() {
-    for (kernel, module) in modules() {
+    for (kernel, _, module) in modules() {
         let info = validator().validate(&module).unwrap();
         for (handle, variable) in module.global_variables.iter().filter(|(_, v)| v.binding.is_some()) {
             let used = !info.get_entry_point(0)[handle].is_empty();
@@ -109,7 +112,7 @@ fn every_declared_binding_is_used() {
 
 #[test]
 fn workgroup_memory_and_immediates_stay_within_what_every_adapter_is_asked_for() {
-    for (kernel, module) in modules() {
+    for (kernel, _, module) in modules() {
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).unwrap();
         let size_of = |space: AddressSpace| -> u32 {

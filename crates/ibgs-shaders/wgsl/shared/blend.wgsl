@@ -2,12 +2,15 @@
 // PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
 // the intersections themselves too. ENTRIES: also the list entries that gradients need. The median depth alone is done with a pixel
 // when its buffer `after` is full. SUBGROUPS: a subgroup walks only the entries that may reach its pixels; the image is the same bit
-// for bit.
+// for bit. NARROW: processors have a form of their own.
 
 #import tile_order
 #if SUBGROUPS
 #import block
 #endif
+#if NARROW
+#import blend_narrow
+#else
 
 const THREADS: u32 = TILE * TILE;
 // List entries that they load at a time: the less workgroup memory, the more workgroups run at once.
@@ -234,3 +237,4 @@ fn main(
         #endif
     }
 }
+#endif

@@ -1,7 +1,10 @@
 // Gradient of blend.wgsl, one workgroup a tile, back to front in chunks of CHUNK entries. First each thread is a pixel: it walks
 // the chunk and leaves w, q and h for every entry. Then each thread is an (entry, lane) and sums what the gradients need over the
 // pixels. Nothing is atomic: every intersection has a row of its own, written at its emission index, so that one Gaussian's rows lie
-// side by side and are summed in a fixed order. Devices with subgroups of a fixed size have a faster form.
+// side by side and are summed in a fixed order. Devices with subgroups of a fixed size have faster forms.
+#if NARROW
+#import blend_backward_narrow
+#else
 #import tile_order
 #if SUBGROUPS
 #import blend_backward_subgroups
@@ -182,4 +185,5 @@ fn main(
         workgroupBarrier();
     }
 }
+#endif
 #endif

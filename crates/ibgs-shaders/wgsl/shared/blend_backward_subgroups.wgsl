@@ -1,5 +1,5 @@
 // Gradient of blend.wgsl, one workgroup a tile, back to front in chunks of entries. A subgroup walks only the entries that may
-// reach its pixels and sums their gradients among its lanes; then the workgroup sums over the subgroups. Nothing is atomic: every
+// reach its pixels and sums their gradients among its 16 or 32 lanes; then the workgroup sums over the subgroups. Nothing is atomic: every
 // intersection has a row of its own, written at its emission index, so that one Gaussian's rows lie side by side and are summed in
 // a fixed order.
 #import block
@@ -13,7 +13,7 @@ const NUMBERS: u32 = 16u;
 // once.
 #if INTERSECTIONS
 const ROW: u32 = NUMBERS;
-const CHUNK: u32 = min(LANES, 16u);
+const CHUNK: u32 = 16u;
 #else
 const ROW: u32 = 12u;
 const CHUNK: u32 = LANES;
@@ -130,7 +130,7 @@ fn main(
             #else
             let v_plane = vec4(0.0);
             #endif
-            let sums = subgroup_sums(
+            let sum = subgroup_sums(
                 lane,
                 vec4(visited.w * pixel.v, q),
                 vec4(v_xy, abs(v_xy)),
@@ -138,12 +138,8 @@ fn main(
                 v_plane,
             );
             let number = lane * NUMBERS / LANES;
-            let at = (subgroup * CHUNK + e) * ROW + number;
-            if lane % max(LANES / NUMBERS, 1u) == 0u && number < ROW {
-                parts[at] = sums.x;
-                if LANES == 8u {
-                    parts[at + 1u] = sums.y;
-                }
+            if lane % (LANES / NUMBERS) == 0u && number < ROW {
+                parts[(subgroup * CHUNK + e) * ROW + number] = sum;
             }
         }
         if lane == 0u {

@@ -1,12 +1,16 @@
-// The pixels of a subgroup: a block of a tile. `LANES` is the size of a subgroup.
-const BLOCK_COLUMNS: u32 = select(4u, 8u, LANES == 32u);
-const BLOCK_ROWS: u32 = LANES / BLOCK_COLUMNS;
+// The pixels of a subgroup: a block of a tile. `LANES` is the size of a subgroup; of 8 lanes each has four pixels of a column.
+const BLOCK_COLUMNS: u32 = select(8u, 4u, LANES == 16u);
+const BLOCK_ROWS: u32 = 4u;
+
+// The first pixel of a block within its tile.
+fn block_corner(subgroup: u32) -> vec2<u32> {
+    const ACROSS = TILE / BLOCK_COLUMNS;
+    return vec2(subgroup % ACROSS, subgroup / ACROSS) * vec2(BLOCK_COLUMNS, BLOCK_ROWS);
+}
 
 // The pixel of a lane within its tile.
 fn block_pixel(subgroup: u32, lane: u32) -> vec2<u32> {
-    const ACROSS = TILE / BLOCK_COLUMNS;
-    let block = vec2(subgroup % ACROSS, subgroup / ACROSS) * vec2(BLOCK_COLUMNS, BLOCK_ROWS);
-    return block + vec2(lane % BLOCK_COLUMNS, lane / BLOCK_COLUMNS);
+    return block_corner(subgroup) + vec2(lane % BLOCK_COLUMNS, lane / BLOCK_COLUMNS);
 }
 
 // Whether a Gaussian may have alpha >= 1/255 at a pixel of a block; `first`: the block's first pixel centre, from the mean. If the
