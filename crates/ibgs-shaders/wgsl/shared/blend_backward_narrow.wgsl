@@ -129,7 +129,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
         var v_facing = vec3(0.0);
         var v_ray = vec3(0.0);
         #endif
-        for (var group = 0u; group < GROUPS; group++) {
+        // The others are not reached by any of the lanes' entries.
+        let rows = tile_rows(a.y - f32(corner.y), vec3(a.zw, b.x), b.y);
+        let behind_rows = most(rows.y, lane) * (TILE / LANES);
+        for (var group = (TILE - most(TILE - rows.x, lane)) * (TILE / LANES); group < behind_rows; group++) {
             var own_t = pixel_t[group];
             var own_behind = pixel_behind[group];
             let own_last = pixel_last[group];

@@ -1,17 +1,17 @@
 // For processors. A driver in software reads memory lane by lane, so what a lane reads goes to the others by exchanges, and nothing
 // passes through workgroup memory.
 //
-// A subgroup owns 40 outputs, five to a lane, x 10 inputs x 9 taps. It goes down strips of 6 pixels: the lanes hold the inputs of a
+// A subgroup owns 40 outputs, five to a lane, x 5 inputs x 9 taps. It goes down strips of 6 pixels: the lanes hold the inputs of a
 // row with the halo, a column each, of three rows at a time.
 #import residual_source
 
 const STRIP: vec2<u32> = vec2(6u, 8u);
 
 // [output of the lane][input][row][column] and [output of the lane].
-var<private> sums: array<f32, 450>;
+var<private> sums: array<f32, 225>;
 var<private> biases: array<f32, 5>;
 // [row][input].
-var<private> rows: array<f32, 30>;
+var<private> rows: array<f32, 15>;
 
 // Moves the rows up and reads the one behind.
 fn next_row(first: u32, lane: u32, corner: vec2<i32>) {
@@ -20,33 +20,33 @@ fn next_row(first: u32, lane: u32, corner: vec2<i32>) {
     let inside = x >= 0 && y >= 0;
     let at = select(0u, u32(y) * params.source.x + u32(x), inside);
     let plane = params.source.x * params.source.y;
-    #repeat i 20
-    rows[$i] = rows[$i + 10];
-    #end
     #repeat i 10
+    rows[$i] = rows[$i + 5];
+    #end
+    #repeat i 5
     let wanted_$i = inside && first + $iu < params.inputs;
     let at_$i = select(0u, (first + $iu) * plane + at, wanted_$i);
-    rows[20 + $i] = input[at_$i];
+    rows[10 + $i] = input[at_$i];
     #end
     // The others of 2 x 2.
     for (var step = 1u; step < select(1u, 4u, params.mode == CONV_POOLED); step++) {
         let shift = (step / 2u) * params.source.x + step % 2u;
-        #repeat i 10
-        rows[20 + $i] = max(rows[20 + $i], input[at_$i + shift]);
+        #repeat i 5
+        rows[10 + $i] = max(rows[10 + $i], input[at_$i + shift]);
         #end
     }
-    #repeat i 10
-    rows[20 + $i] = select(0.0, rows[20 + $i], wanted_$i);
+    #repeat i 5
+    rows[10 + $i] = select(0.0, rows[10 + $i], wanted_$i);
     #end
 }
 
-@compute @workgroup_size(4u * LANES)
+@compute @workgroup_size(8u * LANES)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(subgroup_id) subgroup: u32,
     @builtin(subgroup_invocation_id) lane: u32,
 ) {
-    let first = 10u * subgroup;
+    let first = 5u * subgroup;
     let strips = (params.size + STRIP - 1u) / STRIP;
     let count = select(0u, strips.x * strips.y, first < params.inputs);
     let share = (count + params.splits - 1u) / params.splits;
@@ -64,13 +64,13 @@ fn main(
                 let v_$q = select(0.0, v[select(0u, (8u * $qu + lane) * plane + at, is_output_$q)], is_output_$q);
                 biases[$q] += v_$q;
                 #end
-                #repeat i 10
+                #repeat i 5
                 #repeat row 3
                 #repeat column 3
                 {
-                    let x = subgroupShuffle(rows[10 * $row + $i], j + $columnu);
+                    let x = subgroupShuffle(rows[5 * $row + $i], j + $columnu);
                     #repeat q 5
-                    sums[(($q * 10 + $i) * 3 + $row) * 3 + $column] = fma(v_$q, x, sums[(($q * 10 + $i) * 3 + $row) * 3 + $column]);
+                    sums[(($q * 5 + $i) * 3 + $row) * 3 + $column] = fma(v_$q, x, sums[(($q * 5 + $i) * 3 + $row) * 3 + $column]);
                     #end
                 }
                 #end
@@ -83,11 +83,11 @@ fn main(
     let base = wid.x * (weights + params.outputs);
     #repeat q 5
     if 8u * $qu + lane < params.outputs {
-        #repeat i 10
+        #repeat i 5
         if first + $iu < params.inputs {
             let at = base + ((8u * $qu + lane) * params.inputs + first + $iu) * 9u;
             #repeat tap 9
-            partials[at + $tapu] = sums[($q * 10 + $i) * 9 + $tap];
+            partials[at + $tapu] = sums[($q * 5 + $i) * 9 + $tap];
             #end
         }
         #end
