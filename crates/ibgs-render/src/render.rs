@@ -20,14 +20,14 @@ use crate::scene::{SceneError, Splats};
 use crate::sources::SourceView;
 use base::Images;
 use image_part::{ImageStage, Sources};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Renders a model.
 #[derive(Debug)]
 pub struct Renderer {
     raster: Arc<Rasterizer>,
     splats: Splats,
-    background: [f32; 3],
+    background: Mutex<[f32; 3]>,
     /// Find the surface of models that do not need it for their image.
     shows_surface: bool,
     shape: Shape,
@@ -54,7 +54,7 @@ impl Renderer {
             image: part.map(stage),
             raster,
             splats,
-            background,
+            background: Mutex::new(background),
             shows_surface: false,
             shape: Shape::default(),
             exposure: None,
@@ -71,7 +71,7 @@ impl Renderer {
         Self {
             raster: self.raster.clone(),
             splats,
-            background: self.background,
+            background: Mutex::new(self.background()),
             shows_surface: self.shows_surface,
             shape: self.shape,
             image: self.image.as_ref().map(stage),
@@ -88,12 +88,12 @@ impl Renderer {
     /// Not enough memory.
     pub fn of_points(&self) -> Result<Self, GpuError> {
         let splats = self.splats.as_points(self.gpu())?;
-        Ok(Self::new(self.raster.clone(), splats, self.background, None))
+        Ok(Self::new(self.raster.clone(), splats, self.background(), None))
     }
 
     /// A renderer of the Gaussians as opaque ellipsoids with hard edges.
     pub fn of_ellipsoids(&self) -> Self {
-        let plain = Self::new(self.raster.clone(), self.splats.clone(), self.background, None);
+        let plain = Self::new(self.raster.clone(), self.splats.clone(), self.background(), None);
         Self { shape: Shape::Ellipsoids, ..plain }
     }
 
@@ -113,6 +113,17 @@ impl Renderer {
     /// residuals; the surface is that of the first.
     pub fn with_members(self, members: Vec<Self>, alike: usize) -> Self {
         Self { alike: alike.clamp(1, 1 + members.len()), members: members.into(), ..self }
+    }
+
+    /// The colour behind the Gaussians.
+    pub fn background(&self) -> [f32; 3] {
+        *self.background.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Another colour behind the Gaussians of all members, from the next frame on.
+    pub fn set_background(&self, color: [f32; 3]) {
+        *self.background.lock().unwrap_or_else(PoisonError::into_inner) = color;
+        self.members.iter().for_each(|member| member.set_background(color));
     }
 
     /// The other members of its ensemble.
@@ -210,7 +221,7 @@ impl Renderer {
     /// A view of a local camera.
     fn view(&self, camera: &Camera) -> RasterView {
         let mut view = RasterView::new(*camera, self.splats.sh_degree());
-        (view.background, view.shape) = (self.background, self.shape);
+        (view.background, view.shape) = (self.background(), self.shape);
         view.surface = match &self.image {
             Some(stage) => Some(stage.part.options.surface),
             None => self.shows_surface.then(SurfaceOptions::default),

@@ -67,7 +67,7 @@ impl Picture {
 
     /// Number of sources `[H, W]` that see a pixel's point, of at most `most`, in the colours of viridis; 0 is black.
     pub fn visibility(width: u32, height: u32, counts: &[u32], most: u32) -> Self {
-        let color = |&n: &u32| if n == 0 { [0; 3] } else { viridis(n as f32 / most.max(1) as f32) };
+        let color = |&n: &u32| visibility_color(n, most);
         Self { width, height, rgb: counts.iter().flat_map(color).collect() }
     }
 
@@ -78,6 +78,11 @@ impl Picture {
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         write_png(path, self.width, self.height, &self.rgb)
     }
+}
+
+/// Colour of a number of visible photos, of which `most` has the brightest; none is black.
+pub fn visibility_color(count: u32, most: u32) -> [u8; 3] {
+    if count == 0 { [0; 3] } else { viridis(count as f32 / most.max(1) as f32) }
 }
 
 /// The colour of viridis at `t`, clamped to 0..1.
