@@ -4,6 +4,7 @@ mod central;
 mod input;
 
 use crate::OpenRequest;
+use crate::keys;
 use crate::panels;
 use crate::viewer::Viewer;
 use eframe::egui::{self, Ui};
@@ -33,10 +34,10 @@ impl eframe::App for Viewer {
         self.dropped(ui.ctx());
         panels::chosen(self);
         self.show_found(ui.ctx());
-        if !self.start.shown && self.leaving.is_none() {
-            self.keys(ui);
-        }
+        keys::keys(self, ui.ctx());
+        self.fly(ui);
         panels::bar(self, ui);
+        panels::settings(self, ui.ctx());
         if self.start.shown || self.scene.is_none() {
             self.panels.timeline_height = 0.0;
             let shown = self.start.shown;

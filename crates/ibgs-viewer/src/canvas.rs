@@ -37,6 +37,8 @@ pub struct CanvasRequest {
     pub exact: bool,
     /// A resting camera's image has the full size, however long it takes.
     pub always_sharp: bool,
+    /// The colour behind the Gaussians; none: that of the model.
+    pub background: Option<[f32; 3]>,
     /// Depths are shown or selected by.
     pub with_range: bool,
     /// Looks that are shown.
@@ -129,7 +131,6 @@ impl Canvas {
             return;
         }
         self.awaited = None;
-        self.style.most_sources = rendered.facts.most_sources;
         if let Some(range) = rendered.range {
             self.style.depth_range = range;
         }
@@ -176,13 +177,14 @@ impl Canvas {
                 !wanted.running || self.arrived.is_none_or(|at| at.elapsed() > REFRESH.max(last.time * REFRESH_FRAMES));
             *last.frame.camera() == camera
                 && is_timed
+                && last.background == wanted.background
                 && !last.facts.is_loading
                 && (last.range.is_some() || !with_range)
                 && last.looks.iter().zip(wanted.looks).all(|(frame, wanted)| frame.is_some() || !wanted)
                 && !(last.iteration != wanted.iteration && aged)
         });
         let request = (!fits)
-            .then_some(Request { camera, with_range, looks: wanted.looks })
+            .then_some(Request { camera, with_range, looks: wanted.looks, background: wanted.background })
             .filter(|wanted| self.refused != Some(*wanted));
         self.awaited = request.map(|request| (request, share, Instant::now()));
         let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);

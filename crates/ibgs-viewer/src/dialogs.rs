@@ -4,6 +4,7 @@ use eframe::egui::Context;
 #[cfg(not(target_arch = "wasm32"))]
 use ibgs_core::scene::Format;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 use web_time::Instant;
@@ -38,45 +39,56 @@ pub enum Answer {
 /// What a dialog returned, and after which time.
 type Returned = (Option<PathBuf>, Duration);
 
+/// How a user is asked; it takes its time.
+type Pick = Arc<dyn Fn(Sought) -> Option<PathBuf> + Send + Sync>;
+
 /// The dialog that is open, if any.
-#[derive(Default)]
-pub struct Dialog(Option<(Sought, Receiver<Returned>)>);
+pub struct Dialog {
+    opened: Option<(Sought, Receiver<Returned>)>,
+    pick: Pick,
+}
+
+impl Default for Dialog {
+    fn default() -> Self {
+        Self::new(native)
+    }
+}
 
 impl Dialog {
-    /// Whether one is open.
-    pub fn is_open(&self) -> bool {
-        self.0.is_some()
+    /// Dialogs that ask the user with `pick`.
+    pub fn new(pick: impl Fn(Sought) -> Option<PathBuf> + Send + Sync + 'static) -> Self {
+        Self { opened: None, pick: Arc::new(pick) }
     }
 
-    /// Asks the user with `pick`, which may take its time; does nothing while a dialog is open.
-    pub fn ask(
-        &mut self,
-        sought: Sought,
-        window: &Context,
-        pick: impl FnOnce(Sought) -> Option<PathBuf> + Send + 'static,
-    ) {
+    /// Whether one is open.
+    pub fn is_open(&self) -> bool {
+        self.opened.is_some()
+    }
+
+    /// Asks the user; does nothing while a dialog is open.
+    pub fn open(&mut self, sought: Sought, window: &Context) {
         if self.is_open() {
             return;
         }
         let (sender, answer) = channel();
-        let window = window.clone();
+        let (window, pick) = (window.clone(), self.pick.clone());
         let started = std::thread::Builder::new().name("file dialog".to_owned()).spawn(move || {
             // The receiver is gone once the window is closed.
             let begun = Instant::now();
             let _ = sender.send((pick(sought), begun.elapsed()));
             window.request_repaint();
         });
-        self.0 = started.ok().map(|_| (sought, answer));
+        self.opened = started.ok().map(|_| (sought, answer));
     }
 
     /// How it ended, once; nothing where the dialog was cancelled.
     pub fn answer(&mut self) -> Option<Answer> {
-        let (sought, answer) = self.0.as_ref()?;
+        let (sought, answer) = self.opened.as_ref()?;
         let (sought, answer) = (*sought, answer.try_recv());
         if answer == Err(TryRecvError::Empty) {
             return None;
         }
-        self.0 = None;
+        self.opened = None;
         match answer {
             Ok((Some(path), _)) => Some(Answer::Chosen(sought, path)),
             Ok((None, after)) => (after < UNSEEN).then_some(Answer::NoDialog),
@@ -87,7 +99,7 @@ impl Dialog {
 
 /// The system's own dialog; a browser has none.
 #[cfg(target_arch = "wasm32")]
-pub fn native(_: Sought) -> Option<PathBuf> {
+fn native(_: Sought) -> Option<PathBuf> {
     None
 }
 
@@ -103,7 +115,7 @@ fn model_endings() -> Vec<&'static str> {
 
 /// The system's own dialog.
 #[cfg(not(target_arch = "wasm32"))]
-pub fn native(sought: Sought) -> Option<PathBuf> {
+fn native(sought: Sought) -> Option<PathBuf> {
     let dialog = rfd::FileDialog::new();
     match sought {
         Sought::ModelFolder => dialog.set_title("Open a model folder").pick_folder(),
@@ -121,6 +133,7 @@ pub fn native(sought: Sought) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::Mutex;
 
     fn answered(dialog: &mut Dialog) -> Option<Answer> {
         let start = Instant::now();
@@ -136,34 +149,36 @@ mod tests {
 
     #[test]
     fn a_choice_is_returned_once_and_a_cancelled_dialog_returns_nothing() {
-        let (mut dialog, window) = (Dialog::default(), Context::default());
+        let window = Context::default();
+        let mut dialog = Dialog::new(|_| Some("scene".into()));
         assert_eq!(dialog.answer(), None);
-        dialog.ask(Sought::Scene, &window, |_| Some("scene".into()));
+        dialog.open(Sought::Scene, &window);
         assert_eq!(answered(&mut dialog), Some(Answer::Chosen(Sought::Scene, "scene".into())));
         assert_eq!((dialog.answer(), dialog.is_open()), (None, false));
-        let cancelled = |_| {
+        let mut cancelled = Dialog::new(|_| {
             std::thread::sleep(2 * UNSEEN);
             None
-        };
-        dialog.ask(Sought::ModelFile, &window, cancelled);
-        assert_eq!((answered(&mut dialog), dialog.is_open()), (None, false));
+        });
+        cancelled.open(Sought::ModelFile, &window);
+        assert_eq!((answered(&mut cancelled), cancelled.is_open()), (None, false));
     }
 
     #[test]
     fn a_dialog_that_nobody_saw_is_said_to_be_none() {
-        let (mut dialog, window) = (Dialog::default(), Context::default());
-        dialog.ask(Sought::ModelFile, &window, |_| None);
-        assert_eq!((answered(&mut dialog), dialog.is_open()), (Some(Answer::NoDialog), false));
-        dialog.ask(Sought::ModelFolder, &window, |_| panic!("a dialog that fails"));
-        assert_eq!((answered(&mut dialog), dialog.is_open()), (Some(Answer::NoDialog), false));
+        for mut dialog in [Dialog::new(|_| None), Dialog::new(|_| panic!("a dialog that fails"))] {
+            dialog.open(Sought::ModelFile, &Context::default());
+            assert_eq!((answered(&mut dialog), dialog.is_open()), (Some(Answer::NoDialog), false));
+        }
     }
 
     #[test]
     fn one_dialog_at_a_time() {
-        let (mut dialog, window) = (Dialog::default(), Context::default());
+        let window = Context::default();
         let (go, wait) = channel::<()>();
-        dialog.ask(Sought::Scene, &window, move |_| wait.recv().ok().map(|()| "first".into()));
-        dialog.ask(Sought::ModelFile, &window, |_| Some("second".into()));
+        let wait = Mutex::new(wait);
+        let mut dialog = Dialog::new(move |_| wait.lock().ok()?.recv().ok().map(|()| "first".into()));
+        dialog.open(Sought::Scene, &window);
+        dialog.open(Sought::ModelFile, &window);
         assert_eq!((dialog.answer(), dialog.is_open()), (None, true));
         go.send(()).unwrap();
         assert_eq!(answered(&mut dialog), Some(Answer::Chosen(Sought::Scene, "first".into())));

@@ -70,6 +70,8 @@ pub struct Edit {
     stroke_how: Combine,
     /// Corners of the polygon so far, as shares of the image.
     pub polygon: Vec<DVec2>,
+    /// It is to be closed.
+    pub ends_polygon: bool,
     /// Points of the surface that were clicked to measure a length, or to set the ground.
     pub points: Vec<DVec3>,
     /// What the measured length is in truth.

@@ -59,12 +59,14 @@ impl Looks {
         asked_for: [bool; Look::ALL.len()],
         mut then: impl FnMut(&Frame, Look) -> Result<(), GpuError>,
     ) -> Result<[Option<Arc<Frame>>; Look::ALL.len()], GpuError> {
+        let background = renderer.background();
         let mut frames = [const { None }; Look::ALL.len()];
         for look in Look::ALL.into_iter().filter(|&look| asked_for[look as usize]) {
             let made = match self.0[look as usize].take() {
                 Some(made) => made,
                 None => look.of(renderer)?,
             };
+            made.set_background(background);
             let frame = rendered(&made, camera, |frame| then(frame, look)).await?;
             frames[look as usize] = Some(Arc::new(frame));
             self.0[look as usize] = Some(made);

@@ -9,6 +9,8 @@ use ibgs_core::camera::Camera;
 const LENGTH: f64 = 0.06;
 /// Most points that are drawn.
 const MOST_POINTS: usize = 20_000;
+/// Lines of a grid on each side of its middle.
+const GRID: f64 = 10.0;
 /// Things nearer than this share of the extent are not drawn.
 const NEAR: f64 = 1e-3;
 
@@ -78,9 +80,35 @@ impl<'a> Onto<'a> {
     }
 }
 
+/// Distance of the lines of a grid that suits a length of the scene.
+pub fn grid_unit(length: f64) -> f64 {
+    10_f64.powf(length.log10().floor())
+}
+
+/// A grid of lines that are `unit` apart, where `at` has the place of its two coordinates in the scene.
+pub fn grid(painter: &Painter, onto: &Onto, unit: f64, at: impl Fn(f64, f64) -> DVec3) {
+    let half = GRID * unit;
+    for step in -(GRID as i32)..=GRID as i32 {
+        let along = f64::from(step) * unit;
+        let line = Stroke::new(1.0, Color32::from_white_alpha(70));
+        onto.line(painter, [at(along, -half), at(along, half)], line);
+        onto.line(painter, [at(-half, along), at(half, along)], line);
+    }
+}
+
+/// The grid on the ground of the scene, where the editor does not draw that of the file.
+fn ground(viewer: &Viewer, painter: &Painter, onto: &Onto) {
+    let Some(middle) = viewer.ground.filter(|_| viewer.settings.shows_ground && !viewer.edit.shows_ground()) else {
+        return;
+    };
+    let (x, z) = viewer.navigator.up.any_orthonormal_pair();
+    grid(painter, onto, grid_unit(viewer.extent), |along, across| middle + x * along + z * across);
+}
+
 /// Draws what is to be seen over the image.
 pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
     let Some(scene) = &viewer.scene else { return };
+    ground(viewer, painter, onto);
     if viewer.panels.shows_points {
         let mut mesh = Mesh::default();
         let step = scene.points.len().div_ceil(MOST_POINTS).max(1);

@@ -52,7 +52,7 @@ pub fn measure(renderer: &Arc<Renderer>, cameras: &[Camera]) -> Result<FrameTime
         alone.push(1e3 * start.elapsed().as_secs_f64());
 
         let start = Instant::now();
-        let request = Request { camera: *camera, with_range: false, looks: Default::default() };
+        let request = Request { camera: *camera, with_range: false, looks: Default::default(), background: None };
         worker.send(Command::Render(Box::new(request), Some(sheet.clone())));
         loop {
             match worker.messages.recv()? {

@@ -2,6 +2,7 @@
 
 use crate::looks::Look;
 use eframe::egui::Key;
+use ibgs_core::picture::MOST_VISIBLE;
 use ibgs_core::present::Shown;
 use ibgs_core::sources::DevicePhoto;
 use serde::{Deserialize, Serialize};
@@ -41,13 +42,11 @@ pub struct Style {
     pub depth_range: [f32; 2],
     /// Factor that amplifies residual and difference.
     pub gain: f32,
-    /// Number of sources that has the brightest colour.
-    pub most_sources: u32,
 }
 
 impl Default for Style {
     fn default() -> Self {
-        Self { depth_range: [0.0, 1.0], gain: 1.0, most_sources: 1 }
+        Self { depth_range: [0.0, 1.0], gain: 1.0 }
     }
 }
 
@@ -138,7 +137,7 @@ static TABLE: [Row; 11] = [
             "Visible sources",
             "visibility",
             "How many of the source photos see the point of a pixel; black: none",
-            |style, _| Shown::Visibility(style.most_sources),
+            |_, _| Shown::Visibility(MOST_VISIBLE),
         )
     },
     Row {

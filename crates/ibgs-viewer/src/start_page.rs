@@ -23,6 +23,8 @@ pub struct Start {
     /// The form for photos, or that for a training, is brought into sight.
     pub finds_photos: bool,
     pub finds_form: bool,
+    /// The field for a path is to be typed into.
+    pub finds_address: bool,
     pub dialog: Dialog,
     pub recents: Recents,
     picture: Option<TextureHandle>,
@@ -39,6 +41,7 @@ impl Start {
             form: TrainForm::new(demo_iterations),
             finds_photos: false,
             finds_form: false,
+            finds_address: false,
             dialog: Dialog::default(),
             recents: Recents::default(),
             picture: None,

@@ -4,6 +4,7 @@ mod framing;
 mod leaving;
 mod link;
 mod messages;
+mod modes;
 mod outside;
 mod screenshot;
 mod sharing;
@@ -17,6 +18,7 @@ use crate::edit::Edit;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::path_editor::PathEditor;
+use crate::settings::Settings;
 use crate::share::Share;
 use crate::start_page::Start;
 use crate::theme;
@@ -30,22 +32,12 @@ use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::sources::DevicePhoto;
 use ibgs_core::sources::source_store::pixels;
-use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use web_time::Instant;
 
 /// Time that the camera rests before the picture is rendered sharp.
 const REST: Duration = Duration::from_millis(150);
-
-/// What is kept from one start of the program to the next.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub(crate) struct Settings {
-    /// What was opened last, newest first.
-    pub recent: Vec<PathBuf>,
-}
 
 /// Which panels are shown, and what they hold.
 #[derive(Default)]
@@ -60,8 +52,6 @@ pub(crate) struct Panels {
     pub hides_views: bool,
     /// Time, size and memory are hidden.
     pub hides_figures: bool,
-    /// A resting camera's image has the full size, however long it takes.
-    pub always_sharp: bool,
     /// On a view, nothing around its photo.
     pub only_frame: bool,
     /// The camera path's panel and its timeline, and how high that is in points.
@@ -69,6 +59,7 @@ pub(crate) struct Panels {
     pub timeline_height: f32,
     /// Keys and pointer explained.
     pub shows_help: bool,
+    pub shows_settings: bool,
     /// The camera path.
     pub path: PathEditor,
 }
@@ -135,6 +126,8 @@ pub struct Viewer {
     /// A found pixel that is not shown yet, and the time of the click.
     coming: Option<Found>,
     pub(crate) clicked: Option<Instant>,
+    /// The camera is to turn to what the pointer is over.
+    pub(crate) focuses: bool,
     pub(crate) panels: Panels,
     pub(crate) start: Start,
     pub(crate) edit: Edit,
@@ -145,6 +138,8 @@ pub struct Viewer {
     /// What the cameras look at, and extent of the scene.
     center: DVec3,
     pub(crate) extent: f64,
+    /// A point of the ground; none where no sparse points show it.
+    pub(crate) ground: Option<DVec3>,
     /// Size of the canvas in pixels.
     pub(crate) room: [u32; 2],
     /// The photos' mean up axis.
@@ -182,7 +177,8 @@ impl Viewer {
         opener: impl Open,
         first: Option<Outcome>,
     ) -> Result<Self, GpuError> {
-        let settings = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY)).unwrap_or_default();
+        let kept = cc.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
+        let settings = kept.map_or_else(Settings::default, Settings::sound);
         let canvas = Canvas::new(gpu.clone())?;
         theme::apply(&cc.egui_ctx);
         let mut start = Start::new(opener.demo_iterations(&gpu));
@@ -216,6 +212,7 @@ impl Viewer {
             found: None,
             coming: None,
             clicked: None,
+            focuses: false,
             panels: Panels::default(),
             start,
             edit: Edit::default(),
@@ -225,6 +222,7 @@ impl Viewer {
             photo: None,
             center: DVec3::ZERO,
             extent: 1.0,
+            ground: None,
             room: SIDES,
             photos_up: DVec3::NEG_Y,
             moved: None,
@@ -241,24 +239,8 @@ impl Viewer {
         })
     }
 
-    /// Whether the model and the camera's place have what a mode shows. The network of a training comes later, and that of a
-    /// model is known once there is a frame of it: until then the final image is what there is.
-    pub fn offers(&self, mode: Mode) -> bool {
-        let has_photo = || self.view().is_some_and(|view| view.photo.is_some());
-        let has_network = || match self.canvas.last() {
-            Some(last) => last.facts.sources.is_some() || mode == Mode::Final && self.training.is_some(),
-            None => mode == Mode::Final,
-        };
-        (!mode.needs_network() || has_network()) && (!mode.needs_photo() || has_photo())
-    }
-
     pub(crate) fn view(&self) -> Option<&crate::View> {
         self.on_view.and_then(|index| self.scene.as_ref()?.views.get(index))
-    }
-
-    /// Whether a mode that is wanted is shown, alone or beside another one.
-    pub(crate) fn shows(&self, wanted: impl Fn(Mode) -> bool) -> bool {
-        wanted(self.mode) || self.other.is_some_and(wanted)
     }
 
     /// The photo of the view that the camera stands on, where a mode needs it.
@@ -274,29 +256,6 @@ impl Viewer {
             self.photo = photo.map(upload).transpose()?.map(|target| (index, target));
         }
         Ok(self.photo.as_ref().map(|(_, target)| target.clone()))
-    }
-
-    /// Shows another part of the image, where there is one.
-    pub fn show_mode(&mut self, mode: Mode) {
-        if self.offers(mode) {
-            (self.mode, self.lacks_final) = (mode, false);
-        }
-    }
-
-    /// Shows a mode right of a divider, or one mode alone.
-    pub fn show_other(&mut self, mode: Option<Mode>) {
-        self.other = mode.filter(|&mode| self.offers(mode));
-    }
-
-    fn leave_what_is_not_offered(&mut self) {
-        let offers_final = self.offers(Mode::Final);
-        if !self.offers(self.mode) {
-            (self.mode, self.lacks_final) = if offers_final { (Mode::Final, false) } else { (Mode::Base, true) };
-        } else if self.lacks_final && offers_final {
-            // Its network has come.
-            (self.mode, self.lacks_final) = (Mode::Final, false);
-        }
-        self.other = self.other.filter(|&mode| self.offers(mode));
     }
 
     /// Stands on a view of the scene.
@@ -321,7 +280,9 @@ impl Viewer {
         match self.scene.as_ref().and_then(Scene::first_view) {
             Some(index) => self.stand_on(index),
             None => {
-                self.navigator = Navigator::facing(self.center, 2.5 * self.extent);
+                let facing = Navigator::facing(self.center, 2.5 * self.extent);
+                let fov = self.settings.view_angle().unwrap_or(facing.fov);
+                self.navigator = Navigator { fov, ..facing };
                 self.has_moved();
             }
         }
@@ -329,7 +290,9 @@ impl Viewer {
 
     /// The camera has left the view that it stood on.
     pub(crate) fn has_moved(&mut self) {
-        self.on_view = None;
+        if let (Some(_), Some(angle)) = (self.on_view.take(), self.settings.view_angle()) {
+            self.navigator.fov = angle;
+        }
         self.moved = Some(Instant::now());
         self.leave_what_is_not_offered();
     }

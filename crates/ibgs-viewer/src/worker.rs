@@ -103,6 +103,9 @@ struct Work {
     presenter: Option<Presenter>,
     looks: Looks,
     edit: EditWork,
+    /// The colour behind the Gaussians that the window asks for, and the model's own.
+    background: Option<[f32; 3]>,
+    own_background: [f32; 3],
     /// The model with what is selected tinted, for the window alone.
     tinted: Option<Arc<Renderer>>,
     film: Option<Shoot>,
@@ -111,6 +114,16 @@ struct Work {
 }
 
 impl Work {
+    /// The work on what was opened.
+    fn of(content: Content) -> Self {
+        let own_background = match &content {
+            Content::Model(renderer) => renderer.background(),
+            // Its renderers are made with it.
+            Content::Training(_) => [0.0; 3],
+        };
+        Self { content: Some(content), own_background, ..Self::default() }
+    }
+
     fn is_idle(&self) -> bool {
         self.request.is_none() && self.film.is_none() && !self.running && !self.single
     }
@@ -125,9 +138,14 @@ impl Work {
     /// A renderer of the model as it is, and the iteration.
     fn renderer(&self) -> Option<(Arc<Renderer>, u32)> {
         match &self.content {
-            Some(Content::Model(renderer)) => Some((renderer.clone(), self.edit.revision)),
+            Some(Content::Model(renderer)) => {
+                renderer.set_background(self.background.unwrap_or(self.own_background));
+                Some((renderer.clone(), self.edit.revision))
+            }
             Some(Content::Training(training)) => {
-                Some((Arc::new(training.renderer().ok()?), training.progress().iteration))
+                let renderer = training.renderer().ok()?;
+                self.background.into_iter().for_each(|color| renderer.set_background(color));
+                Some((Arc::new(renderer), training.progress().iteration))
             }
             None => None,
         }
@@ -136,7 +154,10 @@ impl Work {
     /// The same as the window shows it.
     fn shown(&self) -> Option<(Arc<Renderer>, u32)> {
         match &self.tinted {
-            Some(tinted) => Some((tinted.clone(), self.edit.revision)),
+            Some(tinted) => {
+                tinted.set_background(self.background.unwrap_or(self.own_background));
+                Some((tinted.clone(), self.edit.revision))
+            }
             None => self.renderer(),
         }
     }
@@ -207,8 +228,8 @@ impl WorkerState {
             Content::Training(training) => Some(training.progress()),
             Content::Model(_) => None,
         };
-        *work = Work { running: progress.is_some(), unfinished: progress.is_some(), ..Work::default() };
-        work.content = Some(opened.content);
+        let running = progress.is_some();
+        *work = Work { running, unfinished: running, ..Work::of(opened.content) };
         self.send(Message::Opened(Box::new(opened.scene), progress));
     }
 
@@ -231,7 +252,7 @@ impl WorkerState {
             Command::Replace(opened, revision) => {
                 let edit = EditWork::of_revision(revision);
                 let (request, film) = (work.request.take(), work.film.take());
-                *work = Work { content: Some(opened.content), edit, request, film, ..Work::default() };
+                *work = Work { edit, request, film, ..Work::of(opened.content) };
                 self.send(Message::Replaced(Box::new(opened.scene), revision));
             }
             Command::Render(request, sheet) => work.request = Some((request, sheet)),

@@ -80,6 +80,9 @@ impl Picture {
     }
 }
 
+/// Number of visible photos that has the brightest colour.
+pub const MOST_VISIBLE: u32 = 4;
+
 /// Colour of a number of visible photos, of which `most` has the brightest; none is black.
 pub fn visibility_color(count: u32, most: u32) -> [u8; 3] {
     if count == 0 { [0; 3] } else { viridis(count as f32 / most.max(1) as f32) }

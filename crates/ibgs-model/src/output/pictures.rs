@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::dataset::{CellMask, Photo};
 use crate::files::WriteError;
 use crate::gpu::GpuError;
-use crate::picture::{Picture, exr};
+use crate::picture::{MOST_VISIBLE, Picture, exr};
 use crate::render::{Frame, Renderer};
 use std::path::{Path, PathBuf};
 
@@ -172,7 +172,7 @@ impl Shown {
             Output::Residual => self.residual().map(|v| Picture::residual(w, h, &v)),
             Output::Depth => self.depth.as_ref().map(|v| Picture::depth(w, h, v, None)),
             Output::Normal => self.normals.as_ref().map(|v| Picture::normals(w, h, v)),
-            Output::Visibility => self.visibility.as_ref().map(|v| Picture::visibility(w, h, v, 4)),
+            Output::Visibility => self.visibility.as_ref().map(|v| Picture::visibility(w, h, v, MOST_VISIBLE)),
             Output::Mask => None,
         }
     }

@@ -35,7 +35,8 @@ impl Viewer {
             camera,
             moving: self.moving(),
             exact: self.view().is_some() && self.shows(Mode::needs_photo),
-            always_sharp: self.panels.always_sharp,
+            always_sharp: self.settings.always_sharp,
+            background: self.settings.background(),
             with_range: self.shows(Mode::has_range) || self.edit.needs_depths(),
             looks: Look::ALL.map(|look| self.shows(|mode| mode.look() == Some(look))),
             iteration: self.training.as_ref().map_or(self.edit.revision, |trained| trained.progress.iteration),
@@ -70,8 +71,8 @@ impl Viewer {
         let camera = self.camera();
         self.pointer(ui, &response, fitted(ratio(&camera)));
         if let Some(pose) = self.panels.path.pose(ui) {
-            self.navigator.follow(&pose);
             self.has_moved();
+            self.navigator.follow(&pose);
         }
         let camera = self.camera();
         let image = fitted(ratio(&camera));

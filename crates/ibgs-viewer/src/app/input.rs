@@ -1,11 +1,9 @@
-//! Keys and pointer.
+//! Flight and pointer.
 
-use crate::IN_BROWSER;
-use crate::mode::Mode;
-use crate::panels;
+use crate::keys::flight;
 use crate::viewer::Viewer;
 use crate::worker::Command;
-use eframe::egui::{self, Key, PointerButton, Rect, Ui, Vec2};
+use eframe::egui::{self, PointerButton, Rect, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use web_time::Instant;
 
@@ -13,60 +11,16 @@ use web_time::Instant;
 const TURN: f64 = 3.0;
 /// Scene extents that the camera flies in a second.
 const SPEED: f64 = 0.3;
-/// Keys that do something once.
-const SINGLE_KEYS: [Key; 8] =
-    [Key::ArrowLeft, Key::ArrowRight, Key::R, Key::C, Key::P, Key::K, Key::Space, Key::Escape];
-
-/// Keys that fly, with their direction: right, down, forward.
-const FLY_KEYS: [(Key, DVec3); 6] = [
-    (Key::W, DVec3::Z),
-    (Key::S, DVec3::NEG_Z),
-    (Key::D, DVec3::X),
-    (Key::A, DVec3::NEG_X),
-    (Key::E, DVec3::NEG_Y),
-    (Key::Q, DVec3::Y),
-];
-
 impl Viewer {
-    pub(super) fn keys(&mut self, ui: &Ui) {
-        if ui.ctx().egui_wants_keyboard_input() || self.scene.is_none() {
+    /// Flies as long as a key for that is held.
+    pub(super) fn fly(&mut self, ui: &Ui) {
+        if self.start.shown || self.scene.is_none() || self.leaving.is_some() || ui.ctx().egui_wants_keyboard_input() {
             return;
         }
-        if !IN_BROWSER {
-            panels::edit_keys(self, ui.ctx());
-        }
-        // A widget that was reached by Tab takes these itself.
-        let focused = ui.memory(|memory| memory.focused().is_some());
-        let (pressed, down, shift, dt) = ui.input(|input| {
-            let taken = |key| focused && matches!(key, Key::Space | Key::ArrowLeft | Key::ArrowRight);
-            let modes = Mode::ALL.into_iter().filter_map(Mode::key);
-            let keys = modes.chain(SINGLE_KEYS).filter(|&key| !taken(key));
-            let command = input.modifiers.command || input.modifiers.ctrl || input.modifiers.alt;
-            let pressed: Vec<Key> = keys.filter(|&key| !command && input.key_pressed(key)).collect();
-            let fly = FLY_KEYS.iter().filter(|(key, _)| !command && input.key_down(*key));
-            let down: DVec3 = fly.map(|(_, direction)| *direction).sum();
-            (pressed, down, input.modifiers.shift, f64::from(input.stable_dt.min(0.1)))
-        });
-        for key in pressed {
-            match key {
-                Key::ArrowLeft => self.step_view(-1),
-                Key::ArrowRight => self.step_view(1),
-                Key::R => self.reset(),
-                Key::C => self.panels.shows_cameras = !self.panels.shows_cameras,
-                Key::P | Key::K if IN_BROWSER => {}
-                Key::P => self.screenshot(),
-                Key::K => self.panels.path.add(&self.navigator),
-                Key::Space => self.panels.path.toggle(),
-                Key::Escape => (self.found, self.other) = (None, None),
-                _ => {
-                    let wanted = Mode::ALL.into_iter().find(|mode| mode.key() == Some(key));
-                    wanted.into_iter().for_each(|mode| self.show_mode(mode));
-                }
-            }
-        }
-        if down != DVec3::ZERO {
-            let speed = SPEED * self.extent * if shift { 4.0 } else { 1.0 };
-            self.navigator.fly(down * speed * dt);
+        let way = flight(ui.ctx());
+        if way != DVec3::ZERO {
+            let seconds = f64::from(ui.input(|input| input.stable_dt.min(0.1)));
+            self.navigator.fly(way * SPEED * self.settings.speed * self.extent * seconds);
             self.has_moved();
         }
     }
@@ -100,8 +54,8 @@ impl Viewer {
             self.navigator.zoom(f64::from(scroll) / 50.0);
             self.has_moved();
         }
-        let pressed_f = || response.hovered() && ui.input(|input| input.key_pressed(Key::F));
-        let focus = response.double_clicked() && !selects || pressed_f();
+        let by_key = std::mem::take(&mut self.focuses) && response.hovered();
+        let focus = response.double_clicked() && !selects || by_key;
         if focus || response.clicked() && !selects {
             let at = response.interact_pointer_pos().or_else(|| ui.input(|input| input.pointer.latest_pos()));
             self.inspect(at.map(|at| (at - image.min) / image.size()), focus);

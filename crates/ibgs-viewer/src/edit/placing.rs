@@ -39,6 +39,12 @@ impl Edit {
         }
     }
 
+    /// Whether the ground of the file is drawn.
+    pub fn shows_ground(&self) -> bool {
+        let is_placed = self.editor.as_ref().is_some_and(|editor| *editor.placement() != Similarity::IDENTITY);
+        self.shown && (is_placed || matches!(self.tool, Some(Tool::Length | Tool::Ground)))
+    }
+
     /// What turns the scene's axes to those of the file.
     pub fn rotation(&self) -> DMat3 {
         self.editor.as_ref().map_or(DMat3::IDENTITY, |editor| editor.placement().rotation)

@@ -219,6 +219,27 @@ impl Edit {
         Ok(())
     }
 
+    /// Whether the polygon has the corners to be closed.
+    pub fn can_close_polygon(&self) -> bool {
+        self.tool == Some(Tool::Polygon) && self.polygon.len() > 2
+    }
+
+    /// Whether there is something to escape from; a selection is kept while something else is `shown` that can be closed.
+    pub fn escapes(&self, shown: bool) -> bool {
+        let selects = self.editor.as_ref().is_some_and(|editor| editor.selected_count() > 0);
+        !self.polygon.is_empty() || self.tool.is_some() || selects && !shown
+    }
+
+    /// Gives up the polygon; without one, puts the tool down; without that, selects nothing.
+    pub fn escape(&mut self) {
+        self.lift();
+        if !self.polygon.is_empty() {
+            self.polygon.clear();
+        } else if self.tool.take().is_none() {
+            self.step(Editor::select_none);
+        }
+    }
+
     /// Selects what lies in the polygon so far.
     pub fn close_polygon(&mut self, how: Combine, picture: &Picture) -> Result<(), &'static str> {
         let corners = std::mem::take(&mut self.polygon);

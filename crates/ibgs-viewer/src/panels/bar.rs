@@ -6,7 +6,7 @@ use crate::mode::Mode;
 use crate::panels::start;
 use crate::viewer::Viewer;
 use eframe::egui::containers::menu::MenuButton;
-use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, ThemePreference, Ui};
+use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, Ui};
 use glam::DVec3;
 use std::time::Duration;
 use web_time::Instant;
@@ -45,25 +45,14 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
                 split(viewer, ui);
                 ui.separator();
             }
-            theme(ui);
-            if looks && ui.button("?").on_hover_text("Keys and pointer").clicked() {
+            let shown = viewer.panels.shows_settings;
+            if ui.selectable_label(shown, "Settings").on_hover_text("What is kept for every model").clicked() {
+                viewer.panels.shows_settings = !shown;
+            }
+            if looks && ui.button("?").on_hover_text("Keys and pointer. Key F1.").clicked() {
                 viewer.panels.shows_help = !viewer.panels.shows_help;
             }
         });
-    });
-}
-
-fn theme(ui: &mut Ui) {
-    ui.menu_button("Theme", |ui| {
-        let now = ui.ctx().options(|options| options.theme_preference);
-        let all =
-            [("Dark", ThemePreference::Dark), ("Light", ThemePreference::Light), ("System", ThemePreference::System)];
-        for (name, preference) in all {
-            if ui.selectable_label(now == preference, name).clicked() {
-                ui.ctx().set_theme(preference);
-                ui.close();
-            }
-        }
     });
 }
 
@@ -81,9 +70,6 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
         let mut figures = !panels.hides_figures;
         ui.checkbox(&mut figures, "Figures").on_hover_text("Size, time and memory of the image");
         panels.hides_figures = !figures;
-        ui.checkbox(&mut panels.always_sharp, "Always sharp").on_hover_text(
-            "The image of a resting camera has all pixels, also where that takes more than two seconds",
-        );
         if IN_BROWSER {
             return;
         }
@@ -146,7 +132,8 @@ fn mode_button(viewer: &Viewer, ui: &mut Ui, shown: impl Into<Option<Mode>>, mod
     let key = mode.key().map_or(String::new(), |key| format!(" Key {}.", key.name()));
     let text = format!("{}.{key}", mode.meaning());
     let button = ui.add_enabled(viewer.offers(mode), Button::selectable(shown.into() == Some(mode), mode.name()));
-    button.on_hover_text(&text).on_disabled_hover_text(text).clicked()
+    let why_not = viewer.lacks(mode).unwrap_or_default();
+    button.on_hover_text(&text).on_disabled_hover_text(format!("{why_not}. {text}")).clicked()
 }
 
 fn split(viewer: &mut Viewer, ui: &mut Ui) {
@@ -176,8 +163,8 @@ fn camera(viewer: &mut Viewer, ui: &mut Ui) {
             let name = ui.label("View angle");
             let angle = ui.add(angle.fixed_decimals(0).suffix("°")).labelled_by(name.id);
             if angle.on_hover_text("Vertical field of view; drag or click to change it").changed() {
-                viewer.navigator.fov = degrees.to_radians();
                 viewer.has_moved();
+                viewer.navigator.fov = degrees.to_radians();
             }
         });
         ui.menu_button("Up axis", |ui| up_axes(viewer, ui)).response.on_hover_text("The axis that orbits go around");

@@ -1,17 +1,14 @@
 //! The editor: its panel, what it draws over the image, and its keys.
 
 mod image;
-mod keys;
 mod placing;
 mod values;
 
 pub use image::{draw, in_image};
-pub use keys::keys;
 
 use crate::edit::{Edit, Tool};
 use crate::icons::{self, icon};
 use crate::viewer::Viewer;
-use crate::worker::Command;
 use eframe::egui::{Button, CollapsingHeader, DragValue, Grid, Slider, TextEdit, Ui};
 use glam::DVec3;
 use ibgs_core::edit::{Combine, Editor};
@@ -39,9 +36,7 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
     CollapsingHeader::new("Floaters").show(ui, |ui| values::floaters(&mut viewer.edit, viewer.extent, ui));
     CollapsingHeader::new("Place and size").show(ui, |ui| placing::placing(viewer, ui));
     ui.separator();
-    if let Some(command) = save(viewer, ui) {
-        viewer.send(command);
-    }
+    save(viewer, ui);
     ui.separator();
 }
 
@@ -209,8 +204,8 @@ fn crop_box(edit: &mut Edit, up: DVec3, extent: f64, ui: &mut Ui) {
     });
 }
 
-fn save(viewer: &mut Viewer, ui: &mut Ui) -> Option<Command> {
-    let (scene, edit) = (viewer.scene.as_ref()?, &mut viewer.edit);
+fn save(viewer: &mut Viewer, ui: &mut Ui) {
+    let edit = &mut viewer.edit;
     ui.horizontal(|ui| {
         ui.strong("Save");
         if edit.is_unsaved() {
@@ -218,11 +213,9 @@ fn save(viewer: &mut Viewer, ui: &mut Ui) -> Option<Command> {
         }
     });
     file(edit, ui);
-    let command = ui.button("Save model").clicked().then(|| edit.save(scene)).flatten();
-    if command.is_some() {
-        viewer.doing = Some("saving the model".to_owned());
+    if ui.button("Save model").on_hover_text("Ctrl+S").clicked() {
+        viewer.save_edited();
     }
-    command
 }
 
 /// The file that the model is saved as.

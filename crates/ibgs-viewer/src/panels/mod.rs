@@ -5,6 +5,7 @@ mod edit;
 mod leaving;
 mod path;
 mod pixel;
+mod settings;
 mod share;
 mod start;
 mod timeline;
@@ -12,21 +13,28 @@ mod training;
 mod views;
 
 pub use bar::{bar, status};
-pub use edit::{draw as draw_edit, in_image as edit_in_image, keys as edit_keys};
+pub use edit::{draw as draw_edit, in_image as edit_in_image};
 pub use leaving::leaving;
+pub use settings::settings;
 pub use start::{chosen, start};
 
+use crate::keys;
 use crate::mode::Mode;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Align2, Color32, CursorIcon, FontId, Rect, Sense, Slider, Stroke, Ui, Vec2};
+use eframe::egui::{
+    self, Align2, Color32, CursorIcon, FontId, Painter, Pos2, Rect, Sense, Slider, Stroke, StrokeKind, Ui, Vec2,
+};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
+use ibgs_core::picture::{MOST_VISIBLE, visibility_color};
 use std::time::Duration;
 
 /// Windows that are narrower, in points, have below the image what others have beside it.
 const NARROW: f32 = 480.0;
 /// After this time without a new picture the old one says that it is old.
 const SLOW: Duration = Duration::from_millis(500);
+/// How dark the ground of text over the picture is.
+const GROUND: u8 = 150;
 
 /// The panels left, right and below.
 pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
@@ -89,12 +97,13 @@ pub fn divider(viewer: &mut Viewer, ui: &mut Ui, image: Rect) {
     }
 }
 
-/// White text on a dark ground, seen on any picture.
-fn label(painter: &egui::Painter, at: egui::Pos2, align: Align2, text: String) {
+/// White text on a dark ground, seen on any picture; returns the room that it takes.
+fn label(painter: &Painter, at: Pos2, align: Align2, text: String) -> Rect {
     let galley = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
     let room = align.anchor_size(at, galley.size());
-    painter.rect_filled(room.expand(4.0), 3.0, Color32::from_black_alpha(150));
+    painter.rect_filled(room.expand(4.0), 3.0, Color32::from_black_alpha(GROUND));
     painter.galley(room.min, galley, Color32::WHITE);
+    room
 }
 
 /// The slider that amplifies differences, over the picture.
@@ -111,74 +120,76 @@ pub fn strength(viewer: &mut Viewer, ui: &Ui, room: Rect) {
     });
 }
 
-/// Figures in the canvas' corner.
+/// What is to be known of the picture, in the canvas' corner.
 pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
+    let painter = ui.painter_at(room);
     if let Some(rest) = viewer.canvas.waits().map(|waits| SLOW.checked_sub(waits)) {
         match rest {
             Some(rest) => ui.ctx().request_repaint_after(rest),
             None => {
                 let at = room.center_bottom() - Vec2::new(0.0, 12.0);
-                label(
-                    &ui.painter_at(room),
-                    at,
-                    Align2::CENTER_BOTTOM,
-                    "rendering; this is the picture before".to_owned(),
-                );
+                label(&painter, at, Align2::CENTER_BOTTOM, "rendering; this is the picture before".to_owned());
             }
         }
     }
-    if viewer.panels.hides_figures {
-        return;
+    let mut lines = if viewer.panels.hides_figures { Vec::new() } else { figures(viewer) };
+    if viewer.shows(Mode::needs_network) && viewer.canvas.last().is_some_and(|last| last.facts.most_seen == Some(0)) {
+        lines.push("no photo near: base image".to_owned());
     }
-    let Some(last) = viewer.canvas.last() else {
-        return label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, "rendering ...".to_owned());
-    };
+    let mut at = room.min + Vec2::splat(12.0);
+    if !lines.is_empty() {
+        at.y = label(&painter, at, Align2::LEFT_TOP, lines.join("\n")).bottom() + 12.0;
+    }
+    if let Some(last) = viewer.canvas.last().filter(|_| viewer.shows(|mode| mode == Mode::Visibility)) {
+        legend(&painter, at, last.facts.most_sources);
+    }
+}
+
+/// Size, time and memory of the picture.
+fn figures(viewer: &Viewer) -> Vec<String> {
+    let Some(last) = viewer.canvas.last() else { return vec!["rendering ...".to_owned()] };
     let camera = last.frame.camera();
     let ms = 1e3 * last.time.as_secs_f64();
     let fps = 1e3 / ms.max(1e-3);
     let decimals = usize::from(fps < 10.0);
-    let mut text = format!(
-        "{} x {}   {ms:.1} ms   {fps:.decimals$} FPS\n{} Gaussians",
-        camera.width, camera.height, last.facts.gaussians
-    );
-    if let Some(bytes) = last.memory {
-        text += &format!("   {}", Bytes(bytes));
-    }
+    let memory = last.memory.map_or(String::new(), |bytes| format!("   {}", Bytes(bytes)));
+    let mut lines = vec![
+        format!("{} x {}   {ms:.1} ms   {fps:.decimals$} FPS", camera.width, camera.height),
+        format!("{} Gaussians{memory}", last.facts.gaussians),
+    ];
     if viewer.shows(Mode::has_range) {
         let [near, far] = viewer.canvas.style.depth_range;
         let [near, far] = [near, far].map(|z| Length(z.into()));
-        text += &format!("\ndepth {near} (bright) to {far} (dark)");
+        lines.push(format!("depth {near} (bright) to {far} (dark)"));
     }
-    if viewer.shows(|mode| mode == Mode::Visibility) {
-        text += &format!("\nvisible source photos: none (black), 1 (dark) to {} (bright)", last.facts.most_sources);
-    }
-    label(&ui.painter_at(room), room.min + Vec2::splat(12.0), Align2::LEFT_TOP, text);
+    lines
 }
 
-const HELP: [(&str, &str); 22] = [
-    ("Left drag", "orbit around the point in the middle"),
-    ("Right drag", "look around"),
-    ("Middle drag", "move sideways"),
-    ("Wheel", "nearer or farther"),
-    ("W A S D, Q E", "fly, down and up; with Shift faster"),
-    ("Double click, F", "turn to a point of the surface and orbit around it"),
-    ("Click", "see why a pixel looks as it does"),
-    ("1 to 9, 0", "what is shown"),
-    ("Left, Right", "the view before, the next view"),
-    ("R", "back to the first view"),
-    ("C", "show the scene's cameras"),
-    ("K, Space", "add a keyframe, play the camera path"),
-    ("P", "write a screenshot"),
-    ("Escape", "leave the tool; select nothing; close the pixel and the split view"),
-    ("X", "edit the model"),
-    ("Shift, Ctrl or Alt", "add to the selection, take away from it"),
-    ("Ctrl+A, Ctrl+I", "select all, select the others"),
-    ("Delete", "delete the selected Gaussians"),
-    ("H, Shift+H", "hide the selected ones, show all"),
-    ("L, Shift+L", "lock the selected ones, unlock all"),
-    ("Enter", "end the polygon"),
-    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
-];
+/// The colours of numbers of visible source photos.
+fn legend(painter: &Painter, at: Pos2, most: u32) {
+    let text = |text: String| painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
+    let entries: Vec<_> = (0..=most)
+        .map(|count| {
+            let [r, g, b] = visibility_color(count, MOST_VISIBLE);
+            (Color32::from_rgb(r, g, b), text(count.to_string()))
+        })
+        .collect();
+    let title = text("visible source photos".to_owned());
+    let (height, gap) = (title.size().y, 6.0);
+    let width = |number: f32| height + number + 3.0 * gap;
+    let all = title.size().x + entries.iter().map(|(_, number)| width(number.size().x)).sum::<f32>();
+    let room = Rect::from_min_size(at, Vec2::new(all, height));
+    painter.rect_filled(room.expand(4.0), 3.0, Color32::from_black_alpha(GROUND));
+    let mut x = at.x + title.size().x + 2.0 * gap;
+    painter.galley(at, title, Color32::WHITE);
+    for (color, number) in entries {
+        let patch = Rect::from_min_size(Pos2::new(x, at.y), Vec2::splat(height)).shrink(1.0);
+        painter.rect(patch, 2.0, color, Stroke::new(1.0, Color32::WHITE), StrokeKind::Inside);
+        let after = x + width(number.size().x);
+        painter.galley(Pos2::new(x + height + gap, at.y), number, Color32::WHITE);
+        x = after;
+    }
+}
 
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
     let mut open = viewer.panels.shows_help;
@@ -186,7 +197,7 @@ fn help(viewer: &mut Viewer, ui: &mut Ui) {
         ui.ctx(),
         |ui| {
             egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-                for (key, what) in HELP {
+                for (key, what) in keys::help() {
                     ui.strong(key);
                     ui.label(what);
                     ui.end_row();

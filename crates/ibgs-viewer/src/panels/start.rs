@@ -1,7 +1,7 @@
 //! The start page, and opening things.
 
 use crate::OpenRequest;
-use crate::dialogs::{Answer, Sought, native};
+use crate::dialogs::{Answer, Sought};
 use crate::photos_form;
 use crate::recents::Recent;
 use crate::thumbnails::paint;
@@ -39,7 +39,9 @@ pub fn chosen(viewer: &mut Viewer) {
         Some(Answer::Chosen(Sought::Photos | Sought::Video, path)) => viewer.start.ask_about_photos(path),
         Some(Answer::Chosen(Sought::ModelFolder | Sought::ModelFile, path)) => viewer.open(OpenRequest::Path(path)),
         Some(Answer::NoDialog) => {
-            viewer.error = Some("this system shows no file dialog; type the path on the start page".to_owned());
+            viewer.error = Some("no file dialog here; type the path".to_owned());
+            viewer.start.show();
+            viewer.start.finds_address = true;
         }
         None => {}
     }
@@ -52,13 +54,13 @@ fn dialogs(viewer: &mut Viewer, ui: &mut Ui) {
         ui.menu_button("Open a model...", |ui| {
             for (name, sought) in [("Model folder", Sought::ModelFolder), ("Bundle or file", Sought::ModelFile)] {
                 if ui.button(name).clicked() {
-                    dialog.ask(sought, ui.ctx(), native);
+                    dialog.open(sought, ui.ctx());
                     ui.close();
                 }
             }
         });
         if ui.button("Train on a scene...").clicked() {
-            dialog.ask(Sought::Scene, ui.ctx(), native);
+            dialog.open(Sought::Scene, ui.ctx());
             ui.close();
         }
     });
@@ -94,6 +96,10 @@ fn address(viewer: &mut Viewer, ui: &mut Ui) {
         let field = ui.add(field).labelled_by(label).on_hover_text(
             "A model folder, an .ibgs bundle or a PLY file to look at; a scene folder (COLMAP or transforms.json) to train on; photos or a video to find poses of",
         );
+        if std::mem::take(&mut viewer.start.finds_address) {
+            field.request_focus();
+            field.scroll_to_me(None);
+        }
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let path = address.path();
         let clicked = ui.add_enabled(path.is_some(), egui::Button::new("Open")).clicked();
@@ -217,8 +223,8 @@ fn photos(viewer: &mut Viewer, ui: &mut Ui) {
         shown.response.scroll_to_me(None);
     }
     match shown.inner {
-        Some(photos_form::Asked::BrowsePhotos) => viewer.start.dialog.ask(Sought::Photos, ui.ctx(), native),
-        Some(photos_form::Asked::BrowseVideo) => viewer.start.dialog.ask(Sought::Video, ui.ctx(), native),
+        Some(photos_form::Asked::BrowsePhotos) => viewer.start.dialog.open(Sought::Photos, ui.ctx()),
+        Some(photos_form::Asked::BrowseVideo) => viewer.start.dialog.open(Sought::Video, ui.ctx()),
         Some(photos_form::Asked::Prepare(wanted)) => viewer.prepare(wanted),
         Some(photos_form::Asked::Stop) => viewer.stop_preparing(),
         None => {}
@@ -241,7 +247,7 @@ fn form(viewer: &mut Viewer, ui: &mut Ui) {
         form.response.scroll_to_me(None);
     }
     match form.inner {
-        Some(Asked::Browse) => viewer.start.dialog.ask(Sought::Scene, ui.ctx(), native),
+        Some(Asked::Browse) => viewer.start.dialog.open(Sought::Scene, ui.ctx()),
         Some(Asked::Open(wanted)) => viewer.open(wanted),
         None => {}
     }

@@ -6,6 +6,9 @@ use glam::{DVec2, DVec3};
 use ibgs_core::camera::{Camera, usable_extent};
 use ibgs_core::median;
 
+/// Share of the points that may lie below the ground.
+const OUTLIERS: f64 = 0.02;
+
 /// The largest part of a room with this ratio of width and height, in its middle and of whole pixels, so that a picture of that
 /// size stays sharp.
 pub fn fitted(room: Rect, ratio: f32, pixels_per_point: f32) -> Rect {
@@ -35,6 +38,14 @@ pub fn middle(points: impl Iterator<Item = DVec3> + Clone) -> (DVec3, f64) {
     (center, usable_extent(extent))
 }
 
+/// The point below or above `center` at the height where the lowest points lie, a few outliers aside; none without points.
+pub fn lowest(points: impl Iterator<Item = DVec3>, up: DVec3, center: DVec3) -> Option<DVec3> {
+    let mut heights: Vec<f64> = points.map(|point| (point - center).dot(up)).filter(|z| z.is_finite()).collect();
+    heights.sort_by(f64::total_cmp);
+    let height = heights.get((heights.len() as f64 * OUTLIERS) as usize)?;
+    Some(center + up * *height)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,6 +62,16 @@ mod tests {
             let corners = [image.left(), image.top(), image.right(), image.bottom()].map(|place| place * pixels);
             assert!(corners.iter().all(|place| (place - place.round()).abs() < 1e-3), "{corners:?}");
         }
+    }
+
+    #[test]
+    fn the_ground_is_where_most_points_end() {
+        let up = DVec3::NEG_Y;
+        let points = (0..1000).map(|i| DVec3::new(f64::from(i), -f64::from(i % 100) / 10.0, 5.0));
+        let outliers = [DVec3::new(0.0, 500.0, 0.0), DVec3::NAN];
+        let ground = lowest(points.chain(outliers), up, DVec3::new(7.0, -3.0, 1.0)).unwrap();
+        assert!(ground.abs_diff_eq(DVec3::new(7.0, -0.1, 1.0), 0.11), "{ground}");
+        assert_eq!(lowest(std::iter::empty(), up, DVec3::ZERO), None);
     }
 
     #[test]

@@ -45,8 +45,8 @@ impl Viewer {
         if let Some(view) = value("view").and_then(|text| text.parse().ok()) {
             self.stand_on(view);
         } else if let Some(navigator) = self.linked(&value) {
-            self.navigator = navigator;
             self.has_moved();
+            self.navigator = navigator;
         }
         let mode = value("mode").and_then(|word| Mode::ALL.into_iter().find(|mode| mode.word() == word));
         // It may need what has not been rendered yet; what cannot be shown is left later.

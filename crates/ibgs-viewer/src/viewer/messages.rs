@@ -1,6 +1,6 @@
 //! Messages from the worker.
 
-use super::framing::middle;
+use super::framing::{lowest, middle};
 use super::{End, Found, Panels, Trained, Viewer};
 use crate::Scene;
 use crate::edit::Edit;
@@ -96,6 +96,7 @@ impl Viewer {
         self.message = scene.note.clone().or(self.message.take());
         self.photos_up = up_axis(cameras());
         self.navigator.up = self.photos_up;
+        self.ground = lowest(scene.points.iter().map(|point| point.position), self.photos_up, self.center);
         let middle = if scene.views.is_empty() { self.center } else { mean };
         self.edit = Edit::of(&scene, middle, self.extent);
         (self.training, self.opening) = (progress.map(Trained::new), false);
@@ -105,8 +106,11 @@ impl Viewer {
         self.lacks_final = false;
         (self.coming, self.clicked) = (None, None);
         (self.share.shown, self.thumbnails) = (false, Thumbnails::default());
-        self.panels =
-            Panels { always_sharp: self.panels.always_sharp, only_frame: self.panels.only_frame, ..Panels::default() };
+        self.panels = Panels {
+            only_frame: self.panels.only_frame,
+            shows_settings: self.panels.shows_settings,
+            ..Panels::default()
+        };
         self.canvas.clear();
         self.reset();
         if let Some(link) = self.link.take() {

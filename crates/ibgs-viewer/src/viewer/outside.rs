@@ -2,11 +2,12 @@
 
 use super::Viewer;
 use crate::Scene;
+use crate::dialogs::Dialog;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl Viewer {
     /// What the canvas shows.
@@ -71,7 +72,17 @@ impl Viewer {
 
     /// Whether a resting camera's image has the full size, however long it takes.
     pub fn show_always_sharp(&mut self, on: bool) {
-        self.panels.always_sharp = on;
+        self.settings.always_sharp = on;
+    }
+
+    /// Shows or hides the settings.
+    pub fn show_settings(&mut self, shown: bool) {
+        self.panels.shows_settings = shown;
+    }
+
+    /// What is asked in place of the system's file dialogs.
+    pub fn set_file_dialog(&mut self, pick: impl Fn() -> Option<PathBuf> + Send + Sync + 'static) {
+        self.start.dialog = Dialog::new(move |_| pick());
     }
 
     /// Shows or hides the camera path.

@@ -23,6 +23,7 @@ impl WorkerState {
             // Pending work of a training would count towards the frame's time.
             self.gpu.wait()?;
         }
+        work.background = request.background;
         let Some((renderer, iteration)) = work.shown() else { return Ok(()) };
         let start = Instant::now();
         let presenter = match &mut work.presenter {
@@ -44,6 +45,7 @@ impl WorkerState {
         let looks =
             looks.frames(&renderer, &request.camera, request.looks, |frame, look| present(frame, Some(look))).await?;
         let time = start.elapsed();
+        let most_seen = frame.most_visible_async().await?;
         let depths = if request.with_range { frame.depth_async().await? } else { None };
         let further: usize = renderer.members().iter().map(|member| member.splats().len()).sum();
         let facts = ModelFacts {
@@ -51,10 +53,12 @@ impl WorkerState {
             is_loading: renderer.stream().is_some_and(Stream::is_waiting),
             sources: renderer.part().map(|part| part.cameras.clone()),
             most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
+            most_seen,
         };
         let range = depths.as_ref().map(|depths| usual_range(depths));
         let (frame, depths, memory) = (Arc::new(frame), depths.map(Arc::from), self.memory(work));
-        let whole = Rendered { frame, range, depths, looks, time, facts, memory, iteration };
+        let background = request.background;
+        let whole = Rendered { frame, range, depths, looks, background, time, facts, memory, iteration };
         self.send(Message::Rendered(Box::new(whole)));
         Ok(())
     }

@@ -23,6 +23,8 @@ pub struct Request {
     pub with_range: bool,
     /// Render these looks beside the image.
     pub looks: [bool; Look::ALL.len()],
+    /// The colour behind the Gaussians; none: that of the model.
+    pub background: Option<[f32; 3]>,
 }
 
 /// Where a frame's picture goes.
@@ -82,8 +84,10 @@ pub struct ModelFacts {
     pub is_loading: bool,
     /// Cameras of the source photos; none without a residual network.
     pub sources: Option<Arc<[Camera]>>,
-    /// Most sources that a pixel uses.
+    /// Most sources that a pixel can use.
     pub most_sources: u32,
+    /// Most sources that a pixel of this frame sees; none without a residual network.
+    pub most_seen: Option<u32>,
 }
 
 /// A finished frame.
@@ -96,6 +100,8 @@ pub struct Rendered {
     pub depths: Option<Arc<[f32]>>,
     /// The same view in other looks, where they were asked for.
     pub looks: [Option<Arc<Frame>>; Look::ALL.len()],
+    /// The colour that was asked for behind the Gaussians.
+    pub background: Option<[f32; 3]>,
     /// From the request to the end of the GPU's work.
     pub time: Duration,
     /// What the model has.

@@ -1,25 +1,21 @@
 //! What the editor draws over the image, and what the pointer does there.
 
-use super::keys::how;
 use crate::edit::{Edit, Picture, Tool, places};
-use crate::marks::Onto;
+use crate::marks::{self, Onto};
 use crate::viewer::Viewer;
 use eframe::egui::{
-    Color32, CursorIcon, Key, Mesh, Modifiers, Painter, PointerButton, Pos2, Rect, Response, Sense, Shape, Stroke,
+    Color32, CursorIcon, InputState, Mesh, Painter, PointerButton, Pos2, Rect, Response, Sense, Shape, Stroke,
     StrokeKind, Ui, Vec2,
 };
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;
-use ibgs_core::edit::{CropBox, Editor, UP, box_edges};
-use ibgs_core::similarity::Similarity;
+use ibgs_core::edit::{Combine, CropBox, Editor, UP, box_edges};
 
 /// Colour of what is selected and of the box.
 const SELECTED: Color32 = Color32::from_rgb(255, 120, 20);
 const BOX: Color32 = Color32::from_rgb(255, 220, 90);
 const AXES: [Color32; 3] =
     [Color32::from_rgb(235, 70, 70), Color32::from_rgb(90, 200, 90), Color32::from_rgb(90, 140, 255)];
-/// Lines of the ground on each side of its middle.
-const GRID: f64 = 10.0;
 /// Most selected Gaussians that are marked.
 const MOST_MARKS: usize = 30_000;
 /// Radius of a handle in points, and of what can be grabbed around it.
@@ -41,8 +37,7 @@ pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
         }
         painter.add(Shape::mesh(mesh));
     }
-    let is_placing = matches!(viewer.edit.tool, Some(Tool::Length | Tool::Ground));
-    if is_placing || *editor.placement() != Similarity::IDENTITY {
+    if viewer.edit.shows_ground() {
         draw_placing(&viewer.edit, editor, painter, onto, viewer.extent);
     }
     if let (Some(Tool::Box), Some(crop)) = (viewer.edit.tool, &viewer.edit.crop) {
@@ -58,18 +53,11 @@ pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
 /// The ground of the file and its axes: x red, y green, z blue; and the points that were clicked.
 fn draw_placing(edit: &Edit, editor: &Editor, painter: &Painter, onto: &Onto, extent: f64) {
     let scene = editor.placement().inverse();
-    let unit = 10_f64.powf((extent * editor.placement().scale).log10().floor());
+    let unit = marks::grid_unit(extent * editor.placement().scale);
     let middle = editor.placement().point(edit.middle);
     let at = |x: f64, z: f64| scene.point(DVec3::new(x, 0.0, z));
     let corner = (DVec2::new(middle.x, middle.z) / unit).round() * unit;
-    let half = GRID * unit;
-    for step in -(GRID as i32)..=GRID as i32 {
-        let along = f64::from(step) * unit;
-        let line = Stroke::new(1.0, Color32::from_white_alpha(70));
-        let (x, z) = (corner.x, corner.y);
-        onto.line(painter, [at(x + along, z - half), at(x + along, z + half)], line);
-        onto.line(painter, [at(x - half, z + along), at(x + half, z + along)], line);
-    }
+    marks::grid(painter, onto, unit, |x, z| at(corner.x + x, corner.y + z));
     for (axis, color) in DVec3::AXES.into_iter().zip(AXES) {
         for stroke in outlined(color) {
             onto.line(painter, [DVec3::ZERO, axis * unit].map(|end| scene.point(end)), stroke);
@@ -137,8 +125,7 @@ fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image:
     if !response.is_pointer_button_down_on() {
         done = edit.release(&picture);
     }
-    let ends = || ui.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Enter));
-    if tool == Tool::Polygon && edit.polygon.len() > 2 && ends() {
+    if std::mem::take(&mut edit.ends_polygon) && edit.can_close_polygon() {
         done = done.and_then(|()| edit.close_polygon(how, &picture));
     }
     // With the ground orbits turn about what is up now.
@@ -147,6 +134,17 @@ fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image:
     }
     *error = done.err().map(str::to_owned).or(error.take());
     shape(edit, tool, &ui.painter_at(image), pointer);
+}
+
+/// How a selection counts: by the keys that are held, else as the panel says.
+fn how(input: &InputState, usual: Combine) -> Combine {
+    let removes = input.modifiers.ctrl || input.modifiers.command || input.modifiers.alt;
+    match (input.modifiers.shift, removes) {
+        (true, true) => Combine::Intersect,
+        (true, false) => Combine::Add,
+        (false, true) => Combine::Remove,
+        (false, false) => usual,
+    }
 }
 
 /// What the tool has drawn so far.

@@ -2,6 +2,7 @@
 
 use super::tools;
 use crate::edit::{Edit, Tool};
+use crate::settings::Unit;
 use crate::viewer::Viewer;
 use eframe::egui::{Button, DragValue, Response, Ui};
 use glam::{DMat3, DQuat, DVec3, EulerRot};
@@ -13,28 +14,30 @@ const ORDER: EulerRot = EulerRot::XYZ;
 /// Tools, the measured length, and the placement in numbers. Nothing moves in the window: the axes of the file are drawn where
 /// they will be.
 pub fn placing(viewer: &mut Viewer, ui: &mut Ui) {
-    let (extent, edit) = (viewer.extent, &mut viewer.edit);
+    let (extent, unit, edit) = (viewer.extent, viewer.settings.unit, &mut viewer.edit);
     ui.label("What is saved is moved, turned and scaled, with its cameras. The grid is the ground of the file.");
     let tool = tools(edit, &Tool::PLACING, ui);
     if tool == Some(Tool::Length) {
-        length(edit, ui);
+        length(edit, unit, ui);
     }
     numbers(edit, extent, ui);
 }
 
 /// The measured length, and what it is in truth.
-fn length(edit: &mut Edit, ui: &mut Ui) {
-    let Some(measured) = edit.length() else { return };
+fn length(edit: &mut Edit, unit: Unit, ui: &mut Ui) {
+    let Some(measured) = edit.length().map(|length| length * unit.per_file_unit()) else { return };
     ui.horizontal_wrapped(|ui| {
         ui.label("measured");
-        ui.strong(format!("{measured:.4}"));
+        ui.strong(format!("{measured:.4}{}", unit.sign()));
     });
     ui.horizontal_wrapped(|ui| {
         ui.label("is in truth");
         let least = f64::MIN_POSITIVE;
-        ui.add(
-            DragValue::new(&mut edit.true_length).range(least..=f64::INFINITY).speed(0.002 * measured).max_decimals(4),
-        );
+        let mut length = edit.true_length * unit.per_file_unit();
+        let value = DragValue::new(&mut length).range(least..=f64::INFINITY).speed(0.002 * measured).max_decimals(4);
+        if ui.add(value.suffix(unit.sign())).changed() {
+            edit.true_length = length / unit.per_file_unit();
+        }
         if ui.button("Set scale").on_hover_text("Scale the model so that it is").clicked() {
             edit.set_length();
         }
