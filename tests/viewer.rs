@@ -10,6 +10,7 @@ mod open;
 mod path;
 mod photos;
 mod pixel;
+mod settings;
 mod share;
 mod train;
 

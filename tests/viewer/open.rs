@@ -76,7 +76,7 @@ fn asking(model: &Path, first: Option<Outcome>) -> Window {
 
 /// What the program stores from one start to the next.
 #[derive(Default)]
-struct Stored(HashMap<String, String>);
+pub(super) struct Stored(pub HashMap<String, String>);
 
 impl Storage for Stored {
     fn get_string(&self, key: &str) -> Option<String> {

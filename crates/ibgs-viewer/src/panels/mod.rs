@@ -133,7 +133,7 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
         }
     }
     let mut lines = if viewer.panels.hides_figures { Vec::new() } else { figures(viewer) };
-    if viewer.shows(Mode::needs_network) && viewer.canvas.last().is_some_and(|last| last.facts.most_seen == Some(0)) {
+    if viewer.shows(Mode::needs_network) && viewer.lacks_sources() {
         lines.push("no photo near: base image".to_owned());
     }
     let mut at = room.min + Vec2::splat(12.0);

@@ -19,6 +19,11 @@ impl Viewer {
         (mode.needs_photo() && !has_photo()).then_some("The camera stands on no view with a photo")
     }
 
+    /// Whether a model with a network shows a frame in which no pixel sees a source photo: its final image is the base.
+    pub fn lacks_sources(&self) -> bool {
+        self.canvas.last().is_some_and(|last| last.facts.most_seen == Some(0))
+    }
+
     /// Whether the model and the camera's place have what a mode shows.
     pub fn offers(&self, mode: Mode) -> bool {
         self.lacks(mode).is_none()
