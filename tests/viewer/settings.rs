@@ -88,7 +88,7 @@ fn speed_and_view_angle_are_those_of_the_settings() {
 #[test]
 fn a_grid_lies_on_the_ground() {
     let folder = tempfile::tempdir().unwrap();
-    let mut picture = |settings: &str| canvas(&mut with(settings, plain(folder.path())));
+    let picture = |settings: &str| canvas(&mut with(settings, plain(folder.path())));
     assert!(picture("()") == picture("()"));
     assert!(picture("()") != picture("(shows_ground:true)"));
 }
