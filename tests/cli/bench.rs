@@ -63,7 +63,8 @@ fn a_run_is_compared_with_an_earlier_one() {
     let compared = outcome.stdout.split("before ms").nth(1).unwrap();
     for work in Work::ALL {
         let line = compared.lines().find(|line| line.starts_with(work.title())).unwrap();
-        let numbers: Vec<f64> = line[50..].split_whitespace().map(|number| number.parse().unwrap()).collect();
+        let numbers = line[work.title().len()..].split_whitespace().map(|number| number.parse().unwrap());
+        let numbers: Vec<f64> = numbers.collect();
         assert!(matches!(numbers[..], [before, now, ratio] if (now / before - ratio).abs() < 0.02), "{line}");
     }
     assert!(compared.contains("300 Gaussians, 20 x 12, 2 sources, K = 2: not measured before"), "{outcome}");

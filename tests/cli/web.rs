@@ -32,7 +32,7 @@ fn with_module() -> Sandbox {
 #[test]
 fn a_model_becomes_a_folder_for_browsers() {
     let sandbox = with_module();
-    sandbox.fails("export model --web page", &["ibgs_web.js is missing", "docs/browser.md", "--module"]);
+    sandbox.fails("export model --web page", &["ibgs_web.js is missing", "crates/ibgs-web/build.sh", "--module"]);
     assert!(!sandbox.path("page").exists());
     sandbox.succeeds("export model --web page --module module");
     sandbox.succeeds("export model -o small.ibgs --quality 90");

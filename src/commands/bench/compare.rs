@@ -32,7 +32,7 @@ pub fn print(before: &Report, now: &Report) {
         match partner(before, configuration) {
             None => stdout!("{}: not measured before", title(configuration)),
             Some(earlier) => {
-                stdout!("{:<50} {:>10} {:>10} {:>7}", title(configuration), "before ms", "now ms", "ratio");
+                stdout!("{:<56} {:>10} {:>10} {:>7}", title(configuration), "before ms", "now ms", "ratio");
                 for timing in &configuration.timings {
                     if let Some(earlier) = earlier.timing(timing.work) {
                         print_timing(earlier, timing);
@@ -46,7 +46,7 @@ pub fn print(before: &Report, now: &Report) {
 fn print_timing(before: &Timing, now: &Timing) {
     let row = |name: &str, before: f64, now: f64| {
         let ratio = Some(now / before).filter(|ratio| ratio.is_finite()).map_or("-".to_owned(), |r| format!("{r:.2}"));
-        stdout!("{name:<50} {before:>10.4} {now:>10.4} {ratio:>7}");
+        stdout!("{name:<56} {before:>10.4} {now:>10.4} {ratio:>7}");
     };
     row(now.work.title(), before.ms, now.ms);
     row("  one after the other without waiting", before.in_a_row_ms, now.in_a_row_ms);
