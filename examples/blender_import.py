@@ -23,6 +23,7 @@ SENSOR = 36.0  # millimetres
 SIGMAS = 3.0  # radius of an ellipsoid in standard deviations
 SH_DEGREE_0 = 0.28209479177387814  # value of the constant spherical harmonic
 LEAST_OPACITY = 0.02
+NEEDED = "x y z opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 f_dc_0 f_dc_1 f_dc_2".split()
 
 
 def read_gaussians(path):
@@ -34,12 +35,18 @@ def read_gaussians(path):
     lines = data[:end].decode("ascii").splitlines()
     if "format binary_little_endian 1.0" not in lines:
         sys.exit(f"{path}: only binary little-endian PLY files are read")
-    names = [line.split()[2] for line in lines if line.startswith("property float ")]
-    count = next(int(line.split()[2]) for line in lines if line.startswith("element vertex "))
+    properties = [line.split()[1:] for line in lines if line.startswith("property ")]
+    others = [name for kind, *_, name in properties if kind != "float"]
+    if others:
+        sys.exit(f"{path}: the property `{others[0]}` is no float, so these are no Gaussians")
+    names = [name for _, name in properties]
+    count = next((int(line.split()[2]) for line in lines if line.startswith("element vertex ")), 0)
+    if len(data) < end + len(b"end_header\n") + 4 * count * len(names):
+        sys.exit(f"{path}: ends before its {count} vertices do")
     offsets = [line.split()[2:5] for line in lines if line.startswith("comment offset ")]
     values = np.frombuffer(data, "<f4", count * len(names), end + len(b"end_header\n")).reshape(count, len(names))
     offset = np.array(offsets[0], float) if offsets else np.zeros(3)
-    missing = {"x", "opacity", "scale_0", "rot_0", "f_dc_0"} - set(names)
+    missing = set(NEEDED) - set(names)
     if missing:
         sys.exit(f"{path}: has no {', '.join(sorted(missing))}, so these are no Gaussians")
     return {name: values[:, i] for i, name in enumerate(names)}, offset
@@ -52,7 +59,8 @@ def linear(srgb):
 
 
 def add_cameras(records, photos, origin):
-    """A camera for each view, at its place less the origin, and its photo behind it."""
+    """A camera for each view, at its place less the origin, and its photo behind it. Returns them by the photos' names."""
+    made = {}
     collection = bpy.data.collections.new("cameras")
     bpy.context.scene.collection.children.link(collection)
     for record in records:
@@ -61,20 +69,22 @@ def add_cameras(records, photos, origin):
         camera.sensor_fit = "HORIZONTAL"
         camera.sensor_width = SENSOR
         camera.lens = record["fx"] * SENSOR / width
-        # In parts of the width; the principal point is measured from the upper left corner.
+        # In parts of the width; the principal point is measured from the upper left corner. Pixels need not be square.
         camera.shift_x = 0.5 - record.get("cx", width / 2) / width
-        camera.shift_y = (record.get("cy", height / 2) - height / 2) / width
+        camera.shift_y = (record.get("cy", height / 2) - height / 2) / width * record["fx"] / record["fy"]
         camera.display_size = 0.1
         thing = bpy.data.objects.new(record["img_name"], camera)
         # Columns: right, down, ahead; Blender's cameras look along -z and have y up.
         axes = Matrix(record["rotation"]) @ Matrix.Diagonal((1, -1, -1))
         thing.matrix_world = Matrix.Translation(np.array(record["position"]) - origin) @ axes.to_4x4()
         collection.objects.link(thing)
+        made[record["img_name"]] = thing
         photo = photos / record["img_name"] if photos else None
         if photo and photo.is_file():
             behind = camera.background_images.new()
             behind.image = bpy.data.images.load(str(photo), check_existing=True)
             camera.show_background_images = True
+    return made
 
 
 def material():
@@ -187,7 +197,7 @@ def add_gaussians(path, most, origin):
     return len(kept), len(opacity)
 
 
-def set_scene(record, samples):
+def set_scene(record, camera, samples):
     """The view's camera and size, and what Cycles needs to see through many Gaussians."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -198,8 +208,10 @@ def set_scene(record, samples):
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = record["width"], record["height"]
     scene.render.resolution_percentage = 100
-    scene.render.pixel_aspect_y = record["fx"] / record["fy"]
-    scene.camera = bpy.data.objects[record["img_name"]]
+    # Blender takes no aspect under 1.
+    aspect = record["fx"] / record["fy"]
+    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = max(1 / aspect, 1), max(aspect, 1)
+    scene.camera = camera
     world = bpy.data.worlds.new("black")
     world.color = (0, 0, 0)
     scene.world = world
@@ -221,21 +233,24 @@ def main(arguments):
     if not clouds or not cameras.is_file():
         sys.exit(f"{args.model}: no folder that `ibgs train` wrote; cameras.json or point_cloud/ is missing")
     records = json.loads(cameras.read_text())
+    if not records:
+        sys.exit(f"{cameras}: has no cameras")
     bpy.ops.wm.read_factory_settings(use_empty=True)
     # Blender computes in float32: scenes far from the origin are brought near to it.
     places = np.array([record["position"] for record in records])
     extent = max(np.ptp(places, axis=0).max(), 1e-9)
     origin = np.round(places.mean(axis=0)) if np.abs(places).max() > 1e3 * extent else np.zeros(3)
-    add_cameras(records, args.photos, origin)
+    things = add_cameras(records, args.photos, origin)
     cloud = max(clouds, key=lambda path: int(path.parent.name.rsplit("_", 1)[1]))
-    shown, there = add_gaussians(cloud, args.most, origin)
-    print(f"{len(records)} cameras, {shown} of {there} Gaussians")
+    count, there = add_gaussians(cloud, args.most, origin)
+    print(f"{len(records)} cameras, {count} of {there} Gaussians")
     if origin.any():
         print("moved by", *(f"{-value:.0f}" for value in origin))
     views = {record["img_name"]: record for record in records}
     if args.render and args.render not in views:
         sys.exit(f"{args.model}: no view `{args.render}`; they are named like `{records[0]['img_name']}`")
-    set_scene(views[args.render] if args.render else records[0], args.samples)
+    shown = views[args.render] if args.render else records[0]
+    set_scene(shown, things[shown["img_name"]], args.samples)
     if args.save:
         bpy.ops.wm.save_as_mainfile(filepath=str(args.save.resolve()))
     if args.render:

@@ -140,7 +140,7 @@ fn session(error: &SessionError) -> Option<String> {
         SessionError::Stopped { saved: None, checkpoint: Some(iteration), folder, .. } => {
             Some(format!("training stopped; {} continues from iteration {iteration}", resume(folder)))
         }
-        SessionError::OnlyCheckpoint { folder: Some(folder), .. } => {
+        SessionError::OnlyCheckpoint { folder, .. } => {
             Some(format!("{} continues from here, but not everything was saved and measured", resume(folder)))
         }
         _ => None,
@@ -310,7 +310,7 @@ mod tests {
         let large = |what| GpuError::TooLarge { what, bytes: 9, limit: 8 };
         let only_checkpoint = SessionError::OnlyCheckpoint {
             iteration: 7,
-            folder: Some(path()),
+            folder: path(),
             source: Box::new(GpuError::OutOfMemory { what: "planes", bytes: 9 }.into()),
         };
         let cases: [(anyhow::Error, &[&str]); 16] = [

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the viewer's module for browsers; `build.sh --help` says more.
 set -euo pipefail
+CALLED_FROM=$PWD
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
 TARGET=wasm32-unknown-unknown
@@ -48,7 +49,9 @@ bindgen() {
         fi
     done
     say "building wasm-bindgen $1, the version of Cargo.lock" >&2
-    cargo install wasm-bindgen-cli --version "$1" --root "$BUILDS/wasm-bindgen" >&2 ||
+    # A mirror of crates.io may lack a version that the program's own lock file names.
+    local install=(cargo install wasm-bindgen-cli --version "$1" --root "$BUILDS/wasm-bindgen")
+    "${install[@]}" --locked >&2 || "${install[@]}" >&2 ||
         fail "wasm-bindgen $1 could not be built; run \`cargo install wasm-bindgen-cli --version $1\`"
     echo "$BUILDS/wasm-bindgen/bin/wasm-bindgen"
 }
@@ -60,8 +63,10 @@ case "${1:-}" in
         ;;
     -*) fail "unknown option $1; see --help" ;;
     '') ;;
-    *) FOLDER=$1 ;;
+    /*) FOLDER=$1 ;;
+    *) FOLDER=$CALLED_FROM/$1 ;;
 esac
+(($# <= 1)) || fail "one folder is enough; see --help"
 
 add_target
 version=$(awk '$0 == "name = \"wasm-bindgen\"" { getline; gsub(/[^0-9.]/, ""); print; exit }' Cargo.lock)

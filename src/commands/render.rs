@@ -94,9 +94,15 @@ pub fn run(args: &Args) -> Result<()> {
     }
     // EXR files have the exact values.
     let harmonics = if args.exr { Harmonics::Full } else { args.model.precision.of_colors() };
-    let base_alone = !args.outputs.is_empty() && !args.outputs.iter().any(|output| output.needs_network());
-    let photos = if base_alone { Photos::Unused } else { Photos::Needed };
-    let mut model = ModelArgs { harmonics, photos, ..args.model.clone() }.open().map_err(with_way_out)?;
+    let photos = match &args.outputs[..] {
+        [] => Photos::Needed,
+        outputs if outputs.iter().any(|output| output.needs_network()) => Photos::Needed,
+        // The surface is found as with the network, where that is there.
+        outputs if outputs.iter().any(|output| output.needs_surface()) => Photos::IfThere,
+        _ => Photos::Unused,
+    };
+    let opened = ModelArgs { harmonics, photos, ..args.model.clone() }.open();
+    let mut model = if photos == Photos::Needed { opened.map_err(with_way_out)? } else { opened? };
     let outputs = if args.outputs.is_empty() { Output::of(&model.renderer) } else { args.outputs.clone() };
     if let Some(output) = outputs.iter().find(|o| o.needs_network() && model.renderer.part().is_none()) {
         let name = output.name();

@@ -338,7 +338,8 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Ar
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
         }
         Err(error) => {
-            let shown = if model.config.method == Method::Ibgs { "the base image is shown" } else { "it is shown" };
+            let lacks_final = model.config.method == Method::Ibgs && model.renderer.part().is_none();
+            let shown = if lacks_final { "the base image is shown" } else { "it is shown" };
             let said = format!("{shown} without photos of the views: {}", advice::sentence(&error.into()));
             stderr!("note: {said}");
             note = Some(said);

@@ -188,7 +188,6 @@ pub fn full_screen(ctx: &Context) {
 /// Takes the keys that were pressed, so that they do nothing else.
 pub fn keys(viewer: &mut Viewer, ctx: &Context) {
     let over_picture = !viewer.start.shown && viewer.scene.is_some() && !ctx.egui_wants_keyboard_input();
-    let focused = ctx.memory(|memory| memory.focused().is_some());
     let (alt, has_menu) = (ctx.input(|input| input.modifiers.alt), Popup::is_any_open(ctx));
     if viewer.leaving.is_some() || alt {
         return;
@@ -200,10 +199,12 @@ pub fn keys(viewer: &mut Viewer, ctx: &Context) {
             Scope::Files => over_picture && !IN_BROWSER,
             Scope::Editor => over_picture && viewer.edit.shown && viewer.training.is_none(),
         };
-        // A widget that was reached by Tab takes these itself, and a menu is closed by Escape.
-        let others = focused && matches!(row.key, Key::Space | Key::ArrowLeft | Key::ArrowRight)
-            || has_menu && row.key == Key::Escape;
-        if counts && !others && (row.when)(viewer) && ctx.input_mut(|input| input.consume_key(row.modifiers, row.key)) {
+        let closes_menu = has_menu && row.key == Key::Escape;
+        if counts
+            && !closes_menu
+            && (row.when)(viewer)
+            && ctx.input_mut(|input| input.consume_key(row.modifiers, row.key))
+        {
             (row.act)(viewer, ctx);
         }
     }

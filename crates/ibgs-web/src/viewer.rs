@@ -71,6 +71,11 @@ impl Viewer {
         self.runner.app_mut::<ibgs_viewer::Viewer>().is_some_and(|viewer| viewer.has_picture())
     }
 
+    /// The sentence of an error that the viewer shows.
+    pub fn error(&self) -> Option<String> {
+        self.runner.app_mut::<ibgs_viewer::Viewer>()?.error().map(str::to_owned)
+    }
+
     /// Camera and mode as text for a link; `undefined` while nothing is open.
     pub fn link(&self) -> Option<String> {
         self.runner.app_mut::<ibgs_viewer::Viewer>()?.link()

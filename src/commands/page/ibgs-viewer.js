@@ -142,13 +142,22 @@ class IbgsViewer extends HTMLElement {
     this.viewer = viewer;
     if (this.place) this.viewer.followLink(this.place);
     this.pulse ??= setInterval(() => this.look(), PULSE);
-    if (isStart) this.picture().then(() => this.getAttribute("state") === "loading" && this.setAttribute("state", "base"));
+    if (isStart) {
+      const begun = () => this.getAttribute("state") === "loading" && this.setAttribute("state", "base");
+      // What fails is reported once all is there.
+      this.picture().then(begun, () => {});
+    }
     return true;
   }
 
   /** Waits for the first picture, up to which the poster stays. */
   async picture() {
-    while (this.viewer && !this.viewer.isLost() && !this.viewer.hasPicture()) {
+    while (!this.viewer.hasPicture()) {
+      const error = this.viewer.isLost() ? "The browser has taken the GPU away." : this.viewer.error();
+      if (error) {
+        if (this.poster) this.poster.remove();
+        throw new Error(error);
+      }
       await new Promise(resolve => setTimeout(resolve, 50));
     }
     if (this.poster) this.poster.remove();

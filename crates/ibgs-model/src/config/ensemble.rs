@@ -7,7 +7,8 @@ use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwi
 const MOST: u32 = 8;
 /// Bases where none are asked for.
 const USUAL: u32 = 2;
-/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done.
+/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done. A
+/// chain may have as many in any case.
 const MEMBER_ITERATIONS: u32 = 7_000;
 /// Length of a chain of MCMC, at most, in iterations of the run at full rates: 200 visits of each photo where those are 163. Its
 /// rates do not fall in a longer run.
@@ -50,11 +51,9 @@ impl TrainConfig {
         if is_chain {
             member.densify.strategy = Strategy::Mcmc;
         }
-        let most = match self.learning_rates.factor.filter(|_| is_chain) {
-            Some(factor) => (CHAIN_LENGTH * factor * f64::from(self.iterations())).round() as u32,
-            None if is_chain => u32::MAX,
-            None => MEMBER_ITERATIONS,
-        };
+        let full = self.learning_rates.factor.unwrap_or(1.0) * f64::from(self.iterations());
+        let chain = (CHAIN_LENGTH * full).round() as u32;
+        let most = if is_chain { chain.max(MEMBER_ITERATIONS) } else { MEMBER_ITERATIONS };
         member.iterations = Some(self.iterations().min(most));
         member
     }
@@ -142,6 +141,9 @@ mod tests {
         assert_eq!(length(30_000, 57), [11_400, 30_000]);
         assert_eq!(length(30_000, 17), [8_589, 30_000]);
         assert_eq!(length(30_000, 1_000), [30_000; 2]);
+        let mut slow = ensemble(6, 2);
+        slow.learning_rates.factor = Some(1e-5);
+        assert_eq!(slow.of_member(4).iterations(), MEMBER_ITERATIONS);
     }
 
     #[test]

@@ -305,12 +305,12 @@ impl SessionBuilder {
     }
 }
 
-/// Says so where a software adapter will take long.
+/// Says so where a software adapter will take long, before the first iteration.
 fn warn_of_time(forecast: &Forecast, done: u32, gpu: &Gpu, dataset: &Dataset, observer: &mut dyn Observer) {
     let pixels: usize = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels()).sum();
     let cores = std::thread::available_parallelism().map_or(1, Into::into);
     let seconds = forecast.on_software(done, pixels as f64 / dataset.train.len().max(1) as f64, cores);
-    if gpu.is_software() && seconds >= LONG {
+    if done == 0 && gpu.is_software() && seconds >= LONG {
         observer.event(&Event::Slow { adapter: &gpu.info.name, seconds });
     }
 }

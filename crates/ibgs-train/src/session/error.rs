@@ -58,8 +58,8 @@ pub enum SessionError {
     OnlyCheckpoint {
         /// Iteration of the checkpoint.
         iteration: u32,
-        /// The model folder; none: nothing is written.
-        folder: Option<PathBuf>,
+        /// The model folder.
+        folder: PathBuf,
         /// What failed.
         source: Box<SessionError>,
     },

@@ -54,7 +54,13 @@ impl Session {
             result => result,
         };
         if due.save || due.evaluate {
-            settle(self.adopt_cameras().map_err(SessionError::from), observer)?;
+            let adopted = self.adopt_cameras().map_err(SessionError::from);
+            let has_cameras = adopted.is_ok();
+            settle(adopted, observer)?;
+            // Gaussians never stand beside the cameras of an earlier iteration.
+            if !has_cameras {
+                return Ok(());
+            }
         }
         if due.save {
             // Wait for a checkpoint that is being written: on a small disk its temporary file could take the space
@@ -184,9 +190,9 @@ impl Session {
         let save = self.folder.as_ref().is_some_and(|folder| !folder.point_cloud_path(iteration).is_file());
         let evaluate = self.records.evaluations.last().is_none_or(|last| last.iteration != iteration);
         let done = self.do_due(Due { save, evaluate, ends: true, ..Due::default() }, observer);
-        match &kept {
-            Ok(()) if !is_whole => {
-                let folder = self.folder.as_ref().map(|folder| folder.root().to_owned());
+        match (&kept, &self.folder) {
+            (Ok(()), Some(folder)) if !is_whole => {
+                let folder = folder.root().to_owned();
                 done.map_err(|error| SessionError::OnlyCheckpoint { iteration, folder, source: Box::new(error) })?
             }
             _ => done?,

@@ -81,7 +81,7 @@ fn the_last_save_must_not_fail() {
     fs::remove_dir_all(other.root().join("point_cloud")).unwrap();
     fs::write(other.root().join("point_cloud"), "in the way").unwrap();
     let error = stopped.finish(&mut ()).unwrap_err();
-    let SessionError::OnlyCheckpoint { iteration: 5, folder: Some(at), .. } = &error else { panic!("{error}") };
+    let SessionError::OnlyCheckpoint { iteration: 5, folder: at, .. } = &error else { panic!("{error}") };
     assert_eq!(at, other.root());
     assert!(other.checkpoint_path(5).is_file());
 }
