@@ -59,7 +59,7 @@ static TABLE: [Row; 27] = [
     }),
     Row {
         when: |viewer| !viewer.start.shown && viewer.edit.editor.is_some(),
-        ..row(Scope::Window, CTRL, Key::S, "saves the edited model", |viewer, _| viewer.save_edited())
+        ..row(Scope::Window, CTRL, Key::S, "saves the edited model", |viewer, _| _ = viewer.save_edited())
     },
     row(Scope::Window, NONE, Key::F11, "shows the window on the full screen, and no more", |_, ctx| full_screen(ctx)),
     row(
@@ -187,7 +187,7 @@ pub fn full_screen(ctx: &Context) {
 
 /// Takes the keys that were pressed, so that they do nothing else.
 pub fn keys(viewer: &mut Viewer, ctx: &Context) {
-    let over_picture = !viewer.start.shown && viewer.scene.is_some() && !ctx.egui_wants_keyboard_input();
+    let over_picture = viewer.takes_keys(ctx);
     let (alt, has_menu) = (ctx.input(|input| input.modifiers.alt), Popup::is_any_open(ctx));
     if viewer.leaving.is_some() || alt {
         return;
@@ -231,12 +231,19 @@ pub fn flight(ctx: &Context) -> DVec3 {
 }
 
 impl Viewer {
-    /// Saves what is left of an edited model.
-    pub(crate) fn save_edited(&mut self) {
-        let Some(command) = self.scene.as_ref().and_then(|scene| self.edit.save(scene)) else { return };
+    /// Whether keys are for the picture: nothing else is shown or takes them.
+    pub(crate) fn takes_keys(&self, ctx: &Context) -> bool {
+        let is_alone = !self.start.shown && self.scene.is_some() && self.leaving.is_none();
+        is_alone && !ctx.egui_wants_keyboard_input()
+    }
+
+    /// Begins to save what is left of an edited model, where there is one.
+    pub(crate) fn save_edited(&mut self) -> bool {
+        let Some(command) = self.scene.as_ref().and_then(|scene| self.edit.save(scene)) else { return false };
         self.error = None;
         self.doing = Some("saving the model".to_owned());
         self.send(command);
+        true
     }
 }
 

@@ -8,21 +8,21 @@ use std::fmt;
 /// Iterations of the default strategy at full rates.
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
 /// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
-const VISITS_AT_FULL_RATES: f64 = 163.0;
+pub(super) const VISITS_AT_FULL_RATES: f64 = 163.0;
 
 /// Most visits of each photo with the residual: a network that sees each photo more often learns them by heart.
 const VISITS_WITH_RESIDUAL: u32 = 250;
 
 /// Length of a run of the default strategy.
-struct Length {
+pub(super) struct Length {
     /// Visits of each photo.
-    visits: u32,
+    pub visits: u32,
     least: u32,
     most: u32,
 }
 
 /// That of most runs.
-const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
+pub(super) const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
 /// That of two bases, but for photos with alpha: what the first one has in fewer iterations, the mean makes good in half of the time.
 const LENGTH_OF_TWO: Length = Length { visits: 130, least: 5_000, most: 11_000 };
 

@@ -1,5 +1,6 @@
 //! Ensembles: several bases, whose mean is the base image.
 
+use super::adapt::{USUAL_LENGTH, VISITS_AT_FULL_RATES};
 use super::check::Check;
 use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwitch};
 
@@ -10,9 +11,6 @@ const USUAL: u32 = 2;
 /// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done. A
 /// chain may have as many in any case.
 const MEMBER_ITERATIONS: u32 = 7_000;
-/// Length of a chain of MCMC, at most, in iterations of the run at full rates: 200 visits of each photo where those are 163. Its
-/// rates do not fall in a longer run.
-const CHAIN_LENGTH: f64 = 200.0 / 163.0;
 /// What the seeds of two members differ by.
 const SEED_STEP: u64 = 0x9e37_79b9;
 
@@ -51,8 +49,9 @@ impl TrainConfig {
         if is_chain {
             member.densify.strategy = Strategy::Mcmc;
         }
+        // A chain's rates do not fall in a longer run, so it has the visits of each photo of a usual one at most.
         let full = self.learning_rates.factor.unwrap_or(1.0) * f64::from(self.iterations());
-        let chain = (CHAIN_LENGTH * full).round() as u32;
+        let chain = (f64::from(USUAL_LENGTH.visits) / VISITS_AT_FULL_RATES * full).round() as u32;
         let most = if is_chain { chain.max(MEMBER_ITERATIONS) } else { MEMBER_ITERATIONS };
         member.iterations = Some(self.iterations().min(most));
         member

@@ -224,8 +224,7 @@ impl Loaded {
         }
         let (folder, lock) = builder.open_folder(&config, &dataset, observer)?.unzip();
         let forecast = Forecast::new(&config, if gpu.is_software() { Device::Processor } else { Device::Gpu });
-        let done = builder.stopped.as_ref().map_or(0, |stopped| stopped.checkpoint().iteration());
-        warn_of_time(&forecast, done, gpu, &dataset, observer);
+        builder.warn_of_time(&forecast, gpu, &dataset, observer);
         let init = config.init.clone().filter(|_| start.is_some());
         let prepared = Preparation { init, ..preparation(&dataset, &config, folder.as_ref(), &needs) };
         observer.event(&Event::Prepared(&prepared));
@@ -303,15 +302,18 @@ impl SessionBuilder {
         session.adopt_cameras()?;
         Ok(session)
     }
-}
 
-/// Says so where a software adapter will take long, before the first iteration.
-fn warn_of_time(forecast: &Forecast, done: u32, gpu: &Gpu, dataset: &Dataset, observer: &mut dyn Observer) {
-    let pixels: usize = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels()).sum();
-    let cores = std::thread::available_parallelism().map_or(1, Into::into);
-    let seconds = forecast.on_software(done, pixels as f64 / dataset.train.len().max(1) as f64, cores);
-    if done == 0 && gpu.is_software() && seconds >= LONG {
-        observer.event(&Event::Slow { adapter: &gpu.info.name, seconds });
+    /// Says so where a software adapter will take long, of a training that begins.
+    fn warn_of_time(&self, forecast: &Forecast, gpu: &Gpu, dataset: &Dataset, observer: &mut dyn Observer) {
+        if self.stopped.is_some() || !gpu.is_software() {
+            return;
+        }
+        let pixels: usize = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels()).sum();
+        let cores = std::thread::available_parallelism().map_or(1, Into::into);
+        let seconds = forecast.on_software(pixels as f64 / dataset.train.len().max(1) as f64, cores);
+        if seconds >= LONG {
+            observer.event(&Event::Slow { adapter: &gpu.info.name, seconds });
+        }
     }
 }
 

@@ -90,9 +90,9 @@ impl Forecast {
         self.members.iter().map(|member| member.between(done, until)).sum()
     }
 
-    /// Seconds that a software adapter needs for the iterations after `done`, of photos with so many pixels, on so many cores.
-    pub fn on_software(&self, done: u32, pixels: f64, cores: usize) -> f64 {
-        self.work(done, self.iterations) * pixels * SOFTWARE / cores.clamp(1, MOST_CORES) as f64
+    /// Seconds that a software adapter needs for the whole training, of photos with so many pixels, on so many cores.
+    pub fn on_software(&self, pixels: f64, cores: usize) -> f64 {
+        self.work(0, self.iterations) * pixels * SOFTWARE / cores.clamp(1, MOST_CORES) as f64
     }
 
     /// Counts an iteration that took so long. The first one, and that of a new stage, do not count: kernels are compiled in them.
@@ -167,7 +167,7 @@ mod tests {
         }
         let jumps = told.windows(2).map(|pair| pair[1].0 - pair[0].0);
         assert!(jumps.fold(0.0, f64::max) < 1.0, "no stage makes the time jump up");
-        let before = Forecast::new(&config, Device::Processor).on_software(0, 160.0 * 120.0, 2);
+        let before = Forecast::new(&config, Device::Processor).on_software(160.0 * 120.0, 2);
         assert!((before / 24.2 - 1.0).abs() < 0.25, "{before} s before it begins");
     }
 

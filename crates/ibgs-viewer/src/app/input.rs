@@ -14,7 +14,7 @@ const SPEED: f64 = 0.3;
 impl Viewer {
     /// Flies as long as a key for that is held.
     pub(super) fn fly(&mut self, ui: &Ui) {
-        if self.start.shown || self.scene.is_none() || self.leaving.is_some() || ui.ctx().egui_wants_keyboard_input() {
+        if !self.takes_keys(ui.ctx()) {
             return;
         }
         let way = flight(ui.ctx());

@@ -62,11 +62,10 @@ impl Viewer {
     pub(crate) fn answered(&mut self, answer: Answer, ctx: &Context) {
         match answer {
             Answer::Save => {
-                let save = self.scene.as_ref().and_then(|scene| self.edit.save(scene));
-                if let (Some(save), Some(leaving)) = (save, &mut self.leaving) {
+                if self.save_edited()
+                    && let Some(leaving) = &mut self.leaving
+                {
                     leaving.saving = true;
-                    (self.error, self.doing) = (None, Some("saving the model".to_owned()));
-                    self.send(save);
                 }
             }
             Answer::Discard => self.go_on(ctx),
