@@ -5,13 +5,16 @@ use super::report::{Report, costs};
 use crate::progress::{Bars, bar, spinner};
 use crate::stderr;
 use crate::stdout;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, ValueEnum};
 use ibgs_core::camera::Camera;
+use ibgs_core::config::TrainConfig;
 use ibgs_core::dataset::{Dataset, View};
 use ibgs_core::eval::fitted::fitted_views;
 use ibgs_core::eval::scores::{Scores, protocol, score_test_views};
+use ibgs_core::eval::true_cameras::TrueCameras;
 use ibgs_core::eval::{Cache, PASSES, Perceptual, Score, ViewScores, frames_per_second};
+use ibgs_core::model::load_scene;
 use ibgs_core::output::REPORT_FILE;
 use ibgs_core::output::figures::{Figures, SPEED_FILE, TIME_FILE};
 use ibgs_core::output::results::{Protocol, ViewScore, means};
@@ -28,6 +31,15 @@ pub enum LpipsRange {
     Signed,
     /// Left in 0..1, as in published figures of Gaussian splatting.
     Published,
+}
+
+impl From<LpipsRange> for InputRange {
+    fn from(range: LpipsRange) -> Self {
+        match range {
+            LpipsRange::Signed => Self::Signed,
+            LpipsRange::Published => Self::Published,
+        }
+    }
 }
 
 const EXAMPLES: &str = "\
@@ -50,6 +62,10 @@ pub struct Args {
     /// Also fit the camera of each held-out view to its own photo, and report the PSNR from there apart: PSNR_fitted_pose.
     #[arg(long)]
     fit_poses: bool,
+    /// Also render the held-out views with the cameras that this scene has for their photos, after the similarity that fits
+    /// the model's training cameras to its own, and report the PSNR there apart: PSNR_true_cameras.
+    #[arg(long, value_name = "SCENE")]
+    true_cameras: Option<PathBuf>,
     /// HTML file for the report: figures, curves and pictures [default: MODEL/report.html].
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -67,14 +83,12 @@ pub fn run(args: &Args) -> Result<()> {
     if dataset.test.is_empty() {
         bail!("the scene has no held-out views; train with `--eval`");
     }
-    let range = match args.lpips_range {
-        LpipsRange::Signed => InputRange::Signed,
-        LpipsRange::Published => InputRange::Published,
-    };
+    let truth = args.true_cameras.as_ref();
+    let truth = truth.map(|scene| true_cameras(&model.config, &dataset, scene)).transpose()?;
     // Measured first, so that the memory of LPIPS does not count as the model's.
     let cameras: Vec<Camera> = dataset.test.iter().map(|&i| dataset.views[i].camera).collect();
     let speed = speed(&model, &cameras, photo_bytes(&model, &dataset.path))?;
-    let lpips = |weights| Lpips::new(model.renderer.gpu().clone(), &weights, range, BAND_BYTES);
+    let lpips = |weights| Lpips::new(model.renderer.gpu().clone(), &weights, args.lpips_range.into(), BAND_BYTES);
     let lpips = weights.map(lpips).transpose()?;
     let table = Table {
         with_final: model.renderer.part().is_some(),
@@ -100,16 +114,30 @@ pub fn run(args: &Args) -> Result<()> {
     protocol.lpips = lpips.as_ref().map(|lpips| lpips.range().describe().to_owned());
     scores.write(&model.folder, model.iteration, &protocol)?;
     model.folder.write_result(model.iteration, SPEED_FILE, speed)?;
+    let there = truth.map(|truth| score_true_cameras(&model, &truth)).transpose()?.flatten();
     let figures = Figures::read(&model.folder, model.iteration)?;
     stdout!();
     let costs = costs(figures.speed.as_ref(), figures.time.as_ref());
     let width = costs.iter().map(|(name, _)| name.chars().count()).max().unwrap_or_default();
     costs.iter().for_each(|(name, value)| stdout!("{name:<width$}  {value}"));
     stdout!();
-    for note in notes(&model, &dataset, &scores, &protocol)? {
-        stdout!("{note}");
-    }
+    notes(&model, &dataset, &scores, &protocol)?.iter().chain(&there).for_each(|note| stdout!("{note}"));
     write_report(args, &model, &dataset, &figures)
+}
+
+/// The held-out views where another scene has their cameras.
+fn true_cameras(config: &TrainConfig, dataset: &Dataset, scene: &Path) -> Result<TrueCameras> {
+    let truth = load_scene(config, scene, &Bars::default())?;
+    TrueCameras::new(dataset, truth).context("option `--true-cameras`")
+}
+
+/// Scores these; the sentence about them.
+fn score_true_cameras(model: &OpenModel, truth: &TrueCameras) -> Result<Option<String>> {
+    let bar = bar("measuring at the true cameras", truth.dataset.test.len());
+    let scores = score_test_views(&model.renderer, &truth.dataset, &model.config, None, None, &mut |_, _| bar.inc(1))?;
+    bar.finish_and_clear();
+    truth.write(&scores, &model.folder, model.iteration)?;
+    Ok(truth.sentence(&scores))
 }
 
 /// Means of the views that have scores; none without any.

@@ -7,7 +7,7 @@ use ibgs_data::camera::Camera;
 use ibgs_data::camera_change::CameraChange;
 use ibgs_data::dataset::{LoadOptions, View, load, median_depth};
 use ibgs_data::matching::adjust_to_photos;
-use ibgs_data::similarity::Similarity;
+use ibgs_data::similarity::{CameraErrors, Similarity};
 use rand::{Rng, SeedableRng};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -47,18 +47,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds = start.elapsed().as_secs_f64();
     let missed = |cameras: &[Camera]| {
         let pairs: Vec<_> = truth.iter().copied().zip(cameras.iter().copied()).collect();
-        let frame = Similarity::fit(&pairs);
-        let mut sum = [0.0; 3];
-        for (from, to) in &pairs {
-            let (angle, distance) = frame.residual(from, to);
-            let each = [
-                angle.to_degrees(),
-                100.0 * distance / depth(from) / frame.scale,
-                100.0 * (to.focal.x / from.focal.x - 1.0),
-            ];
-            sum = std::array::from_fn(|i| sum[i] + each[i] / pairs.len() as f64);
-        }
-        sum
+        let CameraErrors { degrees, distance, focal } = Similarity::fit(&pairs).errors(&pairs, depth);
+        [degrees, distance, focal]
     };
     let long = tracks.iter().filter(|track| track.seen.len() > 2).count();
     println!(

@@ -18,6 +18,17 @@ pub struct Similarity {
     pub translation: DVec3,
 }
 
+/// Mean errors of cameras against the true ones, apart from a similarity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CameraErrors {
+    /// Of the orientations, in degrees.
+    pub degrees: f64,
+    /// Of the places, in per cent of the distance to what the cameras show.
+    pub distance: f64,
+    /// Of the focal lengths, in per cent.
+    pub focal: f64,
+}
+
 impl Similarity {
     /// Leaves everything where it is.
     pub const IDENTITY: Self = Self { scale: 1.0, rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
@@ -46,6 +57,21 @@ impl Similarity {
         let moved = self.camera(from);
         let turn = DQuat::from_mat3(&(to.view_from_world * moved.view_from_world.transpose()));
         (2.0 * turn.w.abs().min(1.0).acos(), moved.center().distance(to.center()))
+    }
+
+    /// By how much the second camera of each pair misses the image of the first, the true one, on average. `distance` is that of the
+    /// first to what it shows. Photos of the second may have another size.
+    pub fn errors(&self, pairs: &[(Camera, Camera)], distance: impl Fn(&Camera) -> f64) -> CameraErrors {
+        let count = pairs.len().max(1) as f64;
+        pairs.iter().fold(CameraErrors::default(), |sum, (from, to)| {
+            let (angle, miss) = self.residual(from, to);
+            let lens = (to.focal / from.resized(to.width, to.height).focal - 1.0).abs().max_element();
+            CameraErrors {
+                degrees: sum.degrees + angle.to_degrees() / count,
+                distance: sum.distance + 100.0 * miss / (self.scale * distance(from)) / count,
+                focal: sum.focal + 100.0 * lens / count,
+            }
+        })
     }
 
     fn weighted(pairs: &[(Camera, Camera)], weights: &[f64]) -> Self {
@@ -151,6 +177,27 @@ mod tests {
             assert!(found.rotation.abs_diff_eq(truth.rotation, tolerance), "{found:?}");
             assert!(found.translation.abs_diff_eq(truth.translation, 5.0 * tolerance), "{found:?}");
         }
+    }
+
+    #[test]
+    fn errors_of_cameras_are_apart_from_the_similarity() {
+        let truth = turned();
+        let pair = |(i, camera): (usize, Camera)| {
+            let there = truth.camera(&camera).resized(80, 60);
+            // Every second camera is turned about its centre by a degree, shifted by 0.17, and has a lens that is 2 % too long.
+            let turn = CameraChange { rotation: DVec3::Y * 1_f64.to_radians(), ..CameraChange::default() };
+            let turned = there.changed(&turn);
+            let translation = -(turned.view_from_world * there.center()) + 0.17 * DVec3::Z;
+            (camera, if i % 2 == 1 { Camera { translation, focal: 1.02 * there.focal, ..turned } } else { there })
+        };
+        let pairs: Vec<_> = cameras().into_iter().enumerate().map(pair).collect();
+        // Ten of 21; 0.17 units there are 0.1 here, which is 5 % of two.
+        let part = 10.0 / 21.0;
+        let CameraErrors { degrees, distance, focal } = truth.errors(&pairs, |_| 2.0);
+        assert!((degrees - part).abs() < 1e-6, "{degrees}");
+        assert!((distance - 5.0 * part).abs() < 1e-9, "{distance}");
+        assert!((focal - 2.0 * part).abs() < 1e-9, "{focal}");
+        assert_eq!(truth.errors(&[], |_| 2.0), CameraErrors::default());
     }
 
     #[test]

@@ -3,6 +3,7 @@
 pub mod fit_pose;
 pub mod fitted;
 pub mod scores;
+pub mod true_cameras;
 
 pub use crate::score::Score;
 
