@@ -64,12 +64,13 @@ impl Sandbox {
         self.work.path().join(name)
     }
 
-    /// The tiny demo as a nerfstudio scene in `scene/`.
+    /// The tiny demo as a nerfstudio scene in `scene/`, without what the photos have of the points.
     fn with_scene() -> (Self, Dataset) {
         let sandbox = Self::new();
         let dataset = ibgs_demo::load(&tiny_demo(), Some(sandbox.home.path()), &()).unwrap();
         assert!(dataset.notes.is_empty(), "{:?}", dataset.notes);
         fs::rename(&dataset.path, sandbox.path("scene")).unwrap();
+        fs::remove_dir_all(sandbox.path("scene/colmap")).unwrap();
         (sandbox, dataset)
     }
 

@@ -1,13 +1,14 @@
-//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`), with masks of walkers in
-//! `walkers/`.
+//! The demo scene on disk: a nerfstudio scene folder (`transforms.json`, `images/`, `points3D.ply`), with what the photos have of the
+//! points in `colmap/sparse/0/` and masks of walkers in `walkers/`.
 //!
 //! Only the photos are read back: poses and points follow from the options. Each file is written to a temporary name
 //! and renamed, so an interrupted run leaves whole files, which the next run keeps.
 
 use super::{VERSION, view_name};
 use glam::DVec3;
+use ibgs_data::adjust::{Seen, Track};
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::{Photo, Point};
+use ibgs_data::dataset::{Photo, Point, colmap_text};
 use ibgs_data::files::write_atomically;
 use ibgs_data::progress::Progress;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
@@ -19,6 +20,9 @@ use std::sync::{Mutex, PoisonError};
 
 /// The file that lists the photos.
 const LISTING: &str = "transforms.json";
+
+/// The COLMAP model beside it, as nerfstudio has it.
+const MODEL: &str = "colmap/sparse/0";
 
 /// What the cache holds for one photo.
 enum Found {
@@ -145,9 +149,19 @@ impl Cache {
         self.write(name, &png)
     }
 
-    /// Writes `transforms.json` and `points3D.ply` unless they are there already; the error is a note.
-    pub fn describe(&self, options: &impl Serialize, cameras: &[Camera], points: &[Point]) -> Result<(), String> {
+    /// Writes `transforms.json`, `points3D.ply` and the COLMAP model of the tracks unless they are there already; the error is a note.
+    pub fn describe(
+        &self,
+        options: &impl Serialize,
+        cameras: &[Camera],
+        (points, tracks): (&[Point], &[Track]),
+    ) -> Result<(), String> {
         self.write(PathBuf::from("points3D.ply"), &ply(points))?;
+        let names: Vec<String> = (0..cameras.len()).map(|index| view_name(index, cameras.len())).collect();
+        let photos = names.iter().map(String::as_str).zip(cameras);
+        for (name, text) in colmap_text(photos, &tracked(points, tracks)) {
+            self.write(Path::new(MODEL).join(name), text.as_bytes())?;
+        }
         self.list(options, cameras)
     }
 
@@ -243,6 +257,16 @@ fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
     let columns = [world_from_view.x_axis, -world_from_view.y_axis, -world_from_view.z_axis, camera.center()];
     let row = |pick: fn(DVec3) -> f64| columns.map(pick);
     [row(|c| c.x), row(|c| c.y), row(|c| c.z), [0.0, 0.0, 0.0, 1.0]]
+}
+
+/// The points that have tracks, in the order of both, with their places as [`ply`] has them.
+fn tracked(points: &[Point], tracks: &[Track]) -> Vec<(Point, Vec<Seen>)> {
+    let mut points = points.iter();
+    let place = |track: &Track| {
+        let point = points.find(|point| Some(point.position) == track.position)?;
+        Some((Point { position: point.position.as_vec3().as_dvec3(), ..*point }, track.seen.clone()))
+    };
+    tracks.iter().filter_map(place).collect()
 }
 
 /// Points as a binary PLY: `x y z` float32 in metres, `red green blue` uint8.

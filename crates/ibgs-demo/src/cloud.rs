@@ -15,8 +15,15 @@ const OUTLIERS: f64 = 0.02;
 /// lie on the surface: mirror images in curved surfaces lie close behind it.
 const KEPT_ON_MIRRORS: f64 = 0.25;
 
+/// An initial point.
+pub(super) struct Found {
+    pub point: Point,
+    /// The view in which it was found, and the place on a surface that it stands for, where that looks the same from everywhere.
+    pub surface: Option<(usize, DVec3)>,
+}
+
 /// Points seen in random pixels of the training photos, with the colour of that pixel.
-pub(super) fn points(scene: &Scene, (count, seed): (usize, u64), views: &[View], train: &[usize]) -> Vec<Point> {
+pub(super) fn points(scene: &Scene, (count, seed): (usize, u64), views: &[View], train: &[usize]) -> Vec<Found> {
     (0..count)
         .into_par_iter()
         .map(|index| {
@@ -31,14 +38,16 @@ pub(super) fn points(scene: &Scene, (count, seed): (usize, u64), views: &[View],
         .collect()
 }
 
-fn outlier(scene: &Scene, random: &mut Stream) -> Point {
+fn outlier(scene: &Scene, random: &mut Stream) -> Found {
     let place = DVec3::new(random.signed(), random.signed(), random.signed());
     let color = random.bits().to_le_bytes();
-    Point { position: scene.center() + place * scene.half(), color: [color[0], color[1], color[2]] }
+    let point = Point { position: scene.center() + place * scene.half(), color: [color[0], color[1], color[2]] };
+    Found { point, surface: None }
 }
 
-fn surface_point(scene: &Scene, random: &mut Stream, views: &[View], train: &[usize]) -> Option<Point> {
-    let view = &views[train[random.below(train.len())]];
+fn surface_point(scene: &Scene, random: &mut Stream, views: &[View], train: &[usize]) -> Option<Found> {
+    let number = train[random.below(train.len())];
+    let view = &views[number];
     let x = random.below(view.camera.width as usize);
     let y = random.below(view.camera.height as usize);
     let keep = random.uniform() < KEPT_ON_MIRRORS;
@@ -50,5 +59,7 @@ fn surface_point(scene: &Scene, random: &mut Stream, views: &[View], train: &[us
     let pixel = (y * view.camera.width as usize + x) * 4;
     let photo = view.photo.pixels().ok()?;
     let rgba = &photo.rgba[pixel..pixel + 4];
-    Some(Point { position: ray.at(hit.t) + noise, color: [rgba[0], rgba[1], rgba[2]] })
+    let point = Point { position: ray.at(hit.t) + noise, color: [rgba[0], rgba[1], rgba[2]] };
+    let surface = (!is_view_dependent(hit.id)).then(|| (number, ray.at(hit.t)));
+    Some(Found { point, surface })
 }

@@ -16,12 +16,13 @@ mod shape;
 mod street;
 mod texture;
 mod trace;
+mod tracks;
 mod walkers;
 
 use cache::Cache;
 use glam::DVec3;
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::{Dataset, DatasetError, Photo, PointsFrom, View};
+use ibgs_data::dataset::{Dataset, DatasetError, Photo, Point, PointsFrom, View};
 use ibgs_data::progress::Progress;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -204,8 +205,10 @@ impl Traced<'_> {
         let view = |((name, camera), photo): (_, Photo)| View { name, camera, photo: photo.into() };
         let views: Vec<View> = wanted.into_iter().zip(photos).map(view).collect();
         let (test, train): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|index| index % TEST_EVERY == 0);
-        let points = cloud::points(self.scene, self.points, &views, &train);
-        notes.extend(trouble.or_else(|| self.cache.describe(options, &self.cameras, &points).err()));
+        let found = cloud::points(self.scene, self.points, &views, &train);
+        let tracks = tracks::tracks(self.scene, &self.cameras, &found, self.points.1);
+        let points: Vec<Point> = found.into_iter().map(|found| found.point).collect();
+        notes.extend(trouble.or_else(|| self.cache.describe(options, &self.cameras, (&points, &tracks)).err()));
         Dataset {
             path: self.cache.path(),
             views,
@@ -216,6 +219,7 @@ impl Traced<'_> {
             extent: None,
             backdrop: None,
             glossy: None,
+            made_tracks: tracks.into(),
             loaded_checksum: None,
             notes,
         }

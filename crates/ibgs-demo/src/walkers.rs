@@ -10,11 +10,13 @@ use super::texture::ROOM_HALF;
 use super::trace::{render_in, walker_pixels};
 use super::{DemoError, DemoOptions, load};
 use glam::DVec2;
+use ibgs_data::adjust::{Seen, Track};
 use ibgs_data::camera::Camera;
 use ibgs_data::dataset::{Dataset, Photo};
 use ibgs_data::progress::Progress;
 use serde::Serialize;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Heights of walkers in metres: the cameras look down, and taller ones would lose their heads.
 const HEIGHTS: [f64; 2] = [1.0, 1.3];
@@ -106,6 +108,7 @@ pub fn walkers(
         masks[walker.view] = Some(WalkerMask::new(&shown, &*view.photo.pixels()?, &photo));
         view.photo = photo.into();
     }
+    dataset.made_tracks = shown_tracks(&dataset.made_tracks, &masks);
     let trouble = trouble.or_else(|| fill_folder(&cache, options, &dataset, &masks).err());
     dataset.notes.extend(trouble.filter(|trouble| !dataset.notes.contains(trouble)));
     dataset.path = cache.path();
@@ -132,7 +135,20 @@ fn fill_folder(
         }
     }
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
-    cache.describe(options, &cameras, &dataset.points)
+    cache.describe(options, &cameras, (&dataset.points, &dataset.made_tracks))
+}
+
+/// The tracks without what walkers hide.
+fn shown_tracks(tracks: &[Track], masks: &[Option<WalkerMask>]) -> Arc<[Track]> {
+    let is_shown = |seen: &&Seen| {
+        let hides = |mask: &WalkerMask| {
+            let [x, y] = seen.pixel.to_array().map(|at| at as usize);
+            mask.pixels[y * mask.width as usize + x] == WalkerPixel::Figure
+        };
+        !masks[seen.view].as_ref().is_some_and(hides)
+    };
+    let shown = |track: &Track| Track { seen: track.seen.iter().filter(is_shown).copied().collect(), ..*track };
+    tracks.iter().map(shown).filter(|track| track.seen.len() > 1).collect()
 }
 
 /// Where the walker of a photo stands.

@@ -11,11 +11,12 @@ fn cache_round_trip_is_a_scene_folder() {
         let meta = std::fs::metadata(first.path.join(name)).expect("cached file");
         meta.modified().expect("time stamp")
     };
-    let before = ["images/view_003.png", "transforms.json", "points3D.ply"].map(stamp);
+    let files = ["images/view_003.png", "transforms.json", "points3D.ply", "colmap/sparse/0/images.txt"];
+    let before = files.map(stamp);
     let second = load(&tiny(), cache.path());
     assert_same(&first, &second);
     assert!(second.notes.is_empty(), "{:?}", second.notes);
-    assert_eq!(before, ["images/view_003.png", "transforms.json", "points3D.ply"].map(stamp));
+    assert_eq!(before, files.map(stamp));
 
     let text = std::fs::read_to_string(first.path.join("transforms.json")).expect("transforms.json");
     let json: serde_json::Value = serde_json::from_str(&text).expect("valid JSON");

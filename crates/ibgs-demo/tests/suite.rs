@@ -4,6 +4,7 @@
 
 mod cache;
 mod scene;
+mod tracks;
 mod walkers;
 
 use ibgs_data::dataset::Dataset;

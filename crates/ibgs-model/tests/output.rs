@@ -36,6 +36,7 @@ pub fn dataset() -> Dataset {
         extent: None,
         backdrop: None,
         glossy: None,
+        made_tracks: Default::default(),
         loaded_checksum: None,
         points_from: PointsFrom::Scene,
         path: "scene".into(),

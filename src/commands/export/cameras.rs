@@ -11,7 +11,7 @@ pub fn write(args: &Args, folder: &Path) -> Result<String> {
     refuse_taken(folder, args.overwrite)?;
     let model = args.model.read()?;
     let photos = model.cameras.iter().map(|record| (record.name.as_str(), &record.camera));
-    for (name, text) in colmap_text(photos) {
+    for (name, text) in colmap_text(photos, &[]) {
         write_atomically(&folder.join(name), |out| out.write_all(text.as_bytes()))?;
     }
     Ok(format!("{} written, cameras of {} photos", folder.display(), model.cameras.len()))

@@ -76,6 +76,7 @@ fn load_scene(
         extent: options.extent,
         backdrop: None,
         glossy: None,
+        made_tracks: Arc::default(),
         loaded_checksum: None,
         notes: std::mem::take(&mut scene.notes),
     };

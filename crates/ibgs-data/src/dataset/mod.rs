@@ -49,11 +49,13 @@ pub use points::thinned;
 pub use shown::{median_depth, shown};
 pub use tracks::Observations;
 
+use crate::adjust::Track;
 use crate::camera::Camera;
 use crate::local_space::LocalSpace;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The formats of scenes, in the order in which they are asked.
 const LOADERS: [&dyn Loader; 7] = [
@@ -167,6 +169,8 @@ pub struct Dataset {
     pub backdrop: Option<(Alpha, [u8; 3])>,
     /// Which pixels of a view, row by row, show something glossy or mirror-like: of a scene that was made and so is known.
     pub glossy: Option<fn(&Camera) -> Vec<bool>>,
+    /// Which photos have which points, views by their numbers in `views`: of a scene that was made and so is known.
+    pub made_tracks: Arc<[Track]>,
     /// The checksum of the scene as it was loaded, where its cameras were changed since.
     pub loaded_checksum: Option<u32>,
     /// What the user should know: rescaled intrinsics, skipped photos, random points ...
@@ -193,6 +197,7 @@ impl Dataset {
             train: (0..some.len()).collect(),
             test: Vec::new(),
             views: some,
+            made_tracks: Arc::default(),
             loaded_checksum: None,
             ..self.clone()
         })

@@ -7,6 +7,7 @@
 
 mod lists;
 
+use super::colmap::Colmap;
 use super::decode::photo_size;
 use super::error::{DatasetError, read_json};
 use super::format::not_a_scene;
@@ -16,7 +17,7 @@ use super::masks::MaskFinder;
 use super::names::{Photo, PhotoFolders, RelativeTo, inside};
 use super::photos::{AbsoluteNames, ListedPhoto};
 use super::split::StatedSplit;
-use super::{LoadOptions, Loader, Scene, SceneKind};
+use super::{LoadOptions, Loader, Observations, Scene, SceneKind};
 use glam::DVec2;
 use lists::Lists;
 use serde::Deserialize;
@@ -231,6 +232,17 @@ impl Loader for Transforms {
         // Depths and normals lie among Blender's photos.
         let beside = if of_objects { Beside::Nowhere } else { Beside::SameFolders };
         Ok(Scene { missing, point_files, split, beside, of_objects, notes, ..Scene::new(kind, listing, frames) })
+    }
+
+    /// Those of the COLMAP model that nerfstudio keeps beside its file. There names begin within the folder of the photos.
+    fn observations(&self, scene: &Path, options: &LoadOptions) -> Result<Observations, DatasetError> {
+        let root = super::root(scene);
+        if !Colmap::Nerfstudio.is_scene(root) {
+            return Ok(Observations::default());
+        }
+        let mut observations = Colmap::Nerfstudio.observations(root, options)?;
+        observations.photos.iter_mut().for_each(|photo| photo.name.insert_str(0, "images/"));
+        Ok(observations)
     }
 }
 

@@ -37,17 +37,28 @@ fn loaded(lens: &Lens, camera: &Camera, pixel: DVec2) -> Option<DVec2> {
 }
 
 impl Dataset {
-    /// The tracks of the training photos, whose views have their numbers in `train`; none where the scene has no observations. They
-    /// are read anew from the scene's files.
+    /// The tracks of the training photos, whose views have their numbers in `train`; none where the scene has no observations. Those
+    /// of a scene that was not made are read anew from its files.
     ///
     /// # Errors
     /// A file is damaged, or no longer there.
     pub fn tracks(&self, options: &LoadOptions) -> Result<Vec<Track>, DatasetError> {
+        if !self.made_tracks.is_empty() {
+            return Ok(self.tracks_made());
+        }
         if !is_archive(&self.path) {
             return self.tracks_in(&self.path, options);
         }
         let unpacked = Unpacked::new(&self.path)?;
         self.tracks_in(&unpacked.root(&Loaders::default()), options).map_err(|error| unpacked.error(error))
+    }
+
+    fn tracks_made(&self) -> Vec<Track> {
+        let mut number = vec![None; self.views.len()];
+        self.train.iter().zip(0..).for_each(|(&view, i)| number[view] = Some(i));
+        let seen = |seen: &Seen| Some(Seen { view: number[seen.view]?, ..*seen });
+        let track = |track: &Track| Track { seen: track.seen.iter().filter_map(seen).collect(), ..*track };
+        self.made_tracks.iter().map(track).filter(|track| track.seen.len() > 1).collect()
     }
 
     fn tracks_in(&self, path: &Path, options: &LoadOptions) -> Result<Vec<Track>, DatasetError> {

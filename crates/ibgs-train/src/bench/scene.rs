@@ -85,6 +85,7 @@ pub(super) fn views(
         extent: None,
         backdrop: None,
         glossy: None,
+        made_tracks: Default::default(),
         loaded_checksum: None,
         points_from: PointsFrom::Scene,
         notes: Vec::new(),

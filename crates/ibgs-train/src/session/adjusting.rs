@@ -1,4 +1,4 @@
-//! Cameras that fit the observations of the scene's files: what a training with refined cameras begins with.
+//! Cameras that fit the observations of the scene: what a training with refined cameras begins with.
 
 use super::cameras::{adopted, some};
 use glam::DVec3;
@@ -36,7 +36,8 @@ pub(super) fn adjust_cameras(
         return Ok(());
     }
     let given: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
-    let tracks = if config.source.is_some() { dataset.tracks(&config.load_options())? } else { Vec::new() };
+    let has_tracks = config.source.is_some() || !dataset.made_tracks.is_empty();
+    let tracks = if has_tracks { dataset.tracks(&config.load_options())? } else { Vec::new() };
     let (what, adjusted) = if tracks.is_empty() {
         let photos: Vec<&HostPhoto> = dataset.train.iter().map(|&view| &dataset.views[view].photo).collect();
         ("places that photos have in common", adjust_to_photos(&given, &photos, progress)?)

@@ -109,3 +109,33 @@ fn cameras_that_fit_begin_as_they_are() {
     assert_eq!(training_cameras(auto.dataset()), training_cameras(loaded.dataset()));
     assert!(auto.dataset().notes.iter().any(|note| note.starts_with("cameras: they fit ")));
 }
+
+#[test]
+fn a_made_scene_brings_its_observations() {
+    let demo = dataset();
+    let truth = training_cameras(&demo);
+    let mut off = demo.clone();
+    for (number, view) in off.views.iter_mut().enumerate() {
+        view.camera = disturbed(&disturbed(&view.camera, number), number);
+    }
+    let session = |dataset: &Dataset| {
+        let mut config = plain(4);
+        config.poses.refine = PoseSwitch::On;
+        Session::builder(config).dataset(dataset.clone()).build(&gpu(), &mut ()).unwrap()
+    };
+    let [right, moved] = [&demo, &off].map(session);
+    let says = |session: &Session, what: &str| {
+        session
+            .dataset()
+            .notes
+            .iter()
+            .any(|note| note.starts_with(what) && note.contains("observations of the scene's points"))
+    };
+    assert!(says(&right, "cameras: they fit ") && says(&moved, "cameras: adjusted to "), "{:?}", moved.dataset().notes);
+    assert_eq!(training_cameras(right.dataset()), truth);
+    let [before, after] = [&off, moved.dataset()].map(|dataset| missed(&training_cameras(dataset), &truth));
+    println!("degrees and distance from {before:?} to {after:?}");
+    assert!(after[0] < 0.7 * before[0], "{before:?} {after:?}");
+    // Points come along.
+    assert!(demo.points.iter().zip(&moved.dataset().points).filter(|(a, b)| a.position != b.position).count() > 100);
+}

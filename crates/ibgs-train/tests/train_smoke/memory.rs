@@ -34,6 +34,7 @@ fn dataset(camera: &Camera) -> Dataset {
         extent: None,
         backdrop: None,
         glossy: None,
+        made_tracks: Default::default(),
         loaded_checksum: None,
         points_from: PointsFrom::Scene,
         notes: Vec::new(),

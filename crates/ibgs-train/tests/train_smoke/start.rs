@@ -83,6 +83,7 @@ fn wall() -> Dataset {
         extent: None,
         backdrop: None,
         glossy: None,
+        made_tracks: Default::default(),
         loaded_checksum: None,
         notes: Vec::new(),
     }
