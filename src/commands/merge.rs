@@ -17,7 +17,7 @@ use ibgs_core::output::{Existing, OutputFolder};
 use ibgs_core::residual::weights;
 use ibgs_core::scene::{PlyFlavor, read_ply, write_ply};
 use ibgs_core::sources::memory::MemoryBudget;
-use ibgs_train::session::{BuildError, Output, SessionBuilder, StoppedTraining};
+use ibgs_train::session::{BuildError, Output, SessionBuilder, StoppedTraining, adjust_cameras};
 use ibgs_train::{Session, TrainError};
 use std::path::{Path, PathBuf};
 
@@ -156,7 +156,8 @@ fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<S
         );
     }
     // The scene may have moved.
-    config.source = plan.config()?.source;
+    let own = plan.config()?;
+    (config.source, config.poses.cameras) = (own.source, own.poses.cameras);
     Ok(Session::builder(config).resumed_from(stopped))
 }
 
@@ -231,7 +232,8 @@ impl Joined {
         let start = config.init.as_ref().context("a merge begins with the joined Gaussians")?;
         output.check(config.source.as_deref())?;
         let source = config.source.as_ref().context("a plan has a scene")?;
-        let dataset = load_scene(config, source, &Bars::default())?;
+        let mut dataset = load_scene(config, source, &Bars::default())?;
+        adjust_cameras(&mut dataset, &mut config.clone(), &Bars::default())?;
         let (folder, _lock) = output.create(config, &dataset)?;
         if let Some(network) = &self.network {
             weights::write(&folder.network_save_path(self.iteration, 1), &weights::load(network)?)?;

@@ -4,17 +4,21 @@ mod slurm;
 
 use super::train;
 use super::train::block::is_trained;
-use crate::stdout;
+use crate::progress::Bars;
+use crate::{stderr, stdout};
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::blocks::{BlockPlan, CutOptions, Cutter, PlanFolder};
 use ibgs_core::camera::Camera;
-use ibgs_core::config::{Method, TrainConfig};
+use ibgs_core::config::{Method, PoseSwitch, TrainConfig};
 use ibgs_core::dataset::{PosedScene, load_poses};
 use ibgs_core::gpu::Bytes;
+use ibgs_core::model::load_scene;
 use ibgs_core::output::OutputFolder;
+use ibgs_core::output::cameras::{CameraRecord, records};
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::memory::Needs;
+use ibgs_train::session::adjust_cameras;
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -81,7 +85,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     config.ensemble = Some(1);
     config.source = Some(std::path::absolute(&args.scene)?);
-    let scene = load_poses(&args.scene, &config.load_options())?;
+    let mut scene = load_poses(&args.scene, &config.load_options())?;
     if scene.points.is_empty() {
         bail!("{} has no points, by which blocks are cut; use a model with points", args.scene.display());
     }
@@ -90,12 +94,17 @@ pub fn run(args: &Args) -> Result<()> {
         Some(_) => bail!("give `--gpu-memory` a size, such as `8GiB`"),
         None => None,
     };
+    let refine = std::mem::take(&mut config.poses.refine);
+    let cameras = if refine == PoseSwitch::Auto { adjusted(&config, &mut scene)? } else { None };
     let planner = Planner { args, scene: &scene, cutter: Cutter::new(&scene), config: &config };
     let plan = match (args.blocks, budget) {
         (None, Some(budget)) => planner.as_few_as_fit(budget)?,
         (blocks, budget) => planner.planned(blocks.unwrap_or(USUAL_BLOCKS), budget)?,
     };
     let plan = BlockPlan { memory_limit: budget, ..plan };
+    if let Some(cameras) = &cameras {
+        folder.write_cameras(cameras)?;
+    }
     folder.write(&plan, &config)?;
     slurm::write(&folder, &plan)?;
     print(&folder, &plan)?;
@@ -103,6 +112,29 @@ pub fn run(args: &Args) -> Result<()> {
     let measures = if plan.holds_out() { ", merges and measures" } else { " and merges" };
     stdout!("\nNext: `ibgs suite {path}` trains{measures} the blocks; so does `sh {path}/slurm.sh` with Slurm.");
     Ok(())
+}
+
+/// The scene's cameras, adjusted to what all of its photos have in common, and its points moved along, where they then fit clearly
+/// better; none where they stay.
+fn adjusted(config: &TrainConfig, scene: &mut PosedScene) -> Result<Option<Vec<CameraRecord>>> {
+    let source = config.source.as_ref().context("a plan has a scene")?;
+    let mut dataset = load_scene(config, source, &Bars::default())?;
+    let mut config = config.clone();
+    config.poses.refine = PoseSwitch::Auto;
+    let known = dataset.notes.len();
+    adjust_cameras(&mut dataset, &mut config, &Bars::default())?;
+    dataset.notes[known..].iter().for_each(|note| stderr!("note: {note}"));
+    if dataset.loaded_checksum.is_none() {
+        return Ok(None);
+    }
+    let cameras: HashMap<&str, Camera> = dataset.views.iter().map(|view| (&*view.name, view.camera)).collect();
+    for (name, camera) in &mut scene.views {
+        *camera = cameras.get(name.as_str()).copied().unwrap_or(*camera);
+    }
+    let listed = records(&dataset);
+    scene.points = dataset.points;
+    scene.points.retain(|point| point.position.is_finite());
+    Ok(Some(listed))
 }
 
 /// Makes plans of a scene.

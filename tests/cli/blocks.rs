@@ -4,6 +4,7 @@ use super::{Outcome, PATIENCE, Sandbox, wait_for};
 use ibgs_core::blocks::PlanFolder;
 use ibgs_core::output::OutputFolder;
 use ibgs_core::scene::read_ply;
+use ibgs_testing::tiny_demo;
 use std::process::{Command, Stdio};
 
 /// Cuts the tiny demo into three blocks.
@@ -101,13 +102,71 @@ fn three_blocks_are_trained_merged_and_measured() {
     assert!(trained.stderr.contains("block 2 is trained"), "{trained}");
 }
 
+/// The tiny demo in `off/`, with what its photos have of the points, and training cameras that are turned by three degrees.
+fn turned_scene(sandbox: &Sandbox) {
+    let traced = ibgs_demo::load(&tiny_demo(), Some(&sandbox.path("traced")), &()).unwrap();
+    std::fs::rename(&traced.path, sandbox.path("off")).unwrap();
+    let mut listing = sandbox.json("off/transforms.json");
+    for &view in &traced.train {
+        let angle = 3_f64.to_radians();
+        let (s, c) = if view % 2 == 0 { (angle.sin(), angle.cos()) } else { (-angle.sin(), angle.cos()) };
+        // About the x or the y axis of the camera.
+        let turn = if view % 3 == 0 {
+            [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]
+        } else {
+            [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]
+        };
+        let matrix = &mut listing["frames"][view]["transform_matrix"];
+        let rows: [[f64; 4]; 4] = serde_json::from_value(matrix.take()).unwrap();
+        let turned = rows.map(|row| {
+            let [x, y, z] = [0, 1, 2].map(|column| (0..3).map(|k| row[k] * turn[k][column]).sum::<f64>());
+            [x, y, z, row[3]]
+        });
+        *matrix = serde_json::json!(turned);
+    }
+    sandbox.write("off/transforms.json", listing.to_string());
+}
+
+#[test]
+fn all_blocks_begin_with_cameras_that_were_adjusted_before() {
+    let (sandbox, _) = Sandbox::with_scene();
+    turned_scene(&sandbox);
+    let options = "--eval --method 3dgs --iterations 4 --refine-poses auto";
+    let told = sandbox.succeeds(&format!("split off -o plan --blocks 2 -- {options}"));
+    assert!(told.stderr.contains("cameras: adjusted to "), "{told}");
+    sandbox.fails("train plan --block 0 --refine-poses auto", &["share their cameras"]);
+    sandbox.succeeds("train plan --block 0");
+    sandbox.succeeds("train plan --block 1");
+    sandbox.succeeds("merge plan -o joined --iterations 0");
+    sandbox.succeeds("merge plan -o trained --iterations 2");
+    let cameras = |folder: &str| OutputFolder::at(&sandbox.path(folder)).read_cameras().unwrap();
+    let shared = cameras("plan");
+    let camera = |name: &str| shared.iter().find(|record| record.name == name).unwrap().camera;
+    for model in ["plan/blocks/0", "plan/blocks/1", "joined", "trained"] {
+        assert!(cameras(model).iter().all(|record| record.camera == camera(&record.name)), "{model}");
+    }
+    // Moved, the plan and its models are as good.
+    std::fs::rename(sandbox.path("plan"), sandbox.path("moved")).unwrap();
+    sandbox.succeeds("merge moved --iterations 0");
+    for model in ["joined", "moved/blocks/0", "moved/model"] {
+        let outcome = sandbox.succeeds(&format!("eval {model} --true-cameras scene"));
+        let scores = sandbox.json(&format!("{model}/results_true_cameras.json"));
+        let degrees = scores["ours_4"]["training_cameras"]["degrees"].as_f64().unwrap();
+        assert!(degrees < 0.8, "{degrees} of 3 degrees are left: {outcome}");
+    }
+    // Cameras that are right stay, and blocks read the scene's own.
+    sandbox.succeeds(&format!("split scene -o still --blocks 2 -- {options}"));
+    assert!(!sandbox.path("still/cameras.json").exists());
+    assert!(!sandbox.text("still/options.toml").contains("refine = \"auto\""));
+}
+
 #[test]
 fn what_cannot_be_split_or_trained_says_why() {
     let (sandbox, _) = Sandbox::with_scene();
     sandbox.fails("split scene -o plan --blocks 9", &["the scene has 300 points, too few for 9 blocks"]);
     sandbox.fails("split scene -o scene", &["scene exists already"]);
     sandbox.fails("split scene -o plan -- --resume -m x", &["`--resume`"]);
-    sandbox.fails("split scene -o plan -- --refine-poses on", &["share their cameras", "`--refine-poses`"]);
+    sandbox.fails("split scene -o plan -- --refine-poses on", &["share their cameras", "`--refine-poses auto`"]);
     sandbox.fails("split scene -o plan -- --nonsense", &["not those of `ibgs train`", "--nonsense"]);
     sandbox.fails("split scene -o plan --gpu-memory 1MiB", &["1 MiB"]);
     sandbox.fails("split nowhere -o plan", &["nowhere"]);
@@ -118,6 +177,7 @@ fn what_cannot_be_split_or_trained_says_why() {
     sandbox.fails("split scene -o plan -- --config start.toml", &["leave the option `init` out"]);
     let plan = cut(&sandbox, "");
     sandbox.fails("train plan", &["plan is a plan of blocks", "`--block 0`"]);
+    sandbox.fails("train plan --block 0 --refine-poses auto", &["block 0 of plan", "share their cameras"]);
     sandbox.write("log.jsonl", "kept\n");
     sandbox.fails("train plan --block 0 --log-json log.jsonl", &["log.jsonl is there already"]);
     sandbox.fails("train plan --block 3", &["has no block 3", "0 to 2"]);

@@ -113,6 +113,11 @@ pub fn adjust(given: &[Camera], tracks: &[Track]) -> Result<Adjusted, NotAdjuste
     Ok(Adjusted { cameras, points, observations: errors.len(), errors: [before, after], alone, astray })
 }
 
+/// Where the rays of these cameras meet, for each track; none where its photos agree on no point.
+pub fn points(cameras: &[Camera], tracks: &[Track]) -> Vec<Option<DVec3>> {
+    tracks.par_iter().map(|track| triangulate(cameras, &track.seen, SCALE)).collect()
+}
+
 /// Refuses more cameras than are adjusted at a time.
 pub(crate) fn check_count(cameras: usize) -> Result<(), NotAdjusted> {
     if cameras > MOST_CAMERAS { Err(NotAdjusted::TooMany(cameras)) } else { Ok(()) }

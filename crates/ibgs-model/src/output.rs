@@ -242,9 +242,7 @@ impl OutputFolder {
     /// # Errors
     /// [`OutputError::Read`], [`OutputError::Damaged`] naming line or camera.
     pub fn read_cameras(&self) -> Result<Vec<CameraRecord>, OutputError> {
-        let path = self.cameras_path();
-        let text = fs::read_to_string(&path).map_err(|source| OutputError::Read { path: path.clone(), source })?;
-        cameras::from_json(&text).map_err(|reason| OutputError::Damaged { path, reason })
+        cameras::read(&self.cameras_path())
     }
 
     /// Writes the sources of each view to `multi_view.json`.

@@ -30,6 +30,7 @@ mod stopped;
 mod transients;
 mod watch;
 
+pub use adjusting::adjust_cameras;
 pub use builder::{BuildError, Loaded, SessionBuilder};
 pub use cameras::CameraSummary;
 pub use error::SessionError;

@@ -14,6 +14,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// Why a block refines no cameras.
+const SHARED_CAMERAS: &str = "the blocks of a scene share their cameras, so none may move them; give `ibgs split` the option \
+                              `--refine-poses auto`, which adjusts them before the blocks";
+
 /// A line of options alone.
 #[derive(Parser)]
 struct Line {
@@ -97,6 +101,7 @@ impl Args {
         if let Some(plan) = &self.base {
             config.source.clone_from(&plan.source);
             config.data.split.clone_from(&plan.data.split);
+            config.poses.cameras.clone_from(&plan.poses.cameras);
         }
         Ok(Session::builder(config).resumed_from(stopped))
     }
@@ -116,7 +121,8 @@ impl Args {
         let base = || self.base.clone().unwrap_or_else(|| TrainConfig::preset(self.preset.unwrap_or_default()));
         let mut config = self.over(given.unwrap_or_else(base))?;
         // As the scene: the model may be opened from another working directory.
-        for path in [&mut config.init, &mut config.residual.init, &mut config.data.split].into_iter().flatten() {
+        let (init, network) = (&mut config.init, &mut config.residual.init);
+        for path in [init, network, &mut config.data.split, &mut config.poses.cameras].into_iter().flatten() {
             *path = std::path::absolute(&*path)?;
         }
         Ok(config)
@@ -151,8 +157,8 @@ impl Args {
         if config.init.is_some() {
             bail!("blocks begin with their own points; leave the option `init` out of the options file");
         }
-        if config.poses.refine != PoseSwitch::Off {
-            bail!("the blocks of a scene share their cameras, so none may move them; leave `--refine-poses` out");
+        if config.poses.refine == PoseSwitch::On {
+            bail!(SHARED_CAMERAS);
         }
         Ok(config)
     }
@@ -203,6 +209,9 @@ impl Args {
         set_some(&mut c.background, &self.background.or(self.white_background.then_some(Background::WHITE)));
         c.deterministic |= self.deterministic;
         self.stages.apply(&mut c);
+        if self.base.is_some() && c.poses.refine != PoseSwitch::Off {
+            bail!(SHARED_CAMERAS);
+        }
         Ok(c)
     }
 }

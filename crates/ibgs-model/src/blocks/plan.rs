@@ -3,6 +3,7 @@
 use super::Core;
 use crate::config::{ConfigError, TrainConfig};
 use crate::files::{self, WriteError};
+use crate::output::cameras::{CameraRecord, to_json};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -164,6 +165,11 @@ impl PlanFolder {
         self.root.join("options.toml")
     }
 
+    /// Cameras that were adjusted before the blocks; there is no such file where they are the scene's.
+    pub fn cameras_path(&self) -> PathBuf {
+        self.root.join("cameras.json")
+    }
+
     /// Names of a block's photos.
     pub fn split_path(&self, block: u32) -> PathBuf {
         self.root.join("blocks").join(format!("{block}.json"))
@@ -182,6 +188,15 @@ impl PlanFolder {
     /// Model folder of the whole, unless another one is named.
     pub fn model_path(&self) -> PathBuf {
         self.root.join("model")
+    }
+
+    /// Writes the cameras that all blocks have, before the plan itself.
+    ///
+    /// # Errors
+    /// [`PlanError::Write`].
+    pub fn write_cameras(&self, cameras: &[CameraRecord]) -> Result<(), PlanError> {
+        let text = serde_json::to_string_pretty(&to_json(cameras));
+        Ok(files::write_atomically(&self.cameras_path(), |out| out.write_all((text? + "\n").as_bytes()))?)
     }
 
     /// Writes a plan, and the options that its trainings have in common.
@@ -225,17 +240,24 @@ impl PlanFolder {
             return Err(PlanError::NoBlock { path: self.root.clone(), block, last });
         }
         let mut config = self.config()?;
-        let split = std::path::absolute(self.split_path(block)).map_err(|error| unreadable(&self.root, error))?;
-        config.data.split = Some(split);
+        config.data.split = Some(self.absolute(&self.split_path(block))?);
         Ok(config)
     }
 
     /// Reads the options of the trainings.
     ///
     /// # Errors
-    /// [`PlanError::Config`].
+    /// [`PlanError::Config`], [`PlanError::Read`] where the working directory is gone.
     pub fn config(&self) -> Result<TrainConfig, PlanError> {
-        Ok(TrainConfig::load(&self.config_path())?)
+        let mut config = TrainConfig::load(&self.config_path())?;
+        if self.cameras_path().is_file() {
+            config.poses.cameras = Some(self.absolute(&self.cameras_path())?);
+        }
+        Ok(config)
+    }
+
+    fn absolute(&self, path: &Path) -> Result<PathBuf, PlanError> {
+        std::path::absolute(path).map_err(|error| unreadable(&self.root, error))
     }
 }
 

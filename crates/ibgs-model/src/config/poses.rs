@@ -3,6 +3,7 @@
 use super::check::{Check, Range};
 use super::error::ConfigError;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Whether the cameras of the training photos are refined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,6 +26,9 @@ pub struct PoseConfig {
     /// training, to the observations of a COLMAP model or to places that photos are found to have in common, where cameras then fit
     /// them clearly better; `on`: with the Gaussians too where photos have too little in common.
     pub refine: PoseSwitch,
+    /// File with the cameras of all photos, in the form of a model's `cameras.json`, in place of the scene's: they were refined before.
+    /// The blocks of a scene have theirs so.
+    pub cameras: Option<PathBuf>,
     /// Cameras learn after this iteration; unset: 500, scaled.
     pub from: Option<u32>,
     /// Cameras learn up to this iteration; unset: to the end.
@@ -38,8 +42,20 @@ pub struct PoseConfig {
 }
 
 impl PoseConfig {
+    /// Whether the photos of a training may have other cameras than in the scene.
+    pub fn change(&self) -> bool {
+        self.refine != PoseSwitch::Off || self.cameras.is_some()
+    }
+
     /// Which values make sense.
     pub(super) fn check(&self, check: &Check<'_>) -> Result<(), ConfigError> {
+        let are_final = self.cameras.is_none() || self.refine == PoseSwitch::Off;
+        check.require(
+            are_final,
+            "poses.refine",
+            format!("{:?}", self.refine).to_lowercase(),
+            "it must be `off` where `poses.cameras` names cameras that were refined before",
+        )?;
         check.numbers(
             "poses.",
             &[
@@ -55,6 +71,7 @@ impl Default for PoseConfig {
     fn default() -> Self {
         Self {
             refine: PoseSwitch::Off,
+            cameras: None,
             from: None,
             until: None,
             learning_rate: 1e-3,

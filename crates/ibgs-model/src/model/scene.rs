@@ -2,7 +2,7 @@
 
 use super::{Model, ModelError, scene_check};
 use crate::camera::Camera;
-use crate::config::{PoseSwitch, TrainConfig};
+use crate::config::TrainConfig;
 use crate::dataset::{self, Dataset};
 use crate::output::cameras::{self, Split};
 use crate::progress::Progress;
@@ -69,7 +69,7 @@ impl Model {
         };
         let (train, test) = (split(Split::Train), split(Split::Test));
         (dataset.train, dataset.test) = (train, test);
-        if config.poses.refine != PoseSwitch::Off {
+        if config.poses.change() {
             self.give_cameras(&mut dataset);
         }
         Ok(dataset)

@@ -1,5 +1,6 @@
 //! `cameras.json` and `split.json`: the cameras of a run, read back exactly.
 
+use super::OutputError;
 use crate::camera::{Camera, MAX_COORDINATE};
 use crate::dataset::Dataset;
 use crate::files::without_mark;
@@ -8,6 +9,8 @@ use crate::scene::Gaussians;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
 
 /// Side of the split that a view belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -118,6 +121,15 @@ pub fn split_json(records: &[CameraRecord]) -> Value {
         of_split.map(|record| record.name.as_str()).collect()
     };
     json!({ "train": names(Split::Train), "test": names(Split::Test) })
+}
+
+/// Reads a file in the form of `cameras.json`.
+///
+/// # Errors
+/// [`OutputError::Read`], [`OutputError::Damaged`] naming line or camera.
+pub fn read(path: &Path) -> Result<Vec<CameraRecord>, OutputError> {
+    let text = fs::read_to_string(path).map_err(|source| OutputError::Read { path: path.to_owned(), source })?;
+    from_json(&text).map_err(|reason| OutputError::Damaged { path: path.to_owned(), reason })
 }
 
 /// Reads the contents of `cameras.json`.

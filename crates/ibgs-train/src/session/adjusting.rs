@@ -1,15 +1,18 @@
-//! Cameras that fit the observations of the scene: what a training with refined cameras begins with.
+//! Cameras that fit the observations of the scene, or were refined before: what a training with refined cameras begins with.
 
+use super::BuildError;
 use super::cameras::{adopted, some};
 use glam::DVec3;
-use ibgs_core::adjust::{Adjusted, Track, adjust};
+use ibgs_core::adjust::{Adjusted, Track, adjust, points};
 use ibgs_core::camera::{Camera, usable_extent};
 use ibgs_core::config::{PoseSwitch, TrainConfig};
-use ibgs_core::dataset::{Dataset, DatasetError, HostPhoto, median_depth};
+use ibgs_core::dataset::{Dataset, DatasetError, HostPhoto, View, median_depth};
 use ibgs_core::matching::adjust_to_photos;
+use ibgs_core::output::{OutputError, cameras};
 use ibgs_core::progress::Progress;
 use ibgs_core::similarity::Similarity;
 use std::collections::HashMap;
+use std::path::Path;
 
 /// The median error must fall to this part, or the cameras are left as they were loaded: they fit already.
 const CLEAR: f64 = 0.6;
@@ -20,24 +23,30 @@ const NEGLIGIBLE: f64 = 0.1;
 const ALONE: f64 = 8e-4;
 const LENS: f64 = 6e-3;
 
-/// Adjusts the cameras, where they are refined, to the scene's tracks, or to what the photos have in common where it has none, if they
+/// Gives the views the cameras of a file, where the options name one. Otherwise adjusts them, where they are refined, to the scene's tracks, or to what the photos have in common where it has none, if they
 /// then fit clearly better; with the points that the tracks have. Other views move with the common frame and have the lens of their
 /// photos. A note says what came of it. The options then say `auto`; where nothing could be compared `on` stays, which leaves it to
 /// the Gaussians, and `auto` becomes `off`.
 ///
 /// # Errors
-/// A file of the scene is damaged, or no longer there.
-pub(super) fn adjust_cameras(
+/// A file of the scene, or of the cameras, is damaged, or no longer there.
+pub fn adjust_cameras(
     dataset: &mut Dataset,
     config: &mut TrainConfig,
     progress: &dyn Progress,
-) -> Result<(), DatasetError> {
+) -> Result<(), BuildError> {
+    if let Some(path) = &config.poses.cameras {
+        let cameras = given_cameras(dataset, path)?;
+        let tracks = scene_tracks(dataset, config)?;
+        let training: Vec<Camera> = dataset.train.iter().map(|&view| cameras[view]).collect();
+        take(dataset, cameras, (&tracks, &points(&training, &tracks)));
+        return Ok(());
+    }
     if config.poses.refine == PoseSwitch::Off {
         return Ok(());
     }
     let given: Vec<Camera> = dataset.train.iter().map(|&view| dataset.views[view].camera).collect();
-    let has_tracks = config.source.is_some() || !dataset.made_tracks.is_empty();
-    let tracks = if has_tracks { dataset.tracks(&config.load_options())? } else { Vec::new() };
+    let tracks = scene_tracks(dataset, config)?;
     let (what, adjusted) = if tracks.is_empty() {
         let photos: Vec<&HostPhoto> = dataset.train.iter().map(|&view| &dataset.views[view].photo).collect();
         ("places that photos have in common", adjust_to_photos(&given, &photos, progress)?)
@@ -60,7 +69,9 @@ pub(super) fn adjust_cameras(
         }
         Ok((adjusted, tracks)) => {
             let note = sentence(dataset, &given, &adjusted, what);
-            take(dataset, &tracks, &adjusted);
+            let loaded: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
+            let cameras = adopted(&loaded, &dataset.train, &adjusted.cameras);
+            take(dataset, cameras, (&tracks, &adjusted.points));
             note
         }
     };
@@ -76,15 +87,32 @@ fn is_clear(given: &[Camera], adjusted: &Adjusted) -> bool {
     before >= NEGLIGIBLE && after <= CLEAR * before && (adjusted.alone > ALONE || lens > LENS)
 }
 
-/// Gives the views their cameras and the points their places.
-fn take(dataset: &mut Dataset, tracks: &[Track], adjusted: &Adjusted) {
+/// What the photos have of the scene's points, where that is known.
+fn scene_tracks(dataset: &Dataset, config: &TrainConfig) -> Result<Vec<Track>, DatasetError> {
+    let are_known = config.source.is_some() || !dataset.made_tracks.is_empty();
+    if are_known { dataset.tracks(&config.load_options()) } else { Ok(Vec::new()) }
+}
+
+/// The cameras that a file has for the views, in the size of their photos.
+fn given_cameras(dataset: &Dataset, path: &Path) -> Result<Vec<Camera>, OutputError> {
+    let records = cameras::read(path)?;
+    let listed: HashMap<&str, Camera> = records.iter().map(|record| (&*record.name, record.camera)).collect();
+    let camera = |view: &View| match listed.get(&*view.name) {
+        Some(camera) => Ok(camera.resized(view.camera.width, view.camera.height)),
+        None => {
+            let reason = format!("it has no camera of the photo `{}`", view.name);
+            Err(OutputError::Damaged { path: path.to_owned(), reason })
+        }
+    };
+    dataset.views.iter().map(camera).collect()
+}
+
+/// Gives the views their cameras and the points of the tracks their places.
+fn take(dataset: &mut Dataset, cameras: Vec<Camera>, (tracks, points): (&[Track], &[Option<DVec3>])) {
     dataset.loaded_checksum = Some(dataset.checksum());
-    let loaded: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
-    let cameras = adopted(&loaded, &dataset.train, &adjusted.cameras);
     dataset.views.iter_mut().zip(cameras).for_each(|(view, camera)| view.camera = camera);
     let bits = |point: DVec3| point.to_array().map(f64::to_bits);
-    let places =
-        tracks.iter().zip(&adjusted.points).filter_map(|(track, point)| Some((bits(track.position?), (*point)?)));
+    let places = tracks.iter().zip(points).filter_map(|(track, point)| Some((bits(track.position?), (*point)?)));
     let places: HashMap<[u64; 3], DVec3> = places.collect();
     for point in &mut dataset.points {
         point.position = places.get(&bits(point.position)).copied().unwrap_or(point.position);

@@ -54,6 +54,7 @@ impl StoppedTraining {
         let own = &mut self.checkpoint.config;
         own.source.clone_from(&config.source);
         own.data.split.clone_from(&config.data.split);
+        own.poses.cameras.clone_from(&config.poses.cameras);
         own.data.host_memory = config.data.host_memory;
         let difference = own.difference(config).map_err(|error| BuildError::Incomparable(Box::new(error)))?;
         match difference {

@@ -7,6 +7,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::camera_change::CameraChange;
 use ibgs_core::config::{PoseSwitch, TrainConfig};
 use ibgs_core::dataset::Dataset;
+use ibgs_core::output::cameras::{self, CameraRecord};
 use ibgs_core::similarity::Similarity;
 use ibgs_reference::gpu::gpu;
 use ibgs_testing::scene_files::{self, Image, Model, ModelPoint, PINHOLE};
@@ -138,4 +139,38 @@ fn a_made_scene_brings_its_observations() {
     assert!(after[0] < 0.7 * before[0], "{before:?} {after:?}");
     // Points come along.
     assert!(demo.points.iter().zip(&moved.dataset().points).filter(|(a, b)| a.position != b.position).count() > 100);
+}
+
+#[test]
+fn cameras_of_a_file_are_begun_with() {
+    let demo = dataset();
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(&demo, folder.path(), disturbed);
+    let [loaded, auto] = [PoseSwitch::Off, PoseSwitch::Auto].map(|refine| session(folder.path(), refine));
+    let path = folder.path().join("refined.json");
+    let write = |records: &[CameraRecord]| std::fs::write(&path, cameras::to_json(records).to_string()).unwrap();
+    let mut records = cameras::records(auto.dataset());
+    write(&records);
+    let mut config = TrainConfig { source: Some(folder.path().to_owned()), ..plain(4) };
+    config.data.eval = true;
+    config.poses.cameras = Some(path.clone());
+    let build = |config: &TrainConfig| Session::builder(config.clone()).build(&gpu(), &mut ());
+    let given = build(&config).unwrap();
+    let all = |session: &Session| session.dataset().views.iter().map(|view| view.camera).collect::<Vec<_>>();
+    assert_eq!(all(&given), all(&auto));
+    assert_eq!(given.dataset().checksum(), loaded.dataset().checksum());
+    // Points come along.
+    let far = |session: &Session| {
+        let pairs = session.dataset().points.iter().zip(&auto.dataset().points);
+        ibgs_core::median(pairs.map(|(a, b)| a.position.distance(b.position)).collect()).unwrap()
+    };
+    assert!(far(&given) < 0.05 * far(&loaded), "{} of {}", far(&given), far(&loaded));
+
+    let gone = records.pop().unwrap().name;
+    write(&records);
+    let error = build(&config).err().unwrap().to_string();
+    assert!(error.contains("refined.json") && error.contains(&format!("no camera of the photo `{gone}`")), "{error}");
+    config.poses.refine = PoseSwitch::Auto;
+    let error = build(&config).err().unwrap().to_string();
+    assert!(error.contains("poses.refine") && error.contains("`poses.cameras`"), "{error}");
 }
