@@ -257,7 +257,7 @@ mod tests {
             "option `--resolution`: `abc` is not allowed; use 1, 2, 4 or 8 to divide, a larger number for the width in pixels, \
              or -1 to cap the width at 1600",
         );
-        let both = LoadOptions { masks: Masks::Object, alpha: Some(Alpha::Composite), ..LoadOptions::default() };
+        let both = LoadOptions { masks: Some(Masks::Object), alpha: Some(Alpha::Composite), ..LoadOptions::default() };
         let refused = ibgs_core::dataset::load(&PathBuf::from("scene"), &both).err();
         says(
             ModelError::Scene(refused.expect("both cannot be")),

@@ -7,14 +7,11 @@ mod tables;
 use super::open_gpu;
 use anyhow::{Context, Result, bail};
 use clap::Args as ClapArgs;
-use ibgs_core::bundle::Bundle;
 use ibgs_core::camera::Camera;
 use ibgs_core::config::TrainConfig;
 use ibgs_core::gpu::Use;
-use ibgs_core::model::{self, is_bundle};
-use ibgs_core::output::OutputFolder;
-use ibgs_core::output::cameras::CameraRecord;
-use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE, read_ply};
+use ibgs_core::model::{self, Model, ModelOptions};
+use ibgs_core::scene::{Gaussians, MAX_SH_DEGREE};
 use ibgs_train::bench::{self, DeviceReport, LEAST_RUNS, Rates, Report, Setting};
 use std::path::{Path, PathBuf};
 
@@ -73,6 +70,8 @@ pub struct Args {
 struct Scene {
     name: String,
     gaussians: Gaussians,
+    /// The other bases of its ensemble.
+    members: Vec<Gaussians>,
     camera: Camera,
     config: TrainConfig,
 }
@@ -119,6 +118,7 @@ pub fn run(args: &Args) -> Result<()> {
             let size = change.size.unwrap_or([scene.camera.width, scene.camera.height]);
             let setting = Setting {
                 gaussians: &scene.gaussians,
+                members: &scene.members,
                 camera: scene.camera.resized(size[0], size[1]),
                 config: change.apply(&mut config),
             };
@@ -187,28 +187,17 @@ impl Change {
 fn synthetic(change: &Change, sh_degree: u32) -> Scene {
     let (count, [width, height]) = (change.gaussians.unwrap_or(USUAL.0), change.size.unwrap_or(USUAL.1));
     let (gaussians, camera) = bench::synthetic(count, sh_degree, width, height);
-    Scene { name: "synthetic".to_owned(), gaussians, camera, config: TrainConfig::default() }
+    Scene { name: "synthetic".to_owned(), gaussians, members: Vec::new(), camera, config: TrainConfig::default() }
 }
 
 fn load(path: &Path) -> Result<Scene> {
     let name = path.display().to_string();
-    if is_bundle(path) {
-        let Bundle { config, gaussians, levels, cameras, .. } = Bundle::read(path)?;
-        let gaussians = levels.map_or(Ok(gaussians), |levels| levels.whole())?;
-        return scene(name, gaussians, &cameras, config);
-    }
-    let folder = OutputFolder::open(path)?;
-    // Model folders of other programs have no options file.
-    let config = if folder.config_path().exists() { folder.read_config()? } else { TrainConfig::default() };
-    let iteration = folder.latest_iteration()?.context("the folder holds no point cloud")?;
-    let gaussians = read_ply(&folder.point_cloud_path(iteration))?;
-    scene(name, gaussians, &folder.read_cameras()?, config)
-}
-
-fn scene(name: String, gaussians: Gaussians, cameras: &[CameraRecord], config: TrainConfig) -> Result<Scene> {
+    let Model { config, gaussians, levels, members, cameras, .. } = Model::open(path, &ModelOptions::default())?;
+    let gaussians = levels.map_or(Ok(gaussians), |levels| levels.whole())?;
     let camera = cameras.first().context("the model has no cameras")?.camera;
-    let space = model::space(cameras, &gaussians, config.data.extent);
-    Ok(Scene { name, gaussians: gaussians.into_space(space), camera, config })
+    let space = model::space(&cameras, &gaussians, config.data.extent);
+    let members = members.into_iter().map(|member| member.gaussians.into_space(space)).collect();
+    Ok(Scene { name, gaussians: gaussians.into_space(space), members, camera, config })
 }
 
 #[cfg(test)]

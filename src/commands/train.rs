@@ -128,7 +128,7 @@ pub struct Args {
     #[arg(long, value_parser = word::<PrincipalPoint>(), help_heading = heading::SCENE)]
     principal_point: Option<PrincipalPoint>,
     /// Meaning of masked pixels (in `masks/` or alpha channels): `ignore` (they do not count) or `object` (they are empty
-    /// space) [default: ignore].
+    /// space) [default: object where the masks leave one object in each photo, ignore in others].
     #[arg(long, value_parser = word::<Masks>(), help_heading = heading::SCENE)]
     masks: Option<Masks>,
     /// Meaning of transparent pixels: `mask` (they are masked) or `composite` (they are empty, over the background); `keyed`: the

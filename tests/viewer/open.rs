@@ -244,14 +244,15 @@ fn a_wish_becomes_the_options_of_a_training() {
         eval: true,
         resolution: Resolution::Factor(2),
         max_splats: Some(5_000),
-        masks: Masks::Object,
+        masks: Some(Masks::Object),
         model: Some("some/model".into()),
     };
     let training = requested(&request).unwrap();
     let mut expected = TrainConfig { method: Method::Gs3, iterations: Some(77), ..TrainConfig::preset(Preset::Fast) };
     expected.exposure.enabled = ExposureSwitch::On;
     expected.source = Some(std::path::absolute("some/scene").unwrap());
-    (expected.data.eval, expected.data.resolution, expected.data.masks) = (true, Resolution::Factor(2), Masks::Object);
+    (expected.data.eval, expected.data.resolution, expected.data.masks) =
+        (true, Resolution::Factor(2), Some(Masks::Object));
     expected.densify.max_splats = Some(5_000);
     assert_eq!(*training.config(), expected);
     assert!(requested(&TrainingRequest { scene: Some(PathBuf::new()), ..request }).is_err());

@@ -227,6 +227,38 @@ fn alpha_masks_and_sixteen_bits() {
     assert!(pixels.iter().all(|p| p[3] < 8 || (p[0] > 190 && p[1] < 16)), "{pixels:?}");
 }
 
+/// Masks that leave one object in each photo say so themselves; those of a lens, and of some photos, do not.
+#[test]
+fn masks_around_an_object_need_no_option() {
+    let folder = Model::small(3).scene();
+    let write = |name: &str, at: f64, drops: u8| {
+        let mask =
+            move |u: f64, v: f64| if (u - at).hypot(v - 4.0) < 3.0 { [255; 4] } else { [drops, drops, drops, 255] };
+        write_photo(&folder.path().join("masks").join(name), 12, 8, mask);
+    };
+    let loaded = |options: &LoadOptions| {
+        let dataset = load(folder.path(), options);
+        let outside = dataset.views[1].photo.pixels().unwrap().rgba[3];
+        (dataset.masks, outside)
+    };
+    let usual = LoadOptions::default();
+    write("a0.png", 5.0, 0);
+    write("a1.png", 6.0, 0);
+    assert_eq!(loaded(&usual), (Masks::Ignore, 0), "a photo has no mask");
+    write("a2.png", 7.0, 0);
+    assert_eq!(loaded(&usual), (Masks::Object, 1));
+    assert_note(&load(folder.path(), &usual), "outside of the masks there is nothing");
+    let ignored = LoadOptions { masks: Some(Masks::Ignore), ..LoadOptions::default() };
+    assert_eq!(loaded(&ignored), (Masks::Ignore, 0));
+    let plain = LoadOptions { alpha: Some(Alpha::Mask), ..LoadOptions::default() };
+    assert_eq!(loaded(&plain), (Masks::Ignore, 0), "who says what alpha is wants no guess");
+    ["a0.png", "a1.png", "a2.png"].into_iter().for_each(|name| write(name, 6.0, 0));
+    assert_eq!(loaded(&usual), (Masks::Ignore, 0), "the same in all photos: a lens");
+    write("a0.png", 5.0, 0);
+    write("a2.png", 5.0, 255);
+    assert_eq!(loaded(&usual), (Masks::Ignore, 0), "one photo is whole");
+}
+
 /// Alpha says how much of a pixel the object covers: 1 is nothing, 255 all, 0 no photo at all.
 #[test]
 fn an_object_is_told_from_emptiness_and_from_what_the_lens_leaves_out() {
@@ -235,7 +267,7 @@ fn an_object_is_told_from_emptiness_and_from_what_the_lens_leaves_out() {
     write_photo(&folder.path().join("images/a0.png"), 12, 8, half);
     let mask = |u: f64, _| if u < 3.0 { [0, 0, 0, 255] } else { [255; 4] };
     write_photo(&folder.path().join("masks/a2.png"), 12, 8, mask);
-    let object = LoadOptions { masks: Masks::Object, ..Default::default() };
+    let object = LoadOptions { masks: Some(Masks::Object), ..Default::default() };
     let dataset = load(folder.path(), &object);
     assert_note(&dataset, "2 photos of an object");
     let pixel = |view: usize, at: usize| -> [u8; 4] {
@@ -274,7 +306,7 @@ fn an_object_through_a_lens() {
     write_photo(&folder.path().join("masks/a0.png"), 160, 120, mask);
     for factor in [1, 2] {
         let options =
-            LoadOptions { masks: Masks::Object, resolution: Resolution::Factor(factor), ..Default::default() };
+            LoadOptions { masks: Some(Masks::Object), resolution: Resolution::Factor(factor), ..Default::default() };
         let dataset = load(folder.path(), &options);
         let [masked, plain] = [0, 1].map(|view| dataset.views[view].photo.pixels().unwrap());
         let alphas = |photo: &Photo| photo.rgba.chunks_exact(4).map(|p| p[3]).collect::<Vec<_>>();

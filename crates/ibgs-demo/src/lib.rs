@@ -22,7 +22,7 @@ mod walkers;
 use cache::Cache;
 use glam::DVec3;
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::{Dataset, DatasetError, Photo, Point, PointsFrom, View};
+use ibgs_data::dataset::{Dataset, DatasetError, Masks, Photo, Point, PointsFrom, View};
 use ibgs_data::progress::Progress;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -217,6 +217,7 @@ impl Traced<'_> {
             points,
             points_from: PointsFrom::Scene,
             extent: None,
+            masks: Masks::Ignore,
             backdrop: None,
             glossy: None,
             made_tracks: tracks.into(),

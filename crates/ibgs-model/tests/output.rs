@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use ibgs_data::camera::Camera;
-use ibgs_data::dataset::{Dataset, Photo, PointsFrom, View};
+use ibgs_data::dataset::{Dataset, Masks, Photo, PointsFrom, View};
 use ibgs_data::scene::{PlyFlavor, write_ply};
 use ibgs_model::config::TrainConfig;
 use ibgs_model::output::cameras::Split;
@@ -34,6 +34,7 @@ pub fn dataset() -> Dataset {
     });
     Dataset {
         extent: None,
+        masks: Masks::Ignore,
         backdrop: None,
         glossy: None,
         made_tracks: Default::default(),

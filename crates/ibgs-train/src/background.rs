@@ -28,7 +28,7 @@ mod tests {
     fn an_object_has_another_background_in_a_quarter_of_the_iterations() {
         let mut config = TrainConfig { background: Some(Background::WHITE), ..TrainConfig::default() };
         assert_eq!(iteration_background(&config, 7), [1.0; 3]);
-        config.data.masks = Masks::Object;
+        config.data.masks = Some(Masks::Object);
         let others = (1..=4000).filter(|&i| iteration_background(&config, i) != [1.0; 3]).count();
         assert!((950..1050).contains(&others), "{others}");
     }

@@ -166,8 +166,8 @@ pub struct TrainingRequest {
     pub resolution: Resolution,
     /// Largest number of Gaussians; none: by the photos.
     pub max_splats: Option<u32>,
-    /// What masked pixels mean.
-    pub masks: Masks,
+    /// What masked pixels mean; none: by the masks.
+    pub masks: Option<Masks>,
     /// The model folder to write; none: a new one in `output`.
     pub model: Option<PathBuf>,
 }

@@ -25,9 +25,10 @@ const EXPOSURES: [(ExposureSwitch, &str, &str); 3] = [
     (ExposureSwitch::Off, "off", "Take the photos as they are"),
 ];
 
-const MASKS: [(Masks, &str, &str); 2] = [
-    (Masks::Ignore, "left out", "What lies outside of the masks does not count"),
-    (Masks::Object, "empty", "What lies outside of the masks is empty space around an object"),
+const MASKS: [(Option<Masks>, &str, &str); 3] = [
+    (None, "by the masks", "Empty where they leave one object in each photo, otherwise left out"),
+    (Some(Masks::Ignore), "left out", "What lies outside of the masks does not count"),
+    (Some(Masks::Object), "empty", "What lies outside of the masks is empty space around an object"),
 ];
 
 /// What an empty number means.
@@ -80,7 +81,7 @@ pub struct TrainForm {
     resolution: String,
     /// As typed; empty: by the photos.
     max_splats: String,
-    masks: Masks,
+    masks: Option<Masks>,
     eval: bool,
     model: PathField,
     /// Default number of the demo scene.
@@ -101,7 +102,7 @@ impl TrainForm {
             exposure: ExposureSwitch::default(),
             resolution: String::new(),
             max_splats: String::new(),
-            masks: Masks::default(),
+            masks: None,
             eval: false,
             model: PathField::default(),
             demo_iterations,

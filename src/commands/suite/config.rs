@@ -365,7 +365,7 @@ mod tests {
         );
         let dtu = Suite::load(&root.join("dtu.toml")).unwrap();
         let config = dtu.config(&dtu.scenes[0], &dtu.runs[0]).unwrap();
-        assert_eq!((config.data.masks, config.data.resolution), (Masks::Object, Resolution::Factor(2)));
+        assert_eq!((config.data.masks, config.data.resolution), (Some(Masks::Object), Resolution::Factor(2)));
         assert_eq!((dtu.scenes.len(), config.data.eval_split_every), (15, 8));
     }
 }

@@ -48,7 +48,7 @@ pub fn refuse_scene_options(data: &LoadOptions) -> Result<()> {
         ("--images", data.images != usual.images),
         ("--max-resolution", data.max_resolution != usual.max_resolution),
         ("--eval-split-every", data.eval_split_every != usual.eval_split_every),
-        ("--masks", data.masks != usual.masks),
+        ("--masks", data.masks() != usual.masks()),
         ("--alpha", data.alpha != usual.alpha),
         ("--color-space", data.color_space != usual.color_space),
         ("--initial-points", data.initial_points != usual.initial_points),

@@ -183,7 +183,7 @@ impl Args {
         set_some(&mut c.data.max_resolution, &self.max_resolution);
         set(&mut c.data.eval_split_every, &self.eval_split_every);
         set(&mut c.data.principal_point, &self.principal_point);
-        set(&mut c.data.masks, &self.masks);
+        set_some(&mut c.data.masks, &self.masks);
         set_some(&mut c.data.alpha, &self.alpha);
         set_some(&mut c.data.color_space, &self.color_space);
         set(&mut c.data.initial_points, &self.initial_points);

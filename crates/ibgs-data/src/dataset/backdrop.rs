@@ -4,7 +4,7 @@
 use super::decode::decode;
 use super::error::{DatasetError, read_bytes};
 use super::photos::ListedPhoto;
-use super::{ALPHA_EMPTY, Alpha, LoadOptions, Masks, Scene};
+use super::{ALPHA_EMPTY, Alpha, LoadOptions, Masks, Scene, outside};
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
@@ -33,7 +33,12 @@ fn rgb(pixel: &Rgba<u8>) -> [u8; 3] {
     [pixel.0[0], pixel.0[1], pixel.0[2]]
 }
 
-fn edge(photo: &RgbaImage) -> impl Iterator<Item = (u32, u32)> + use<> {
+/// The photos that are looked at.
+pub(super) fn some_of(frames: &[ListedPhoto]) -> Vec<&ListedPhoto> {
+    frames.iter().step_by(frames.len().div_ceil(LOOKED_AT).max(1)).collect()
+}
+
+pub(super) fn edge(photo: &RgbaImage) -> impl Iterator<Item = (u32, u32)> + use<> {
     let (width, height) = photo.dimensions();
     let across = (0..width).flat_map(move |x| [(x, 0), (x, height - 1)]);
     across.chain((0..height).flat_map(move |y| [(0, y), (width - 1, y)]))
@@ -73,10 +78,10 @@ fn behind(photo: &RgbaImage) -> Behind {
 /// # Errors
 /// A photo that does not decode.
 fn behind_all(frames: &[ListedPhoto], options: &LoadOptions) -> Result<Behind, DatasetError> {
-    if options.masks == Masks::Object || frames.is_empty() || frames.iter().any(|frame| frame.mask.is_some()) {
+    if frames.is_empty() || frames.iter().any(|frame| frame.mask.is_some()) {
         return Ok(Behind::Scene);
     }
-    let some: Vec<&ListedPhoto> = frames.iter().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
+    let some = some_of(frames);
     let look = |frame: &&ListedPhoto| Ok(behind(&decode(&frame.photo, &read_bytes(&frame.photo)?, options)?));
     // Most are told by their first photo.
     let told = look(&some[0])?;
@@ -92,21 +97,25 @@ fn behind_all(frames: &[ListedPhoto], options: &LoadOptions) -> Result<Behind, D
     })
 }
 
-/// What the photos' alpha means, and the colour that an object is shown on: of Blender scenes white, as figures of this field are
-/// measured.
-pub(super) fn meaning_of_alpha(scene: &Scene, options: &LoadOptions) -> Result<(Alpha, [u8; 3]), DatasetError> {
+/// What the photos' alpha and what lies outside of their masks mean, and the colour that an object is shown on: of Blender scenes
+/// white, as figures of this field are measured.
+pub(super) fn meaning(scene: &Scene, options: &LoadOptions) -> Result<(Alpha, Masks, [u8; 3]), DatasetError> {
     let usual = if scene.of_objects { [255; 3] } else { [0; 3] };
+    let frames = &scene.frames;
     Ok(match (options.alpha, options.masks) {
-        (Some(alpha @ (Alpha::Mask | Alpha::Composite)), _) => (alpha, usual),
-        (None, Masks::Object) => (Alpha::Mask, usual),
-        (given, _) => match (behind_all(&scene.frames, options)?, given) {
-            (Behind::Color(color), _) => (Alpha::Keyed, color),
+        (Some(alpha @ (Alpha::Mask | Alpha::Composite)), masks) => (alpha, masks.unwrap_or_default(), usual),
+        (None, Some(Masks::Object)) => (Alpha::Mask, Masks::Object, usual),
+        (given, masks) => match (behind_all(frames, options)?, given) {
+            (Behind::Color(color), _) => (Alpha::Keyed, Masks::Ignore, color),
             (_, Some(_)) => {
                 let path = scene.listing.clone();
                 return Err(DatasetError::NoBackdrop { path });
             }
-            (Behind::Alpha, None) if scene.of_objects => (Alpha::Composite, usual),
-            (Behind::Alpha | Behind::Scene, None) => (Alpha::Mask, [0; 3]),
+            (Behind::Alpha, None) if scene.of_objects => (Alpha::Composite, Masks::Ignore, usual),
+            _ if masks.is_none() && outside::surrounds_an_object(frames, options)? => {
+                (Alpha::Mask, Masks::Object, usual)
+            }
+            _ => (Alpha::Mask, Masks::Ignore, [0; 3]),
         },
     })
 }

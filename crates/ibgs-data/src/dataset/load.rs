@@ -74,6 +74,7 @@ fn load_scene(
         points: Vec::new(),
         points_from: PointsFrom::Scene,
         extent: options.extent,
+        masks: Masks::Ignore,
         backdrop: None,
         glossy: None,
         made_tracks: Arc::default(),
@@ -89,10 +90,11 @@ fn load_scene(
     if let Some(split) = &options.split {
         split::keep_named(&mut scene.frames, split)?;
     }
-    let (alpha, color) = backdrop::meaning_of_alpha(&scene, options)?;
-    let is_object = alpha.is_cover() || (scene.of_objects && options.masks == Masks::Object);
+    let (alpha, masks, color) = backdrop::meaning(&scene, options)?;
+    let is_object = alpha.is_cover() || (scene.of_objects && masks == Masks::Object);
     dataset.backdrop = is_object.then_some((alpha, color));
-    let options = &LoadOptions { alpha: Some(alpha), ..options.clone() };
+    dataset.masks = masks;
+    let options = &LoadOptions { alpha: Some(alpha), masks: Some(masks), ..options.clone() };
     if alpha == Alpha::Keyed {
         // Held-out photos stay as they are: figures compare with them.
         let names: Vec<String> = scene.frames.iter().map(|frame| frame.name.clone()).collect();

@@ -21,6 +21,7 @@ mod neus;
 mod notes;
 mod npy;
 mod options;
+mod outside;
 mod photos;
 mod points;
 mod points_ply;
@@ -165,6 +166,8 @@ pub struct Dataset {
     pub points_from: PointsFrom,
     /// Extent of the cameras in scene units, where it is given and not to be that of all views.
     pub extent: Option<f64>,
+    /// What lies outside of the photos' masks.
+    pub masks: Masks,
     /// What the photos' alpha means, where they show an object with nothing around it, and the colour to show it on.
     pub backdrop: Option<(Alpha, [u8; 3])>,
     /// Which pixels of a view, row by row, show something glossy or mirror-like: of a scene that was made and so is known.

@@ -164,8 +164,9 @@ pub struct LoadOptions {
     pub split: Option<PathBuf>,
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     pub principal_point: PrincipalPoint,
-    /// What lies outside the masks (files in `masks/` or alpha channels): `ignore`: anything; `object`: nothing.
-    pub masks: Masks,
+    /// What lies outside the masks (files in `masks/` or alpha channels): `ignore`: anything; `object`: nothing. Unset: `object`
+    /// where those of all photos leave one object and drop what surrounds it, else `ignore`.
+    pub masks: Option<Masks>,
     /// What the photos' alpha means: `mask`; `composite`: they lie over the background; `keyed`: they have none and lie on one
     /// colour. Unset: `composite` in Blender scenes with alpha, `keyed` where all photos lie on one colour, else `mask`, and
     /// always with `masks = "object"`.
@@ -204,7 +205,7 @@ impl Default for LoadOptions {
             eval_split_every: 8,
             split: None,
             principal_point: PrincipalPoint::True,
-            masks: Masks::Ignore,
+            masks: None,
             alpha: None,
             color_space: None,
             filter_points: false,
@@ -218,9 +219,14 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
+    /// What lies outside of the masks; [`load`](super::load) finds out where it is not given.
+    pub fn masks(&self) -> Masks {
+        self.masks.unwrap_or_default()
+    }
+
     /// Whether the photos show an object with nothing around it.
     pub fn shows_object(&self) -> bool {
-        self.masks == Masks::Object || self.alpha.is_some_and(Alpha::is_cover)
+        self.masks() == Masks::Object || self.alpha.is_some_and(Alpha::is_cover)
     }
 
     /// Whether the photos' alpha says how much of each pixel an object covers.
@@ -237,7 +243,7 @@ impl LoadOptions {
                 refuse("data.max-resolution", "0".into(), "at least 1 pixel")
             }
             LoadOptions { eval_split_every: 0, .. } => refuse("data.eval-split-every", "0".into(), "at least 2"),
-            LoadOptions { masks: Masks::Object, alpha: Some(alpha), .. } if alpha.is_cover() => {
+            LoadOptions { masks: Some(Masks::Object), alpha: Some(alpha), .. } if alpha.is_cover() => {
                 let alpha = if *alpha == Alpha::Keyed { "keyed" } else { "composite" };
                 refuse("data.alpha", alpha.into(), "`mask` where `data.masks` is `object`, or leave it out")
             }

@@ -163,7 +163,7 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo
         let bytes = read_bytes(&frame.photo)?;
         (decode(&frame.photo, &bytes, options)?, is_turned(&bytes))
     };
-    let is_cover = options.masks == Masks::Ignore && options.shows_object();
+    let is_cover = options.masks() == Masks::Ignore && options.shows_object();
     if let Some(color) = frame.key {
         backdrop::key(&mut image, color);
     } else if is_cover {
@@ -194,7 +194,7 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo
     let camera = resized_camera(&lens, frame, options);
     let (width, height) = (camera.width, camera.height);
     let mut image = resample(image, width, height, options.resampler);
-    if options.masks == Masks::Object {
+    if options.masks() == Masks::Object {
         mark_empty(&mut image, outside.as_ref());
     }
     let has_outside = options.shows_object() && image.pixels().any(|pixel| (1..u8::MAX).contains(&pixel.0[3]));
@@ -294,7 +294,9 @@ fn object_note(loaded: &[Loaded], options: &LoadOptions) -> Option<String> {
         Some(Alpha::Keyed) => {
             format!("{emptied} of an object on one colour: what of that colour touches the edge is empty")
         }
-        _ => format!("{emptied} of an object: outside of the masks there is nothing"),
+        _ => format!(
+            "{emptied} of an object: outside of the masks there is nothing; with `--masks ignore` it does not count"
+        ),
     })
 }
 

@@ -8,21 +8,21 @@ use std::fmt;
 /// Iterations of the default strategy at full rates.
 const ITERATIONS_AT_FULL_RATES: f64 = 7_000.0;
 /// Visits of each photo at full rates, if these take more iterations: 163 visits of 43 photos are 7000 iterations.
-pub(super) const VISITS_AT_FULL_RATES: f64 = 163.0;
+const VISITS_AT_FULL_RATES: f64 = 163.0;
 
 /// Most visits of each photo with the residual: a network that sees each photo more often learns them by heart.
 const VISITS_WITH_RESIDUAL: u32 = 250;
 
 /// Length of a run of the default strategy.
-pub(super) struct Length {
+struct Length {
     /// Visits of each photo.
-    pub visits: u32,
+    visits: u32,
     least: u32,
     most: u32,
 }
 
 /// That of most runs.
-pub(super) const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
+const USUAL_LENGTH: Length = Length { visits: 200, least: 7_000, most: REFERENCE_ITERATIONS };
 /// That of two bases, but for photos with alpha: what the first one has in fewer iterations, the mean makes good in half of the time.
 const LENGTH_OF_TWO: Length = Length { visits: 130, least: 5_000, most: 11_000 };
 
@@ -61,9 +61,10 @@ impl DensifyConfig {
 }
 
 impl TrainConfig {
-    /// Sets the options that depend on the scene, unless they are given: what its photos' alpha means, the background, and those of
+    /// Sets the options that depend on the scene, unless they are given: what its photos' alpha and masks mean, the background, and those of
     /// [`adapt_to_photos`](Self::adapt_to_photos).
     pub fn adapt_to(&mut self, dataset: &Dataset) {
+        self.data.masks.get_or_insert(dataset.masks);
         if let Some((alpha, color)) = dataset.backdrop {
             self.data.alpha = self.data.alpha.or(alpha.is_cover().then_some(alpha));
             self.background.get_or_insert(Background::Color(color));

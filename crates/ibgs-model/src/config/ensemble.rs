@@ -1,6 +1,5 @@
 //! Ensembles: several bases, whose mean is the base image.
 
-use super::adapt::{USUAL_LENGTH, VISITS_AT_FULL_RATES};
 use super::check::Check;
 use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwitch};
 
@@ -8,8 +7,7 @@ use super::{ConfigError, Method, PoseSwitch, Strategy, TrainConfig, TransientSwi
 const MOST: u32 = 8;
 /// Bases where none are asked for.
 const USUAL: u32 = 2;
-/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done. A
-/// chain may have as many in any case.
+/// Iterations of a further member that is no chain of MCMC, at most: its image needs no surface, and a base alone is about done.
 const MEMBER_ITERATIONS: u32 = 7_000;
 /// What the seeds of two members differ by.
 const SEED_STEP: u64 = 0x9e37_79b9;
@@ -49,11 +47,8 @@ impl TrainConfig {
         if is_chain {
             member.densify.strategy = Strategy::Mcmc;
         }
-        // A chain's rates do not fall in a longer run, so it has the visits of each photo of a usual one at most.
-        let full = self.learning_rates.factor.unwrap_or(1.0) * f64::from(self.iterations());
-        let chain = (f64::from(USUAL_LENGTH.visits) / VISITS_AT_FULL_RATES * full).round() as u32;
-        let most = if is_chain { chain.max(MEMBER_ITERATIONS) } else { MEMBER_ITERATIONS };
-        member.iterations = Some(self.iterations().min(most));
+        let iterations = self.iterations();
+        member.iterations = Some(if is_chain { iterations } else { iterations.min(MEMBER_ITERATIONS) });
         member
     }
 
@@ -113,7 +108,7 @@ mod tests {
     fn an_object_has_a_chain_first() {
         let of_object = |count, networks| {
             let mut config = ensemble(count, networks);
-            config.data.masks = crate::dataset::Masks::Object;
+            config.data.masks = Some(crate::dataset::Masks::Object);
             config
         };
         let kind = |config: &TrainConfig, number| {
@@ -126,23 +121,6 @@ mod tests {
         let kinds = [3, 4, 5, 6].map(|number| kind(&best, number));
         let (chain, plain) = ((Strategy::Mcmc, 9_000), (Strategy::Default, MEMBER_ITERATIONS));
         assert_eq!(kinds, [chain, plain, chain, plain]);
-    }
-
-    #[test]
-    fn a_chain_ends_after_200_visits_of_each_photo() {
-        let length = |iterations, photos| {
-            let mut config = TrainConfig { iterations: Some(iterations), ..ensemble(6, 2) };
-            config.adapt_to_photos(photos, 1);
-            [config.of_member(4), config.of_member(2)].map(|member| member.iterations())
-        };
-        assert_eq!(length(7_410, 57), [7_410; 2]);
-        assert_eq!(length(11_400, 57), [11_400; 2]);
-        assert_eq!(length(30_000, 57), [11_400, 30_000]);
-        assert_eq!(length(30_000, 17), [8_589, 30_000]);
-        assert_eq!(length(30_000, 1_000), [30_000; 2]);
-        let mut slow = ensemble(6, 2);
-        slow.learning_rates.factor = Some(1e-5);
-        assert_eq!(slow.of_member(4).iterations(), MEMBER_ITERATIONS);
     }
 
     #[test]
@@ -165,7 +143,7 @@ mod tests {
         let mut chain = TrainConfig::default();
         chain.densify.strategy = Strategy::Mcmc;
         let mut object = TrainConfig::default();
-        object.data.masks = crate::dataset::Masks::Object;
+        object.data.masks = Some(crate::dataset::Masks::Object);
         let mut with_alpha = TrainConfig::default();
         with_alpha.data.alpha = Some(crate::dataset::Alpha::Composite);
         let plain = TrainConfig { method: Method::Gs3, ..TrainConfig::default() };

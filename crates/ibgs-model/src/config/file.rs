@@ -73,7 +73,7 @@ mod tests {
         config.source = Some("a folder/scene".into());
         config.data.images = Some("images_4".to_owned());
         config.data.alpha = Some(Alpha::Composite);
-        config.data.masks = Masks::Object;
+        config.data.masks = Some(Masks::Object);
         config.data.color_space = Some(ColorSpace::Linear);
         config.eval_iterations = Some(vec![1, 2, 300]);
         config.densify.end = Some(1234);

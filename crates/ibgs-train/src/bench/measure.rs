@@ -13,13 +13,16 @@ use ibgs_core::gpu::{Gpu, MemoryReport};
 use ibgs_core::raster::{RasterView, Rasterizer};
 use ibgs_core::render::Renderer;
 use ibgs_core::residual::Factor;
-use ibgs_core::scene::{Harmonics, MAX_SH_DEGREE, Splats};
+use ibgs_core::scene::{Gaussians, Harmonics, MAX_SH_DEGREE, Splats};
 use ibgs_shaders::TILE;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Iterations until the degree of the spherical harmonics is the model's.
 const SETTLING: u32 = MAX_SH_DEGREE + 1;
+
+/// Least time for which a work runs before it is timed.
+const WARM_UP: Duration = Duration::from_millis(250);
 
 /// Something to run again and again.
 type Run<'a> = &'a mut dyn FnMut() -> Result<(), TrainError>;
@@ -52,7 +55,12 @@ impl Clock<'_> {
     }
 
     fn timing(&self, work: Work, run: Run) -> Result<Timing, TrainError> {
-        self.elapsed(2, run)?;
+        // An idle device takes a while to reach its clock rate.
+        let start = Instant::now();
+        while {
+            self.elapsed(2, run)?;
+            start.elapsed() < WARM_UP
+        } {}
         // Also the warm-up of the single runs.
         let [host_ms, in_a_row_ms] = self.host_and_all(self.runs, run)?.map(|ms| ms / f64::from(self.runs));
         let single = (0..self.runs).map(|_| self.elapsed(1, run)).collect::<Result<Vec<_>, _>>()?;
@@ -99,7 +107,7 @@ impl Clock<'_> {
 
 /// What a view's stages have to do, read back from a pass over it.
 fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> Result<Load, TrainError> {
-    let Setting { gaussians, camera, config } = setting;
+    let Setting { gaussians, camera, config, .. } = setting;
     let forward = raster.surface(splats, &RasterView::new(splats.space.camera(camera), gaussians.sh_degree))?;
     let pixels = camera.width as usize * camera.height as usize;
     let last = gpu.read(&forward.workspace.last_entry, pixels)?;
@@ -167,7 +175,7 @@ fn image_based(
         evaluates: false,
     };
     let estimated_bytes = Estimate::new(&demand).total();
-    let renderer = frames(gpu, setting, &trainer)?;
+    let renderer = frames(raster, setting, &trainer)?;
     renderer.render(&setting.camera)?;
     let warm = clock.timing(Work::WarmFrame, &mut || Ok(renderer.render_unchecked(&setting.camera).map(drop)?))?;
     let cold = clock.timing(Work::ColdFrame, &mut || {
@@ -177,10 +185,20 @@ fn image_based(
     Ok(ImageBased { clock_load: load, timings: vec![warm, cold, iteration], memory, estimated_bytes })
 }
 
-/// Renders with the Gaussians as `ibgs render` keeps them on the device.
-fn frames(gpu: &Gpu, setting: &Setting, trainer: &Trainer) -> Result<Renderer, TrainError> {
-    let gaussians = setting.gaussians.in_space(trainer.splats().space);
-    Ok(trainer.renderer()?.with_splats(Splats::upload_in(&gaussians, gpu, Harmonics::Half)?))
+/// Renders with the Gaussians as `ibgs render` keeps them on the device, those of an ensemble with their networks.
+fn frames(raster: &Arc<Rasterizer>, setting: &Setting, trainer: &Trainer) -> Result<Renderer, TrainError> {
+    let upload = |gaussians: &Gaussians| {
+        Splats::upload_in(&gaussians.in_space(trainer.splats().space), raster.gpu(), Harmonics::Half)
+    };
+    let whole = |gaussians: &Gaussians| Ok::<_, TrainError>(trainer.renderer()?.with_splats(upload(gaussians)?));
+    let member = |(gaussians, number): (&Gaussians, u32)| {
+        if number <= setting.config.residual.networks {
+            return whole(gaussians);
+        }
+        Ok(Renderer::new(raster.clone(), upload(gaussians)?, trainer.background(), None))
+    };
+    let members = setting.members.iter().zip(2..).map(member).collect::<Result<_, _>>()?;
+    Ok(whole(setting.gaussians)?.with_members(members, setting.config.weighted_as_the_first()))
 }
 
 /// The base's frame and iteration.
@@ -202,7 +220,7 @@ fn base(
         trainer.step()?;
     }
     let iteration = clock.timing(Work::BaseIteration, &mut || trainer.step())?;
-    let renderer = frames(gpu, setting, &trainer)?;
+    let renderer = frames(raster, setting, &trainer)?;
     renderer.render(&setting.camera)?;
     let frame = clock.timing(Work::BaseFrame, &mut || Ok(renderer.render_unchecked(&setting.camera).map(drop)?))?;
     Ok([frame, iteration])

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, Photo, PointsFrom, View};
+use ibgs_core::dataset::{Dataset, Masks, Photo, PointsFrom, View};
 use ibgs_core::gpu::GpuError;
 use ibgs_core::raster::Rasterizer;
 use ibgs_core::render::render_base;
@@ -15,8 +15,10 @@ use rand_chacha::ChaCha8Rng;
 /// One row of a growth table.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting<'a> {
-    /// The model.
+    /// The model; of an ensemble the first base.
     pub gaussians: &'a Gaussians,
+    /// The other bases of an ensemble, which frames have too. Iterations are those of the first alone.
+    pub members: &'a [Gaussians],
     /// The view, in the scene's coordinates.
     pub camera: Camera,
     /// Its options. Only those count that decide how much the stages compute, and the numbers of sources and of median
@@ -83,6 +85,7 @@ pub(super) fn views(
         test: Vec::new(),
         points: Vec::new(),
         extent: None,
+        masks: Masks::Ignore,
         backdrop: None,
         glossy: None,
         made_tracks: Default::default(),

@@ -65,7 +65,7 @@ fn opacities(trainer: &Trainer, dataset: &Dataset) -> [f32; 2] {
 }
 
 fn with(masks: Masks, mut config: TrainConfig) -> TrainConfig {
-    config.data.masks = masks;
+    config.data.masks = Some(masks);
     config
 }
 

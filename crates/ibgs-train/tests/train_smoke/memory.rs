@@ -2,7 +2,7 @@
 
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, TrainConfig};
-use ibgs_core::dataset::{Dataset, HostPhoto, Photo, PointsFrom, View};
+use ibgs_core::dataset::{Dataset, HostPhoto, Masks, Photo, PointsFrom, View};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::raster::Rasterizer;
@@ -32,6 +32,7 @@ fn dataset(camera: &Camera) -> Dataset {
         test: Vec::new(),
         points: Vec::new(),
         extent: None,
+        masks: Masks::Ignore,
         backdrop: None,
         glossy: None,
         made_tracks: Default::default(),

@@ -81,6 +81,7 @@ fn wall() -> Dataset {
         points: vec![Point { position: DVec3::Z, color: [0; 3] }],
         points_from: PointsFrom::Chance,
         extent: None,
+        masks: Masks::Ignore,
         backdrop: None,
         glossy: None,
         made_tracks: Default::default(),
@@ -115,7 +116,7 @@ fn a_scene_may_begin_with_its_own_points_alone() {
     let mut alone = plain(5);
     alone.data.initial_points = InitialPoints::Scene;
     let mut object = plain(5);
-    object.data.masks = Masks::Object;
+    object.data.masks = Some(Masks::Object);
     // On a software adapter also where nothing is asked for.
     let usual = plain(5);
     for config in [Some(&alone), Some(&object), gpu().is_software().then_some(&usual)].into_iter().flatten() {
