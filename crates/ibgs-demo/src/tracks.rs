@@ -13,6 +13,8 @@ use rayon::prelude::*;
 const NOISE: f64 = 0.3;
 /// Most photos that have a point: that in which it was found and those next to it.
 const LONGEST: usize = 10;
+/// Points with a track for each photo, on average: of more every so many-th has one, as adjusting cameras takes no more.
+const ENOUGH: usize = 400;
 /// What a ray meets this much nearer than a point hides it, in metres.
 const HIDING: f64 = 1e-4;
 /// Observations are written in parts of a pixel.
@@ -32,7 +34,8 @@ pub(super) fn tracks(scene: &Scene, cameras: &[Camera], points: &[Found], seed: 
         let seen: Vec<Seen> = beside[view].iter().filter_map(|&view| seen(view)).collect();
         (seen.len() > 1).then_some(Track { position: Some(point.position), seen })
     };
-    points.par_iter().enumerate().filter_map(track).collect()
+    let step = points.len().div_ceil(ENOUGH * cameras.len().max(1)).max(1);
+    points.par_iter().enumerate().step_by(step).filter_map(track).collect()
 }
 
 /// A view and those next to it, in the order of their numbers.

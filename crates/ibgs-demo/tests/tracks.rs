@@ -70,6 +70,15 @@ fn cameras_that_are_off_come_back_by_them() {
 }
 
 #[test]
+fn of_many_points_some_have_tracks() {
+    let cache = tempfile::tempdir().expect("folder");
+    let many = DemoOptions { width: 16, height: 12, samples: 1, views: 4, points: 7_000, ..tiny() };
+    let tracks = load(&many, cache.path()).made_tracks.len();
+    // Every fifth, and not those on mirrors or astray.
+    assert!((900..=1_400).contains(&tracks), "{tracks}");
+}
+
+#[test]
 fn the_folder_has_them_too() {
     let cache = tempfile::tempdir().expect("folder");
     let walkers = WalkerOptions { scene: tiny(), percent: 50 };
