@@ -98,3 +98,57 @@ fn a_model_that_was_moved_is_unsaved_until_it_is_back() {
     assert_eq!(placement(&window), Similarity::IDENTITY);
     assert!(window.query_by_label("not saved yet").is_none());
 }
+
+#[test]
+fn the_gizmo_moves_turns_and_scales_over_the_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = placing(plain(folder.path()));
+    pick(&mut window, "Gizmo");
+    // Where the camera stands in the coordinates of the file, whose ground stands still.
+    let stands = |window: &Window| placement(window).camera(&window.state().navigator().camera(300, 200));
+    let still = |window: &Window, before: &Camera| {
+        let now = stands(window);
+        let is_turned = !now.view_from_world.abs_diff_eq(before.view_from_world, 1e-9);
+        !is_turned && now.center().distance(before.center()) < 1e-9 * before.center().length()
+    };
+    assert_eq!(window.state().on_view(), None, "the model moves away from its photos");
+    let (scene, file) = (*window.state().navigator(), stands(&window));
+    // Where a picture of the window shows the handles: the tip of the arrow along z, the middle, and the ring about z.
+    let middle = Pos2::new(448.0, 418.0);
+    drag(&mut window, PointerButton::Primary, middle - Vec2::new(0.0, 60.0), Vec2::new(10.0, -40.0));
+    let moved = placement(&window);
+    assert!(moved.translation.z.abs() > 0.01 && moved.translation.truncate() == glam::DVec2::ZERO, "{moved:?}");
+    assert_eq!((moved.scale, moved.rotation), (1.0, Similarity::IDENTITY.rotation));
+    assert!(window.state().inspection().is_none());
+    assert!(still(&window, &file) && *window.state().navigator() != scene, "the model moves over the ground");
+    // A drag is one step.
+    command(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(placement(&window), Similarity::IDENTITY);
+    assert!(window.state().navigator().position.distance(scene.position) < 1e-9 && still(&window, &file));
+    command(&mut window, Modifiers::COMMAND, Key::Y);
+    assert_eq!(placement(&window), moved);
+    pick(&mut window, "As it was");
+    drag(&mut window, PointerButton::Primary, middle, Vec2::new(40.0, 0.0));
+    let scaled = placement(&window);
+    assert!(scaled.scale > 1.1 && scaled.rotation == moved.rotation && still(&window, &file), "{scaled:?}");
+    pick(&mut window, "As it was");
+    drag(&mut window, PointerButton::Primary, middle + RING, Vec2::new(20.0, 0.0));
+    let turned = placement(&window);
+    assert!((turned.scale - 1.0).abs() < 1e-12 && still(&window, &file), "{turned:?}");
+    assert!(turned.rotation.z_axis.distance(DVec3::Z) < 1e-9 && turned.rotation.x_axis.distance(DVec3::X) > 0.05);
+    // Beside the handles the pointer is the camera's.
+    drag(&mut window, PointerButton::Primary, middle + Vec2::new(-150.0, 120.0), Vec2::new(30.0, 0.0));
+    assert!(placement(&window) == turned && !still(&window, &file));
+    // What was dragged but not let go is a step too.
+    button(&mut window, middle, PointerButton::Primary, true);
+    window.event(Event::PointerMoved(middle + Vec2::new(30.0, 0.0)));
+    window.step();
+    press(&mut window, Key::Escape);
+    assert!(placement(&window).scale > 1.05);
+    button(&mut window, middle, PointerButton::Primary, false);
+    command(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((placement(&window), window.state().error()), (turned, None));
+}
+
+/// From the middle of the gizmo to the ring about z, in points.
+const RING: Vec2 = Vec2::new(0.0, 17.0);

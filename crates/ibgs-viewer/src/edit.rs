@@ -1,15 +1,18 @@
 //! The editor's state: what is selected of a finished model, by which tool, and what was hidden and removed. Draws nothing.
 
+mod gizmo;
 mod placing;
 mod ranges;
 mod tools;
 
+pub use gizmo::{Gizmo, Handle};
 pub use ranges::Ranges;
 pub use tools::{Picture, Tool};
 
 use crate::edit_work::{EditCommand, EditMessage, EditShown, SaveEdited};
 use crate::worker::Command;
 use crate::{Scene, Viewer};
+use gizmo::Held;
 use glam::{DVec2, DVec3};
 use ibgs_core::edit::{Combine, CropBox, Editor, Floaters, Mask};
 use ibgs_core::scene::Gaussians;
@@ -76,6 +79,10 @@ pub struct Edit {
     pub points: Vec<DVec3>,
     /// What the measured length is in truth.
     pub true_length: f64,
+    /// The handle of the gizmo that the pointer holds.
+    held: Option<Held>,
+    /// Where the model stood in the last picture; none: where it was opened.
+    stood: Option<Similarity>,
 }
 
 impl Edit {

@@ -62,6 +62,14 @@ const RULER: Icon = &[
     &[[12., 6.], [12., 8.]],
 ];
 const GROUND: Icon = &[&[[1., 12.], [15., 12.]], &[[8., 12.], [8., 3.]], &[[5., 6.], [8., 3.], [11., 6.]]];
+const GIZMO: Icon = &[
+    &[[8., 15.], [8., 1.]],
+    &[[1., 8.], [15., 8.]],
+    &[[6., 3.], [8., 1.], [10., 3.]],
+    &[[13., 6.], [15., 8.], [13., 10.]],
+    &[[6., 13.], [8., 15.], [10., 13.]],
+    &[[3., 6.], [1., 8.], [3., 10.]],
+];
 
 /// That of a tool.
 pub fn of(tool: Tool) -> Icon {
@@ -76,6 +84,7 @@ pub fn of(tool: Tool) -> Icon {
         Tool::Flood => FLOOD,
         Tool::Length => RULER,
         Tool::Ground => GROUND,
+        Tool::Gizmo => GIZMO,
     }
 }
 

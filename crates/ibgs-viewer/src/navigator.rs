@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::Keyframe;
+use ibgs_core::similarity::Similarity;
 
 /// Least angle between the optical axis and the up axis when orbiting, in radians.
 const POLE: f64 = 0.05;
@@ -134,6 +135,14 @@ impl Navigator {
     /// Flies; the pivot comes along.
     pub fn fly(&mut self, step: Step) {
         self.position += self.world_from_view * step;
+    }
+
+    /// Moves, turns and goes nearer or farther as a similarity takes it.
+    pub fn place(&mut self, by: &Similarity) {
+        self.position = by.point(self.position);
+        self.world_from_view = by.rotation * self.world_from_view;
+        self.up = by.rotation * self.up;
+        (self.distance, self.size) = (by.scale * self.distance, by.scale * self.size);
     }
 
     /// Turns to a point and orbits around it from now on.

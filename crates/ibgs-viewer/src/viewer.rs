@@ -136,7 +136,7 @@ pub struct Viewer {
     pub(crate) settings: Settings,
     photo: Option<(usize, DevicePhoto)>,
     /// What the cameras look at, and extent of the scene.
-    center: DVec3,
+    pub(crate) center: DVec3,
     pub(crate) extent: f64,
     /// A point of the ground; none where no sparse points show it.
     pub(crate) ground: Option<DVec3>,

@@ -68,7 +68,9 @@ impl Viewer {
         let response = response.on_hover_cursor(egui::CursorIcon::Crosshair);
         let pixels = room.size() * scale;
         self.room = [pixels.x, pixels.y].map(|length| (length.round() as u32).clamp(SIDES[0], SIDES[1]));
+        self.follow_placement();
         let camera = self.camera();
+        panels::grab_gizmo(self, ui, &response, fitted(ratio(&camera)), &camera);
         self.pointer(ui, &response, fitted(ratio(&camera)));
         if let Some(pose) = self.panels.path.pose(ui) {
             self.has_moved();

@@ -28,7 +28,7 @@ impl Viewer {
     pub(super) fn pointer(&mut self, ui: &Ui, response: &egui::Response, image: Rect) {
         let delta = response.drag_delta() / image.height().max(1.0);
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
-        let selects = self.edit.pointer().is_some();
+        let selects = self.edit.pointer().is_some() || self.edit.held().is_some();
         let touch = ui.input(|input| input.multi_touch());
         if let Some(touch) = touch.filter(|touch| response.rect.contains(touch.center_pos)) {
             // Two fingers pan and zoom.

@@ -1,9 +1,10 @@
 //! Placing the model: by a known length, by points of the ground, and by numbers.
 
 use super::{Edit, Tool};
-use glam::{DMat3, DVec3};
+use crate::Viewer;
+use glam::DVec3;
 use ibgs_core::camera::Camera;
-use ibgs_core::edit::{scaled, upright};
+use ibgs_core::edit::{UP, scaled, upright};
 use ibgs_core::similarity::Similarity;
 
 impl Edit {
@@ -42,16 +43,31 @@ impl Edit {
     /// Whether the ground of the file is drawn.
     pub fn shows_ground(&self) -> bool {
         let is_placed = self.editor.as_ref().is_some_and(|editor| *editor.placement() != Similarity::IDENTITY);
-        self.shown && (is_placed || matches!(self.tool, Some(Tool::Length | Tool::Ground)))
-    }
-
-    /// What turns the scene's axes to those of the file.
-    pub fn rotation(&self) -> DMat3 {
-        self.editor.as_ref().map_or(DMat3::IDENTITY, |editor| editor.placement().rotation)
+        self.shown && (is_placed || matches!(self.tool, Some(Tool::Length | Tool::Ground | Tool::Gizmo)))
     }
 
     /// Places the model.
     pub fn place(&mut self, placement: Similarity) {
         self.step(|editor| editor.place(placement));
+    }
+}
+
+impl Viewer {
+    /// Keeps up with where the model was placed since the last picture. With the gizmo the ground of the file stands still, so the
+    /// camera moves in the scene and stands on none of its views; else the scene stands still.
+    pub(crate) fn follow_placement(&mut self) {
+        let Some(placement) = self.edit.editor.as_ref().map(|editor| *editor.placement()) else { return };
+        let before = self.edit.stood.replace(placement).unwrap_or(Similarity::IDENTITY);
+        if self.edit.shown && self.edit.tool == Some(Tool::Gizmo) {
+            if placement != before {
+                self.navigator.place(&before.then(&placement.inverse()));
+            }
+            if placement != before || self.on_view.is_some() {
+                self.has_moved();
+            }
+        } else if placement.rotation != before.rotation {
+            // Orbits turn about what is up now.
+            self.navigator.up = placement.rotation.transpose() * UP;
+        }
     }
 }

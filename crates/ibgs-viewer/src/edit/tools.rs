@@ -33,6 +33,8 @@ pub enum Tool {
     Length,
     /// Sets the ground by three points of the surface.
     Ground,
+    /// Moves, turns and scales by handles.
+    Gizmo,
 }
 
 impl Tool {
@@ -49,14 +51,19 @@ impl Tool {
     ];
 
     /// Those that place the model.
-    pub const PLACING: [(Self, &str, &str); 2] = [
+    pub const PLACING: [(Self, &str, &str); 3] = [
+        (
+            Self::Gizmo,
+            "Gizmo",
+            "Drag an arrow to move the model, a ring to turn it, the middle to scale it. The ground stands still meanwhile.",
+        ),
         (Self::Length, "Measure", "Click two points of the surface: their distance."),
         (Self::Ground, "Ground", "Click three points of the ground: they come to lie at height 0, with up as -y."),
     ];
 
     /// Whether the pointer's main button is the tool's, not the camera's.
     pub fn takes_pointer(self) -> bool {
-        self != Self::Box
+        !matches!(self, Self::Box | Self::Gizmo)
     }
 
     /// Whether what lies behind the surface can be left out.
@@ -214,7 +221,7 @@ impl Edit {
             Some(Tool::Length | Tool::Ground) => {
                 self.point(picture.surface(first).ok_or(NO_SURFACE)?, picture.camera)?
             }
-            Some(Tool::Box) | None => {}
+            Some(Tool::Box | Tool::Gizmo) | None => {}
         }
         Ok(())
     }
@@ -272,10 +279,10 @@ impl Edit {
         }
     }
 
-    /// Forgets a stroke that was not ended.
+    /// Forgets a stroke that was not ended, and lets a handle go where it is.
     pub fn lift(&mut self) {
-        if !std::mem::take(&mut self.stroke).is_empty()
-            && self.tool == Some(Tool::Brush)
+        let paints = !std::mem::take(&mut self.stroke).is_empty() && self.tool == Some(Tool::Brush);
+        if (self.held.take().is_some() || paints)
             && let Some(editor) = &mut self.editor
         {
             editor.end();

@@ -1,9 +1,11 @@
 //! The editor: its panel, what it draws over the image, and its keys.
 
+mod gizmo;
 mod image;
 mod placing;
 mod values;
 
+pub use gizmo::grab;
 pub use image::{draw, in_image};
 
 use crate::edit::{Edit, Tool};

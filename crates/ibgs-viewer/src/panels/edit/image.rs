@@ -1,5 +1,6 @@
 //! What the editor draws over the image, and what the pointer does there.
 
+use super::gizmo;
 use crate::edit::{Edit, Picture, Tool, places};
 use crate::marks::{self, Onto};
 use crate::viewer::Viewer;
@@ -9,17 +10,17 @@ use eframe::egui::{
 };
 use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;
-use ibgs_core::edit::{Combine, CropBox, Editor, UP, box_edges};
+use ibgs_core::edit::{Combine, CropBox, Editor, box_edges};
 
 /// Colour of what is selected and of the box.
 const SELECTED: Color32 = Color32::from_rgb(255, 120, 20);
-const BOX: Color32 = Color32::from_rgb(255, 220, 90);
-const AXES: [Color32; 3] =
+pub const BOX: Color32 = Color32::from_rgb(255, 220, 90);
+pub const AXES: [Color32; 3] =
     [Color32::from_rgb(235, 70, 70), Color32::from_rgb(90, 200, 90), Color32::from_rgb(90, 140, 255)];
 /// Most selected Gaussians that are marked.
 const MOST_MARKS: usize = 30_000;
 /// Radius of a handle in points, and of what can be grabbed around it.
-const HANDLE: f32 = 5.0;
+pub const HANDLE: f32 = 5.0;
 const GRIP: f32 = 9.0;
 
 /// What is selected, where the picture does not show it by itself, and the box.
@@ -40,6 +41,7 @@ pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
     if viewer.edit.shows_ground() {
         draw_placing(&viewer.edit, editor, painter, onto, viewer.extent);
     }
+    gizmo::draw(viewer, painter, onto);
     if let (Some(Tool::Box), Some(crop)) = (viewer.edit.tool, &viewer.edit.crop) {
         let corners = crop.corners();
         for stroke in outlined(BOX) {
@@ -74,7 +76,7 @@ fn draw_placing(edit: &Edit, editor: &Editor, painter: &Painter, onto: &Onto, ex
 }
 
 /// A line that is seen on any colour: its rim, then itself.
-fn outlined(color: Color32) -> [Stroke; 2] {
+pub fn outlined(color: Color32) -> [Stroke; 2] {
     [Stroke::new(3.5, Color32::from_black_alpha(120)), Stroke::new(1.5, color)]
 }
 
@@ -87,9 +89,11 @@ pub fn in_image(viewer: &mut Viewer, ui: &mut Ui, response: &Response, image: Re
     {
         handles(crop, ui, &Onto::new(camera, image, viewer.extent));
     }
+    gizmo::drag(viewer, ui, response, image, camera);
     match viewer.edit.pointer() {
         Some(tool) => selects(viewer, tool, ui, response, image, camera),
-        None => viewer.edit.lift(),
+        None if viewer.edit.held().is_none() => viewer.edit.lift(),
+        None => {}
     }
     if let Some(command) = viewer.edit.command() {
         // What was found in the image before is of another model.
@@ -100,8 +104,7 @@ pub fn in_image(viewer: &mut Viewer, ui: &mut Ui, response: &Response, image: Re
 
 /// The tool's pointer.
 fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image: Rect, camera: &Camera) {
-    let Viewer { edit, canvas, error, navigator, .. } = viewer;
-    let rotation = edit.rotation();
+    let Viewer { edit, canvas, error, .. } = viewer;
     let radius = f64::from(edit.radius / image.height().max(1.0));
     let picture = Picture { camera, last: canvas.last(), radius };
     let pointer = response.hover_pos().or_else(|| response.interact_pointer_pos());
@@ -127,10 +130,6 @@ fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image:
     }
     if std::mem::take(&mut edit.ends_polygon) && edit.can_close_polygon() {
         done = done.and_then(|()| edit.close_polygon(how, &picture));
-    }
-    // With the ground orbits turn about what is up now.
-    if edit.rotation() != rotation {
-        navigator.up = edit.rotation().transpose() * UP;
     }
     *error = done.err().map(str::to_owned).or(error.take());
     shape(edit, tool, &ui.painter_at(image), pointer);

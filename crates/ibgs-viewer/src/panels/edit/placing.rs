@@ -11,8 +11,8 @@ use ibgs_core::similarity::Similarity;
 /// Order in which the model is turned about the axes.
 const ORDER: EulerRot = EulerRot::XYZ;
 
-/// Tools, the measured length, and the placement in numbers. Nothing moves in the window: the axes of the file are drawn where
-/// they will be.
+/// Tools, the measured length, and the placement in numbers. With the gizmo the ground of the file stands still in the picture,
+/// else the model does.
 pub fn placing(viewer: &mut Viewer, ui: &mut Ui) {
     let (extent, unit, edit) = (viewer.extent, viewer.settings.unit, &mut viewer.edit);
     ui.label("What is saved is moved, turned and scaled, with its cameras. The grid is the ground of the file.");
@@ -49,7 +49,8 @@ fn numbers(edit: &mut Edit, extent: f64, ui: &mut Ui) {
     let Some(editor) = &mut edit.editor else { return };
     let Similarity { mut scale, rotation, mut translation } = *editor.placement();
     let (x, y, z) = DQuat::from_mat3(&rotation).to_euler(ORDER);
-    let mut turn = DVec3::new(x, y, z).map(f64::to_degrees);
+    // Zero without a sign.
+    let mut turn = DVec3::new(x, y, z).map(|angle| angle.to_degrees() + 0.0);
     let speed = 0.005 * extent * scale;
     let mut touched: Vec<Response> = Vec::new();
     let mut row = |ui: &mut Ui, name: &str, values: &mut DVec3, speed: f64, unit: &str| {
