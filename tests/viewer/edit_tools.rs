@@ -218,6 +218,55 @@ fn a_range_of_values_is_chosen_in_a_histogram() {
     assert_eq!(window.state().error(), None);
 }
 
+/// Looks at the error against the photos, once it is there.
+fn error_histogram(window: &mut Window) {
+    pick(window, "Error");
+    until(window, "compared", |viewer| viewer.compares() == Some(false));
+    window.step();
+    window.get_by_label("Histogram").scroll_to_me();
+    window.run_steps(10);
+}
+
+#[test]
+fn what_is_far_from_the_photos_is_chosen_by_its_error() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "By values");
+    error_histogram(&mut window);
+    pick(&mut window, "Select by values");
+    let all = selected(&window);
+    assert!((1_000..4_000).contains(&all), "{all}: those that no photo sees have no error");
+    let room = window.get_by_label("Histogram").rect();
+    drag(&mut window, PointerButton::Primary, room.center(), Vec2::new(room.width(), 0.0));
+    pick(&mut window, "Select by values");
+    let upper = selected(&window);
+    assert!((1..all).contains(&upper), "{upper} of {all}");
+    // Those that are left are compared without the others, and what was deleted has no error.
+    press(&mut window, Key::Delete);
+    assert_eq!(counts(&window), [4_000 - upper, 0]);
+    error_histogram(&mut window);
+    pick(&mut window, "Select by values");
+    let left = selected(&window);
+    assert!((1..=4_000 - upper).contains(&left), "{left}");
+    // Another value is looked at before the photos are compared with.
+    window.get_by_label("Error").click();
+    window.step();
+    pick(&mut window, "Opacity");
+    window.get_by_label("Histogram");
+    assert_eq!(window.state().error(), None);
+}
+
+#[test]
+fn without_photos_there_is_no_error_to_choose_by() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut opened = plain(folder.path());
+    opened.scene.views.iter_mut().for_each(|view| view.photo = None);
+    let mut window = editing(opened);
+    pick(&mut window, "By values");
+    pick(&mut window, "Error");
+    window.get_by_label_contains("no photos to compare with");
+    assert_eq!((window.query_by_label("Histogram").is_none(), window.state().error()), (true, None));
+}
+
 #[test]
 fn floaters_are_previewed_and_removed() {
     let (_folder, mut window) = editor();

@@ -4,10 +4,12 @@
 mod base;
 mod frame;
 mod image_part;
+mod photo_errors;
 
 pub(crate) use frame::FrameSource;
 pub use frame::{Frame, Rendered};
 pub use image_part::{ImageOptions, ImagePart};
+pub use photo_errors::PhotoErrors;
 
 use crate::camera::Camera;
 use crate::exposure::{ExposureField, ExposurePass, Exposures};

@@ -4,5 +4,6 @@
 
 mod formats;
 mod kernels;
+mod photo_errors;
 mod source_store;
 mod subgroups;

@@ -6,7 +6,7 @@ mod ranges;
 mod tools;
 
 pub use gizmo::{Gizmo, Handle};
-pub use ranges::Ranges;
+pub use ranges::{Quantity, Ranges};
 pub use tools::{Picture, Tool};
 
 use crate::edit_work::{EditCommand, EditMessage, EditShown, SaveEdited};
@@ -229,6 +229,11 @@ impl Viewer {
     /// Gaussians that are hidden and that are locked.
     pub fn kept_from_edits(&self) -> Option<[usize; 2]> {
         self.edit.editor.as_ref().map(|editor| [editor.hidden_count(), editor.locked_count()])
+    }
+
+    /// Whether values of the Gaussians are still to come; none where none is looked at.
+    pub fn compares(&self) -> Option<bool> {
+        self.edit.ranges.value.map(|_| self.edit.ranges.is_waiting())
     }
 
     /// Where an edited model is saved.

@@ -5,13 +5,16 @@ use crate::Content;
 use anyhow::{Result, bail};
 use glam::DVec3;
 use ibgs_core::bundle::Packing;
+use ibgs_core::camera::Camera;
+use ibgs_core::dataset::HostPhoto;
 use ibgs_core::edit::{Bases, Mask};
 use ibgs_core::model::{Model, is_bundle};
-use ibgs_core::render::Renderer;
+use ibgs_core::render::{PhotoErrors, Renderer};
 use ibgs_core::scene::{Format, Gaussians, Splats, write_gaussians};
 use ibgs_core::similarity::Similarity;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 /// Colour that the selected Gaussians are tinted with: red, green, blue.
 const SELECTED: DVec3 = DVec3::new(1.0, 0.47, 0.08);
@@ -24,6 +27,8 @@ pub enum EditCommand {
     Show(EditShown),
     /// Save what is left.
     Save(Box<SaveEdited>),
+    /// Compare what is shown with photos, for the error of each Gaussian. It ends early once nobody receives that.
+    Compare(Comparison),
 }
 
 /// What is seen of an edited model.
@@ -67,6 +72,24 @@ pub enum EditMessage {
     Saved(String, Arc<Mask>, Similarity),
 }
 
+/// Photos to compare a model with.
+pub struct Comparison {
+    /// Each with its camera.
+    pub photos: Vec<(Camera, HostPhoto)>,
+    /// They show an object, which lies over the model's background.
+    pub of_object: bool,
+    /// Who is told of it.
+    pub told: Sender<Compared>,
+}
+
+/// What is told of the errors of Gaussians.
+pub enum Compared {
+    /// Photos that were compared with, and their number.
+    Photos(usize, usize),
+    /// The value of each Gaussian of the whole model; no number for those that no photo sees or that are not shown.
+    Values(Vec<f32>),
+}
+
 /// What the worker keeps of a model that is edited.
 #[derive(Default)]
 pub struct EditWork {
@@ -77,6 +100,8 @@ pub struct EditWork {
     left: Option<Arc<Mask>>,
     /// Which state it is now.
     pub revision: u32,
+    /// The comparison that is going on.
+    comparing: Option<Comparing>,
 }
 
 impl EditWork {
@@ -95,6 +120,10 @@ impl EditWork {
             EditCommand::Begin => Ok(Some(EditMessage::Gaussians(self.whole(renderer)?.joined().clone()))),
             EditCommand::Show(shown) => {
                 self.asked = Some(shown);
+                Ok(None)
+            }
+            EditCommand::Compare(asked) => {
+                self.comparing = Some(Comparing { asked, done: 0, begun: None });
                 Ok(None)
             }
             EditCommand::Save(save) => {
@@ -136,6 +165,62 @@ impl EditWork {
         let tinted = is_tinted.then(|| uploaded(renderer, whole.tinted(&left, &tinted, SELECTED))).transpose()?;
         self.left = Some(left);
         Ok(Some(EditedRenderers { plain, tinted }))
+    }
+}
+
+/// Photos that Gaussians are compared with, one at a time between two frames.
+struct Comparing {
+    asked: Comparison,
+    done: usize,
+    /// The model that is compared, which later edits do not change, with the Gaussians that it has of the whole one.
+    begun: Option<(Arc<Renderer>, Option<Arc<Mask>>, PhotoErrors)>,
+}
+
+impl EditWork {
+    /// Whether no photo is left to compare with.
+    pub fn is_idle(&self) -> bool {
+        self.comparing.is_none()
+    }
+
+    /// Compares with the next photo, over the model's own `background`.
+    ///
+    /// # Errors
+    /// The device failed, or a photo cannot be read again.
+    pub fn compare(&mut self, content: Option<&Content>, background: [f32; 3]) -> Result<()> {
+        let (Some(mut comparing), Some(Content::Model(renderer))) = (self.comparing.take(), content) else {
+            return Ok(());
+        };
+        let (renderer, left, errors) =
+            comparing.begun.get_or_insert_with(|| (renderer.clone(), self.left.clone(), PhotoErrors::new(renderer)));
+        let mut rest = comparing.asked.photos[comparing.done..].iter();
+        if let Some((camera, photo)) = rest.next() {
+            HostPhoto::decode_next(rest.map(|(_, photo)| photo));
+            let photo = photo.pixels()?;
+            renderer.set_background(background);
+            match comparing.asked.of_object {
+                true => errors.add(renderer, camera, &photo.over(background))?,
+                false => errors.add(renderer, camera, &photo)?,
+            }
+            comparing.done += 1;
+        }
+        if comparing.done < comparing.asked.photos.len() {
+            if comparing.asked.told.send(Compared::Photos(comparing.done, comparing.asked.photos.len())).is_ok() {
+                self.comparing = Some(comparing);
+            }
+            return Ok(());
+        }
+        let means = errors.means();
+        let values = match left {
+            Some(left) => {
+                let mut whole = vec![f32::NAN; left.total()];
+                left.iter().zip(means).for_each(|(i, mean)| whole[i] = mean);
+                whole
+            }
+            None => means,
+        };
+        // Nobody may want it any more.
+        let _ = comparing.asked.told.send(Compared::Values(values));
+        Ok(())
     }
 }
 

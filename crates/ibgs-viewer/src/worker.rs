@@ -125,7 +125,7 @@ impl Work {
     }
 
     fn is_idle(&self) -> bool {
-        self.request.is_none() && self.film.is_none() && !self.running && !self.single
+        self.request.is_none() && self.film.is_none() && self.edit.is_idle() && !self.running && !self.single
     }
 
     fn training(&mut self) -> Option<&mut Box<dyn Training>> {
@@ -213,6 +213,7 @@ impl WorkerState {
                 self.failed_in(&mut work, &error);
             }
             self.shoot(&mut work);
+            self.compare(&mut work);
             if work.running || work.single {
                 self.train(&mut work);
             }
@@ -338,6 +339,17 @@ impl WorkerState {
             Ok(None) => {}
             Err(error) => self.failed(&error),
         }
+    }
+
+    /// Compares an edited model with the next photo.
+    fn compare(&self, work: &mut Work) {
+        if work.edit.is_idle() {
+            return;
+        }
+        if let Err(error) = work.edit.compare(work.content.as_ref(), work.own_background) {
+            self.failed_in(work, &error);
+        }
+        self.window.request_repaint();
     }
 
     fn film_failed(&self, error: &anyhow::Error) {

@@ -2,7 +2,7 @@
 
 use super::workspace::Workspace;
 use super::{Forward, Surface, tile_grid};
-use crate::gpu::{Buffer, Gpu, Pass};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{Harmonics, PerGaussian, Splats};
 use ibgs_shaders::CAMERA_GROUPS;
 use ibgs_shaders::bindings::{
@@ -35,6 +35,40 @@ impl Forward {
         self.record_blend(&mut pass, v_image);
         self.record_project(&mut pass, splats, v);
         pass.submit();
+    }
+
+    /// The pixels' values `[H, W, 3]`, weighted by the blending weights of each Gaussian and summed over the pixels: the gradient of
+    /// the colours. The last of the four numbers means nothing.
+    ///
+    /// # Errors
+    /// Not enough memory, or the device is lost.
+    ///
+    /// # Panics
+    /// When the pass did not keep what its gradients need, or has a surface: bugs of ours.
+    pub fn weighted(&self, gpu: &Gpu, count: usize, values: &Buffer<f32>) -> Result<Vec<[f32; 4]>, GpuError> {
+        assert!(self.surface.is_none(), "a surface has more gradients");
+        let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
+        let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
+        // Zero for those that are not seen.
+        let sums = gpu.allocate("sums of Gaussians", count)?;
+        let (v_screen, v_log_scales) =
+            (&gpu.transient("screen sums", count)?, &gpu.transient("covariance sums", 3 * count)?);
+        let mut pass = Pass::new(gpu, "weighted sums");
+        self.record_blend(&mut pass, values);
+        let bindings = SumRowsBindings {
+            offsets,
+            tile_counts,
+            total,
+            v_isect_color,
+            v_isect_xy,
+            v_isect_cov,
+            v_rotations: &sums,
+            v_screen,
+            v_log_scales,
+        };
+        pass.linear(&bindings, &self.frame, count);
+        pass.submit();
+        gpu.read(&sums, count)
     }
 
     fn record_blend(&self, pass: &mut Pass, v_image: &Buffer<f32>) {

@@ -1,7 +1,8 @@
 //! Selecting by values, with a histogram, and what floats.
 
-use crate::edit::Edit;
+use crate::edit::{Edit, Quantity};
 use crate::viewer::Viewer;
+use crate::worker::Command;
 use eframe::egui::{Button, DragValue, Rect, Role, Sense, Slider, Ui, Vec2, WidgetInfo, pos2};
 use ibgs_core::edit::{Editor, Histogram, Value};
 
@@ -10,29 +11,13 @@ const HEIGHT: f32 = 64.0;
 
 /// A value, its histogram, and the range to select.
 pub fn ranges(viewer: &mut Viewer, ui: &mut Ui) {
-    let Viewer { edit, scene, .. } = viewer;
-    let Some(editor) = &edit.editor else { return };
-    let cameras = || scene.iter().flat_map(|scene| &scene.views).map(|view| view.camera);
-    let all = [
-        (Value::Opacity, "Opacity", "From 0 to 1"),
-        (Value::Size, "Size", "Largest standard deviation in scene units"),
-        (Value::Distance, "Distance", "From the middle of the cameras, in scene units"),
-        (Value::Photos, "Photos", "Number of photos within whose frame a Gaussian lies, hidden there or not"),
-    ];
-    ui.horizontal_wrapped(|ui| {
-        for (value, name, text) in
-            all.into_iter().filter(|(value, ..)| *value != Value::Photos || cameras().next().is_some())
-        {
-            if ui.selectable_label(edit.ranges.value == Some(value), name).on_hover_text(text).clicked() {
-                edit.ranges.show(value, editor, edit.middle, cameras().collect(), ui.ctx());
-            }
-        }
-    });
-    let Some(value) = edit.ranges.value else { return };
+    if let Some(command) = quantities(viewer, ui) {
+        viewer.send(command);
+    }
+    let edit = &mut viewer.edit;
+    let (Some(editor), Some(value)) = (&edit.editor, edit.ranges.value) else { return };
     let Some(histogram) = edit.ranges.histogram(editor.shown()).cloned() else {
-        if edit.ranges.is_waiting() {
-            ui.spinner();
-        }
+        waiting(edit, ui);
         return;
     };
     let range = edit.ranges.range.get_or_insert(histogram.ends);
@@ -40,7 +25,11 @@ pub fn ranges(viewer: &mut Viewer, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let [low, high] = histogram.ends;
         let speed = if value.is_logarithmic() { 0.002 * high } else { (high - low) / 300.0 };
-        let decimals = if value == Value::Photos { 0 } else { 4 };
+        let decimals = match value {
+            Quantity::Own(Value::Photos) => 0,
+            Quantity::Own(_) => 4,
+            Quantity::Error => 6,
+        };
         for (end, name) in range.iter_mut().zip(["from ", "to "]) {
             ui.add(DragValue::new(end).prefix(name).speed(speed).range(low..=high).max_decimals(decimals));
         }
@@ -51,6 +40,53 @@ pub fn ranges(viewer: &mut Viewer, ui: &mut Ui) {
         let how = edit.how;
         edit.step(|editor: &mut Editor| editor.select(&found, how));
     }
+}
+
+/// What stands in place of a histogram.
+fn waiting(edit: &Edit, ui: &mut Ui) {
+    if !edit.ranges.is_waiting() {
+        if edit.ranges.value == Some(Quantity::Error) {
+            ui.label("There are no photos to compare with: they are not where the model was opened.");
+        }
+        return;
+    }
+    ui.horizontal(|ui| {
+        ui.spinner();
+        if let Some([done, count]) = edit.ranges.compared {
+            ui.label(format!("compared with {done} of {count} photos"));
+        }
+    });
+}
+
+/// The buttons that choose what is looked at.
+fn quantities(viewer: &mut Viewer, ui: &mut Ui) -> Option<Command> {
+    let Viewer { edit, scene, .. } = viewer;
+    let editor = edit.editor.as_ref()?;
+    let views = || scene.iter().flat_map(|scene| &scene.views);
+    let all = [
+        (Value::Opacity, "Opacity", "From 0 to 1"),
+        (Value::Size, "Size", "Largest standard deviation in scene units"),
+        (Value::Distance, "Distance", "From the middle of the cameras, in scene units"),
+        (Value::Photos, "Photos", "Number of photos within whose frame a Gaussian lies, hidden there or not"),
+    ];
+    let has_views = views().next().is_some();
+    let mut command = None;
+    ui.horizontal_wrapped(|ui| {
+        for (value, name, text) in all.into_iter().filter(|(value, ..)| *value != Value::Photos || has_views) {
+            let is_shown = edit.ranges.value == Some(Quantity::Own(value));
+            if ui.selectable_label(is_shown, name).on_hover_text(text).clicked() {
+                let cameras = views().map(|view| view.camera).collect();
+                edit.ranges.show(value, editor, edit.middle, cameras, ui.ctx());
+            }
+        }
+        let text = "Mean squared error of the base image against the photos, by the blending weight of the Gaussian at each \
+                    pixel; colours are from 0 to 1";
+        let is_shown = edit.ranges.value == Some(Quantity::Error);
+        if has_views && ui.selectable_label(is_shown, "Error").on_hover_text(text).clicked() {
+            command = scene.as_ref().and_then(|scene| edit.ranges.show_error(scene)).map(Command::Edit);
+        }
+    });
+    command
 }
 
 /// The histogram. A drag over it sets the range.
