@@ -211,3 +211,51 @@ fn a_mode_that_is_off_says_what_is_missing() {
         window.run_steps(10);
     }
 }
+
+#[test]
+fn buttons_leave_the_keys_to_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    window.set_size(Vec2::new(1000.0, 600.0));
+    settle(&mut window);
+    let focused = |window: &Window| window.ctx.memory(|memory| memory.focused());
+    // Clicked, and chosen by Tab.
+    window.get_by_label("Depth").click();
+    settle(&mut window);
+    window.key_press(Key::Tab);
+    window.run_steps(2);
+    assert!(focused(&window).is_some() && !window.ctx.text_edit_focused());
+    press(&mut window, Key::Num2);
+    assert_eq!(window.state().mode(), Mode::Base);
+    let stood = window.state().navigator().position;
+    window.key_down(Key::W);
+    window.run_steps(3);
+    window.key_up(Key::W);
+    settle(&mut window);
+    assert_ne!(window.state().navigator().position, stood);
+    // What presses and moves it stays the button's.
+    let (view, shown) = (window.state().on_view(), focused(&window));
+    press(&mut window, Key::ArrowRight);
+    assert_eq!(window.state().on_view(), view);
+    assert_ne!(focused(&window), shown, "the arrow goes to another button");
+    // An open menu and a text field keep all keys.
+    let depth = Mode::Depth.key().unwrap();
+    window.get_by_label("Camera").click();
+    window.run_steps(3);
+    press(&mut window, depth);
+    assert_eq!(window.state().mode(), Mode::Base);
+    press(&mut window, Key::Escape);
+    press(&mut window, depth);
+    assert_eq!(window.state().mode(), Mode::Depth);
+    press(&mut window, Key::X);
+    until(&mut window, "edited", |viewer| viewer.edited().is_some());
+    window.get_by_role(Role::TextInput).scroll_to_me();
+    window.run_steps(10);
+    window.get_by_role(Role::TextInput).click();
+    window.run_steps(3);
+    press(&mut window, Key::Num2);
+    assert!(window.ctx.text_edit_focused() && window.state().mode() == Mode::Depth);
+    click(&mut window, CANVAS);
+    press(&mut window, Key::Num2);
+    assert_eq!((window.state().mode(), window.state().error()), (Mode::Base, None));
+}

@@ -13,7 +13,7 @@ pub use photo_errors::PhotoErrors;
 
 use crate::camera::Camera;
 use crate::exposure::{ExposureField, ExposurePass, Exposures};
-use crate::gpu::{Gpu, GpuError, Pass};
+use crate::gpu::{Gpu, GpuError, Pass, at_once};
 use crate::levels::Stream;
 use crate::local_space::LocalSpace;
 use crate::raster::{RasterView, Rasterizer, Room, Shape, SurfaceOptions};
@@ -131,6 +131,11 @@ impl Renderer {
     /// The other members of its ensemble.
     pub fn members(&self) -> &[Self] {
         &self.members
+    }
+
+    /// It and the other members of its ensemble.
+    fn all(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(self.members.iter())
     }
 
     /// How many members of its ensemble have the weight of the first.
@@ -270,12 +275,12 @@ impl Renderer {
         mut then: impl FnMut(&Frame) -> Result<(), GpuError>,
     ) -> Result<Frame, GpuError> {
         // A map that is made within a frame is not checked.
-        for member in std::iter::once(self).chain(self.members.iter()) {
+        for member in self.all() {
             member.make_depths_async(camera).await?;
         }
         loop {
-            let frame = self.render_in(camera, Room::Assumed, &mut then)?;
-            if self.had_room_async(&frame).await? {
+            let mut frame = self.render_in(camera, Room::Assumed, &mut then)?;
+            if self.had_room_async(&mut frame).await? {
                 return Ok(frame);
             }
         }
@@ -316,9 +321,10 @@ impl Renderer {
             let (Images { forward, base, image }, others) = self.record_all(&mut pass, (&own, &members))?;
             pass.submit();
             let gpu = gpu.clone();
-            let frame = Frame { gpu, forward, others, image, base, camera: *camera, local, space };
+            let most_visible = None;
+            let mut frame = Frame { gpu, forward, others, image, base, camera: *camera, local, space, most_visible };
             then(&frame)?;
-            if room == Room::Assumed || self.had_room(&frame)? {
+            if room == Room::Assumed || at_once(self.had_room_async(&mut frame))? {
                 return Ok(frame);
             }
         }

@@ -139,6 +139,9 @@ const FLY: [(Key, DVec3); 6] = [
     (Key::E, DVec3::NEG_Y),
 ];
 
+/// Keys that a button or a slider has to itself once Tab has chosen it.
+const OF_FOCUSED: [Key; 4] = [Key::Space, Key::Enter, Key::ArrowLeft, Key::ArrowRight];
+
 /// What the pointer does.
 const POINTER: [(&str, &str); 6] = [
     ("left drag", "orbits around the point in the middle; with a tool of the editor it is the tool's"),
@@ -188,8 +191,8 @@ pub fn full_screen(ctx: &Context) {
 /// Takes the keys that were pressed, so that they do nothing else.
 pub fn keys(viewer: &mut Viewer, ctx: &Context) {
     let over_picture = viewer.takes_keys(ctx);
-    let (alt, has_menu) = (ctx.input(|input| input.modifiers.alt), Popup::is_any_open(ctx));
-    if viewer.leaving.is_some() || alt {
+    let has_focus = ctx.egui_wants_keyboard_input();
+    if viewer.leaving.is_some() || ctx.input(|input| input.modifiers.alt) {
         return;
     }
     for row in &TABLE {
@@ -199,9 +202,8 @@ pub fn keys(viewer: &mut Viewer, ctx: &Context) {
             Scope::Files => over_picture && !IN_BROWSER,
             Scope::Editor => over_picture && viewer.edit.shown && viewer.training.is_none(),
         };
-        let closes_menu = has_menu && row.key == Key::Escape;
         if counts
-            && !closes_menu
+            && !(has_focus && OF_FOCUSED.contains(&row.key))
             && (row.when)(viewer)
             && ctx.input_mut(|input| input.consume_key(row.modifiers, row.key))
         {
@@ -231,10 +233,10 @@ pub fn flight(ctx: &Context) -> DVec3 {
 }
 
 impl Viewer {
-    /// Whether keys are for the picture: nothing else is shown or takes them.
+    /// Whether keys are for the picture: nothing else is shown, nothing is typed, and no menu is open.
     pub(crate) fn takes_keys(&self, ctx: &Context) -> bool {
         let is_alone = !self.start.shown && self.scene.is_some() && self.leaving.is_none();
-        is_alone && !ctx.egui_wants_keyboard_input()
+        is_alone && !ctx.text_edit_focused() && !Popup::is_any_open(ctx)
     }
 
     /// Begins to save what is left of an edited model, where there is one.

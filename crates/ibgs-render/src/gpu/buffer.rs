@@ -232,14 +232,17 @@ impl Gpu {
     /// # Errors
     /// When the device is lost.
     pub fn read<T: bytemuck::Pod>(&self, source: &Buffer<T>, count: usize) -> Result<Vec<T>, GpuError> {
-        let staging = self.copied(source.raw(), bytes::<T>(count));
+        self.map(&self.copied(&[source.raw()], bytes::<T>(count)), count)
+    }
+
+    fn map<T: bytemuck::Pod>(&self, staging: &wgpu::Buffer, count: usize) -> Result<Vec<T>, GpuError> {
         let (sender, receiver) = mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
             let _ = sender.send(result);
         });
         self.wait()?;
         self.answer(&receiver)?.map_err(|e| GpuError::Readback(e.to_string()))?;
-        values(&staging, count)
+        values(staging, count)
     }
 
     /// As [`Gpu::read`], for browsers, which give a program the results only when it returns to them. Elsewhere it waits.
@@ -247,10 +250,22 @@ impl Gpu {
     /// # Errors
     /// When the device is lost.
     pub async fn read_async<T: bytemuck::Pod>(&self, source: &Buffer<T>, count: usize) -> Result<Vec<T>, GpuError> {
+        self.map_async(self.copied(&[source.raw()], bytes::<T>(count)), count).await
+    }
+
+    /// The first word of each of some buffers, for which it waits once.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub async fn read_firsts_async(&self, sources: &[&Buffer<u32>]) -> Result<Vec<u32>, GpuError> {
+        let raw: Vec<_> = sources.iter().map(|source| source.raw()).collect();
+        self.map_async(self.copied(&raw, bytes::<u32>(1)), sources.len()).await
+    }
+
+    async fn map_async<T: bytemuck::Pod>(&self, staging: wgpu::Buffer, count: usize) -> Result<Vec<T>, GpuError> {
         if cfg!(not(target_arch = "wasm32")) {
-            return self.read(source, count);
+            return self.map(&staging, count);
         }
-        let staging = self.copied(source.raw(), bytes::<T>(count));
         let answer = Arc::new(Mutex::new((None, None::<Waker>)));
         let mapped = answer.clone();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
@@ -273,12 +288,15 @@ impl Gpu {
         found
     }
 
-    /// The first `bytes` of a buffer in one that the host can map.
-    fn copied(&self, source: &RawBuffer, bytes: u64) -> wgpu::Buffer {
-        let staging = self.staging(bytes);
+    /// The first `bytes` of each buffer, one after the other, in one that the host can map.
+    fn copied(&self, sources: &[&RawBuffer], bytes: u64) -> wgpu::Buffer {
+        let bytes = bytes.next_multiple_of(4);
+        let staging = self.staging(bytes * sources.len() as u64);
         flush();
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&source.buffer, source.offset, &staging, 0, bytes.next_multiple_of(4));
+        for (place, source) in (0..).zip(sources) {
+            encoder.copy_buffer_to_buffer(&source.buffer, source.offset, &staging, bytes * place, bytes);
+        }
         self.queue.submit([encoder.finish()]);
         staging
     }

@@ -277,20 +277,12 @@ impl Rasterizer {
     /// # Errors
     /// When the device is lost.
     pub fn had_room(&self, forward: &Forward) -> Result<bool, GpuError> {
-        at_once(self.had_room_async(forward))
-    }
-
-    /// As [`Rasterizer::had_room`], for browsers.
-    ///
-    /// # Errors
-    /// When the device is lost.
-    pub async fn had_room_async(&self, forward: &Forward) -> Result<bool, GpuError> {
-        let total = self.gpu.read_async(&forward.workspace.total, 1).await?[0];
+        let total = at_once(self.gpu.read_async(&forward.workspace.total, 1))?[0];
         Ok(self.fitted(&forward.frame, total.into()))
     }
 
     /// Whether `needed` intersections fitted; if not, the next pass has room for them.
-    fn fitted(&self, frame: &ViewUniforms, needed: u64) -> bool {
+    pub(crate) fn fitted(&self, frame: &ViewUniforms, needed: u64) -> bool {
         let fitted = needed <= u64::from(frame.capacity);
         if !fitted {
             self.reserve(needed);

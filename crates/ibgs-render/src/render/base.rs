@@ -114,21 +114,19 @@ impl Renderer {
         Ok(total.1)
     }
 
-    /// Whether every tile intersection of a frame fitted.
-    pub(super) fn had_room(&self, frame: &Frame) -> Result<bool, GpuError> {
-        let mut all = self.raster.had_room(&frame.forward)?;
-        for (member, forward) in self.members.iter().zip(&frame.others) {
-            all &= member.raster.had_room(forward)?;
+    /// Whether every tile intersection of a frame fitted. What else is known of it on the device alone comes with the answer.
+    pub(super) async fn had_room_async(&self, frame: &mut Frame) -> Result<bool, GpuError> {
+        let forwards: Vec<_> = iter::once(&frame.forward).chain(&frame.others).collect();
+        let counts = forwards.iter().map(|forward| &forward.workspace.total);
+        let all: Vec<_> = counts.chain(frame.seen().map(|seen| &seen.most_visible)).collect();
+        let words = self.gpu().read_firsts_async(&all).await?;
+        let mut fits = true;
+        for ((member, forward), &needed) in self.all().zip(&forwards).zip(&words) {
+            fits &= member.raster.fitted(&forward.frame, needed.into());
         }
-        Ok(all)
-    }
-
-    /// As [`Renderer::had_room`], for browsers.
-    pub(super) async fn had_room_async(&self, frame: &Frame) -> Result<bool, GpuError> {
-        let mut all = self.raster.had_room_async(&frame.forward).await?;
-        for (member, forward) in self.members.iter().zip(&frame.others) {
-            all &= member.raster.had_room_async(forward).await?;
-        }
-        Ok(all)
+        let most_visible = words.get(forwards.len()).copied();
+        // A view without sources sees none.
+        frame.most_visible = frame.image.is_some().then(|| most_visible.unwrap_or(0));
+        Ok(fits)
     }
 }

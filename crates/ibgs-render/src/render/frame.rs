@@ -67,6 +67,8 @@ pub struct Frame {
     /// In local coordinates.
     pub(crate) local: Camera,
     pub(crate) space: LocalSpace,
+    /// See [`Frame::most_visible`].
+    pub(super) most_visible: Option<u32>,
 }
 
 impl Frame {
@@ -193,14 +195,10 @@ impl Frame {
         self.forward.surface().map(|surface| self.gpu.read(&surface.normal_map, 3 * self.pixels())).transpose()
     }
 
-    /// The largest number of sources that any pixel sees; none where the model has no network. It does not block a browser.
-    ///
-    /// # Errors
-    /// When the device is lost.
-    pub async fn most_visible_async(&self) -> Result<Option<u32>, GpuError> {
-        let Some(part) = &self.image else { return Ok(None) };
-        let Some(seen) = &part.seen else { return Ok(Some(0)) };
-        Ok(Some(self.gpu.read_at_async(&seen.most_visible, 0, 1).await?[0]))
+    /// The largest number of sources that any pixel sees; none where the model has no network, or nothing was waited for
+    /// ([`Renderer::render_unchecked`](super::Renderer::render_unchecked)).
+    pub fn most_visible(&self) -> Option<u32> {
+        self.most_visible
     }
 
     /// How many sources are used at each pixel, `[H * W]`; none where the model has no network.

@@ -91,13 +91,6 @@ fn forward(raster: &Rasterizer, member: &Renderer, camera: &Camera, keep: Keep) 
     }
 }
 
-impl Renderer {
-    /// It and the other members of its ensemble.
-    fn all(&self) -> impl Iterator<Item = &Self> {
-        std::iter::once(self).chain(self.members.iter())
-    }
-}
-
 /// The squared error of each pixel, then 1, or twice 0 where there is no photo; the third number is 0.
 fn squared(base: &[f32], photo: &Photo) -> Vec<f32> {
     let pixel = |(base, &[r, g, b, alpha]): (&[f32; 3], &[u8; 4])| {

@@ -45,7 +45,6 @@ impl WorkerState {
         let looks =
             looks.frames(&renderer, &request.camera, request.looks, |frame, look| present(frame, Some(look))).await?;
         let time = start.elapsed();
-        let most_seen = frame.most_visible_async().await?;
         let depths = if request.with_range { frame.depth_async().await? } else { None };
         let further: usize = renderer.members().iter().map(|member| member.splats().len()).sum();
         let facts = ModelFacts {
@@ -53,7 +52,7 @@ impl WorkerState {
             is_loading: renderer.stream().is_some_and(Stream::is_waiting),
             sources: renderer.part().map(|part| part.cameras.clone()),
             most_sources: renderer.part().map_or(1, |part| part.options.sources.visible),
-            most_seen,
+            most_seen: frame.most_visible(),
         };
         let range = depths.as_ref().map(|depths| usual_range(depths));
         let (frame, depths, memory) = (Arc::new(frame), depths.map(Arc::from), self.memory(work));
