@@ -251,6 +251,7 @@ fn what_is_far_from_the_photos_is_chosen_by_its_error() {
     window.get_by_label("Error").click();
     window.step();
     pick(&mut window, "Opacity");
+    until(&mut window, "counted", |viewer| viewer.compares() == Some(false));
     window.get_by_label("Histogram");
     assert_eq!(window.state().error(), None);
 }
