@@ -3,6 +3,9 @@
 use super::*;
 use eframe::egui::{MouseWheelSource, MouseWheelUnit, Theme, TouchPhase};
 use egui_kittest::kittest::Queryable;
+use ibgs_core::gpu::device_descriptor;
+use ibgs_core::raster::Rasterizer;
+use ibgs_reference::gpu::device_of;
 use ibgs_viewer::Mode;
 
 /// Shows a mode by its key, one that has none by its button.
@@ -79,6 +82,37 @@ fn the_window_looks_as_it_should() {
     // Small windows keep all in reach.
     window.set_size(Vec2::new(360.0, 300.0));
     settle(&mut window);
+    assert_eq!(window.state().error(), None);
+}
+
+/// The picture is as large as the device can bind, and nothing is said of it.
+#[test]
+fn a_device_without_room_for_the_window_has_a_smaller_picture() {
+    const LIMIT: u64 = 3 << 20;
+    let gpu = device_of(|adapter| {
+        let mut descriptor = device_descriptor(adapter);
+        descriptor.required_limits.max_storage_buffer_binding_size = LIMIT;
+        descriptor
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = many_points();
+    let splats = Splats::upload(&from_points(&dataset.points, 0, 0.6).unwrap(), &gpu).unwrap();
+    let raster = Arc::new(Rasterizer::new(gpu.clone()));
+    let renderer = Renderer::new(raster, splats, [0.0; 3], None).showing_surface();
+    let content = Content::Model(Arc::new(renderer));
+    let opened = Opened { scene: surroundings(dataset, folder.path()), content };
+    let mut window = window_on(&gpu, Some(opened), Vec2::new(760.0, 420.0));
+    window.state_mut().show_only_frame(false);
+    settle(&mut window);
+    assert_eq!(window.state().error(), None);
+    let [width, height] = window.state().image_size().unwrap().map(u64::from);
+    // Its four intersections, of which each pixel has a depth and a weight, are the most that is bound.
+    assert!(32 * width * height <= LIMIT && 32 * width * height > LIMIT / 4, "{width} x {height}");
+    // A larger window keeps that.
+    window.set_size(Vec2::new(1200.0, 800.0));
+    settle(&mut window);
+    let [width, height] = window.state().image_size().unwrap().map(u64::from);
+    assert!(32 * width * height <= LIMIT && width * height > 40_000, "{width} x {height}");
     assert_eq!(window.state().error(), None);
 }
 

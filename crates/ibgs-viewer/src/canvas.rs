@@ -22,6 +22,8 @@ const LEAST_SHARE: f32 = 0.125;
 const FIRST_SHARE: f32 = 0.25;
 /// Shortest and longest side of an image in pixels.
 pub(crate) const SIDES: [u32; 2] = [16, 8192];
+/// Pictures with a side of no more pixels are not made smaller where the device has no room.
+const SMALL: u32 = 64;
 /// A model in training is rendered again after this time, and at least this many times the time of a frame.
 const REFRESH: Duration = Duration::from_millis(100);
 const REFRESH_FRAMES: u32 = 8;
@@ -65,12 +67,14 @@ pub struct Canvas {
     spare: Option<Screen>,
     last: Option<Rendered>,
     arrived: Option<Instant>,
-    /// What was asked for and has not come yet, its share of the full size, and since when.
-    awaited: Option<(Request, f32, Instant)>,
+    /// What was asked for and has not come yet, whether a smaller picture would do as well, and since when.
+    awaited: Option<(Request, bool, Instant)>,
     /// What could not be rendered.
     refused: Option<Request>,
-    /// Seconds that a frame of the full size would take.
-    full_time: Option<f32>,
+    /// Seconds of a frame over its pixels.
+    pixel_time: Option<f32>,
+    /// Pixels that the device has room for; as many as are wanted until it had none.
+    most_pixels: f32,
     /// The last frame was the first of its kind. It compiled kernels and made depth maps, so its time says too much.
     is_first: bool,
     /// Nothing more has to be asked for.
@@ -94,7 +98,8 @@ impl Canvas {
             arrived: None,
             awaited: None,
             refused: None,
-            full_time: None,
+            pixel_time: None,
+            most_pixels: f32::INFINITY,
             is_first: false,
             settled: false,
             style: Style::default(),
@@ -114,7 +119,7 @@ impl Canvas {
     /// Forgets all frames, for another model.
     pub fn clear(&mut self) {
         (self.last, self.arrived, self.awaited, self.refused) = (None, None, None, None);
-        (self.full_time, self.settled) = (None, false);
+        (self.pixel_time, self.most_pixels, self.settled) = (None, f32::INFINITY, false);
         self.screens.iter_mut().chain([&mut self.spare]).flatten().for_each(|screen| screen.shown = None);
     }
 
@@ -123,9 +128,20 @@ impl Canvas {
         self.refused = self.awaited.take().map(|(request, ..)| request);
     }
 
+    /// Gives up the requested frame, for which the device has no room, and asks for smaller ones from now on. False where none
+    /// would do.
+    pub fn give_up_size(&mut self) -> bool {
+        let shrinks = self.awaited.filter(|(_, can_shrink, _)| *can_shrink);
+        if let Some((request, ..)) = shrinks {
+            self.most_pixels = 0.5 * request.camera.pixels() as f32;
+        }
+        self.give_up();
+        shrinks.is_some()
+    }
+
     /// Takes a finished frame.
     pub fn take(&mut self, rendered: Rendered) {
-        let Some((request, share, _)) = self.awaited else { return };
+        let Some((request, ..)) = self.awaited else { return };
         if request.camera != *rendered.frame.camera() {
             // Of what was open before.
             return;
@@ -137,7 +153,7 @@ impl Canvas {
         let has_sources = |rendered: &Rendered| rendered.facts.sources.is_some();
         self.is_first = self.last.as_ref().is_none_or(|last| has_sources(last) != has_sources(&rendered));
         // The time is proportional to the number of pixels.
-        self.full_time = Some(rendered.time.as_secs_f32() / (share * share));
+        self.pixel_time = Some(rendered.time.as_secs_f32() / request.camera.pixels() as f32);
         self.screens.iter_mut().flatten().for_each(|screen| screen.shown = None);
         if self.spare.as_ref().is_some_and(|spare| spare.shown.is_some()) {
             std::mem::swap(&mut self.spare, &mut self.screens[0]);
@@ -152,11 +168,15 @@ impl Canvas {
             return None;
         }
         let full = &wanted.camera;
-        let share = match self.full_time {
+        let pixels = full.pixels() as f32;
+        let share = match self.pixel_time {
             _ if wanted.exact || (wanted.always_sharp && !wanted.moving) => 1.0,
-            Some(time) => (SLOW[usize::from(!wanted.moving)] / time.max(1e-5)).sqrt().clamp(LEAST_SHARE, 1.0),
+            Some(time) => {
+                (SLOW[usize::from(!wanted.moving)] / (time * pixels).max(1e-5)).sqrt().clamp(LEAST_SHARE, 1.0)
+            }
             None => FIRST_SHARE,
         };
+        let share = if wanted.exact { share } else { share.min((self.most_pixels / pixels).sqrt()) };
         // A smaller image than the full one is never chosen by the time of a first frame alone.
         let is_timed = !self.is_first || wanted.running || share >= 1.0;
         // What is sharp enough stays as it is: the time of a frame is never twice the same.
@@ -186,7 +206,8 @@ impl Canvas {
         let request = (!fits)
             .then_some(Request { camera, with_range, looks: wanted.looks, background: wanted.background })
             .filter(|wanted| self.refused != Some(*wanted));
-        self.awaited = request.map(|request| (request, share, Instant::now()));
+        let can_shrink = !wanted.exact && camera.width.min(camera.height) > SMALL;
+        self.awaited = request.map(|request| (request, can_shrink, Instant::now()));
         let is_newest = wanted.running || self.last.as_ref().is_some_and(|last| last.iteration == wanted.iteration);
         self.settled = fits && is_newest && !wanted.moving;
         request

@@ -187,6 +187,19 @@ impl WorkerState {
         }
     }
 
+    /// Reports why a frame could not be rendered.
+    fn no_frame(&self, work: &mut Work, error: &anyhow::Error) {
+        match error.downcast_ref() {
+            Some(GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. }) => {
+                self.send(Message::NoRoom(self.opener.sentence(error)));
+            }
+            _ => {
+                self.send(Message::NoFrame);
+                self.failed_in(work, error);
+            }
+        }
+    }
+
     async fn work(self, commands: async_channel::Receiver<Command>, opened: Option<Opened>) {
         let mut work = Work::default();
         if let Some(opened) = opened {
@@ -209,8 +222,7 @@ impl WorkerState {
             if let Some((request, sheet)) = work.request.take()
                 && let Err(error) = self.render(&mut work, &request, sheet.as_ref()).await
             {
-                self.send(Message::NoFrame);
-                self.failed_in(&mut work, &error);
+                self.no_frame(&mut work, &error);
             }
             self.shoot(&mut work);
             self.compare(&mut work);

@@ -78,7 +78,7 @@ fn module(args: &Args) -> Result<PathBuf> {
     };
     if let Some(missing) = MODULE.into_iter().find(|name| !folder.join(name).is_file()) {
         bail!(
-            "{} is missing: the viewer's module for browsers; `crates/ibgs-web/build.sh` builds it, `--module` says where it is",
+            "{} is missing: the viewer's module for browsers; `crates/ibgs-web/build.sh` builds it, `ibgs export --web --module` says where it is",
             folder.join(missing).display()
         );
     }

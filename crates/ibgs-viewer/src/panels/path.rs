@@ -53,6 +53,7 @@ fn timing(editor: &mut PathEditor, ui: &mut Ui) {
         .range(0.1..=3600.0)
         .clamp_existing_to_range(false)
         .speed(0.1)
+        .prefix("lasts ")
         .suffix(" s");
     ui.add(duration).on_hover_text("Whole duration; all ways take part in it");
     let mut cycle = editor.path.cycle;

@@ -29,10 +29,14 @@ pub fn share(viewer: &mut Viewer, ctx: &Context) {
         let share = &mut viewer.share;
         ui.add_enabled_ui(!share.runs, |ui| {
             let before = share.kind;
-            ComboBox::from_label("Write as").selected_text(share.kind.name()).show_ui(ui, |ui| {
-                for kind in ShareKind::of(&model) {
-                    ui.selectable_value(&mut share.kind, kind, kind.name());
-                }
+            ui.horizontal(|ui| {
+                let label = ui.label("Write as").id;
+                let kinds = ComboBox::from_id_salt("kind").selected_text(share.kind.name()).show_ui(ui, |ui| {
+                    for kind in ShareKind::of(&model) {
+                        ui.selectable_value(&mut share.kind, kind, kind.name());
+                    }
+                });
+                kinds.response.labelled_by(label);
             });
             if share.kind != before {
                 share.propose(&model);

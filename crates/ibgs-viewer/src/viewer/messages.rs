@@ -70,6 +70,11 @@ impl Viewer {
                     self.saved_or_not(ctx);
                 }
                 Message::NoFrame => self.canvas.give_up(),
+                Message::NoRoom(sentence) => {
+                    if !self.canvas.give_up_size() {
+                        self.error = Some(sentence);
+                    }
+                }
                 Message::Failed(sentence) => {
                     (self.doing, self.opening) = (None, false);
                     self.error = Some(sentence);

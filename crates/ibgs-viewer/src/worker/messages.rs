@@ -154,6 +154,8 @@ pub enum Message {
     Failed(String),
     /// The frame that was asked for could not be rendered.
     NoFrame,
+    /// The device has no room for it, in one sentence.
+    NoRoom(String),
     /// What the editor is sent.
     Edit(EditMessage),
 }

@@ -5,7 +5,7 @@ use crate::edit::{Gizmo, Handle};
 use crate::marks::Onto;
 use crate::viewer::Viewer;
 use eframe::egui::{Color32, CursorIcon, Painter, Pos2, Rect, Response, Shape, Stroke, Ui, Vec2};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use ibgs_core::camera::Camera;
 
 /// Least distance of the pointer from a line that it grabs, in points.
@@ -22,8 +22,12 @@ fn share(at: Pos2, image: Rect) -> DVec2 {
 /// The lines of a handle on the screen.
 fn on_screen(gizmo: &Gizmo, handle: Handle, image: Rect) -> Vec<[Pos2; 2]> {
     let onto = Onto { camera: &gizmo.camera, image, near: 0.0 };
-    let lines = gizmo.lines(handle).into_iter();
-    lines.filter_map(|[from, to]| Some([onto.point(from)?, onto.point(to)?])).collect()
+    let place = |[from, to]: [DVec3; 2]| {
+        let (from, to) = (onto.point(from)?, onto.point(to)?);
+        let head = if matches!(handle, Handle::Move(_)) { HEAD[0] * (to - from).normalized() } else { Vec2::ZERO };
+        Some([from, to + head])
+    };
+    gizmo.lines(handle).into_iter().filter_map(place).collect()
 }
 
 /// How far a place is from a line.
@@ -35,11 +39,12 @@ fn distance(at: Pos2, [from, to]: [Pos2; 2]) -> f32 {
 
 /// The handle under a place.
 fn under(gizmo: &Gizmo, image: Rect, at: Pos2) -> Option<Handle> {
-    let near = |handle: &Handle| {
-        let lines = on_screen(gizmo, *handle, image);
-        lines.into_iter().any(|line| distance(at, line) < GRIP)
+    let away = |handle: Handle| {
+        let away = on_screen(gizmo, handle, image).into_iter().map(|line| distance(at, line)).reduce(f32::min);
+        Some((handle, away.filter(|away| *away < GRIP)?))
     };
-    Handle::ALL.into_iter().find(near)
+    let near = Handle::ALL.into_iter().filter_map(away);
+    near.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(handle, _)| handle)
 }
 
 /// The pointer grabs a handle, before the camera takes it.
@@ -102,6 +107,7 @@ pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
 fn head(painter: &Painter, tip: Pos2, way: Vec2, color: Color32) {
     let along = way.normalized();
     let side = HEAD[1] * along.rot90();
-    let corners = vec![tip + HEAD[0] * along, tip + side, tip - side];
+    let back = tip - HEAD[0] * along;
+    let corners = vec![tip, back + side, back - side];
     painter.add(Shape::convex_polygon(corners, color, Stroke::new(1.0, Color32::from_black_alpha(200))));
 }

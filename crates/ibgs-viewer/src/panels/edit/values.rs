@@ -53,7 +53,7 @@ fn waiting(edit: &Edit, ui: &mut Ui) {
     ui.horizontal(|ui| {
         ui.spinner();
         if let Some([done, count]) = edit.ranges.compared {
-            ui.label(format!("compared with {done} of {count} photos"));
+            ui.label(format!("{done} of {count} photos compared"));
         }
     });
 }
@@ -109,7 +109,7 @@ fn bars(histogram: &Histogram, range: &mut [f32; 2], ui: &mut Ui) {
         let middle = (number as f32 + 0.5) / histogram.bars.len() as f32;
         let half = 0.5 / histogram.bars.len() as f32;
         let is_wanted = middle + half >= wanted[0] && middle - half <= wanted[1];
-        let color = if is_wanted { visuals.selection.bg_fill } else { visuals.weak_text_color() };
+        let color = if is_wanted { visuals.hyperlink_color } else { visuals.weak_text_color() };
         let left = room.left() + number as f32 * width;
         // By its root, so that rare values are seen beside frequent ones.
         let height = ((*count as f32 / most).sqrt() * (HEIGHT - 2.0)).max(1.0);
