@@ -347,7 +347,10 @@ mod tests {
             ),
             (OutputError::Foreign { path: path(), file: "split.json" }.into(), &["split.json", "(`--overwrite`)"]),
             (DatasetError::NoPhotos { path: path(), count: 3, first: path() }.into(), &["with `--images`"]),
-            (MeshError::DepthMaps { views: 3, needed: 9, limit: 8 }.into(), &["`--width`", "`--memory`"]),
+            (
+                MeshError::DepthMaps { what: "depth maps", views: 3, needed: 9, limit: 8 }.into(),
+                &["`--width`", "`--memory`"],
+            ),
         ];
         for (error, fragments) in cases {
             let said = sentence(&error);

@@ -1,6 +1,7 @@
 //! `ibgs mesh`
 
 mod compare;
+mod finish;
 mod truth;
 
 use super::model::{ModelArgs, OpenModel};
@@ -13,9 +14,9 @@ use glam::DVec3;
 use ibgs_core::camera::Camera;
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
-use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, MeshFormat, Plan, fuse, maps_bytes};
+use ibgs_core::mesh::{DepthMap, FusionOptions, Mesh, MeshError, Plan, fuse, maps_bytes};
 use ibgs_core::sources::memory::MemoryBudget;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -23,8 +24,9 @@ use std::time::Instant;
 const USUAL_MEMORY: u64 = 8 << 30;
 
 const EXAMPLES: &str = "\
-Example:
-  ibgs mesh output/my-scene -o my-scene.glb";
+Examples:
+  ibgs mesh output/my-scene -o my-scene.ply
+  ibgs mesh output/my-scene --texture -o my-scene.glb";
 
 /// Options of `ibgs mesh`.
 #[derive(ClapArgs)]
@@ -32,7 +34,7 @@ Example:
 pub struct Args {
     #[command(flatten)]
     model: ModelArgs,
-    /// File to write, `.ply`, `.obj` or `.glb` [default: MODEL/mesh/ours_N/mesh.ply].
+    /// File to write, `.ply`, `.obj` or `.glb` [default: MODEL/mesh/ours_N/mesh.ply, with `--texture` mesh.glb].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Side of a voxel in scene units [default: 1/512 of the scene's extent, at least the median size of a pixel on the
@@ -57,10 +59,12 @@ pub struct Args {
     /// Width of the rendered views in pixels [default: that of the photos].
     #[arg(long, value_parser = clap::value_parser!(u32).range(8..))]
     width: Option<u32>,
-    /// Memory for the depth maps, and the same again for voxels and mesh: `auto` (8 GiB), `none` (no limit), or a size
-    /// such as `2GiB`.
+    /// Memory for the depth maps and, with `--texture`, the photos, and the same again for voxels and mesh: `auto` (8 GiB),
+    /// `none` (no limit), or a size such as `2GiB`.
     #[arg(long, default_value = "auto")]
     memory: MemoryBudget,
+    #[command(flatten)]
+    finish: finish::Options,
     #[command(flatten)]
     compare: compare::Options,
 }
@@ -71,9 +75,7 @@ static WRITING: AtomicBool = AtomicBool::new(false);
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let mut options = args.fusion()?;
-    if let Some(output) = &args.output {
-        MeshFormat::of(output)?;
-    }
+    args.finish.check(args.output.as_deref())?;
     args.compare.check()?;
     let truth = args.compare.read()?;
     // A triangle has one colour for all views, so all are rendered in the same exposure.
@@ -81,13 +83,25 @@ pub fn run(args: &Args) -> Result<()> {
     model.renderer.shape_missing_planes()?;
     options.offset = model.renderer.space().file_offset().unwrap_or_default();
     let cameras = args.cameras(&model)?;
+    let name = if args.finish.texture { "mesh.glb" } else { "mesh.ply" };
+    let path = args.output.clone().unwrap_or_else(|| model.folder.mesh_path(model.iteration, name));
+    let photos = args.finish.photos(&mut model)?;
     let start = Instant::now();
     let maps = render(&model, &cameras, args.max_angle)?;
     let rendered = start.elapsed();
-    let (mesh, voxel) = build(&maps, &options, args.clusters)?;
-    drop(maps);
-    let path = args.output.clone().unwrap_or_else(|| model.folder.mesh_path(model.iteration));
-    write(&mesh, &path)?;
+    let (mut mesh, voxel) = build(&maps, &options, args.clusters)?;
+    args.finish.reduce(&mut mesh)?;
+    match photos {
+        Some(photos) => {
+            let textured = args.finish.textured(&mesh, &maps, &photos, voxel)?;
+            drop((maps, photos));
+            write(|| textured.write(&path))?;
+        }
+        None => {
+            drop(maps);
+            write(|| mesh.write(&path))?;
+        }
+    }
     stderr!(
         "{} written: {} triangles, {} vertices; rendered in {:.1} s, meshed in {:.1} s",
         path.display(),
@@ -133,12 +147,18 @@ impl Args {
             }
             None => *camera,
         };
-        let training = model.training_views().into_iter();
-        let cameras: Vec<Camera> = training.map(|record| sized(&record.camera)).collect();
-        let needed = maps_bytes(cameras.iter());
+        let training = || model.training_views().into_iter();
+        let cameras: Vec<Camera> = training().map(|record| sized(&record.camera)).collect();
+        let (photos, what) = match self.finish.texture {
+            true => (4 * training().map(|record| record.camera.pixels() as u64).sum::<u64>(), "depth maps and photos"),
+            false => (0, "depth maps"),
+        };
+        let needed = maps_bytes(cameras.iter()) + photos;
         match self.memory_bytes() {
             _ if cameras.is_empty() => bail!("{} has no training views", model.folder.root().display()),
-            Some(limit) if needed > limit => Err(MeshError::DepthMaps { views: cameras.len(), needed, limit }.into()),
+            Some(limit) if needed > limit => {
+                Err(MeshError::DepthMaps { what, views: cameras.len(), needed, limit }.into())
+            }
             _ => Ok(cameras),
         }
     }
@@ -189,14 +209,14 @@ fn build(maps: &[DepthMap], options: &FusionOptions, clusters: usize) -> Result<
 }
 
 /// Writes the mesh; a signal waits until the file is complete.
-fn write(mesh: &Mesh, path: &Path) -> Result<()> {
+fn write(write: impl FnOnce() -> Result<(), MeshError>) -> Result<()> {
     on_stop(|| {
         if !WRITING.load(Ordering::SeqCst) {
             signals::exit_if_stopped();
         }
     });
     WRITING.store(true, Ordering::SeqCst);
-    let written = mesh.write(path);
+    let written = write();
     WRITING.store(false, Ordering::SeqCst);
     signals::exit_if_stopped();
     Ok(written?)

@@ -37,8 +37,48 @@ fn a_model_becomes_a_mesh_that_is_measured() {
     assert!(fs::read(sandbox.path("out/a.glb")).unwrap().starts_with(b"glTF"));
     sandbox.succeeds(&format!("mesh model {options} --bounds -1,-1,0,1,1,1 -o part.ply"));
     assert!(ply_counts(&sandbox, "part.ply")[1] < triangles);
+    fewer_triangles(&sandbox, options, triangles);
+    texture(&sandbox, options);
     compare(&sandbox, options);
     wrong_use(&sandbox);
+}
+
+fn fewer_triangles(sandbox: &Sandbox, options: &str, triangles: usize) {
+    let told = sandbox.succeeds(&format!("mesh model {options} --triangles 300 -o few.ply")).stderr;
+    let few = ply_counts(sandbox, "few.ply")[1];
+    assert!((200..=300).contains(&few) && told.contains(&format!("from {triangles} to {few} triangles")), "{told}");
+    sandbox.succeeds(&format!("mesh model {options} --max-error 0.01 -o near.ply"));
+    assert!((few..triangles).contains(&ply_counts(sandbox, "near.ply")[1]));
+    let told = sandbox.succeeds(&format!("mesh model {options} --fill-holes 60 -o closed.ply")).stderr;
+    assert!(
+        told.contains("holes of up to 60 edges closed") && ply_counts(sandbox, "closed.ply")[1] > triangles,
+        "{told}"
+    );
+}
+
+fn texture(sandbox: &Sandbox, options: &str) {
+    let told = sandbox.succeeds(&format!("mesh model {options} --texture --texture-size 300 -o t/a.obj")).stderr;
+    assert!(told.contains("texture of 300 x 300") && told.contains("% of it from photos"), "{told}");
+    assert!(
+        sandbox.text("t/a.mtl").ends_with("\nmap_Kd a.png\n") && sandbox.text("t/a.obj").starts_with("mtllib a.mtl\n")
+    );
+    let image = image::open(sandbox.path("t/a.png")).unwrap().to_rgb8();
+    let colors: std::collections::HashSet<_> = image.pixels().collect();
+    assert!((image.width(), image.height()) == (300, 300) && colors.len() > 500, "{}", colors.len());
+    sandbox.succeeds(&format!("mesh model {options} --texture"));
+    let bytes = fs::read(sandbox.path("model/mesh/ours_30/mesh.glb")).unwrap();
+    assert!(bytes.windows(10).any(|word| word == b"TEXCOORD_0") && bytes.windows(4).any(|word| word == b"IHDR"));
+
+    sandbox.write("t/b.png", "a picture");
+    sandbox.fails("mesh model --texture -o t/b.obj", &["b.png is there already", "choose another name"]);
+    assert_eq!(sandbox.text("t/b.png"), "a picture");
+    sandbox.fails("mesh model --texture -o t/b.ply", &["b.ply cannot have a texture", "`.glb` or `.obj`"]);
+    sandbox.fails("mesh model --texture-size 500", &["--texture"]);
+    sandbox.fails("mesh model --texture --texture-size 9", &["9 is not in 64..=16384"]);
+    sandbox.fails("mesh model --texture --memory 1KiB", &["the depth maps and photos of 8 views", "`--width`"]);
+    let tiny = format!("mesh model {options} --texture --texture-size 64 -o t/c.glb");
+    sandbox.fails(&tiny, &["the side of the texture is 64, which is not large enough"]);
+    assert!(!sandbox.path("t/c.glb").exists());
 }
 
 fn compare(sandbox: &Sandbox, options: &str) {
@@ -93,6 +133,9 @@ fn wrong_use(sandbox: &Sandbox) {
     sandbox.fails("mesh model --bounds 1,2,3", &["`--bounds` has 3 numbers"]);
     sandbox.fails("mesh model --bounds 0,0,0,1,0,1", &["bounds", "larger than 0"]);
     sandbox.fails("mesh model --max-angle 91", &["`--max-angle` is 91"]);
+    sandbox.fails("mesh model --triangles 3", &["the number of triangles is 3, which is not 4 or more"]);
+    sandbox.fails("mesh model --max-error 0", &["the largest error is 0, which is not a positive number"]);
+    sandbox.fails("mesh model --fill-holes 1001", &["`--fill-holes` is 1001; choose at most 1000"]);
     sandbox.fails("mesh model --memory 1KiB", &["8 views", "`--width`", "`--memory`"]);
     sandbox.fails("mesh model --voxel-size 0.001 --memory 1MiB", &["voxels of 0.0010", "choose a voxel size of"]);
     sandbox.fails("mesh model --bounds 50,50,50,60,60,60", &["no surface within the bounds"]);

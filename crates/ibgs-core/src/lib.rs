@@ -50,5 +50,7 @@ pub use ibgs_data::{
     adjust, camera, camera_change, camera_path, dataset, files, first_of, image_io, local_space, matching, median,
     picture, progress, sentence, sentence_with, similarity, stored_zip, words,
 };
-pub use ibgs_model::{blocks, bundle, config, edit, ensemble, eval, mesh, model, output, video};
+#[cfg(not(target_arch = "wasm32"))]
+pub use ibgs_model::mesh;
+pub use ibgs_model::{blocks, bundle, config, edit, ensemble, eval, model, output, video};
 pub use ibgs_render::{exposure, gpu, inspect, levels, present, raster, render, residual, scene, sources};

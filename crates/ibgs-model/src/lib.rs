@@ -12,6 +12,7 @@ pub mod config;
 pub mod edit;
 pub mod ensemble;
 pub mod eval;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod mesh;
 pub mod model;
 pub mod output;

@@ -170,9 +170,9 @@ impl OutputFolder {
         self.root.join("point_cloud").join(format!("iteration_{iteration}")).join("point_cloud.ply")
     }
 
-    /// `mesh/ours_N/mesh.ply`.
-    pub fn mesh_path(&self, iteration: u32) -> PathBuf {
-        self.root.join("mesh").join(format!("ours_{iteration}")).join("mesh.ply")
+    /// `mesh/ours_N/NAME`.
+    pub fn mesh_path(&self, iteration: u32, name: &str) -> PathBuf {
+        self.root.join("mesh").join(format!("ours_{iteration}")).join(name)
     }
 
     /// `test/ours_N/OUTPUT/NAME.png` (or `train/...`), with the sub-folders of the photo's name and `.png` in place of

@@ -51,7 +51,8 @@ impl Mesh {
         count
     }
 
-    fn drop_unused(&mut self) {
+    /// Drops vertices that no triangle uses.
+    pub(super) fn drop_unused(&mut self) {
         const UNUSED: u32 = u32::MAX;
         let mut renamed = vec![UNUSED; self.positions.len()];
         for &vertex in self.triangles.as_flattened() {

@@ -75,6 +75,32 @@ impl DepthMap {
         };
         (inverse > 0.0).then(|| (1.0 / inverse, point()))
     }
+
+    /// What the view says at pixel coordinates, the first pixel's centre at 0: inverse depth (0 where the ray meets nothing),
+    /// and the nearest pixel.
+    pub(super) fn read(&self, u: f32, v: f32, truncation: f32) -> Option<(f32, Pixel)> {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        // Between the centres of four pixels.
+        if !(u >= 0.0 && v >= 0.0 && u < (width - 1) as f32 && v < (height - 1) as f32) {
+            return None;
+        }
+        let (x, y) = (u as usize, v as usize);
+        let (fx, fy) = (u - x as f32, v - y as f32);
+        let at = y * width + x;
+        let four = [at, at + 1, at + width, at + width + 1].map(|i| self.pixels[i]);
+        let nearest = four[usize::from(fx >= 0.5) | usize::from(fy >= 0.5) << 1];
+        if nearest.inverse_depth == 0.0 {
+            return four.iter().all(|pixel| pixel.is_empty()).then_some((0.0, nearest));
+        }
+        let [a, b, c, d] = four.map(|pixel| pixel.inverse_depth);
+        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        // At an outline a pixel shows only one of its sides, by chance.
+        if high - low > truncation * low * high {
+            return None;
+        }
+        let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
+        Some((top + fy * (bottom - top), nearest))
+    }
 }
 
 /// View-space ray through a pixel's centre, z = 1.

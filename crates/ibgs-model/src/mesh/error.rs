@@ -41,9 +41,11 @@ pub enum MeshError {
         /// A voxel size that fits.
         enough: f64,
     },
-    /// The depth maps do not fit into the memory allowed.
-    #[error("the depth maps of {views} views need {}, over the limit of {}", Bytes(*needed), Bytes(*limit))]
+    /// The depth maps, and the photos for a texture, do not fit into the memory allowed.
+    #[error("the {what} of {views} views need {}, over the limit of {}", Bytes(*needed), Bytes(*limit))]
     DepthMaps {
+        /// What does not fit.
+        what: &'static str,
         /// Number of views.
         views: usize,
         /// Bytes needed.
@@ -55,6 +57,18 @@ pub enum MeshError {
     #[error("{} must end in `.ply`, `.obj` or `.glb`", path.display())]
     Format {
         /// The file.
+        path: PathBuf,
+    },
+    /// The format has no texture.
+    #[error("{} cannot have a texture; choose a name that ends in `.glb` or `.obj`", path.display())]
+    Untextured {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The material or texture of an OBJ would replace a file of something else.
+    #[error("{} is there already, and is not of a mesh that was written here; choose another name for the mesh", path.display())]
+    InTheWay {
+        /// That file.
         path: PathBuf,
     },
     /// The mesh does not fit into the format.

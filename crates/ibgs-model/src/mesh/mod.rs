@@ -3,8 +3,10 @@
 //! 1. [`DepthMap`] keeps what a rendered view says of the surface: median depth, colour, and how slanted it is seen.
 //! 2. [`fuse`] averages the signed distances of all views in blocks of voxels near the surface (a TSDF).
 //! 3. [`Grid::mesh`] finds the zero surface by marching cubes, with vertices shared between cubes and blocks.
-//! 4. [`Mesh::keep_largest`] drops small pieces; [`Mesh::write`] makes PLY, OBJ or binary glTF.
-//! 5. [`score`] measures precision, recall and F1 as Tanks & Temples does and Chamfer distances as DTU does.
+//! 4. [`Mesh::keep_largest`] drops small pieces, [`Mesh::fill_holes`] closes holes, [`Mesh::simplify`] leaves fewer triangles.
+//! 5. [`TexturedMesh`] has a texture of the photos in place of the vertices' colours.
+//! 6. [`Mesh::write`] makes PLY, OBJ or binary glTF.
+//! 7. [`score`] measures precision, recall and F1 as Tanks & Temples does and Chamfer distances as DTU does.
 //!
 //! All of it runs on the CPU, on all cores.
 
@@ -12,15 +14,22 @@ mod clusters;
 mod cube;
 mod depth_map;
 mod error;
+mod glb;
+mod holes;
 mod marching_cubes;
 mod plan;
 pub mod score;
+mod simplify;
+mod texture;
 mod tsdf;
 mod write;
 
 pub use depth_map::DepthMap;
 pub use error::MeshError;
+pub use holes::MOST_HOLE_EDGES;
 pub use plan::{FusionOptions, Plan, maps_bytes};
+pub use simplify::Decimation;
+pub use texture::{TextureOptions, TexturePhoto, TexturedMesh};
 pub use tsdf::{Grid, fuse};
 pub use write::MeshFormat;
 

@@ -4,7 +4,6 @@
 //! the order of the sums is that of the views. A distance is that to the plane of the pixel, (z - z_voxel) cos, so that slanted
 //! views agree with others; a voxel far before a surface counts as far, which clears what single views see in free space.
 
-use super::depth_map::Pixel;
 use super::plan::{Plan, inside};
 use super::{DepthMap, MeshError};
 use crate::progress::Progress;
@@ -189,31 +188,6 @@ impl<'a> View<'a> {
     fn meets(&self, center: Vec3, radius: f32) -> bool {
         center.z > -radius && self.sides.iter().all(|side| side.dot(center) > -radius)
     }
-
-    /// What the view says at pixel coordinates: inverse depth (0 where the ray meets nothing), and the nearest pixel.
-    fn read(&self, u: f32, v: f32, truncation: f32) -> Option<(f32, Pixel)> {
-        let (width, height) = (self.map.camera.width as usize, self.map.camera.height as usize);
-        // Between the centres of four pixels.
-        if !(u >= 0.0 && v >= 0.0 && u < (width - 1) as f32 && v < (height - 1) as f32) {
-            return None;
-        }
-        let (x, y) = (u as usize, v as usize);
-        let (fx, fy) = (u - x as f32, v - y as f32);
-        let at = y * width + x;
-        let four = [at, at + 1, at + width, at + width + 1].map(|i| self.map.pixels[i]);
-        let nearest = four[usize::from(fx >= 0.5) | usize::from(fy >= 0.5) << 1];
-        if nearest.inverse_depth == 0.0 {
-            return four.iter().all(|pixel| pixel.is_empty()).then_some((0.0, nearest));
-        }
-        let [a, b, c, d] = four.map(|pixel| pixel.inverse_depth);
-        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        // At an outline a pixel shows only one of its sides, by chance.
-        if high - low > truncation * low * high {
-            return None;
-        }
-        let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
-        Some((top + fy * (bottom - top), nearest))
-    }
 }
 
 /// Sums over the views at a voxel.
@@ -267,7 +241,7 @@ fn add_view(sums: &mut [Sum; VOXELS], view: &View, first: Vec3, truncation: f32)
                 continue;
             }
             let scale = 1.0 / p.z;
-            let Some((inverse, pixel)) = view.read(fx * p.x * scale + cx, fy * p.y * scale + cy, truncation) else {
+            let Some((inverse, pixel)) = view.map.read(fx * p.x * scale + cx, fy * p.y * scale + cy, truncation) else {
                 continue;
             };
             let cosine = f32::from(pixel.cosine) * (1.0 / 255.0);

@@ -25,11 +25,8 @@ impl Model {
     pub fn into_bundle(mut self, progress: &dyn Progress) -> Result<Bundle, ModelError> {
         self.load_photos(progress)?;
         self.expand()?;
-        if self.photos.is_none() {
-            self.dataset(progress)?;
-        }
         let network = self.network.as_deref().map(weights::to_bytes).transpose()?;
-        let photos = self.training_photos()?;
+        let photos = self.load_training_photos(progress)?;
         let field = self.exposure_field()?;
         let sources = multi_view::of_cameras(&self.cameras, &self.config.sources);
         let training = self.training_views();

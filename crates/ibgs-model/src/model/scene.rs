@@ -3,7 +3,7 @@
 use super::{Model, ModelError, scene_check};
 use crate::camera::Camera;
 use crate::config::TrainConfig;
-use crate::dataset::{self, Dataset};
+use crate::dataset::{self, Dataset, HostPhoto};
 use crate::output::cameras::{self, Split};
 use crate::progress::Progress;
 use std::collections::{HashMap, HashSet};
@@ -31,6 +31,17 @@ impl Model {
             self.dataset = Some(self.scene(progress)?);
         }
         Ok(())
+    }
+
+    /// As [`Model::training_photos`]; loads the scene where the model does not bring its photos.
+    ///
+    /// # Errors
+    /// As [`Model::load_photos`], or as [`Model::training_photos`].
+    pub fn load_training_photos(&mut self, progress: &dyn Progress) -> Result<Vec<HostPhoto>, ModelError> {
+        if self.photos.is_none() {
+            self.dataset(progress)?;
+        }
+        self.training_photos()
     }
 
     /// The scene that the model was trained on, with the model's own split.
