@@ -13,7 +13,7 @@ usage() {
     cat <<'END'
 Usage: ./setup.sh [--photos]
 
-Prepares this machine for building, running and testing ibgs: C compiler, Vulkan loader, a software
+Prepares this machine for building, running and testing ibgs: C and C++ compilers, Vulkan loader, a software
 Vulkan driver, and what the Python package is installed and tested with.
 It changes nothing when everything is there; run it as often as you like.
 
@@ -64,14 +64,15 @@ add_component() {
     fi
 }
 
-# Some dependencies compile C code; the linker is needed in any case.
-has_c_compiler() {
-    command -v cc >/dev/null && echo '#include <stdlib.h>' | cc -fsyntax-only -x c - 2>/dev/null
+# Some dependencies compile C or C++ code; the linker is needed in any case.
+has_compilers() {
+    command -v cc >/dev/null && echo '#include <stdlib.h>' | cc -fsyntax-only -x c - 2>/dev/null &&
+        command -v c++ >/dev/null && echo '#include <cmath>' | c++ -fsyntax-only -x c++ - 2>/dev/null
 }
 
 missing_packages() {
     local package status
-    has_c_compiler || echo build-essential
+    has_compilers || echo build-essential
     command -v pkg-config >/dev/null || echo pkg-config
     # One that was built here or comes from elsewhere is as good.
     for package in "${PHOTO_PROGRAMS[@]}"; do
@@ -93,7 +94,7 @@ setup_debian() {
     local as_root=()
     if ((EUID != 0)); then
         if ! command -v sudo >/dev/null; then
-            has_c_compiler && has_vulkan_loader && ((${#PHOTO_PROGRAMS[@]} == 0)) ||
+            has_compilers && has_vulkan_loader && ((${#PHOTO_PROGRAMS[@]} == 0)) ||
                 fail "not root and no sudo; as root, run: apt-get install ${missing[*]}"
             say "not root and no sudo, so ${missing[*]} stay missing; a compiler and a Vulkan loader are there"
             return
@@ -128,10 +129,10 @@ check_photo_programs() {
 }
 
 check_other_unix() {
-    say "this is not Debian or Ubuntu, so nothing is installed; ibgs needs a C compiler, the Vulkan loader and a driver:"
-    say "  Fedora:    dnf install gcc vulkan-loader mesa-vulkan-drivers vulkan-tools"
+    say "this is not Debian or Ubuntu, so nothing is installed; ibgs needs a C and a C++ compiler, the Vulkan loader and a driver:"
+    say "  Fedora:    dnf install gcc-c++ vulkan-loader mesa-vulkan-drivers vulkan-tools"
     say "  Arch:      pacman -S gcc vulkan-icd-loader vulkan-swrast vulkan-tools"
-    has_c_compiler || fail "no working C compiler (cc) was found; install one as listed above"
+    has_compilers || fail "no working C and C++ compiler (cc, c++) was found; install them as listed above"
     has_vulkan_loader || fail "no Vulkan loader (libvulkan.so.1) was found; install it as listed above"
     check_photo_programs "with the package manager, or https://colmap.github.io and https://ffmpeg.org"
 }
@@ -151,7 +152,7 @@ check_rust
 case "$(uname -s)" in
     Darwin)
         # Metal is part of the system.
-        has_c_compiler || fail "no working C compiler was found; run: xcode-select --install"
+        has_compilers || fail "no working C and C++ compiler was found; run: xcode-select --install"
         check_photo_programs "brew install colmap ffmpeg"
         ;;
     MINGW* | MSYS* | CYGWIN*)

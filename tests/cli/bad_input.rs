@@ -204,6 +204,8 @@ fn wrong_usage_ends_with_2() {
     wrong("render model --outputs base,colour", &["colour"]);
     wrong("render model --source-memory -1", &["-1"]);
     wrong("export model", &["required"]);
+    wrong("mesh model --texture --texture-size 9", &["9 is not in 64..=16384"]);
+    wrong("mesh model --texture-size 500", &["required"]);
     wrong("paint", &["paint"]);
     assert_eq!(sandbox.run("").code, Some(2));
     assert!(!sandbox.succeeds("--version").stdout.is_empty());

@@ -4,8 +4,8 @@
 use super::glb::Glb;
 use super::{Mesh, MeshError, TexturedMesh};
 use crate::files;
-use crate::ply_offset;
 use glam::DVec3;
+use ibgs_data::ply_offset;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use std::fs::File;

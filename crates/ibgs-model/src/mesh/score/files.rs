@@ -2,8 +2,8 @@
 
 use super::Cloud;
 use crate::mesh::MeshError;
-use crate::ply_offset;
 use glam::{DMat4, DVec3};
+use ibgs_data::ply_offset;
 use serde::Deserialize;
 use serde_ply::PlyReader;
 use std::fs::File;
