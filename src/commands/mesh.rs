@@ -20,6 +20,9 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+/// Voxels between the fused surface and that of a depth map, at most.
+const FUSED_WITHIN: f64 = 2.0;
+
 /// Bytes of `--memory auto`.
 const USUAL_MEMORY: u64 = 8 << 30;
 
@@ -90,10 +93,10 @@ pub fn run(args: &Args) -> Result<()> {
     let maps = render(&model, &cameras, args.max_angle)?;
     let rendered = start.elapsed();
     let (mut mesh, voxel) = build(&maps, &options, args.clusters)?;
-    args.finish.reduce(&mut mesh)?;
+    let moved = args.finish.reduce(&mut mesh)?;
     match photos {
         Some(photos) => {
-            let textured = args.finish.textured(&mesh, &maps, &photos, voxel)?;
+            let textured = args.finish.textured(&mesh, &maps, &photos, FUSED_WITHIN * voxel + moved)?;
             drop((maps, photos));
             write(|| textured.write(&path))?;
         }

@@ -16,9 +16,6 @@ use std::time::Instant;
 const TEXTURED_TRIANGLES: usize = 200_000;
 /// Default of `--fill-holes` with a texture.
 const TEXTURED_HOLES: usize = 30;
-/// Voxels between mesh and depth map up to which a photo shows the mesh.
-const TOLERANCE: f64 = 2.0;
-
 /// Options of the finished mesh.
 #[derive(ClapArgs)]
 #[command(next_help_heading = "Triangles and texture")]
@@ -80,8 +77,8 @@ impl Options {
             .map(Some)
     }
 
-    /// Closes holes and decimates.
-    pub fn reduce(&self, mesh: &mut Mesh) -> Result<()> {
+    /// Closes holes and decimates; returns how far that moves the surface.
+    pub fn reduce(&self, mesh: &mut Mesh) -> Result<f64> {
         let edges = self.fill_holes.unwrap_or(if self.texture { TEXTURED_HOLES } else { 0 });
         if edges > 0 {
             let filled = mesh.fill_holes(edges);
@@ -93,19 +90,13 @@ impl Options {
             let after = mesh.triangles.len();
             stderr!("decimated from {before} to {after} triangles, which moves the surface by {}", Length(error));
         }
-        Ok(())
+        Ok(error)
     }
 
-    /// The mesh with its texture.
-    pub fn textured(
-        &self,
-        mesh: &Mesh,
-        maps: &[DepthMap],
-        photos: &[TexturePhoto],
-        voxel: f64,
-    ) -> Result<TexturedMesh> {
+    /// The mesh with its texture. `off` is how far its surface may be from that of the depth maps.
+    pub fn textured(&self, mesh: &Mesh, maps: &[DepthMap], photos: &[TexturePhoto], off: f64) -> Result<TexturedMesh> {
         let start = Instant::now();
-        let options = TextureOptions { size: self.texture_size, tolerance: TOLERANCE * voxel };
+        let options = TextureOptions { size: self.texture_size, tolerance: off };
         let textured = TexturedMesh::new(mesh, maps, photos, &options, &Bars::default())?;
         let side = textured.image.width;
         stderr!(

@@ -11,8 +11,10 @@ use std::collections::HashMap;
 const MOST: usize = 12;
 /// A photo may have this part of the pixels of the best one, so that few photos have large patches.
 const ENOUGH: f32 = 0.6;
-/// The same where two neighbours have that photo, and in small patches.
+/// The same where two neighbours have that photo.
 const ENOUGH_BESIDE: f32 = 0.2;
+/// The same in small patches.
+const ENOUGH_IN_SMALL: f32 = 0.05;
 /// Patches of fewer triangles are small.
 const SMALL: usize = 32;
 /// Times that the labels are compared with their neighbours'.
@@ -91,9 +93,8 @@ impl Labels<'_> {
                 let is_small = labels[triangle].is_none() || sizes[triangle] < SMALL;
                 let larger = around.iter().filter(|(_, size)| is_small && *size > sizes[triangle]);
                 let mut wanted = agreed.into_iter().chain(larger.max_by_key(|(_, size)| *size));
-                if let Some((view, _)) =
-                    wanted.find(|(view, _)| (self.density)(triangle as u32, *view) > ENOUGH_BESIDE * best[triangle])
-                {
+                let least = best[triangle] * if is_small { ENOUGH_IN_SMALL } else { ENOUGH_BESIDE };
+                if let Some((view, _)) = wanted.find(|(view, _)| (self.density)(triangle as u32, *view) > least) {
                     labels[triangle] = Some(*view);
                     changed += 1;
                 }
@@ -194,7 +195,7 @@ mod tests {
         let ends = vec![seen(0, 1.0)];
         // Less than enough by itself, but beside two that have the photo.
         assert_eq!(labels(&[ends.clone(), vec![seen(1, 1.0), seen(0, 0.4)], ends.clone()], &beyond, 2), [Some(0); 3]);
-        let too_few = vec![seen(1, 1.0), seen(0, 0.1)];
+        let too_few = vec![seen(1, 1.0), seen(0, 0.03)];
         assert_eq!(labels(&[ends.clone(), too_few, ends.clone()], &beyond, 2), [Some(0), Some(1), Some(0)]);
         // One that no photo sees is laid out with the others.
         assert_eq!(labels(&[ends.clone(), ends, vec![]], &beyond, 2), [Some(0); 3]);
