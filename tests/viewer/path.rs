@@ -16,6 +16,15 @@ fn add_keyframes(window: &mut Window) {
 }
 
 #[test]
+fn a_keyframe_that_no_timeline_shows_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    press(&mut window, Key::K);
+    assert_eq!(window.state().keyframes(), 1);
+    assert!(window.state().message().unwrap().starts_with("keyframe 1 added"), "{:?}", window.state().message());
+}
+
+#[test]
 fn a_camera_path_is_made_played_kept_and_filmed() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = window(Some(untrained(folder.path())));

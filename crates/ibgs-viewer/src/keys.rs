@@ -81,9 +81,7 @@ static TABLE: [Row; 27] = [
     row(Scope::Picture, NONE, Key::C, "shows the scene's cameras", |viewer, _| {
         viewer.panels.shows_cameras = !viewer.panels.shows_cameras;
     }),
-    row(Scope::Files, NONE, Key::K, "adds a keyframe to the camera path", |viewer, _| {
-        viewer.panels.path.add(&viewer.navigator);
-    }),
+    row(Scope::Files, NONE, Key::K, "adds a keyframe to the camera path", |viewer, _| viewer.add_keyframe()),
     row(Scope::Files, NONE, Key::Space, "plays the camera path", |viewer, _| viewer.panels.path.toggle()),
     row(Scope::Files, NONE, Key::P, "writes a screenshot into the model folder", |viewer, _| viewer.screenshot()),
     Row {
@@ -237,6 +235,15 @@ impl Viewer {
     pub(crate) fn takes_keys(&self, ctx: &Context) -> bool {
         let is_alone = !self.start.shown && self.scene.is_some() && self.leaving.is_none();
         is_alone && !ctx.text_edit_focused() && !Popup::is_any_open(ctx)
+    }
+
+    /// Adds a keyframe where the camera is, and says so where its timeline is not shown.
+    fn add_keyframe(&mut self) {
+        self.panels.path.add(&self.navigator);
+        if !self.panels.shows_path {
+            let number = self.keyframes();
+            self.message = Some(format!("keyframe {number} added to the camera path, which `Show` opens"));
+        }
     }
 
     /// Begins to save what is left of an edited model, where there is one.
