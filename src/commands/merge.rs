@@ -234,7 +234,9 @@ impl Joined {
         let source = config.source.as_ref().context("a plan has a scene")?;
         let mut dataset = load_scene(config, source, &Bars::default())?;
         adjust_cameras(&mut dataset, &mut config.clone(), &Bars::default())?;
-        let (folder, _lock) = output.create(config, &dataset)?;
+        let mut config = config.clone();
+        config.adapt_to_object(&dataset);
+        let (folder, _lock) = output.create(&config, &dataset)?;
         if let Some(network) = &self.network {
             weights::write(&folder.network_save_path(self.iteration, 1), &weights::load(network)?)?;
         }

@@ -11,7 +11,7 @@ use clap::Args as ClapArgs;
 use ibgs_core::blocks::{BlockPlan, CutOptions, Cutter, PlanFolder};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{Method, PoseSwitch, TrainConfig};
-use ibgs_core::dataset::{PosedScene, load_poses};
+use ibgs_core::dataset::{PointsFrom, PosedScene, load_poses};
 use ibgs_core::gpu::Bytes;
 use ibgs_core::model::load_scene;
 use ibgs_core::output::OutputFolder;
@@ -95,7 +95,8 @@ pub fn run(args: &Args) -> Result<()> {
         None => None,
     };
     let refine = std::mem::take(&mut config.poses.refine);
-    let cameras = if refine == PoseSwitch::Auto { adjusted(&config, &mut scene)? } else { None };
+    let is_changed = refine == PoseSwitch::Auto || config.poses.cameras.is_some();
+    let cameras = if is_changed { adjusted(&config, refine, &mut scene)? } else { None };
     let planner = Planner { args, scene: &scene, cutter: Cutter::new(&scene), config: &config };
     let plan = match (args.blocks, budget) {
         (None, Some(budget)) => planner.as_few_as_fit(budget)?,
@@ -114,13 +115,13 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The scene's cameras, adjusted to what all of its photos have in common, and its points moved along, where they then fit clearly
-/// better; none where they stay.
-fn adjusted(config: &TrainConfig, scene: &mut PosedScene) -> Result<Option<Vec<CameraRecord>>> {
+/// The scene's cameras, those that the options name or adjusted to what all of its photos have in common, and its points moved
+/// along, where they then fit clearly better; none where they stay.
+fn adjusted(config: &TrainConfig, refine: PoseSwitch, scene: &mut PosedScene) -> Result<Option<Vec<CameraRecord>>> {
     let source = config.source.as_ref().context("a plan has a scene")?;
     let mut dataset = load_scene(config, source, &Bars::default())?;
     let mut config = config.clone();
-    config.poses.refine = PoseSwitch::Auto;
+    config.poses.refine = refine;
     let known = dataset.notes.len();
     adjust_cameras(&mut dataset, &mut config, &Bars::default())?;
     dataset.notes[known..].iter().for_each(|note| stderr!("note: {note}"));
@@ -132,7 +133,9 @@ fn adjusted(config: &TrainConfig, scene: &mut PosedScene) -> Result<Option<Vec<C
         *camera = cameras.get(name.as_str()).copied().unwrap_or(*camera);
     }
     let listed = records(&dataset);
-    scene.points = dataset.points;
+    if dataset.points_from == PointsFrom::Scene {
+        scene.points = dataset.points;
+    }
     scene.points.retain(|point| point.position.is_finite());
     Ok(Some(listed))
 }

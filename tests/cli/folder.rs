@@ -16,6 +16,8 @@ fn a_model_is_kept_unless_overwriting_is_asked_for() {
         "result_fps_mem.json",
         "results_renders.json",
         "results_mesh.json",
+        "results_true_cameras.json",
+        "results_fitted_poses.json",
         "training_log.json",
         "report.html",
     ];
@@ -25,6 +27,12 @@ fn a_model_is_kept_unless_overwriting_is_asked_for() {
     // A mistake elsewhere costs no model.
     sandbox.fails("train nowhere --iterations 2 -m model --overwrite", &["nowhere"]);
     sandbox.fails("train scene --iterations 2 -m model --overwrite --adapter nosuch", &["nosuch"]);
+    // Masks around an object, which are known once the photos are read.
+    mask_an_object(&sandbox);
+    let moving = "train scene --iterations 2 -m model --overwrite --transients on";
+    sandbox.fails(moving, &["transients.mask", "photos of an object"]);
+    fs::remove_dir_all(sandbox.path("scene/masks")).unwrap();
+    assert!(sandbox.path("model/point_cloud/iteration_3/point_cloud.ply").is_file());
     sandbox.succeeds("train scene --iterations 2 -m model --overwrite");
     assert!(!sandbox.path("model/point_cloud/iteration_3").exists());
     assert!(sandbox.path("model/point_cloud/iteration_2/point_cloud.ply").is_file());
@@ -37,6 +45,21 @@ fn a_model_is_kept_unless_overwriting_is_asked_for() {
         );
     }
     assert_eq!(sandbox.text("model/notes.txt"), "mine");
+}
+
+/// Gives each photo a mask that leaves a disc, each another one.
+fn mask_an_object(sandbox: &Sandbox) {
+    fs::create_dir(sandbox.path("scene/masks")).unwrap();
+    for (photo, number) in fs::read_dir(sandbox.path("scene/images")).unwrap().zip(0..) {
+        let photo = photo.unwrap().path();
+        let (width, height) = image::image_dimensions(&photo).unwrap();
+        let (middle, radius) = (f64::from(height) / 2.0, f64::from(height) * (0.2 + 0.01 * f64::from(number)));
+        let mask = image::GrayImage::from_fn(width, height, |x, y| {
+            let is_kept = (f64::from(x) - f64::from(width) / 2.0).hypot(f64::from(y) - middle) < radius;
+            image::Luma([if is_kept { 255 } else { 0 }])
+        });
+        mask.save(sandbox.path("scene/masks").join(photo.file_name().unwrap())).unwrap();
+    }
 }
 
 #[test]

@@ -23,7 +23,8 @@ pub struct Options {
     /// Decimate the mesh to this many triangles [default: all; with `--texture` 200000, unless `--max-error` is given].
     #[arg(long)]
     triangles: Option<usize>,
-    /// Decimate the mesh while its surface moves by no more than this, in scene units, or until `--triangles` are left.
+    /// Decimate the mesh while its surface moves by no more than about this (root mean square), in scene units, or until
+    /// `--triangles` are left.
     #[arg(long)]
     max_error: Option<f64>,
     /// Close holes with up to this many edges; 0: none [default: 0; with `--texture` 30].
@@ -88,7 +89,7 @@ impl Options {
         let error = mesh.simplify(&self.decimation())?;
         if mesh.triangles.len() < before {
             let after = mesh.triangles.len();
-            stderr!("decimated from {before} to {after} triangles, which moves the surface by {}", Length(error));
+            stderr!("decimated from {before} to {after} triangles, which moves the surface by about {}", Length(error));
         }
         Ok(error)
     }

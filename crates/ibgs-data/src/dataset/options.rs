@@ -165,7 +165,7 @@ pub struct LoadOptions {
     /// `true`: the principal point that the scene gives; `centred`: the image centre.
     pub principal_point: PrincipalPoint,
     /// What lies outside the masks (files in `masks/` or alpha channels): `ignore`: anything; `object`: nothing. Unset: `object`
-    /// where those of all photos leave one object and drop what surrounds it, else `ignore`.
+    /// where those of all photos leave one object and drop what surrounds it (and `alpha` is unset), else `ignore`.
     pub masks: Option<Masks>,
     /// What the photos' alpha means: `mask`; `composite`: they lie over the background; `keyed`: they have none and lie on one
     /// colour. Unset: `composite` in Blender scenes with alpha, `keyed` where all photos lie on one colour, else `mask`, and

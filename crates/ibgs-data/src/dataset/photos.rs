@@ -294,9 +294,7 @@ fn object_note(loaded: &[Loaded], options: &LoadOptions) -> Option<String> {
         Some(Alpha::Keyed) => {
             format!("{emptied} of an object on one colour: what of that colour touches the edge is empty")
         }
-        _ => format!(
-            "{emptied} of an object: outside of the masks there is nothing; with `--masks ignore` it does not count"
-        ),
+        _ => format!("{emptied} of an object: outside of the masks there is nothing"),
     })
 }
 

@@ -61,16 +61,21 @@ impl DensifyConfig {
 }
 
 impl TrainConfig {
-    /// Sets the options that depend on the scene, unless they are given: what its photos' alpha and masks mean, the background, and those of
+    /// Sets the options that depend on the scene, unless they are given: those of [`adapt_to_object`](Self::adapt_to_object) and of
     /// [`adapt_to_photos`](Self::adapt_to_photos).
     pub fn adapt_to(&mut self, dataset: &Dataset) {
+        self.adapt_to_object(dataset);
+        let pixels = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels() as u64).sum();
+        self.adapt_to_photos(dataset.train.len(), pixels);
+    }
+
+    /// Sets what the photos' alpha and masks mean, and the background, unless they are given.
+    pub fn adapt_to_object(&mut self, dataset: &Dataset) {
         self.data.masks.get_or_insert(dataset.masks);
         if let Some((alpha, color)) = dataset.backdrop {
             self.data.alpha = self.data.alpha.or(alpha.is_cover().then_some(alpha));
             self.background.get_or_insert(Background::Color(color));
         }
-        let pixels = dataset.train.iter().map(|&view| dataset.views[view].camera.pixels() as u64).sum();
-        self.adapt_to_photos(dataset.train.len(), pixels);
     }
 
     /// Sets the options that depend on the training photos, unless they are given: the number of bases and of iterations, the cap

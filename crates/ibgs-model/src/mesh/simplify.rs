@@ -8,7 +8,8 @@ use meshopt::{SimplifyOptions, VertexDataAdapter, typed_to_bytes};
 pub struct Decimation {
     /// Triangles at most; without: as few as the error allows.
     pub triangles: Option<usize>,
-    /// Largest distance from the mesh before, in scene units; without: no limit.
+    /// Largest distance from the mesh before, in scene units, as the root mean square over the collapsed triangles; without: no
+    /// limit.
     pub max_error: Option<f64>,
 }
 
@@ -45,12 +46,21 @@ impl Mesh {
         }
         let bytes = typed_to_bytes(&self.positions);
         let vertices = VertexDataAdapter::new(bytes, size_of::<[f32; 3]>(), 0).expect("whole vertices");
-        let most = 3 * decimation.triangles.unwrap_or(0);
+        let count = self.triangles.len();
+        let most = 3 * decimation.triangles.unwrap_or(0).min(count);
         let largest = decimation.max_error.map_or(f32::MAX, |error| error as f32);
         let mut error = 0.0;
         let options = SimplifyOptions::ErrorAbsolute;
         let kept =
             meshopt::simplify(self.triangles.as_flattened(), &vertices, most, largest, options, Some(&mut error));
+        if kept.is_empty() && count > 0 {
+            let value = decimation.max_error.unwrap_or_default().to_string();
+            return Err(MeshError::Option {
+                option: "the largest error",
+                value,
+                wanted: "small enough to leave a triangle",
+            });
+        }
         self.triangles = kept.as_chunks::<3>().0.to_vec();
         self.drop_unused();
         Ok(error.into())
@@ -119,6 +129,19 @@ mod tests {
         assert!((400..=500).contains(&mesh.triangles.len()), "{}", mesh.triangles.len());
         let mut mesh = whole.clone();
         assert_eq!((mesh.simplify(&Decimation::default()).unwrap(), &mesh), (0.0, &whole));
+    }
+
+    #[test]
+    fn a_mesh_with_fewer_triangles_stays_and_none_is_emptied() {
+        let whole = sheet(4, |x, y| x * y);
+        let mut mesh = whole.clone();
+        mesh.simplify(&Decimation { triangles: Some(usize::MAX), max_error: None }).unwrap();
+        assert_eq!(mesh.triangles.len(), whole.triangles.len());
+        let mut mesh = whole.clone();
+        match mesh.simplify(&Decimation { triangles: None, max_error: Some(1e30) }) {
+            Ok(_) => assert!(!mesh.triangles.is_empty()),
+            Err(error) => assert!(error.to_string().contains("leave a triangle") && mesh.triangles == whole.triangles),
+        }
     }
 
     #[test]

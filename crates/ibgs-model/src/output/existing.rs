@@ -4,6 +4,8 @@ use super::cameras::Split;
 use super::results::Scored;
 use super::{OutputError, OutputFolder, REPORT_FILE, figures};
 use crate::config::TrainConfig;
+use crate::eval::fitted::FITTED_POSES_FILE;
+use crate::eval::true_cameras::TRUE_CAMERAS_FILE;
 use crate::files::{self, WriteError};
 use std::fs;
 use std::io;
@@ -78,6 +80,8 @@ impl OutputFolder {
             REPORT_FILE,
             figures::MESH_FILE,
             "multi_view.json",
+            TRUE_CAMERAS_FILE,
+            FITTED_POSES_FILE,
         ];
         for file in scores.as_flattened().iter().chain(&others) {
             let path = self.root.join(file);

@@ -23,9 +23,9 @@ const NEGLIGIBLE: f64 = 0.1;
 const ALONE: f64 = 8e-4;
 const LENS: f64 = 6e-3;
 
-/// Gives the views the cameras of a file, where the options name one. Otherwise adjusts them, where they are refined, to the scene's tracks, or to what the photos have in common where it has none, if they
-/// then fit clearly better; with the points that the tracks have. Other views move with the common frame and have the lens of their
-/// photos. A note says what came of it. The options then say `auto`; where nothing could be compared `on` stays, which leaves it to
+/// Gives the views the cameras of a file, where the options name one. Otherwise adjusts them, where they are refined, to the
+/// scene's tracks, or to what the photos have in common where it has none, if they then fit clearly better; with the points that
+/// the tracks have. Other views move with the common frame and have the lens of their photos. A note says what came of it. The options then say `auto`; where nothing could be compared `on` stays, which leaves it to
 /// the Gaussians, and `auto` becomes `off`.
 ///
 /// # Errors

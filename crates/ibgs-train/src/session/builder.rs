@@ -192,6 +192,8 @@ impl Loaded {
             config.ensemble.get_or_insert(1);
         }
         config.adapt_to(&dataset);
+        // Before anything is written, or removed: what the photos show may forbid an option.
+        config.validate()?;
         let known = dataset.notes.len();
         adjust_cameras(&mut dataset, &mut config, observer.progress())?;
         find_points(gpu, &mut dataset, &config, observer.progress())?;

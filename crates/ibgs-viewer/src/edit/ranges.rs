@@ -35,6 +35,8 @@ pub struct Ranges {
     pub value: Option<Quantity>,
     /// Comes from another thread, as counting photos and comparing with them takes a while.
     coming: Option<Receiver<Compared>>,
+    /// There are no photos for the error.
+    pub has_no_photos: bool,
     /// Photos that were compared with, and their number.
     pub compared: Option<[usize; 2]>,
     values: Vec<f32>,
@@ -66,6 +68,7 @@ impl Ranges {
             Some((view.camera, view.photo.clone().filter(|photo| photo.size() == size)?))
         };
         let photos: Vec<_> = scene.views.iter().filter_map(photo).collect();
+        self.has_no_photos = photos.is_empty();
         if photos.is_empty() {
             return None;
         }

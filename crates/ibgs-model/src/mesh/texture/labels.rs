@@ -15,6 +15,9 @@ const ENOUGH: f32 = 0.6;
 const ENOUGH_BESIDE: f32 = 0.2;
 /// The same in small patches.
 const ENOUGH_IN_SMALL: f32 = 0.05;
+/// A triangle follows no photo that has more pixels of it than this many times the neighbour's, or its best photo's: it may lie
+/// beside that photo, close to the camera.
+const TOO_DENSE: f32 = 4.0;
 /// Patches of fewer triangles are small.
 const SMALL: usize = 32;
 /// Times that the labels are compared with their neighbours'.
@@ -74,6 +77,14 @@ pub struct Labels<'a> {
     pub density: &'a (dyn Fn(u32, u32) -> f32 + Sync),
 }
 
+/// A labelled neighbour of a triangle.
+struct Beside {
+    at: u32,
+    view: u32,
+    /// Triangles of its patch.
+    size: usize,
+}
+
 impl Labels<'_> {
     /// The photo that has enough pixels for the most triangles is taken first. Afterwards a triangle follows two neighbours that
     /// agree, and in a small patch one that is in a larger one.
@@ -84,18 +95,21 @@ impl Labels<'_> {
             let mut changed = 0;
             for triangle in 0..labels.len() {
                 let others = self.neighbours[triangle].into_iter().filter(|&other| other != NONE);
-                let around: Vec<(u32, usize)> = others
-                    .filter_map(|other| Some((labels[other as usize]?, sizes[other as usize])))
-                    .filter(|&(view, _)| Some(view) != labels[triangle])
+                let around: Vec<Beside> = others
+                    .filter_map(|at| Some(Beside { at, view: labels[at as usize]?, size: sizes[at as usize] }))
+                    .filter(|beside| Some(beside.view) != labels[triangle])
                     .collect();
-                let agreed =
-                    around.iter().find(|(view, _)| around.iter().filter(|(other, _)| other == view).count() > 1);
+                let agreed = around.iter().find(|one| around.iter().filter(|other| other.view == one.view).count() > 1);
                 let is_small = labels[triangle].is_none() || sizes[triangle] < SMALL;
-                let larger = around.iter().filter(|(_, size)| is_small && *size > sizes[triangle]);
-                let mut wanted = agreed.into_iter().chain(larger.max_by_key(|(_, size)| *size));
+                let larger = around.iter().filter(|one| is_small && one.size > sizes[triangle]);
+                let mut wanted = agreed.into_iter().chain(larger.max_by_key(|one| one.size));
                 let least = best[triangle] * if is_small { ENOUGH_IN_SMALL } else { ENOUGH_BESIDE };
-                if let Some((view, _)) = wanted.find(|(view, _)| (self.density)(triangle as u32, *view) > least) {
-                    labels[triangle] = Some(*view);
+                let fits = |one: &&Beside| {
+                    let density = (self.density)(triangle as u32, one.view);
+                    density > least && density <= TOO_DENSE * best[triangle].max((self.density)(one.at, one.view))
+                };
+                if let Some(beside) = wanted.find(fits) {
+                    labels[triangle] = Some(beside.view);
                     changed += 1;
                 }
             }

@@ -60,7 +60,14 @@ pub fn grab(viewer: &mut Viewer, ui: &Ui, response: &Response, image: Rect, came
 
 /// The pointer drags the handle that it holds, and lets it go.
 pub fn drag(viewer: &mut Viewer, ui: &Ui, response: &Response, image: Rect, camera: &Camera) {
-    let Some(gizmo) = viewer.edit.gizmo(camera, viewer.center) else { return };
+    let is_down = response.is_pointer_button_down_on() && ui.input(|input| input.pointer.primary_down());
+    let Some(gizmo) = viewer.edit.gizmo(camera, viewer.center) else {
+        // It is not seen any more; what holds it may still be let go.
+        if viewer.edit.held().is_some() && !is_down {
+            viewer.edit.lift();
+        }
+        return;
+    };
     let hovered = response.hover_pos().and_then(|at| under(&gizmo, image, at));
     if viewer.edit.held().or(hovered).is_some() {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
@@ -71,7 +78,7 @@ pub fn drag(viewer: &mut Viewer, ui: &Ui, response: &Response, image: Rect, came
     if let Some(at) = response.interact_pointer_pos() {
         viewer.edit.drag(&gizmo, share(at, image));
     }
-    if !response.is_pointer_button_down_on() {
+    if !is_down {
         viewer.edit.lift();
     }
 }

@@ -45,7 +45,7 @@ pub fn ranges(viewer: &mut Viewer, ui: &mut Ui) {
 /// What stands in place of a histogram.
 fn waiting(edit: &Edit, ui: &mut Ui) {
     if !edit.ranges.is_waiting() {
-        if edit.ranges.value == Some(Quantity::Error) {
+        if edit.ranges.has_no_photos {
             ui.label("There are no photos to compare with: they are not where the model was opened.");
         }
         return;
