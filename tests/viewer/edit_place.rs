@@ -148,6 +148,13 @@ fn the_gizmo_moves_turns_and_scales_over_the_ground() {
     button(&mut window, middle, PointerButton::Primary, false);
     command(&mut window, Modifiers::COMMAND, Key::Z);
     assert_eq!((placement(&window), window.state().error()), (turned, None));
+    // An arrow that takes the gizmo out of the picture is let go there as well.
+    pick(&mut window, "Gizmo");
+    drag(&mut window, PointerButton::Primary, middle - Vec2::new(0.0, 60.0), Vec2::new(0.0, -900.0));
+    let (away, file) = (placement(&window), stands(&window));
+    assert!(away.translation.z.abs() > 0.01, "{away:?}");
+    drag(&mut window, PointerButton::Primary, middle + Vec2::new(-150.0, 20.0), Vec2::new(30.0, 0.0));
+    assert!(placement(&window) == away && !still(&window, &file), "the pointer is the camera's again");
 }
 
 /// From the middle of the gizmo to the ring about z, in points.
